@@ -1,0 +1,1 @@
+"""Execution of compiled tasks on a MuJoCo plant."""
