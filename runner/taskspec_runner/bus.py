@@ -1,0 +1,50 @@
+"""One flat vector for a tick: everything that is sensed, computed and recorded, side by side.
+
+The controller's function reads and writes views of it in place, and a tick is recorded by one copy.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taskspec.program.stage import OUTPUTS
+
+Vector = NDArray[np.float64]
+
+
+class Bus:
+    """Named slices of one vector.
+
+    Attributes:
+        array: (size,) the whole tick. slices: by name.
+    """
+
+    def __init__(self, joints: int, objects: int) -> None:
+        fields = [
+            ("clock", 1),
+            ("t", 1),
+            ("stage", 1),
+            ("q", joints),
+            ("v", joints),
+            ("torque", joints),
+            ("wrench", 6),
+            ("objects", objects),
+            *OUTPUTS,
+        ]
+        self.slices: dict[str, slice] = {}
+        at = 0
+        for name, length in fields:
+            self.slices[name] = slice(at, at + length)
+            at += length
+        self.array: Vector = np.zeros(at)
+
+    def view(self, name: str) -> Vector:
+        """A view of one field."""
+        return self.array[self.slices[name]]
+
+    @property
+    def outputs(self) -> Vector:
+        """A view of all outputs of a stage's function."""
+        start = self.slices[OUTPUTS[0][0]].start
+        return self.array[start:]

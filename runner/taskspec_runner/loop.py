@@ -1,0 +1,104 @@
+"""The fixed-step loop: sense, tick, guard, step, record."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from taskspec.program import events
+from taskspec.program.machine import END, Machine, Transition
+from taskspec_runner.bus import Bus
+from taskspec_runner.plant.plant import Plant
+from taskspec_runner.record import Recorder
+from taskspec_runner.sensing import Sensing
+
+#: Squared joint torques, velocities and positions of a sane run stay far below this.
+_HEALTHY = 1e12
+#: Ticks between looks at the simulator's warning counters, which are slow to read.
+_LOOK_EVERY = 20
+
+DONE, FAILED, STOPPED = "done", "failed", "stopped"
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """How a run ended.
+
+    Attributes:
+        status: done (the task reached `end`), failed (it reached `fail`), stopped (a limit or a
+            guard of the simulator).
+        reason: short name: end, within, fail_if, attempts, or the limit or alarm.
+        text: the same as a sentence.
+        stage: in which it ended. clock: simulated time [s]. ticks: control periods.
+    """
+
+    status: str
+    reason: str
+    text: str
+    stage: str
+    clock: float
+    ticks: int
+
+
+#: Called now and then with the machine and the simulated time.
+Progress = Callable[[Machine, float], None]
+
+
+def run(
+    machine: Machine,
+    plant: Plant,
+    bus: Bus,
+    recorder: Recorder,
+    period: float,
+    progress: Progress | None = None,
+) -> Outcome:
+    """Runs a task to its end; the recorder holds every tick up to there."""
+    sensing = Sensing(plant, machine)
+    clock_slot, t_slot, stage_slot = (bus.slices[name].start for name in ("clock", "t", "stage"))
+    array, torque = bus.array, machine.torque
+    health = bus.slices["health"].start
+    tick, read, step, add = machine.tick, sensing.read, plant.step, recorder.add
+    read()
+    machine.start()
+    ticks, clock = 0, 0.0
+    while True:
+        read()
+        event = tick(clock)
+        array[clock_slot], array[t_slot], array[stage_slot] = clock, machine.t, machine.index
+        if not array[health] < _HEALTHY:
+            text = "state or torque is no longer finite: the controlled arm has diverged"
+            return _stopped("non_finite", text, machine, clock, ticks)
+        if event and machine.ended:
+            if machine.transitions[-1].kind == events.LIMIT:
+                # The tick that broke the limit belongs into the log.
+                step(torque)
+                add()
+                ticks += 1
+            return _ended(machine, clock, ticks)
+        step(torque)
+        add()
+        ticks += 1
+        clock = ticks * period
+        if plant.diverged or ticks % _LOOK_EVERY == 0:
+            alarm = plant.alarm()
+            if alarm is not None:
+                return _stopped(*alarm, machine, clock, ticks)
+            if progress is not None:
+                progress(machine, clock)
+
+
+def _stopped(name: str, text: str, machine: Machine, clock: float, ticks: int) -> Outcome:
+    machine.transitions.append(
+        Transition(clock, machine.stage.name, events.LIMIT, name, text, 0.0, "")
+    )
+    return Outcome(STOPPED, name, text, machine.stage.name, clock, ticks)
+
+
+def _ended(machine: Machine, clock: float, ticks: int) -> Outcome:
+    last = machine.transitions[-1]
+    status = DONE if machine.ended == END else FAILED
+    if last.kind == events.LIMIT:
+        status = STOPPED
+    reason = END if status == DONE else last.name
+    return Outcome(status, reason, last.text, last.stage, clock, ticks)
+

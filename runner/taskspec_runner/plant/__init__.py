@@ -1,0 +1,1 @@
+"""The simulated world: MuJoCo's scene from the task, with contacts of calibrated stiffness."""

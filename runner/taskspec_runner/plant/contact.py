@@ -1,0 +1,39 @@
+"""Contacts of the declared stiffness, damping and friction.
+
+MuJoCo's contact with a constant impedance d is a spring and damper of solref's direct form with
+the virtual mass d/((1 - d) A) added, A the sum of the bodies' translational invweight0. The direct
+form (-k (1 - d) A, -b (1 - d) A) makes a press deform f/k; a small d keeps the added mass small
+(at the default 0.9 it is 33 kg on a seven-joint arm, and good controllers look unstable).
+"""
+
+from __future__ import annotations
+
+import mujoco
+
+from taskspec.program.stiffness import contact_mass, damping_of, stiffness_of
+from taskspec.robot import RobotModel
+from taskspec.spec import Shape
+
+#: Impedance d of every contact.
+IMPEDANCE = 0.02
+#: A friction of exactly zero would leave MuJoCo's elliptic cone without a size.
+_LEAST_FRICTION = 1e-5
+
+
+def contact_parameters(
+    pair: mujoco.MjsPair, shape: Shape, robot: RobotModel, plant_period: float
+) -> None:
+    """Sets a pair so that the whole contact has what `shape` declares.
+
+    A flat tool touches with several points; each carries an equal share.
+    """
+    share = 1.0 / len(robot.tool_geoms)
+    scale = (1 - IMPEDANCE) / contact_mass(robot)
+    k = stiffness_of(shape, robot, plant_period) * share
+    b = damping_of(shape, robot, plant_period) * share
+    pair.solref = [-k * scale, -b * scale]
+    pair.solimp = [IMPEDANCE, IMPEDANCE, 0.001, 0.5, 2.0]
+    sliding = max(shape.friction, _LEAST_FRICTION)
+    pair.friction = [sliding, sliding, 0.0, 0.0, 0.0]
+    if shape.friction == 0:
+        pair.condim = 1

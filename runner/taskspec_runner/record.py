@@ -1,0 +1,179 @@
+"""The log: one row a tick, in batches of an Arrow IPC stream that survive a killed run."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+import pyarrow as pa
+from numpy.typing import NDArray
+
+from taskspec.control.state import AXES
+from taskspec.geometry.surface import Surface
+from taskspec.program import signals
+from taskspec.program.stage import CompiledStage
+from taskspec.robot import RobotModel
+from taskspec_runner.bus import Bus
+
+Vector = NDArray[np.float64]
+
+#: Rows of one batch: what a killed run loses at most.
+BATCH = 500
+
+_KIND_UNITS = {
+    "force": ("N", "N*m"),
+    "position": ("m", "rad"),
+    "velocity": ("m/s", "rad/s"),
+    "error": ("m", "rad"),
+}
+
+
+class Recorder:
+    """Collects the bus tick by tick and writes it as named columns in SI units.
+
+    Signals are the truth: the wrench is that of the tick's own step, and every `gap` is taken to
+    the true surfaces. What the controller measured stands beside it as `force.*.measured`.
+    """
+
+    def __init__(
+        self,
+        path: Path | None,
+        bus: Bus,
+        robot: RobotModel,
+        stages: tuple[CompiledStage, ...],
+        surfaces: Mapping[str, Surface],
+    ) -> None:
+        self._bus, self._stages, self._objects = bus, stages, tuple(surfaces)
+        self._rows: Vector = np.zeros((BATCH, len(bus.array)))
+        self._filled = 0
+        self._array = bus.array
+        self._axes = tuple(a for a in AXES if any(a in s.axes for s in stages))
+        self._joints = robot.pin.nv
+        self._gaps = _gap_function(robot, surfaces)
+        self._writer: pa.ipc.RecordBatchStreamWriter | None = None
+        self._path = path
+        self._file = path.open("wb") if path is not None else None
+
+    def add(self) -> None:
+        """Records the bus as it is now."""
+        filled = self._filled
+        self._rows[filled] = self._array
+        self._filled = filled = filled + 1
+        if filled == BATCH:
+            self.flush()
+
+    def flush(self) -> None:
+        """Writes the rows collected so far as one batch."""
+        if self._filled == 0 or self._file is None:
+            self._filled = 0
+            return
+        columns = self._columns(self._rows[: self._filled])
+        arrays = [
+            pa.array(values) if unit != "stage" else _stage_array(values, self._stages)
+            for values, unit in columns.values()
+        ]
+        if self._writer is None:
+            self._writer = pa.ipc.new_stream(self._file, _schema(columns))
+        self._writer.write_batch(pa.record_batch(arrays, schema=_schema(columns)))
+        self._file.flush()
+        self._filled = 0
+
+    def close(self) -> None:
+        """Writes what is left and ends the stream."""
+        self.flush()
+        if self._writer is not None:
+            self._writer.close()
+        if self._file is not None:
+            self._file.close()
+            self._file = None
+
+    def _columns(self, rows: Vector) -> dict[str, tuple[Vector, str]]:
+        """Column name to values and unit."""
+
+        def field(name: str) -> Vector:
+            return rows[:, self._bus.slices[name]]
+
+        frame = field("frame").reshape(-1, 3, 3)  # rows are the frame's axes in the world
+        force = -field("wrench")[:, :3]
+        moment = -field("wrench")[:, 3:] - np.cross(field("offset"), force)
+        applied = np.concatenate(
+            [np.einsum("kij,kj->ki", frame, force), np.einsum("kij,kj->ki", frame, moment)], axis=1
+        )
+        columns: dict[str, tuple[Vector, str]] = {
+            "clock": (field("clock")[:, 0], "s"),
+            "t": (field("t")[:, 0], "s"),
+            "stage": (field("stage")[:, 0], "stage"),
+        }
+
+        def six(kind: str, values: Vector, suffix: str = "") -> None:
+            for axis in self._axes:
+                i = AXES.index(axis)
+                name = "torque" if kind == "force" and i > 2 else kind
+                columns[f"{name}.{axis}{suffix}"] = (values[:, i], _KIND_UNITS[kind][i // 3])
+
+        velocity = field("velocity")
+        six("force", applied)
+        six("force", field("force_ref"), ".ref")
+        six("force", field("measured"), ".measured")
+        six("position", field("position"))
+        six("position", field("position_ref"), ".ref")
+        six("velocity", velocity)
+        six("velocity", field("velocity_ref"), ".ref")
+        six("error", field("error"))
+        size = np.linalg.norm(force, axis=1)
+        gaps = self._gap_columns(field("tip"), field("tip_rotation"))
+        columns["gap"] = (self._contact_gap(field("stage")[:, 0], gaps), "m")
+        for name, value, unit in (
+            ("tilt", field("tilt")[:, 0], "rad"),
+            ("speed", field("speed")[:, 0], "m/s"),
+            ("travel", field("travel")[:, 0], "m"),
+            ("touching", (size > signals.TOUCHING).astype(float), ""),
+            ("power", np.nansum(applied * velocity, axis=1), "W"),
+            ("path_done", field("path_done")[:, 0], ""),
+        ):
+            columns[name] = (value, unit)
+        for i in range(self._joints):
+            columns[f"joint.{i + 1}.position"] = (field("q")[:, i], "rad")
+            columns[f"joint.{i + 1}.velocity"] = (field("v")[:, i], "rad/s")
+            columns[f"joint.{i + 1}.torque"] = (field("torque")[:, i], "N*m")
+        for i, name in enumerate(self._objects):
+            columns[f"{name}.gap"] = (gaps[i], "m")
+            columns[f"{name}.force"] = (field("objects")[:, i], "N")
+        return columns
+
+    def _gap_columns(self, tip: Vector, rotation: Vector) -> Vector:
+        if not self._objects:
+            return np.zeros((0, len(tip)))
+        return np.array(self._gaps(tip.T, rotation.T))
+
+    def _contact_gap(self, stage: Vector, gaps: Vector) -> Vector:
+        result = np.full(len(stage), np.nan)
+        for number, compiled in enumerate(self._stages):
+            if compiled.contact is not None:
+                here = stage == number
+                result[here] = gaps[self._objects.index(compiled.contact)][here]
+        return result
+
+
+def _gap_function(robot: RobotModel, surfaces: Mapping[str, Surface]) -> ca.Function:
+    p, R = ca.SX.sym("p", 3), ca.SX.sym("R", 9)
+    gaps = signals.gaps(robot, surfaces, p, ca.reshape(R, 3, 3))
+    return ca.Function("gaps", [p, R], [ca.vertcat(ca.SX(0, 1), *gaps.values())])
+
+
+def _stage_array(values: Vector, stages: tuple[CompiledStage, ...]) -> pa.Array:
+    names = pa.array([s.name for s in stages])
+    return pa.DictionaryArray.from_arrays(pa.array(values.astype(np.int32)), names)
+
+
+def _schema(columns: Mapping[str, tuple[Vector, str]]) -> pa.Schema:
+    return pa.schema(
+        [
+            pa.field(name, pa.dictionary(pa.int32(), pa.string()))
+            if unit == "stage"
+            else pa.field(name, pa.float64(), metadata={"unit": unit})
+            for name, (_, unit) in columns.items()
+        ]
+    )

@@ -1,0 +1,1 @@
+"""The laws as equations, on CasADi expressions, and their resolution into joint torques."""

@@ -1,0 +1,184 @@
+"""Gains: those of the file, and designed ones for what the file leaves out (language.md section 6).
+
+A designed gain follows from the mass h that the axis feels, the believed contact stiffness k and
+the control period T, so that a task file need not know any of them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from taskspec.spec import Axis, AxisValues, Law
+
+#: Laws whose motion is an acceleration (bandwidth, damping_ratio) rather than a spring.
+ACCELERATION_LAWS = frozenset({"hybrid"})
+#: Laws with a force loop: f_d is reached whatever the stiffness.
+FORCE_LOOP_LAWS = frozenset({"hybrid", "parallel"})
+
+_SMALLEST_MASS = {"linear": 1.0, "angular": 0.05}
+_MOTION_BANDWIDTH = 5.0
+_SPRING_FREQUENCY = 2.0
+_SPRING_DAMPING_RATIO = 0.7
+_INTEGRAL_FREQUENCY = 2.0
+
+
+@dataclass(frozen=True, slots=True)
+class Gain:
+    """One number [SI] and where it came from: "file" or the rule that designed it."""
+
+    value: float
+    origin: str
+
+
+@dataclass(frozen=True, slots=True)
+class Plant:
+    """What the design of one axis knows about arm and contact.
+
+    Attributes:
+        h: mass felt along the axis [kg, kg m^2]. k: believed contact stiffness [N/m, N m/rad].
+        period: control period T [s].
+    """
+
+    h: float
+    k: float
+    period: float
+
+    @property
+    def most_damping(self) -> float:
+        """h / (3 T): what a damper held over one period can remove without overshooting."""
+        return self.h / (3 * self.period)
+
+
+def has_force(axis: Axis) -> bool:
+    """Whether the axis has a force or torque set point."""
+    return axis.force is not None or axis.torque is not None
+
+
+def is_soft(axis: Axis) -> bool:
+    """Whether the axis is a motion axis with a stiffness or damping of its own."""
+    return axis.stiffness is not None or axis.damping is not None
+
+
+#: name of the gain -> axis -> gain
+Gains = dict[str, dict[str, Gain]]
+
+
+def design(law: Law, axes: Mapping[str, Axis], plants: Mapping[str, Plant]) -> Gains:
+    """All gains of a stage, by name and axis.
+
+    Args:
+        law: the stage's law with the gains that the file gives.
+        axes: modes of the axes that exist.
+        plants: mass and stiffness of the same axes.
+    """
+    build = _accelerations if law.kind in ACCELERATION_LAWS else _springs
+    gains: Gains = {}
+    for name, axis in axes.items():
+        for gain, value in build(law, name, axis, plants[name]).items():
+            gains.setdefault(gain, {})[name] = value
+    return gains
+
+
+def _accelerations(law: Law, name: str, axis: Axis, plant: Plant) -> dict[str, Gain]:
+    if has_force(axis):
+        return _force_loop(law, name, plant)
+    if is_soft(axis):
+        return _soft(axis, name, plant)
+    bandwidth = _given(law.bandwidth, name) or Gain(_MOTION_BANDWIDTH, "designed: 5 Hz")
+    ratio = _given(law.damping_ratio, name) or Gain(1.0, "designed: 1")
+    w = 2 * math.pi * bandwidth.value
+    return {
+        "bandwidth": bandwidth,
+        "damping_ratio": ratio,
+        "K_P": Gain(w**2, "(2 pi bandwidth)^2"),
+        "K_D": Gain(2 * ratio.value * w, "2 damping_ratio 2 pi bandwidth"),
+    }
+
+
+def _springs(law: Law, name: str, axis: Axis, plant: Plant) -> dict[str, Gain]:
+    h = max(plant.h, _smallest(name))
+    mass = _given(law.mass, name) or Gain(h, "designed: mass felt on the axis")
+    stiffness = (
+        _own(axis.stiffness)
+        or _given(law.stiffness, name)
+        or Gain(h * (2 * math.pi * _SPRING_FREQUENCY) ** 2, "designed: h (2 pi 2 Hz)^2")
+    )
+    given_damping = _own(axis.damping) or _given(law.damping, name)
+    gains = {"mass": mass, "stiffness": stiffness}
+    if has_force(axis) and law.kind in FORCE_LOOP_LAWS:
+        loop = _force_loop(law, name, plant)
+        gains |= {
+            "damping": given_damping or loop["force.damping"],
+            "force.proportional": _force_given(law, "proportional", name)
+            or Gain(1.0, "designed: K_F = 1 leaves the contact force uncancelled"),
+            "force.integral": loop["force.integral"],
+        }
+        return gains
+    k = plant.k if has_force(axis) else 0.0
+    return gains | {"damping": given_damping or _spring_damping(mass, stiffness, k, plant)}
+
+
+def _spring_damping(mass: Gain, stiffness: Gain, k: float, plant: Plant) -> Gain:
+    wanted = 2 * _SPRING_DAMPING_RATIO * math.sqrt(mass.value * (stiffness.value + k))
+    if wanted <= plant.most_damping:
+        return Gain(wanted, "designed: 2 0.7 sqrt(h (stiffness + k))")
+    return Gain(plant.most_damping, "designed: h / (3 T), the most that sampling allows")
+
+
+def _force_loop(law: Law, name: str, plant: Plant) -> dict[str, Gain]:
+    damping = _force_given(law, "damping", name)
+    if damping is None:
+        critical = 2 * math.sqrt(plant.h * plant.k)
+        damping = (
+            Gain(critical, "designed: 2 sqrt(h k)")
+            if critical <= plant.most_damping
+            else Gain(plant.most_damping, "designed: h / (3 T), the most that sampling allows")
+        )
+    integral = _force_given(law, "integral", name)
+    if integral is None:
+        fastest = 2 * math.pi * _INTEGRAL_FREQUENCY
+        by_contact = plant.k / (8 * damping.value) if damping.value > 0 else fastest
+        integral = (
+            Gain(fastest, "designed: 2 pi 2 Hz")
+            if fastest <= by_contact
+            else Gain(by_contact, "designed: k / (8 d)")
+        )
+    proportional = _force_given(law, "proportional", name) or Gain(0.0, "designed: 0")
+    return {
+        "force.proportional": proportional,
+        "force.integral": integral,
+        "force.damping": damping,
+    }
+
+
+def _soft(axis: Axis, name: str, plant: Plant) -> dict[str, Gain]:
+    stiffness = _own(axis.stiffness) or Gain(0.0, "none given")
+    damping = _own(axis.damping)
+    if damping is None:
+        wanted = 2 * _SPRING_DAMPING_RATIO * math.sqrt(plant.h * stiffness.value)
+        damping = Gain(min(wanted, plant.most_damping), "designed: 2 0.7 sqrt(h stiffness)")
+    return {"stiffness": stiffness, "damping": damping}
+
+
+def _smallest(name: str) -> float:
+    return _SMALLEST_MASS["angular" if name.startswith("r") else "linear"]
+
+
+def _own(value: float | None) -> Gain | None:
+    return None if value is None else Gain(value, "file")
+
+
+def _given(values: AxisValues | None, name: str) -> Gain | None:
+    return _own(None if values is None else values.get(name))
+
+
+def _force_given(law: Law, gain: str, name: str) -> Gain | None:
+    return None if law.force is None else _given(getattr(law.force, gain), name)
+
+
+def diagonal(gains: Gains, name: str, axes: Sequence[str], default: float = 0.0) -> list[float]:
+    """One gain on all axes, `default` where an axis has none."""
+    given = gains.get(name, {})
+    return [given[a].value if a in given else default for a in axes]

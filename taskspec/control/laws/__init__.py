@@ -1,0 +1,1 @@
+"""One short function per control law, readable beside the chapter's numbered equations."""

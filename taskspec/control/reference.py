@@ -1,0 +1,35 @@
+"""What a law is asked to do at one instant, on the axes of its task state."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+
+
+@dataclass(frozen=True, slots=True)
+class Reference:
+    """Motion and force references on the m task axes.
+
+    Attributes:
+        error: (m,) e = x_d - x [m, rad].
+        velocity: (m,) x'_d in frame axes [m/s, rad/s], with the frame's own turning.
+        acceleration: (m,) d/dt of `velocity` as components [m/s^2, rad/s^2].
+        force: (m,) f_d in the theory's sign, by the environment on the tool [N, N m].
+        force_integral: (m,) integral of f_d - f in the theory's sign [N s, N m s].
+    """
+
+    error: ca.SX
+    velocity: ca.SX
+    acceleration: ca.SX
+    force: ca.SX
+    force_integral: ca.SX
+
+
+def opposite(wrench: ca.SX) -> ca.SX:
+    """The one change of sign between theory and file.
+
+    The theory's f is what the environment exerts on the tool; task files, logs and guards speak of
+    what the robot applies to the environment (language.md section 4).
+    """
+    return -wrench

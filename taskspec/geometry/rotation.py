@@ -1,0 +1,52 @@
+"""Rotations on SO(3) as CasADi expressions and, for the places that run once, as NumPy arrays."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+# Keeps angle/|w| finite and differentiable at the identity; its square root is the angle (rad)
+# below which a rotation cannot be told from none.
+_TINY = 1e-24
+
+
+def skew(w: ca.SX) -> ca.SX:
+    """The matrix [w]x with [w]x v = w x v. w: (3,)."""
+    return ca.skew(w)
+
+
+def exp(w: ca.SX) -> ca.SX:
+    """Rotation matrix (3, 3) of the rotation vector w (3,) [rad], by Rodrigues' formula."""
+    angle = ca.sqrt(ca.dot(w, w) + _TINY)
+    W = ca.skew(w)
+    half = ca.sin(angle / 2) / (angle / 2)
+    return ca.SX.eye(3) + ca.sin(angle) / angle * W + half**2 / 2 * (W @ W)
+
+
+def log(R: ca.SX) -> ca.SX:
+    """Rotation vector (3,) [rad] of the rotation matrix R (3, 3); exact for angles below pi."""
+    w = ca.vertcat(R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]) / 2
+    sine = ca.sqrt(ca.dot(w, w) + _TINY)
+    cosine = (R[0, 0] + R[1, 1] + R[2, 2] - 1) / 2
+    return w * (ca.atan2(sine, cosine) / sine)
+
+
+def unskew(W: ca.SX) -> ca.SX:
+    """The vector w (3,) of a skew-symmetric W (3, 3)."""
+    return ca.vertcat(W[2, 1] - W[1, 2], W[0, 2] - W[2, 0], W[1, 0] - W[0, 1]) / 2
+
+
+def from_rpy(rpy: Sequence[float]) -> NDArray[np.float64]:
+    """R = Rz(yaw) Ry(pitch) Rx(roll) (3, 3) of roll, pitch, yaw [rad] about fixed axes."""
+    (cr, cp, cy), (sr, sp, sy) = ([f(a) for a in rpy] for f in (math.cos, math.sin))
+    return np.array(
+        [
+            [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
+            [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
+            [-sp, cp * sr, cp * cr],
+        ]
+    )

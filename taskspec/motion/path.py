@@ -1,0 +1,130 @@
+"""Paths: curves in the frame's coordinates, run through by one timing.
+
+A path is symbolic in the tick (`curve`) and numeric when its stage is entered (`plan`).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import casadi as ca
+import numpy as np
+
+from taskspec.motion.polynomial import PiecewiseCubic, evaluate
+from taskspec.motion.profile import timing
+from taskspec.motion.table import Table
+
+#: The axes of a list of path coordinates, in order.
+ORDER = ("x", "y", "z", "rx", "ry", "rz")
+
+
+@dataclass(frozen=True, slots=True)
+class PathShape:
+    """One path of a task file, in SI units.
+
+    Attributes:
+        kind: to, line, arc, lissajous or file.
+        axes: the axes that it drives.
+        numbers: per axis: target (to), displacement (line), amplitude (lissajous) [m, rad].
+        turns: per axis of a lissajous, or {"": turns} of an arc.
+        center: of an arc, (x, y) in the frame's coordinates [m].
+        table: of a file.
+        speed, time: one of them, or neither for a table with a t column.
+    """
+
+    kind: str
+    axes: tuple[str, ...]
+    numbers: Mapping[str, float] = field(default_factory=dict)
+    turns: Mapping[str, float] = field(default_factory=dict)
+    center: tuple[float, float] = (0.0, 0.0)
+    table: Table | None = None
+    speed: float | None = None
+    time: float | None = None
+
+    def curve(
+        self, s: ca.SX, start: Mapping[str, ca.SX], segments: Mapping[str, ca.SX]
+    ) -> dict[str, ca.SX]:
+        """Coordinates of the driven axes at path parameter s.
+
+        Args:
+            s: the path parameter, 0 to 1, or the time of a table with a t column.
+            start: coordinates of the carried reference at entry; an arc needs x and y.
+            segments: the current cubic (5,) of each axis of a table.
+        """
+        if self.kind == "to":
+            return {a: start[a] + s * (self.numbers[a] - start[a]) for a in self.axes}
+        if self.kind == "line":
+            return {a: start[a] + s * self.numbers[a] for a in self.axes}
+        if self.kind == "lissajous":
+            return {
+                a: start[a] + self.numbers[a] * ca.sin(2 * ca.pi * self.turns[a] * s)
+                for a in self.axes
+            }
+        if self.kind == "arc":
+            angle = 2 * ca.pi * self.turns[""] * s
+            dx, dy = start["x"] - self.center[0], start["y"] - self.center[1]
+            point = {
+                "x": self.center[0] + ca.cos(angle) * dx - ca.sin(angle) * dy,
+                "y": self.center[1] + ca.sin(angle) * dx + ca.cos(angle) * dy,
+            }
+            return {a: point[a] for a in self.axes}
+        return {a: evaluate(segments[a], s) for a in self.axes}
+
+    def plan(self, start: Mapping[str, float]) -> PathPlan:
+        """Times the path from the coordinates at which its stage was entered."""
+        if self.table is not None:
+            splines = {a: p for a, p in self.table.splines().items() if a in self.axes}
+            if self.table.time is not None:
+                knots = self.table.time
+                duration = float(knots[-1] - knots[0])
+                clock = PiecewiseCubic(
+                    np.array([0.0, duration, duration + 1.0]),
+                    np.array([[knots[0], 1.0, 0.0, 0.0], [knots[-1], 0.0, 0.0, 0.0]]),
+                )
+                return PathPlan(clock, splines, duration)
+            along = timing(self.table.length, speed=self.speed, time=self.time)
+            return PathPlan(along, splines, _rest(along))
+        along = timing(self.length(start), speed=self.speed, time=self.time)
+        return PathPlan(along, {}, _rest(along))
+
+    def length(self, start: Mapping[str, float]) -> float:
+        """Length [m] over the driven translations; [rad] for a path that only turns."""
+        if self.kind == "arc":
+            dx, dy = start["x"] - self.center[0], start["y"] - self.center[1]
+            return math.hypot(dx, dy) * 2 * math.pi * abs(self.turns[""])
+        axes = [a for a in self.axes if not a.startswith("r")] or list(self.axes)
+        if self.kind == "lissajous":
+            s = np.linspace(0.0, 1.0, 2001)
+            points = [
+                self.numbers[a] * np.sin(2 * np.pi * self.turns[a] * s) for a in axes
+            ]
+            return float(np.linalg.norm(np.diff(np.array(points), axis=1), axis=0).sum())
+        ends = [self.numbers[a] - (start[a] if self.kind == "to" else 0.0) for a in axes]
+        return math.hypot(*ends)
+
+
+@dataclass(frozen=True, slots=True)
+class PathPlan:
+    """A timed path: s against time, the splines of a table against s, and its duration [s]."""
+
+    timing: PiecewiseCubic
+    splines: Mapping[str, PiecewiseCubic]
+    duration: float
+
+    def knots(self) -> list[float]:
+        """Times [s] at which some cubic of the plan changes."""
+        times = [float(k) for k in self.timing.knots[1:]]
+        for spline in self.splines.values():
+            times += [self.timing.first_reaching(float(k)) for k in spline.knots[1:-1]]
+        return sorted(set(times))
+
+
+def _rest(along: PiecewiseCubic) -> float:
+    return float(along.knots[-2])
+
+
+def coordinates(values: Sequence[float]) -> dict[str, float]:
+    """A list of path coordinates by axis name, in the order x, y, z, rx, ry, rz."""
+    return dict(zip(ORDER, values, strict=False))

@@ -1,0 +1,139 @@
+"""Paths from CSV files: columns with units in their headers, through which a spline is laid."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taskspec.motion.polynomial import PiecewiseCubic
+
+#: Columns that a table may have.
+COLUMNS = ("t", "x", "y", "z", "rx", "ry", "rz")
+_MOST_ROWS = 100_000
+
+
+class TableError(ValueError):
+    """A CSV file that cannot be read as a path; `line` is 1-based, 0 for the whole file."""
+
+    def __init__(self, message: str, line: int = 0) -> None:
+        super().__init__(message)
+        self.line = line
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """Points of a path in SI units.
+
+    Attributes:
+        time: (k,) [s] or None where the file has no t column.
+        points: axis name to (k,) coordinates [m, rad].
+    """
+
+    time: NDArray[np.float64] | None
+    points: dict[str, NDArray[np.float64]]
+
+    def argument(self) -> NDArray[np.float64]:
+        """(k,) what the spline runs over: time, or the chord length from 0 to 1."""
+        if self.time is not None:
+            return self.time
+        reached = self._chord()
+        return reached / reached[-1]
+
+    @property
+    def length(self) -> float:
+        """Chord length [m]; [rad] for a table that only turns."""
+        return float(self._chord()[-1])
+
+    def _chord(self) -> NDArray[np.float64]:
+        translations = [v for k, v in self.points.items() if not k.startswith("r")]
+        steps = np.diff(np.array(translations or list(self.points.values())), axis=1)
+        return np.concatenate([[0.0], np.cumsum(np.linalg.norm(steps, axis=0))])
+
+    def splines(self) -> dict[str, PiecewiseCubic]:
+        """C2 cubic splines of every axis over `argument`; timed ones start and end at rest."""
+        # Imported here: SciPy takes longer to load than all else a task without a table needs.
+        from scipy.interpolate import CubicSpline
+
+        x = self.argument()
+        ends = "natural" if self.time is None else "clamped"
+        return {
+            axis: PiecewiseCubic(x, CubicSpline(x, y, bc_type=ends).c[::-1].T.copy())
+            for axis, y in self.points.items()
+        }
+
+
+def read_table(path: Path, unit_of: Callable[[str, str], float]) -> Table:
+    """Reads a CSV table.
+
+    Args:
+        path: the file; its first row names the columns as `x [mm]`.
+        unit_of: (unit, column) to the factor to SI; raises ValueError with a message.
+
+    Raises:
+        TableError: a wrong header, a cell that is no number, points that do not advance.
+        OSError: the file cannot be read.
+    """
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise TableError(f"{path.name} is not UTF-8 text") from error
+    rows = [
+        (number, row)
+        for number, row in enumerate(csv.reader(text.splitlines()), start=1)
+        if any(cell.strip() for cell in row) and not row[0].lstrip().startswith("#")
+    ]
+    if len(rows) < 3:
+        raise TableError("a path needs a header row and at least two points")
+    if len(rows) > _MOST_ROWS:
+        raise TableError(f"more than {_MOST_ROWS} points")
+    names, factors = _header(rows[0][1], rows[0][0], unit_of)
+    values = np.array([_numbers(row, len(names), number) for number, row in rows[1:]])
+    columns = dict(zip(names, (values * factors).T.copy(), strict=True))
+    time = columns.pop("t", None)
+    table = Table(time, columns)
+    steps = np.diff(table.argument()) if time is not None or table.length > 0 else np.zeros(1)
+    if not np.all(steps > 0):
+        line = rows[1 + int(np.argmin(steps > 0)) + 1][0]
+        what = "t must increase from row to row" if time is not None else "a point repeats"
+        raise TableError(what, line)
+    return table
+
+
+def _header(
+    cells: list[str], line: int, unit_of: Callable[[str, str], float]
+) -> tuple[list[str], NDArray[np.float64]]:
+    names, factors = [], []
+    for cell in cells:
+        name, _, unit = cell.strip().partition("[")
+        name, unit = name.strip(), unit.strip().removesuffix("]").strip()
+        if name not in COLUMNS:
+            raise TableError(f"column {name!r} is none of {', '.join(COLUMNS)}", line)
+        if name in names:
+            raise TableError(f"column {name!r} is there twice", line)
+        if not unit:
+            raise TableError(f"column {name!r} has no unit; write e.g. '{name} [mm]'", line)
+        try:
+            factors.append(unit_of(unit, name))
+        except ValueError as error:
+            raise TableError(str(error), line) from error
+        names.append(name)
+    if not set(names) - {"t"}:
+        raise TableError("no column of coordinates", line)
+    return names, np.array(factors)
+
+
+def _numbers(row: list[str], width: int, line: int) -> list[float]:
+    if len(row) != width:
+        raise TableError(f"{len(row)} cells where the header has {width}", line)
+    try:
+        values = [float(cell) for cell in row]
+    except ValueError as error:
+        raise TableError(f"not a number: {error.args[0].rpartition(': ')[2]}", line) from error
+    if not all(np.isfinite(values)):
+        raise TableError("a number is not finite", line)
+    return values

@@ -1,0 +1,44 @@
+"""Which axes of a frame an arm can move along and about."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taskspec.control.state import AXES
+
+_ALIGNED = 1e-6
+
+
+class SkewedAxisError(ValueError):
+    """A frame's axis is neither within the arm's motions nor free of them."""
+
+    def __init__(self, axis: str) -> None:
+        super().__init__(f"axis {axis!r} leaves the directions that the arm can move in")
+        self.axis = axis
+
+
+def existing_axes(
+    world_axes: tuple[str, ...], rotation: NDArray[np.float64], orthogonal: bool = True
+) -> tuple[str, ...]:
+    """The axes of a frame that exist for an arm.
+
+    Args:
+        world_axes: the world axes that the tip can move along and about.
+        rotation: (3, 3) frame in the world.
+        orthogonal: raise where an axis is only partly available.
+
+    Raises:
+        SkewedAxisError: the frame is not aligned with the arm's plane of motion.
+    """
+    available = []
+    for name in AXES:
+        block = AXES[3:] if name.startswith("r") else AXES[:3]
+        inside = np.array([a in world_axes for a in block], dtype=float)
+        column = rotation[:, AXES.index(name) % 3]
+        share = float(np.sum(inside * column**2))
+        if share > 1 - _ALIGNED:
+            available.append(name)
+        elif share > _ALIGNED and orthogonal:
+            raise SkewedAxisError(name)
+    return tuple(available)

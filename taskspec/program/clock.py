@@ -1,0 +1,36 @@
+"""Time as the stage's functions see it, and derivatives along it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+
+from taskspec.control.model_terms import TermSymbols
+
+
+@dataclass(frozen=True, slots=True)
+class Clock:
+    """Symbols of time.
+
+    Attributes:
+        t: [s] since the stage began. clock: [s] since the run began.
+    """
+
+    t: ca.SX
+    clock: ca.SX
+
+    def rate(self, expression: ca.SX) -> ca.SX:
+        """Partial derivative by time, everything but t and clock held."""
+        now = ca.vertcat(self.t, self.clock)
+        return ca.jtimes(expression, now, ca.SX.ones(2))
+
+    def total_rate(self, expression: ca.SX, terms: TermSymbols) -> ca.SX:
+        """Derivative by time along the tool's actual motion, of an expression of time and pose."""
+        joint_p, joint_R = terms.inputs[4], terms.inputs[5]
+        w = terms.twist[3:]
+        R = ca.reshape(joint_R, 3, 3)
+        p_rate = terms.twist[:3] - ca.cross(w, terms.p - joint_p)
+        R_rate = ca.vec(ca.skew(w) @ R)
+        pose, motion = ca.vertcat(joint_p, joint_R), ca.vertcat(p_rate, R_rate)
+        return self.rate(expression) + ca.jtimes(expression, pose, motion)

@@ -1,0 +1,99 @@
+"""What all stages of one task share while they are compiled."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taskspec.control import gains as gain_design
+from taskspec.control.state import AXES
+from taskspec.geometry.surface import Surface
+from taskspec.program.frames import FrameModel
+from taskspec.robot import RobotModel
+from taskspec.spec import Law, Limits, LoadedTask, Stage
+
+
+@dataclass(frozen=True, slots=True)
+class Context:
+    """One task's robot, start, frames and surfaces.
+
+    Attributes:
+        loaded: the task and its places in the file.
+        robot: both models of the arm with its tool.
+        start: (n,) joint configuration of the first tick. posture: (n,) of a redundant arm.
+        frames: every frame of the file. surfaces: every object's geometry.
+        stiffness: believed contact stiffness of each object [N/m].
+        start_jacobian: (6, n) of the tip at `start`, world axes; start_inertia: (n, n) H there.
+        start_p, start_R: (3,), (3, 3) tip pose at `start`.
+        start_gaps: distance [m] of the tool from each object there.
+        period: control period [s].
+    """
+
+    loaded: LoadedTask
+    robot: RobotModel
+    start: NDArray[np.float64]
+    posture: NDArray[np.float64]
+    frames: Mapping[str, FrameModel]
+    surfaces: Mapping[str, Surface]
+    stiffness: Mapping[str, float]
+    start_jacobian: NDArray[np.float64]
+    start_inertia: NDArray[np.float64]
+    start_p: NDArray[np.float64]
+    start_R: NDArray[np.float64]
+    start_gaps: Mapping[str, float]
+    period: float
+
+    def frame_of(self, stage: Stage) -> FrameModel:
+        """The stage's task frame."""
+        return self.frames[stage.frame or self.loaded.task.frame]
+
+    def law_of(self, stage: Stage) -> Law:
+        """The stage's law: its own replaces the file's."""
+        return stage.law or self.loaded.task.law
+
+    def limits_of(self, stage: Stage) -> Limits:
+        """The file's limits, with those of the stage put over them key by key."""
+        common = self.loaded.task.limits
+        if stage.limits is None:
+            return common
+        own = {k: v for k, v in stage.limits.model_dump().items() if v is not None}
+        return common.model_copy(update=own)
+
+    def contact_of(self, frame: FrameModel) -> str | None:
+        """The object that a force in this frame is believed to act on.
+
+        The surface that the frame follows; in other frames the object nearest to the tool at the
+        start pose.
+        """
+        if frame.surface_name:
+            return frame.surface_name
+        if not self.surfaces:
+            return None
+        return min(self.start_gaps, key=lambda name: self.start_gaps[name])
+
+    def plants(
+        self, axes: tuple[str, ...], rotation: NDArray[np.float64], k: float
+    ) -> dict[str, gain_design.Plant]:
+        """Mass and stiffness of each axis at the start pose, for gain design.
+
+        Args:
+            axes: axes of the stage's frame. rotation: (3, 3) that frame at the start pose.
+            k: contact stiffness [N/m] along a translation; a rotation feels it at the tool's
+                radius.
+        """
+        both = np.kron(np.eye(2), rotation.T)
+        J = both @ self.start_jacobian
+        mobility = np.einsum("ij,ij->i", J @ np.linalg.inv(self.start_inertia), J)
+        tool = self.robot.tool
+        reach = float(np.max(np.linalg.norm(tool.centers[:, :2], axis=1) + tool.radii))
+        return {
+            a: gain_design.Plant(
+                h=1.0 / mobility[AXES.index(a)],
+                k=k * reach**2 if a.startswith("r") else k,
+                period=self.period,
+            )
+            for a in axes
+        }

@@ -1,0 +1,27 @@
+"""Errors of the compiler, at their place in the task file."""
+
+from __future__ import annotations
+
+from taskspec.spec import LoadedTask
+from taskspec.text.codes import register
+from taskspec.text.diagnostic import Diagnostics, SpecError
+
+register(
+    {
+        "TS220": "an axis that the arm does not have in this frame",
+        "TS221": "a frame that is askew to the plane of a planar arm",
+        "TS222": "a path that drives no axis",
+        "TS223": "a table of points that cannot be used",
+        "TS224": "a signal that this stage cannot evaluate",
+        "TS303": "a force without a surface to press on",
+    }
+)
+
+
+def spec_error(
+    loaded: LoadedTask, place: tuple[str | int, ...], code: str, message: str, hint: str = ""
+) -> SpecError:
+    """One finding about one place of a loaded task, ready to be raised."""
+    found = Diagnostics(loaded.source.name)
+    found.error(code, message, loaded.span(place), hint)
+    return SpecError(found.sorted(), loaded.sources)

@@ -1,0 +1,54 @@
+"""What can end a stage or stop a run, in the order in which one tick decides."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import casadi as ca
+
+#: Kinds in falling precedence: a limit before `fail_if` before `until` before `within`.
+LIMIT, FAIL_IF, UNTIL, WITHIN, DONE = "limit", "fail_if", "until", "within", "done"
+_ORDER = (LIMIT, FAIL_IF, UNTIL, WITHIN, DONE)
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """One reason for a stage to end.
+
+    Attributes:
+        kind: limit, fail_if, until, within or done.
+        name: what a user calls it: force, speed, joint_position, `until`, time, travel, ...
+        text: the condition as a sentence, with its bound.
+        signal: which logged quantity exceeded, for the message; empty where there is none.
+    """
+
+    kind: str
+    name: str
+    text: str
+    signal: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Condition:
+    """An event with the expression that raises it; `value` is the quantity held against a bound."""
+
+    event: Event
+    holds: ca.SX
+    value: ca.SX
+
+
+def code(conditions: Sequence[Condition]) -> tuple[ca.SX, ca.SX, tuple[Event, ...]]:
+    """The event of a tick as a number.
+
+    Returns:
+        The 1-based index of the first condition that holds (0 for none), the value of its
+        quantity, and the events in that order.
+    """
+    ordered = sorted(conditions, key=lambda c: _ORDER.index(c.event.kind))
+    index, value = ca.SX(0), ca.SX(0)
+    for number in range(len(ordered), 0, -1):
+        condition = ordered[number - 1]
+        index = ca.if_else(condition.holds, number, index)
+        value = ca.if_else(condition.holds, condition.value, value)
+    return index, value, tuple(c.event for c in ordered)

@@ -1,0 +1,119 @@
+"""Believed frames: where the file says they are, resolved to the world, the tool or a surface."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taskspec.geometry import rotation
+from taskspec.geometry.surface import Surface
+from taskspec.spec import Shape, Task
+
+Matrix = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class FrameModel:
+    """A task frame.
+
+    Attributes:
+        name: as in the file.
+        kind: fixed (in the world), tool (carried by the tool), following (a surface).
+        rotation, origin: (3, 3), (3,) pose in the world, or in the tool for kind tool.
+        surface: of a following frame; heading: (3,) world direction of its x, or None.
+        at_origin: the control point is the frame's origin, carried rigidly by the tool.
+        described: how it came about, for `explain`.
+    """
+
+    name: str
+    kind: str
+    rotation: Matrix
+    origin: Matrix
+    surface: Surface | None = None
+    surface_name: str = ""
+    heading: Matrix | None = None
+    at_origin: bool = False
+    described: str = ""
+
+
+class Posed(Protocol):
+    """Anything with a position [m] and roll, pitch, yaw [rad]."""
+
+    @property
+    def xyz(self) -> tuple[float, float, float]: ...
+
+    @property
+    def rpy(self) -> tuple[float, float, float]: ...
+
+
+def pose(of: Posed) -> tuple[Matrix, Matrix]:
+    """(3, 3) rotation and (3,) origin [m] of a posed thing in its parent."""
+    return rotation.from_rpy(of.rpy), np.array(of.xyz, dtype=float)
+
+
+def surface(shape: Shape) -> Surface:
+    """The geometry of a declared shape, in the world."""
+    R, origin = pose(shape)
+    if shape.shape == "box":
+        assert shape.size is not None
+        half = np.array(shape.size) / 2
+    elif shape.shape == "cylinder":
+        assert shape.radius is not None and shape.length is not None
+        half = np.array([shape.radius, shape.radius, shape.length / 2])
+    else:
+        half = np.full(3, shape.radius or 0.0)
+    return Surface(shape.shape, origin, R, half)
+
+
+def resolve(task: Task) -> dict[str, FrameModel]:
+    """Every frame that the task can name. The file's frames are known to exist and not to loop."""
+    frames = {
+        "world": FrameModel("world", "fixed", np.eye(3), np.zeros(3), described="the world"),
+        "tool": FrameModel(
+            "tool", "tool", np.eye(3), np.zeros(3), described="turns with the tool, z out of it"
+        ),
+    }
+    for name, shape in task.world.items():
+        R, origin = pose(shape)
+        frames[name] = FrameModel(name, "fixed", R, origin, described=f"fixed on {shape.shape}")
+    pending = dict(task.frames)
+    while pending:
+        for name, frame in list(pending.items()):
+            parent = frame.parent or "world"
+            if frame.surface is None and parent not in frames:
+                continue
+            del pending[name]
+            frames[name] = _declared(task, name, frames)
+    return frames
+
+
+def _declared(task: Task, name: str, frames: dict[str, FrameModel]) -> FrameModel:
+    frame = task.frames[name]
+    if frame.surface is not None:
+        shape = surface(task.world[frame.surface])
+        heading = None if frame.heading is None else np.array(frame.heading, dtype=float)
+        along = "its own x" if frame.heading is None else f"heading {list(frame.heading)}"
+        return FrameModel(
+            name,
+            "following",
+            np.eye(3),
+            np.zeros(3),
+            surface=shape,
+            surface_name=frame.surface,
+            heading=heading,
+            described=f"follows the tool over {frame.surface}, z outward normal, x along {along}",
+        )
+    parent = frames[frame.parent or "world"]
+    R, origin = pose(frame)
+    return FrameModel(
+        name,
+        parent.kind,
+        parent.rotation @ R,
+        parent.origin + parent.rotation @ origin,
+        at_origin=frame.point == "origin",
+        described=f"fixed in {parent.name}"
+        + (", control point at its origin" if frame.point == "origin" else ""),
+    )

@@ -1,0 +1,216 @@
+"""The stage machine: ticks the current stage, decides transitions, counts visits and attempts."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taskspec.control.model_terms import ModelTerms
+from taskspec.program import entry, events
+from taskspec.program.stage import OUTPUTS, CompiledStage
+from taskspec.robot import RobotModel
+
+Vector = NDArray[np.float64]
+
+END, FAIL = "end", "fail"
+
+
+@dataclass(frozen=True, slots=True)
+class Transition:
+    """A stage that ended.
+
+    Attributes:
+        clock: [s] when. stage: that ended. kind, name, text: the event. value: its quantity.
+        to: the next stage, `end` or `fail`; empty where a limit stopped the run.
+    """
+
+    clock: float
+    stage: str
+    kind: str
+    name: str
+    text: str
+    value: float
+    to: str
+
+    @property
+    def good(self) -> bool:
+        """Whether the stage ended as planned."""
+        return self.kind in (events.UNTIL, events.DONE)
+
+
+class StageRunner:
+    """One stage's function bound to its arrays; CasADi reads and writes them in place."""
+
+    def __init__(
+        self, stage: CompiledStage, inputs: tuple[Vector, ...], torque: Vector, outputs: Vector
+    ) -> None:
+        self.stage = stage
+        self.memory = np.zeros(max(stage.memory.size, 1))
+        self.parameters = np.zeros(max(stage.parameters.size, 1))
+        self._next_memory = np.zeros(max(stage.memory.size, 1))
+        self.tracks = entry.Tracks()
+        self._buffer, self.evaluate = stage.tick.buffer()
+        memory = self.memory[: stage.memory.size]
+        parameters = self.parameters[: stage.parameters.size]
+        # The buffer keeps addresses, not references: everything it sees must outlive it.
+        self._kept = [*inputs, memory, parameters, torque, self._next_memory, outputs]
+        for i, array in enumerate([*inputs, memory, parameters]):
+            self._buffer.set_arg(i, memoryview(array))
+        next_memory = self._next_memory[: stage.memory.size]
+        self._kept.append(next_memory)
+        for i, array in enumerate([torque, next_memory, outputs]):
+            self._buffer.set_res(i, memoryview(array))
+
+    def load(self, entered: entry.Entered) -> None:
+        """Starts the stage with the numbers of its entry."""
+        size = self.stage
+        self.memory[: size.memory.size] = entered.memory
+        self.parameters[: size.parameters.size] = entered.parameters
+        self.tracks = entered.tracks
+        self.next_knot = self.tracks.next_knot
+
+    def commit(self) -> None:
+        """Makes the memory of the last evaluation current."""
+        self.memory[:] = self._next_memory
+
+    def refresh(self, t: float) -> None:
+        """Renews the cubics that change at stage time t [s]."""
+        self.tracks.refresh(self.stage, self.parameters, t)
+        self.next_knot = self.tracks.next_knot
+
+
+class Machine:
+    """Runs compiled stages tick by tick.
+
+    Write `q`, `v` and `wrench`, call `tick`, read `torque` and `outputs`.
+
+    Attributes:
+        q, v: (n,) measured joint positions and velocities.
+        wrench: (6,) measured, by the environment on the tool tip, world axes [N, N m].
+        torque: (n,) the command [N m]. outputs: the numbers of `stage.OUTPUTS`.
+        index: number of the current stage. t: [s] since it began.
+        ended: `end` or `fail` once the task is over, else empty. transitions: so far.
+    """
+
+    def __init__(
+        self,
+        robot: RobotModel,
+        stages: tuple[CompiledStage, ...],
+        period: float,
+        views: tuple[Vector, Vector, Vector, Vector, Vector],
+    ) -> None:
+        self._robot, self._period = robot, period
+        self._terms = ModelTerms(robot)
+        self.q, self.v, self.wrench, self.torque, self.outputs = views
+        self._now = np.zeros(2 + len(stages))
+        self._inputs = (self._now, self.q, self.v, *self._terms.arrays, self.wrench)
+        self._runners = tuple(
+            StageRunner(s, self._inputs, self.torque, self.outputs) for s in stages
+        )
+        self._names = [s.name for s in stages]
+        self.index, self.t = 0, 0.0
+        self._ticks = 0
+        self._runner = self._runners[0]
+        self.ended = ""
+        self.transitions: list[Transition] = []
+
+    @property
+    def stage(self) -> CompiledStage:
+        """The current stage."""
+        return self._runner.stage
+
+    @property
+    def visits(self) -> Mapping[str, int]:
+        """How often each stage has been entered."""
+        return {name: int(self._now[2 + i]) for i, name in enumerate(self._names)}
+
+    def start(self) -> None:
+        """Enters the first stage from rest at the measured pose."""
+        self._terms.update(self.q, self.v)
+        p, R = self._tip()
+        self._enter(0, entry.Carried(p, R, np.zeros(6)), 0.0)
+
+    def tick(self, clock: float) -> float:
+        """One control period at run time `clock` [s].
+
+        Returns:
+            0.0 while the current stage goes on; otherwise the event's number has been dealt with:
+            the machine has moved to another stage (and computed its first torque) or has ended.
+        """
+        self._terms.update(self.q, self.v)
+        now, runner = self._now, self._runner
+        now[0] = t = self.t = self._ticks * self._period
+        now[1] = clock
+        if t >= runner.next_knot:
+            runner.refresh(t)
+        runner.evaluate()
+        self._ticks += 1
+        event = self.outputs[0]
+        if event:
+            self._change(clock, runner.stage.events[int(event) - 1])
+        else:
+            runner.commit()
+        return float(event)
+
+    def _change(self, clock: float, event: events.Event) -> None:
+        stage = self.stage
+        value = float(self.outputs[1])
+        if event.kind == events.LIMIT:
+            self.ended = FAIL
+            self._note(clock, event, value, "")
+            return
+        good = event.kind in (events.UNTIL, events.DONE)
+        following = self._names[self.index + 1] if self.index + 1 < len(self._names) else END
+        to = (stage.spec.next or following) if good else (stage.spec.on_fail or FAIL)
+        if to in (END, FAIL):
+            self.ended = to
+            self._note(clock, event, value, to)
+            return
+        index = self._names.index(to)
+        attempts = self._runners[index].stage.spec.attempts
+        if attempts is not None and self._now[2 + index] >= attempts:
+            self.ended = FAIL
+            text = f"{event.text}; stage {to!r} has had its {attempts} attempts"
+            self._note(clock, events.Event(event.kind, "attempts", text), value, FAIL)
+            return
+        self._note(clock, event, value, to)
+        carried = entry.leave(stage, self.named_outputs())
+        self._enter(index, carried, clock)
+        self._runner.evaluate()
+        first = self.outputs[0]
+        if first and self.stage.events[int(first) - 1].kind == events.LIMIT:
+            self._change(clock, self.stage.events[int(first) - 1])
+            return
+        self._runner.commit()
+
+    def _note(self, clock: float, event: events.Event, value: float, to: str) -> None:
+        self.transitions.append(
+            Transition(clock, self.stage.name, event.kind, event.name, event.text, value, to)
+        )
+
+    def _enter(self, index: int, carried: entry.Carried, clock: float) -> None:
+        self.index, self._runner = index, self._runners[index]
+        self._ticks, self.t = 0, 0.0
+        self._now[0], self._now[1] = 0.0, clock
+        self._now[2 + index] += 1
+        self._runner.load(
+            entry.enter(self._runner.stage, self._robot, carried, self._tip(), self._inputs)
+        )
+        # The entry's own tick has t = 0; the next one comes a period later.
+        self._ticks = 1 if clock > 0.0 else 0
+
+    def _tip(self) -> tuple[Vector, Vector]:
+        p, R = self._terms.arrays[4], self._terms.arrays[5].reshape(3, 3, order="F")
+        tip = self._robot.tip
+        return p + R @ tip.translation, R @ tip.rotation
+
+    def named_outputs(self) -> dict[str, Vector]:
+        """The last outputs by name."""
+        named, at = {}, 0
+        for name, length in OUTPUTS:
+            named[name] = self.outputs[at : at + length]
+            at += length
+        return named

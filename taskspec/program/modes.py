@@ -1,0 +1,57 @@
+"""Who controls each axis of a stage: the file's axes, completed with holds, paths and forces."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from taskspec.control.gains import FORCE_LOOP_LAWS, has_force, is_soft
+from taskspec.motion.path import PathShape
+from taskspec.program.axis_reference import mode_of
+from taskspec.spec import Axis, Law
+
+
+@dataclass(frozen=True, slots=True)
+class AxisPlan:
+    """One axis of a stage.
+
+    Attributes:
+        axis: its entry in the file, or a hold where it has none.
+        mode: of its motion reference; see `axis_reference.mode_of`.
+        force: it has a force set point under a law with a force loop.
+        motion: its motion error is controlled.
+        soft: a motion axis of a hybrid law with its own stiffness or damping.
+        open_loop: its force set point displaces the motion reference.
+        world: a rotation that holds against the world although the frame turns.
+    """
+
+    axis: Axis
+    mode: str
+    force: bool
+    motion: bool
+    soft: bool
+    open_loop: bool
+    world: bool
+
+
+def plan_axes(
+    axes: tuple[str, ...], declared: Mapping[str, Axis], path: PathShape | None, law: Law
+) -> dict[str, AxisPlan]:
+    """The plan of every axis that exists."""
+    loop = law.kind in FORCE_LOOP_LAWS
+    plans = {}
+    for name in axes:
+        axis = declared.get(name) or Axis()
+        on_path = path is not None and name in path.axes
+        open_loop = has_force(axis) and not loop
+        force = has_force(axis) and loop
+        plans[name] = AxisPlan(
+            axis=axis,
+            mode=mode_of(axis, driven_by_path=on_path, open_loop=open_loop),
+            force=force,
+            motion=not force or law.kind == "parallel",
+            soft=law.kind == "hybrid" and is_soft(axis) and not force,
+            open_loop=open_loop,
+            world=axis.hold == "world" and name.startswith("r"),
+        )
+    return plans

@@ -1,0 +1,127 @@
+"""From a stage's `path` to the curve that drives its axes."""
+
+from __future__ import annotations
+
+from pathlib import Path as FilePath
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taskspec.motion.path import PathShape, coordinates
+from taskspec.motion.table import Table, TableError, read_table
+from taskspec.program.axes import existing_axes
+from taskspec.program.context import Context
+from taskspec.program.errors import spec_error
+from taskspec.spec import Path
+from taskspec.text.units import ANGLE, LENGTH, TIME, alternatives, fitting, parse_unit
+
+
+def path_shape(context: Context, name: str, rotation: NDArray[np.float64]) -> PathShape | None:
+    """The path of stage `name`, on the axes that it has coordinates for and `axes` does not name.
+
+    Args:
+        context: the task. name: of the stage. rotation: (3, 3) its frame at the start pose.
+
+    Raises:
+        SpecError: the table cannot be read, or the path drives an axis that does not exist.
+    """
+    stage = context.loaded.task.stages[name]
+    path = stage.path
+    if path is None:
+        return None
+    axes = existing_axes(context.robot.axes, rotation)
+    kind, numbers, turns, table = _contents(context, name, path)
+    own = list(table.points) if table is not None else list(numbers)
+    if kind == "arc":
+        own = ["x", "y"]
+    missing = [a for a in own if a not in axes and _moves(a, numbers, table)]
+    if missing:
+        raise spec_error(
+            context.loaded,
+            ("stages", name, "path"),
+            "TS220",
+            f"the path moves along {missing[0]!r}, which this arm cannot in this frame",
+            f"axes that exist here: {', '.join(axes)}",
+        )
+    driven = tuple(a for a in own if a in axes and a not in stage.axes)
+    if not driven:
+        raise spec_error(
+            context.loaded,
+            ("stages", name, "path"),
+            "TS222",
+            "the path drives no axis: `axes` names every axis that it has coordinates for",
+            "leave the axes that the path drives out of `axes`",
+        )
+    return PathShape(
+        kind=kind,
+        axes=driven,
+        numbers=numbers,
+        turns=turns,
+        center=tuple(path.arc.center[:2]) if path.arc is not None else (0.0, 0.0),
+        table=table,
+        speed=path.speed,
+        time=path.time,
+    )
+
+
+def _contents(
+    context: Context, name: str, path: Path
+) -> tuple[str, dict[str, float], dict[str, float], Table | None]:
+    if path.to is not None:
+        return "to", coordinates(path.to), {}, None
+    if path.line is not None:
+        return "line", coordinates(path.line.by), {}, None
+    if path.lissajous is not None:
+        shape = path.lissajous
+        return "lissajous", coordinates(shape.amplitude), coordinates(shape.turns), None
+    if path.arc is not None:
+        return "arc", {}, {"": path.arc.turns}, None
+    assert path.file is not None
+    return "file", {}, {}, _table(context, name, path)
+
+
+def _table(context: Context, name: str, path: Path) -> Table:
+    assert path.file is not None
+    loaded = context.loaded
+    folder = loaded.base or FilePath()
+    place = ("stages", name, "path", "file")
+    try:
+        table = read_table(folder / path.file, _factor)
+    except OSError as error:
+        message = f"cannot read {path.file!r}: {error.strerror}"
+        raise spec_error(loaded, place, "TS223", message) from error
+    except TableError as error:
+        at = f"{path.file}:{error.line}" if error.line else str(path.file)
+        raise spec_error(loaded, place, "TS223", f"{at}: {error}") from error
+    timed = table.time is not None
+    if not timed and path.speed is None and path.time is None:
+        raise spec_error(
+            context.loaded,
+            place,
+            "TS223",
+            f"{path.file} has no t column, so the path needs `speed` or `time`",
+        )
+    return table
+
+
+def _factor(unit: str, column: str) -> float:
+    """Factor to SI of a column's unit.
+
+    Raises:
+        ValueError: the unit does not exist or does not fit the column.
+    """
+    wanted = TIME if column == "t" else ANGLE if column.startswith("r") else LENGTH
+    fits = alternatives(fitting(wanted))
+    try:
+        found = parse_unit(unit)
+    except ValueError as error:
+        raise ValueError(f"column {column!r}: no unit {unit!r}; {fits} fit") from error
+    if found.dimension != wanted:
+        raise ValueError(f"column {column!r}: {unit!r} does not fit; {fits} do")
+    return float(found.scale)
+
+
+def _moves(axis: str, numbers: dict[str, float], table: Table | None) -> bool:
+    if table is not None:
+        return bool(np.ptp(table.points[axis]) > 0)
+    return numbers.get(axis, 1.0) != 0.0

@@ -1,0 +1,249 @@
+"""Motion and force references of a stage on its task axes, in every kind of frame."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import casadi as ca
+import numpy as np
+
+from taskspec.control.gains import Gains
+from taskspec.control.model_terms import TermSymbols
+from taskspec.control.reference import Reference, opposite
+from taskspec.control.state import AXES, TaskState
+from taskspec.motion import blend, polynomial
+from taskspec.motion.path import PathShape
+from taskspec.program import kinematics, signals
+from taskspec.program.algebra import CasadiAlgebra
+from taskspec.program.axis_reference import ReferenceBuilder, Translate
+from taskspec.program.clock import Clock
+from taskspec.program.context import Context
+from taskspec.program.coordinates import frame_coordinates
+from taskspec.program.frames import FrameModel
+from taskspec.program.layout import Layout
+from taskspec.program.modes import AxisPlan
+from taskspec.program.signals import SignalTable
+from taskspec.text.expression import Expression
+
+#: A force set point rises from the measured force in this time [s] (language.md section 7).
+DEFAULT_RAMP = 0.2
+
+
+@dataclass(frozen=True, slots=True)
+class ReferenceSet:
+    """References by axis name, and what they need to be carried on.
+
+    Attributes:
+        axes: rows of `vector`.
+        position, error: measured coordinate and e = r - x of every axis [m, rad].
+        coordinate: what the reference is held against; the gap along an open-loop force's axis.
+        position_ref, velocity_ref: of motion axes. force_ref: of force axes, applied by the robot.
+        law: the same as vectors over the task state's rows, in the theory's sign.
+        integrals: by force axis, integral of f_d - f as the robot applies it [N s].
+        updates: memory after this tick.
+        own, own_rate: (6,) r(0) of each mode before blending and its rate, for the entry.
+    """
+
+    axes: tuple[str, ...]
+    position: Mapping[str, ca.SX]
+    error: Mapping[str, ca.SX]
+    coordinate: Mapping[str, ca.SX]
+    position_ref: Mapping[str, ca.SX]
+    velocity_ref: Mapping[str, ca.SX]
+    force_ref: Mapping[str, ca.SX]
+    law: Reference
+    integrals: Mapping[str, ca.SX]
+    updates: dict[str, ca.SX]
+    own: ca.SX
+    own_rate: ca.SX = field(default_factory=lambda: ca.SX.zeros(6))
+
+    def six(self, values: Mapping[str, ca.SX]) -> ca.SX:
+        """(6,) in the order of the axes, NaN where there is no value."""
+        return ca.vertcat(*(values.get(a, ca.SX(np.nan)) for a in AXES))
+
+
+def build_references(
+    *,
+    context: Context,
+    frame: FrameModel,
+    at: kinematics.FrameState,
+    tool: kinematics.ToolPoint,
+    point: kinematics.ControlPoint,
+    terms: TermSymbols,
+    state: TaskState,
+    plans: Mapping[str, AxisPlan],
+    gains: Gains,
+    path: PathShape | None,
+    gap: ca.SX | None,
+    normal: ca.SX | None,
+    stiffness: float,
+    clock: Clock,
+    memory: Layout,
+    parameters: Layout,
+    table: SignalTable,
+    algebra: CasadiAlgebra,
+) -> ReferenceSet:
+    """All references of a stage; adds the signals that depend on them to `table`."""
+
+    def translate(expression: Expression) -> ca.SX:
+        return algebra.translate(expression, table.lookup)
+
+    builder = ReferenceBuilder(clock, parameters, memory, translate, context.period)
+    path_values = _path(path, clock, parameters)
+    table.scalars["path_done"] = (
+        clock.t >= parameters.add("path_end") - context.period / 2 if path else ca.SX(0)
+    )
+    coordinates = frame_coordinates(
+        frame=frame,
+        at=at,
+        tool=tool,
+        point=point,
+        terms=terms,
+        gap=gap,
+        clock=clock,
+        memory=memory,
+        parameters=parameters,
+        plans=plans,
+    )
+    table.scalars |= {f"position.{a}": x for a, x in coordinates.position.items()}
+
+    forces = {
+        name: _force(name, plan, clock, parameters, translate)
+        for name, plan in plans.items()
+        if plan.force or plan.open_loop
+    }
+    motions = {
+        name: builder.build(
+            name,
+            plan.mode,
+            plan.axis,
+            path_value=path_values.get(name),
+            open_loop_value=_displacement(name, plan, forces, gains, stiffness),
+        )
+        for name, plan in plans.items()
+        if plan.motion
+    }
+    normals = _open_loop_normals(plans, at, gap, normal)
+    tracked = coordinates.track(motions, normals)
+    table.scalars |= {f"error.{a}": e for a, e in tracked.error.items() if plans[a].motion}
+
+    updates = dict(tracked.updates)
+    for name, motion in motions.items():
+        if motion.integral_step is not None:
+            slot = f"travelled.{name}"
+            updates[slot] = memory.symbol(slot) + motion.integral_step
+    integrals = _integrate(plans, forces, table, memory, updates, context.period)
+    axes = state.axes
+    zero = ca.SX(0)
+    reference = Reference(
+        error=ca.vertcat(*(tracked.error.get(a, zero) for a in axes)),
+        velocity=ca.vertcat(*(tracked.velocity[a] for a in axes)),
+        acceleration=ca.vertcat(*(tracked.acceleration[a] for a in axes)),
+        force=opposite(ca.vertcat(*(forces.get(a, zero) for a in axes))),
+        force_integral=opposite(ca.vertcat(*(integrals.get(a, zero) for a in axes))),
+    )
+    return ReferenceSet(
+        axes=axes,
+        position=coordinates.position,
+        error={a: tracked.error[a] for a in motions},
+        coordinate=coordinates.position | normals,
+        position_ref={a: coordinates.position[a] + tracked.error[a] for a in motions},
+        velocity_ref={a: tracked.velocity[a] for a in motions},
+        force_ref=forces,
+        law=reference,
+        integrals=integrals,
+        updates=updates,
+        own=ca.vertcat(*(motions[a].own[0] if a in motions else zero for a in AXES)),
+        own_rate=ca.vertcat(*(motions[a].own[1] if a in motions else zero for a in AXES)),
+    )
+
+
+def _path(path: PathShape | None, clock: Clock, parameters: Layout) -> dict[str, ca.SX]:
+    """Coordinates of the axes that a path drives."""
+    if path is None:
+        return {}
+    timing = parameters.add("segment.path", polynomial.SEGMENT_SIZE)
+    needed = path.axes if path.table is None else ()
+    # An arc needs both coordinates of its start even where it drives one of them.
+    needed = ("x", "y") if path.kind == "arc" else needed
+    start = {a: parameters.add(f"path_start.{a}") for a in needed}
+    segments = (
+        {a: parameters.add(f"table.{a}", polynomial.SEGMENT_SIZE) for a in path.axes}
+        if path.table is not None
+        else {}
+    )
+    return path.curve(polynomial.evaluate(timing, clock.t), start, segments)
+
+
+def _force(
+    name: str, plan: AxisPlan, clock: Clock, parameters: Layout, translate: Translate
+) -> ca.SX:
+    """The set point as the robot applies it, risen from the force measured at entry."""
+    expression = plan.axis.force if plan.axis.force is not None else plan.axis.torque
+    assert expression is not None
+    wanted = translate(expression)
+    at_entry = parameters.add(f"force_at_entry.{name}")
+    ramp = DEFAULT_RAMP if plan.axis.ramp is None else plan.axis.ramp
+    share = blend.ramp_shape(clock.t / ramp) if ramp > 0 else ca.SX(1)
+    return at_entry + share * (wanted - at_entry)
+
+
+def _displacement(
+    name: str,
+    plan: AxisPlan,
+    forces: Mapping[str, ca.SX],
+    gains: Gains,
+    k: float,
+) -> ca.SX | None:
+    """f (1/k_m + 1/k_e): how far an open-loop force displaces the motion reference."""
+    if not plan.open_loop:
+        return None
+    own = 1 / gains["stiffness"][name].value
+    contact = 1 / k if k > 0 and not name.startswith("r") else 0.0
+    return forces[name] * (own + contact)
+
+
+def _open_loop_normals(
+    plans: Mapping[str, AxisPlan],
+    at: kinematics.FrameState,
+    gap: ca.SX | None,
+    normal: ca.SX | None,
+) -> dict[str, ca.SX]:
+    """The believed gap counted along each open-loop translation."""
+    if gap is None or normal is None:
+        return {}
+    return {
+        name: gap * ca.dot(at.R[:, AXES.index(name)], normal)
+        for name, plan in plans.items()
+        if plan.open_loop and not name.startswith("r")
+    }
+
+
+def _integrate(
+    plans: Mapping[str, AxisPlan],
+    forces: Mapping[str, ca.SX],
+    table: SignalTable,
+    memory: Layout,
+    updates: dict[str, ca.SX],
+    period: float,
+) -> dict[str, ca.SX]:
+    """Integrals of f_d - f, as the robot applies it.
+
+    They rest while nothing is touched although a force is wanted: in free space the error never
+    ends, and the wound-up integral would arrive at the surface as an impact.
+    """
+    looped = {a: f for a, f in forces.items() if plans[a].force}
+    if not looped:
+        return {}
+    wanted = ca.norm_2(ca.vertcat(*(f for a, f in looped.items() if not a.startswith("r")), 0))
+    active = ca.logic_or(table.scalars["touching"], wanted < signals.TOUCHING)
+    integrals = {}
+    for name, force in looped.items():
+        slot = f"integral.{name}"
+        integral = memory.add(slot)
+        kind = "torque" if name.startswith("r") else "force"
+        error = force - table.scalars[f"{kind}.{name}"]
+        integrals[name] = integral
+        updates[slot] = integral + ca.if_else(active, period * error, 0)
+    return integrals

@@ -1,0 +1,98 @@
+"""The signals of a stage, by the names that task files, guards and logs use."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import casadi as ca
+
+from taskspec.control.model_terms import TermSymbols
+from taskspec.control.reference import opposite
+from taskspec.control.state import AXES
+from taskspec.geometry.surface import Surface
+from taskspec.program import kinematics
+from taskspec.program.frames import FrameModel
+from taskspec.robot import RobotModel
+from taskspec.text.expression.tree import Name
+
+#: |force| above which the tool touches [N] (language.md section 4).
+TOUCHING = 0.5
+_VECTORS = ("force", "torque", "position", "velocity", "error")
+
+
+class UnknownSignalError(KeyError):
+    """A name that this stage cannot evaluate; the message says why."""
+
+
+@dataclass(slots=True)
+class SignalTable:
+    """Measured signals as expressions; grows while the stage is put together.
+
+    Attributes:
+        scalars: by full name, such as `force.z` or `gap`.
+        axes: axes that exist in the stage's frame.
+        elsewhere: resolves `signal in FRAME`.
+    """
+
+    scalars: dict[str, ca.SX]
+    axes: tuple[str, ...]
+    elsewhere: Callable[[str, str], ca.SX]
+
+    def lookup(self, name: Name) -> ca.SX:
+        """A signal or a constant."""
+        text = ".".join(name.path)
+        if name.frame is not None:
+            return self.elsewhere(text, name.frame)
+        if text in self.scalars:
+            return self.scalars[text]
+        if name.path[0] in _VECTORS and len(name.path) == 2 and name.path[1] not in self.axes:
+            return ca.SX(0)  # A component of `norm(force)` that this arm does not have.
+        raise UnknownSignalError(text)
+
+
+def wrench_signals(axes: tuple[str, ...], wrench: ca.SX) -> dict[str, ca.SX]:
+    """`force.*` and `torque.*` of a (6,) wrench that the robot applies, in frame axes."""
+    return {
+        f"{'torque' if a.startswith('r') else 'force'}.{a}": wrench[AXES.index(a)] for a in axes
+    }
+
+
+@dataclass(frozen=True, slots=True)
+class Resolver:
+    """Resolves a signal in another frame than the stage's, at the stage's control point."""
+
+    robot: RobotModel
+    frames: Mapping[str, FrameModel]
+    terms: TermSymbols
+    tool: kinematics.ToolPoint
+    point: kinematics.ControlPoint
+
+    def __call__(self, signal: str, frame_name: str) -> ca.SX:
+        """The component or vector `signal` in the axes of frame `frame_name`."""
+        frame = self.frames[frame_name]
+        face = None
+        if frame.kind == "following" and frame.surface is not None and frame.surface.kind == "box":
+            raise UnknownSignalError(f"{signal} in {frame_name}: the faces of a box are followed "
+                                     "only by the stage's own frame")
+        R = kinematics.frame_state(frame, self.terms, self.tool, face).R
+        kind, _, axis = signal.partition(".")
+        if kind in ("force", "torque"):
+            wrench = opposite(self.point.wrench)
+            vector = ca.vertcat(R.T @ wrench[:3], R.T @ wrench[3:])
+        elif kind == "velocity":
+            vector = ca.vertcat(R.T @ self.point.twist[:3], R.T @ self.point.twist[3:])
+        elif kind == "position" and frame.kind == "fixed" and not axis.startswith("r"):
+            vector = R.T @ (self.point.p - ca.DM(frame.origin))
+        else:
+            raise UnknownSignalError(f"{signal} in {frame_name}")
+        if axis:
+            return vector[AXES.index(axis)]
+        return vector[3:6] if kind == "torque" else vector[:3]
+
+
+def gaps(
+    robot: RobotModel, surfaces: Mapping[str, Surface], p: ca.SX, R: ca.SX
+) -> dict[str, ca.SX]:
+    """Signed distance [m] of the tool's shape from every object, by object name."""
+    return {name: kinematics.gap(robot, surface, p, R) for name, surface in surfaces.items()}

@@ -1,0 +1,94 @@
+"""A robot's file as compiled by MuJoCo, before anything is taken from it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import mujoco
+import numpy as np
+
+from taskspec.robot.errors import RobotError
+
+if TYPE_CHECKING:
+    import numpy.typing as npt
+
+    Array = npt.NDArray[np.float64]
+
+BOUND_MASS = 1e-9
+"""Mass [kg] that stands for none, since MuJoCo compiles no moving body without."""
+
+BOUND_INERTIA = 1e-12
+"""Inertia [kg·m²] that goes with `BOUND_MASS`."""
+
+
+@dataclass(frozen=True, slots=True)
+class Description:
+    """What a robot's file says.
+
+    Attributes:
+        name: The built-in name, or the stem of the file.
+        model: The file as it is, compiled.
+        source: Where the numbers come from.
+        velocity: Velocity limits by joint id [rad/s or m/s].
+        mimics: Joints that follow another one, which none of an arm's may.
+        notes: What could not be read as it is written.
+    """
+
+    name: str
+    model: mujoco.MjModel
+    source: str
+    velocity: Mapping[int, float] = field(default_factory=dict)
+    mimics: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+
+
+def texts(m: mujoco.MjModel) -> dict[str, str]:
+    """The `<custom><text>` elements of a model, by name."""
+    found = {}
+    for i in range(m.ntext):
+        start = m.text_adr[i]
+        data = bytes(m.text_data[start : start + m.text_size[i] - 1])
+        found[mujoco.mj_id2name(m, mujoco.mjtObj.mjOBJ_TEXT, i)] = data.decode()
+    return found
+
+
+def velocity_limits(m: mujoco.MjModel) -> dict[int, float]:
+    """What `<custom><numeric name="velocity_limit">` says, one value per joint, by joint id.
+
+    Raises:
+        RobotError: TS405 when there are more or fewer values than joints.
+    """
+    i = mujoco.mj_name2id(m, mujoco.mjtObj.mjOBJ_NUMERIC, "velocity_limit")
+    if i < 0:
+        return {}
+    start = m.numeric_adr[i]
+    data = m.numeric_data[start : start + m.numeric_size[i]]
+    if len(data) != m.njnt:
+        raise RobotError(
+            "TS405",
+            f"velocity_limit has {len(data)} values, the file has {m.njnt} joints",
+            "give one for every joint, in the file's order, in rad/s or m/s",
+        )
+    return {j: float(limit) for j, limit in enumerate(data) if limit > 0}
+
+
+def torque_limit(m: mujoco.MjModel, joint: int) -> float:
+    """The largest torque or force that the file allows on a joint [N·m or N]."""
+    limit = float(np.abs(m.jnt_actfrcrange[joint]).min()) if m.jnt_actfrclimited[joint] else np.inf
+    for i in range(m.nu):
+        on_joint = m.actuator_trntype[i] in _ON_JOINT and m.actuator_trnid[i, 0] == joint
+        gear = abs(float(m.actuator_gear[i, 0]))
+        if not on_joint or gear == 0:
+            continue
+        if m.actuator_forcelimited[i]:
+            limit = min(limit, gear * float(np.abs(m.actuator_forcerange[i]).min()))
+        motor = m.actuator_biastype[i] == mujoco.mjtBias.mjBIAS_NONE
+        if motor and m.actuator_ctrllimited[i]:
+            gain = gear * abs(float(m.actuator_gainprm[i, 0]))
+            limit = min(limit, gain * float(np.abs(m.actuator_ctrlrange[i]).min()))
+    return limit if limit > 0 else np.inf
+
+
+_ON_JOINT = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))

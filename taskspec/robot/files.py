@@ -1,0 +1,185 @@
+"""Reading a robot's files: what may be opened, and how large it may be."""
+
+from __future__ import annotations
+
+import re
+import stat
+from dataclasses import dataclass
+from pathlib import Path
+from xml.etree import ElementTree
+
+from taskspec.robot.errors import RobotError
+
+SUFFIXES = (".xml", ".mjcf", ".urdf")
+MESH_SUFFIXES = (".stl", ".obj", ".msh")
+
+_MODEL_BYTES = 8 * 2**20
+_MESH_BYTES = 64 * 2**20
+_ELEMENTS = 20_000
+_DEPTH = 200
+_PARENTS = 8
+_NAN = re.compile(r"(?:^|\s)[+-]?nan(?:\s|$)", re.IGNORECASE)
+_NAMES = frozenset(
+    {"name", "class", "childclass", "link", "joint", "body", "site", "file", "filename"}
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Roots:
+    """The folders whose files a robot's file may include.
+
+    Attributes:
+        model: The folder of the robot's file.
+        task: The folder of the task file.
+    """
+
+    model: Path
+    task: Path
+
+    def hold(self, path: Path) -> bool:
+        """Whether the file that `path` really is lies in one of the folders."""
+        real = path.resolve()
+        return any(real.is_relative_to(root.resolve()) for root in (self.model, self.task))
+
+
+def looks_like_path(model: str) -> bool:
+    """Whether `robot.model` means a file rather than a built-in robot."""
+    return any(mark in model for mark in "/\\.")
+
+
+def read_model(path: Path, shown: str) -> str:
+    """The text of a robot's file.
+
+    Args:
+        path: Where it is.
+        shown: How the user wrote it.
+
+    Raises:
+        RobotError: TS401 when there is none, TS402 when it is not a regular text file of a known
+            kind.
+    """
+    if path.suffix.lower() not in SUFFIXES:
+        hint = (
+            "expand it first: xacro arm.urdf.xacro > arm.urdf" if ".xacro" in path.suffixes else ""
+        )
+        raise RobotError(
+            "TS402",
+            f"'{shown}' is neither MJCF nor URDF by its ending",
+            hint or f"known endings are {', '.join(SUFFIXES)}",
+        )
+    data = _read(path, shown, _MODEL_BYTES)
+    if data is None:
+        raise RobotError(
+            "TS401", f"there is no file '{shown}'", f"paths are relative to the task file: {path}"
+        )
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise RobotError(
+            "TS402", f"'{shown}' is not UTF-8 text (byte {error.start})", "save it as UTF-8"
+        ) from None
+
+
+def read_mesh(path: Path) -> bytes | None:
+    """The bytes of a mesh; None where it is absent, too large or of a kind that is not drawn."""
+    if path.suffix.lower() not in MESH_SUFFIXES:
+        return None
+    try:
+        return _read(path, path.name, _MESH_BYTES)
+    except RobotError:
+        return None
+
+
+def find_mesh(uri: str, folder: Path, roots: Roots) -> Path | None:
+    """The file that a mesh's URI means, or None.
+
+    `package://NAME/rest` and `model://NAME/rest` are looked for as `NAME/rest` and `rest` beside
+    the robot's file and in the folders above it.
+
+    Args:
+        uri: As written in the robot's file.
+        folder: Where relative paths begin.
+        roots: Where other files may lie.
+    """
+    scheme, _, rest = uri.rpartition("://")
+    parts = Path(rest.replace("\\", "/")).parts
+    if ".." in parts and scheme not in ("", "file"):
+        return None
+    if scheme in ("package", "model"):
+        for above in (roots.model, *roots.model.resolve().parents[:_PARENTS]):
+            for relative in (parts, parts[1:]):
+                if relative and above.joinpath(*relative).is_file():
+                    return above.joinpath(*relative)
+        return None
+    path = folder / Path(*parts) if parts else folder
+    return path if path.is_file() and roots.hold(path) else None
+
+
+def parse_xml(text: str, shown: str) -> ElementTree.Element:
+    """The elements of a robot's file.
+
+    Raises:
+        RobotError: TS402 when it is not XML; TS403 when it defines a document type, is too deep,
+            has too many elements or a NaN.
+    """
+    if "<!DOCTYPE" in text or "<!ENTITY" in text:
+        raise RobotError("TS403", f"'{shown}' defines a document type", "remove the <!DOCTYPE …>")
+    try:
+        root = ElementTree.fromstring(text)
+    except ElementTree.ParseError as error:
+        line, column = error.position
+        raise RobotError(
+            "TS402",
+            f"'{shown}' is not well-formed XML: line {line}, column {column + 1}",
+            str(error).split(":", maxsplit=1)[0],
+        ) from None
+    _check_size(root, shown)
+    return root
+
+
+def on_one_line(root: ElementTree.Element) -> str:
+    """The text of elements that were changed, whose line numbers would say nothing."""
+    return " ".join(ElementTree.tostring(root, encoding="unicode").split())
+
+
+def _check_size(root: ElementTree.Element, shown: str) -> None:
+    level, depth, count = [root], 0, 0
+    while level:
+        depth, count = depth + 1, count + len(level)
+        if depth > _DEPTH or count > _ELEMENTS:
+            what = (
+                f"nested deeper than {_DEPTH}"
+                if depth > _DEPTH
+                else f"more than {_ELEMENTS} elements"
+            )
+            raise RobotError(
+                "TS403", f"'{shown}' is too large: {what}", "leave the arm alone in it"
+            )
+        for element in level:
+            for key, value in element.attrib.items():
+                if key not in _NAMES and _NAN.search(value):
+                    name = element.get("name")
+                    tag = f"<{element.tag} name='{name}'>" if name else f"<{element.tag}>"
+                    raise RobotError(
+                        "TS405", f"'{shown}' has a NaN: {key} of {tag}", "write the number"
+                    )
+        level = [child for element in level for child in element]
+
+
+def _read(path: Path, shown: str, limit: int) -> bytes | None:
+    try:
+        status = path.stat()
+        if not stat.S_ISREG(status.st_mode):
+            raise RobotError("TS402", f"'{shown}' is not a regular file")
+        if status.st_size > limit:
+            raise RobotError(
+                "TS402",
+                f"'{shown}' has {status.st_size / 2**20:.1f} MiB, more than {limit // 2**20} MiB",
+                "leave the arm alone in it",
+            )
+        return path.read_bytes()
+    except FileNotFoundError:
+        return None
+    except (OSError, ValueError) as error:
+        reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+        raise RobotError("TS402", f"'{shown}' cannot be read: {reason}") from None

@@ -1,0 +1,167 @@
+"""Joint positions that put the tool tip where it is asked to be."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pinocchio as pin
+
+from taskspec.robot.mobility import resolved_jacobian
+from taskspec.robot.types import RobotModel
+
+if TYPE_CHECKING:
+    import numpy.typing as npt
+
+    Array = npt.NDArray[np.float64]
+
+SOLVED = 1e-9
+"""Norm of the error [m, rad] below which a target counts as reached."""
+
+_TOLERANCE = 1e-12
+_ITERATIONS = 300
+_STEP = 0.3
+_LEAST_GAIN = 1e-7
+_RESTARTS = 30
+_NEAR = 1.0
+_ENOUGH = 12
+_HOMING = 60
+_MARGIN = 0.005
+
+
+@dataclass(frozen=True, slots=True)
+class Target:
+    """What the tip is asked for.
+
+    Attributes:
+        position: (3,) [m], world.
+        rotation: (3, 3) of the tip frame in the world; None leaves it free.
+        weight: How much a metre counts against a radian where not both can be had.
+    """
+
+    position: Array
+    rotation: Array | None = None
+    weight: float = 1.0
+
+
+class InverseKinematics:
+    """Levenberg-Marquardt inside the joint limits, restarted from drawn configurations.
+
+    It minimises |e(q)|², e = (p_d - p, log(R_d Rᵀ)), by q += Jᵀ(J Jᵀ + μ I)⁻¹ e, μ shrinking with
+    success; joints that press against a limit take no part. Draws come from a fixed seed, so that
+    equal questions have equal answers.
+    """
+
+    def __init__(self, robot: RobotModel) -> None:
+        self.robot = robot
+        self._data = robot.pin.createData()
+        finite = np.isfinite(robot.upper - robot.lower)
+        span = np.where(finite, robot.upper - robot.lower, 0.0)
+        self.lower = robot.lower + _MARGIN * span
+        self.upper = robot.upper - _MARGIN * span
+
+    def pose(self, q: Array) -> pin.SE3:
+        """The tip's pose in the world at `q` (n,)."""
+        pin.forwardKinematics(self.robot.pin, self._data, q)
+        return self._data.oMi[self.robot.tip_joint] * self.robot.tip
+
+    def error(self, q: Array, target: Target) -> Array:
+        """What is missing at `q` (n,), world: weighted translation, then rotation vector (6,)."""
+        at = self.pose(q)
+        missing: Array = target.weight * (target.position - at.translation)
+        if target.rotation is None:
+            return missing
+        return np.concatenate((missing, pin.log3(target.rotation @ at.rotation.T)))
+
+    def nearest_home(self, target: Target) -> tuple[Array, float]:
+        """The solution nearest the robot's home, or the best that was found.
+
+        Returns:
+            Joint positions (n,) and the norm of their error, below `SOLVED` when the target is
+            reached.
+        """
+        home = self.robot.home
+        best, least = self.descend(home, target)
+        if least > SOLVED or np.abs(best - home).max() > _NEAR:
+            found = [best] if least <= SOLVED else []
+            for start in self._draws():
+                q, missing = self.descend(start, target)
+                if missing < least:
+                    best, least = q, missing
+                if missing <= SOLVED:
+                    found.append(self._unwound(q))
+                if len(found) == _ENOUGH:
+                    break
+            if not found:
+                return best, least
+            best = min(found, key=lambda q: float(np.linalg.norm(q - home)))
+        return self._homed(best, target)
+
+    def descend(self, start: Array, target: Target) -> tuple[Array, float]:
+        """Descend from `start` (n,); returns the configuration found and its error's norm."""
+        q = np.clip(start, self.lower, self.upper)
+        e = self.error(q, target)
+        size = float(np.linalg.norm(e))
+        damping = 1e-4
+        for _ in range(_ITERATIONS):
+            if size < _TOLERANCE or damping > 1e4:
+                break
+            J = self._jacobian(q, target)
+            pull = J.T @ e
+            pressed = ((q <= self.lower) & (pull < 0)) | ((q >= self.upper) & (pull > 0))
+            J = np.where(pressed, 0.0, J)
+            step = J.T @ np.linalg.solve(J @ J.T + damping * np.eye(len(e)), e)
+            step *= min(1.0, _STEP / max(float(np.abs(step).max()), _TOLERANCE))
+            q_next = np.clip(q + step, self.lower, self.upper)
+            e_next = self.error(q_next, target)
+            size_next = float(np.linalg.norm(e_next))
+            if size_next >= size:
+                damping *= 10
+                continue
+            stalled = size - size_next < _LEAST_GAIN * size and size > SOLVED
+            q, e, size, damping = q_next, e_next, size_next, max(damping / 10, 1e-14)
+            if stalled:
+                break
+        return q, size
+
+    def _homed(self, q: Array, target: Target) -> tuple[Array, float]:
+        """Move along the solutions of `target` towards home, as long as that comes nearer."""
+        home = self.robot.home
+        for _ in range(_HOMING):
+            J = self._jacobian(q, target)
+            away = home - q
+            away = away - np.linalg.pinv(J, rcond=1e-6) @ (J @ away)
+            if np.linalg.norm(away) < 1e-7:
+                break
+            q_next, missing = self.descend(
+                q + away * min(1.0, _STEP / float(np.abs(away).max())), target
+            )
+            nearer = np.linalg.norm(q_next - home) < np.linalg.norm(q - home)
+            if missing > SOLVED or not nearer:
+                break
+            q = q_next
+        return q, float(np.linalg.norm(self.error(q, target)))
+
+    def _jacobian(self, q: Array, target: Target) -> Array:
+        robot = self.robot
+        pin.computeJointJacobians(robot.pin, self._data, q)
+        J = resolved_jacobian(robot.pin, self._data, robot.tip_joint, robot.tip)
+        J[:3] *= target.weight
+        return J if target.rotation is not None else J[:3]
+
+    def _draws(self) -> list[Array]:
+        rng = np.random.default_rng(0)
+        home = self.robot.home
+        # A joint that turns more than once is drawn within half a turn of home.
+        lower, upper = np.maximum(self.lower, home - np.pi), np.minimum(self.upper, home + np.pi)
+        return [rng.uniform(lower, upper) for _ in range(_RESTARTS)]
+
+    def _unwound(self, q: Array) -> Array:
+        """The same pose with every hinge within half a turn of home, where its limits allow it."""
+        turns = np.array(
+            [joint.shortname().startswith("JointModelR") for joint in self.robot.pin.joints[1:]]
+        )
+        unwound = q - 2 * np.pi * np.round((q - self.robot.home) / (2 * np.pi)) * turns
+        fits = (unwound >= self.lower) & (unwound <= self.upper)
+        return np.where(fits, unwound, q)

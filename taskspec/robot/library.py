@@ -1,0 +1,44 @@
+"""The built-in robots."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+from xml.etree import ElementTree
+
+import mujoco
+
+from taskspec.robot.description import Description, texts, velocity_limits
+from taskspec.robot.types import RobotSummary
+
+_MODELS = Path(__file__).parent / "models"
+_PLANAR = {"planar2": ("x", "y"), "planar3": ("x", "y", "rz")}
+
+
+@cache
+def builtin_names() -> tuple[str, ...]:
+    """The names that `robot.model` may say, sorted by number of joints."""
+    found = {path.stem: path for path in _MODELS.glob("*.xml")}
+    return tuple(sorted(found, key=lambda name: (_joints(found[name]), name)))
+
+
+def builtin_robots() -> tuple[RobotSummary, ...]:
+    """One line about each built-in robot."""
+    summaries = []
+    for name in builtin_names():
+        root = ElementTree.parse(_MODELS / f"{name}.xml").getroot()
+        text = {e.get("name"): e.get("data", "") for e in root.iterfind("custom/text")}
+        axes = _PLANAR.get(name, ("x", "y", "z", "rx", "ry", "rz"))
+        joints = _joints(_MODELS / f"{name}.xml")
+        summaries.append(RobotSummary(name, text["about"], joints, axes, text["source"]))
+    return tuple(summaries)
+
+
+def read_builtin(name: str) -> Description:
+    """The built-in robot `name`, one of `builtin_names()`."""
+    m = mujoco.MjSpec.from_file(str(_MODELS / f"{name}.xml")).compile()
+    return Description(name, m, texts(m)["source"], velocity_limits(m))
+
+
+def _joints(path: Path) -> int:
+    return len(ElementTree.parse(path).getroot().findall(".//body/joint"))

@@ -1,0 +1,162 @@
+"""From the `robot` section of a task file to the robot's two models."""
+
+from __future__ import annotations
+
+import difflib
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import mujoco
+import numpy as np
+import pinocchio as pin
+
+from taskspec.robot.chain import Chain, find_chain
+from taskspec.robot.description import Description, torque_limit
+from taskspec.robot.errors import RobotError
+from taskspec.robot.files import looks_like_path
+from taskspec.robot.library import builtin_names, read_builtin
+from taskspec.robot.mobility import is_planar, tip_axes
+from taskspec.robot.own import read_own
+from taskspec.robot.pinocchio_model import pinocchio_model
+from taskspec.robot.poses import pose_of_rpy
+from taskspec.robot.rebuild import rebuild
+from taskspec.robot.tool import attach, make_tool
+from taskspec.robot.types import RobotLike, RobotModel
+
+if TYPE_CHECKING:
+    import numpy.typing as npt
+
+    Array = npt.NDArray[np.float64]
+
+_LEAST_INERTIA = 1e-8
+
+
+def load_robot(robot: RobotLike, base_dir: Path | None = None) -> RobotModel:
+    """The models of the robot that a task file names, on its base and with its tool.
+
+    Args:
+        robot: The file's `robot` section; lengths in m, angles in rad, masses in kg.
+        base_dir: Where a path in `robot.model` begins; None is the working directory.
+
+    Raises:
+        RobotError: TS401 to TS408; see `taskspec.text.codes`.
+    """
+    description = _describe(robot.model, base_dir)
+    m = description.model
+    chain = find_chain(m, robot.flange)
+    joints = list(chain.joints)
+    _check_mimics(description, chain)
+    whole_home = home_configuration(m)
+    base = pose_of_rpy(robot.base.xyz, robot.base.rpy)
+    arm = rebuild(m, chain, whole_home, base)
+    planar = is_planar(m, chain)
+    flange = _tool_mount(chain, planar)
+    tool = make_tool(robot.tool, planar is not None)
+    tip_body, tool_geoms = attach(arm.carrier, flange, tool, set(arm.body_names))
+    torques = np.array([torque_limit(m, j) for j in joints])
+    _add_motors(arm.spec, arm.joint_names, torques)
+    model = arm.spec.compile()
+    twin, carried = pinocchio_model(model)
+    tip_joint, tip = carried[model.body(tip_body).id]
+    twin.addFrame(pin.Frame("tip", tip_joint, 0, tip, pin.FrameType.OP_FRAME))
+    _check_inertia(twin, whole_home[m.jnt_qposadr[joints]])
+    axes = tip_axes(twin, tip_joint, tip)
+    limited = m.jnt_limited[joints].astype(bool)
+    velocity = [description.velocity.get(j, np.inf) for j in joints]
+    return RobotModel(
+        name=description.name,
+        spec=arm.spec,
+        model=model,
+        pin=twin,
+        joint_names=arm.joint_names,
+        axes=axes,
+        home=whole_home[m.jnt_qposadr[joints]],
+        lower=np.where(limited, m.jnt_range[joints, 0], -np.inf),
+        upper=np.where(limited, m.jnt_range[joints, 1], np.inf),
+        velocity_limit=np.array(velocity, dtype=float),
+        torque_limit=torques,
+        tip_joint=tip_joint,
+        tip=tip,
+        tool=tool.geometry,
+        tool_geoms=tool_geoms,
+        tip_body=tip_body,
+        source=description.source,
+        notes=description.notes + arm.notes + _short_of(axes, planar is not None),
+    )
+
+
+def home_configuration(m: mujoco.MjModel) -> Array:
+    """The configuration (nq,) of the file's keyframe `home`, of its first one, or its zero.
+
+    A joint that would be out of its range there is put in the middle of it.
+    """
+    key = max(mujoco.mj_name2id(m, mujoco.mjtObj.mjOBJ_KEY, "home"), 0)
+    q = np.array(m.key_qpos[key] if m.nkey else m.qpos0)
+    for j in range(m.njnt):
+        lower, upper = m.jnt_range[j]
+        if m.jnt_limited[j] and not lower <= q[m.jnt_qposadr[j]] <= upper:
+            q[m.jnt_qposadr[j]] = (lower + upper) / 2
+    return q
+
+
+def _check_mimics(description: Description, chain: Chain) -> None:
+    for j in chain.joints:
+        name = description.model.joint(j).name
+        if name in description.mimics:
+            raise RobotError(
+                "TS405",
+                f"joint '{name}' mimics another joint",
+                "an arm moves every joint by itself: name a flange before this one",
+                ("flange",),
+            )
+
+
+def _short_of(axes: tuple[str, ...], planar: bool) -> tuple[str, ...]:
+    if planar or any(axis.startswith("r") for axis in axes):
+        return ()
+    return (f"only {', '.join(axes)} of the tool tip can be controlled: orientations follow",)
+
+
+def _check_inertia(twin: pin.Model, home: Array) -> None:
+    """Refuse an arm of which a joint moves nothing that has a mass."""
+    data = twin.createData()
+    H = pin.crba(twin, data, home)
+    H = np.triu(H) + np.triu(H, 1).T
+    moments, directions = np.linalg.eigh(H)
+    if moments[0] < _LEAST_INERTIA:
+        name = twin.names[1 + int(np.abs(directions[:, 0]).argmax())]
+        raise RobotError(
+            "TS405",
+            f"joint '{name}' moves nothing that has a mass",
+            "give the bodies behind it an <inertial> with mass and inertia, or the tool a mass",
+        )
+
+
+def _describe(name: str, base_dir: Path | None) -> Description:
+    if name in builtin_names():
+        return read_builtin(name)
+    if looks_like_path(name):
+        return read_own(name, base_dir or Path.cwd())
+    close = difflib.get_close_matches(name, builtin_names(), 1)
+    raise RobotError(
+        "TS401",
+        f"there is no robot '{name}'",
+        f"did you mean '{close[0]}'?"
+        if close
+        else f"built in are {', '.join(builtin_names())}; or give the path of an MJCF or URDF file",
+    )
+
+
+def _tool_mount(chain: Chain, planar: Array | None) -> pin.SE3:
+    """The flange with z where the tool goes: a planar link's x, unless a frame says otherwise."""
+    if planar is None or chain.explicit:
+        return chain.flange
+    return chain.flange * pin.SE3(pin.utils.rotate("y", np.pi / 2), np.zeros(3))
+
+
+def _add_motors(spec: mujoco.MjSpec, joints: tuple[str, ...], limits: Array) -> None:
+    for name, limit in zip(joints, limits, strict=True):
+        motor = spec.add_actuator(name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
+        motor.set_to_motor()
+        motor.ctrllimited = bool(np.isfinite(limit))
+        motor.ctrlrange = [-limit, limit] if np.isfinite(limit) else [0.0, 0.0]

@@ -1,0 +1,138 @@
+"""People's MJCF files: includes, meshes, and what MuJoCo is not let near."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from xml.etree import ElementTree
+
+import mujoco
+
+from taskspec.robot.chain import FRAME_SITE
+from taskspec.robot.errors import RobotError
+from taskspec.robot.files import Roots, find_mesh, on_one_line, parse_xml, read_mesh, read_model
+
+_INCLUDES = 20
+_COPIES = 200
+_REFUSED = {
+    "extension": "plugins are programs",
+    "plugin": "plugins are programs",
+    "composite": "an arm has rigid bodies",
+    "flexcomp": "an arm has rigid bodies",
+    "deformable": "an arm has rigid bodies",
+    "attach": "use <include> instead",
+    "model": "use <include> instead",
+}
+
+
+def mjcf_text(text: str, root: ElementTree.Element, shown: str, roots: Roots) -> str:
+    """An MJCF file with its includes in place.
+
+    The text is the user's own where nothing is included, so that MuJoCo's line numbers are right.
+
+    Args:
+        text: As read.
+        root: Its elements.
+        shown: The file as the user wrote it.
+        roots: Where other files may lie.
+
+    Raises:
+        RobotError: TS402 or TS403.
+    """
+    seen: list[str] = []
+    _expand(root, shown, roots, roots.model, seen)
+    _refuse(root, shown)
+    if not seen:
+        return text
+    return on_one_line(root)
+
+
+def _expand(
+    parent: ElementTree.Element, shown: str, roots: Roots, folder: Path, seen: list[str]
+) -> None:
+    """Replace the `<include>` elements below `parent` by what they include."""
+    for child in list(parent):
+        if child.tag != "include":
+            _expand(child, shown, roots, folder, seen)
+            continue
+        name = child.get("file", "")
+        path = next((p for p in (roots.model / name, folder / name) if p.is_file()), None)
+        if path is None:
+            raise RobotError("TS402", f"'{shown}' includes '{name}', which is not there")
+        if not roots.hold(path):
+            raise RobotError(
+                "TS403",
+                f"'{shown}' includes '{name}' from outside its own and the task file's folder",
+                "move it beside the robot's file",
+            )
+        if str(path.resolve()) in seen or len(seen) == _INCLUDES:
+            raise RobotError("TS403", f"'{name}' is included twice, or too many files are")
+        seen.append(str(path.resolve()))
+        included = parse_xml(read_model(path, name), name)
+        _expand(included, name, roots, path.parent, seen)
+        at = list(parent).index(child)
+        parent.remove(child)
+        for offset, element in enumerate(included):
+            parent.insert(at + offset, element)
+
+
+def _refuse(root: ElementTree.Element, shown: str) -> None:
+    copies = 1
+    for element in root.iter():
+        if element.tag in _REFUSED:
+            raise RobotError(
+                "TS403", f"'{shown}' has a <{element.tag}>, which is refused", _REFUSED[element.tag]
+            )
+        if element.tag == "replicate":
+            count = element.get("count", "1")
+            copies *= int(count) if count.isdigit() and len(count) < 6 else _COPIES + 1
+    if copies > _COPIES:
+        raise RobotError("TS403", f"'{shown}' replicates more than {_COPIES} times")
+
+
+def mjcf_spec(text: str, roots: Roots, *, meshes: bool) -> tuple[mujoco.MjSpec, list[str]]:
+    """The file as a specification that opens no further file, and what was left out of it.
+
+    Args:
+        text: As `mjcf_text` gives it.
+        roots: Where its files may lie.
+        meshes: Whether to keep the meshes that are there.
+    """
+    spec = mujoco.MjSpec.from_string(text)
+    absent = _take_meshes(spec, roots, meshes)
+    for geom in list(spec.geoms):
+        if geom.hfieldname or geom.meshname in absent:
+            spec.delete(geom)
+    for material in spec.materials:
+        material.textures = [""] * len(material.textures)
+    unused = (spec.textures, spec.hfields, spec.skins, spec.pairs, spec.excludes, spec.sensors)
+    for group in unused:
+        for element in list(group):
+            spec.delete(element)
+    for frame in list(spec.frames):
+        if frame.name:
+            frame.parent.add_site(name=FRAME_SITE + frame.name).set_frame(frame)
+    return spec, sorted(set(absent.values()))
+
+
+def _take_meshes(spec: mujoco.MjSpec, roots: Roots, keep: bool) -> dict[str, str]:
+    """Hand the bytes of the meshes to `spec`; delete the others and return their files by name."""
+    absent: dict[str, str] = {}
+    assets: dict[str, bytes] = {}
+    folder = roots.model / spec.meshdir
+    for i, mesh in enumerate(list(spec.meshes)):
+        if not mesh.file:
+            continue
+        # MuJoCo names a mesh after its file, which changes here.
+        mesh.name = mesh.name or Path(mesh.file).stem
+        name = Path(mesh.file).name if spec.strippath else mesh.file
+        path = find_mesh(name, folder, roots) if keep else None
+        data = read_mesh(path) if path else None
+        if path is None or data is None:
+            absent[mesh.name] = Path(mesh.file).name
+            spec.delete(mesh)
+        else:
+            token = f"mesh{i}{path.suffix.lower()}"
+            mesh.file, assets[token] = token, data
+    spec.meshdir = ""
+    spec.assets = assets
+    return absent

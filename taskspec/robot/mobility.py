@@ -1,0 +1,99 @@
+"""Which directions of the world an arm can move its tip in."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import mujoco
+import numpy as np
+import pinocchio as pin
+
+from taskspec.robot.chain import Chain
+from taskspec.robot.errors import RobotError
+
+if TYPE_CHECKING:
+    import numpy.typing as npt
+
+    Array = npt.NDArray[np.float64]
+
+AXES = ("x", "y", "z", "rx", "ry", "rz")
+
+_SAMPLES = 5
+_ZERO = 1e-9
+_RANK = 1e-6
+
+
+def tip_axes(model: pin.Model, joint: int, tip: pin.SE3) -> tuple[str, ...]:
+    """The world axes along and about which the tip can move independently.
+
+    Those are the rows of the tip's Jacobian that are not identically zero; where an arm has fewer
+    joints than such rows, its translations alone.
+
+    Args:
+        model: The arm, in the pose of its base.
+        joint: The joint that carries the tip.
+        tip: The tip's pose in that joint.
+
+    Returns:
+        Names out of `x y z rx ry rz`, in this order.
+
+    Raises:
+        RobotError: TS408 when even the translations are not independent.
+    """
+    rows = np.zeros(6, dtype=bool)
+    rank = np.zeros(2, dtype=int)
+    rng = np.random.default_rng(0)
+    samples = [
+        tip_jacobian(model, joint, tip, rng.uniform(-1.5, 1.5, model.nq)) for _ in range(_SAMPLES)
+    ]
+    for J in samples:
+        rows |= np.abs(J).max(axis=1) > _ZERO
+    for J in samples:
+        every, linear = J[rows], J[:3][rows[:3]]
+        rank = np.maximum(rank, [_rank(every), _rank(linear)])
+    if rank[0] == rows.sum():
+        return tuple(axis for axis, exists in zip(AXES, rows, strict=True) if exists)
+    if rank[1] == rows[:3].sum() and rank[1] > 0:
+        return tuple(axis for axis, exists in zip(AXES[:3], rows[:3], strict=True) if exists)
+    moved = ", ".join(axis for axis, exists in zip(AXES[:3], rows[:3], strict=True) if exists)
+    raise RobotError(
+        "TS408",
+        f"the arm's {model.nv} joints cannot move the tip along the world's {moved} one by one",
+        "turn `base` so that the arm's plane is one of the world's coordinate planes; where the "
+        "file does not say how long the last link is, name a `flange` at its end",
+        ("base",),
+    )
+
+
+def tip_jacobian(model: pin.Model, joint: int, tip: pin.SE3, q: Array) -> Array:
+    """The tip's Jacobian (6, n) at `q`, resolved in the world: rows x, y, z, rx, ry, rz."""
+    data = model.createData()
+    pin.computeJointJacobians(model, data, q)
+    return resolved_jacobian(model, data, joint, tip)
+
+
+def resolved_jacobian(model: pin.Model, data: pin.Data, joint: int, tip: pin.SE3) -> Array:
+    """The tip's Jacobian (6, n), resolved in the world, after `pin.computeJointJacobians`."""
+    local = tip.toActionMatrixInverse() @ pin.getJointJacobian(model, data, joint, pin.LOCAL)
+    R = data.oMi[joint].rotation @ tip.rotation
+    J: Array = np.vstack((R @ local[:3], R @ local[3:]))
+    return J
+
+
+def _rank(J: Array) -> int:
+    return int(np.linalg.matrix_rank(J, tol=_RANK)) if J.size else 0
+
+
+def is_planar(m: mujoco.MjModel, chain: Chain) -> Array | None:
+    """The unit normal (3,) of the plane in which a chain moves, in its file's world, or None."""
+    data = mujoco.MjData(m)
+    mujoco.mj_kinematics(m, data)
+    hinge = m.jnt_type[list(chain.joints)] == mujoco.mjtJoint.mjJNT_HINGE
+    axes = data.xaxis[list(chain.joints)]
+    turns, slides = axes[hinge], axes[~hinge]
+    if not len(turns):
+        return None
+    normal: Array = turns[0] / np.linalg.norm(turns[0])
+    parallel = np.abs(np.cross(turns, normal)).max() < _RANK
+    within = not len(slides) or np.abs(slides @ normal).max() < _RANK
+    return normal if parallel and within and len(axes) > 1 else None

@@ -1,0 +1,156 @@
+"""People's own robots: a file on disk becomes a `Description`."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+from taskspec.robot.description import BOUND_INERTIA, BOUND_MASS, Description, velocity_limits
+from taskspec.robot.errors import RobotError
+from taskspec.robot.files import Roots, parse_xml, read_model
+from taskspec.robot.mjcf import mjcf_spec, mjcf_text
+from taskspec.robot.urdf import check_urdf, urdf_mimics, urdf_spec, urdf_velocities
+
+MakeSpec = Callable[[bool], tuple[mujoco.MjSpec, list[str]]]
+
+_HEAVIEST = 1e5
+_FARTHEST = 100.0
+_BODIES = 500
+
+
+def read_own(shown: str, folder: Path) -> Description:
+    """The robot in a file.
+
+    Args:
+        shown: The path as the task file has it.
+        folder: Where relative paths begin.
+
+    Raises:
+        RobotError: TS401 to TS405.
+    """
+    path = folder / Path(shown).expanduser()
+    roots = Roots(path.parent, folder)
+    text = read_model(path, shown)
+    root = parse_xml(text, shown)
+    if root.tag == "robot":
+        notes = check_urdf(root, shown)
+        m = _compile(shown, lambda meshes: urdf_spec(root, roots, meshes=meshes), notes)
+        ids = {m.joint(j).name: j for j in range(m.njnt)}
+        limits = urdf_velocities(root).items()
+        velocity = {ids[name]: limit for name, limit in limits if name in ids}
+        mimics = urdf_mimics(root)
+    elif root.tag == "mujoco":
+        notes, mimics = [], ()
+        text = mjcf_text(text, root, shown, roots)
+        m = _compile(shown, lambda meshes: mjcf_spec(text, roots, meshes=meshes), notes)
+        velocity = velocity_limits(m)
+    else:
+        raise RobotError(
+            "TS402",
+            f"'{shown}' is neither MJCF nor URDF: it begins with <{root.tag}>",
+            "MJCF begins with <mujoco>, URDF with <robot>",
+        )
+    _check(m, shown)
+    return Description(path.stem, m, shown, velocity, mimics, tuple(notes))
+
+
+def _compile(shown: str, make: MakeSpec, notes: list[str]) -> mujoco.MjModel:
+    """Compile what `make` makes, without meshes or with mended inertias if it takes that.
+
+    What was left out or mended is added to `notes`.
+    """
+    meshes, balance = True, False
+    while True:
+        heard: list[str] = []
+        try:
+            with _listening(heard):
+                spec, absent = make(meshes)
+                _settle(spec, balance)
+                m = spec.compile()
+        except (ValueError, RuntimeError, mujoco.FatalError) as error:
+            reason = _reason(error)
+            if "balanceinertia" in reason and not balance:
+                balance = True
+                notes.append(
+                    "inertias that no body has (A + B < C) are replaced by their mean, that of "
+                    + reason.rpartition("Element ")[2]
+                )
+            elif "mesh" in reason.lower() and meshes:
+                meshes = False
+                notes.append(f"meshes are left out: {reason}")
+            else:
+                raise RobotError("TS404", f"MuJoCo cannot compile '{shown}': {reason}") from None
+            continue
+        if absent and meshes:
+            notes.append(
+                f"meshes that are not there or cannot be drawn are left out: {', '.join(absent)}"
+            )
+        notes.extend(heard)
+        return m
+
+
+def _settle(spec: mujoco.MjSpec, balance: bool) -> None:
+    """Set what every file is compiled with."""
+    spec.memory = -1
+    spec.compiler.fusestatic = False
+    spec.compiler.boundmass = max(spec.compiler.boundmass, BOUND_MASS)
+    spec.compiler.boundinertia = max(spec.compiler.boundinertia, BOUND_INERTIA)
+    spec.compiler.balanceinertia = spec.compiler.balanceinertia or balance
+    # Nothing collides here, which spares the meshes their convex hulls.
+    for geom in spec.geoms:
+        geom.contype = geom.conaffinity = 0
+    for mesh in spec.meshes:
+        mesh.smoothnormal = True
+
+
+@contextmanager
+def _listening(heard: list[str]) -> Iterator[None]:
+    """Collect MuJoCo's warnings, which otherwise go to a log file in the working directory."""
+    before = mujoco.get_mju_user_warning()
+    mujoco.set_mju_user_warning(heard.append)
+    try:
+        yield
+    finally:
+        mujoco.set_mju_user_warning(before)
+
+
+def _reason(error: Exception) -> str:
+    lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+    text = ", ".join(lines) or type(error).__name__
+    # A file that was put together for MuJoCo stands on one line.
+    return re.sub(r"^(XML )?Error: |,? \(?line 1\b\)?", "", text)
+
+
+def _check(m: mujoco.MjModel, shown: str) -> None:
+    """Refuse numbers with which no simulation goes well."""
+    fields = {
+        name: getattr(m, name)
+        for name in (
+            *("body_mass", "body_inertia", "body_pos", "body_quat", "body_ipos", "body_iquat"),
+            *("jnt_pos", "jnt_axis", "jnt_range", "qpos0", "dof_armature", "key_qpos"),
+            *("geom_pos", "geom_quat", "geom_size", "site_pos", "site_quat"),
+        )
+    }
+    for name, values in fields.items():
+        if not np.isfinite(values).all():
+            raise RobotError("TS405", f"'{shown}' has a number in {name} that is not finite")
+    if m.nbody > _BODIES:
+        raise RobotError("TS405", f"'{shown}' has {m.nbody} bodies, more than {_BODIES}")
+    for i in range(1, m.nbody):
+        if m.body_mass[i] > _HEAVIEST:
+            raise RobotError(
+                "TS405",
+                f"body '{m.body(i).name}' has a mass of {m.body_mass[i]:g} kg",
+                "masses are in kg",
+            )
+        if np.abs(m.body_pos[i]).max() > _FARTHEST:
+            raise RobotError(
+                "TS405",
+                f"body '{m.body(i).name}' is {np.abs(m.body_pos[i]).max():g} m from its parent",
+                "lengths are in m",
+            )

@@ -1,0 +1,34 @@
+"""Poses between the conventions: quaternions of MuJoCo, roll-pitch-yaw of task files, SE3."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pinocchio as pin
+
+if TYPE_CHECKING:
+    import numpy.typing as npt
+
+    Array = npt.NDArray[np.float64]
+
+
+def pose(position: Sequence[float] | Array, quaternion: Sequence[float] | Array) -> pin.SE3:
+    """A pose from a position (3,) [m] and a quaternion (4,), scalar first, of any length."""
+    w, x, y, z = quaternion
+    unit = pin.Quaternion(float(w), float(x), float(y), float(z))
+    unit.normalize()
+    return pin.SE3(unit.matrix(), np.array(position, dtype=float))
+
+
+def pose_of_rpy(xyz: Sequence[float] | Array, rpy: Sequence[float] | Array) -> pin.SE3:
+    """A pose from `xyz` (3,) [m] and `rpy` (3,) [rad] about the fixed axes x, then y, then z."""
+    roll, pitch, yaw = (float(angle) for angle in rpy)
+    return pin.SE3(pin.rpy.rpyToMatrix(roll, pitch, yaw), np.array(xyz, dtype=float))
+
+
+def quaternion(rotation: Array) -> Array:
+    """The quaternion (4,), scalar first, of a rotation matrix (3, 3)."""
+    x, y, z, w = pin.Quaternion(rotation).coeffs()
+    return np.array([w, x, y, z])

@@ -1,0 +1,134 @@
+"""What a robot is to the rest of the language: both models, its limits, its tool."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Protocol
+
+if TYPE_CHECKING:
+    import mujoco
+    import numpy as np
+    import numpy.typing as npt
+    import pinocchio as pin
+
+    Array = npt.NDArray[np.float64]
+
+
+class PoseLike(Protocol):
+    """A pose as a task file gives it: `xyz` (3,) [m], `rpy` (3,) [rad] about fixed x, y, z."""
+
+    @property
+    def xyz(self) -> Sequence[float]: ...  # noqa: D102
+    @property
+    def rpy(self) -> Sequence[float]: ...  # noqa: D102
+
+
+class ToolLike(Protocol):
+    """A tool as a task file gives it; lengths [m], mass [kg]."""
+
+    @property
+    def shape(self) -> str: ...  # noqa: D102
+    @property
+    def radius(self) -> float | None: ...  # noqa: D102
+    @property
+    def size(self) -> Sequence[float] | None: ...  # noqa: D102
+    @property
+    def length(self) -> float | None: ...  # noqa: D102
+    @property
+    def mass(self) -> float: ...  # noqa: D102
+
+
+class RobotLike(Protocol):
+    """The part of a task file's `robot` section from which the models are made."""
+
+    @property
+    def model(self) -> str: ...  # noqa: D102
+    @property
+    def flange(self) -> str | None: ...  # noqa: D102
+    @property
+    def base(self) -> PoseLike: ...  # noqa: D102
+    @property
+    def tool(self) -> ToolLike: ...  # noqa: D102
+
+
+@dataclass(frozen=True, slots=True)
+class ToolGeometry:
+    """The spheres with which a tool touches, in the tip frame.
+
+    Attributes:
+        centers: (k, 3) [m], tip frame; the lowest points lie in the plane z = 0.
+        radii: (k,) [m].
+        flat: Whether the spheres stand for a flat face.
+    """
+
+    centers: Array
+    radii: Array
+    flat: bool
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RobotModel:
+    """An arm on its base with its tool, as MuJoCo's model and as Pinocchio's.
+
+    Attributes:
+        name: The built-in name, or the stem of the file.
+        spec: Arm, base pose, tool and torque motors, nothing else. The plant copies it and adds the
+            world.
+        model: MuJoCo's model, compiled from `spec`.
+        pin: Pinocchio's model, rebuilt from `model`.
+        joint_names: Names in the order of `q`.
+        axes: World axes along and about which the tip can move independently, of `x y z rx ry rz`.
+        home: (n,) configuration from which inverse kinematics starts [rad or m].
+        lower: (n,) joint position limits [rad or m], -inf where there is none.
+        upper: (n,) joint position limits [rad or m], inf where there is none.
+        velocity_limit: (n,) [rad/s or m/s], inf where there is none.
+        torque_limit: (n,) [N·m or N], inf where there is none.
+        tip_joint: Index of the joint in `pin` that carries the tip.
+        tip: Pose of the tip frame in that joint: origin at the control point, which is the tool's
+            extreme point on its axis; z out of the tool.
+        tool: The tool's contact spheres, in the tip frame.
+        tool_geoms: MuJoCo's names of those spheres, in order. They collide with nothing unless a
+            `<pair>` says so.
+        tip_body: MuJoCo's body that carries the tool; its frame is the tip frame.
+        source: Where the numbers come from.
+        notes: What was left out of the robot's file, or changed, one sentence each.
+    """
+
+    name: str
+    spec: mujoco.MjSpec
+    model: mujoco.MjModel
+    pin: pin.Model
+    joint_names: tuple[str, ...]
+    axes: tuple[str, ...]
+    home: Array
+    lower: Array
+    upper: Array
+    velocity_limit: Array
+    torque_limit: Array
+    tip_joint: int
+    tip: pin.SE3
+    tool: ToolGeometry
+    tool_geoms: tuple[str, ...]
+    tip_body: str
+    source: str
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class RobotSummary:
+    """One line about a built-in robot.
+
+    Attributes:
+        name: What `robot.model` says.
+        about: A few words.
+        joints: Number of joints.
+        axes: World axes of the tip that exist.
+        source: Where the numbers come from.
+    """
+
+    name: str
+    about: str
+    joints: int
+    axes: tuple[str, ...]
+    source: str

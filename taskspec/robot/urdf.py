@@ -1,0 +1,168 @@
+"""People's URDF files: meshes by package, limits, and what MuJoCo's own reader passes over."""
+
+from __future__ import annotations
+
+import copy
+import math
+from pathlib import Path
+from xml.etree import ElementTree
+
+import mujoco
+import numpy as np
+
+from taskspec.robot.description import BOUND_INERTIA
+from taskspec.robot.errors import RobotError
+from taskspec.robot.files import Roots, find_mesh, on_one_line, read_mesh
+
+_MOMENTS = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
+
+
+def check_urdf(root: ElementTree.Element, shown: str) -> list[str]:
+    """Check a URDF file, mend the inertias that MuJoCo would not take, and say which.
+
+    Raises:
+        RobotError: TS402 when it is still xacro; TS405 when its numbers make no arm.
+    """
+    if any("xacro" in str(element.tag) for element in root.iter()):
+        raise RobotError(
+            "TS402",
+            f"'{shown}' is not expanded yet",
+            "run xacro first: xacro arm.urdf.xacro > arm.urdf",
+        )
+    for joint in root.findall("joint"):
+        limit, name = joint.find("limit"), joint.get("name", "")
+        if limit is not None:
+            lower, upper = (_number(limit, key, name) for key in ("lower", "upper"))
+            if lower > upper:
+                raise RobotError(
+                    "TS405",
+                    f"joint '{name}' has lower {lower:g} above upper {upper:g}",
+                    "swap them",
+                )
+    notes = []
+    for link in root.findall("link"):
+        mass, inertia = link.find("inertial/mass"), link.find("inertial/inertia")
+        name = link.get("name", "")
+        if mass is not None and not 0 <= _number(mass, "value", name) < math.inf:
+            raise RobotError("TS405", f"link '{name}' has a negative or infinite mass")
+        if inertia is not None and _mend(inertia, name):
+            notes.append(
+                f"the inertia of '{name}' is not positive: its products of inertia are left out"
+            )
+    return notes
+
+
+def _mend(inertia: ElementTree.Element, name: str) -> bool:
+    """Make a tensor one that MuJoCo takes; returns whether that changed more than a point mass."""
+    xx, yy, zz, xy, xz, yz = (_number(inertia, key, name) for key in _MOMENTS)
+    if np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])[0] > 0:
+        return False
+    for key, moment in zip(_MOMENTS[:3], (xx, yy, zz), strict=True):
+        inertia.set(key, repr(max(moment, BOUND_INERTIA)))
+    for key in _MOMENTS[3:]:
+        inertia.set(key, "0")
+    return any((xx, yy, zz, xy, xz, yz))
+
+
+def urdf_velocities(root: ElementTree.Element) -> dict[str, float]:
+    """Velocity limits by joint name [rad/s or m/s]; zero means that the file gives none."""
+    limits = {}
+    for joint in root.findall("joint"):
+        limit = joint.find("limit")
+        velocity = _number(limit, "velocity", "") if limit is not None else 0.0
+        if velocity > 0:
+            limits[joint.get("name", "")] = velocity
+    return limits
+
+
+def urdf_mimics(root: ElementTree.Element) -> tuple[str, ...]:
+    """Names of the joints that follow another joint."""
+    return tuple(
+        joint.get("name", "") for joint in root.findall("joint") if joint.find("mimic") is not None
+    )
+
+
+def urdf_spec(
+    root: ElementTree.Element, roots: Roots, *, meshes: bool
+) -> tuple[mujoco.MjSpec, list[str]]:
+    """The file as a specification that opens no further file, and what was left out of it.
+
+    A link shows its visuals, or its collision shapes where no visual can be drawn.
+
+    Args:
+        root: The file's elements.
+        roots: Where its files may lie.
+        meshes: Whether to keep the meshes that are there.
+    """
+    robot = ElementTree.Element("robot", {"name": root.get("name", "robot")})
+    options = ElementTree.SubElement(robot, "mujoco")
+    # Inertias are those of the <inertial> elements alone, as URDF has it.
+    ElementTree.SubElement(
+        options,
+        "compiler",
+        {
+            "fusestatic": "false",
+            "discardvisual": "false",
+            "strippath": "false",
+            "inertiafromgeom": "false",
+        },
+    )
+    absent: set[str] = set()
+    assets: dict[str, bytes] = {}
+    for element in copy.deepcopy(root):
+        if element.tag == "link":
+            robot.append(_drawable(element, roots, meshes, assets, absent))
+        elif element.tag in ("joint", "material"):
+            _drop_textures(element)
+            robot.append(element)
+    spec = mujoco.MjSpec.from_string(on_one_line(robot))
+    for mesh in spec.meshes:
+        mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
+    spec.assets = assets
+    return spec, sorted(absent)
+
+
+def _drawable(
+    link: ElementTree.Element,
+    roots: Roots,
+    meshes: bool,
+    assets: dict[str, bytes],
+    absent: set[str],
+) -> ElementTree.Element:
+    """The inertia of `link` and those of its shapes that can be drawn."""
+    drawn = ElementTree.Element("link", link.attrib)
+    drawn.extend(child for child in link if child.tag == "inertial")
+    for kind in ("visual", "collision"):
+        for shape in link.findall(kind):
+            mesh = shape.find("geometry/mesh")
+            if mesh is not None:
+                uri = mesh.get("filename", "")
+                path = find_mesh(uri, roots.model, roots) if meshes else None
+                data = read_mesh(path) if path else None
+                if path is None or data is None:
+                    absent.add(Path(uri).name)
+                    continue
+                token = f"mesh{len(assets)}{path.suffix.lower()}"
+                mesh.set("filename", token)
+                assets[token] = data
+            _drop_textures(shape)
+            shape.attrib.clear()
+            drawn.append(shape)
+        if drawn.find("visual") is not None:
+            break
+    return drawn
+
+
+def _drop_textures(element: ElementTree.Element) -> None:
+    for parent in list(element.iter()):
+        for texture in parent.findall("texture"):
+            parent.remove(texture)
+
+
+def _number(element: ElementTree.Element, key: str, name: str) -> float:
+    try:
+        return float(element.get(key, "0"))
+    except ValueError:
+        raise RobotError(
+            "TS405", f"'{name}': {key} of <{element.tag}> is not a number: {element.get(key)}"
+        ) from None

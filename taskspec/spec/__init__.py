@@ -1,0 +1,44 @@
+"""What a task file may say: one model per noun, and the way from text to a checked task."""
+
+from taskspec.spec.axis import Axis
+from taskspec.spec.control import Control
+from taskspec.spec.expectation import Expectation
+from taskspec.spec.frame import Frame
+from taskspec.spec.gains import AxisValues
+from taskspec.spec.law import LAWS, ForceGains, Law
+from taskspec.spec.limits import Limits
+from taskspec.spec.load import LoadedTask, load_task, load_text
+from taskspec.spec.path import Arc, Line, Lissajous, Path
+from taskspec.spec.robot import Pose, Robot, Start, Tool
+from taskspec.spec.stage import Stage, Within
+from taskspec.spec.task import Task
+from taskspec.spec.vary import Variation
+from taskspec.spec.world import Shape
+
+__all__ = [
+    "LAWS",
+    "Arc",
+    "Axis",
+    "AxisValues",
+    "Control",
+    "Expectation",
+    "ForceGains",
+    "Frame",
+    "Law",
+    "Limits",
+    "Line",
+    "Lissajous",
+    "LoadedTask",
+    "Path",
+    "Pose",
+    "Robot",
+    "Shape",
+    "Stage",
+    "Start",
+    "Task",
+    "Tool",
+    "Variation",
+    "Within",
+    "load_task",
+    "load_text",
+]

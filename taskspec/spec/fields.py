@@ -1,0 +1,14 @@
+"""Types of fields that several models share."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from taskspec.spec.quantities import Entries
+from taskspec.spec.words import Reference
+from taskspec.text.units import ANGLE, LENGTH
+
+XYZ = Annotated[tuple[float, float, float], Entries((LENGTH,) * 3)]
+RPY = Annotated[tuple[float, float, float], Entries((ANGLE,) * 3)]
+FrameName = Annotated[str, Reference(lambda r: r.frames, "frame", "TS122")]
+ObjectName = Annotated[str, Reference(lambda r: r.objects, "object", "TS123")]

@@ -1,0 +1,87 @@
+"""The graph of stages: what can be reached, and what can go on for ever."""
+
+from __future__ import annotations
+
+from taskspec.spec.model import mapping
+from taskspec.spec.reading import Reading
+from taskspec.text.data import Map
+from taskspec.text.source import Span
+
+Edges = dict[str, list[tuple[str, Span]]]
+
+
+def check_flow(stages: Map, reading: Reading) -> None:
+    """Report cycles without `attempts`, and stages that nothing leads to."""
+    edges = _edges(stages)
+    if edges is None:
+        return
+    _check_reached(stages, edges, reading)
+    _check_cycles(stages, edges, reading)
+
+
+def _edges(stages: Map) -> Edges | None:
+    """Return where each stage may lead and what says so; None if that cannot be known."""
+    names = list(stages)
+    edges: Edges = {}
+    for index, (name, value) in enumerate(stages.items()):
+        stage = mapping(value)
+        after = names[index + 1] if index + 1 < len(names) else "end"
+        edges[name] = []
+        for key, default in (("next", after), ("on_fail", "fail")):
+            target = stage.get(key, default)
+            if target in stages:
+                span = (stage.node.entries[key][1].span if key in stage
+                        else stages.node.key_span(name))  # fmt: skip
+                edges[name].append((str(target), span))
+            elif target not in ("end", "fail"):
+                return None
+    return edges
+
+
+def _check_reached(stages: Map, edges: Edges, reading: Reading) -> None:
+    waiting = [next(iter(stages))] if stages else []
+    reached = set(waiting)
+    while waiting:
+        for target, _ in edges[waiting.pop()]:
+            if target not in reached:
+                reached.add(target)
+                waiting.append(target)
+    for name in stages:
+        if name not in reached:
+            reading.diagnostics.warning(
+                "TS605",
+                f"the stage '{name}' is never reached",
+                stages.node.key_span(name),
+                "lead to it with 'next' or 'on_fail', or delete it",
+            )
+
+
+def _check_cycles(stages: Map, edges: Edges, reading: Reading) -> None:
+    """Report circles of stages without `attempts`, each at the edge that closes it.
+
+    The walk keeps its own stack: there may be thousands of stages.
+    """
+    free = [name for name in stages if "attempts" not in mapping(stages[name])]
+    done: set[str] = set()
+    for root in free:
+        trail: list[str] = []
+        stack = [(root, iter(edges[root]))] if root not in done else []
+        trail += [root] if stack else []
+        while stack:
+            name, rest = stack[-1]
+            step = next(rest, None)
+            if step is None:
+                stack.pop()
+                trail.pop()
+                done.add(name)
+            elif step[0] in trail:
+                circle = [*trail[trail.index(step[0]) :], step[0]]
+                reading.error(
+                    "TS604",
+                    f"stages in a circle without 'attempts': {' -> '.join(circle)}",
+                    step[1],
+                    f"add 'attempts: 3' to one of them, such as '{step[0]}'",
+                )
+            elif step[0] in free and step[0] not in done:
+                stack.append((step[0], iter(edges[step[0]])))
+                trail.append(step[0])

@@ -1,0 +1,97 @@
+"""`frames`: named frames, fixed or following a surface."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from taskspec.spec.fields import RPY, XYZ, FrameName, ObjectName
+from taskspec.spec.model import Model, complete, mapping
+from taskspec.spec.quantities import Entries
+from taskspec.spec.reading import Reading
+from taskspec.spec.words import Word
+from taskspec.text.data import Map
+from taskspec.text.nodes import pointer
+from taskspec.text.units import NUMBER
+
+_FIXED = ("parent", "xyz", "rpy")
+
+
+class Frame(Model):
+    """A frame: fixed in its parent, or following the tool over a surface.
+
+    Attributes:
+        parent: the frame in which it is placed; None for the world.
+        xyz: position in the parent [m].
+        rpy: orientation in the parent [rad].
+        surface: the object over which it follows the tool.
+        heading: a direction of the world that is laid on the tangent plane as the x axis.
+        point: `origin` moves the control point to the frame's origin.
+    """
+
+    noun = "a frame"
+    reserved = {"estimate": "an estimated frame"}  # noqa: RUF012
+
+    parent: FrameName | None = Field(None, title="The frame in which it is placed")
+    xyz: XYZ = Field((0.0, 0.0, 0.0), title="Position in the parent", description="[x, y, z]")
+    rpy: RPY = Field((0.0, 0.0, 0.0), title="Orientation in the parent")
+    surface: ObjectName | None = Field(
+        None, title="Surface", description="The object over which the frame follows the tool"
+    )
+    heading: Annotated[tuple[float, float, float], Entries((NUMBER,) * 3, nonzero=True)] | None = (
+        Field(None, title="Heading", description="A direction laid on the surface as the x axis")
+    )
+    point: Annotated[Literal["origin"], Word(("origin",), "control points")] | None = Field(
+        None, title="Control point", description="origin: the control point is the frame's origin"
+    )
+
+    @classmethod
+    def rules(cls, data: Map, reading: Reading) -> None:
+        """Keep fixed and following frames apart."""
+        fixed = [key for key in _FIXED if key in data]
+        if "surface" in data and fixed:
+            reading.error(
+                "TS209",
+                f"a frame that follows a surface has no '{fixed[0]}'",
+                data.node.key_span(fixed[0]),
+                "its place follows from the tool's",
+            )
+        if "heading" in data and "surface" not in data and complete(data, reading):
+            reading.error(
+                "TS026",
+                "'heading' belongs to a frame that follows a surface",
+                data.node.key_span("heading"),
+                "add 'surface', or turn a fixed frame by 'rpy'",
+            )
+        if not data and complete(data, reading):
+            reading.error(
+                "TS021", "a frame needs 'parent', 'xyz', 'rpy' or 'surface'", pointer(data.node)
+            )
+
+
+def check_loops(frames: Map, reading: Reading) -> None:
+    """Report every circle of frames that are placed in each other, once."""
+    parents = {name: mapping(frame).get("parent") for name, frame in frames.items()}
+    seen: set[str] = set()
+    for name in frames:
+        chain = list(_chain(name, parents))
+        last = parents.get(chain[-1])
+        if isinstance(last, str) and last in chain:
+            circle = chain[chain.index(last) :]
+            if not seen & set(circle):
+                seen |= set(circle)
+                text = " in ".join([*circle, circle[0]])
+                frame = mapping(frames[circle[0]])
+                reading.error("TS208", f"frames placed in a circle: {text}",
+                              frame.node.entries["parent"][1].span)  # fmt: skip
+
+
+def _chain(name: str, parents: dict[str, object]) -> Iterator[str]:
+    visited: set[str] = set()
+    step: object = name
+    while isinstance(step, str) and step in parents and step not in visited:
+        visited.add(step)
+        yield step
+        step = parents[step]

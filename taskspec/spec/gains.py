@@ -1,0 +1,94 @@
+"""Values for the six axes: gains of the laws."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from taskspec.spec.kinds import Kind
+from taskspec.spec.quantities import Constant
+from taskspec.spec.reading import Reading
+from taskspec.text.data import Map
+from taskspec.text.expression.signals import AXES, ROTATIONS, TRANSLATIONS
+from taskspec.text.suggest import suggestion
+from taskspec.text.units import Dimension
+
+
+@dataclass(frozen=True, slots=True)
+class AxisValues:
+    """One SI value for each axis that the file names; None where a value is designed."""
+
+    x: float | None = None
+    y: float | None = None
+    z: float | None = None
+    rx: float | None = None
+    ry: float | None = None
+    rz: float | None = None
+
+    def get(self, axis: str) -> float | None:
+        """Return the value of an axis.
+
+        Raises:
+            KeyError: there is no such axis.
+        """
+        if axis not in AXES:
+            raise KeyError(axis)
+        value: float | None = getattr(self, axis)
+        return value
+
+
+@dataclass(frozen=True)
+class Gain(Kind):
+    """A gain: one quantity for all translations, `{linear, angular}`, or one for each axis.
+
+    Attributes:
+        linear: its dimension on a translation.
+        angular: its dimension on a rotation.
+        above: it has to be greater than this.
+        least: it has to be at least this.
+    """
+
+    linear: Dimension
+    angular: Dimension
+    above: float | None = None
+    least: float | None = None
+
+    def read(self, value: object, reading: Reading) -> AxisValues:
+        """Return the values of all axes."""
+        if not isinstance(value, Map):
+            return AxisValues(**dict.fromkeys(TRANSLATIONS, self._one(value, "x", reading)))
+        found: dict[str, float] = {}
+        grouped = "linear" in value or "angular" in value
+        words = ("linear", "angular") if grouped else AXES
+        for key, entry in value.items():
+            if key not in words:
+                hint = suggestion(key, words if grouped else [*AXES, "linear", "angular"], "keys")
+                span = value.node.key_span(key)
+                if key in AXES:
+                    hint = "give 'linear' and 'angular', or the axes one by one"
+                    reading.error("TS026", f"'{key}' beside 'linear' or 'angular'", span, hint)
+                else:
+                    reading.error("TS020", f"unknown key '{key}' in a gain", span, hint)
+                continue
+            axes = {"linear": TRANSLATIONS, "angular": ROTATIONS}.get(key, (key,))
+            found |= dict.fromkeys(axes, self._one(entry, axes[0], reading))
+        return AxisValues(**found)
+
+    def _one(self, value: object, axis: str, reading: Reading) -> float:
+        dimension = self.linear if axis in TRANSLATIONS else self.angular
+        number = Constant(dimension, self.above, self.least).read(value, reading)
+        assert isinstance(number, float)
+        return number
+
+    def json(self) -> dict[str, Any]:
+        """Describe the three forms."""
+        linear, angular = Constant(self.linear).json(), Constant(self.angular).json()
+        axes = dict.fromkeys(TRANSLATIONS, linear) | dict.fromkeys(ROTATIONS, angular)
+        forms = {"linear": linear, "angular": angular}
+        return {
+            "anyOf": [
+                linear,
+                {"type": "object", "properties": forms, "additionalProperties": False},
+                {"type": "object", "properties": axes, "additionalProperties": False},
+            ]
+        }

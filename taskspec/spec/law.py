@@ -1,0 +1,141 @@
+"""`law`: which control law a stage follows, and its gains."""
+
+from __future__ import annotations
+
+from typing import Annotated, ClassVar, Literal
+
+from pydantic import Field
+
+from taskspec.spec.gains import AxisValues, Gain
+from taskspec.spec.model import Model, mapping, short_form
+from taskspec.spec.reading import Reading
+from taskspec.spec.words import Word
+from taskspec.text.data import Map, Text
+from taskspec.text.units import (
+    ANGULAR_DAMPING,
+    ANGULAR_STIFFNESS,
+    DAMPING,
+    FREQUENCY,
+    INERTIA,
+    MASS,
+    NUMBER,
+    STIFFNESS,
+)
+
+LAWS: dict[str, tuple[str, ...]] = {
+    "impedance": ("mass", "stiffness", "damping"),
+    "impedance-natural": ("stiffness", "damping"),
+    "pd": ("stiffness", "damping"),
+    "parallel": ("mass", "stiffness", "damping", "force.proportional", "force.integral"),
+    "hybrid": (
+        "bandwidth",
+        "damping_ratio",
+        "force.proportional",
+        "force.integral",
+        "force.damping",
+    ),
+}
+"""Every law and the gains that it has."""
+
+LATER = ("pd-joint", "stiffness", "parallel-pid", "hybrid-multipliers", "hybrid-reaction")
+"""Laws of the language that are not supported yet."""
+
+_GAINS = ("mass", "stiffness", "damping", "bandwidth", "damping_ratio")
+DEFAULT = "hybrid"
+
+Damping = Annotated[AxisValues, Gain(DAMPING, ANGULAR_DAMPING, least=0)]
+
+
+class ForceGains(Model):
+    """Gains of a force loop.
+
+    Attributes:
+        proportional: dimensionless.
+        integral: [1/s].
+        damping: on the measured velocity along a force axis [N*s/m, N*m*s/rad].
+    """
+
+    noun = "the gains of a force loop"
+
+    proportional: Annotated[AxisValues, Gain(NUMBER, NUMBER, least=0)] | None = Field(
+        None, title="Proportional gain"
+    )
+    integral: Annotated[AxisValues, Gain(FREQUENCY, FREQUENCY, least=0)] | None = Field(
+        None, title="Integral gain"
+    )
+    damping: Damping | None = Field(None, title="Damping along force axes")
+
+
+class Law(Model):
+    """A control law. Gains that are left out are designed.
+
+    Attributes:
+        kind: its name; it stands for one equation.
+        mass: apparent mass [kg, kg*m^2].
+        stiffness: [N/m, N*m/rad].
+        damping: [N*s/m, N*m*s/rad].
+        bandwidth: of motion axes [Hz].
+        damping_ratio: of motion axes.
+        force: gains of the force loop.
+        orientation: how orientation errors are measured.
+    """
+
+    noun = "a law"
+    reserved: ClassVar = {"solve": "'solve'", "solver": "'solver'"}
+
+    kind: Annotated[str, Word(tuple(LAWS), "laws", reserved=LATER, code="TS206")] = Field(
+        DEFAULT, title="Control law"
+    )
+    mass: Annotated[AxisValues, Gain(MASS, INERTIA, above=0)] | None = Field(
+        None, title="Apparent mass"
+    )
+    stiffness: Annotated[AxisValues, Gain(STIFFNESS, ANGULAR_STIFFNESS, least=0)] | None = Field(
+        None, title="Stiffness"
+    )
+    damping: Damping | None = Field(None, title="Damping")
+    bandwidth: Annotated[AxisValues, Gain(FREQUENCY, FREQUENCY, above=0)] | None = Field(
+        None, title="Bandwidth of motion axes"
+    )
+    damping_ratio: Annotated[AxisValues, Gain(NUMBER, NUMBER, above=0)] | None = Field(
+        None, title="Damping ratio of motion axes"
+    )
+    force: ForceGains | None = Field(None, title="Gains of the force loop")
+    orientation: Annotated[
+        Literal["so3"], Word(("so3",), "orientation errors", reserved=("rpy", "zyz"))
+    ] = Field("so3", title="Orientation error")
+
+    @classmethod
+    def expand(cls, data: object, reading: Reading) -> object:  # noqa: ARG003
+        """Read a bare name as a law with designed gains."""
+        return short_form(data, "kind")
+
+    @classmethod
+    def rules(cls, data: Map, reading: Reading) -> None:
+        """Report gains that the named law does not have."""
+        kind = data.get("kind", DEFAULT)
+        if not isinstance(kind, str) or kind not in LAWS:
+            return
+        has = LAWS[kind]
+        force = mapping(data.get("force"))
+        given = [(key, data) for key in _GAINS if key in data]
+        if "force" in data and not any(gain.startswith("force.") for gain in has):
+            given.append(("force", data))
+        else:
+            given += [(key, force) for key in force if key in ForceGains.model_fields]
+        for key, owner in given:
+            name = f"force.{key}" if owner is force else key
+            if name not in has:
+                reading.error(
+                    "TS207",
+                    f"the law '{kind}' has no gain '{name}'",
+                    owner.node.key_span(key),
+                    f"its gains: {', '.join(has)}",
+                )
+
+
+def law_of(data: object) -> str | None:
+    """Return the supported law that a raw `law` names, the default for None, else None."""
+    if data is None:
+        return DEFAULT
+    kind = data.get("kind", DEFAULT) if isinstance(data, Map) else data
+    return str(kind) if isinstance(kind, Text | str) and kind in LAWS else None

@@ -1,0 +1,177 @@
+"""From the text of a task file to a checked task."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from pydantic import ValidationError
+from pydantic_core import ErrorDetails
+
+from taskspec.spec import overrides as overriding
+from taskspec.spec.model import REPORTED
+from taskspec.spec.names import collect_names
+from taskspec.spec.params import evaluate_params
+from taskspec.spec.reading import Reading
+from taskspec.spec.task import Task
+from taskspec.text import nodes
+from taskspec.text.characters import normal
+from taskspec.text.data import Map, to_data
+from taskspec.text.diagnostic import Diagnostic, Diagnostics, SpecError
+from taskspec.text.source import Source, Span
+from taskspec.text.yaml import MAX_BYTES, read
+
+
+@dataclass(frozen=True, slots=True)
+class LoadedTask:
+    """A task and the text that it came from.
+
+    Attributes:
+        task: the checked task.
+        source: the text of the file.
+        path: of the file; None if there is none.
+        base: the folder that relative paths in the task start from; None for the current one.
+        overrides: dotted path to YAML text, as given.
+        warnings: findings that do not keep the task from running.
+        sources: every text that a place may refer to, by name.
+    """
+
+    task: Task
+    source: Source
+    path: Path | None
+    base: Path | None
+    overrides: Mapping[str, str]
+    warnings: tuple[Diagnostic, ...]
+    sources: Mapping[str, Source]
+    root: nodes.Mapping = field(repr=False, compare=False)
+
+    def span(self, loc: tuple[str | int, ...], *, key: bool = False) -> Span:
+        """Return the place of a value, or of its nearest ancestor that the file has.
+
+        Args:
+            loc: keys and list indices from the root, such as `("stages", "wipe", "axes", "z")`.
+            key: whether to point at the last key rather than at its value.
+        """
+        return nodes.place(self.root, loc, key=key)
+
+
+def load_task(path: Path, overrides: Mapping[str, str] | None = None) -> LoadedTask:
+    """Read and check a task file.
+
+    Args:
+        path: the file.
+        overrides: dotted path, or the bare name of a param, to YAML text.
+
+    Raises:
+        SpecError: the task is wrong; it carries everything that was found.
+        OSError: the file cannot be opened.
+        UnicodeDecodeError: it is not UTF-8.
+    """
+    with path.open("rb") as file:
+        # Read no more than is needed to know that it is too much: the path may be a device.
+        content = file.read(MAX_BYTES + 4)
+    if len(content) > MAX_BYTES + 3:
+        content = content[: MAX_BYTES + 3]
+        text = content.decode("utf-8", "ignore") + " "
+    else:
+        text = content.decode("utf-8")
+    return _load(text, str(path), overrides or {}, path, path.parent)
+
+
+def load_text(
+    text: str,
+    name: str,
+    overrides: Mapping[str, str] | None = None,
+    base: Path | None = None,
+) -> LoadedTask:
+    """Read and check the text of a task.
+
+    Args:
+        text: the text.
+        name: what to call it in diagnostics.
+        overrides: dotted path, or the bare name of a param, to YAML text.
+        base: the folder that relative paths in the task start from.
+
+    Raises:
+        SpecError: the task is wrong; it carries everything that was found.
+    """
+    return _load(text, name, overrides or {}, None, base)
+
+
+def _load(
+    text: str, name: str, overrides: Mapping[str, str], path: Path | None, base: Path | None
+) -> LoadedTask:
+    source = Source(name, normal(text))
+    found = Diagnostics(name)
+    sources = {name: source}
+    root = read(source, found)
+    if not isinstance(root, nodes.Mapping):
+        raise SpecError(found.sorted(), sources)
+    if overrides:
+        keys = tuple(Task.model_fields)
+        sources[overriding.NAME] = overriding.apply(root, overrides, keys, found)
+    task = _validate(root, found, path or Path(name))
+    if task is None or found.has_errors:
+        raise SpecError(found.sorted(), sources)
+    return LoadedTask(task, source, path, base, dict(overrides), found.sorted(), sources, root)
+
+
+def _validate(root: nodes.Mapping, found: Diagnostics, path: Path) -> Task | None:
+    data = to_data(root, found)
+    assert isinstance(data, Map)
+    reading = Reading(found, data, keys=_keys(root))
+    collect_names(reading)
+    evaluate_params(reading)
+    try:
+        task = Task.model_validate(data, context=reading)
+    except ValidationError as error:
+        for detail in error.errors(include_url=False, include_context=False):
+            _translate(detail, root, reading)
+        return None
+    if "name" not in data:
+        task = task.model_copy(update={"name": _name_from(path)})
+    return task
+
+
+def _keys(root: nodes.Mapping) -> dict[int, Span]:
+    """Return for each mapping the place to point at: its bracket, or the key that it hangs on."""
+    places: dict[int, Span] = {}
+    waiting: list[nodes.Node] = [root]
+    while waiting:
+        node = waiting.pop()
+        if isinstance(node, nodes.Sequence):
+            waiting.extend(node.items)
+        elif isinstance(node, nodes.Mapping):
+            for key, value in node.entries.values():
+                waiting.append(value)
+                if isinstance(value, nodes.Mapping):
+                    places[id(value)] = key.span
+    return places
+
+
+def _translate(detail: ErrorDetails, root: nodes.Mapping, reading: Reading) -> None:
+    """Report an error of pydantic, unless it is already reported."""
+    kind, loc = detail["type"], tuple(detail["loc"])
+    if kind == REPORTED:
+        return
+    if kind == "missing":
+        owner, depth = nodes.find(root, loc[:-1])
+        quiet = isinstance(owner, nodes.Mapping) and owner.broken
+        if quiet or id(owner) in reading.quiet:
+            return
+        where = f"'{loc[-2]}'" if len(loc) > 1 else "the task"
+        hint = "begin the file with 'taskspec: 1'" if loc == ("taskspec",) else ""
+        span = nodes.place(root, loc[:depth])
+        reading.error("TS021", f"{where} needs the key '{loc[-1]}'", span, hint)
+        return
+    message = f"a mapping of names is needed for '{loc[-1]}'" if kind == "dict_type" else (
+        f"this does not fit: {detail['msg']}")  # fmt: skip
+    reading.error("TS022", message, nodes.place(root, loc))
+
+
+def _name_from(path: Path) -> str:
+    """Return a task's name made from that of its file."""
+    words = re.sub(r"[^a-z0-9]+", "-", path.name.lower().split(".")[0]).strip("-")
+    return words if words[:1].isalpha() else f"task-{words}".strip("-")

@@ -1,0 +1,104 @@
+"""The base of all models of a task file."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, ClassVar
+
+from pydantic import BaseModel, ConfigDict, ValidationInfo, model_validator
+from pydantic_core import PydanticCustomError
+
+from taskspec.spec.reading import Reading, kind_of, span_of
+from taskspec.text.data import Map
+from taskspec.text.nodes import Scalar
+from taskspec.text.suggest import suggestion
+
+REPORTED = "reported"
+"""Type of a pydantic error that is already in the diagnostics."""
+
+
+class Model(BaseModel):
+    """A mapping of a task file.
+
+    Each class says in `reserved` which keys belong to the language but are not supported yet, in
+    `expand` which short forms it has, and in `rules` which keys go together. Rules see the raw
+    mapping, so they hold whatever else is wrong in it.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True, arbitrary_types_allowed=True)
+
+    noun: ClassVar[str] = "mapping"
+    reserved: ClassVar[Mapping[str, str]] = {}
+
+    @classmethod
+    def expand(cls, data: object, reading: Reading) -> object:  # noqa: ARG003
+        """Return the full form of a short form."""
+        return data
+
+    @classmethod
+    def rules(cls, data: Map, reading: Reading) -> None:
+        """Report keys that do not go together."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _enter(cls, data: object, info: ValidationInfo) -> object:
+        reading: Reading | None = info.context
+        if reading is None:
+            return data
+        data = cls.expand(data, reading)
+        if not isinstance(data, Map):
+            message = f"{cls.noun} is a mapping of keys to values, this is {kind_of(data)}"
+            keys = ", ".join(cls.model_fields)
+            reading.error("TS022", message, span_of(data), f"keys: {keys}")
+            raise PydanticCustomError(REPORTED, "reported")
+        known = cls._known(data, reading)
+        cls.rules(known, reading)
+        return known
+
+    @classmethod
+    def _known(cls, data: Map, reading: Reading) -> Map:
+        """Report and leave out keys that the model does not have."""
+        if all(key in cls.model_fields for key in data):
+            return data
+        known = Map()
+        known.node = data.node
+        for key, value in data.items():
+            if key in cls.model_fields:
+                known[key] = value
+            elif key in cls.reserved:
+                message = f"{cls.reserved[key]} is part of the language but not supported yet"
+                reading.error("TS090", message, data.node.key_span(key))
+                reading.quiet.add(id(data.node))
+            else:
+                hint = suggestion(key, [*cls.model_fields, *cls.reserved], "keys")
+                message = f"unknown key '{key}' in {cls.noun}"
+                reading.error("TS020", message, data.node.key_span(key), hint)
+                reading.quiet.add(id(data.node))
+        return known
+
+
+def complete(data: Map, reading: Reading) -> bool:
+    """Whether the absence of a key in a mapping means that the user left it out."""
+    return not data.node.broken and id(data.node) not in reading.quiet
+
+
+def mapping(value: object) -> Map:
+    """Return a datum if it is a mapping, else an empty mapping."""
+    return value if isinstance(value, Map) else Map()
+
+
+def short_form(data: object, key: str) -> object:
+    """Return `{key: data}` for a scalar datum, anything else unchanged."""
+    node = getattr(data, "node", None)
+    if not isinstance(node, Scalar):
+        return data
+    from taskspec.text.nodes import Mapping as MappingNode
+
+    full = Map({key: data})
+    full.node = MappingNode(node.span, flow=True, entries={key: (node, node)})
+    return full
+
+
+def raw(data: Any) -> Mapping[str, object]:
+    """Return a datum as a mapping for rules that look at other parts of the file."""
+    return mapping(data)

@@ -1,0 +1,143 @@
+"""Values given beside the file, such as by `--set`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from taskspec.text.diagnostic import Diagnostics
+from taskspec.text.nodes import Mapping as MappingNode
+from taskspec.text.nodes import Node, Scalar, Sequence
+from taskspec.text.origin import Origin
+from taskspec.text.source import Source, Span
+from taskspec.text.suggest import suggestion
+from taskspec.text.yaml import read
+
+NAME = "--set"
+"""The source in which overrides are shown."""
+
+_NAMED = ("params", "world", "frames", "stages", "vary", "expect")
+"""Sections whose keys the file invents: an override changes what is there, it adds nothing."""
+
+
+def apply(
+    root: MappingNode, overrides: Mapping[str, str], keys: tuple[str, ...], found: Diagnostics
+) -> Source:
+    """Change the tree of a file; return the text in which the changes are shown.
+
+    Args:
+        root: the tree, which is changed in place.
+        overrides: dotted path, or the bare name of a param, to YAML text.
+        keys: the keys that a task may have.
+        found: where findings go.
+    """
+    lines = [f"{path}={' '.join(text.split())}" for path, text in overrides.items()]
+    source = Source(NAME, "\n".join(lines))
+    for number, (path, text) in enumerate(overrides.items(), 1):
+        value = _value(text, number, len(path) + 1, found)
+        key = Scalar(path, True, Origin(Span(number, 1, number, len(path) + 1, NAME), path, path))
+        if value is not None:
+            _put(root, key, _steps(root, path, keys), value, keys, found)
+    return source
+
+
+def _steps(root: MappingNode, path: str, keys: tuple[str, ...]) -> list[str]:
+    steps = path.split(".")
+    params = root.get("params")
+    if len(steps) == 1 and path not in keys and isinstance(params, MappingNode):
+        return ["params", path]
+    if steps[0] == "vary":
+        return ["vary", ".".join(steps[1:])]
+    return steps
+
+
+def _value(text: str, line: int, shift: int, found: Diagnostics) -> Node | None:
+    """Read one value; what is wrong with it is shown in the line that the override has."""
+    inner = Diagnostics(NAME)
+    node = read(Source(NAME, " ".join(text.split())), inner, inner=True)
+    for d in inner.sorted():
+        span = _moved(d.span, line, shift) if d.span else Span(line, 1, line, shift, NAME)
+        found.error(d.code, d.message, span, d.hint)
+    if node is not None:
+        _shift(node, line, shift)
+    elif not len(inner):
+        span = Span(line, 1, line, shift + 1, NAME)
+        found.error("TS011", "an override without a value", span, "write it after '='")
+    return node
+
+
+def _moved(span: Span, line: int, shift: int) -> Span:
+    return Span(line, span.column + shift, line, span.end_column + shift, NAME)
+
+
+def _shift(node: Node, line: int, shift: int) -> None:
+    if isinstance(node, Scalar):
+        o = node.origin
+        node.origin = Origin(_moved(o.span, line, shift), o.value, o.raw, o.skip)
+        return
+    node.span = _moved(node.span, line, shift)
+    below = node.items if isinstance(node, Sequence) else [
+        part for entry in node.entries.values() for part in entry]  # fmt: skip
+    for part in below:
+        _shift(part, line, shift)
+
+
+def _put(
+    root: MappingNode,
+    key: Scalar,
+    steps: list[str],
+    value: Node,
+    keys: tuple[str, ...],
+    found: Diagnostics,
+) -> None:
+    node: Node = root
+    for depth, step in enumerate(steps):
+        last = depth == len(steps) - 1
+        if isinstance(node, Scalar) and steps[:depth][-1:] == ["law"]:
+            node = _full_law(root, steps[:depth], node)
+        if isinstance(node, Sequence):
+            if not (step.isdigit() and int(step) < len(node.items)):
+                _unknown(key, step, [str(i) for i in range(len(node.items))], found)
+                return
+            if last:
+                node.items[int(step)] = value
+                return
+            node = node.items[int(step)]
+            continue
+        if not isinstance(node, MappingNode):
+            _unknown(key, step, [], found)
+            return
+        fixed = depth == 1 and steps[0] in _NAMED
+        if step not in node.entries and (fixed or (depth == 0 and step not in keys)):
+            known = list(node.entries) if fixed else list(keys)
+            _unknown(key, step, known, found)
+            return
+        if last:
+            old = node.entries.get(step)
+            node.entries[step] = (old[0] if old else key, value)
+            return
+        below = node.get(step)
+        if below is None:
+            below = MappingNode(key.span, flow=True)
+            node.entries[step] = (key, below)
+        node = below
+
+
+def _full_law(root: MappingNode, steps: list[str], node: Scalar) -> MappingNode:
+    """Write `law: hybrid` as `law: {kind: hybrid}` so that a gain can be set."""
+    full = MappingNode(node.span, flow=True, entries={"kind": (node, node)})
+    owner: Node = root
+    for step in steps[:-1]:
+        assert isinstance(owner, MappingNode)
+        below = owner.get(step)
+        assert below is not None
+        owner = below
+    assert isinstance(owner, MappingNode)
+    owner.entries["law"] = (owner.entries["law"][0], full)
+    return full
+
+
+def _unknown(key: Scalar, step: str, known: list[str], found: Diagnostics) -> None:
+    start = len(key.value) - len(step) if key.value.endswith(step) else key.value.find(step)
+    span = key.origin.at(max(start, 0), max(start, 0) + len(step))
+    hint = suggestion(step, known, "known here")
+    found.error("TS027", f"the task has no '{step}' to override", span, hint)

@@ -1,0 +1,164 @@
+"""Fields that hold quantities: constants, expressions, lists of constants."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from taskspec.spec import values
+from taskspec.spec.kinds import Kind
+from taskspec.spec.reading import Reading, kind_of, span_of
+from taskspec.text.data import Items, Text
+from taskspec.text.expression import Expression, ScopeKind
+from taskspec.text.expression.tree import Number
+from taskspec.text.units import NUMBER, Dimension, alternatives, describe, fitting
+
+_SCALAR: dict[str, Any] = {"type": ["string", "number"]}
+"""A quantity in JSON Schema: text with a unit, or a plain number such as 0."""
+
+
+@dataclass(frozen=True)
+class Constant(Kind):
+    """A quantity that does not change.
+
+    Attributes:
+        dimension: what it measures.
+        above: it has to be greater than this (SI units).
+        least: it has to be at least this (SI units).
+        words: words that may stand in its place.
+    """
+
+    dimension: Dimension
+    above: float | None = None
+    least: float | None = None
+    words: tuple[str, ...] = ()
+
+    def read(self, value: object, reading: Reading) -> float | str:
+        """Return SI units, or one of the words."""
+        if isinstance(value, Text) and str(value) in self.words:
+            return str(value)
+        result = values.constant(value, self.dimension, reading)
+        if result is None:
+            return 0.0
+        return in_range(value, result, reading, self.above, self.least)
+
+    def json(self) -> dict[str, Any]:
+        """Describe the quantity."""
+        return _SCALAR | {"description": _description(self.dimension, self.words)}
+
+
+def in_range(
+    value: object, result: float, reading: Reading, above: float | None, least: float | None
+) -> float:
+    """Report a number out of its range; return it."""
+    if above is not None and result <= above:
+        message = f"this has to be more than {above:g}"
+    elif least is not None and result < least:
+        message = f"this has to be at least {least:g}"
+    else:
+        return result
+    reading.error("TS118", message, span_of(value))
+    return result
+
+
+def _description(dimension: Dimension, words: tuple[str, ...] = ()) -> str:
+    units = fitting(dimension)
+    text = describe(dimension)
+    text = text[0].upper() + text[1:]
+    example = f", such as '10 {units[0]}'" if units else ""
+    other = f"; or {alternatives(words)}" if words else ""
+    return f"{text}{example}{other}"
+
+
+@dataclass(frozen=True)
+class Formula(Kind):
+    """An expression; without a dimension it is a condition."""
+
+    dimension: Dimension | None
+    scope: ScopeKind
+
+    def read(self, value: object, reading: Reading) -> Expression:
+        """Return the checked expression."""
+        return values.expression(value, self.dimension, self.scope, reading) or _NOTHING
+
+    def json(self) -> dict[str, Any]:
+        """Describe the expression."""
+        if self.dimension is None:
+            return {"type": ["string", "boolean"], "description": "A condition"}
+        return _SCALAR | {"description": f"{_description(self.dimension)}; an expression"}
+
+
+_NOTHING = Expression("", Number(0.0, NUMBER), NUMBER)
+
+
+@dataclass(frozen=True)
+class Entries(Kind):
+    """A list of constants, each with its own dimension.
+
+    Attributes:
+        dimensions: of the entries, in order.
+        fewest: how many there have to be; by default all.
+        nonzero: they may not all be zero.
+        above: each has to be greater than this (SI units).
+    """
+
+    dimensions: tuple[Dimension, ...]
+    fewest: int | None = None
+    nonzero: bool = False
+    above: float | None = None
+
+    def read(self, value: object, reading: Reading) -> tuple[float, ...]:
+        """Return the entries in SI units."""
+        if not isinstance(value, Items):
+            message = f"a list of {self._count()} is needed here, this is {kind_of(value)}"
+            reading.error("TS022", message, span_of(value))
+            return (0.0,) * len(self.dimensions)
+        fewest = len(self.dimensions) if self.fewest is None else self.fewest
+        if not fewest <= len(value) <= len(self.dimensions) and not value.node.broken:
+            message = f"{self._count()} entries are needed here, these are {len(value)}"
+            reading.error("TS023", message, span_of(value))
+        result = []
+        for entry, dimension in zip(value, self.dimensions, strict=False):
+            number = Constant(dimension, above=self.above).read(entry, reading)
+            assert isinstance(number, float)
+            result.append(number)
+        if self.nonzero and len(value) and not any(result) and not reading.diagnostics.has_errors:
+            reading.error("TS118", "a direction of length zero", span_of(value))
+        return tuple(result)
+
+    def _count(self) -> str:
+        most = len(self.dimensions)
+        if self.fewest is None or self.fewest == most:
+            return str(most)
+        return f"{self.fewest} to {most}"
+
+    def json(self) -> dict[str, Any]:
+        """Describe the list."""
+        most = len(self.dimensions)
+        return {
+            "type": "array",
+            "minItems": most if self.fewest is None else self.fewest,
+            "maxItems": most,
+            "prefixItems": [Constant(d).json() for d in self.dimensions],
+        }
+
+
+@dataclass(frozen=True)
+class Series(Kind):
+    """A list of constants of one dimension, of any length but none."""
+
+    dimension: Dimension
+
+    def read(self, value: object, reading: Reading) -> tuple[float, ...]:
+        """Return the entries in SI units."""
+        if not isinstance(value, Items):
+            message = f"a list is needed here, this is {kind_of(value)}"
+            reading.error("TS022", message, span_of(value))
+            return (0.0,)
+        if not value and not value.node.broken:
+            reading.error("TS023", "this list is empty", span_of(value))
+        return tuple(values.constant(entry, self.dimension, reading) or 0.0 for entry in value)
+
+    def json(self) -> dict[str, Any]:
+        """Describe the list."""
+        return {"type": "array", "minItems": 1, "items": Constant(self.dimension).json()}

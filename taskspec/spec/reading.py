@@ -1,0 +1,96 @@
+"""What a model's fields know while they are read: names, params, and where to report."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from taskspec.text import nodes
+from taskspec.text.data import Items, Map, Real, Text, Truth, Whole
+from taskspec.text.diagnostic import Diagnostics
+from taskspec.text.expression import Problem, Scope, ScopeKind
+from taskspec.text.source import Span
+from taskspec.text.units import Quantity
+
+
+@dataclass(slots=True)
+class Reading:
+    """The context of one pass over a file.
+
+    Attributes:
+        diagnostics: where findings go.
+        data: the whole file.
+        params: the params that could be evaluated.
+        broken: params that could not; using them is no further mistake.
+        stages: names of all stages, in order.
+        objects: names of all objects of the world.
+        frames: every name that is a frame.
+        quiet: ids of mappings in which missing keys are no further mistake.
+        keys: id of a mapping to the place of the key that it hangs on.
+    """
+
+    diagnostics: Diagnostics
+    data: Map
+    params: Mapping[str, Quantity] = field(default_factory=dict)
+    broken: frozenset[str] = frozenset()
+    stages: tuple[str, ...] = ()
+    objects: tuple[str, ...] = ()
+    frames: tuple[str, ...] = ()
+    quiet: set[int] = field(default_factory=set)
+    keys: dict[int, Span] = field(default_factory=dict)
+    _scopes: dict[ScopeKind, Scope] = field(default_factory=dict)
+
+    def scope(self, kind: ScopeKind) -> Scope:
+        """Return the names that an expression of this kind may use."""
+        if kind not in self._scopes:
+            self._scopes[kind] = Scope(
+                kind,
+                self.params,
+                frozenset(self.stages),
+                frozenset(self.objects),
+                frozenset(self.frames),
+                self.broken,
+            )
+        return self._scopes[kind]
+
+    def forget_scopes(self) -> None:
+        """Build scopes anew; called while names are still being entered."""
+        self._scopes.clear()
+
+    def key_of(self, data: Map) -> Span:
+        """Return the place of the key that a mapping hangs on, or of its first character."""
+        return self.keys.get(id(data.node)) or nodes.pointer(data.node)
+
+    def error(self, code: str, message: str, span: Span | None, hint: str = "") -> None:
+        """Report an error."""
+        self.diagnostics.error(code, message, span, hint)
+
+    def problems(self, value: object, problems: tuple[Problem, ...]) -> None:
+        """Report what is wrong inside a scalar."""
+        assert isinstance(value, Text | Whole | Real)
+        origin = value.node.origin
+        for problem in problems:
+            hint = problem.hint
+            if value.node.comment and problem.code == "TS101" and not hint:
+                hint = "text after ' #' is a comment"
+            self.error(problem.code, problem.message, origin.at(problem.start, problem.end), hint)
+
+
+def span_of(value: object) -> Span | None:
+    """Return the place to point at for a value."""
+    if isinstance(value, Text | Whole | Real | Truth | Items | Map):
+        return nodes.pointer(value.node)
+    return None
+
+
+def kind_of(value: object) -> str:
+    """Return what a value is, in words."""
+    if isinstance(value, Map):
+        return "a mapping"
+    if isinstance(value, Items):
+        return "a list"
+    if isinstance(value, Truth):
+        return "true or false"
+    if isinstance(value, Whole | Real):
+        return "a number"
+    return "a text"

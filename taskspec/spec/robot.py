@@ -1,0 +1,132 @@
+"""`robot`: the arm, its tool, where it stands and where it starts."""
+
+from __future__ import annotations
+
+from typing import Annotated, ClassVar, Literal
+
+from pydantic import Field
+
+from taskspec.spec.fields import RPY, XYZ
+from taskspec.spec.model import Model, complete
+from taskspec.spec.quantities import Constant, Entries, Series
+from taskspec.spec.reading import Reading
+from taskspec.spec.sizes import check_sizes
+from taskspec.spec.words import Free, Word
+from taskspec.text.data import Map
+from taskspec.text.units import ANGLE, LENGTH, MASS
+
+ToolShape = Literal["sphere", "cylinder", "box"]
+
+
+class Pose(Model):
+    """A placement: `xyz` [m], then `rpy` [rad], about fixed axes x, y, z in this order."""
+
+    noun = "a pose"
+
+    xyz: XYZ = Field((0.0, 0.0, 0.0), title="Position", description="[x, y, z], lengths")
+    rpy: RPY = Field((0.0, 0.0, 0.0), title="Orientation", description="[roll, pitch, yaw], angles")
+
+
+class Tool(Model):
+    """The tool. Its tip is its extreme point on the tool axis.
+
+    Attributes:
+        shape: of the end that touches.
+        radius: of a sphere or cylinder [m]; None for the default.
+        size: full edges of a box [m].
+        length: from the flange to the tip [m]; None for the default.
+        mass: [kg].
+    """
+
+    noun = "a tool"
+    sizes: ClassVar[dict[str, tuple[tuple[str, ...], tuple[str, ...]]]] = {
+        "sphere": ((), ("radius",)),
+        "cylinder": (("radius",), ()),
+        "box": (("size",), ()),
+    }
+
+    shape: Annotated[ToolShape, Word(("sphere", "cylinder", "box"), "tool shapes")] = Field(
+        "sphere", title="Shape of the tool's end"
+    )
+    radius: Annotated[float, Constant(LENGTH, above=0)] | None = Field(None, title="Radius")
+    size: Annotated[tuple[float, float, float], Entries((LENGTH,) * 3, above=0)] | None = Field(
+        None, title="Full edges of a box"
+    )
+    length: Annotated[float, Constant(LENGTH, least=0)] | None = Field(
+        None, title="Length from flange to tip"
+    )
+    mass: Annotated[float, Constant(MASS, least=0)] = Field(0.0, title="Mass")
+
+    @classmethod
+    def rules(cls, data: Map, reading: Reading) -> None:
+        """Ask for the sizes of the tool's shape."""
+        check_sizes("tool", data.get("shape", "sphere"), cls.sizes, data, reading)
+
+
+class Start(Model):
+    """Where the run begins: a pose of the tool tip in the world, or joint positions.
+
+    Attributes:
+        xyz: position of the tip in the world [m].
+        rpy: its orientation [rad]; None for pointing down.
+        joints: joint positions [rad or m].
+    """
+
+    noun = "a start"
+
+    xyz: XYZ | None = Field(None, title="Tool tip in the world", description="[x, y, z], lengths")
+    rpy: RPY | None = Field(None, title="Orientation of the tool", description="[roll, pitch, yaw]")
+    joints: Annotated[tuple[float, ...], Series(ANGLE)] | None = Field(
+        None, title="Joint positions", description="One angle for each joint"
+    )
+
+    @classmethod
+    def rules(cls, data: Map, reading: Reading) -> None:
+        """Allow a pose or joints, not both."""
+        if "joints" in data and ("xyz" in data or "rpy" in data):
+            reading.error(
+                "TS026",
+                "a start is given by 'xyz' and 'rpy', or by 'joints'",
+                data.node.key_span("joints"),
+                "keep one of the two",
+            )
+        elif not data.keys() & {"joints", "xyz"} and complete(data, reading):
+            reading.error(
+                "TS021", "a start needs 'xyz' or 'joints'", data.node.key_span("rpy"),
+                "leave 'start' out to begin in the robot's home position",
+            )  # fmt: skip
+
+
+class Robot(Model):
+    """The arm and what it carries.
+
+    Attributes:
+        model: a built-in name, or a path relative to the task file.
+        flange: the body or frame that carries the tool; None if it can be told.
+        base: placement of the robot's base in the world.
+        tool: what is mounted on the flange.
+        start: where the run begins; None for the model's home position.
+        posture: joint positions that a redundant arm stays near [rad or m]; None for the start.
+    """
+
+    noun = "a robot"
+    reserved = {  # noqa: RUF012
+        "grasp": "'grasp'",
+        "sensor": "a sensor model",
+        "balanced": "'balanced'",
+        "joint_damping": "'joint_damping'",
+    }
+
+    model: Annotated[str, Free()] = Field(
+        title="Robot model",
+        description="A built-in name (taskspec robots), or the path of an MJCF or URDF file",
+    )
+    flange: Annotated[str, Free()] | None = Field(
+        None, title="Flange", description="The body or frame that carries the tool"
+    )
+    base: Pose = Field(Pose(), title="Placement of the base in the world")
+    tool: Tool = Field(Tool(), title="Tool")
+    start: Start | None = Field(None, title="Start of the run")
+    posture: Annotated[tuple[float, ...], Series(ANGLE)] | None = Field(
+        None, title="Posture", description="Joint positions that a redundant arm stays near"
+    )

@@ -1,0 +1,71 @@
+"""The JSON Schema of task files, for editors; generated from the models."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+from taskspec.spec.task import VERSION, Task
+
+FILE_NAME = f"taskspec-{VERSION}.schema.json"
+_ID = f"urn:taskspec:schema:{VERSION}"
+
+
+def schema_text() -> str:
+    """Return the JSON Schema as the text of its file.
+
+    It rejects nothing that `load_task` accepts; what only the compiler can know, it lets pass.
+    """
+    generated = _tidy(Task.model_json_schema())
+    head = {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "$id": _ID,
+        "title": f"A task of the taskspec language, version {VERSION}",
+    }
+    return json.dumps(head | {k: v for k, v in generated.items() if k not in head}, indent=2) + "\n"
+
+
+def write_schema(folder: Path) -> Path:
+    """Write the schema into a folder and return its path.
+
+    Raises:
+        OSError: the folder cannot be written.
+    """
+    path = folder / FILE_NAME
+    path.write_text(schema_text(), encoding="utf-8")
+    return path
+
+
+def is_stale(path: Path) -> bool:
+    """Return whether a file is absent or differs from the schema of these models."""
+    try:
+        return path.read_text(encoding="utf-8") != schema_text()
+    except FileNotFoundError:
+        return True
+
+
+def _tidy(value: Any) -> Any:
+    """Leave out what is true of Python but not of a file: null, and defaults made of it."""
+    if isinstance(value, list):
+        return [_tidy(entry) for entry in value]
+    if not isinstance(value, dict):
+        return value
+    choices = [c for c in value.get("anyOf", []) if c != {"type": "null"}]
+    rest = {key: entry for key, entry in value.items() if key != "anyOf"}
+    if rest.get("default", 0) is None:
+        del rest["default"]
+    if len(choices) == 1:
+        rest = choices[0] | rest
+    elif choices:
+        rest["anyOf"] = choices
+    if isinstance(rest.get("description"), str):
+        rest["description"] = rest["description"].partition("\n\n")[0]
+    if "properties" in rest:
+        never = {"type": "null"}
+        rest["properties"] = {
+            name: entry
+            for name, entry in rest["properties"].items()
+            if {k: v for k, v in entry.items() if k not in ("default", "title")} != never
+        }
+    return {key: _tidy(entry) for key, entry in rest.items()}

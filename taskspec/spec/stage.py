@@ -1,0 +1,159 @@
+"""`stages`: what the robot does, one after the other."""
+
+from __future__ import annotations
+
+import re
+from typing import Annotated, ClassVar
+
+from pydantic import Field
+
+from taskspec.spec.axis import FORCES, MOTIONS, Axis, ByName
+from taskspec.spec.fields import FrameName
+from taskspec.spec.law import Law, law_of
+from taskspec.spec.limits import Limits
+from taskspec.spec.model import Model, complete, mapping
+from taskspec.spec.path import Path
+from taskspec.spec.quantities import Constant, Formula
+from taskspec.spec.reading import Reading
+from taskspec.spec.words import Count, Reference
+from taskspec.text.data import Map, Text
+from taskspec.text.expression import Expression, ScopeKind
+from taskspec.text.nodes import pointer
+from taskspec.text.units import LENGTH, TIME
+
+ENDS = ("end", "fail")
+"""Where a run may go instead of to a stage."""
+
+StageName = Annotated[str, Reference(lambda r: (*r.stages, *ENDS), "stage", "TS124")]
+Condition = Annotated[Expression, Formula(None, ScopeKind.GUARD)]
+
+
+class Within(Model):
+    """The bound of a stage; reaching it ends the stage as a failure.
+
+    Attributes:
+        time: since the stage began [s].
+        travel: straight distance from where the stage began [m].
+    """
+
+    noun = "a bound"
+
+    time: Annotated[float, Constant(TIME, above=0)] | None = Field(None, title="Time")
+    travel: Annotated[float, Constant(LENGTH, above=0)] | None = Field(None, title="Distance")
+
+    @classmethod
+    def rules(cls, data: Map, reading: Reading) -> None:
+        """Ask for a time or a distance."""
+        if not data and complete(data, reading):
+            reading.error("TS601", "a bound without a bound", pointer(data.node),
+                          "within: {time: 5 s, travel: 50 mm}, or one of the two")  # fmt: skip
+
+
+class Stage(Model):
+    """A stage.
+
+    Attributes:
+        axes: what each named axis does; the others hold.
+        path: a curve that drives axes.
+        until: the guard that ends the stage well.
+        within: the bound of the guard.
+        fail_if: the guard that ends the stage as a failure.
+        time: planned length [s].
+        next: a stage, `end` or `fail`; None for the following stage.
+        on_fail: a stage, `end` or `fail`; None for `fail`.
+        attempts: entering the stage once more than that fails the run.
+        frame: task frame; None for that of the task.
+        law: control law; None for that of the task.
+        limits: replace those of the task key by key.
+    """
+
+    noun = "a stage"
+    reserved: ClassVar = {"constraints": "a set point of a constraint", "tare": "'tare'"}
+
+    axes: Annotated[dict[str, Axis], ByName()] = Field({}, title="What each axis does")
+    path: Path | None = Field(None, title="A curve that drives axes")
+    until: Condition | None = Field(None, title="The condition that ends the stage well")
+    within: Within | None = Field(None, title="The bound of the condition")
+    fail_if: Condition | None = Field(None, title="The condition that ends the stage as a failure")
+    time: Annotated[float, Constant(TIME, above=0)] | None = Field(None, title="Planned length")
+    next: StageName | None = Field(None, title="What follows", description="A stage, end or fail")
+    on_fail: StageName | None = Field(
+        None, title="What follows a failure", description="A stage, end or fail"
+    )
+    attempts: Annotated[int, Count()] | None = Field(None, title="How often it may be entered")
+    frame: FrameName | None = Field(None, title="Task frame")
+    law: Law | None = Field(None, title="Control law")
+    limits: Limits | None = Field(None, title="Limits")
+
+    @classmethod
+    def rules(cls, data: Map, reading: Reading) -> None:
+        """Ask for one end, a bound for the guard, and one mode on each axis."""
+        _check_end(data, reading)
+        _check_path_done(data, reading)
+        _check_modes(data, reading)
+
+
+def _check_end(data: Map, reading: Reading) -> None:
+    sure = complete(data, reading)
+    axes = mapping(data.get("axes"))
+    moves = any("move" in mapping(axis) for axis in axes.values())
+    if "until" in data:
+        if "within" not in data and sure:
+            reading.error(
+                "TS601",
+                "'until' without 'within': nothing ends the stage if the condition never comes",
+                data.node.key_span("until"),
+                "add a bound, such as within: {time: 5 s, travel: 50 mm}",
+            )
+        if "time" in data:
+            reading.error(
+                "TS603",
+                "'time' beside 'until'",
+                data.node.key_span("time"),
+                "a stage ends by its condition or after its time; a bound stands under 'within'",
+            )
+    elif sure and not (moves or "time" in data or "path" in data) and not _damaged(axes):
+        reading.error(
+            "TS602",
+            "nothing ends this stage",
+            reading.key_of(data),
+            "add 'until' with 'within', a 'time', a 'path' or a 'move'",
+        )
+
+
+def _damaged(axes: Map) -> bool:
+    """Whether an axis lost a key, which may have been its move."""
+    parts = [axes, *(mapping(axis) for axis in axes.values())]
+    return any(part.node.broken for part in parts if part)
+
+
+def _check_path_done(data: Map, reading: Reading) -> None:
+    for key in ("until", "fail_if"):
+        text = data.get(key)
+        if not isinstance(text, Text) or "path" in data or not complete(data, reading):
+            continue
+        if match := re.search(r"(?<![\w.])path_done(?![\w.])", text):
+            reading.error(
+                "TS607",
+                "'path_done' in a stage without a path",
+                text.node.origin.at(match.start(), match.end()),
+                "add a 'path', or take another condition",
+            )
+
+
+def _check_modes(data: Map, reading: Reading) -> None:
+    law = law_of(data.get("law", reading.data.get("law")))
+    if law is None or law == "parallel":
+        return
+    article = "an" if law[0] in "aeio" else "a"
+    for name, axis in mapping(data.get("axes")).items():
+        modes = mapping(axis)
+        motion = next((key for key in MOTIONS if key in modes), None)
+        force = next((key for key in FORCES if key in modes), None)
+        if motion and force:
+            reading.error(
+                "TS203",
+                f"axis '{name}' has both a {motion} and a {force} under {article} {law} law",
+                pointer(modes.node),
+                "one or the other; a parallel law lets force win over position",
+            )

@@ -1,0 +1,115 @@
+"""A whole task file."""
+
+from __future__ import annotations
+
+import re
+from typing import Annotated, Any, ClassVar, Literal
+
+from pydantic import Field
+
+from taskspec.spec.control import Control
+from taskspec.spec.expectation import Expectation, Expectations
+from taskspec.spec.fields import FrameName
+from taskspec.spec.flow import check_flow
+from taskspec.spec.frame import Frame, check_loops
+from taskspec.spec.kinds import Kind
+from taskspec.spec.law import Law
+from taskspec.spec.limits import Limits
+from taskspec.spec.model import Model, mapping
+from taskspec.spec.params import Params
+from taskspec.spec.reading import Reading, span_of
+from taskspec.spec.robot import Robot
+from taskspec.spec.stage import Stage
+from taskspec.spec.vary import Variation, Variations
+from taskspec.spec.words import Free
+from taskspec.spec.world import Shape
+from taskspec.text.data import Map, Real, Text, Whole
+from taskspec.text.units import Quantity
+
+VERSION = 1
+_NAME = re.compile(r"[a-z][a-z0-9-]*\Z")
+
+
+class Version(Kind):
+    """The version of the language."""
+
+    def read(self, value: object, reading: Reading) -> int:
+        """Return 1."""
+        if not (isinstance(value, Whole) and value == VERSION):
+            text = str(value) if isinstance(value, Text | Whole | Real) else "this"
+            message = f"version '{text}' of the language is not known"
+            reading.error("TS024", message, span_of(value), f"write taskspec: {VERSION}")
+        return VERSION
+
+    def json(self) -> dict[str, Any]:
+        """Describe the version."""
+        return {"const": VERSION}
+
+
+class Task(Model):
+    """A task: everything that a file says, with defaults for what it does not say.
+
+    Attributes:
+        taskspec: version of the language.
+        name: of the task; from the file's name if it says none.
+        about: what it does.
+        robot: the arm and what it carries.
+        world: objects by name.
+        params: named quantities.
+        frames: named frames.
+        frame: task frame of every stage that names none.
+        law: control law of every stage that names none.
+        limits: of every stage, key by key.
+        stages: by name, in order.
+        expect: what counts as success.
+        vary: path of a value to an uncertain interval for each component.
+        control: rates.
+    """
+
+    noun = "a task"
+    reserved: ClassVar = {"robots": "several robots", "sweep": "'sweep'"}
+
+    taskspec: Annotated[Literal[1], Version()] = Field(title="Version of the language")
+    name: Annotated[
+        str,
+        Free(
+            "a name: small letters, digits and '-', a letter first",
+            lambda text: bool(_NAME.match(text)),
+            "^[a-z][a-z0-9-]*$",
+        ),
+    ] = Field("task", title="Name of the task")
+    about: Annotated[str, Free()] | None = Field(None, title="What the task does")
+    robot: Robot = Field(title="Robot")
+    world: dict[str, Shape] = Field({}, title="Objects by name")
+    params: Annotated[dict[str, Quantity], Params()] = Field({}, title="Named quantities")
+    frames: dict[str, Frame] = Field({}, title="Frames by name")
+    frame: FrameName = Field("world", title="Task frame of all stages")
+    law: Law = Field(Law(), title="Control law of all stages")
+    limits: Limits = Field(Limits(), title="Limits of all stages")
+    stages: dict[str, Stage] = Field(title="Stages by name, in order")
+    expect: Annotated[tuple[Expectation, ...], Expectations()] = Field(
+        (), title="What counts as success"
+    )
+    vary: Annotated[dict[str, tuple[Variation | None, ...]], Variations()] = Field(
+        {}, title="What is uncertain about the real world"
+    )
+    control: Control = Field(Control(), title="Rates")
+
+    @classmethod
+    def rules(cls, data: Map, reading: Reading) -> None:
+        """Look at the file as a whole."""
+        stages = data.get("stages")
+        if isinstance(stages, Map):
+            if not stages and not stages.node.broken:
+                reading.error("TS021", "a task needs at least one stage",
+                              data.node.key_span("stages"))  # fmt: skip
+            check_flow(stages, reading)
+        check_loops(mapping(data.get("frames")), reading)
+        about = data.get("about")
+        if isinstance(about, Text) and about.node.comment:
+            reading.diagnostics.warning(
+                "TS016",
+                f"the text ends before '{about.node.comment}'",
+                about.node.span,
+                "' #' begins a comment; put the text in quotes if it belongs to it",
+            )

@@ -1,0 +1,128 @@
+"""Scalars as values: constants in SI units and checked expressions."""
+
+from __future__ import annotations
+
+import math
+
+from taskspec.spec.reading import Reading, kind_of, span_of
+from taskspec.text.data import Real, Text, Whole
+from taskspec.text.expression import (
+    Expression,
+    ExpressionError,
+    FloatAlgebra,
+    Problem,
+    ScopeKind,
+    check,
+    evaluate,
+    infer,
+    parse,
+)
+from taskspec.text.expression.parse import Start
+from taskspec.text.expression.signals import CONSTANTS
+from taskspec.text.expression.tree import Name, Node, walk
+from taskspec.text.units import NUMBER, Dimension, Quantity, describe
+
+_FLOATS = FloatAlgebra()
+
+
+def parsed(value: object, start: Start, reading: Reading, needed: str) -> Node | None:
+    """Return the tree of a scalar, or None after reporting why there is none.
+
+    Args:
+        value: a datum of the file.
+        start: what it has to be.
+        reading: the pass.
+        needed: what its place needs, in words.
+    """
+    if not isinstance(value, Text | Whole | Real):
+        message = f"{needed} is needed here, this is {kind_of(value)}"
+        reading.error("TS022", message, span_of(value), _kind_hint(value))
+        return None
+    try:
+        return parse(str(value.node.value), start)
+    except ExpressionError as error:
+        reading.problems(value, _with_trap(value, error.problems))
+        return None
+
+
+def expression(
+    value: object, dimension: Dimension | None, kind: ScopeKind, reading: Reading
+) -> Expression | None:
+    """Return a checked expression, or None after reporting what is wrong with it.
+
+    Args:
+        value: a datum of the file.
+        dimension: what its place asks for; None for a condition.
+        kind: where it stands.
+        reading: the pass.
+    """
+    start: Start = "sum" if dimension is not None else "logic"
+    needed = describe(dimension) if dimension is not None else "a condition"
+    node = parsed(value, start, reading, needed)
+    if node is None:
+        return None
+    assert isinstance(value, Text | Whole | Real)
+    checked = check(node, reading.scope(kind), dimension)
+    reading.problems(value, checked.problems)
+    if checked.problems:
+        return None
+    return Expression(value.node.value, checked.tree, checked.dimension, value.node.origin)
+
+
+def constant(value: object, dimension: Dimension, reading: Reading) -> float | None:
+    """Return a constant in SI units, or None after reporting what is wrong with it.
+
+    None is also returned, in silence, if it uses a param that is itself wrong.
+    """
+    node = parsed(value, "sum", reading, describe(dimension))
+    if node is None:
+        return None
+    checked = check(node, reading.scope(ScopeKind.CONSTANT), dimension)
+    reading.problems(value, checked.problems)
+    return None if checked.problems else number(value, node, reading)
+
+
+def quantity(value: object, reading: Reading) -> Quantity | None:
+    """Return a constant of whatever dimension, or None after reporting what is wrong with it."""
+    node = parsed(value, "sum", reading, "a quantity")
+    if node is None:
+        return None
+    kind, problems = infer(node, reading.scope(ScopeKind.CONSTANT))
+    if not problems and kind.kind == "condition":
+        problems = (Problem("TS114", "a quantity is needed here", node.start, node.end),)
+    reading.problems(value, problems)
+    if problems or kind.kind == "unknown":
+        return None
+    result = number(value, node, reading)
+    if result is None:
+        return None
+    return Quantity(result, kind.dimension or NUMBER, bare=kind.dimension is None)
+
+
+def number(value: object, node: Node, reading: Reading) -> float | None:
+    """Return the value of a checked constant tree; None if a part of it is broken or infinite."""
+    names = [n.path[0] for n in walk(node) if isinstance(n, Name)]
+    if any(name in reading.broken for name in names):
+        return None
+    result = evaluate(node, _FLOATS, lambda name: _lookup(name, reading))
+    if math.isfinite(result):
+        return result
+    problem = Problem("TS117", "this has no finite value", node.start, node.end)
+    reading.problems(value, (problem,))
+    return None
+
+
+def _lookup(name: Name, reading: Reading) -> float:
+    word = name.path[0]
+    return reading.params[word].value if word in reading.params else CONSTANTS[word][0]
+
+
+def _kind_hint(value: object) -> str:
+    if kind_of(value) == "true or false":
+        return "a word in an expression is a name; true and false are not"
+    return ""
+
+
+def _with_trap(value: Text | Whole | Real, problems: tuple[Problem, ...]) -> tuple[Problem, ...]:
+    """Say `1:30` where a colon made a text of what was meant as a time."""
+    return problems if isinstance(value, Text | Whole | Real) else ()

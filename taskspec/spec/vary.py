@@ -1,0 +1,171 @@
+"""`vary`: what is uncertain about the real world."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from taskspec.spec import values
+from taskspec.spec.kinds import Kind
+from taskspec.spec.model import mapping
+from taskspec.spec.reading import Reading, kind_of, span_of
+from taskspec.text.data import Items, Map
+from taskspec.text.expression import Problem, ScopeKind, check
+from taskspec.text.expression.tree import Interval, Node, Spread
+from taskspec.text.suggest import suggestion
+from taskspec.text.units import (
+    ANGLE,
+    DAMPING,
+    LENGTH,
+    MASS,
+    NUMBER,
+    STIFFNESS,
+    Dimension,
+    describe,
+)
+
+Target = tuple[Dimension, int]
+"""Dimension of the components, and how many there are; 0 for a single value."""
+
+_OBJECT: dict[str, Target] = {
+    "stiffness": (STIFFNESS, 0),
+    "damping": (DAMPING, 0),
+    "friction": (NUMBER, 0),
+    "xyz": (LENGTH, 3),
+    "rpy": (ANGLE, 3),
+    "size": (LENGTH, 3),
+    "radius": (LENGTH, 0),
+    "length": (LENGTH, 0),
+}
+_SIZES = {"box": ("size",), "cylinder": ("radius", "length"), "sphere": ("radius",), "plane": ()}
+_ROBOT: dict[str, Target] = {"tool.mass": (MASS, 0)}
+_LATER = ("joint_damping", "sensor")
+
+
+@dataclass(frozen=True, slots=True)
+class Variation:
+    """An uncertain component: from `low` to `high` [SI], `relative` to the nominal value or not."""
+
+    low: float
+    high: float
+    relative: bool
+
+
+@dataclass(frozen=True)
+class Variations(Kind):
+    """Paths of values, each with an interval for every component."""
+
+    def read(self, value: object, reading: Reading) -> dict[str, tuple[Variation | None, ...]]:
+        """Return the variations by path; a component that does not vary is None."""
+        if not isinstance(value, Map):
+            message = f"'vary' is a mapping of paths to intervals, this is {kind_of(value)}"
+            reading.error("TS022", message, span_of(value), "world.table.stiffness: 5..80 kN/m")
+            return {}
+        found = {}
+        for path, entry in value.items():
+            target = _target(path, value, reading)
+            if target is not None:
+                found[path] = _components(entry, *target, reading)
+        return found
+
+    def json(self) -> dict[str, Any]:
+        """Describe the mapping."""
+        one = {"type": ["string", "number"], "description": "'a..b', '+- x', or 0"}
+        entry = {"anyOf": [one, {"type": "array", "items": one}]}
+        return {"type": "object", "additionalProperties": entry}
+
+
+def _target(path: str, data: Map, reading: Reading) -> Target | None:
+    """Return what a path names, or None after reporting that nothing there can vary."""
+    section, _, rest = path.partition(".")
+    owner, _, key = rest.partition(".")
+    span = data.node.key_span(path)
+    if section == "robot":
+        if rest in _ROBOT:
+            return _ROBOT[rest]
+        if owner in _LATER:
+            message = f"varying '{owner}' is part of the language but not supported yet"
+            reading.error("TS090", message, span)
+            return None
+        options = [f"robot.{name}" for name in _ROBOT]
+    elif section == "world" and owner in reading.objects:
+        shape = mapping(reading.data.get("world")).get(owner)
+        fields = _fields(mapping(shape))
+        if fields is None or key in fields:
+            return _OBJECT.get(key) if key in _OBJECT else None
+        options = [f"world.{owner}.{name}" for name in fields]
+    elif section == "world" and owner:
+        hint = suggestion(owner, reading.objects, "objects")
+        reading.error("TS123", f"unknown object '{owner}'", span, hint)
+        return None
+    else:
+        options = [f"world.{name}.stiffness" for name in reading.objects]
+        options += [f"robot.{name}" for name in _ROBOT]
+    hint = suggestion(path, options, "values that can vary")
+    reading.error("TS710", f"'{path}' is no value that can vary", span, hint)
+    return None
+
+
+def _fields(shape: Map) -> list[str] | None:
+    """Return the values of an object that can vary; None if its shape is not known."""
+    name = shape.get("shape")
+    if not isinstance(name, str) or name not in _SIZES:
+        return None
+    return [
+        key for key in _OBJECT if key not in ("size", "radius", "length") or key in _SIZES[name]
+    ]
+
+
+def _components(
+    value: object, dimension: Dimension, count: int, reading: Reading
+) -> tuple[Variation | None, ...]:
+    if not count:
+        if isinstance(value, Items):
+            message = "one interval is needed here, this is a list"
+            reading.error("TS023", message, span_of(value))
+            return ()
+        return (_variation(value, dimension, reading),)
+    if not isinstance(value, Items) or len(value) != count:
+        if not (isinstance(value, Items) and value.node.broken):
+            hint = "such as [+- 2 mm, 0, 0]" if dimension == LENGTH else "such as [+- 3 deg, 0, 0]"
+            message = f"{count} components are needed here, 0 for one that does not vary"
+            reading.error("TS023", message, span_of(value), hint)
+        return ()
+    return tuple(_variation(entry, dimension, reading) for entry in value)
+
+
+def _variation(value: object, dimension: Dimension, reading: Reading) -> Variation | None:
+    node = values.parsed(value, "uncertain", reading, "an interval")
+    if node is None:
+        return None
+    checked = check(node, reading.scope(ScopeKind.CONSTANT), dimension)
+    reading.problems(value, checked.problems)
+    if checked.problems:
+        return None
+    if isinstance(node, Spread):
+        half = values.number(value, node.x, reading)
+        return Variation(-half, half, relative=True) if half is not None else None
+    if isinstance(node, Interval):
+        return _interval(value, node, reading)
+    nominal = values.number(value, node, reading)
+    if nominal != 0 and nominal is not None:
+        message = f"{describe(dimension)} that varies is an interval"
+        _report(value, node, message, reading)
+    return None
+
+
+def _interval(value: object, node: Interval, reading: Reading) -> Variation | None:
+    low = values.number(value, node.low, reading)
+    high = values.number(value, node.high, reading)
+    if low is None or high is None:
+        return None
+    if low > high:
+        problem = Problem("TS711", "this interval ends before it begins", node.start, node.end,
+                          "write the smaller value first")  # fmt: skip
+        reading.problems(value, (problem,))
+    return Variation(low, high, relative=False)
+
+
+def _report(value: object, node: Node, message: str, reading: Reading) -> None:
+    hint = "write a..b or '+- x'; 0 does not vary"
+    reading.problems(value, (Problem("TS710", message, node.start, node.end, hint),))

@@ -1,0 +1,130 @@
+"""Fields that hold words: one of a few, a name given elsewhere, free text; and counts."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from taskspec.spec.kinds import Kind
+from taskspec.spec.reading import Reading, kind_of, span_of
+from taskspec.text.data import Text, Whole
+from taskspec.text.suggest import suggestion
+
+
+@dataclass(frozen=True)
+class Word(Kind):
+    """One of a few words.
+
+    Attributes:
+        words: the choice.
+        what: what they are, in the plural.
+        reserved: words of the language that are not supported yet.
+        code: of the diagnostic for any other word.
+    """
+
+    words: tuple[str, ...]
+    what: str
+    reserved: tuple[str, ...] = ()
+    code: str = "TS025"
+
+    def read(self, value: object, reading: Reading) -> str:
+        """Return the word."""
+        if not isinstance(value, Text):
+            message = f"a word is needed here, this is {kind_of(value)}"
+            reading.error("TS022", message, span_of(value), f"{self.what}: {self._list()}")
+            return self.words[0]
+        word = str(value)
+        if word in self.words:
+            return word
+        if word in self.reserved:
+            unsupported(f"'{word}'", value, reading)
+            return self.words[0]
+        hint = suggestion(word, self.words + self.reserved, self.what)
+        reading.error(self.code, f"'{word}' is none of the {self.what}", span_of(value), hint)
+        return self.words[0]
+
+    def _list(self) -> str:
+        return ", ".join(self.words)
+
+    def json(self) -> dict[str, Any]:
+        """List the words."""
+        return {"enum": list(self.words)}
+
+
+def unsupported(what: str, value: object, reading: Reading) -> None:
+    """Report a word of the language that this version does not read yet."""
+    message = f"{what} is part of the language but not supported yet"
+    reading.error("TS090", message, span_of(value))
+
+
+@dataclass(frozen=True)
+class Reference(Kind):
+    """The name of something that the file defines elsewhere.
+
+    Attributes:
+        names: all names that would do.
+        what: what they are, in the singular.
+        code: of the diagnostic for an unknown name.
+    """
+
+    names: Callable[[Reading], tuple[str, ...]]
+    what: str
+    code: str
+
+    def read(self, value: object, reading: Reading) -> str:
+        """Return the name."""
+        names = self.names(reading)
+        if not isinstance(value, Text):
+            message = f"the name of a {self.what} is needed here, this is {kind_of(value)}"
+            reading.error("TS022", message, span_of(value))
+        elif value not in names:
+            hint = suggestion(value, names, f"{self.what}s")
+            reading.error(self.code, f"unknown {self.what} '{value}'", span_of(value), hint)
+        return str(value)
+
+    def json(self) -> dict[str, Any]:
+        """Describe the name."""
+        return {"type": "string", "description": f"The name of a {self.what}"}
+
+
+@dataclass(frozen=True)
+class Free(Kind):
+    """Any text; `pattern` restricts it to a form that `form` describes."""
+
+    form: str = ""
+    matches: Callable[[str], bool] | None = None
+    pattern: str = ""
+
+    def read(self, value: object, reading: Reading) -> str:
+        """Return the text."""
+        if not isinstance(value, Text):
+            message = f"a text is needed here, this is {kind_of(value)}"
+            reading.error("TS022", message, span_of(value), "put it in quotes")
+            return ""
+        if self.matches is not None and not self.matches(value):
+            reading.error("TS125", f"'{value}' is not {self.form}", span_of(value))
+        return str(value)
+
+    def json(self) -> dict[str, Any]:
+        """Describe the text."""
+        return {"type": "string"} | ({"pattern": self.pattern} if self.pattern else {})
+
+
+@dataclass(frozen=True)
+class Count(Kind):
+    """A whole number of at least one."""
+
+    def read(self, value: object, reading: Reading) -> int:
+        """Return the number."""
+        if not isinstance(value, Whole):
+            message = f"a whole number is needed here, this is {kind_of(value)}"
+            reading.error("TS022", message, span_of(value))
+            return 1
+        if value < 1:
+            reading.error("TS118", "this has to be at least 1", span_of(value))
+        return int(value)
+
+    def json(self) -> dict[str, Any]:
+        """Describe the number."""
+        return {"type": "integer", "minimum": 1}

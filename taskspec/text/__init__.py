@@ -1,0 +1,1 @@
+"""Reading text: strict YAML with positions, units, expressions, diagnostics."""

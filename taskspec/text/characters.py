@@ -1,0 +1,60 @@
+"""Characters that a task file may not contain."""
+
+from __future__ import annotations
+
+import re
+import unicodedata
+
+from taskspec.text.diagnostic import Diagnostics
+from taskspec.text.source import Span
+
+_FORBIDDEN = re.compile(
+    "[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200b-\u200f\u2028-\u202e\u2060-\u2069\ufeff\ufff9-\uffff"
+    "\ud800-\udfff\U0001fffe\U0001ffff\U000e0000-\U000e0fff]"
+)
+"""Control, bidi, invisible and lone surrogate characters: they hide what a file says."""
+_LISTED = 20
+
+
+def normal(text: str) -> str:
+    """Return the text without a byte order mark and with plain line ends."""
+    return text.removeprefix("\ufeff").replace("\r\n", "\n").replace("\r", "\n")
+
+
+def readable(text: str, diagnostics: Diagnostics) -> str | None:
+    """Report forbidden characters and tabs; return the text with spaces in their places.
+
+    Returns None if tabs indent it, since its structure cannot be known then.
+    """
+    matches = list(_FORBIDDEN.finditer(text))
+    for match in matches[:_LISTED]:
+        character = match[0]
+        name = unicodedata.name(character, "a control character").lower()
+        diagnostics.error(
+            "TS002",
+            f"the character U+{ord(character):04X} ({name}) may not stand in a task file",
+            _span(text, match.start()),
+            "delete it" + (_more(matches) if len(matches) > _LISTED else ""),
+        )
+    if matches:
+        text = _FORBIDDEN.sub(" ", text)
+    if "\t" not in text:
+        return text
+    lines = [n for n, line in enumerate(text.split("\n"), 1) if "\t" in line]
+    others = f" (and in {len(lines) - 1} more lines)" if len(lines) > 1 else ""
+    diagnostics.error(
+        "TS003", f"a tab{others}", _span(text, text.index("\t")), "indent and separate with spaces"
+    )
+    if re.search(r"^ *\t[ \t]*[^ \t#\n]", text, re.MULTILINE):
+        return None
+    return text.replace("\t", " ")
+
+
+def _more(matches: list[re.Match[str]]) -> str:
+    return f"; {len(matches) - _LISTED} more follow"
+
+
+def _span(text: str, index: int) -> Span:
+    line = text.count("\n", 0, index) + 1
+    column = index - text.rfind("\n", 0, index)
+    return Span(line, column, line, column + 1)

@@ -1,0 +1,149 @@
+"""Diagnostics: what is wrong, where, and what to do about it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+
+from taskspec.text.codes import CODES
+from taskspec.text.source import Source, Span
+
+
+class Severity(StrEnum):
+    """How bad a diagnostic is; only errors keep a task from running."""
+
+    ERROR = "error"
+    WARNING = "warning"
+    INFO = "info"
+
+
+@dataclass(frozen=True, slots=True)
+class Note:
+    """A second place that belongs to a diagnostic, such as a first definition."""
+
+    message: str
+    source: str
+    span: Span
+
+
+@dataclass(frozen=True, slots=True)
+class Diagnostic:
+    """One finding: a stable code, a message, its place, and a hint at what to do."""
+
+    code: str
+    severity: Severity
+    message: str
+    source: str
+    span: Span | None
+    hint: str = ""
+    notes: tuple[Note, ...] = ()
+
+
+class SpecError(Exception):
+    """A task file is wrong.
+
+    Attributes:
+        diagnostics: all findings, sorted by place; at least one is an error.
+        sources: the texts that the places refer to, by name.
+    """
+
+    def __init__(
+        self, diagnostics: Iterable[Diagnostic], sources: Mapping[str, Source] | None = None
+    ) -> None:
+        self.diagnostics = tuple(diagnostics)
+        self.sources: Mapping[str, Source] = dict(sources or {})
+        super().__init__("; ".join(f"{d.code}: {d.message}" for d in self.diagnostics))
+
+
+class Diagnostics:
+    """Collects findings about one source; equal ones are kept once."""
+
+    def __init__(self, source: str) -> None:
+        self.source = source
+        self._found: dict[Diagnostic, None] = {}
+
+    def error(
+        self,
+        code: str,
+        message: str,
+        span: Span | None,
+        hint: str = "",
+        notes: tuple[tuple[str, Span], ...] = (),
+    ) -> None:
+        """Add an error; `notes` are further (message, place) pairs."""
+        self.add(Severity.ERROR, code, message, span, hint, notes)
+
+    def warning(
+        self,
+        code: str,
+        message: str,
+        span: Span | None,
+        hint: str = "",
+        notes: tuple[tuple[str, Span], ...] = (),
+    ) -> None:
+        """Add a warning; `notes` are further (message, place) pairs."""
+        self.add(Severity.WARNING, code, message, span, hint, notes)
+
+    def info(
+        self,
+        code: str,
+        message: str,
+        span: Span | None,
+        hint: str = "",
+        notes: tuple[tuple[str, Span], ...] = (),
+    ) -> None:
+        """Add a remark; `notes` are further (message, place) pairs."""
+        self.add(Severity.INFO, code, message, span, hint, notes)
+
+    def add(
+        self,
+        severity: Severity,
+        code: str,
+        message: str,
+        span: Span | None,
+        hint: str = "",
+        notes: tuple[tuple[str, Span], ...] = (),
+    ) -> None:
+        """Add a finding of any severity.
+
+        Raises:
+            AssertionError: the code is not registered.
+        """
+        assert code in CODES, f"diagnostic code {code} is not registered"
+        found = Diagnostic(
+            code,
+            severity,
+            message,
+            self._name(span),
+            span,
+            hint,
+            tuple(Note(text, self._name(place), place) for text, place in notes),
+        )
+        self._found.setdefault(found)
+
+    def extend(self, diagnostics: Iterable[Diagnostic]) -> None:
+        """Add findings that are already complete."""
+        for diagnostic in diagnostics:
+            self._found.setdefault(diagnostic)
+
+    def sorted(self) -> tuple[Diagnostic, ...]:
+        """Return the findings by source and place; those without a place first."""
+        return tuple(sorted(self._found, key=_order))
+
+    @property
+    def has_errors(self) -> bool:
+        """Whether any finding is an error."""
+        return any(d.severity is Severity.ERROR for d in self._found)
+
+    def __len__(self) -> int:
+        return len(self._found)
+
+    def _name(self, span: Span | None) -> str:
+        return span.source if span is not None and span.source else self.source
+
+
+def _order(diagnostic: Diagnostic) -> tuple[str, int, int, str, str]:
+    span = diagnostic.span
+    line, column = (span.line, span.column) if span else (0, 0)
+    return (diagnostic.source, line, column, diagnostic.code, diagnostic.message)

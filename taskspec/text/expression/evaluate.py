@@ -1,0 +1,189 @@
+"""Evaluation of a tree with any kind of number: floats, arrays, symbols."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from typing import Literal, Protocol, TypeVar
+
+from taskspec.text.expression import tree
+
+T = TypeVar("T")
+
+
+class Algebra(Protocol[T]):
+    """The operations on one kind of number; a condition is a number of the same kind."""
+
+    def number(self, value: float) -> T:
+        """Return a constant."""
+        ...
+
+    def binary(self, op: tree.BinaryOp, left: T, right: T) -> T:
+        """Return left op right."""
+        ...
+
+    def negate(self, x: T) -> T:
+        """Return -x."""
+        ...
+
+    def power(self, base: T, exponent: float) -> T:
+        """Return base ^ exponent."""
+        ...
+
+    def call(self, function: str, args: Sequence[T]) -> T:
+        """Return a function of `functions.FUNCTIONS`; `norm` comes with its components."""
+        ...
+
+    def compare(self, op: tree.CompareOp, left: T, right: T) -> T:
+        """Return whether left op right."""
+        ...
+
+    def logic(self, op: Literal["and", "or"], items: Sequence[T]) -> T:
+        """Return whether all of the items hold, or any."""
+        ...
+
+    def invert(self, x: T) -> T:
+        """Return not x."""
+        ...
+
+    def held(self, node: tree.Held, x: T, amount: float) -> T:
+        """Return whether x held for `amount` [s in guards, share 0..1 in expectations]."""
+        ...
+
+    def reduce(self, node: tree.Reduce, reducer: str, x: T) -> T:
+        """Return one number from the history of x."""
+        ...
+
+
+def evaluate(  # noqa: C901 - one case for each kind of node
+    node: tree.Node, algebra: Algebra[T], lookup: Callable[[tree.Name], T]
+) -> T:
+    """Return the value of a checked tree.
+
+    Args:
+        node: a tree as `check` returns it.
+        algebra: the operations.
+        lookup: the value of a name in SI units.
+    """
+
+    def value(x: tree.Node) -> T:
+        return evaluate(x, algebra, lookup)
+
+    match node:
+        case tree.Number(value_si, _):
+            return algebra.number(value_si)
+        case tree.Name():
+            return lookup(node)
+        case tree.Negate(x):
+            return algebra.negate(value(x))
+        case tree.Binary(op, left, right):
+            return algebra.binary(op, value(left), value(right))
+        case tree.Power(base, exponent):
+            return algebra.power(value(base), exponent)
+        case tree.Call(function, args):
+            return algebra.call(function, [value(arg) for arg in args])
+        case tree.Reduce(reducer, arg):
+            return algebra.reduce(node, reducer, value(arg))
+        case tree.Compare(relation, left, right):
+            return algebra.compare(relation, value(left), value(right))
+        case tree.Within(x, low, high):
+            inner = value(x)
+            return algebra.logic(
+                "and",
+                [algebra.compare(">=", inner, value(low)),
+                 algebra.compare("<=", inner, value(high))],
+            )  # fmt: skip
+        case tree.Logic(word, items):
+            return algebra.logic(word, [value(item) for item in items])
+        case tree.Not(x):
+            return algebra.invert(value(x))
+        case tree.Held(x, amount):
+            return algebra.held(node, value(x), amount.value_si)
+        case _:
+            raise TypeError(f"{type(node).__name__} has no single value")
+
+
+class FloatAlgebra:
+    """Plain numbers; what has no value is nan. Conditions are 0.0 and 1.0."""
+
+    def number(self, value: float) -> float:
+        """Return the constant itself."""
+        return value
+
+    def binary(self, op: tree.BinaryOp, left: float, right: float) -> float:
+        """Return left op right; division by zero is nan."""
+        if op == "+":
+            return left + right
+        if op == "-":
+            return left - right
+        if op == "*":
+            return left * right
+        return left / right if right else math.nan
+
+    def negate(self, x: float) -> float:
+        """Return -x."""
+        return -x
+
+    def power(self, base: float, exponent: float) -> float:
+        """Return base ^ exponent; a root of a negative number is nan."""
+        return _guarded(math.pow, base, exponent)
+
+    def call(self, function: str, args: Sequence[float]) -> float:
+        """Return the function's value; outside its domain nan."""
+        return _guarded(_FLOAT[function], *args)
+
+    def compare(self, op: tree.CompareOp, left: float, right: float) -> float:
+        """Return 1.0 or 0.0."""
+        less, equal = left < right, left == right
+        holds = {"<": less, "<=": less or equal, ">": left > right, ">=": left >= right}
+        return float(holds[op])
+
+    def logic(self, op: Literal["and", "or"], items: Sequence[float]) -> float:
+        """Return 1.0 or 0.0."""
+        return float(all(items) if op == "and" else any(items))
+
+    def invert(self, x: float) -> float:
+        """Return 1.0 or 0.0."""
+        return float(not x)
+
+    def held(self, node: tree.Held, x: float, amount: float) -> float:  # noqa: ARG002
+        """Return x: one value has no history."""
+        return x
+
+    def reduce(self, node: tree.Reduce, reducer: str, x: float) -> float:  # noqa: ARG002
+        """Return x: one value has no history."""
+        return 0.0 if reducer == "std" else x
+
+
+def _guarded(function: Callable[..., float], *args: float) -> float:
+    try:
+        return float(function(*args))
+    except (ValueError, OverflowError, ZeroDivisionError):
+        return math.nan
+
+
+def smooth(x: float) -> float:
+    """Return 0 for x <= 0, 1 for x >= 1, and the quintic with flat ends between."""
+    u = min(max(x, 0.0), 1.0)
+    return u * u * u * (10.0 + u * (6.0 * u - 15.0))
+
+
+_FLOAT: dict[str, Callable[..., float]] = {
+    "sin": math.sin,
+    "cos": math.cos,
+    "tan": math.tan,
+    "asin": math.asin,
+    "acos": math.acos,
+    "atan": math.atan,
+    "atan2": math.atan2,
+    "sqrt": math.sqrt,
+    "exp": math.exp,
+    "log": math.log,
+    "abs": abs,
+    "sign": lambda x: float((x > 0) - (x < 0)),
+    "min": min,
+    "max": max,
+    "clamp": lambda x, low, high: min(max(x, low), high),
+    "smooth": smooth,
+    "norm": math.hypot,
+}

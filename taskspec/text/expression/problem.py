@@ -1,0 +1,25 @@
+"""What is wrong with an expression, and where inside its text."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class Problem:
+    """A finding at the characters `start` to `end` (exclusive) of an expression."""
+
+    code: str
+    message: str
+    start: int
+    end: int
+    hint: str = ""
+
+
+class ExpressionError(Exception):
+    """An expression is wrong; `problems` says how, and there is at least one."""
+
+    def __init__(self, problems: Iterable[Problem]) -> None:
+        self.problems = tuple(problems)
+        super().__init__("; ".join(p.message for p in self.problems))

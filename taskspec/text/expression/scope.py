@@ -1,0 +1,130 @@
+"""What names mean: the scope of an expression and the resolution of a dotted name in it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+from types import MappingProxyType
+from typing import Literal
+
+from taskspec.text.expression import signals
+from taskspec.text.units import NUMBER, TIME, Dimension, Quantity
+
+Kind = Literal["param", "constant", "clock", "signal", "condition", "vector", "joint", "object",
+               "visits"]  # fmt: skip
+
+
+class ScopeKind(StrEnum):
+    """Where an expression stands, which decides what it may use."""
+
+    CONSTANT = "constant"
+    """A fixed value: params and pi."""
+    WORLD = "world"
+    """The world's own motion: also `clock`."""
+    PLANNED = "planned"
+    """A planned position: also `t` and `clock`."""
+    REFERENCE = "reference"
+    """A velocity or force reference: also measured signals."""
+    GUARD = "guard"
+    """`until` and `fail_if`: also reducers over the stage so far, `for` a time, and visits."""
+    EXPECT = "expect"
+    """An expectation: also signals of one stage, and `for` a share of all ticks."""
+
+
+@dataclass(frozen=True, slots=True)
+class Scope:
+    """The names that an expression may use.
+
+    `broken` holds names whose own definition is wrong: using them is no further mistake.
+    """
+
+    kind: ScopeKind
+    params: Mapping[str, Quantity] = field(default_factory=lambda: MappingProxyType({}))
+    stages: frozenset[str] = frozenset()
+    objects: frozenset[str] = frozenset()
+    frames: frozenset[str] = frozenset()
+    broken: frozenset[str] = frozenset()
+
+    @property
+    def measures(self) -> bool:
+        """Whether measured signals exist here."""
+        return self.kind in (ScopeKind.REFERENCE, ScopeKind.GUARD, ScopeKind.EXPECT)
+
+    @property
+    def clocks(self) -> tuple[str, ...]:
+        """The clocks that exist here."""
+        if self.kind is ScopeKind.CONSTANT:
+            return ()
+        return ("clock",) if self.kind is ScopeKind.WORLD else signals.CLOCKS
+
+
+@dataclass(frozen=True, slots=True)
+class Meaning:
+    """What a dotted name stands for.
+
+    Attributes:
+        kind: which of the families; the other attributes depend on it.
+        name: the param, constant, clock or signal (for a joint or an object: its signal).
+        dimension: of the value; plain for conditions.
+        axis: of a signal with axes.
+        stage: the stage that prefixes the name, or whose visits are meant.
+        subject: the object's name or the joint's number.
+    """
+
+    kind: Kind
+    name: str
+    dimension: Dimension = NUMBER
+    axis: str | None = None
+    stage: str | None = None
+    subject: str | None = None
+
+
+def resolve(path: tuple[str, ...], scope: Scope) -> Meaning | None:
+    """Return what a dotted name means in a scope, or None if it means nothing there.
+
+    A first word that is a stage wins over everything else that it could be.
+    """
+    head, rest = path[0], path[1:]
+    if rest and head in scope.stages and scope.measures:
+        if rest == ("visits",):
+            return Meaning("visits", "visits", stage=head)
+        inner = _resolve_signal(rest, scope) if scope.kind is ScopeKind.EXPECT else None
+        return _in_stage(inner, head) if inner else None
+    if not rest:
+        if head in scope.params:
+            return Meaning("param", head, scope.params[head].dimension)
+        if head in signals.CONSTANTS:
+            return Meaning("constant", head, signals.CONSTANTS[head][1])
+        if head in scope.clocks:
+            return Meaning("clock", head, TIME)
+    return _resolve_signal(path, scope) if scope.measures else None
+
+
+def _in_stage(meaning: Meaning, stage: str) -> Meaning:
+    return Meaning(
+        meaning.kind, meaning.name, meaning.dimension, meaning.axis, stage, meaning.subject
+    )
+
+
+def _resolve_signal(path: tuple[str, ...], scope: Scope) -> Meaning | None:
+    match path:
+        case (name,) if name in signals.SCALARS:
+            return Meaning("signal", name, signals.SCALARS[name])
+        case (name,) if name in signals.CONDITIONS:
+            return Meaning("condition", name)
+        case (name,) if name in signals.CLOCKS:
+            return Meaning("clock", name, TIME)
+        case (name,) if name in signals.VECTORS:
+            axis = signals.BARE_AXES[name][0]
+            return Meaning("vector", name, signals.VECTORS[name][axis])
+        case (name, axis) if axis in signals.VECTORS.get(name, ()):
+            return Meaning("signal", name, signals.VECTORS[name][axis], axis)
+        case ("joint", number, name) if number.isdigit() and name in signals.JOINT:
+            if int(number) < 1 or number.startswith("0"):
+                return None
+            return Meaning("joint", name, signals.JOINT[name], subject=number)
+        case (owner, name) if owner in scope.objects and name in signals.OBJECT:
+            return Meaning("object", name, signals.OBJECT[name], subject=owner)
+        case _:
+            return None

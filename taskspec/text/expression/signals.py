@@ -1,0 +1,61 @@
+"""The signals of a run and their dimensions."""
+
+from __future__ import annotations
+
+from taskspec.text.units import (
+    ANGLE,
+    ANGULAR_VELOCITY,
+    FORCE,
+    LENGTH,
+    MOMENT,
+    NUMBER,
+    POWER,
+    TIME,
+    VELOCITY,
+    Dimension,
+)
+
+TRANSLATIONS = ("x", "y", "z")
+ROTATIONS = ("rx", "ry", "rz")
+AXES = TRANSLATIONS + ROTATIONS
+
+VECTORS: dict[str, dict[str, Dimension]] = {
+    "force": dict.fromkeys(TRANSLATIONS, FORCE),
+    "torque": dict.fromkeys(ROTATIONS, MOMENT),
+    "position": dict.fromkeys(TRANSLATIONS, LENGTH) | dict.fromkeys(ROTATIONS, ANGLE),
+    "velocity": dict.fromkeys(TRANSLATIONS, VELOCITY) | dict.fromkeys(ROTATIONS, ANGULAR_VELOCITY),
+    "error": dict.fromkeys(TRANSLATIONS, LENGTH) | dict.fromkeys(ROTATIONS, ANGLE),
+}
+"""Signals with axes. Without an axis they mean the translations, `torque` the moments."""
+
+BARE_AXES: dict[str, tuple[str, ...]] = {
+    name: ROTATIONS if name == "torque" else TRANSLATIONS for name in VECTORS
+}
+
+SCALARS: dict[str, Dimension] = {
+    "gap": LENGTH,
+    "tilt": ANGLE,
+    "speed": VELOCITY,
+    "travel": LENGTH,
+    "power": POWER,
+}
+CONDITIONS = ("touching", "path_done")
+"""Signals that are true or false."""
+
+CLOCKS = ("t", "clock")
+
+JOINT: dict[str, Dimension] = {
+    "position": ANGLE,
+    "velocity": ANGULAR_VELOCITY,
+    "torque": MOMENT,
+}
+OBJECT: dict[str, Dimension] = {"gap": LENGTH, "force": FORCE}
+MECHANISM = ("angle", "travel", "torque")
+"""Signals of objects that move."""
+
+CONSTANTS: dict[str, tuple[float, Dimension]] = {"pi": (3.141592653589793, NUMBER)}
+
+FRAMED = ("force", "torque", "position", "velocity", "error", "tilt")
+"""Signals that another frame shows differently."""
+
+CLOCK_DIMENSION = TIME

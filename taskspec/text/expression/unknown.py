@@ -1,0 +1,109 @@
+"""What to say about a name that means nothing where it stands."""
+
+from __future__ import annotations
+
+from taskspec.text.expression import signals
+from taskspec.text.expression.functions import FUNCTIONS, REDUCERS
+from taskspec.text.expression.problem import Problem
+from taskspec.text.expression.scope import Scope, ScopeKind
+from taskspec.text.expression.tree import Name
+from taskspec.text.suggest import closest, suggestion
+from taskspec.text.units import UNITS
+
+_ONLY_HERE = {
+    ScopeKind.CONSTANT: "a fixed value may use params and pi only",
+    ScopeKind.WORLD: "the world may use params, pi and clock only",
+    ScopeKind.PLANNED: "a planned position may use params, pi, t and clock only",
+}
+_SIGNALS = (*signals.VECTORS, *signals.SCALARS, *signals.CONDITIONS)
+
+
+def explain_name(node: Name, scope: Scope) -> Problem:
+    """Say why a name cannot be used: misspelt, out of scope, a unit, a function and so on."""
+    path, start = node.path, node.start
+    text = ".".join(path)
+    end = start + len(text)
+    head = path[0]
+    known = set(_SIGNALS) | set(scope.params) | set(signals.CLOCKS) | set(signals.CONSTANTS)
+
+    def at(code: str, message: str, hint: str = "") -> Problem:
+        return Problem(code, message, start, end, hint)
+
+    if head == "params" and len(path) == 2:
+        return at("TS120", "params are used by their bare name", f"write '{path[1]}'")
+    if len(path) == 1:
+        if head in UNITS:
+            return at("TS120", f"'{head}' is a unit", f"a unit follows a number, as in '1 {head}'")
+        if head in FUNCTIONS or head in REDUCERS:
+            return at("TS120", f"'{head}' is a function", f"write its argument: {head}(…)")
+        if head in _SIGNALS or head in signals.CLOCKS:
+            return at("TS116", f"'{head}' is not known here", _ONLY_HERE.get(scope.kind, ""))
+        if head in scope.stages:
+            return at("TS120", f"'{head}' is a stage, not a value", f"add a signal: {head}.force.z")
+        if head in scope.objects:
+            return at("TS120", f"'{head}' is an object, not a value", f"add a signal: {head}.gap")
+        if head in signals.AXES:
+            return at("TS120", f"'{head}' is an axis", f"write position.{head} or force.{head}")
+        hint = suggestion(head, known | set(scope.stages) | set(scope.objects))
+        return at("TS120", f"unknown name '{head}'", hint or _params_hint(scope))
+    if not scope.measures and (head in signals.VECTORS or head in scope.objects | scope.stages):
+        return at("TS116", f"'{text}' is not known here", _ONLY_HERE[scope.kind])
+    if head in scope.stages:
+        return _in_stage(node, scope, end)
+    return _signal(path, start, end, scope)
+
+
+def _in_stage(node: Name, scope: Scope, end: int) -> Problem:
+    rest = node.path[1:]
+    if scope.kind is not ScopeKind.EXPECT:
+        return Problem(
+            "TS116",
+            "only an expectation may ask for a signal of a named stage",
+            node.start,
+            end,
+            f"write '{'.'.join(rest)}' for this stage, or move it to 'expect'",
+        )
+    return _signal(rest, node.start + len(node.path[0]) + 1, end, scope)
+
+
+def _signal(path: tuple[str, ...], start: int, end: int, scope: Scope) -> Problem:
+    head = path[0]
+    if head in signals.VECTORS:
+        axes = list(signals.VECTORS[head])
+        return Problem("TS120", f"'{head}' has no '{'.'.join(path[1:])}'", start, end,
+                       _axis_hint(head, path[1], axes))  # fmt: skip
+    if head in scope.objects:
+        name = ".".join(path[1:])
+        if name in signals.MECHANISM:
+            return Problem(
+                "TS090",
+                f"the signal '{name}' of an object is part of the language but not supported yet",
+                start,
+                end,
+            )
+        hint = suggestion(name, signals.OBJECT, "signals of an object")
+        return Problem("TS120", f"the object '{head}' has no signal '{name}'", start, end, hint)
+    if head == "joint":
+        hint = "write joint.1.position, joint.1.velocity or joint.1.torque, counted from 1"
+        return Problem("TS120", f"'{'.'.join(path)}' is not a joint's signal", start, end, hint)
+    if head in (*signals.SCALARS, *signals.CONDITIONS, *signals.CLOCKS, *scope.params):
+        return Problem("TS120", f"'{head}' has no parts", start, end, f"write '{head}'")
+    options = {*signals.VECTORS, *scope.objects, "joint"}
+    if scope.kind is ScopeKind.EXPECT or path[-1] == "visits":
+        options |= scope.stages
+    what = "stage, object or signal" if scope.kind is ScopeKind.EXPECT else "signal or object"
+    hint = suggestion(head, options) if len(path) > 1 else suggestion(head, _SIGNALS, "signals")
+    return Problem("TS120", f"unknown {what} '{head}'", start, start + len(head), hint)
+
+
+def _axis_hint(name: str, axis: str, axes: list[str]) -> str:
+    if name == "force" and axis in signals.ROTATIONS:
+        return f"moments are 'torque.{axis}'"
+    if name == "torque" and f"r{axis}" in axes:
+        return f"moments are about an axis: 'torque.r{axis}'"
+    near = closest(axis, axes)
+    return f"did you mean '{name}.{near}'?" if near else f"axes of {name}: {', '.join(axes)}"
+
+
+def _params_hint(scope: Scope) -> str:
+    return f"params: {', '.join(scope.params)}" if scope.params else "there are no params"

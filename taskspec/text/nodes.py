@@ -1,0 +1,122 @@
+"""The tree of a YAML text: mappings, lists and scalars, each with its place."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+from taskspec.text.origin import Origin
+from taskspec.text.source import Span
+
+
+@dataclass(slots=True)
+class Scalar:
+    """A scalar; `plain` means written without quotes or block header.
+
+    `comment` is what follows in its line if that looks like text rather than like a comment.
+    """
+
+    value: str
+    plain: bool
+    origin: Origin
+    comment: str = ""
+
+    @property
+    def span(self) -> Span:
+        """The place of the scalar, quotes included."""
+        return self.origin.span
+
+    @property
+    def empty(self) -> bool:
+        """Whether nothing is written here."""
+        return self.plain and not self.value
+
+
+@dataclass(slots=True)
+class Sequence:
+    """A list; `broken` means that an entry was left out because it is wrong."""
+
+    span: Span
+    flow: bool
+    items: list[Node] = field(default_factory=list)
+    broken: bool = False
+
+
+@dataclass(slots=True)
+class Mapping:
+    """A mapping; `broken` means that an entry was left out because it is wrong."""
+
+    span: Span
+    flow: bool
+    entries: dict[str, tuple[Scalar, Node]] = field(default_factory=dict)
+    broken: bool = False
+
+    def get(self, key: str) -> Node | None:
+        """Return the value of a key."""
+        entry = self.entries.get(key)
+        return entry[1] if entry else None
+
+    def key_span(self, key: str) -> Span:
+        """Return the place of a key, or of the mapping if it has no such key."""
+        entry = self.entries.get(key)
+        return entry[0].span if entry else self.span
+
+
+Node = Scalar | Sequence | Mapping
+Step = str | int
+
+
+def find(root: Node, path: tuple[Step, ...]) -> tuple[Node, int]:
+    """Return the node at `path`, or its nearest existing ancestor, and how many steps fitted."""
+    node = root
+    for index, step in enumerate(path):
+        below = child(node, step)
+        if below is None:
+            return node, index
+        node = below
+    return node, len(path)
+
+
+def child(node: Node, step: Step) -> Node | None:
+    """Return the node one step below."""
+    if isinstance(node, Mapping):
+        return node.get(str(step))
+    if isinstance(node, Sequence) and isinstance(step, int) and 0 <= step < len(node.items):
+        return node.items[step]
+    return None
+
+
+def place(root: Node, path: tuple[Step, ...], *, key: bool = False) -> Span:
+    """Return the place to point at for `path`; the nearest ancestor if it does not exist.
+
+    A scalar is its own place, a flow collection its bracket, a block collection the key it hangs
+    on. With `key`, the last key itself.
+    """
+    node, depth = find(root, path)
+    found = path[:depth]
+    parent = find(root, found[:-1])[0] if found else None
+    hangs = isinstance(parent, Mapping) and isinstance(found[-1], str)
+    if hangs and (key or not (isinstance(node, Scalar) or node.flow)):
+        assert isinstance(parent, Mapping)
+        return parent.key_span(str(found[-1]))
+    return pointer(node)
+
+
+def pointer(node: Node) -> Span:
+    """Return the place of a scalar, or the first character of a collection."""
+    span = node.span
+    if isinstance(node, Scalar):
+        return span
+    return Span(span.line, span.column, span.line, span.column + 1, span.source)
+
+
+def scalars(node: Node) -> Iterator[Scalar]:
+    """Yield every scalar below a node, keys left out."""
+    if isinstance(node, Scalar):
+        yield node
+    elif isinstance(node, Sequence):
+        for item in node.items:
+            yield from scalars(item)
+    else:
+        for _, value in node.entries.values():
+            yield from scalars(value)

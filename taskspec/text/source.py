@@ -1,0 +1,41 @@
+"""A text and places in it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+
+@dataclass(frozen=True, slots=True, order=True)
+class Span:
+    """A stretch of text: 1-based, the end exclusive, columns counted in characters.
+
+    `source` is empty for the file that is being read, and the name of another text (such as the
+    overrides of the command line) otherwise.
+    """
+
+    line: int
+    column: int
+    end_line: int
+    end_column: int
+    source: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """A text and the name under which it is shown to the user."""
+
+    name: str
+    text: str
+    _lines: list[str] = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "_lines", self.text.split("\n"))
+
+    def line(self, number: int) -> str:
+        """Return line `number` (1-based) without its end; empty beyond the last line."""
+        return self._lines[number - 1] if 0 < number <= len(self._lines) else ""
+
+    @property
+    def line_count(self) -> int:
+        """The number of lines."""
+        return len(self._lines)

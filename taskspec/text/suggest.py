@@ -1,0 +1,38 @@
+"""Did you mean: the nearest of the names that would have been right."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+
+_LISTED = 12
+"""Longer lists of choices are not read by anyone."""
+
+
+def closest(word: str, options: Iterable[str]) -> str | None:
+    """Return the option most like `word`, or None if none is like it."""
+    choices = sorted(set(options))
+    folded = {c.lower().replace("-", "_"): c for c in reversed(choices)}
+    wanted = word.lower().replace("-", "_")
+    if wanted in folded:
+        return folded[wanted]
+    near = difflib.get_close_matches(wanted[:80], folded, n=1, cutoff=0.6)
+    return folded[near[0]] if near else None
+
+
+def suggestion(word: str, options: Iterable[str], what: str = "") -> str:
+    """Return a hint: the nearest option, else the list of options, else nothing.
+
+    Args:
+        word: what was written.
+        options: what would have been right.
+        what: the plural that names the options, such as `frames`; without it no list is given.
+    """
+    choices = list(options)
+    near = closest(word, choices)
+    if near is not None:
+        return f"did you mean '{near}'?"
+    if what and choices:
+        shown = ", ".join(choices[:_LISTED]) + (", …" if len(choices) > _LISTED else "")
+        return f"{what}: {shown}"
+    return ""
