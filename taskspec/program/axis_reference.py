@@ -110,9 +110,12 @@ class ReferenceBuilder:
                 own = start
             own_rate = self.clock.rate(own)
             own_acceleration = self.clock.rate(own_rate)
+        if mode == "open-loop":
+            # The displacement stands for a force: no motion of that speed is asked of the damper.
+            own_rate, own_acceleration = ca.SX(0), ca.SX(0)
         s = t / time
         blending = offset * blend.offset_shape(s) + slope * time * blend.slope_shape(s)
-        blending_rate = self.clock.rate(blending)
+        blending_rate = self.clock.rate(blending) if mode != "open-loop" else ca.SX(0)
         return AxisReference(
             mode,
             own + blending,

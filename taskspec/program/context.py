@@ -29,6 +29,7 @@ class Context:
         start_jacobian: (6, n) of the tip at `start`, world axes; start_inertia: (n, n) H there.
         start_p, start_R: (3,), (3, 3) tip pose at `start`.
         start_gaps: distance [m] of the tool from each object there.
+        start_normals: (3,) outward normal of each object at the tool, world.
         period: control period [s].
     """
 
@@ -44,6 +45,7 @@ class Context:
     start_p: NDArray[np.float64]
     start_R: NDArray[np.float64]
     start_gaps: Mapping[str, float]
+    start_normals: Mapping[str, NDArray[np.float64]]
     period: float
 
     def frame_of(self, stage: Stage) -> FrameModel:

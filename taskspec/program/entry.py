@@ -177,15 +177,18 @@ def _continue(
         moving[:2] = seen["foot_map"].reshape(2, 2, order="F") @ moving[:2]
     turning = frame.T @ spin - seen["turning"]
     error, start, rate = {}, {}, {}
-    for name in stage.plans:
+    for name, plan in stage.plans.items():
         i = AXES.index(name)
         if i < 3:
             error[name], rate[name] = float(away[i]), float(moving[i])
             start[name] = float(seen["coordinate"][i]) + error[name]
         else:
             error[name], start[name] = 0.0, 0.0
-            world = stage.plans[name].world
+            world = plan.world
             rate[name] = float((frame.T @ spin)[i - 3] if world else turning[i - 3])
+        if plan.force and plan.mode == "hold":
+            # Braking a reference that is not asked for would push with the force loop's damper.
+            rate[name] = 0.0
     return error, start, rate
 
 

@@ -13,6 +13,8 @@ register(
         "TS222": "a path that drives no axis",
         "TS223": "a table of points that cannot be used",
         "TS224": "a signal that this stage cannot evaluate",
+        "TS225": "a following frame without an x axis at the start",
+        "TS304": "an open-loop force that `vary` makes vague",
         "TS303": "a force without a surface to press on",
     }
 )

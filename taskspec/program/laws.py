@@ -94,6 +94,9 @@ def _parallel(
         ca.DM(diagonal(gains, name, state.axes))
         for name in ("mass", "stiffness", "damping", "force.proportional", "force.integral")
     )
+    # (4.16) is this law with K_F = I and f_d = 0: an axis that meets the surface yields to it.
+    met = [i for i, a in enumerate(state.axes) if plans[a].yields]
+    proportional[met] = 1.0
     return parallel(
         state, references.law, mass, stiffness, damping, proportional, integral
     )
@@ -141,6 +144,7 @@ def _hybrid(
         ca.DM(diagonal(gains, "K_D", state.axes)),
         yielding,
         ca.vertcat(ca.SX(0, 1), *drives),
+        [a for a in state.axes if plans[a].yields and not plans[a].soft],
     )
 
 

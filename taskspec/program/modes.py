@@ -5,10 +5,17 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import NDArray
+
 from taskspec.control.gains import FORCE_LOOP_LAWS, has_force, is_soft
+from taskspec.control.state import AXES
 from taskspec.motion.path import PathShape
 from taskspec.program.axis_reference import mode_of
 from taskspec.spec import Axis, Law
+
+#: An axis is along the normal if it carries at least half of the normal force's square.
+_MOSTLY = 0.7071
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,6 +30,8 @@ class AxisPlan:
         soft: a motion axis of a hybrid law with its own stiffness or damping.
         open_loop: its force set point displaces the motion reference.
         world: a rotation that holds against the world although the frame turns.
+        yields: a motion axis along the believed contact's normal. The contact force on it is left
+            uncancelled: cancelled, the arm would push through a surface as if it were not there.
     """
 
     axis: Axis
@@ -32,12 +41,22 @@ class AxisPlan:
     soft: bool
     open_loop: bool
     world: bool
+    yields: bool
 
 
 def plan_axes(
-    axes: tuple[str, ...], declared: Mapping[str, Axis], path: PathShape | None, law: Law
+    axes: tuple[str, ...],
+    declared: Mapping[str, Axis],
+    path: PathShape | None,
+    law: Law,
+    normal: NDArray[np.float64] | None,
 ) -> dict[str, AxisPlan]:
-    """The plan of every axis that exists."""
+    """The plan of every axis that exists.
+
+    Args:
+        axes: those of the frame that exist. declared: the stage's entries. path, law: the stage's.
+        normal: (3,) of the believed contact in the frame's axes, None without a contact.
+    """
     loop = law.kind in FORCE_LOOP_LAWS
     plans = {}
     for name in axes:
@@ -53,5 +72,12 @@ def plan_axes(
             soft=law.kind == "hybrid" and is_soft(axis) and not force,
             open_loop=open_loop,
             world=axis.hold == "world" and name.startswith("r"),
+            yields=not force and _along(name, normal),
         )
     return plans
+
+
+def _along(name: str, normal: NDArray[np.float64] | None) -> bool:
+    if normal is None or name.startswith("r"):
+        return False
+    return bool(abs(normal[AXES.index(name)]) > _MOSTLY)

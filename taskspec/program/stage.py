@@ -121,8 +121,9 @@ def compile_stage(
     stage, n = task.stages[name], robot.pin.nv
     frame, law, limits = context.frame_of(stage), context.law_of(stage), context.limits_of(stage)
     axes = existing_axes(robot.axes, axes_rotation)
-    plans = plan_axes(axes, stage.axes, path, law)
     contact = context.contact_of(frame)
+    normal = None if contact is None else axes_rotation.T @ context.start_normals[contact]
+    plans = plan_axes(axes, stage.axes, path, law, normal)
     k = context.stiffness[contact] if contact is not None else 0.0
     gains = design(
         law, {a: p.axis for a, p in plans.items()}, context.plants(axes, axes_rotation, k)

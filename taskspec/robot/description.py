@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import warnings
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -42,6 +44,20 @@ class Description:
     velocity: Mapping[int, float] = field(default_factory=dict)
     mimics: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
+
+
+@contextmanager
+def listening(heard: list[str]) -> Iterator[None]:
+    """Collect MuJoCo's warnings, some of which would go to a log file in the working directory."""
+    before = mujoco.get_mju_user_warning()
+    mujoco.set_mju_user_warning(heard.append)
+    try:
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            yield
+        heard.extend(str(warning.message).partition(" Time = ")[0] for warning in caught)
+    finally:
+        mujoco.set_mju_user_warning(before)
 
 
 def texts(m: mujoco.MjModel) -> dict[str, str]:

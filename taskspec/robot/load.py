@@ -11,7 +11,7 @@ import numpy as np
 import pinocchio as pin
 
 from taskspec.robot.chain import Chain, find_chain
-from taskspec.robot.description import Description, torque_limit
+from taskspec.robot.description import Description, listening, torque_limit
 from taskspec.robot.errors import RobotError
 from taskspec.robot.files import looks_like_path
 from taskspec.robot.library import builtin_names, read_builtin
@@ -55,7 +55,7 @@ def load_robot(robot: RobotLike, base_dir: Path | None = None) -> RobotModel:
     tip_body, tool_geoms = attach(arm.carrier, flange, tool, set(arm.body_names))
     torques = np.array([torque_limit(m, j) for j in joints])
     _add_motors(arm.spec, arm.joint_names, torques)
-    model = arm.spec.compile()
+    model = _compile(arm.spec, description.name)
     twin, carried = pinocchio_model(model)
     tip_joint, tip = carried[model.body(tip_body).id]
     twin.addFrame(pin.Frame("tip", tip_joint, 0, tip, pin.FrameType.OP_FRAME))
@@ -97,6 +97,15 @@ def home_configuration(m: mujoco.MjModel) -> Array:
         if m.jnt_limited[j] and not lower <= q[m.jnt_qposadr[j]] <= upper:
             q[m.jnt_qposadr[j]] = (lower + upper) / 2
     return q
+
+
+def _compile(spec: mujoco.MjSpec, name: str) -> mujoco.MjModel:
+    try:
+        with listening([]):
+            return spec.compile()
+    except ValueError as error:
+        reason = ", ".join(str(error).split("\n"))
+        raise RobotError("TS404", f"MuJoCo cannot compile the arm of '{name}': {reason}") from None
 
 
 def _check_mimics(description: Description, chain: Chain) -> None:

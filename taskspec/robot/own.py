@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
 
 import mujoco
 import numpy as np
 
-from taskspec.robot.description import BOUND_INERTIA, BOUND_MASS, Description, velocity_limits
+from taskspec.robot.description import (
+    BOUND_INERTIA,
+    BOUND_MASS,
+    Description,
+    listening,
+    velocity_limits,
+)
 from taskspec.robot.errors import RobotError
 from taskspec.robot.files import Roots, parse_xml, read_model
 from taskspec.robot.mjcf import mjcf_spec, mjcf_text
@@ -68,7 +73,7 @@ def _compile(shown: str, make: MakeSpec, notes: list[str]) -> mujoco.MjModel:
     while True:
         heard: list[str] = []
         try:
-            with _listening(heard):
+            with listening(heard):
                 spec, absent = make(meshes)
                 _settle(spec, balance)
                 m = spec.compile()
@@ -108,22 +113,11 @@ def _settle(spec: mujoco.MjSpec, balance: bool) -> None:
         mesh.smoothnormal = True
 
 
-@contextmanager
-def _listening(heard: list[str]) -> Iterator[None]:
-    """Collect MuJoCo's warnings, which otherwise go to a log file in the working directory."""
-    before = mujoco.get_mju_user_warning()
-    mujoco.set_mju_user_warning(heard.append)
-    try:
-        yield
-    finally:
-        mujoco.set_mju_user_warning(before)
-
-
 def _reason(error: Exception) -> str:
     lines = [line.strip() for line in str(error).splitlines() if line.strip()]
     text = ", ".join(lines) or type(error).__name__
     # A file that was put together for MuJoCo stands on one line.
-    return re.sub(r"^(XML )?Error: |,? \(?line 1\b\)?", "", text)
+    return re.sub(r"(XML )?Error: |,? \(?line 1\b\)?", "", text)
 
 
 def _check(m: mujoco.MjModel, shown: str) -> None:

@@ -55,6 +55,8 @@ def check_urdf(root: ElementTree.Element, shown: str) -> list[str]:
 def _mend(inertia: ElementTree.Element, name: str) -> bool:
     """Make a tensor one that MuJoCo takes; returns whether that changed more than a point mass."""
     xx, yy, zz, xy, xz, yz = (_number(inertia, key, name) for key in _MOMENTS)
+    if not np.isfinite([xx, yy, zz, xy, xz, yz]).all():
+        raise RobotError("TS405", f"link '{name}' has an inertia that is not finite")
     if np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])[0] > 0:
         return False
     for key, moment in zip(_MOMENTS[:3], (xx, yy, zz), strict=True):

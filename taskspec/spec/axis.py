@@ -36,7 +36,7 @@ _BELONGS = {
 }
 _STIFF = ("stiffness", "damping")
 
-Hold = Annotated[Literal["start", "world"], Word(("start", "world"), "ways to hold")]
+Hold = Annotated[Literal["start", "world"], Word(("start", "world"), "hold")]
 Ramp = Annotated[float, Constant(TIME, least=0)]
 
 
@@ -57,7 +57,8 @@ class Axis(Model):
     """
 
     noun = "an axis"
-    reserved: ClassVar = {"follows": "an axis that follows an object"}
+    example = "such as {hold: start} or {force: -15 N}"
+    reserved = frozenset({"follows"})
     foreign: ClassVar[str] = ""
     """The force that belongs to the other kind of axis."""
 

@@ -19,7 +19,8 @@ class Control(Model):
         plant_rate: of the simulated plant.
     """
 
-    noun = "control"
+    noun = "'control'"
+    example = "control: {rate: 1 kHz}"
 
     rate: Annotated[float, Constant(FREQUENCY, above=0)] = Field(
         1000.0, title="Rate of the controller"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from taskspec.spec.model import mapping
 from taskspec.spec.reading import Reading
+from taskspec.spec.words import ENDS
 from taskspec.text.data import Map
 from taskspec.text.source import Span
 
@@ -29,11 +30,13 @@ def _edges(stages: Map) -> Edges | None:
         edges[name] = []
         for key, default in (("next", after), ("on_fail", "fail")):
             target = stage.get(key, default)
-            if target in stages:
+            if target in ENDS:
+                continue
+            if isinstance(target, str) and target in stages:
                 span = (stage.node.entries[key][1].span if key in stage
                         else stages.node.key_span(name))  # fmt: skip
                 edges[name].append((str(target), span))
-            elif target not in ("end", "fail"):
+            else:
                 return None
     return edges
 
@@ -61,27 +64,29 @@ def _check_cycles(stages: Map, edges: Edges, reading: Reading) -> None:
 
     The walk keeps its own stack: there may be thousands of stages.
     """
-    free = [name for name in stages if "attempts" not in mapping(stages[name])]
+    free = {name for name in stages if "attempts" not in mapping(stages[name])}
     done: set[str] = set()
-    for root in free:
-        trail: list[str] = []
-        stack = [(root, iter(edges[root]))] if root not in done else []
-        trail += [root] if stack else []
-        while stack:
-            name, rest = stack[-1]
-            step = next(rest, None)
-            if step is None:
-                stack.pop()
-                trail.pop()
+    for root in stages:
+        if root not in free or root in done:
+            continue
+        trail = {root: iter(edges[root])}
+        while trail:
+            name = next(reversed(trail))
+            target, span = next(trail[name], (None, None))
+            if target is None:
+                del trail[name]
                 done.add(name)
-            elif step[0] in trail:
-                circle = [*trail[trail.index(step[0]) :], step[0]]
-                reading.error(
-                    "TS604",
-                    f"stages in a circle without 'attempts': {' -> '.join(circle)}",
-                    step[1],
-                    f"add 'attempts: 3' to one of them, such as '{step[0]}'",
-                )
-            elif step[0] in free and step[0] not in done:
-                stack.append((step[0], iter(edges[step[0]])))
-                trail.append(step[0])
+            elif target in trail:
+                _report_circle(list(trail), target, span, reading)
+            elif target in free and target not in done:
+                trail[target] = iter(edges[target])
+
+
+def _report_circle(trail: list[str], target: str, span: Span | None, reading: Reading) -> None:
+    circle = [*trail[trail.index(target) :], target]
+    reading.error(
+        "TS604",
+        f"stages in a circle without 'attempts': {' -> '.join(circle)}",
+        span,
+        f"add 'attempts: 3' to one of them, such as '{target}'",
+    )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import Annotated, Literal
 
 from pydantic import Field
@@ -32,7 +31,8 @@ class Frame(Model):
     """
 
     noun = "a frame"
-    reserved = {"estimate": "an estimated frame"}  # noqa: RUF012
+    example = "task: {surface: table}"
+    reserved = frozenset({"estimate"})
 
     parent: FrameName | None = Field(None, title="The frame in which it is placed")
     xyz: XYZ = Field((0.0, 0.0, 0.0), title="Position in the parent", description="[x, y, z]")
@@ -43,7 +43,7 @@ class Frame(Model):
     heading: Annotated[tuple[float, float, float], Entries((NUMBER,) * 3, nonzero=True)] | None = (
         Field(None, title="Heading", description="A direction laid on the surface as the x axis")
     )
-    point: Annotated[Literal["origin"], Word(("origin",), "control points")] | None = Field(
+    point: Annotated[Literal["origin"], Word(("origin",), "control point")] | None = Field(
         None, title="Control point", description="origin: the control point is the frame's origin"
     )
 
@@ -74,24 +74,16 @@ class Frame(Model):
 def check_loops(frames: Map, reading: Reading) -> None:
     """Report every circle of frames that are placed in each other, once."""
     parents = {name: mapping(frame).get("parent") for name, frame in frames.items()}
-    seen: set[str] = set()
+    seen: set[object] = set()
     for name in frames:
-        chain = list(_chain(name, parents))
-        last = parents.get(chain[-1])
-        if isinstance(last, str) and last in chain:
-            circle = chain[chain.index(last) :]
-            if not seen & set(circle):
-                seen |= set(circle)
-                text = " in ".join([*circle, circle[0]])
-                frame = mapping(frames[circle[0]])
-                reading.error("TS208", f"frames placed in a circle: {text}",
-                              frame.node.entries["parent"][1].span)  # fmt: skip
-
-
-def _chain(name: str, parents: dict[str, object]) -> Iterator[str]:
-    visited: set[str] = set()
-    step: object = name
-    while isinstance(step, str) and step in parents and step not in visited:
-        visited.add(step)
-        yield step
-        step = parents[step]
+        trail: dict[str, int] = {}
+        step: object = name
+        while isinstance(step, str) and step in parents and step not in seen:
+            seen.add(step)
+            trail[step] = len(trail)
+            step = parents[step]
+        if isinstance(step, str) and step in trail:
+            circle = [str(frame) for frame in trail][trail[step] :]
+            text = " in ".join([*circle, circle[0]])
+            span = mapping(frames[circle[0]]).node.entries["parent"][1].span
+            reading.error("TS208", f"frames placed in a circle: {text}", span)

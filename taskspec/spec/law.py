@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Literal
 
 from pydantic import Field
 
@@ -81,9 +81,9 @@ class Law(Model):
     """
 
     noun = "a law"
-    reserved: ClassVar = {"solve": "'solve'", "solver": "'solver'"}
+    reserved = frozenset({"solve", "solver"})
 
-    kind: Annotated[str, Word(tuple(LAWS), "laws", reserved=LATER, code="TS206")] = Field(
+    kind: Annotated[str, Word(tuple(LAWS), "law", reserved=LATER, code="TS206")] = Field(
         DEFAULT, title="Control law"
     )
     mass: Annotated[AxisValues, Gain(MASS, INERTIA, above=0)] | None = Field(
@@ -101,7 +101,7 @@ class Law(Model):
     )
     force: ForceGains | None = Field(None, title="Gains of the force loop")
     orientation: Annotated[
-        Literal["so3"], Word(("so3",), "orientation errors", reserved=("rpy", "zyz"))
+        Literal["so3"], Word(("so3",), "orientation error", reserved=("rpy", "zyz"))
     ] = Field("so3", title="Orientation error")
 
     @classmethod

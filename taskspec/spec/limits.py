@@ -21,7 +21,8 @@ class Limits(Model):
         deviation: of the control point from the reference of the motion axes [m].
     """
 
-    noun = "limits"
+    noun = "'limits'"
+    example = "limits: {force: 60 N}"
 
     force: Annotated[float, Constant(FORCE, above=0)] | None = Field(None, title="Contact force")
     torque: Annotated[float, Constant(MOMENT, above=0)] | None = Field(None, title="Contact moment")

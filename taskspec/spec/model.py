@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from pydantic import BaseModel, ConfigDict, ValidationInfo, model_validator
 from pydantic_core import PydanticCustomError
 
 from taskspec.spec.reading import Reading, kind_of, span_of
 from taskspec.text.data import Map
+from taskspec.text.nodes import Mapping as MappingNode
 from taskspec.text.nodes import Scalar
 from taskspec.text.suggest import suggestion
 
@@ -20,15 +20,16 @@ REPORTED = "reported"
 class Model(BaseModel):
     """A mapping of a task file.
 
-    Each class says in `reserved` which keys belong to the language but are not supported yet, in
-    `expand` which short forms it has, and in `rules` which keys go together. Rules see the raw
-    mapping, so they hold whatever else is wrong in it.
+    Each class says in `noun` what it is, in `example` how it is written, in `reserved` which keys
+    belong to the language but are not supported yet, in `expand` which short forms it has, and in
+    `rules` which keys go together. Rules see the raw mapping, so they hold whatever else is wrong.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True, arbitrary_types_allowed=True)
 
     noun: ClassVar[str] = "mapping"
-    reserved: ClassVar[Mapping[str, str]] = {}
+    reserved: ClassVar[frozenset[str]] = frozenset()
+    example: ClassVar[str] = ""
 
     @classmethod
     def expand(cls, data: object, reading: Reading) -> object:  # noqa: ARG003
@@ -48,8 +49,8 @@ class Model(BaseModel):
         data = cls.expand(data, reading)
         if not isinstance(data, Map):
             message = f"{cls.noun} is a mapping of keys to values, this is {kind_of(data)}"
-            keys = ", ".join(cls.model_fields)
-            reading.error("TS022", message, span_of(data), f"keys: {keys}")
+            hint = cls.example or f"keys: {', '.join(cls.model_fields)}"
+            reading.error("TS022", message, span_of(data), hint)
             raise PydanticCustomError(REPORTED, "reported")
         known = cls._known(data, reading)
         cls.rules(known, reading)
@@ -66,8 +67,7 @@ class Model(BaseModel):
             if key in cls.model_fields:
                 known[key] = value
             elif key in cls.reserved:
-                message = f"{cls.reserved[key]} is part of the language but not supported yet"
-                reading.error("TS090", message, data.node.key_span(key))
+                reading.unsupported(key, data.node.key_span(key))
                 reading.quiet.add(id(data.node))
             else:
                 hint = suggestion(key, [*cls.model_fields, *cls.reserved], "keys")
@@ -92,13 +92,6 @@ def short_form(data: object, key: str) -> object:
     node = getattr(data, "node", None)
     if not isinstance(node, Scalar):
         return data
-    from taskspec.text.nodes import Mapping as MappingNode
-
     full = Map({key: data})
     full.node = MappingNode(node.span, flow=True, entries={key: (node, node)})
     return full
-
-
-def raw(data: Any) -> Mapping[str, object]:
-    """Return a datum as a mapping for rules that look at other parts of the file."""
-    return mapping(data)

@@ -6,9 +6,12 @@ import re
 
 from taskspec.spec.model import mapping
 from taskspec.spec.reading import Reading
+from taskspec.spec.words import ENDS
 from taskspec.text.data import Map
 from taskspec.text.expression import signals
 from taskspec.text.expression.functions import FUNCTIONS, REDUCERS
+from taskspec.text.nodes import Mapping
+from taskspec.text.source import Span
 from taskspec.text.units import UNITS
 
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,63}\Z")
@@ -17,42 +20,50 @@ _SHARED = ("world", "frames", "stages")
 _ARTICLES = {"world": "an object", "frames": "a frame", "stages": "a stage", "params": "a param"}
 _SIGNALS = {*signals.VECTORS, *signals.SCALARS, *signals.CONDITIONS, *signals.CLOCKS, "joint"}
 _WORDS = {"and", "or", "not", "for", "within", "in"}
-_PLACES = {"end", "fail"}
 _FRAMES = {"world", "tool"}
 _OTHER = {"robot", "params"}
 
 
 def collect_names(reading: Reading) -> None:
     """Enter the names of stages, objects and frames into `reading`, and report bad ones."""
-    sections = {key: mapping(reading.data.get(key)) for key in _SHARED}
-    reading.stages = tuple(sections["stages"])
-    reading.objects = tuple(sections["world"])
+    sections = {key: _names(reading.data, key) for key in _SHARED}
+    reading.stages = dict.fromkeys(sections["stages"])
+    reading.targets = dict.fromkeys((*reading.stages, *ENDS))
+    reading.objects = dict.fromkeys(sections["world"])
     handles = [
         f"{name}.handle"
-        for name, value in sections["world"].items()
+        for name, value in mapping(reading.data.get("world")).items()
         if "mechanism" in mapping(value)
     ]
-    reading.frames = ("world", "tool", *sections["frames"], *reading.objects, *handles)
+    own = ("world", "tool")
+    reading.frames = dict.fromkeys((*own, *sections["frames"], *reading.objects, *handles))
     _check_unique(sections, reading)
-    for key in (*_SHARED, "params"):
-        names = mapping(reading.data.get(key))
-        for name in names:
+    for key, names in (*sections.items(), ("params", _names(reading.data, "params"))):
+        for name, span in names.items():
             reason = _why_not(name, key)
             if reason is not None:
                 message = f"'{name}' cannot be the name of {_ARTICLES[key]}"
-                reading.error("TS125", message, names.node.key_span(name), reason)
+                reading.error("TS125", message, span, reason)
 
 
-def _check_unique(sections: dict[str, Map], reading: Reading) -> None:
+def _names(data: Map, section: str) -> dict[str, Span]:
+    """Return all names of a section and their places, whatever they stand for."""
+    node = data.node.get(section)
+    if not isinstance(node, Mapping):
+        return {}
+    return {name: key.span for name, (key, _) in node.entries.items()}
+
+
+def _check_unique(sections: dict[str, dict[str, Span]], reading: Reading) -> None:
     first: dict[str, str] = {}
     for key, names in sections.items():
-        for name in names:
+        for name, place in names.items():
             if name in first:
-                span = sections[first[name]].node.key_span(name)
+                span = sections[first[name]][name]
                 reading.diagnostics.error(
                     "TS126",
                     f"'{name}' names both {_ARTICLES[first[name]]} and {_ARTICLES[key]}",
-                    names.node.key_span(name),
+                    place,
                     "objects, frames and stages share one space of names",
                     (("first given here", span),),
                 )
@@ -74,7 +85,7 @@ def _why_not(name: str, section: str) -> str | None:
         return f"'{name}' is a constant"
     if name in _SIGNALS:
         return f"'{name}' is a signal"
-    if name in _PLACES:
+    if name in ENDS:
         return f"'{name}' is where a run may end"
     if section != "params" and name in _FRAMES | _OTHER:
         return f"'{name}' has a meaning of its own"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from graphlib import CycleError, TopologicalSorter
 from typing import Any
 
 from taskspec.spec import values
@@ -34,37 +35,25 @@ def evaluate_params(reading: Reading) -> None:
     data = reading.data.get("params")
     if not isinstance(data, Map):
         return
-    known: dict[str, Quantity] = {}
-    reading.params = known
-    waiting = dict(data)
-    while waiting:
-        ready = [n for n, value in waiting.items() if not _uses(value) & waiting.keys()]
-        if not ready:
-            _report_circle(waiting, data, reading)
-            ready = list(waiting)
-            reading.broken |= frozenset(ready)
-            return
-        for name in ready:
-            result = values.quantity(waiting.pop(name), reading)
-            if result is None:
-                reading.broken |= {name}
-            else:
-                known[name] = result
-            reading.forget_scopes()
+    reading.broken.update(data.node.entries.keys() - data.keys())
+    uses = {name: _uses(value) & data.keys() for name, value in data.items()}
+    try:
+        order = list(TopologicalSorter(uses).static_order())
+    except CycleError as error:
+        circle = list(reversed(error.args[1]))
+        text = " uses ".join(circle)
+        span = data.node.key_span(circle[0])
+        hint = "give one of them a value of its own"
+        reading.error("TS127", f"params define each other in a circle: {text}", span, hint)
+        reading.broken.update(data)
+        return
+    for name in order:
+        result = values.quantity(data[name], reading)
+        if result is None:
+            reading.broken.add(name)
+        else:
+            reading.params[name] = result
 
 
 def _uses(value: object) -> set[str]:
     return set(_WORD.findall(value)) if isinstance(value, Text) else set()
-
-
-def _report_circle(waiting: dict[str, object], data: Map, reading: Reading) -> None:
-    """Report the params that use each other; those that only use such a one are left in peace."""
-    step = next(iter(waiting))
-    chain: list[str] = []
-    while step not in chain:
-        chain.append(step)
-        step = sorted(_uses(waiting[step]) & waiting.keys())[0]
-    circle = chain[chain.index(step) :]
-    text = " uses ".join([*circle, circle[0]])
-    reading.error("TS127", f"params define each other in a circle: {text}",
-                  data.node.key_span(circle[0]), "give one of them a value of its own")  # fmt: skip

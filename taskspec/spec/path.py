@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, ClassVar
+from typing import Annotated
 
 from pydantic import Field
 
@@ -80,7 +80,8 @@ class Path(Model):
     """
 
     noun = "a path"
-    reserved: ClassVar = {"spiral": "a spiral"}
+    example = "path: {to: [60 mm, 0, 0], speed: 50 mm/s}"
+    reserved = frozenset({"spiral"})
 
     to: Coordinates | None = Field(None, title="Where to", description="[x, y, z, rx, ry, rz]")
     line: Line | None = Field(None, title="A straight line")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from taskspec.text import nodes
@@ -24,6 +23,7 @@ class Reading:
         broken: params that could not; using them is no further mistake.
         stages: names of all stages, in order.
         objects: names of all objects of the world.
+        targets: where a stage may lead: stages, `end` and `fail`.
         frames: every name that is a frame.
         quiet: ids of mappings in which missing keys are no further mistake.
         keys: id of a mapping to the place of the key that it hangs on.
@@ -31,11 +31,12 @@ class Reading:
 
     diagnostics: Diagnostics
     data: Map
-    params: Mapping[str, Quantity] = field(default_factory=dict)
-    broken: frozenset[str] = frozenset()
-    stages: tuple[str, ...] = ()
-    objects: tuple[str, ...] = ()
-    frames: tuple[str, ...] = ()
+    params: dict[str, Quantity] = field(default_factory=dict)
+    broken: set[str] = field(default_factory=set)
+    stages: dict[str, None] = field(default_factory=dict)
+    objects: dict[str, None] = field(default_factory=dict)
+    targets: dict[str, None] = field(default_factory=dict)
+    frames: dict[str, None] = field(default_factory=dict)
     quiet: set[int] = field(default_factory=set)
     keys: dict[int, Span] = field(default_factory=dict)
     _scopes: dict[ScopeKind, Scope] = field(default_factory=dict)
@@ -53,10 +54,6 @@ class Reading:
             )
         return self._scopes[kind]
 
-    def forget_scopes(self) -> None:
-        """Build scopes anew; called while names are still being entered."""
-        self._scopes.clear()
-
     def key_of(self, data: Map) -> Span:
         """Return the place of the key that a mapping hangs on, or of its first character."""
         return self.keys.get(id(data.node)) or nodes.pointer(data.node)
@@ -64,6 +61,10 @@ class Reading:
     def error(self, code: str, message: str, span: Span | None, hint: str = "") -> None:
         """Report an error."""
         self.diagnostics.error(code, message, span, hint)
+
+    def unsupported(self, word: str, span: Span | None) -> None:
+        """Report a word of the language that this version does not read yet."""
+        self.error("TS090", f"'{word}' is part of the language but not supported yet", span)
 
     def problems(self, value: object, problems: tuple[Problem, ...]) -> None:
         """Report what is wrong inside a scalar."""

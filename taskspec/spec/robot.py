@@ -45,7 +45,7 @@ class Tool(Model):
         "box": (("size",), ()),
     }
 
-    shape: Annotated[ToolShape, Word(("sphere", "cylinder", "box"), "tool shapes")] = Field(
+    shape: Annotated[ToolShape, Word(("sphere", "cylinder", "box"), "tool shape")] = Field(
         "sphere", title="Shape of the tool's end"
     )
     radius: Annotated[float, Constant(LENGTH, above=0)] | None = Field(None, title="Radius")
@@ -110,12 +110,8 @@ class Robot(Model):
     """
 
     noun = "a robot"
-    reserved = {  # noqa: RUF012
-        "grasp": "'grasp'",
-        "sensor": "a sensor model",
-        "balanced": "'balanced'",
-        "joint_damping": "'joint_damping'",
-    }
+    example = "robot: {model: panda}"
+    reserved = frozenset({"grasp", "sensor", "balanced", "joint_damping"})
 
     model: Annotated[str, Free()] = Field(
         title="Robot model",

@@ -8,7 +8,6 @@ from taskspec.spec.model import complete
 from taskspec.spec.reading import Reading
 from taskspec.text.data import Map
 from taskspec.text.nodes import pointer
-from taskspec.text.units import alternatives
 
 _SIZES = ("radius", "size", "length")
 
@@ -35,10 +34,8 @@ def check_sizes(
     allowed = {*needed, *further, *({"length"} if owner == "tool" else ())}
     for key in _SIZES:
         if key in data and key not in allowed:
-            has = alternatives(sorted(allowed)) or "no size"
-            reading.error(
-                "TS302", f"a {shape} has no '{key}'", data.node.key_span(key), f"it has {has}"
-            )
+            has = f"its sizes: {', '.join(sorted(allowed))}" if allowed else "it has no size"
+            reading.error("TS302", f"a {shape} has no '{key}'", data.node.key_span(key), has)
     missing = [key for key in needed if key not in data]
     if missing and complete(data, reading):
         span = data.node.key_span("shape") if "shape" in data else pointer(data.node)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from typing import Annotated, ClassVar
+from typing import Annotated
 
 from pydantic import Field
 
@@ -21,10 +21,7 @@ from taskspec.text.expression import Expression, ScopeKind
 from taskspec.text.nodes import pointer
 from taskspec.text.units import LENGTH, TIME
 
-ENDS = ("end", "fail")
-"""Where a run may go instead of to a stage."""
-
-StageName = Annotated[str, Reference(lambda r: (*r.stages, *ENDS), "stage", "TS124")]
+StageName = Annotated[str, Reference(lambda r: r.targets, "stage", "TS124")]
 Condition = Annotated[Expression, Formula(None, ScopeKind.GUARD)]
 
 
@@ -37,6 +34,7 @@ class Within(Model):
     """
 
     noun = "a bound"
+    example = "within: {time: 5 s, travel: 50 mm}"
 
     time: Annotated[float, Constant(TIME, above=0)] | None = Field(None, title="Time")
     travel: Annotated[float, Constant(LENGTH, above=0)] | None = Field(None, title="Distance")
@@ -45,7 +43,7 @@ class Within(Model):
     def rules(cls, data: Map, reading: Reading) -> None:
         """Ask for a time or a distance."""
         if not data and complete(data, reading):
-            reading.error("TS601", "a bound without a bound", pointer(data.node),
+            reading.error("TS601", "'within' needs a time or a travel", pointer(data.node),
                           "within: {time: 5 s, travel: 50 mm}, or one of the two")  # fmt: skip
 
 
@@ -68,7 +66,8 @@ class Stage(Model):
     """
 
     noun = "a stage"
-    reserved: ClassVar = {"constraints": "a set point of a constraint", "tare": "'tare'"}
+    example = "approach: {axes: {z: {move: -50 mm}}}"
+    reserved = frozenset({"constraints", "tare"})
 
     axes: Annotated[dict[str, Axis], ByName()] = Field({}, title="What each axis does")
     path: Path | None = Field(None, title="A curve that drives axes")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
@@ -67,7 +67,7 @@ class Task(Model):
     """
 
     noun = "a task"
-    reserved: ClassVar = {"robots": "several robots", "sweep": "'sweep'"}
+    reserved = frozenset({"robots", "sweep"})
 
     taskspec: Annotated[Literal[1], Version()] = Field(title="Version of the language")
     name: Annotated[

@@ -84,8 +84,7 @@ def _target(path: str, data: Map, reading: Reading) -> Target | None:
         if rest in _ROBOT:
             return _ROBOT[rest]
         if owner in _LATER:
-            message = f"varying '{owner}' is part of the language but not supported yet"
-            reading.error("TS090", message, span)
+            reading.unsupported(owner, span)
             return None
         options = [f"robot.{name}" for name in _ROBOT]
     elif section == "world" and owner in reading.objects:
@@ -93,7 +92,9 @@ def _target(path: str, data: Map, reading: Reading) -> Target | None:
         fields = _fields(mapping(shape))
         if fields is None or key in fields:
             return _OBJECT.get(key) if key in _OBJECT else None
-        options = [f"world.{owner}.{name}" for name in fields]
+        hint = suggestion(key, fields, f"values of '{owner}' that can vary")
+        reading.error("TS710", f"'{key}' of '{owner}' is no value that can vary", span, hint)
+        return None
     elif section == "world" and owner:
         hint = suggestion(owner, reading.objects, "objects")
         reading.error("TS123", f"unknown object '{owner}'", span, hint)

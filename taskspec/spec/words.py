@@ -11,6 +11,9 @@ from taskspec.spec.reading import Reading, kind_of, span_of
 from taskspec.text.data import Text, Whole
 from taskspec.text.suggest import suggestion
 
+ENDS = ("end", "fail")
+"""Where a run may go instead of to a stage."""
+
 
 @dataclass(frozen=True)
 class Word(Kind):
@@ -18,7 +21,7 @@ class Word(Kind):
 
     Attributes:
         words: the choice.
-        what: what they are, in the plural.
+        what: what they are, in the singular.
         reserved: words of the language that are not supported yet.
         code: of the diagnostic for any other word.
     """
@@ -32,30 +35,23 @@ class Word(Kind):
         """Return the word."""
         if not isinstance(value, Text):
             message = f"a word is needed here, this is {kind_of(value)}"
-            reading.error("TS022", message, span_of(value), f"{self.what}: {self._list()}")
+            reading.error(
+                "TS022", message, span_of(value), f"{self.what}s: {', '.join(self.words)}"
+            )
             return self.words[0]
         word = str(value)
         if word in self.words:
             return word
         if word in self.reserved:
-            unsupported(f"'{word}'", value, reading)
+            reading.unsupported(word, span_of(value))
             return self.words[0]
-        hint = suggestion(word, self.words + self.reserved, self.what)
-        reading.error(self.code, f"'{word}' is none of the {self.what}", span_of(value), hint)
+        hint = suggestion(word, self.words + self.reserved, f"{self.what}s")
+        reading.error(self.code, f"unknown {self.what} '{word}'", span_of(value), hint)
         return self.words[0]
-
-    def _list(self) -> str:
-        return ", ".join(self.words)
 
     def json(self) -> dict[str, Any]:
         """List the words."""
         return {"enum": list(self.words)}
-
-
-def unsupported(what: str, value: object, reading: Reading) -> None:
-    """Report a word of the language that this version does not read yet."""
-    message = f"{what} is part of the language but not supported yet"
-    reading.error("TS090", message, span_of(value))
 
 
 @dataclass(frozen=True)
@@ -68,17 +64,17 @@ class Reference(Kind):
         code: of the diagnostic for an unknown name.
     """
 
-    names: Callable[[Reading], tuple[str, ...]]
+    names: Callable[[Reading], dict[str, None]]
     what: str
     code: str
 
     def read(self, value: object, reading: Reading) -> str:
         """Return the name."""
-        names = self.names(reading)
         if not isinstance(value, Text):
-            message = f"the name of a {self.what} is needed here, this is {kind_of(value)}"
+            article = "an" if self.what[0] in "aeio" else "a"
+            message = f"the name of {article} {self.what} is needed here, this is {kind_of(value)}"
             reading.error("TS022", message, span_of(value))
-        elif value not in names:
+        elif value not in (names := self.names(reading)):
             hint = suggestion(value, names, f"{self.what}s")
             reading.error(self.code, f"unknown {self.what} '{value}'", span_of(value), hint)
         return str(value)

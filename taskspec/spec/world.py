@@ -36,23 +36,11 @@ class Shape(Model):
     """
 
     noun = "an object"
-    reserved = {  # noqa: RUF012
-        "equation": "a constraint equation",
-        "frame": "'frame' of an equation",
-        "mechanism": "a mechanism",
-        "handle": "'handle' of a mechanism",
-        "knob": "'knob' of a mechanism",
-        "inertia": "'inertia' of a mechanism",
-        "stop": "'stop' of a mechanism",
-        "detent": "'detent' of a mechanism",
-        "pitch": "'pitch' of a mechanism",
-        "motion": "an object that moves",
-        "free": "a loose object",
-        "mass": "a loose object with a mass",
-        "angle": "a groove",
-        "depth": "a groove or hole",
-        "chamfer": "a hole",
-    }
+    example = "table: {shape: plane, xyz: [0, 0, 300 mm]}"
+    reserved = frozenset(
+        {"equation", "frame", "mechanism", "handle", "knob", "inertia", "stop", "detent", "pitch"}
+        | {"motion", "free", "mass", "angle", "depth", "chamfer"}
+    )
     sizes: ClassVar[dict[str, tuple[tuple[str, ...], tuple[str, ...]]]] = {
         "plane": ((), ()),
         "box": (("size",), ()),
@@ -62,7 +50,7 @@ class Shape(Model):
 
     shape: Annotated[
         ShapeName,
-        Word(("plane", "box", "cylinder", "sphere"), "shapes", reserved=("groove", "hole")),
+        Word(("plane", "box", "cylinder", "sphere"), "shape", reserved=("groove", "hole")),
     ] = Field(title="Shape")
     xyz: XYZ = Field((0.0, 0.0, 0.0), title="Position in the world", description="[x, y, z]")
     rpy: RPY = Field((0.0, 0.0, 0.0), title="Orientation", description="[roll, pitch, yaw]")

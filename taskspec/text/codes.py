@@ -75,7 +75,6 @@ CODES: dict[str, str] = {
     "TS606": "a path that is not one path",
     "TS607": "`path_done` in a stage without a path",
     # Expectations and variation.
-    "TS701": "an expectation that is not true or false",
     "TS710": "a variation of something that cannot vary",
     "TS711": "an interval whose ends are the wrong way round",
 }

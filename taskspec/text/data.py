@@ -5,7 +5,11 @@ Scalars follow the YAML 1.2 core schema: `1e3` is a number, `no` is a word.
 
 from __future__ import annotations
 
+import math
 import re
+from collections.abc import Callable
+from functools import partial
+from typing import TypeVar
 
 from taskspec.text import nodes
 from taskspec.text.diagnostic import Diagnostics
@@ -66,34 +70,45 @@ class Map(dict[str, object]):
 Leaf = Text | Whole | Real | Truth
 
 
-def to_data(node: nodes.Node, diagnostics: Diagnostics) -> object:
-    """Return a node as data; what has no value is reported and left out."""
+def to_data(node: nodes.Node, diagnostics: Diagnostics) -> object | None:
+    """Return a node as data; what has no usable value is reported and left out.
+
+    A collection that something was left out of is marked as broken.
+    """
     if isinstance(node, nodes.Scalar):
         return _leaf(node, diagnostics)
     if isinstance(node, nodes.Sequence):
         items = Items()
         items.node = node
         for item in node.items:
-            if is_null(item):
-                diagnostics.error("TS011", "an entry without a value", nodes.pointer(item))
-                node.broken = True
-            else:
-                items.append(to_data(item, diagnostics))
+            _add(items.append, item, node, "an entry without a value", item, diagnostics)
         return items
     mapping = Map()
     mapping.node = node
     for name, (key, value) in node.entries.items():
-        if is_null(value):
-            diagnostics.error(
-                "TS011",
-                f"the key '{name}' has no value",
-                key.span,
-                "give it a value or leave it out",
-            )
-            node.broken = True
-        else:
-            mapping[name] = to_data(value, diagnostics)
+        message = f"the key '{name}' has no value"
+        _add(partial(mapping.__setitem__, name), value, node, message, key, diagnostics)
     return mapping
+
+
+def _add(
+    store: Callable[[object], None],
+    node: nodes.Node,
+    owner: nodes.Sequence | nodes.Mapping,
+    no_value: str,
+    place: nodes.Node,
+    diagnostics: Diagnostics,
+) -> None:
+    if is_null(node):
+        hint = "give it a value or leave it out"
+        diagnostics.error("TS011", no_value, nodes.pointer(place), hint)
+        owner.broken = True
+        return
+    value = to_data(node, diagnostics)
+    if value is None:
+        owner.broken = True
+    else:
+        store(value)
 
 
 def is_null(node: nodes.Node) -> bool:
@@ -101,37 +116,33 @@ def is_null(node: nodes.Node) -> bool:
     return isinstance(node, nodes.Scalar) and node.plain and node.value in _NULL
 
 
-def _leaf(node: nodes.Scalar, diagnostics: Diagnostics) -> Leaf:
+def _leaf(node: nodes.Scalar, diagnostics: Diagnostics) -> Leaf | None:
     text = node.value
-    if node.plain and text:
-        if text in _TRUTH:
-            return Truth(_TRUTH[text], node)
-        if _NOT_FINITE.match(text):
-            diagnostics.error("TS015", f"'{text}' is not a finite number", node.span)
-            return _real(0.0, node)
-        if _INT.match(text):
-            return _whole(text, node, diagnostics)
-        if _FLOAT.match(text):
-            value = float(text)
-            if value in (float("inf"), float("-inf")):
-                diagnostics.error("TS015", "this number is too large", node.span)
-                value = 0.0
-            return _real(value, node)
-    word = Text(text)
-    word.node = node
-    return word
+    if not node.plain or not text:
+        return _placed(Text(text), node)
+    if text in _TRUTH:
+        return Truth(_TRUTH[text], node)
+    if _NOT_FINITE.match(text):
+        diagnostics.error("TS015", f"'{text}' is not a finite number", node.span)
+        return None
+    if _INT.match(text):
+        if len(text.lstrip("+-")) > MAX_DIGITS:
+            message = f"a number of more than {MAX_DIGITS} digits"
+            diagnostics.error("TS015", message, node.span)
+            return None
+        return _placed(Whole(text), node)
+    if _FLOAT.match(text):
+        value = Real(text)
+        if math.isinf(value):
+            diagnostics.error("TS015", "this number is too large to be computed with", node.span)
+            return None
+        return _placed(value, node)
+    return _placed(Text(text), node)
 
 
-def _whole(text: str, node: nodes.Scalar, diagnostics: Diagnostics) -> Whole:
-    if len(text.lstrip("+-")) > MAX_DIGITS:
-        diagnostics.error("TS015", f"a number of more than {MAX_DIGITS} digits", node.span)
-        text = "0"
-    number = Whole(text)
-    number.node = node
-    return number
+Placed = TypeVar("Placed", Text, Whole, Real)
 
 
-def _real(value: float, node: nodes.Scalar) -> Real:
-    number = Real(value)
-    number.node = node
-    return number
+def _placed(leaf: Placed, node: nodes.Scalar) -> Placed:
+    leaf.node = node
+    return leaf

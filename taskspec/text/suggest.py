@@ -4,20 +4,26 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterable
+from itertools import islice
 
 _LISTED = 12
 """Longer lists of choices are not read by anyone."""
+_COMPARED = 300
+"""Comparing with more names than this would take longer than reading the file."""
 
 
 def closest(word: str, options: Iterable[str]) -> str | None:
     """Return the option most like `word`, or None if none is like it."""
-    choices = sorted(set(options))
-    folded = {c.lower().replace("-", "_"): c for c in reversed(choices)}
-    wanted = word.lower().replace("-", "_")
+    folded = {_fold(c): c for c in islice(options, _COMPARED)}
+    wanted = _fold(word)
     if wanted in folded:
         return folded[wanted]
     near = difflib.get_close_matches(wanted[:80], folded, n=1, cutoff=0.6)
     return folded[near[0]] if near else None
+
+
+def _fold(word: str) -> str:
+    return word.lower().replace("-", "_")
 
 
 def suggestion(word: str, options: Iterable[str], what: str = "") -> str:

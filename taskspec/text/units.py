@@ -149,6 +149,11 @@ def fitting(dimension: Dimension) -> tuple[str, ...]:
     return (_symbol(dimension),)
 
 
+def usual_units() -> tuple[str, ...]:
+    """Return the composed units that people use, such as `mm/s`."""
+    return tuple(unit for _, _, units in _WORDS.values() for unit in units)
+
+
 def fitting_text(dimension: Dimension) -> str:
     """Return the usual units as text, such as `N, mN or kN`."""
     return alternatives(fitting(dimension))

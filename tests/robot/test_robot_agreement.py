@@ -28,7 +28,7 @@ CASES = {
     },
     "URDF": {"model": "own.urdf", "flange": "palm"},
     "URDF, mounted": {
-        "model": "own.urdf", "flange": "palm", "base_xyz": (1.0, 2.0, 3.0), "base_rpy": (0.1, 0.2, 3),
+        "model": "own.urdf", "flange": "palm", "base_xyz": (1, 2, 3), "base_rpy": (0.1, 0.2, 3),
     },
     "MJCF, a site": {"model": "own.xml", "flange": "grip"},
     "MJCF, a frame": {"model": "own.xml", "flange": "tool_frame", "base_rpy": (3.0, 0.5, -1.0)},

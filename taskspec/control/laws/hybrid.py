@@ -18,6 +18,7 @@ def hybrid(
     motion_damping: ca.DM,
     yielding: Sequence[str],
     drive: ca.SX,
+    normal: Sequence[str] = (),
 ) -> Command:
     """Motion axes by acceleration, yielding axes (force and soft ones) by force.
 
@@ -32,11 +33,15 @@ def hybrid(
         motion_stiffness, motion_damping: (m,) K_P [1/s^2] and K_D [1/s].
         yielding: names of the force-controlled and the soft axes.
         drive: (len(yielding),) u, the force [N, N m] that the robot applies on those axes.
+        normal: names of the motion axes along a contact's normal.
     """
     velocity_error = reference.velocity - state.velocity
     acceleration = (
         reference.acceleration + motion_damping * velocity_error + motion_stiffness * reference.error
     )
+    met = state.rows(normal)
+    if met:
+        acceleration[met] += state.mobility[met, met] @ state.f[met]
     rows = state.rows(yielding)
     if rows:
         block = state.mobility[rows, rows]

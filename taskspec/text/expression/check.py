@@ -142,9 +142,19 @@ class _Checker:
             return found
         if is_bare(node):
             return self._missing_unit(node, expected)
-        return self.report(
-            "TS112", f"{describe(expected)} is needed here, this is {in_words(found)}", node
-        )
+        message = f"{describe(expected)} is needed here, this is {in_words(found)}"
+        return self.report("TS112", message, node, self._unit_hint(node, expected))
+
+    def _unit_hint(self, node: tree.Node, wanted: Dimension | None) -> str:
+        """Return which unit would have fitted a lone number, or where a param lacks its unit."""
+        lone = node.x if isinstance(node, tree.Negate) else node
+        if isinstance(lone, tree.Number) and wanted not in (None, NUMBER):
+            return f"units that fit: {fitting_text(wanted)}"
+        if isinstance(lone, tree.Name):
+            param = self.scope.params.get(lone.path[0])
+            if param is not None and param.dimension == NUMBER:
+                return f"'{lone.path[0]}' is defined without a unit"
+        return ""
 
     def want_condition(self, node: tree.Node, found: Type) -> Type:
         """Report anything that is neither true nor false."""
@@ -165,7 +175,7 @@ class _Checker:
         for node, kind in zip(nodes, kinds, strict=True):
             if kind.kind == "unknown" or kind.dimension is None:
                 continue
-            if leader is None or (is_bare(leader[0]) and not is_bare(node)):
+            if leader is None or (leader[1].dimension == NUMBER and kind.dimension != NUMBER):
                 leader = (node, kind)
         if leader is None:
             return UNKNOWN if any(k.kind == "unknown" for k in kinds) else ZERO
@@ -177,11 +187,8 @@ class _Checker:
             if is_bare(node) and leader[1].dimension is not None:
                 self._missing_unit(node, leader[1].dimension)
             else:
-                self.report(
-                    "TS113",
-                    f"{in_words(kind)} does not go together with {in_words(leader[1])}",
-                    node,
-                )
+                message = f"{in_words(kind)} does not go together with {in_words(leader[1])}"
+                self.report("TS113", message, node, self._unit_hint(node, leader[1].dimension))
         return leader[1] if right else UNKNOWN
 
     def _missing_unit(self, node: tree.Node, wanted: Dimension) -> Type:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Set
 from dataclasses import dataclass, field
 from enum import StrEnum
 from types import MappingProxyType
@@ -44,7 +44,7 @@ class Scope:
     stages: frozenset[str] = frozenset()
     objects: frozenset[str] = frozenset()
     frames: frozenset[str] = frozenset()
-    broken: frozenset[str] = frozenset()
+    broken: Set[str] = frozenset()
 
     @property
     def measures(self) -> bool:

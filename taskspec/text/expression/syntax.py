@@ -8,7 +8,7 @@ from lark.exceptions import UnexpectedEOF, UnexpectedInput, UnexpectedToken
 
 from taskspec.text.expression.problem import Problem
 from taskspec.text.suggest import closest
-from taskspec.text.units import UNITS
+from taskspec.text.units import UNITS, usual_units
 
 _CHARACTERS = {
     "°": "write 'deg' for degrees",
@@ -40,8 +40,8 @@ _CHARACTERS = {
 UNIT_WORDS = {
     "newton": "N", "newtons": "N", "meter": "m", "meters": "m", "metre": "m", "metres": "m",
     "millimeter": "mm", "millimeters": "mm", "millimetre": "mm", "millimetres": "mm",
-    "sec": "s", "secs": "s", "second": "s", "seconds": "s", "msec": "ms", "min": "s",
-    "minute": "s", "minutes": "s", "degree": "deg", "degrees": "deg", "radian": "rad",
+    "sec": "s", "secs": "s", "second": "s", "seconds": "s", "msec": "ms",
+    "degree": "deg", "degrees": "deg", "radian": "rad",
     "radians": "rad", "rads": "rad", "gram": "g", "grams": "g", "kilogram": "kg", "hertz": "Hz",
     "rev": "turn", "revs": "turn", "turns": "turn", "percent": "%", "watt": "W", "joule": "J",
 }  # fmt: skip
@@ -52,7 +52,9 @@ _RELATIONS = {"LT", "LE", "GT", "GE", "WITHIN"}
 
 def unknown_unit(word: str) -> str:
     """Return the hint for a word that stands where a unit would."""
-    near = UNIT_WORDS.get(word.lower()) or closest(word, UNITS)
+    if word.lower().startswith("min"):
+        return "there is no unit for minutes; write seconds: 180 s"
+    near = UNIT_WORDS.get(word.lower()) or closest(word, [*UNITS, *usual_units()])
     if near:
         return f"did you mean '{near}'?"
     return f"units: {' '.join(UNITS)}"
@@ -85,6 +87,12 @@ def _explain(  # noqa: C901 - one case for each slip people make
     text: str, kind: str, word: str, begin: int, end: int, expected: set[str], start: str
 ) -> Problem:
     before = text[:begin].rstrip()
+    if before.endswith("^"):
+        return Problem("TS101", "an exponent is a plain number", begin, end)
+    if kind in ("AND", "OR") and re.search(
+        r"(?:\b(?:and|or|not|for|within|in)|[-+*/<>=(,])$", before
+    ):
+        return Problem("TS101", f"something is missing before '{word}'", begin, end)
     if kind == "EQUAL":
         end = begin + 2 if text[begin : begin + 2] == "==" else end
         written = text[begin:end]

@@ -63,10 +63,13 @@ def _in_stage(node: Name, scope: Scope, end: int) -> Problem:
             end,
             f"write '{'.'.join(rest)}' for this stage, or move it to 'expect'",
         )
-    return _signal(rest, node.start + len(node.path[0]) + 1, end, scope)
+    start = node.start + len(node.path[0]) + 1
+    return _signal(rest, start, end, scope, after_stage=True)
 
 
-def _signal(path: tuple[str, ...], start: int, end: int, scope: Scope) -> Problem:
+def _signal(
+    path: tuple[str, ...], start: int, end: int, scope: Scope, *, after_stage: bool = False
+) -> Problem:
     head = path[0]
     if head in signals.VECTORS:
         axes = list(signals.VECTORS[head])
@@ -77,7 +80,7 @@ def _signal(path: tuple[str, ...], start: int, end: int, scope: Scope) -> Proble
         if name in signals.MECHANISM:
             return Problem(
                 "TS090",
-                f"the signal '{name}' of an object is part of the language but not supported yet",
+                f"'{name}' of an object is part of the language but not supported yet",
                 start,
                 end,
             )
@@ -91,6 +94,9 @@ def _signal(path: tuple[str, ...], start: int, end: int, scope: Scope) -> Proble
     options = {*signals.VECTORS, *scope.objects, "joint"}
     if scope.kind is ScopeKind.EXPECT or path[-1] == "visits":
         options |= scope.stages
+    if after_stage:
+        hint = suggestion(head, {*options, *_SIGNALS, "visits"}, "signals")
+        return Problem("TS120", f"unknown signal '{head}'", start, start + len(head), hint)
     what = "stage, object or signal" if scope.kind is ScopeKind.EXPECT else "signal or object"
     hint = suggestion(head, options) if len(path) > 1 else suggestion(head, _SIGNALS, "signals")
     return Problem("TS120", f"unknown {what} '{head}'", start, start + len(head), hint)

@@ -1,0 +1,62 @@
+"""What can be known before anything moves: findings about a task that its text alone does not show.
+
+Text, names, units and modes are checked while the file is read; here the robot, its start, its
+axes and its contacts come in.
+"""
+
+from __future__ import annotations
+
+from taskspec.check.axes import check_axes
+from taskspec.check.forces import check_forces
+from taskspec.check.frames import check_frame
+from taskspec.check.signals import check_expectations, check_signals
+from taskspec.program.axes import SkewedAxisError, existing_axes
+from taskspec.program.context import Context
+from taskspec.program.paths import path_shape
+from taskspec.program.prepare import frame_at_start, prepare
+from taskspec.spec import LoadedTask
+from taskspec.text.diagnostic import Diagnostic, Diagnostics, SpecError
+
+
+def check_task(loaded: LoadedTask) -> tuple[Diagnostic, ...]:
+    """All findings about a loaded task, the warnings of its reading included."""
+    found = Diagnostics(loaded.source.name)
+    found.extend(loaded.warnings)
+    try:
+        context = prepare(loaded)
+    except SpecError as error:
+        found.extend(error.diagnostics)
+    else:
+        found.extend(check_stages(context))
+    return found.sorted()
+
+
+def check_stages(context: Context) -> tuple[Diagnostic, ...]:
+    """Findings about the stages of a task whose robot and start are sound."""
+    loaded = context.loaded
+    found = Diagnostics(loaded.source.name)
+    axes_of: dict[str, tuple[str, ...]] = {}
+    for name, stage in loaded.task.stages.items():
+        frame = context.frame_of(stage)
+        if not check_frame(context, name, found):
+            continue
+        rotation = frame_at_start(context, frame)
+        try:
+            axes = existing_axes(context.robot.axes, rotation)
+        except SkewedAxisError as error:
+            place = ("stages", name, "frame") if stage.frame else ("frame",)
+            message = f"{error} in frame {frame.name!r}"
+            hint = "align the frame with the plane in which the arm moves"
+            found.error("TS221", message, loaded.span(place), hint)
+            continue
+        axes_of[name] = axes
+        check_axes(context, name, axes, found)
+        check_signals(context, name, axes, found)
+        try:
+            path = path_shape(context, name, rotation)
+        except SpecError as error:
+            found.extend(error.diagnostics)
+            continue
+        check_forces(context, name, axes, rotation, path, found)
+    check_expectations(context, axes_of, found)
+    return found.sorted()

@@ -1,0 +1,37 @@
+"""Following frames that are not defined where the tool starts."""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+
+from taskspec.program.context import Context
+from taskspec.program.prepare import box_face_at, tool_center
+from taskspec.text.diagnostic import Diagnostics
+
+
+def check_frame(context: Context, name: str, found: Diagnostics) -> bool:
+    """Whether the frame of stage `name` has axes at the start pose; reports where it has not."""
+    loaded = context.loaded
+    frame = context.frame_of(loaded.task.stages[name])
+    if frame.kind != "following":
+        return True
+    assert frame.surface is not None
+    center = tool_center(context)
+    face = box_face_at(frame.surface, center)
+    chart = frame.surface.chart(face)
+    normal = np.array(ca.evalf(chart.normal(ca.SX(center)))).ravel()
+    heading = np.array(ca.evalf(chart.reference_direction(frame.heading))).ravel()
+    share = abs(normal @ heading) / np.linalg.norm(heading)
+    if share < 1 - 1e-3:
+        return True
+    given = frame.heading is not None
+    place = ("frames", frame.name, "heading" if given else "surface")
+    found.error(
+        "TS225",
+        f"frame {frame.name!r} has no x axis where the tool starts: its heading is along the "
+        "normal there",
+        loaded.span(place),
+        "give a heading that lies in the surface, such as heading: [0, 1, 0]",
+    )
+    return False

@@ -1,0 +1,84 @@
+"""Signals that exist in the language but not in this stage, on this arm."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+from taskspec.control.gains import FORCE_LOOP_LAWS, has_force
+from taskspec.control.state import AXES
+from taskspec.program.context import Context
+from taskspec.text.diagnostic import Diagnostics
+from taskspec.text.expression import Expression
+from taskspec.text.expression.tree import Call, Name, Node, children
+
+_VECTORS = ("force", "torque", "position", "velocity", "error")
+
+
+def check_signals(context: Context, name: str, axes: tuple[str, ...], found: Diagnostics) -> None:
+    """Reports signals in the expressions of stage `name` that it cannot evaluate."""
+    stage = context.loaded.task.stages[name]
+    expressions = [stage.until, stage.fail_if]
+    references: list[Expression | None] = []
+    for axis in stage.axes.values():
+        references += [axis.velocity, axis.force, axis.torque, axis.position]
+    for expression in [*expressions, *references]:
+        if expression is None:
+            continue
+        for node, inside_norm in _names(expression.tree, False):
+            reason = _reason(context, name, axes, node, inside_norm=inside_norm)
+            if reason is None and expression in references and node.path[0] == "error":
+                reason = "a reference cannot depend on the error against itself"
+            if reason is not None:
+                found.error("TS224", f"{node}: {reason}", expression.where(node))
+
+
+def check_expectations(
+    context: Context, axes_of: Mapping[str, tuple[str, ...]], found: Diagnostics
+) -> None:
+    """Reports expectations about axes that their stage does not have."""
+    for expectation in context.loaded.task.expect:
+        expression = expectation.expression
+        for node, inside_norm in _names(expression.tree, False):
+            stage = node.path[0]
+            if stage not in axes_of or len(node.path) < 2:
+                continue
+            inner = Name(node.path[1:], node.frame)
+            reason = _reason(context, stage, axes_of[stage], inner, inside_norm=inside_norm)
+            if reason is not None:
+                found.error("TS224", f"{node}: {reason}", expression.where(node))
+
+
+def _names(node: Node, inside_norm: bool) -> Iterator[tuple[Name, bool]]:
+    if isinstance(node, Name):
+        yield node, inside_norm
+    inside = inside_norm or (isinstance(node, Call) and node.function == "norm")
+    for child in children(node):
+        yield from _names(child, inside)
+
+
+def _reason(
+    context: Context, stage_name: str, axes: tuple[str, ...], node: Name, *, inside_norm: bool
+) -> str | None:
+    """Why a stage has no such signal, None if it has it."""
+    path = node.path
+    stage = context.loaded.task.stages[stage_name]
+    if path[0] == "gap" and len(path) == 1:
+        if context.contact_of(context.frame_of(stage)) is None:
+            return "there is no object in the world to have a gap to"
+        return None
+    if path[0] == "path_done" and stage.path is None:
+        return f"stage {stage_name!r} has no path"
+    if path[0] == "joint" and int(path[1]) > context.robot.pin.nv:
+        return f"{context.robot.name!r} has {context.robot.pin.nv} joints"
+    if path[0] not in _VECTORS or len(path) != 2 or inside_norm:
+        return None
+    axis = path[1]
+    if axis not in AXES:
+        return None
+    if node.frame is None and axis not in axes:
+        return f"this arm has no axis {axis!r} in this frame; it has {', '.join(axes)}"
+    declared = stage.axes.get(axis)
+    loop = context.law_of(stage).kind in FORCE_LOOP_LAWS - {"parallel"}
+    if path[0] == "error" and loop and declared is not None and has_force(declared):
+        return f"{axis!r} is force-controlled here and has no motion error"
+    return None

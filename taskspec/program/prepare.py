@@ -1,0 +1,101 @@
+"""Robot, start configuration, frames and surfaces of a task: what checks and stages build on."""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from taskspec.control.model_terms import ModelTerms
+from taskspec.geometry.surface import Surface, box_face
+from taskspec.program import frames as frame_models
+from taskspec.program.context import Context
+from taskspec.program.errors import spec_error
+from taskspec.program.frames import FrameModel
+from taskspec.program.signals import gaps
+from taskspec.program.stiffness import believed_stiffness
+from taskspec.robot import RobotError, RobotModel, load_robot, solve_start
+from taskspec.spec import LoadedTask
+
+Vector = NDArray[np.float64]
+
+
+def prepare(loaded: LoadedTask) -> Context:
+    """Robot, start configuration, frames and surfaces of a task.
+
+    Raises:
+        SpecError: the robot cannot be loaded or its start cannot be reached.
+    """
+    task = loaded.task
+    robot, start = _robot(loaded)
+    terms = ModelTerms(robot)
+    terms.update(start, np.zeros(robot.pin.nv))
+    H, _, _, J_world, p, R, _ = terms.arrays
+    Rj = R.reshape(3, 3, order="F")
+    tip_p = p + Rj @ robot.tip.translation
+    tip_R = Rj @ robot.tip.rotation
+    n = robot.pin.nv
+    J = J_world.reshape(6, n, order="F").copy()
+    J[:3] -= pin.skew(tip_p) @ J[3:]
+    inertia = np.triu(H.reshape(n, n, order="F"))
+    surfaces = {name: frame_models.surface(shape) for name, shape in task.world.items()}
+    distances = gaps(robot, surfaces, ca.SX(tip_p), ca.SX(tip_R))
+    posture = task.robot.posture
+    return Context(
+        loaded=loaded,
+        robot=robot,
+        start=start,
+        posture=start if posture is None else np.array(posture),
+        frames=frame_models.resolve(task),
+        surfaces=surfaces,
+        stiffness=believed_stiffness(task, robot),
+        start_jacobian=J,
+        start_inertia=inertia + np.triu(inertia, 1).T,
+        start_p=tip_p,
+        start_R=tip_R,
+        start_gaps={name: float(ca.evalf(d)) for name, d in distances.items()},
+        start_normals={
+            name: np.array(ca.evalf(s.gradient(ca.SX(tip_p)))).ravel()
+            for name, s in surfaces.items()
+        },
+        period=1.0 / task.control.rate,
+    )
+
+
+def _robot(loaded: LoadedTask) -> tuple[RobotModel, Vector]:
+    robot = loaded.task.robot
+    try:
+        model = load_robot(robot, loaded.base)
+        start = robot.start
+        xyz, rpy, joints = (start.xyz, start.rpy, start.joints) if start else (None, None, None)
+        return model, solve_start(model, xyz, rpy, joints)
+    except RobotError as error:
+        raise spec_error(loaded, ("robot", *error.field), error.code, error.message, error.hint) from error
+
+
+def tool_center(context: Context) -> Vector:
+    """(3,) the tool's reference point at the start pose, world [m]."""
+    tool = context.robot.tool
+    if tool.flat:
+        return context.start_p
+    return context.start_p + context.start_R @ tool.centers[0]
+
+
+def box_face_at(surface: Surface, center: Vector) -> ca.SX | None:
+    """The 14 numbers of the box face nearest to a point (3,); None for other shapes."""
+    if surface.kind != "box":
+        return None
+    return ca.SX(box_face(surface, surface.face(center)))
+
+
+def frame_at_start(context: Context, frame: FrameModel) -> Vector:
+    """(3, 3) a frame's axes in the world at the start pose."""
+    if frame.kind == "fixed":
+        return frame.rotation
+    if frame.kind == "tool":
+        return context.start_R @ frame.rotation
+    assert frame.surface is not None
+    center = tool_center(context)
+    chart = frame.surface.chart(box_face_at(frame.surface, center))
+    return np.array(ca.evalf(chart.frame(ca.SX(center), frame.heading)))
