@@ -17,6 +17,10 @@ ACCELERATION_LAWS = frozenset({"hybrid"})
 #: Laws with a force loop: f_d is reached whatever the stiffness.
 FORCE_LOOP_LAWS = frozenset({"hybrid", "parallel"})
 
+#: Laws that leave the arm its own inertia: an axis moves the mass that it feels while the springs
+#: of the other axes hold them. At the wrist that is ten times the free one.
+NATURAL_LAWS = frozenset({"pd", "impedance-natural"})
+
 _SMALLEST_MASS = {"linear": 1.0, "angular": 0.05}
 _MOTION_BANDWIDTH = 5.0
 _SPRING_FREQUENCY = 2.0
@@ -37,11 +41,13 @@ class Plant:
     """What the design of one axis knows about arm and contact.
 
     Attributes:
-        h: mass felt along the axis [kg, kg m^2]. k: believed contact stiffness [N/m, N m/rad].
-        period: control period T [s].
+        h: mass felt along the axis while the others are free, 1/(J H^-1 J^T)_ii [kg, kg m^2].
+        held: the same while the others are held, Lambda_ii.
+        k: believed contact stiffness [N/m, N m/rad]. period: control period T [s].
     """
 
     h: float
+    held: float
     k: float
     period: float
 
@@ -98,7 +104,8 @@ def _accelerations(law: Law, name: str, axis: Axis, plant: Plant) -> dict[str, G
 
 
 def _springs(law: Law, name: str, axis: Axis, plant: Plant) -> dict[str, Gain]:
-    h = max(plant.h, _smallest(name))
+    natural = law.kind in NATURAL_LAWS
+    h = max(plant.held if natural else plant.h, _smallest(name))
     mass = _given(law.mass, name) or Gain(h, "designed: mass felt on the axis")
     stiffness = (
         _own(axis.stiffness)

@@ -88,14 +88,17 @@ class Context:
         """
         both = np.kron(np.eye(2), rotation.T)
         J = both @ self.start_jacobian
-        mobility = np.einsum("ij,ij->i", J @ np.linalg.inv(self.start_inertia), J)
+        rows = [AXES.index(a) for a in axes]
+        mobility = (J @ np.linalg.inv(self.start_inertia) @ J.T)[np.ix_(rows, rows)]
+        held = np.diag(np.linalg.inv(mobility))
         tool = self.robot.tool
         reach = float(np.max(np.linalg.norm(tool.centers[:, :2], axis=1) + tool.radii))
         return {
             a: gain_design.Plant(
-                h=1.0 / mobility[AXES.index(a)],
+                h=1.0 / mobility[i, i],
+                held=held[i],
                 k=k * reach**2 if a.startswith("r") else k,
                 period=self.period,
             )
-            for a in axes
+            for i, a in enumerate(axes)
         }

@@ -19,7 +19,7 @@ from taskspec.program.references import ReferenceSet
 from taskspec.program.signals import SignalTable
 
 #: A redundant arm holds its posture in the null space at this frequency [Hz], critically damped.
-POSTURE_FREQUENCY = 1.0
+POSTURE_FREQUENCY = 2.0
 
 #: The chapter's numbers of each law, for `explain`.
 EQUATIONS = {

@@ -166,9 +166,11 @@ def _translate(detail: ErrorDetails, root: nodes.Mapping, reading: Reading) -> N
         span = nodes.place(root, loc[:depth])
         reading.error("TS021", f"{where} needs the key '{loc[-1]}'", span, hint)
         return
-    message = f"a mapping of names is needed for '{loc[-1]}'" if kind == "dict_type" else (
-        f"this does not fit: {detail['msg']}")  # fmt: skip
-    reading.error("TS022", message, nodes.place(root, loc))
+    if kind == "dict_type":
+        message, hint = f"'{loc[-1]}' is a mapping of names", "write 'name: ' before each entry"
+    else:
+        message, hint = f"this does not fit: {detail['msg']}", ""
+    reading.error("TS022", message, nodes.place(root, loc), hint)
 
 
 def _name_from(path: Path) -> str:

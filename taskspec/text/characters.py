@@ -9,10 +9,11 @@ from taskspec.text.diagnostic import Diagnostics
 from taskspec.text.source import Span
 
 _FORBIDDEN = re.compile(
-    "[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200b-\u200f\u2028-\u202e\u2060-\u2069\ufeff\ufff9-\uffff"
+    "[\x00-\x08\x0b-\x1f\x7f-\xa0\xad\u061c\u1680\u180e\u2000-\u200a\u202f\u205f\u3000"
+    "\u200b-\u200f\u2028-\u202e\u2060-\u2069\ufeff\ufff9-\uffff"
     "\ud800-\udfff\U0001fffe\U0001ffff\U000e0000-\U000e0fff]"
 )
-"""Control, bidi, invisible and lone surrogate characters: they hide what a file says."""
+"""Control, bidi, invisible and lone surrogate characters, and spaces that are none to YAML."""
 _LISTED = 20
 
 
@@ -28,11 +29,9 @@ def readable(text: str, diagnostics: Diagnostics) -> str | None:
     """
     matches = list(_FORBIDDEN.finditer(text))
     for match in matches[:_LISTED]:
-        character = match[0]
-        name = unicodedata.name(character, "a control character").lower()
         diagnostics.error(
             "TS002",
-            f"the character U+{ord(character):04X} ({name}) may not stand in a task file",
+            f"{_named(match[0])} may not stand in a task file",
             _span(text, match.start()),
             "delete it" + (_more(matches) if len(matches) > _LISTED else ""),
         )
@@ -48,6 +47,17 @@ def readable(text: str, diagnostics: Diagnostics) -> str | None:
     if re.search(r"^ *\t[ \t]*[^ \t#\n]", text, re.MULTILINE):
         return None
     return text.replace("\t", " ")
+
+
+def first_forbidden(text: str) -> str | None:
+    """Return the first forbidden character of a text in words, None if there is none."""
+    match = _FORBIDDEN.search(text)
+    return _named(match[0]) if match else None
+
+
+def _named(character: str) -> str:
+    name = unicodedata.name(character, "a control character").lower()
+    return f"the character U+{ord(character):04X} ({name})"
 
 
 def _more(matches: list[re.Match[str]]) -> str:

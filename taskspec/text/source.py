@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from itertools import accumulate
 
 
 @dataclass(frozen=True, slots=True, order=True)
@@ -27,9 +28,17 @@ class Source:
     name: str
     text: str
     _lines: list[str] = field(init=False, repr=False, compare=False)
+    _starts: list[int] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "_lines", self.text.split("\n"))
+        lines = self.text.split("\n")
+        starts = accumulate((len(line) + 1 for line in lines), initial=0)
+        object.__setattr__(self, "_lines", lines)
+        object.__setattr__(self, "_starts", list(starts))
+
+    def offset(self, line: int, column: int) -> int:
+        """Return the index in `text` of a place (1-based line and column)."""
+        return self._starts[line - 1] + column - 1
 
     def line(self, number: int) -> str:
         """Return line `number` (1-based) without its end; empty beyond the last line."""

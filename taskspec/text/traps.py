@@ -1,17 +1,15 @@
-"""What people write that YAML takes for something else, and what they meant."""
+"""What people write that YAML takes for something else, repaired so that reading can go on."""
 
 from __future__ import annotations
 
 import re
 
-import yaml
-
 from taskspec.text.diagnostic import Diagnostics
-from taskspec.text.nodes import Mapping, Node, Scalar, Sequence, pointer
+from taskspec.text.nodes import Mapping, Node, Scalar, Sequence
 from taskspec.text.origin import origin_of
 from taskspec.text.source import Source, Span
 
-_GLUED = re.compile(r"([A-Za-z_][A-Za-z0-9_.]*):(\S.*)\Z", re.DOTALL)
+GLUED = re.compile(r"([A-Za-z_][A-Za-z0-9_.]*):(\S.*)\Z", re.DOTALL)
 """A key and its value without the space between them."""
 
 
@@ -93,14 +91,10 @@ def _open(text: str) -> bool:
 def _joined(parts: list[Scalar], source: Source) -> Scalar:
     first, last = parts[0].span, parts[-1].span
     span = Span(first.line, first.column, last.end_line, last.end_column, first.source)
-    start, end = _index(source, span.line, span.column), _index(
-        source, span.end_line, span.end_column)  # fmt: skip
+    start = source.offset(span.line, span.column)
+    end = source.offset(span.end_line, span.end_column)
     value = " ".join(source.text[start:end].split())
     return Scalar(value, True, origin_of(source, span, value, start, end, 0))
-
-
-def _index(source: Source, line: int, column: int) -> int:
-    return sum(len(source.line(n)) + 1 for n in range(1, line)) + column - 1
 
 
 def _report_comma(whole: Scalar, before: str, diagnostics: Diagnostics) -> None:
@@ -114,10 +108,10 @@ def _report_comma(whole: Scalar, before: str, diagnostics: Diagnostics) -> None:
 
 
 def _split(key: Scalar, source: Source) -> tuple[Scalar, Scalar] | None:
-    match = _GLUED.match(key.value) if key.plain else None
+    match = GLUED.match(key.value) if key.plain else None
     if match is None:
         return None
-    start = _index(source, key.span.line, key.span.column)
+    start = source.offset(key.span.line, key.span.column)
     return (
         _part(key, source, match.start(1), match.end(1), start),
         _part(key, source, match.start(2), match.end(2), start),
@@ -149,94 +143,3 @@ def _report_glued(span: Span, key: str, value: str, diagnostics: Diagnostics) ->
         Span(span.line, at, span.line, at + 1, span.source),
         f"write '{key}: {value}'",
     )
-
-
-def explain_root(root: Node | None, diagnostics: Diagnostics) -> None:
-    """Report a file that is empty or is not a mapping."""
-    if root is None or (isinstance(root, Scalar) and root.empty):
-        diagnostics.error("TS010", "the file is empty", None, "a task begins with 'taskspec: 1'")
-        return
-    hint = "a task begins with 'taskspec: 1'"
-    if isinstance(root, Scalar) and _GLUED.match(root.value):
-        hint = "put a space after each colon: taskspec: 1"
-    what = "a list" if isinstance(root, Sequence) else "a text"
-    span = pointer(root)
-    end = Span(span.line, span.column, span.line, span.column + 1)
-    diagnostics.error("TS010", f"a task file holds keys and values, this is {what}", end, hint)
-
-
-_INDICATORS = {
-    "%": "a text that begins with '%' needs quotes; a percentage follows its number: 95 %",
-    "@": "a text that begins with '@' needs quotes",
-    "`": "a text that begins with '`' needs quotes",
-    "|": "a text that begins with '|' needs quotes; an absolute value is abs(x)",
-    ">": "a text that begins with '>' needs quotes; a comparison begins with what is compared: "
-    "force.z > 3 N",
-    "*": "a text that begins with '*' needs quotes",
-    "&": "a text that begins with '&' needs quotes; conditions are joined with 'and'",
-    "!": "a text that begins with '!' needs quotes; the opposite of a condition is 'not'",
-}
-
-
-def explain_syntax(error: yaml.MarkedYAMLError, source: Source, diagnostics: Diagnostics) -> None:
-    """Report what PyYAML cannot read, in the user's words."""
-    mark = error.problem_mark or error.context_mark
-    if mark is None:
-        diagnostics.error("TS001", f"this is not readable as YAML: {error.problem}", None)
-        return
-    line, column = mark.line + 1, mark.column + 1
-    context, problem = error.context or "", error.problem or ""
-    message, hint, shift = _syntax(context, problem, source.line(line), column)
-    code = "TS013" if "space after" in hint else "TS001"
-    if shift == "previous" or line > source.line_count:
-        back = error.context_mark or mark
-        line, column = back.line + 1, back.column + 1
-        glued = re.search(r"[A-Za-z_]:(?=[^ ])", source.line(line)) if code == "TS013" else None
-        column = glued.end() if glued else column
-    elif isinstance(shift, int):
-        column = shift
-    diagnostics.error(code, message, Span(line, column, line, column + 1), hint)
-
-
-def _syntax(context: str, problem: str, text: str, column: int) -> tuple[str, str, int | str]:  # noqa: C901
-    """Return message, hint, and a better column (or `previous` for the start of the construct)."""
-    character = text[column - 1 : column]
-    if "block scalar" in context:
-        at = max(text.rfind(">", 0, column), text.rfind("|", 0, column))
-        sign = text[at] if at >= 0 else ">"
-        return f"'{sign}' begins a block of text here", _INDICATORS[sign], at + 1
-    if "cannot start any token" in problem:
-        hint = _INDICATORS.get(character, "put the text in quotes")
-        return f"a value cannot begin with '{character}'", hint, column
-    if "alias" in context or "anchor" in context:
-        sign = "*" if "alias" in context else "&"
-        at = text.rfind(sign, 0, column) + 1
-        return f"a value cannot begin with '{sign}'", _INDICATORS[sign], at or column
-    if "tag" in context or "undefined tag" in problem:
-        return "a value cannot begin with '!'", _INDICATORS["!"], column
-    if "mapping values are not allowed" in problem:
-        first, _, rest = text.partition(": ")
-        hint = "check the indentation"
-        if ": " in rest or rest.endswith(":"):
-            hint = f'put the text in quotes: {first.strip()}: "{rest.strip()}"'
-        return "a second ': ' in one value", hint, column
-    if "could not find expected ':'" in problem:
-        return ("this line is not 'key: value'", "put a space after the colon, and check the lines "
-                "around it", "previous")  # fmt: skip
-    if "unexpected end of stream" in problem or "quoted scalar" in context:
-        if "escape" in problem:
-            return "an unknown escape in a text", "use single quotes, or double the '\\'", column
-        return (
-            "a quote that is never closed",
-            "close it, or put the text in the other kind of quotes",
-            "previous",
-        )
-    if "flow mapping" in context or "flow sequence" in context:
-        brace = "}" if "mapping" in context else "]"
-        return f"'{brace}' or ',' is missing", f"an open bracket ends with '{brace}'", column
-    if "block mapping" in context or "block collection" in context:
-        return ("this line does not fit the lines above", "lines of one level begin in the same "
-                "column; put a text with special characters in quotes", column)  # fmt: skip
-    if "directive" in context:
-        return "a line cannot begin with '%'", _INDICATORS["%"], column
-    return f"this is not readable as YAML: {problem}", "", column

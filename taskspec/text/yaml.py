@@ -11,8 +11,8 @@ from collections.abc import Iterator
 
 import yaml
 
-from taskspec.text import traps
-from taskspec.text.characters import readable
+from taskspec.text import traps, unreadable
+from taskspec.text.characters import first_forbidden, readable
 from taskspec.text.diagnostic import Diagnostics
 from taskspec.text.nodes import Mapping, Node, Scalar, Sequence
 from taskspec.text.origin import origin_of
@@ -48,16 +48,16 @@ def read(source: Source, diagnostics: Diagnostics, *, inner: bool = False) -> No
     except _StopError:
         return None
     except yaml.MarkedYAMLError as error:
-        traps.explain_syntax(error, shown, diagnostics)
+        unreadable.explain_syntax(error, shown, diagnostics)
         return None
     except (yaml.YAMLError, ValueError, LookupError, AttributeError, RecursionError) as error:
         # PyYAML lets raw Python errors through for some escapes and directives.
-        diagnostics.error("TS001", f"this is not readable as YAML: {error}", None)
+        unreadable.explain_crash(error, shown, diagnostics)
         return None
     if inner:
         return root
     if not isinstance(root, Mapping):
-        traps.explain_root(root, diagnostics)
+        unreadable.explain_root(root, diagnostics)
         return None
     return root
 
@@ -112,6 +112,8 @@ class _Composer:
         assert isinstance(event, yaml.ScalarEvent | yaml.CollectionStartEvent)
         self._properties(event)
         if isinstance(event, yaml.ScalarEvent):
+            if event.tag is not None and not event.value:
+                return None
             return self._scalar(event)
         if depth > MAX_DEPTH:
             self.diagnostics.error("TS009", f"nested deeper than {MAX_DEPTH}", self._span(event))
@@ -134,7 +136,8 @@ class _Composer:
                 "TS007",
                 "a tag",
                 self._span(event),
-                "leave it out; a text that begins with '!' needs quotes",
+                "leave it out; a text that begins with '!' needs quotes, and the opposite of a "
+                "condition is 'not'",
             )
 
     def _sequence(self, start: yaml.CollectionStartEvent, depth: int) -> Sequence:
@@ -193,6 +196,9 @@ class _Composer:
         if len(value) > MAX_SCALAR:
             self.diagnostics.error("TS009", f"a text longer than {MAX_SCALAR} characters", span)
             raise _StopError
+        if (hidden := first_forbidden(value)) is not None:
+            message = f"{hidden} may not stand in a task file, not even as an escape"
+            self.diagnostics.error("TS002", message, span)
         skip = 0
         if event.style in ("'", '"'):
             skip = 1

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from pathlib import Path
 
 import mujoco
 import numpy as np
@@ -138,3 +139,29 @@ def test_acceleration_under_torque(states: list[Twins]) -> None:
         np.testing.assert_allclose(s.d.qfrc_actuator, s.d.ctrl, rtol=0, atol=0)
         free = pin.aba(s.pin, s.data, s.q, s.v, np.array(s.d.ctrl))
         np.testing.assert_allclose(s.d.qacc_smooth, free, rtol=1e-9, atol=1e-8)
+
+
+def test_pinocchios_own_urdf_parser_has_the_same_arm(
+    load: Callable[..., RobotModel], data: Path
+) -> None:
+    """A second opinion on the way through MuJoCo, where Pinocchio reads the file itself."""
+    robot = load("own.urdf", flange="palm", tool_mass=0.0, tool_length=0.0)
+    whole = pin.buildModelFromUrdf(str(data / "own.urdf"))
+    fingers = [whole.getJointId("left"), whole.getJointId("right")]
+    there = pin.neutral(whole)
+    for joint in fingers:
+        there[whole.idx_qs[joint]] = 0.025
+    other = pin.buildReducedModel(whole, fingers, there)
+    rng = np.random.default_rng(3)
+    ours, theirs = robot.pin.createData(), other.createData()
+    for _ in range(STATES):
+        q, v = rng.uniform(-2, 2, 6), rng.normal(size=6)
+        # A continuous joint is a point on the circle there.
+        circle = np.concatenate((q[:3], [np.cos(q[3]), np.sin(q[3])], q[4:]))
+        pin.computeAllTerms(robot.pin, ours, q, v)
+        pin.computeAllTerms(other, theirs, circle, v)
+        pin.updateFramePlacements(other, theirs)
+        np.testing.assert_allclose(np.triu(ours.M), np.triu(theirs.M), rtol=0, atol=TOLERANCE)
+        np.testing.assert_allclose(ours.nle, theirs.nle, rtol=0, atol=TOLERANCE)
+        tip = ours.oMi[robot.tip_joint] * robot.tip
+        assert tip.isApprox(theirs.oMf[other.getFrameId("palm")], TOLERANCE)

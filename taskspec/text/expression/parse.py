@@ -21,7 +21,7 @@ Start = Literal["sum", "logic", "value", "uncertain", "equation"]
 
 MAX_LENGTH = 1000
 """Characters in one expression."""
-MAX_DEPTH = 40
+MAX_DEPTH = 100
 """Nodes below each other; keeps every later walk far from the recursion limit."""
 MAX_NODES = 400
 """Nodes in one expression."""

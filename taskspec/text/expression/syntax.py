@@ -47,6 +47,7 @@ UNIT_WORDS = {
 }  # fmt: skip
 """What people write for a unit, and the unit."""
 
+_UNFINISHED = re.compile(r"(?:\b(?:and|or|not|for|within|in)|[-+*/<>=(,])$")
 _RELATIONS = {"LT", "LE", "GT", "GE", "WITHIN"}
 
 
@@ -89,9 +90,7 @@ def _explain(  # noqa: C901 - one case for each slip people make
     before = text[:begin].rstrip()
     if before.endswith("^"):
         return Problem("TS101", "an exponent is a plain number", begin, end)
-    if kind in ("AND", "OR") and re.search(
-        r"(?:\b(?:and|or|not|for|within|in)|[-+*/<>=(,])$", before
-    ):
+    if kind in ("AND", "OR") and _UNFINISHED.search(before):
         return Problem("TS101", f"something is missing before '{word}'", begin, end)
     if kind == "EQUAL":
         end = begin + 2 if text[begin : begin + 2] == "==" else end

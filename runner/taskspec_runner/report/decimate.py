@@ -1,0 +1,68 @@
+"""Fewer points for the screen, with every peak and every gap kept."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+Vector = NDArray[np.float64]
+Rows = NDArray[np.int64]
+
+#: Points a trace is drawn with at most: two for each pixel of a wide screen.
+POINTS = 4000
+
+
+def decimate(values: Vector, limit: int = POINTS) -> Rows:
+    """Rows to draw: the lowest and the highest of each bucket, and both sides of every gap.
+
+    Args:
+        values: (rows,) a signal, NaN where it has no value.
+        limit: number of points aimed at; gaps and ends add a few.
+
+    Returns:
+        Rows in order, without the inside of stretches that have no value.
+    """
+    rows = len(values)
+    finite = np.isfinite(values)
+    keep: Rows = np.arange(rows, dtype=np.int64)
+    if rows > limit:
+        width = -(-2 * rows // limit)
+        buckets = -(-rows // width)
+        padded = np.full(buckets * width, np.nan)
+        padded[:rows][finite] = values[finite]
+        grid = padded.reshape(buckets, width)
+        seen = np.isfinite(grid)
+        filled = np.flatnonzero(seen.any(axis=1))
+        lowest = np.where(seen, grid, np.inf).argmin(axis=1)[filled]
+        highest = np.where(seen, grid, -np.inf).argmax(axis=1)[filled]
+        edges = np.flatnonzero(finite[1:] != finite[:-1])
+        ends = np.array([0, rows - 1])
+        parts = [filled * width + lowest, filled * width + highest, edges, edges + 1, ends]
+        keep = np.unique(np.concatenate(parts)).astype(np.int64)
+    kept = finite[keep]
+    inside = np.zeros(len(keep), dtype=bool)
+    inside[1:] = ~kept[1:] & ~kept[:-1]
+    return keep[~inside]
+
+
+def broken(rows: Rows, values: Vector, breaks: Rows) -> tuple[Rows, Vector]:
+    """Rows and their values with a gap put in before each row of `breaks`."""
+    shown = values[rows]
+    at = np.unique(np.searchsorted(rows, breaks))
+    at = at[(at > 0) & (at < len(rows))]
+    return np.insert(rows, at, rows[at]), np.insert(shown, at, np.nan)
+
+
+def encode(rows: Rows, values: Vector) -> Mapping[str, str]:
+    """Rows as steps and values as 32 bit floats, both little-endian in base64."""
+    steps = np.diff(rows, prepend=0)
+    widest = int(steps.max(initial=0))
+    kind = "u1" if widest < 2**8 else "u2" if widest < 2**16 else "u4"
+    return {
+        "kind": kind,
+        "rows": base64.b64encode(steps.astype(f"<{kind}").tobytes()).decode(),
+        "values": base64.b64encode(values.astype("<f4").tobytes()).decode(),
+    }
