@@ -24,7 +24,6 @@ class AxisReference:
     Attributes:
         mode: hold, position, velocity, move, path or open-loop.
         value, rate, acceleration: r, r', r'' [m or rad, ...].
-        free: the mode does not say where the axis starts, only how it moves.
         own: the mode's own r(t) before blending, and its rate; for the entry.
         integral_rate: d/dt of the memory slot that a velocity fills, else None.
     """
@@ -33,7 +32,6 @@ class AxisReference:
     value: ca.SX
     rate: ca.SX
     acceleration: ca.SX
-    free: bool
     own: tuple[ca.SX, ca.SX]
     integral_step: ca.SX | None = None
 
@@ -77,13 +75,6 @@ class ReferenceBuilder:
                 force asks for.
         """
         t = self.clock.t
-        if mode == "move":
-            segment = self.parameters.add(f"segment.{name}", polynomial.SEGMENT_SIZE)
-            value = polynomial.evaluate(segment, t)
-            rate = self.clock.rate(value)
-            return AxisReference(
-                mode, value, rate, self.clock.rate(rate), True, (ca.SX(0), ca.SX(0))
-            )
         start = self.parameters.add(f"start.{name}")
         offset = self.parameters.add(f"offset.{name}")
         slope = self.parameters.add(f"slope.{name}")
@@ -100,6 +91,9 @@ class ReferenceBuilder:
             if mode == "position":
                 assert axis.position is not None
                 own = self.translate(axis.position)
+            elif mode == "move":
+                segment = self.parameters.add(f"segment.{name}", polynomial.SEGMENT_SIZE)
+                own = polynomial.evaluate(segment, t)
             elif mode == "path":
                 assert path_value is not None
                 own = path_value
@@ -121,7 +115,6 @@ class ReferenceBuilder:
             own + blending,
             own_rate + blending_rate,
             own_acceleration + self.clock.rate(blending_rate),
-            mode in ("hold", "velocity"),
             (own, own_rate),
             step,
         )

@@ -28,13 +28,16 @@ class Carried:
     """The one reference pose that goes from stage to stage.
 
     Attributes:
-        p, R: (3,), (3, 3) reference pose of the tip in the world.
+        p, R: (3,), (3, 3) reference pose of the tip in the world. Axes that a force set point
+            has moved are where they were measured.
         twist: (6,) its velocity, world axes, at the tip.
+        pressing: (3,) how far an open-loop force has displaced the reference from p, world [m].
     """
 
     p: Vector
     R: Vector
     twist: Vector
+    pressing: Vector = field(default_factory=lambda: np.zeros(3))
 
 
 @dataclass(slots=True)
@@ -109,6 +112,7 @@ def enter(
         write("base", frame.ravel(order="F"))
 
     error, start, rate = _continue(stage, seen, frame, carried, tip)
+    pressed = dict(zip(AXES[:3], frame.T @ carried.pressing, strict=True))
     for name, plan in stage.plans.items():
         if plan.force or plan.open_loop:
             write(f"force_at_entry.{name}", seen["measured"][AXES.index(name)])
@@ -123,8 +127,10 @@ def enter(
     durations = [c.knots[-2] for c in tracks.cubics.values()]
     ends = [stage.spec.time or 0.0, tracks.path.duration if tracks.path else 0.0, *durations]
     write("end", max(ends))
-    _blend(stage, inputs, memory, parameters, start, rate)
-    _start_memory(stage, memory, seen, frame, error, start)
+    _blend(stage, inputs, memory, parameters, start, rate, pressed)
+    first = {a: value + pressed.get(a, 0.0) for a, value in start.items()}
+    away = np.array([error.get(a, 0.0) + pressed[a] for a in AXES[:3]])
+    _start_memory(stage, memory, seen, frame, away, first)
     return Entered(parameters, memory, tracks)
 
 
@@ -218,8 +224,12 @@ def _blend(
     parameters: Vector,
     start: Mapping[str, float],
     rate: Mapping[str, float],
+    pressed: Mapping[str, float],
 ) -> None:
-    """Chooses each axis's blending so that its reference continues the carried one."""
+    """Chooses each axis's blending so that its reference continues the carried one.
+
+    What an open-loop force has pressed it away is let go over the blending time too.
+    """
     write = _writer(stage, parameters)
     own, own_rate = (
         np.array(v).ravel() for v in stage.own(*inputs, memory, parameters)
@@ -228,13 +238,17 @@ def _blend(
         if f"offset.{name}" not in stage.parameters:
             continue
         i = AXES.index(name)
+        here = start[name] + pressed.get(name, 0.0)
         slope = rate[name] - own_rate[i]
         time = blend.BLEND_TIME
         if plan.mode in ("hold", "velocity"):
-            offset = -slope * time / 2
-            write(f"start.{name}", start[name] - offset)
+            braking = slope * time / 2
+            write(f"start.{name}", start[name] + braking)
+            offset = here - start[name] - braking
+        elif plan.mode == "move":
+            slope, offset = 0.0, here - start[name]
         else:
-            offset = start[name] - own[i]
+            offset = here - own[i]
             kind = "angular" if name.startswith("r") else "linear"
             time = blend.blend_time(offset, MOVE_SPEED[kind])
         write(f"offset.{name}", offset)
@@ -247,15 +261,13 @@ def _start_memory(
     memory: Vector,
     seen: Mapping[str, Vector],
     frame: Vector,
-    error: Mapping[str, float],
+    away: Vector,
     start: Mapping[str, float],
 ) -> None:
     """The point that references move along, and integrals that hold the measured force."""
     if "reference_point" in stage.memory:
-        away = np.array([error.get(a, 0.0) for a in AXES[:3]])
-        if stage.frame.kind == "following":
-            away[2] = 0.0
-        stage.memory.write(memory, "reference_point", seen["here"] + frame @ away)
+        along = away * (1.0, 1.0, 0.0) if stage.frame.kind == "following" else away
+        stage.memory.write(memory, "reference_point", seen["here"] + frame @ along)
         for a in AXES[:3]:
             stage.memory.write(memory, f"last.{a}", start.get(a, 0.0))
     for name, plan in stage.plans.items():
@@ -263,16 +275,19 @@ def _start_memory(
             integral = stage.gains["force.integral"][name].value
             stiffness = stage.gains["stiffness"][name].value
             if integral > 0:
-                stage.memory.write(memory, f"integral.{name}", -stiffness * error[name] / integral)
+                held = 0.0 if name.startswith("r") else float(away[AXES.index(name)])
+                stage.memory.write(memory, f"integral.{name}", -stiffness * held / integral)
 
 
 def leave(stage: CompiledStage, outputs: Mapping[str, Vector]) -> Carried:
     """The reference that a stage hands on; force axes hand on where they were measured."""
     R = outputs["tip_rotation"].reshape(3, 3, order="F")
     frame = outputs["frame"].reshape(3, 3, order="F")
-    error, twist = np.zeros(6), np.zeros(6)
+    error, twist, pressing = np.zeros(6), np.zeros(6), np.zeros(3)
     for name, plan in stage.plans.items():
         i = AXES.index(name)
+        if plan.open_loop and i < 3:
+            pressing[i] = outputs["error"][i]
         tracked = plan.motion and not plan.force and not plan.open_loop
         error[i] = outputs["error"][i] if tracked else 0.0
         twist[i] = outputs["velocity_ref" if tracked else "velocity"][i]
@@ -283,4 +298,5 @@ def leave(stage: CompiledStage, outputs: Mapping[str, Vector]) -> Carried:
         p=outputs["tip"] + offset + frame @ error[:3] - R_ref @ (R.T @ offset),
         R=R_ref,
         twist=np.concatenate([frame @ twist[:3] - np.cross(spin, offset), spin]),
+        pressing=frame @ pressing,
     )

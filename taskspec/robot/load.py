@@ -51,7 +51,7 @@ def load_robot(robot: RobotLike, base_dir: Path | None = None) -> RobotModel:
     arm = rebuild(m, chain, whole_home, base)
     planar = is_planar(m, chain)
     flange = _tool_mount(chain, planar)
-    tool = make_tool(robot.tool, planar is not None)
+    tool = make_tool(robot.tool, planar)
     tip_body, tool_geoms = attach(arm.carrier, flange, tool, set(arm.body_names))
     torques = np.array([torque_limit(m, j) for j in joints])
     _add_motors(arm.spec, arm.joint_names, torques)
@@ -81,7 +81,7 @@ def load_robot(robot: RobotLike, base_dir: Path | None = None) -> RobotModel:
         tool_geoms=tool_geoms,
         tip_body=tip_body,
         source=description.source,
-        notes=description.notes + arm.notes + _short_of(axes, planar is not None),
+        notes=description.notes + arm.notes + _short_of(axes, m, chain),
     )
 
 
@@ -120,8 +120,9 @@ def _check_mimics(description: Description, chain: Chain) -> None:
             )
 
 
-def _short_of(axes: tuple[str, ...], planar: bool) -> tuple[str, ...]:
-    if planar or any(axis.startswith("r") for axis in axes):
+def _short_of(axes: tuple[str, ...], m: mujoco.MjModel, chain: Chain) -> tuple[str, ...]:
+    turns = (m.jnt_type[list(chain.joints)] == mujoco.mjtJoint.mjJNT_HINGE).any()
+    if not turns or len(axes) < 3 or any(axis.startswith("r") for axis in axes):
         return ()
     return (f"only {', '.join(axes)} of the tool tip can be controlled: orientations follow",)
 
@@ -156,9 +157,9 @@ def _describe(name: str, base_dir: Path | None) -> Description:
     )
 
 
-def _tool_mount(chain: Chain, planar: Array | None) -> pin.SE3:
+def _tool_mount(chain: Chain, planar: bool) -> pin.SE3:
     """The flange with z where the tool goes: a planar link's x, unless a frame says otherwise."""
-    if planar is None or chain.explicit:
+    if chain.explicit or not planar:
         return chain.flange
     return chain.flange * pin.SE3(pin.utils.rotate("y", np.pi / 2), np.zeros(3))
 

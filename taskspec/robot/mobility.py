@@ -84,16 +84,16 @@ def _rank(J: Array) -> int:
     return int(np.linalg.matrix_rank(J, tol=_RANK)) if J.size else 0
 
 
-def is_planar(m: mujoco.MjModel, chain: Chain) -> Array | None:
-    """The unit normal (3,) of the plane in which a chain moves, in its file's world, or None."""
+def is_planar(m: mujoco.MjModel, chain: Chain) -> bool:
+    """Whether all joints of a chain move it in one plane, hinges among them."""
     data = mujoco.MjData(m)
     mujoco.mj_kinematics(m, data)
     hinge = m.jnt_type[list(chain.joints)] == mujoco.mjtJoint.mjJNT_HINGE
     axes = data.xaxis[list(chain.joints)]
     turns, slides = axes[hinge], axes[~hinge]
     if not len(turns):
-        return None
-    normal: Array = turns[0] / np.linalg.norm(turns[0])
+        return False
+    normal = turns[0] / np.linalg.norm(turns[0])
     parallel = np.abs(np.cross(turns, normal)).max() < _RANK
     within = not len(slides) or np.abs(slides @ normal).max() < _RANK
-    return normal if parallel and within and len(axes) > 1 else None
+    return bool(parallel and within and len(axes) > 1)

@@ -38,7 +38,7 @@ def read_own(shown: str, folder: Path) -> Description:
     Raises:
         RobotError: TS401 to TS405.
     """
-    path = folder / Path(shown).expanduser()
+    path = folder / shown
     roots = Roots(path.parent, folder)
     text = read_model(path, shown)
     root = parse_xml(text, shown)

@@ -82,6 +82,7 @@ def rebuild(m: mujoco.MjModel, chain: Chain, home: Array, base: pin.SE3) -> Rebu
     bodies = {0: spec.worldbody}
     names: dict[int, str] = {}
     joint_names: list[str] = []
+    taken = {m.body(i).name for i in range(m.nbody)} | {m.joint(j).name for j in range(m.njnt)}
     meshes = _Meshes(spec, m)
     for i in range(1, m.nbody):
         if m.body_rootid[i] != root:
@@ -95,19 +96,26 @@ def rebuild(m: mujoco.MjModel, chain: Chain, home: Array, base: pin.SE3) -> Rebu
             placement = _body_pose(data, parent).inverse() * _body_pose(data, i)
         if parent == 0:
             placement = base * placement
-        names[i] = m.body(i).name or f"body{i}"
+        names[i] = m.body(i).name or _fresh("body", taken)
         body = bodies[parent].add_body(
             name=names[i], pos=placement.translation, quat=quaternion(placement.rotation)
         )
         bodies[i] = body
         _copy_inertial(m, i, body, moves=bool(kept))
         for j in kept:
-            joint_names.append(m.joint(j).name or f"joint{len(joint_names) + 1}")
+            joint_names.append(m.joint(j).name or _fresh("joint", taken))
             _copy_joint(m, j, body, joint_names[-1])
         _copy_looks(m, i, body, meshes)
     return Rebuilt(
         spec, bodies[chain.body], tuple(joint_names), tuple(names.values()), _notes(m, chain, home)
     )
+
+
+def _fresh(stem: str, taken: set[str]) -> str:
+    """A name that nothing has yet, for what has none in the file."""
+    name = next(f"{stem}{i}" for i in range(1, len(taken) + 2) if f"{stem}{i}" not in taken)
+    taken.add(name)
+    return name
 
 
 def _body_pose(data: mujoco.MjData, i: int) -> pin.SE3:

@@ -19,7 +19,7 @@ from taskspec.text.expression import (
 )
 from taskspec.text.expression.parse import Start
 from taskspec.text.expression.signals import CONSTANTS
-from taskspec.text.expression.tree import Name, Node, walk
+from taskspec.text.expression.tree import Name, Node, Number, walk
 from taskspec.text.units import NUMBER, Dimension, Quantity, describe
 
 _FLOATS = FloatAlgebra()
@@ -38,10 +38,13 @@ def parsed(value: object, start: Start, reading: Reading, needed: str) -> Node |
         message = f"{needed} is needed here, this is {kind_of(value)}"
         reading.error("TS022", message, span_of(value), _kind_hint(value))
         return None
+    if not isinstance(value, Text):
+        # A YAML number may be written as `.5`, which is no number of the expression language.
+        return Number(float(value), NUMBER, start=0, end=len(value.node.value))
     try:
-        return parse(str(value.node.value), start)
+        return parse(value, start)
     except ExpressionError as error:
-        reading.problems(value, _with_trap(value, error.problems))
+        reading.problems(value, error.problems)
         return None
 
 
@@ -121,8 +124,3 @@ def _kind_hint(value: object) -> str:
     if kind_of(value) == "true or false":
         return "a word in an expression is a name; true and false are not"
     return ""
-
-
-def _with_trap(value: Text | Whole | Real, problems: tuple[Problem, ...]) -> tuple[Problem, ...]:
-    """Say `1:30` where a colon made a text of what was meant as a time."""
-    return problems if isinstance(value, Text | Whole | Real) else ()

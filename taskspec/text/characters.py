@@ -56,7 +56,8 @@ def first_forbidden(text: str) -> str | None:
 
 
 def _named(character: str) -> str:
-    name = unicodedata.name(character, "a control character").lower()
+    unnamed = "half a surrogate pair" if "\ud800" <= character <= "\udfff" else "a control character"
+    name = unicodedata.name(character, unnamed).lower()
     return f"the character U+{ord(character):04X} ({name})"
 
 

@@ -126,7 +126,7 @@ def _quoted(context: str, problem: str, began: _Place) -> _Finding | None:
     return None
 
 
-def _colon(problem: str, here: _Place, source: Source) -> _Finding | None:
+def _colon(problem: str, here: _Place, began: _Place, source: Source) -> _Finding | None:
     """Explain a colon too many, too few, or without its space."""
     if "mapping values are not allowed" in problem:
         above = source.line(here.line - 1)

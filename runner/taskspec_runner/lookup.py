@@ -1,0 +1,135 @@
+"""Names of an expectation as series over the history of a run."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taskspec.spec import Task
+from taskspec.text.expression import Meaning, Scope, ScopeKind, resolve, tree
+from taskspec.text.expression.signals import CONSTANTS
+from taskspec_runner.history import History
+from taskspec_runner.series import Series
+
+Vector = NDArray[np.float64]
+
+#: name, axis, frame -> (n,) the signal in the axes of that frame.
+Elsewhere = Callable[[str, str | None, str], Vector]
+
+_WHY = {
+    "error": "no motion reference",
+    "gap": "no surface to be near to",
+}
+
+
+def scope_of(task: Task) -> Scope:
+    """The names that the expectations of a task may use."""
+    return Scope(
+        ScopeKind.EXPECT,
+        task.params,
+        frozenset(task.stages),
+        frozenset(task.world),
+        frozenset(("world", "tool", *task.world, *task.frames)),
+    )
+
+
+class Lookup:
+    """Finds the value of a name in a history.
+
+    Args:
+        task: for params and names.
+        history: the run.
+        elsewhere: resolves `signal in FRAME`.
+    """
+
+    def __init__(self, task: Task, history: History, elsewhere: Elsewhere) -> None:
+        self._params = task.params
+        self._history, self._elsewhere = history, elsewhere
+        self._scope = scope_of(task)
+
+    def meaning(self, name: tree.Name) -> Meaning:
+        """What a checked name stands for."""
+        meaning = resolve(name.path, self._scope)
+        assert meaning is not None, name
+        return meaning
+
+    def __call__(self, name: tree.Name) -> Series:
+        """The value of a name; a signal without one is NaN and says why."""
+        meaning = self.meaning(name)
+        if meaning.kind == "param":
+            return Series.one(self._params[meaning.name].value)
+        if meaning.kind == "constant":
+            return Series.one(CONSTANTS[meaning.name][0])
+        if meaning.kind == "visits":
+            visits = sum(visit.stage == meaning.stage for visit in self._history.visits())
+            return Series.one(float(visits))
+        window = self._history.window(meaning.stage)
+        if not window.any():
+            gap = f"stage '{meaning.stage}' was never visited" if meaning.stage else (
+                "the run has no ticks")  # fmt: skip
+            return Series(np.full(len(window), np.nan), window, (gap,))
+        values = self._values(meaning, name.frame)
+        if values is None:
+            return Series(np.full(len(window), np.nan), window, (self._absent(name, meaning),))
+        missing = window & np.isnan(values)
+        gaps = (self._missing(name, meaning, missing),) if missing.any() else ()
+        return Series(values, window, gaps)
+
+    def within(self, root: tree.Node) -> Callable[[tree.Name], Series]:
+        """This lookup for one expression, in which a norm leaves out axes that the arm lacks."""
+        optional = {
+            id(arg)
+            for node in tree.walk(root)
+            if isinstance(node, tree.Call) and node.function == "norm"
+            for arg in node.args
+        }
+
+        def find(name: tree.Name) -> Series:
+            if id(name) in optional and name.frame is None:
+                meaning = self.meaning(name)
+                if meaning.axis and self._values(meaning, None) is None and len(self._history):
+                    window = self._history.window(meaning.stage)
+                    if window.any():
+                        return Series(np.zeros(len(window)), window)
+            return self(name)
+
+        return find
+
+    def names(self, root: tree.Node) -> Iterator[tuple[tree.Name, Meaning]]:
+        """The measured names of an expression; params and constants left out."""
+        for node in tree.walk(root):
+            if isinstance(node, tree.Name):
+                meaning = self.meaning(node)
+                if meaning.kind not in ("param", "constant"):
+                    yield node, meaning
+
+    def _values(self, meaning: Meaning, frame: str | None) -> Vector | None:
+        if frame is not None:
+            return self._elsewhere(meaning.name, meaning.axis, frame)
+        return self._history.columns.get(column_of(meaning))
+
+    def _absent(self, name: tree.Name, meaning: Meaning) -> str:
+        if meaning.kind == "joint":
+            number = sum(c.startswith("joint.") for c in self._history.columns) // 3
+            return f"the arm has {number} joints, no joint {meaning.subject}"
+        if meaning.axis:
+            return f"{name} has no value: the arm does not move along {meaning.axis}"
+        return f"{name} is not in the log"
+
+    def _missing(self, name: tree.Name, meaning: Meaning, missing: NDArray[np.bool_]) -> str:
+        where = list(dict.fromkeys(self._history.stages[missing].tolist()))
+        stages = "stage " + ", ".join(f"'{stage}'" for stage in where)
+        reason = f" ({_WHY[meaning.name]})" if meaning.name in _WHY else ""
+        hint = "" if meaning.stage or len(where) > 3 else "; ask for it by stage"
+        return f"{name} has no value in {stages}{reason}{hint}"
+
+
+def column_of(meaning: Meaning) -> str:
+    """The log's name of a signal."""
+    if meaning.kind == "joint":
+        return f"joint.{meaning.subject}.{meaning.name}"
+    if meaning.kind == "object":
+        return f"{meaning.subject}.{meaning.name}"
+    return f"{meaning.name}.{meaning.axis}" if meaning.axis else meaning.name

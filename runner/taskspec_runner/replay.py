@@ -1,0 +1,180 @@
+"""Signals of a finished run in another frame than their stage's: the logged poses, replayed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import casadi as ca
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from taskspec.control.state import AXES
+from taskspec.geometry.surface import Chart, Surface, box_face
+from taskspec.program.frames import FrameModel
+from taskspec.program.stage import CompiledStage
+from taskspec.robot import RobotModel
+from taskspec_runner.history import History
+
+Vector = NDArray[np.float64]
+
+
+class Replay:
+    """Where the tool was at every tick, and its signals resolved in any believed frame.
+
+    Forces, moments, velocities and errors belong to the control point of the stage that logged
+    them; only their axes change. A position in a following frame counts from where the visit of
+    its stage began; on a box, the frame is that of the face nearest there.
+    """
+
+    def __init__(
+        self,
+        robot: RobotModel,
+        frames: Mapping[str, FrameModel],
+        stages: Sequence[CompiledStage],
+        history: History,
+    ) -> None:
+        self._robot, self._frames, self._history = robot, frames, history
+        self._stages = {stage.name: stage for stage in stages}
+        self._visits = tuple(history.visits())
+        self._tip: tuple[Vector, Vector] | None = None
+        self._posed: dict[str, tuple[Vector, Vector]] = {}
+
+    def signal(self, name: str, axis: str | None, frame_name: str) -> Vector:
+        """(n,) `name.axis` in the axes of a frame, or `tilt` against it.
+
+        Args:
+            name: force, torque, position, velocity, error or tilt.
+            axis: of the frame; None for tilt.
+            frame_name: a frame of the task.
+        """
+        frame = self._frames[frame_name]
+        if axis is None:
+            R = self._tip_pose()[1]
+            along = np.einsum("ki,ki->k", R[:, :, 2], self._pose(frame)[1][:, :, 2])
+            return np.asarray(np.arccos(np.clip(-along, -1.0, 1.0)))
+        number = AXES.index(axis)
+        if name != "position":
+            return self._turned(name, number, frame)
+        turned = number > 2
+        result = self._turning(frame) if turned else self._place(frame)
+        column = result[:, number % 3]
+        for visit in self._visits:
+            if self._stages[visit.stage].frame is frame:
+                own = self._history.columns[f"position.{axis}"]
+                column[visit.rows] = own[visit.rows]
+        return column
+
+    def _turned(self, name: str, number: int, frame: FrameModel) -> Vector:
+        """One component of a logged vector, from the stage's axes to those of a frame."""
+        axes = AXES[3:] if number > 2 else AXES[:3]
+        result = np.empty(len(self._history))
+        R = self._pose(frame)[1]
+        for visit in self._visits:
+            stage, rows = self._stages[visit.stage], visit.rows
+            logged = np.zeros((visit.last + 1 - visit.first, 3))
+            for i, axis in enumerate(axes):
+                # An axis that the arm does not have is one along which nothing happens.
+                if axis in stage.axes:
+                    logged[:, i] = self._history.columns[f"{name}.{axis}"][rows]
+            own = self._pose(stage.frame)[1][rows]
+            result[rows] = np.einsum("kj,kji,ki->k", R[rows, :, number % 3], own, logged)
+        return result
+
+    def _place(self, frame: FrameModel) -> Vector:
+        """(n, 3) coordinates of the control point in a frame, as language.md section 4 counts."""
+        foot, R = self._pose(frame)
+        point = self._tip_pose()[0] + self._offset()
+        if frame.kind == "fixed":
+            return np.asarray((point - frame.origin) @ frame.rotation)
+        here = foot if frame.kind == "following" else point
+        result = np.zeros((len(here), 3))
+        for visit in self._visits:
+            rows = visit.rows
+            steps = np.einsum("kji,kj->ki", R[rows][1:], np.diff(here[rows], axis=0))
+            result[rows][1:] = np.cumsum(steps, axis=0)
+        if frame.kind == "following":
+            result[:, 2] = self._history.columns[f"{frame.surface_name}.gap"]
+        return result
+
+    def _turning(self, frame: FrameModel) -> Vector:
+        """(n, 3) rotation vector of the tool since its visit began, in a frame's axes."""
+        tool, R = self._tip_pose()[1], self._pose(frame)[1]
+        result = np.zeros((len(tool), 3))
+        for visit in self._visits:
+            base = R[visit.rows]
+            if frame.kind == "tool":
+                base = np.broadcast_to(base[0], base.shape)
+            start = R[visit.first].T @ tool[visit.first]
+            away = np.einsum("kji,kjl,ml->kim", base, tool[visit.rows], start)
+            result[visit.rows] = [pin.log3(rotation) for rotation in away]
+        return result
+
+    def _offset(self) -> Vector:
+        """(n, 3) from the tip to the control point of each row's stage, world axes [m]."""
+        p, R = self._tip_pose()
+        result = np.zeros_like(p)
+        for visit in self._visits:
+            frame = self._stages[visit.stage].frame
+            if not frame.at_origin:
+                continue
+            lever = frame.origin
+            if frame.kind != "tool":
+                lever = R[visit.first].T @ (frame.origin - p[visit.first])
+            result[visit.rows] = R[visit.rows] @ lever
+        return result
+
+    def _tip_pose(self) -> tuple[Vector, Vector]:
+        """(n, 3), (n, 3, 3) pose of the tip in the world, from the logged joint positions."""
+        if self._tip is None:
+            model, tip = self._robot.pin, self._robot.tip
+            data = model.createData()
+            columns = self._history.columns
+            q = np.column_stack([columns[f"joint.{i + 1}.position"] for i in range(model.nv)])
+            p, R = np.empty((len(q), 3)), np.empty((len(q), 3, 3))
+            for row, joints in enumerate(q):
+                pin.forwardKinematics(model, data, joints)
+                pose = data.oMi[self._robot.tip_joint] * tip
+                p[row], R[row] = pose.translation, pose.rotation
+            self._tip = p, R
+        return self._tip
+
+    def _pose(self, frame: FrameModel) -> tuple[Vector, Vector]:
+        """(n, 3), (n, 3, 3) origin (of a following frame: the foot) and axes in the world."""
+        if frame.name not in self._posed:
+            self._posed[frame.name] = self._new_pose(frame)
+        return self._posed[frame.name]
+
+    def _new_pose(self, frame: FrameModel) -> tuple[Vector, Vector]:
+        p, R = self._tip_pose()
+        if frame.kind == "fixed":
+            shape = (len(p), 3, 3)
+            return np.broadcast_to(frame.origin, p.shape), np.broadcast_to(frame.rotation, shape)
+        if frame.kind == "tool":
+            return p + R @ frame.origin, R @ frame.rotation
+        assert frame.surface is not None
+        tool = self._robot.tool
+        centers = p if tool.flat else p + R @ tool.centers[0]
+        feet, axes = np.empty_like(p), np.empty_like(R)
+        for visit in self._visits:
+            rows = visit.rows
+            follow = _follower(frame, _chart(frame.surface, centers[visit.first]))
+            turned, foot = (np.array(v) for v in follow(centers[rows].T))
+            feet[rows], axes[rows] = foot.T, turned.T.reshape(-1, 3, 3).transpose(0, 2, 1)
+        return feet, axes
+
+
+def _chart(surface: Surface, center: Vector) -> Chart:
+    face = None
+    if surface.kind == "box":
+        face = ca.SX(ca.DM(box_face(surface, surface.face(center))))
+    return surface.chart(face)
+
+
+def _follower(frame: FrameModel, chart: Chart) -> ca.Function:
+    """Centre of the tool (3,) -> axes (9,) and foot (3,) of a following frame; maps columns."""
+    center = ca.SX.sym("center", 3)
+    R = chart.frame(center, frame.heading)
+    return ca.Function("follow", [center], [ca.vec(R), chart.foot(center)])
+
+

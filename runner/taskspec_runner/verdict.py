@@ -1,0 +1,131 @@
+"""Whether a run did what its task expects, and what was measured."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from taskspec.spec import Expectation, Task
+from taskspec.text.expression import Expression, evaluate, tree
+from taskspec_runner.history import History
+from taskspec_runner.lookup import Elsewhere, Lookup, column_of, scope_of
+from taskspec_runner.series import Series, SeriesAlgebra
+from taskspec_runner.wording import Measured, Wording
+
+
+@dataclass(frozen=True, slots=True)
+class Judged:
+    """An expectation and what became of it.
+
+    Attributes:
+        text: as written.
+        passed: whether the run met it. A window without ticks, or a tick at which it cannot be
+            told, fails.
+        explanation: in one line, with the measured numbers.
+        measured: those numbers.
+        signals: the signals that it is about, with their stages.
+        stage: that all of them belong to; None for the whole run, or where they differ.
+        signal: the logged signal, if it is about one.
+        band: (low, high) [SI] that the signal is to stay within, if it is `signal within ..`.
+    """
+
+    text: str
+    passed: bool
+    explanation: str
+    measured: tuple[Measured, ...]
+    signals: tuple[str, ...]
+    stage: str | None
+    signal: str | None
+    band: tuple[float, float] | None
+
+
+def judge(task: Task, history: History, elsewhere: Elsewhere) -> tuple[Judged, ...]:
+    """Judges every expectation of a task.
+
+    Args:
+        task: whose `expect` is judged.
+        history: the true signals of the run.
+        elsewhere: (name, axis, frame) -> (n,) that signal in the axes of another frame.
+    """
+    lookup = Lookup(task, history, elsewhere)
+    return tuple(_judge(expectation, task, history, lookup) for expectation in task.expect)
+
+
+def _judge(expectation: Expectation, task: Task, history: History, lookup: Lookup) -> Judged:
+    expression = expectation.expression
+    examiner = _Examiner(expression, task, history, lookup)
+    passed, explanation = examiner.examine(expression.tree)
+    names = list(lookup.names(expression.tree))
+    stages = {meaning.stage for _, meaning in names}
+    columns = {
+        f"{column_of(m)} in {n.frame}" if n.frame else column_of(m) for n, m in names
+    }  # fmt: skip
+    return Judged(
+        text=expectation.text,
+        passed=passed,
+        explanation=explanation,
+        measured=tuple(examiner.measured),
+        signals=tuple(dict.fromkeys(str(name) for name, _ in names)),
+        stage=stages.pop() if len(stages) == 1 else None,
+        signal=columns.pop() if len(columns) == 1 else None,
+        band=examiner.band(expression.tree),
+    )
+
+
+class _Examiner:
+    """Walks the conditions of one expectation; `and` judges each of its items by itself."""
+
+    def __init__(
+        self, expression: Expression, task: Task, history: History, lookup: Lookup
+    ) -> None:
+        self._lookup, self._find = lookup, lookup.within(expression.tree)
+        self._algebra = SeriesAlgebra()
+        self._say = Wording(expression, scope_of(task), history.columns.get("clock"))
+        self.measured: list[Measured] = []
+
+    def value(self, node: tree.Node) -> Series:
+        return evaluate(node, self._algebra, self._find)
+
+    def examine(self, node: tree.Node) -> tuple[bool, str]:
+        if isinstance(node, tree.Logic) and node.op == "and":
+            found = [self.examine(item) for item in node.items]
+            return all(passed for passed, _ in found), "; ".join(text for _, text in found)
+        truth = self.value(node)
+        inner = self.value(node.x) if isinstance(node, tree.Held) else truth
+        if not truth.known or not inner.known:
+            return False, self._say.unknown(node, inner)
+        passed = bool((truth.inside() == 1).all())
+        if isinstance(node, tree.Held):
+            return passed, self._keep(self._say.share(node, inner, self._sides(node.x)))
+        if truth.window is None:
+            return passed, self._keep(self._say.number(node, passed, self._sides(node)))
+        return passed, self._keep(self._say.every_tick(node, truth, self._sides(node)))
+
+    def _keep(self, said: tuple[str, Iterable[Measured]]) -> str:
+        text, measured = said
+        self.measured += measured
+        return text
+
+    def _sides(self, node: tree.Node) -> dict[tree.Node, Series]:
+        """The values of what a condition compares, the measured side first."""
+        if isinstance(node, tree.Compare):
+            parts: tuple[tree.Node, ...] = (node.left, node.right)
+            if not self._is_measured(node.left):
+                parts = (node.right, node.left)
+        elif isinstance(node, tree.Within):
+            parts = (node.x, node.low, node.high)
+        else:
+            return {}
+        return [(part, self.value(part)) for part in parts]
+
+    def _is_measured(self, node: tree.Node) -> bool:
+        return any(True for _ in self._lookup.names(node))
+
+    def band(self, node: tree.Node) -> tuple[float, float] | None:
+        """The bounds of `signal within low..high`, with or without `for`."""
+        inner = node.x if isinstance(node, tree.Held) else node
+        if not (isinstance(inner, tree.Within) and isinstance(inner.x, tree.Name)):
+            return None
+        if inner.x.frame is not None or any(map(self._is_measured, (inner.low, inner.high))):
+            return None
+        return self.value(inner.low).number, self.value(inner.high).number
