@@ -64,5 +64,6 @@ def compile_task(loaded: LoadedTask) -> Program:
     for name, stage in loaded.task.stages.items():
         rotation = frame_at_start(context, context.frame_of(stage))
         path = path_shape(context, name, rotation)
-        stages.append(compile_stage(context, name, path, rotation))
+        ready = path.ready() if path is not None else None
+        stages.append(compile_stage(context, name, ready, rotation))
     return Program(context, tuple(stages), (*loaded.warnings, *found))

@@ -101,4 +101,3 @@ def _ended(machine: Machine, clock: float, ticks: int) -> Outcome:
         status = STOPPED
     reason = END if status == DONE else last.name
     return Outcome(status, reason, last.text, last.stage, clock, ticks)
-

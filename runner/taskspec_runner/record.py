@@ -52,6 +52,7 @@ class Recorder:
         self._axes = tuple(a for a in AXES if any(a in s.axes for s in stages))
         self._joints = robot.pin.nv
         self._gaps = _gap_function(robot, surfaces)
+        self._schema = pa.schema([])
         self._writer: pa.ipc.RecordBatchStreamWriter | None = None
         self._path = path
         self._file = path.open("wb") if path is not None else None
@@ -69,14 +70,16 @@ class Recorder:
         if self._filled == 0 or self._file is None:
             self._filled = 0
             return
-        columns = self._columns(self._rows[: self._filled])
+        # One transposition makes every column contiguous, which is how Arrow wants it.
+        columns = self._columns(np.ascontiguousarray(self._rows[: self._filled].T))
+        if self._writer is None:
+            self._schema = _schema(columns)
+            self._writer = pa.ipc.new_stream(self._file, self._schema)
         arrays = [
             pa.array(values) if unit != "stage" else _stage_array(values, self._stages)
             for values, unit in columns.values()
         ]
-        if self._writer is None:
-            self._writer = pa.ipc.new_stream(self._file, _schema(columns))
-        self._writer.write_batch(pa.record_batch(arrays, schema=_schema(columns)))
+        self._writer.write_batch(pa.record_batch(arrays, schema=self._schema))
         self._file.flush()
         self._filled = 0
 
@@ -90,28 +93,23 @@ class Recorder:
             self._file = None
 
     def _columns(self, rows: Vector) -> dict[str, tuple[Vector, str]]:
-        """Column name to values and unit."""
+        """Column name to values and unit; `rows` are (fields, ticks)."""
 
         def field(name: str) -> Vector:
-            return rows[:, self._bus.slices[name]]
+            return rows[self._bus.slices[name]]
 
-        frame = field("frame").reshape(-1, 3, 3)  # rows are the frame's axes in the world
-        force = -field("wrench")[:, :3]
-        moment = -field("wrench")[:, 3:] - np.cross(field("offset"), force)
-        applied = np.concatenate(
-            [np.einsum("kij,kj->ki", frame, force), np.einsum("kij,kj->ki", frame, moment)], axis=1
-        )
+        applied = self._applied(field("frame"), field("offset"), field("wrench"))
         columns: dict[str, tuple[Vector, str]] = {
-            "clock": (field("clock")[:, 0], "s"),
-            "t": (field("t")[:, 0], "s"),
-            "stage": (field("stage")[:, 0], "stage"),
+            "clock": (field("clock")[0], "s"),
+            "t": (field("t")[0], "s"),
+            "stage": (field("stage")[0], "stage"),
         }
 
         def six(kind: str, values: Vector, suffix: str = "") -> None:
             for axis in self._axes:
                 i = AXES.index(axis)
                 name = "torque" if kind == "force" and i > 2 else kind
-                columns[f"{name}.{axis}{suffix}"] = (values[:, i], _KIND_UNITS[kind][i // 3])
+                columns[f"{name}.{axis}{suffix}"] = (values[i], _KIND_UNITS[kind][i // 3])
 
         velocity = field("velocity")
         six("force", applied)
@@ -122,31 +120,42 @@ class Recorder:
         six("velocity", velocity)
         six("velocity", field("velocity_ref"), ".ref")
         six("error", field("error"))
-        size = np.linalg.norm(force, axis=1)
+        size = np.sqrt(np.sum(field("wrench")[:3] ** 2, axis=0))
         gaps = self._gap_columns(field("tip"), field("tip_rotation"))
-        columns["gap"] = (self._contact_gap(field("stage")[:, 0], gaps), "m")
+        columns["gap"] = (self._contact_gap(field("stage")[0], gaps), "m")
         for name, value, unit in (
-            ("tilt", field("tilt")[:, 0], "rad"),
-            ("speed", field("speed")[:, 0], "m/s"),
-            ("travel", field("travel")[:, 0], "m"),
+            ("tilt", field("tilt")[0], "rad"),
+            ("speed", field("speed")[0], "m/s"),
+            ("travel", field("travel")[0], "m"),
             ("touching", (size > signals.TOUCHING).astype(float), ""),
-            ("power", np.nansum(applied * velocity, axis=1), "W"),
-            ("path_done", field("path_done")[:, 0], ""),
+            ("power", np.sum(applied * velocity, axis=0, where=~np.isnan(velocity)), "W"),
+            ("path_done", field("path_done")[0], ""),
         ):
             columns[name] = (value, unit)
         for i in range(self._joints):
-            columns[f"joint.{i + 1}.position"] = (field("q")[:, i], "rad")
-            columns[f"joint.{i + 1}.velocity"] = (field("v")[:, i], "rad/s")
-            columns[f"joint.{i + 1}.torque"] = (field("torque")[:, i], "N*m")
+            columns[f"joint.{i + 1}.position"] = (field("q")[i], "rad")
+            columns[f"joint.{i + 1}.velocity"] = (field("v")[i], "rad/s")
+            columns[f"joint.{i + 1}.torque"] = (field("torque")[i], "N*m")
         for i, name in enumerate(self._objects):
             columns[f"{name}.gap"] = (gaps[i], "m")
-            columns[f"{name}.force"] = (field("objects")[:, i], "N")
+            columns[f"{name}.force"] = (field("objects")[i], "N")
         return columns
+
+    @staticmethod
+    def _applied(frame: Vector, offset: Vector, wrench: Vector) -> Vector:
+        """(6, ticks) what the robot applies at the control point, in the stage's frame."""
+        force = -wrench[:3]
+        moment = -wrench[3:]
+        moment[0] -= offset[1] * force[2] - offset[2] * force[1]
+        moment[1] -= offset[2] * force[0] - offset[0] * force[2]
+        moment[2] -= offset[0] * force[1] - offset[1] * force[0]
+        axes = frame.reshape(3, 3, -1)  # axes[i] is the frame's axis i in the world
+        return np.concatenate([np.sum(axes * force, axis=1), np.sum(axes * moment, axis=1)])
 
     def _gap_columns(self, tip: Vector, rotation: Vector) -> Vector:
         if not self._objects:
-            return np.zeros((0, len(tip)))
-        return np.array(self._gaps(tip.T, rotation.T))
+            return np.zeros((0, tip.shape[1]))
+        return np.array(self._gaps(tip, rotation))
 
     def _contact_gap(self, stage: Vector, gaps: Vector) -> Vector:
         result = np.full(len(stage), np.nan)

@@ -176,5 +176,3 @@ def _follower(frame: FrameModel, chart: Chart) -> ca.Function:
     center = ca.SX.sym("center", 3)
     R = chart.frame(center, frame.heading)
     return ca.Function("follow", [center], [ca.vec(R), chart.foot(center)])
-
-

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 
 from taskspec.spec import Expectation, Task
@@ -10,7 +9,7 @@ from taskspec.text.expression import Expression, evaluate, tree
 from taskspec_runner.history import History
 from taskspec_runner.lookup import Elsewhere, Lookup, column_of, scope_of
 from taskspec_runner.series import Series, SeriesAlgebra
-from taskspec_runner.wording import Measured, Wording
+from taskspec_runner.wording import Measured, Said, Sides, Wording
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,21 +92,20 @@ class _Examiner:
         truth = self.value(node)
         inner = self.value(node.x) if isinstance(node, tree.Held) else truth
         if not truth.known or not inner.known:
-            return False, self._say.unknown(node, inner)
+            return False, self._say.unknown(node, inner).text
         passed = bool((truth.inside() == 1).all())
+        said = self._explain(node, passed, inner)
+        self.measured += said.measured
+        return passed, said.text
+
+    def _explain(self, node: tree.Node, passed: bool, truth: Series) -> Said:
         if isinstance(node, tree.Held):
-            return passed, self._keep(self._say.share(node, inner, self._sides(node.x)))
+            return self._say.share(node, truth, self._sides(node.x))
         if truth.window is None:
-            return passed, self._keep(self._say.number(node, passed, self._sides(node)))
-        return passed, self._keep(self._say.every_tick(node, truth, self._sides(node)))
+            return self._say.number(node, passed, self._sides(node))
+        return self._say.every_tick(node, truth, self._sides(node))
 
-    def _keep(self, said: tuple[str, Iterable[Measured]]) -> str:
-        text, measured = said
-        self.measured += measured
-        return text
-
-    def _sides(self, node: tree.Node) -> dict[tree.Node, Series]:
-        """The values of what a condition compares, the measured side first."""
+    def _sides(self, node: tree.Node) -> Sides:
         if isinstance(node, tree.Compare):
             parts: tuple[tree.Node, ...] = (node.left, node.right)
             if not self._is_measured(node.left):
@@ -115,7 +113,7 @@ class _Examiner:
         elif isinstance(node, tree.Within):
             parts = (node.x, node.low, node.high)
         else:
-            return {}
+            return ()
         return [(part, self.value(part)) for part in parts]
 
     def _is_measured(self, node: tree.Node) -> bool:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import casadi as ca
 import numpy as np
@@ -30,7 +30,7 @@ class PathShape:
         numbers: per axis: target (to), displacement (line), amplitude (lissajous) [m, rad].
         turns: per axis of a lissajous, or {"": turns} of an arc.
         center: of an arc, (x, y) in the frame's coordinates [m].
-        table: of a file.
+        table: of a file; splines: through it, once `ready`.
         speed, time: one of them, or neither for a table with a t column.
     """
 
@@ -40,6 +40,7 @@ class PathShape:
     turns: Mapping[str, float] = field(default_factory=dict)
     center: tuple[float, float] = (0.0, 0.0)
     table: Table | None = None
+    splines: Mapping[str, PiecewiseCubic] = field(default_factory=dict)
     speed: float | None = None
     time: float | None = None
 
@@ -72,10 +73,17 @@ class PathShape:
             return {a: point[a] for a in self.axes}
         return {a: evaluate(segments[a], s) for a in self.axes}
 
+    def ready(self) -> PathShape:
+        """The same path with the splines of its table, which take a while to lay."""
+        if self.table is None:
+            return self
+        splines = {a: p for a, p in self.table.splines().items() if a in self.axes}
+        return replace(self, splines=splines)
+
     def plan(self, start: Mapping[str, float]) -> PathPlan:
         """Times the path from the coordinates at which its stage was entered."""
         if self.table is not None:
-            splines = {a: p for a, p in self.table.splines().items() if a in self.axes}
+            splines = self.splines
             if self.table.time is not None:
                 knots = self.table.time
                 duration = float(knots[-1] - knots[0])

@@ -52,10 +52,12 @@ class Coordinates:
     Attributes:
         position: of every existing axis [m, rad].
         base: (3, 3) axes to which rotations are relative: the frame, or the tool's at entry.
+        turned: (3, 3) rotation in those axes since the stage's start.
     """
 
     position: dict[str, ca.SX]
     base: ca.SX
+    turned: ca.SX
     frame: FrameModel
     at: kinematics.FrameState
     tool: kinematics.ToolPoint
@@ -97,15 +99,17 @@ class Coordinates:
         own_acceleration = (
             ca.vertcat(*acceleration) if own is theta_rate else self.clock.rate(own)
         )
-        start = ca.reshape(self.marks["orientation"], 3, 3)
-        turned = rotation.exp(theta) @ start
-        R, at_R = self.terms.R, self.at.R
-        follow = at_R.T @ rotation.log(self.base @ turned @ R.T)
+        # log(B Exp(theta) Q R^T) = B log(Exp(theta) (B^T R Q^T)^T): the rotation made so far serves
+        # both as coordinate and in the error.
+        follow = rotation.log(rotation.exp(theta) @ self.turned.T)
+        if self.frame.kind == "tool":
+            follow = self.at.R.T @ (self.base @ follow)
         hold = follow
         if self.frame.kind == "following" and any(p.world for p in self.plans.values()):
-            hold = at_R.T @ rotation.log(
-                ca.reshape(self.marks["base"], 3, 3) @ turned @ R.T
-            )
+            start = ca.reshape(self.marks["orientation"], 3, 3)
+            base = ca.reshape(self.marks["base"], 3, 3)
+            goal = base @ rotation.exp(theta) @ start
+            hold = self.at.R.T @ rotation.log(goal @ self.terms.R.T)
         frame_rate = ca.SX.zeros(3)
         frame_acceleration = ca.SX.zeros(3)
         if self.frame.kind == "following":
@@ -265,7 +269,7 @@ def frame_coordinates(
         if frame.kind == "following" and "z" in plans:
             assert gap is not None
             position["z"] = gap
-    base = at.R
+    base, turned = at.R, ca.SX.eye(3)
     if any(a.startswith("r") for a in plans):
         marks["orientation"] = parameters.add("orientation", 9)
         if frame.kind != "fixed":
@@ -273,11 +277,13 @@ def frame_coordinates(
         if frame.kind == "tool":
             base = ca.reshape(marks["base"], 3, 3)
         start = ca.reshape(marks["orientation"], 3, 3)
-        turned = rotation.log(base.T @ terms.R @ start.T)
-        position |= {a: turned[i] for i, a in enumerate(AXES[3:]) if a in plans}
+        turned = base.T @ terms.R @ start.T
+        angles = rotation.log(turned)
+        position |= {a: angles[i] for i, a in enumerate(AXES[3:]) if a in plans}
     return Coordinates(
         position=position,
         base=base,
+        turned=turned,
         frame=frame,
         at=at,
         tool=tool,

@@ -133,6 +133,10 @@ class Machine:
         p, R = self._tip()
         self._enter(0, entry.Carried(p, R, np.zeros(6)), 0.0)
 
+    def update_terms(self) -> None:
+        """Evaluates the model terms at the measured joint state."""
+        self._terms.update(self.q, self.v)
+
     def tick(self, clock: float) -> float:
         """One control period at run time `clock` [s].
 

@@ -16,7 +16,8 @@ FRAME_SITE = "taskspec:frame:"
 """What the names of the sites begin with that stand for MJCF's `<frame>` elements."""
 
 _MOVES = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
-_USUAL = ("flange", "tool0", "attachment_site", "attachment")
+# By the convention of ROS-Industrial z points out of `tool0`, and x out of a `flange` before it.
+_USUAL = ("tool0", "flange", "attachment_site", "attachment")
 
 
 @dataclass(frozen=True, slots=True)

@@ -102,16 +102,18 @@ def find_mesh(uri: str, folder: Path, roots: Roots) -> Path | None:
         roots: Where other files may lie.
     """
     scheme, _, rest = uri.rpartition("://")
-    parts = Path(rest.replace("\\", "/")).parts
-    if ".." in parts and scheme not in ("", "file"):
-        return None
+    rest = rest.replace("\\", "/")
     if scheme in ("package", "model"):
-        for above in (roots.model, *roots.model.resolve().parents[:_PARENTS]):
+        parts = Path(rest.lstrip("/")).parts
+        if ".." in parts:
+            return None
+        above_model = roots.model.resolve().parents[:-1]
+        for above in (roots.model, *above_model[:_PARENTS]):
             for relative in (parts, parts[1:]):
                 if relative and above.joinpath(*relative).is_file():
                     return above.joinpath(*relative)
         return None
-    path = folder / Path(*parts) if parts else folder
+    path = folder / rest
     return path if path.is_file() and roots.hold(path) else None
 
 
@@ -133,7 +135,7 @@ def parse_xml(text: str, shown: str) -> ElementTree.Element:
             f"'{shown}' is not well-formed XML: line {line}, column {column + 1}",
             str(error).split(":", maxsplit=1)[0],
         ) from None
-    _check_size(root, shown)
+    check_size(root, shown)
     return root
 
 
@@ -142,7 +144,12 @@ def on_one_line(root: ElementTree.Element) -> str:
     return " ".join(ElementTree.tostring(root, encoding="unicode").split())
 
 
-def _check_size(root: ElementTree.Element, shown: str) -> None:
+def check_size(root: ElementTree.Element, shown: str) -> None:
+    """Refuse elements that are too deep or too many, and numbers that are none.
+
+    Raises:
+        RobotError: TS403 or TS405.
+    """
     level, depth, count = [root], 0, 0
     while level:
         depth, count = depth + 1, count + len(level)

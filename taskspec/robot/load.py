@@ -81,6 +81,7 @@ def load_robot(robot: RobotLike, base_dir: Path | None = None) -> RobotModel:
         tool_geoms=tool_geoms,
         tip_body=tip_body,
         source=description.source,
+        flange=chain.label,
         notes=description.notes + arm.notes + _short_of(axes, m, chain),
     )
 

@@ -9,7 +9,15 @@ import mujoco
 
 from taskspec.robot.chain import FRAME_SITE
 from taskspec.robot.errors import RobotError
-from taskspec.robot.files import Roots, find_mesh, on_one_line, parse_xml, read_mesh, read_model
+from taskspec.robot.files import (
+    Roots,
+    check_size,
+    find_mesh,
+    on_one_line,
+    parse_xml,
+    read_mesh,
+    read_model,
+)
 
 _INCLUDES = 20
 _COPIES = 200
@@ -38,41 +46,41 @@ def mjcf_text(text: str, root: ElementTree.Element, shown: str, roots: Roots) ->
     Raises:
         RobotError: TS402 or TS403.
     """
-    seen: list[str] = []
-    _expand(root, shown, roots, roots.model, seen)
+    seen: set[Path] = set()
+    while (include := next(root.iter("include"), None)) is not None:
+        included = _read_include(include, shown, roots, seen)
+        parent = next(element for element in root.iter() if include in list(element))
+        at = list(parent).index(include)
+        parent[at : at + 1] = list(included)
+        check_size(root, shown)
     _refuse(root, shown)
-    if not seen:
-        return text
-    return on_one_line(root)
+    return on_one_line(root) if seen else text
 
 
-def _expand(
-    parent: ElementTree.Element, shown: str, roots: Roots, folder: Path, seen: list[str]
-) -> None:
-    """Replace the `<include>` elements below `parent` by what they include."""
-    for child in list(parent):
-        if child.tag != "include":
-            _expand(child, shown, roots, folder, seen)
-            continue
-        name = child.get("file", "")
-        path = next((p for p in (roots.model / name, folder / name) if p.is_file()), None)
-        if path is None:
-            raise RobotError("TS402", f"'{shown}' includes '{name}', which is not there")
-        if not roots.hold(path):
-            raise RobotError(
-                "TS403",
-                f"'{shown}' includes '{name}' from outside its own and the task file's folder",
-                "move it beside the robot's file",
-            )
-        if str(path.resolve()) in seen or len(seen) == _INCLUDES:
-            raise RobotError("TS403", f"'{name}' is included twice, or too many files are")
-        seen.append(str(path.resolve()))
-        included = parse_xml(read_model(path, name), name)
-        _expand(included, name, roots, path.parent, seen)
-        at = list(parent).index(child)
-        parent.remove(child)
-        for offset, element in enumerate(included):
-            parent.insert(at + offset, element)
+def _read_include(
+    include: ElementTree.Element, shown: str, roots: Roots, seen: set[Path]
+) -> ElementTree.Element:
+    """The elements of an included file, in which further includes are absolute paths."""
+    name = include.get("file", "")
+    path = roots.model / name
+    if not path.is_file():
+        raise RobotError("TS402", f"'{shown}' includes '{name}', which is not there")
+    if not roots.hold(path):
+        raise RobotError(
+            "TS403",
+            f"'{shown}' includes '{name}' from outside its own and the task file's folder",
+            "move it beside the robot's file",
+        )
+    if path.resolve() in seen or len(seen) == _INCLUDES:
+        raise RobotError("TS403", f"'{name}' is included twice, or too many files are")
+    seen.add(path.resolve())
+    included = parse_xml(read_model(path, name), name)
+    for further in included.iter("include"):
+        beside_model, beside_file = (
+            folder / further.get("file", "") for folder in (roots.model, path.parent)
+        )
+        further.set("file", str(beside_model if beside_model.is_file() else beside_file.absolute()))
+    return included
 
 
 def _refuse(root: ElementTree.Element, shown: str) -> None:

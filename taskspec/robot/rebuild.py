@@ -210,7 +210,10 @@ class _Meshes:
 
 def _notes(m: mujoco.MjModel, chain: Chain, home: Array) -> tuple[str, ...]:
     notes = []
-    locked = [j for j in range(m.njnt) if j not in chain.joints]
+    root = m.body_rootid[chain.body]
+    locked = [
+        j for j in range(m.njnt) if j not in chain.joints and m.body_rootid[m.jnt_bodyid[j]] == root
+    ]
     if locked:
         at = ", ".join(f"{m.joint(j).name} at {home[m.jnt_qposadr[j]]:g}" for j in locked)
         notes.append(f"joints that do not move the flange are locked: {at}")
@@ -226,7 +229,6 @@ def _notes(m: mujoco.MjModel, chain: Chain, home: Array) -> tuple[str, ...]:
         notes.append(f"left out, since the controller's model has none: {', '.join(found)}")
     if not np.allclose(m.opt.gravity, GRAVITY):
         notes.append("the file's gravity is not used: it is 9.81 m/s² along the world's -z")
-    root = m.body_rootid[chain.body]
     others = [m.body(i).name for i in range(1, m.nbody) if m.body_rootid[i] != root]
     others += ["shapes that stand still"] if m.body_geomnum[0] else []
     if others:

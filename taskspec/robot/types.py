@@ -91,6 +91,7 @@ class RobotModel:
         tool_geoms: MuJoCo's names of those spheres, in order. They collide with nothing unless a
             `<pair>` says so.
         tip_body: MuJoCo's body that carries the tool; its frame is the tip frame.
+        flange: The body, site or frame of the robot's file on which the tool is mounted.
         source: Where the numbers come from.
         notes: What was left out of the robot's file, or changed, one sentence each.
     """
@@ -112,6 +113,7 @@ class RobotModel:
     tool_geoms: tuple[str, ...]
     tip_body: str
     source: str
+    flange: str = ""
     notes: tuple[str, ...] = ()
 
 

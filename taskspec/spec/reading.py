@@ -47,9 +47,9 @@ class Reading:
             self._scopes[kind] = Scope(
                 kind,
                 self.params,
-                frozenset(self.stages),
-                frozenset(self.objects),
-                frozenset(self.frames),
+                self.stages.keys(),
+                self.objects.keys(),
+                self.frames.keys(),
                 self.broken,
             )
         return self._scopes[kind]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-CODES: dict[str, str] = {
+READING: dict[str, str] = {
     # The text and the shape of the file.
     "TS001": "the file is not readable as YAML",
     "TS002": "a character that task files may not contain",
@@ -78,8 +78,12 @@ CODES: dict[str, str] = {
     "TS710": "a variation of something that cannot vary",
     "TS711": "an interval whose ends are the wrong way round",
 }
-"""Code to title. TS0xx text and shape, TS1xx names, units and expressions, TS2xx axes, laws and
-frames, TS3xx contact, TS4xx reach, TS5xx stability, TS6xx stages, TS7xx expectations."""
+"""Codes of what reading a file finds, to their titles."""
+
+CODES: dict[str, str] = dict(READING)
+"""All codes, to their titles: TS0xx text and shape, TS1xx names, units and expressions, TS2xx axes,
+laws and frames, TS3xx contact, TS4xx robots and reach, TS5xx stability, TS6xx stages, TS7xx
+expectations. Other layers `register` theirs."""
 
 
 def register(codes: dict[str, str]) -> None:

@@ -103,9 +103,9 @@ def place(root: Node, path: tuple[Step, ...], *, key: bool = False) -> Span:
 
 
 def pointer(node: Node) -> Span:
-    """Return the place of a scalar, or the first character of a collection."""
+    """Return the place of a scalar, or the first character of a collection or of nothing."""
     span = node.span
-    if isinstance(node, Scalar):
+    if isinstance(node, Scalar) and node.value:
         return span
     return Span(span.line, span.column, span.line, span.column + 1, span.source)
 

@@ -34,7 +34,7 @@ def suggestion(word: str, options: Iterable[str], what: str = "") -> str:
         options: what would have been right.
         what: the plural that names the options, such as `frames`; without it no list is given.
     """
-    choices = list(options)
+    choices = sorted(options) if isinstance(options, set | frozenset) else list(options)
     near = closest(word, choices)
     if near is not None:
         return f"did you mean '{near}'?"

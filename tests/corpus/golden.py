@@ -20,10 +20,17 @@ GOOD = sorted((FOLDER / "ok").glob("*.yaml"))
 def diagnostics_of(path: Path) -> tuple[tuple[Diagnostic, ...], dict[str, Source]]:
     """Return everything that is found in a file, and the texts it refers to."""
     try:
-        loaded = load_task(path)
+        loaded = load_task(path, overrides_of(path))
     except SpecError as error:
         return error.diagnostics, dict(error.sources)
     return loaded.warnings, dict(loaded.sources)
+
+
+def overrides_of(path: Path) -> dict[str, str]:
+    """Return what the comments `# --set path=value` of a file ask for."""
+    lines = path.read_text(encoding="utf-8", errors="replace").splitlines()
+    pairs = (line.removeprefix("# --set ") for line in lines if line.startswith("# --set "))
+    return dict(pair.split("=", 1) for pair in pairs)
 
 
 def rendered(path: Path) -> str:

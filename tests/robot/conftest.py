@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import struct
 from collections.abc import Callable
 from pathlib import Path
@@ -48,6 +49,13 @@ def load() -> Callable[..., RobotModel]:
 def data() -> Path:
     """The folder with the robot files of the tests."""
     return DATA
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """A folder of its own with those files, to be spoiled."""
+    shutil.copytree(DATA, tmp_path / "task")
+    return tmp_path / "task"
 
 
 @pytest.fixture

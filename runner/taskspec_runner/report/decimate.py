@@ -15,11 +15,12 @@ Rows = NDArray[np.int64]
 POINTS = 4000
 
 
-def decimate(values: Vector, limit: int = POINTS) -> Rows:
+def decimate(values: Vector, breaks: Rows, limit: int = POINTS) -> Rows:
     """Rows to draw: the lowest and the highest of each bucket, and both sides of every gap.
 
     Args:
         values: (rows,) a signal, NaN where it has no value.
+        breaks: rows that begin something new; they and the rows before them are kept.
         limit: number of points aimed at; gaps and ends add a few.
 
     Returns:
@@ -39,8 +40,8 @@ def decimate(values: Vector, limit: int = POINTS) -> Rows:
         lowest = np.where(seen, grid, np.inf).argmin(axis=1)[filled]
         highest = np.where(seen, grid, -np.inf).argmax(axis=1)[filled]
         edges = np.flatnonzero(finite[1:] != finite[:-1])
-        ends = np.array([0, rows - 1])
-        parts = [filled * width + lowest, filled * width + highest, edges, edges + 1, ends]
+        sides = [np.array([0, rows - 1]), breaks, breaks - 1, edges, edges + 1]
+        parts = [filled * width + lowest, filled * width + highest, *sides]
         keep = np.unique(np.concatenate(parts)).astype(np.int64)
     kept = finite[keep]
     inside = np.zeros(len(keep), dtype=bool)

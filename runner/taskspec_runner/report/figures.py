@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from taskspec_runner.report.data import Expectation, Run, Vector
-from taskspec_runner.report.quantities import figure, plain_scale, scale
+from taskspec_runner.report.quantities import figure, plain_scale, quantity, scale
 
 LINEAR, ANGULAR = ("x", "y", "z"), ("rx", "ry", "rz")
 #: Colour roles of the axes; a rotation has the colour of its axis.
@@ -23,6 +23,7 @@ class Trace:
         label: in the legend. values: (rows,) in the chart's unit. role: what its colour means.
         style: `line`, `reference` (dashed), `halo` (wide and pale, below the others) or `faint`.
         signal: its name in the log. continuous: whether it runs on through a change of stage.
+        reference_of: label of the trace that it is the reference of and shares a legend entry with.
     """
 
     label: str
@@ -31,6 +32,7 @@ class Trace:
     style: str = "line"
     signal: str = ""
     continuous: bool = False
+    reference_of: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,7 +150,7 @@ def _wrench(run: Run, kind: str, axes: Sequence[str], title: str) -> Chart | Non
     total = np.sqrt(np.sum([c**2 for _, c in found], axis=0))
     names = [wrench_name(a) for a, _ in found]
     factor, unit = scale(run.units[names[0]], _size([total]))
-    traces = [Trace(f"|{kind}|", total * factor, "muted", "halo")] if len(found) > 1 else []
+    traces = [Trace(f"|{kind}|", total * factor, "muted", continuous=True)] if len(found) > 1 else []
     for axis, values in found:
         name = wrench_name(axis)
         measured = run.column(f"{name}.measured")
@@ -157,7 +159,7 @@ def _wrench(run: Run, kind: str, axes: Sequence[str], title: str) -> Chart | Non
             traces.append(Trace(label, measured * factor, _ROLES[axis], "faint"))
         traces.append(Trace(axis, values * factor, _ROLES[axis], "line", name))
     limit = run.limit(kind)
-    limits, note = _limit(limit, factor, unit, _size([total]))
+    limits, note = _limit(limit, factor, run.units[names[0]], _size([total]))
     # The band of an axis with a reference has a chart of its own.
     unbounded = [n for n in names if run.column(f"{n}.ref") is None]
     bands = _bands(run, unbounded, factor)
@@ -173,7 +175,7 @@ def _gap(run: Run) -> Chart | None:
     columns = [run.columns[n] for n in names]
     factor, unit = scale("m", _size(columns))
     traces = [
-        Trace(n.removesuffix(".gap"), c * factor, f"j{i % 7}", "line", n)
+        Trace(n.removesuffix(".gap"), c * factor, f"j{i % 7}", "line", n, True)
         for i, (n, c) in enumerate(zip(names, columns, strict=True))
     ]
     deepest = min(float(np.nanmin(c)) for c in columns)
@@ -219,8 +221,8 @@ def _velocity(run: Run) -> Chart | None:
     factor, unit = scale("m/s", _size(columns))
     traces = list(_tracked(run, names, factor))
     if speed is not None:
-        traces.append(Trace("speed", speed * factor, "ink", "line", "speed"))
-    limits, note = _limit(run.limit("speed"), factor, unit, _size(columns))
+        traces.append(Trace("speed", speed * factor, "ink", "line", "speed", True))
+    limits, note = _limit(run.limit("speed"), factor, "m/s", _size(columns))
     bands = _bands(run, [*names, "speed"], factor)
     return Chart("velocity", "Tool velocity", unit, tuple(traces), note, bands, limits[:1])
 
@@ -263,7 +265,7 @@ def _power(run: Run) -> Chart | None:
     factor, unit = scale("W", _size([power]))
     energy = float(np.nansum(power) * run.period)
     note = f"into the environment; {figure(energy)} J in all"
-    traces = (Trace("power", power * factor, "j3", "line", "power"),)
+    traces = (Trace("power", power * factor, "j3", "line", "power", True),)
     return Chart("power", "Power", unit, traces, note, _bands(run, ["power"], factor))
 
 
@@ -274,8 +276,8 @@ def _tracked(run: Run, names: Sequence[str], factor: float) -> tuple[Trace, ...]
         axis = name.rpartition(".")[2]
         reference = run.column(f"{name}.ref")
         if reference is not None:
-            label = f"{axis} reference"
-            traces.append(Trace(label, reference * factor, _ROLES[axis], "halo", f"{name}.ref"))
+            values = reference * factor
+            traces.append(Trace("ref", values, _ROLES[axis], "halo", f"{name}.ref", False, axis))
     for name in names:
         axis = name.rpartition(".")[2]
         traces.append(Trace(axis, run.columns[name] * factor, _ROLES[axis], "line", name))
@@ -324,8 +326,8 @@ def _limit(
     if limit is None:
         return (), ""
     level = limit * factor
-    share = figure(100 * peak / limit) if limit else "–"
-    return (level, -level), f"limit {figure(level)} {unit}, peak at {share} % of it"
+    share = figure(100 * peak / limit, 2) if limit else "–"
+    return (level, -level), f"limit {' '.join(quantity(limit, unit))}, peak at {share} % of it"
 
 
 def _size(columns: Sequence[Vector]) -> float:

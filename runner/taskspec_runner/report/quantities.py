@@ -10,10 +10,12 @@ _SCALES: dict[str, tuple[tuple[float, str, float], ...]] = {
     "rad": ((180 / math.pi, "deg", math.radians(5)), (1e3, "mrad", 0.5e-3), (1e6, "µrad", 0.0)),
     "m/s": ((1.0, "m/s", 10.0), (1e3, "mm/s", 0.0)),
     "rad/s": ((180 / math.pi, "deg/s", 0.0),),
-    "N": ((1e-3, "kN", 1e4), (1.0, "N", 0.05), (1e3, "mN", 0.0)),
-    "N*m": ((1.0, "N·m", 0.05), (1e3, "mN·m", 0.0)),
+    "N": ((1e-3, "kN", 1e4), (1.0, "N", 0.05), (1e3, "mN", 0.05e-3), (1e6, "µN", 0.0)),
+    "N*m": ((1.0, "N·m", 0.05), (1e3, "mN·m", 0.05e-3), (1e6, "µN·m", 0.0)),
     "W": ((1.0, "W", 0.05), (1e3, "mW", 0.0)),
 }
+#: Less than this in the finest unit is rounding, of the sum or of the simulation.
+NOTHING = 1e-3
 _PLAIN = {"rad": (180 / math.pi, "deg"), "m": (1e3, "mm")}
 
 
@@ -46,4 +48,6 @@ def quantity(value: float | None, unit: str, digits: int = 3) -> tuple[str, str]
     if value is None:
         return "–", ""
     factor, shown = scale(unit, value)
-    return figure(value * factor, digits), shown if value else scale(unit, 1.0)[1]
+    if abs(value * factor) < NOTHING:
+        return "0", ""
+    return figure(value * factor, digits), shown

@@ -41,9 +41,9 @@ class Scope:
 
     kind: ScopeKind
     params: Mapping[str, Quantity] = field(default_factory=lambda: MappingProxyType({}))
-    stages: frozenset[str] = frozenset()
-    objects: frozenset[str] = frozenset()
-    frames: frozenset[str] = frozenset()
+    stages: Set[str] = frozenset()
+    objects: Set[str] = frozenset()
+    frames: Set[str] = frozenset()
     broken: Set[str] = frozenset()
 
     @property

@@ -152,6 +152,8 @@ def _explain(  # noqa: C901 - one case for each slip people make
         return Problem(
             "TS119", "an interval has no place here", begin, end, "write 'x within a..b'"
         )
+    if start == "equation" and kind in _RELATIONS:
+        return Problem("TS101", "an equation is written with =, <= or >=", begin, end)
     if kind in ("LT", "LE", "GT", "GE", "WITHIN", "AND", "OR", "NOT", "FOR") and start != "logic":
         return Problem(
             "TS114", f"a number is needed here, and '{word}' makes a condition", begin, end

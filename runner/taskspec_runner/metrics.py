@@ -1,0 +1,88 @@
+"""How well each stage was tracked, in numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taskspec_runner.history import History, Mask
+
+Vector = NDArray[np.float64]
+
+#: What a peak is called, and the columns whose common size it is.
+_PEAKS = {
+    "force": ("force.x", "force.y", "force.z"),
+    "torque": ("torque.rx", "torque.ry", "torque.rz"),
+    "speed": ("speed",),
+}
+
+Metrics = dict[str, dict[str, float]]
+
+
+def metrics(history: History, axes: Mapping[str, Sequence[str]]) -> dict[str, Metrics]:
+    """Tracking of every stage that was visited.
+
+    Args:
+        history: the run.
+        axes: stage to the axes that exist in it.
+
+    Returns:
+        Stage to signal to rms_error, max_error (reference - truth), mean, min and max [SI]. The
+        signals are `force.*` and `torque.*` where there is a force reference, `position.*` where
+        there is a motion reference.
+    """
+    found: dict[str, Metrics] = {}
+    for stage, names in axes.items():
+        window = history.window(stage)
+        if window.any():
+            found[stage] = _stage(history, window, names)
+    return found
+
+
+def _stage(history: History, window: Mask, axes: Sequence[str]) -> Metrics:
+    columns = history.columns
+    found = {}
+    for axis in axes:
+        signal = f"{'torque' if axis.startswith('r') else 'force'}.{axis}"
+        error = columns[f"{signal}.ref"] - columns[signal]
+        found |= _signal(signal, error[window], columns[signal][window])
+    for axis in axes:
+        signal = f"position.{axis}"
+        found |= _signal(signal, columns[f"error.{axis}"][window], columns[signal][window])
+    return found
+
+
+def _signal(name: str, error: Vector, values: Vector) -> Metrics:
+    """The metrics of a signal over the ticks at which it has a reference, if it ever has."""
+    known = np.isfinite(error) & np.isfinite(values)
+    if not known.any():
+        return {}
+    error, values = error[known], values[known]
+    return {
+        name: {
+            "rms_error": float(np.sqrt(np.mean(error**2))),
+            "max_error": float(np.max(np.abs(error))),
+            "mean": float(np.mean(values)),
+            "min": float(np.min(values)),
+            "max": float(np.max(values)),
+        }
+    }
+
+
+def peaks(history: History, stages: Sequence[str]) -> dict[str, dict[str, float]]:
+    """Largest contact force [N], moment [N m] and tip speed [m/s] of every visited stage."""
+    found = {}
+    for stage in stages:
+        window = history.window(stage)
+        if window.any():
+            found[stage] = {
+                name: _largest(history, window, columns) for name, columns in _PEAKS.items()
+            }
+    return found
+
+
+def _largest(history: History, window: Mask, names: Sequence[str]) -> float:
+    parts = [history.columns[name][window] for name in names if name in history.columns]
+    return float(np.sqrt(np.max(sum(part**2 for part in parts)))) if parts else 0.0

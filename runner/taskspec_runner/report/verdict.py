@@ -1,0 +1,63 @@
+"""The outcome of a run as one word and one sentence."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from taskspec_runner.report.data import Run, number
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """How a run came out.
+
+    Attributes:
+        kind: passed, missed, stopped, failed or unfinished. sentence: why, in one sentence.
+    """
+
+    kind: str
+    sentence: str
+
+
+def verdict(run: Run) -> Verdict:
+    """The verdict on a run, from its summary; without one, the run did not finish."""
+    status = str(run.summary.get("status") or run.manifest.get("status") or "")
+    if not run.summary or status in ("", "running", "crashed"):
+        told = f"The log ends at {run.end:.3f} s; the run left no complete summary."
+        return Verdict("unfinished", told)
+    ending = run.summary.get("ending")
+    ending = ending if isinstance(ending, Mapping) else {}
+    if status in ("stopped", "failed"):
+        return Verdict(status, _broken_off(status, ending))
+    missed = [e for e in run.expectations if not e.passed]
+    if missed:
+        return Verdict("missed", _missed(len(missed), len(run.expectations)))
+    return Verdict("passed", _passed(len(run.expectations)) + f" {_reached_end(run)}")
+
+
+def _broken_off(status: str, ending: Mapping[str, Any]) -> str:
+    where = f" in stage {ending['stage']}" if ending.get("stage") else ""
+    clock = number(ending.get("clock"))
+    when = "" if clock is None else f" at {clock:.3f} s"
+    why = str(ending.get("text") or ending.get("reason") or "no reason was recorded")
+    return f"{status.capitalize()}{where}{when}: {why}."
+
+
+def _missed(missed: int, total: int) -> str:
+    if total == 1:
+        return "The run reached its end, but missed its expectation."
+    return f"The run reached its end, but missed {missed} of {total} expectations."
+
+
+def _passed(total: int) -> str:
+    if total == 0:
+        return "The task states no expectations."
+    return "The expectation held." if total == 1 else f"All {total} expectations held."
+
+
+def _reached_end(run: Run) -> str:
+    visits = len(run.visits)
+    stages = f"{visits} stage{'s' if visits != 1 else ''}"
+    return f"The run reached its end after {stages}." if visits else "The run reached its end."

@@ -1,0 +1,229 @@
+"""One run from a loaded task to its folder: compile, simulate, record, judge, write."""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from taskspec.compiler import Program, compile_task
+from taskspec.control.state import AXES
+from taskspec.program.machine import Machine, Transition
+from taskspec.spec import LoadedTask
+from taskspec_runner import folder as folders
+from taskspec_runner import manifest
+from taskspec_runner.bus import Bus
+from taskspec_runner.folder import OutputError, RunFolder, open_folder
+from taskspec_runner.history import History, read_history
+from taskspec_runner.interrupt import Interrupt
+from taskspec_runner.loop import STOPPED, Outcome, run
+from taskspec_runner.plant.plant import Plant
+from taskspec_runner.record import Recorder
+from taskspec_runner.replay import Replay
+from taskspec_runner.summary import INTERRUPTED, summarise
+from taskspec_runner.verdict import Judged, judge
+
+
+@dataclass(frozen=True, slots=True)
+class Glimpse:
+    """A run as it goes on.
+
+    Attributes:
+        clock: simulated time [s]. stage: the current one.
+        axis: the first axis with a force set point, empty if there is none; force, reference:
+            measured and wanted on it, as the robot applies them [N, N m].
+        real_time_factor: simulated seconds in a second.
+    """
+
+    clock: float
+    stage: str
+    axis: str
+    force: float
+    reference: float
+    real_time_factor: float
+
+
+#: Called some fifty times a simulated second; the glimpse is made when it is asked for.
+Progress = Callable[[Callable[[], Glimpse]], None]
+
+
+@dataclass(frozen=True, slots=True)
+class RunResult:
+    """A finished run.
+
+    Attributes:
+        folder: where everything is. report: the rendered report, None if none was asked for.
+        exit_code: 0 well, 1 missed or failed, 4 safety stop, 130 interrupted.
+        summary: the content of `summary.json`. judged: the expectations.
+        wall_seconds: of the simulation. real_time_factor: simulated seconds in each of them.
+    """
+
+    folder: Path
+    report: Path | None
+    exit_code: int
+    summary: Mapping[str, Any]
+    judged: tuple[Judged, ...]
+    wall_seconds: float
+    real_time_factor: float
+
+
+class RunCrashedError(Exception):
+    """Something that must not happen has happened during a run.
+
+    Attributes:
+        folder: of the run; what was logged up to there is in it. trace: the file that tells more.
+    """
+
+    def __init__(self, folder: Path, trace: Path, cause: BaseException) -> None:
+        super().__init__(f"{type(cause).__name__}: {cause}")
+        self.folder, self.trace = folder, trace
+
+
+def execute(
+    loaded: LoadedTask,
+    out: Path | None = None,
+    *,
+    seed: int = 0,
+    progress: Progress | None = None,
+    report: bool = True,
+) -> RunResult:
+    """Runs a task and leaves the run's folder.
+
+    Args:
+        loaded: the task.
+        out: the folder; None for `runs/NAME`, with -2, -3, ... where that exists.
+        seed: of everything random in the run.
+        progress: called now and then during the simulation.
+        report: whether to render `report.html`.
+
+    Raises:
+        SpecError: the task cannot be compiled; no folder is made.
+        OutputError: the folder cannot be written.
+        RunCrashedError: an internal error; the log holds every tick up to it.
+        KeyboardInterrupt: interrupted outside the simulation itself.
+    """
+    program = compile_task(loaded)
+    content = manifest.task_bytes(loaded)
+    folder = open_folder(out, loaded.task.name)
+    folder.note(**manifest.opening(loaded, content, seed))
+    try:
+        folder.write_bytes(folders.TASK, content)
+        return _run(program, folder, seed, progress, report)
+    except KeyboardInterrupt:
+        _close(folder, STOPPED, INTERRUPTED)
+        raise
+    except (OutputError, OSError) as error:
+        with contextlib.suppress(OutputError):
+            _close(folder, "crashed", str(error))
+        if isinstance(error, OutputError):
+            raise
+        raise OutputError.of(folder.path, error) from error
+    except Exception as error:
+        trace = folder.crash(error)
+        _close(folder, "crashed", f"{type(error).__name__}: {error}")
+        raise RunCrashedError(folder.path, trace, error) from error
+
+
+def _run(
+    program: Program, folder: RunFolder, seed: int, progress: Progress | None, report: bool
+) -> RunResult:
+    began = time.perf_counter()
+    outcome, transitions = _simulate(program, folder, progress)
+    wall = time.perf_counter() - began
+    history = read_history(folder.log)
+    if outcome.reason == INTERRUPTED:
+        outcome = _as_logged(outcome, history, program.context.period)
+    judged = _judge(program, history)
+    summary = summarise(program, transitions, outcome, history, judged, seed)
+    factor = outcome.clock / wall
+    folder.write_json(folders.SUMMARY, summary)
+    _close(
+        folder,
+        outcome.status,
+        outcome.reason,
+        exit_code=summary["exit_code"],
+        wall_seconds=wall,
+        real_time_factor=factor,
+    )
+    page = _report(folder.path) if report else None
+    return RunResult(
+        folder.path, page, summary["exit_code"], folders.plain(summary), judged, wall, factor
+    )
+
+
+def _simulate(
+    program: Program, folder: RunFolder, progress: Progress | None
+) -> tuple[Outcome, list[Transition]]:
+    context = program.context
+    n = context.robot.pin.nv
+    bus = Bus(n, len(context.surfaces))
+    contact = (bus.view("wrench"), bus.view("objects"))
+    plant = Plant(context.robot, context.loaded.task, context.start, contact)
+    views = (bus.view("q"), bus.view("v"), np.zeros(6), bus.view("torque"), bus.outputs)
+    machine = program.machine(views)
+    recorder = Recorder(folder.log, bus, context.robot, program.stages, context.surfaces)
+    with contextlib.closing(recorder), Interrupt() as interrupt:
+        watch = _watch(interrupt, progress)
+        try:
+            outcome = run(machine, plant, bus, recorder, context.period, watch)
+        except KeyboardInterrupt:
+            text = "interrupted by the user"
+            outcome = Outcome(STOPPED, INTERRUPTED, text, machine.stage.name, 0.0, 0)
+    return outcome, machine.transitions
+
+
+def _watch(interrupt: Interrupt, progress: Progress | None) -> Callable[[Machine, float], None]:
+    began = time.perf_counter()
+
+    def watch(machine: Machine, clock: float) -> None:
+        interrupt.check()
+        if progress is not None:
+            progress(lambda: _glimpse(machine, clock, time.perf_counter() - began))
+
+    return watch
+
+
+def _glimpse(machine: Machine, clock: float, wall: float) -> Glimpse:
+    plans = machine.stage.plans
+    axis = next((a for a, plan in plans.items() if plan.force or plan.open_loop), "")
+    force = reference = 0.0
+    if axis:
+        outputs = machine.named_outputs()
+        number = AXES.index(axis)
+        force, reference = (float(outputs[k][number]) for k in ("measured", "force_ref"))
+    return Glimpse(clock, machine.stage.name, axis, force, reference, clock / wall)
+
+
+def _as_logged(outcome: Outcome, history: History, period: float) -> Outcome:
+    """How far an interrupted run came, as its log has it."""
+    ticks = len(history)
+    stage = str(history.stages[-1]) if ticks else outcome.stage
+    return Outcome(outcome.status, outcome.reason, outcome.text, stage, ticks * period, ticks)
+
+
+def _judge(program: Program, history: History) -> tuple[Judged, ...]:
+    context = program.context
+    replay = Replay(context.robot, context.frames, program.stages, history)
+    return judge(context.loaded.task, history, replay.signal)
+
+
+def _close(folder: RunFolder, status: str, reason: str, **entries: Any) -> None:
+    folder.note(
+        status=status,
+        reason=reason,
+        finished=manifest.now(),
+        sha256={name: folder.digest(name) for name in (folders.TASK, folders.LOG)},
+        **entries,
+    )
+
+
+def _report(path: Path) -> Path:
+    # The report needs plotly and jinja2, which a run does not.
+    from taskspec_runner.report import write_report
+
+    return write_report(path)

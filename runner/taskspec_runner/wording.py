@@ -1,0 +1,192 @@
+"""What a verdict says: measured numbers in the units of the expectation, against their bounds."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taskspec.text.expression import Expression, Scope, infer, tree
+from taskspec.text.units import NUMBER, fitting, to_si
+from taskspec_runner.series import NO_TICK, Series
+
+Vector = NDArray[np.float64]
+
+#: A part of a condition and its value; the measured part comes first.
+Sides = Sequence[tuple[tree.Node, Series]]
+
+_FLIPPED = {"<": ">", "<=": ">=", ">": "<", ">=": "<="}
+_GAPS_SHOWN = 3
+
+
+@dataclass(frozen=True, slots=True)
+class Measured:
+    """One measured number: what it is, and its value in `unit`."""
+
+    name: str
+    value: float
+    unit: str
+
+
+@dataclass(frozen=True, slots=True)
+class Said:
+    """An explanation and the numbers in it."""
+
+    text: str
+    measured: tuple[Measured, ...] = ()
+
+
+class Wording:
+    """Explains the conditions of one expectation.
+
+    Args:
+        expression: the expectation.
+        scope: its names, for the dimensions of its parts.
+        clock: (n,) the time of each tick [s].
+    """
+
+    def __init__(self, expression: Expression, scope: Scope, clock: Vector | None) -> None:
+        self._expression, self._scope = expression, scope
+        self._clock = np.zeros(0) if clock is None else clock
+
+    def text(self, node: tree.Node) -> str:
+        """A part of the expectation as it is written."""
+        return " ".join(self._expression.text[node.start : node.end].split())
+
+    def unknown(self, node: tree.Node, truth: Series) -> Said:
+        """Why it cannot be told whether a condition holds."""
+        if truth.gaps:
+            more = len(truth.gaps) - _GAPS_SHOWN
+            rest = f"; and {more} more" if more > 0 else ""
+            return Said("; ".join(truth.gaps[:_GAPS_SHOWN]) + rest)
+        inside = truth.inside()
+        if not len(inside):
+            several = len({n.path[0] for n in tree.walk(node) if isinstance(n, tree.Name)}) > 1
+            return Said("its stages have no tick in common" if several else NO_TICK)
+        missing = int(np.count_nonzero(np.isnan(inside)))
+        at = self._first(truth, np.isnan(truth.values))
+        return Said(
+            f"'{self.text(node)}' has no value at {missing} of {len(inside)} ticks{at}"
+            if truth.window is not None
+            else f"'{self.text(node)}' has no value"
+        )
+
+    def share(self, node: tree.Held, truth: Series, sides: Sides) -> Said:
+        """How often a condition holds, against how often it has to."""
+        inside = truth.inside()
+        share, needed = float(np.mean(inside)), node.amount.value_si
+        # Rounded down, so that a share just missed does not read as one that is met.
+        percent = math.floor(share * 1e4) / 100
+        text = f"{percent:.4g} % of ticks (needs {100 * needed:.4g} %)"
+        if share < needed and sides and truth.window is not None:
+            text += f"; at worst {self._worst(node.x, truth, sides)}"
+        return Said(text, (Measured(f"{self.text(node.x)}: share of ticks", percent, "%"),))
+
+    def number(self, node: tree.Node, passed: bool, sides: Sides) -> Said:
+        """One number against its bounds."""
+        if not sides:
+            return Said("true" if passed else f"'{self.text(node)}' is false")
+        part, series = sides[0]
+        unit = self._unit(node, part)
+        name = self.text(part)
+        measured = Measured(name, _in(series.number, unit), unit)
+        bounds = self._needs(node, sides, unit, 0)
+        return Said(f"{name} = {_show(series.number, unit)} ({bounds})", (measured,))
+
+    def every_tick(self, node: tree.Node, truth: Series, sides: Sides) -> Said:
+        """A condition that has to hold at every tick."""
+        inside = truth.inside()
+        held, ticks = int(np.count_nonzero(inside)), len(inside)
+        passed = held == ticks
+        if not sides:
+            text = f"holds at {held} of {ticks} ticks"
+            return Said(text if passed else text + self._first(truth, truth.values != 1))
+        part, series = sides[0]
+        unit = self._unit(node, part)
+        if not passed:
+            percent = math.floor(1e4 * held / ticks) / 100
+            worst = self._worst(node, truth, sides)
+            text = f"{percent:.4g} % of ticks (needs every tick); at worst {worst}"
+        else:
+            text = f"{self._range(node, truth, sides, unit)} at every tick"
+            text += f" ({self._needs(node, sides, unit, None)})"
+        values = np.broadcast_to(series.values, truth.values.shape)[truth.window]
+        name = self.text(part)
+        return Said(
+            text,
+            tuple(
+                Measured(f"{which} {name}", _in(float(value), unit), unit)
+                for which, value in (("lowest", values.min()), ("highest", values.max()))
+            ),
+        )
+
+    def _range(self, node: tree.Node, truth: Series, sides: Sides, unit: str) -> str:
+        series = sides[0][1]
+        values = np.broadcast_to(series.values, truth.values.shape)[truth.window]
+        low, high = _show(float(values.min()), unit), _show(float(values.max()), unit)
+        if isinstance(node, tree.Within):
+            return f"{low} to {high}"
+        return (
+            f"at most {high}" if self._relation(node, sides).startswith("<") else f"at least {low}"
+        )
+
+    def _worst(self, node: tree.Node, truth: Series, sides: Sides) -> str:
+        """The value that misses its bound by most, and when that was."""
+        shape = truth.values.shape
+        x, *bounds = (np.broadcast_to(series.values, shape) for _, series in sides)
+        if isinstance(node, tree.Within):
+            excess = np.maximum(bounds[0] - x, x - bounds[1])
+        else:
+            excess = x - bounds[0]
+            if not self._relation(node, sides).startswith("<"):
+                excess = -excess
+        assert truth.window is not None
+        row = int(np.argmax(np.where(truth.window, excess, -np.inf)))
+        unit = self._unit(node, sides[0][0])
+        needs = self._needs(node, sides, unit, row)
+        return f"{_show(float(x[row]), unit)} at {self._clock[row]:.4g} s ({needs})"
+
+    def _needs(self, node: tree.Node, sides: Sides, unit: str, row: int | None) -> str:
+        """The bounds, as they are at a row where they change with time."""
+        bounds = [series for _, series in sides[1:]]
+        if row is None and any(bound.window is not None for bound in bounds):
+            return f"needs {self._relation(node, sides)} {self.text(sides[1][0])}"
+        numbers = [
+            _show(float(b.values[row or 0] if b.window is not None else b.number), unit)
+            for b in bounds
+        ]
+        if isinstance(node, tree.Within):
+            return f"needs {numbers[0]} to {numbers[1]}"
+        return f"needs {self._relation(node, sides)} {numbers[0]}"
+
+    def _relation(self, node: tree.Node, sides: Sides) -> str:
+        """The relation, read from the measured side."""
+        if not isinstance(node, tree.Compare):
+            return "within"
+        return node.op if sides[0][0] is node.left else _FLIPPED[node.op]
+
+    def _unit(self, condition: tree.Node, part: tree.Node) -> str:
+        """The unit that the condition's numbers are written in, else the usual one."""
+        dimension = infer(part, self._scope)[0].dimension or NUMBER
+        for node in tree.walk(condition):
+            if isinstance(node, tree.Number) and node.unit and node.dimension == dimension:
+                return node.unit
+        usual = fitting(dimension)
+        return usual[0] if usual else ""
+
+    def _first(self, truth: Series, mask: NDArray[np.bool_]) -> str:
+        if truth.window is None:
+            return ""
+        rows = np.flatnonzero(truth.window & mask)
+        return f", first not at {self._clock[rows[0]]:.4g} s" if len(rows) else ""
+
+
+def _in(value: float, unit: str) -> float:
+    return value / to_si(1.0, unit).value
+
+
+def _show(value: float, unit: str) -> str:
+    return f"{_in(value, unit):.4g} {unit}".rstrip()
