@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import platform
 from datetime import UTC, datetime
+from importlib import metadata
 from typing import Any
 
 from taskspec import __version__
@@ -12,6 +13,7 @@ from taskspec.spec import LoadedTask
 from taskspec.text.characters import normal
 
 FORMAT = 1
+_DISTRIBUTIONS = ("mujoco", "pin", "casadi", "numpy", "pyarrow")
 
 
 def task_bytes(loaded: LoadedTask) -> bytes:
@@ -57,20 +59,10 @@ def opening(loaded: LoadedTask, content: bytes, seed: int) -> dict[str, Any]:
 
 def versions() -> dict[str, str]:
     """Versions of everything that a run's numbers depend on."""
-    import casadi
-    import mujoco
-    import numpy
-    import pinocchio
-    import pyarrow
-
     return {
         "python": platform.python_version(),
         "taskspec": __version__,
-        "mujoco": mujoco.__version__,
-        "pin": pinocchio.__version__,
-        "casadi": casadi.__version__,
-        "numpy": numpy.__version__,
-        "pyarrow": pyarrow.__version__,
+        **{name: metadata.version(name) for name in _DISTRIBUTIONS},
     }
 
 

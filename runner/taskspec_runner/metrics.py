@@ -43,7 +43,7 @@ def metrics(history: History, axes: Mapping[str, Sequence[str]]) -> dict[str, Me
 
 def _stage(history: History, window: Mask, axes: Sequence[str]) -> Metrics:
     columns = history.columns
-    found = {}
+    found: Metrics = {}
     for axis in axes:
         signal = f"{'torque' if axis.startswith('r') else 'force'}.{axis}"
         error = columns[f"{signal}.ref"] - columns[signal]

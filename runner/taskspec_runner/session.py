@@ -92,22 +92,38 @@ def execute(
     progress: Progress | None = None,
     report: bool = True,
 ) -> RunResult:
-    """Runs a task and leaves the run's folder.
+    """Compiles a task, runs it and leaves the run's folder; see `execute_program`.
+
+    Raises:
+        SpecError: the task cannot be compiled; no folder is made.
+    """
+    program = compile_task(loaded)
+    return execute_program(program, out, seed=seed, progress=progress, report=report)
+
+
+def execute_program(
+    program: Program,
+    out: Path | None = None,
+    *,
+    seed: int = 0,
+    progress: Progress | None = None,
+    report: bool = True,
+) -> RunResult:
+    """Runs a compiled task and leaves the run's folder.
 
     Args:
-        loaded: the task.
+        program: the task.
         out: the folder; None for `runs/NAME`, with -2, -3, ... where that exists.
         seed: of everything random in the run.
         progress: called now and then during the simulation.
         report: whether to render `report.html`.
 
     Raises:
-        SpecError: the task cannot be compiled; no folder is made.
         OutputError: the folder cannot be written.
         RunCrashedError: an internal error; the log holds every tick up to it.
         KeyboardInterrupt: interrupted outside the simulation itself.
     """
-    program = compile_task(loaded)
+    loaded = program.context.loaded
     content = manifest.task_bytes(loaded)
     folder = open_folder(out, loaded.task.name)
     folder.note(**manifest.opening(loaded, content, seed))

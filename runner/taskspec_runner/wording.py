@@ -171,7 +171,8 @@ class Wording:
     def _unit(self, condition: tree.Node, part: tree.Node) -> str:
         """The unit that the condition's numbers are written in, else the usual one."""
         dimension = infer(part, self._scope)[0].dimension or NUMBER
-        for node in tree.walk(condition):
+        # The bounds stand last, and their units say how the number is thought of.
+        for node in reversed(list(tree.walk(condition))):
             if isinstance(node, tree.Number) and node.unit and node.dimension == dimension:
                 return node.unit
         usual = fitting(dimension)

@@ -186,5 +186,7 @@ def _structure(context: str, problem: str, here: _Place, source: Source) -> _Fin
     if "directive" in context:
         return _Finding("a line cannot begin with '%'", _SIGNS["%"], column=1)
     if "expected the node content" in problem:
-        return _Finding(f"something is missing before '{here.text[here.column - 1 : here.column]}'")
+        sign = here.text[here.column - 1 : here.column]
+        what = f"something is missing before '{sign}'" if sign else "the text ends too early"
+        return _Finding(what)
     return _Finding(f"this is not readable as YAML: {problem}")
