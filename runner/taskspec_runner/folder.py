@@ -11,29 +11,14 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from taskspec_runner.errors import OutputError
+
 TASK, MANIFEST, LOG = "task.yaml", "manifest.json", "log.arrow"
 SUMMARY, REPORT, CRASH = "summary.json", "report.html", "crash.txt"
 _OWN = (TASK, MANIFEST, LOG, SUMMARY, REPORT, CRASH)
 
 #: Where runs go that are not told where to go.
 RUNS = Path("runs")
-
-
-class OutputError(Exception):
-    """The run's folder cannot be written.
-
-    Attributes:
-        path: what could not be written. reason: why.
-    """
-
-    def __init__(self, path: Path, reason: str) -> None:
-        super().__init__(f"cannot write {path}: {reason}")
-        self.path, self.reason = path, reason
-
-    @classmethod
-    def of(cls, path: Path, error: OSError) -> OutputError:
-        """The same as an error of the operating system."""
-        return cls(Path(str(error.filename or path)), error.strerror or str(error))
 
 
 @dataclass(slots=True)

@@ -18,7 +18,8 @@ from taskspec.spec import LoadedTask
 from taskspec_runner import folder as folders
 from taskspec_runner import manifest
 from taskspec_runner.bus import Bus
-from taskspec_runner.folder import OutputError, RunFolder, open_folder
+from taskspec_runner.errors import OutputError, RunCrashedError
+from taskspec_runner.folder import RunFolder, open_folder
 from taskspec_runner.history import History, read_history
 from taskspec_runner.interrupt import Interrupt
 from taskspec_runner.loop import STOPPED, Outcome, run
@@ -70,18 +71,6 @@ class RunResult:
     judged: tuple[Judged, ...]
     wall_seconds: float
     real_time_factor: float
-
-
-class RunCrashedError(Exception):
-    """Something that must not happen has happened during a run.
-
-    Attributes:
-        folder: of the run; what was logged up to there is in it. trace: the file that tells more.
-    """
-
-    def __init__(self, folder: Path, trace: Path, cause: BaseException) -> None:
-        super().__init__(f"{type(cause).__name__}: {cause}")
-        self.folder, self.trace = folder, trace
 
 
 def execute(

@@ -30,14 +30,19 @@ def apply(
         keys: the keys that a task may have.
         found: where findings go.
     """
-    lines = [f"{path}={' '.join(text.split())}" for path, text in overrides.items()]
-    source = Source(NAME, "\n".join(lines))
-    for number, (path, text) in enumerate(overrides.items(), 1):
+    pairs = [(_one_line(path), _one_line(text)) for path, text in overrides.items()]
+    source = Source(NAME, "\n".join(f"{path}={text}" for path, text in pairs))
+    for number, (path, text) in enumerate(pairs, 1):
         value = _value(text, number, len(path) + 1, found)
-        key = Scalar(path, True, Origin(Span(number, 1, number, len(path) + 1, NAME), path, path))
+        span = Span(number, 1, number, max(len(path), 1) + 1, NAME)
+        key = Scalar(path, True, Origin(span, path, path))
         if value is not None:
             _put(root, key, _steps(root, path, keys), value, keys, found)
     return source
+
+
+def _one_line(text: str) -> str:
+    return " ".join(text.split())
 
 
 def _steps(root: MappingNode, path: str, keys: tuple[str, ...]) -> list[str]:
@@ -53,7 +58,7 @@ def _steps(root: MappingNode, path: str, keys: tuple[str, ...]) -> list[str]:
 def _value(text: str, line: int, shift: int, found: Diagnostics) -> Node | None:
     """Read one value; what is wrong with it is shown in the line that the override has."""
     inner = Diagnostics(NAME)
-    node = read(Source(NAME, " ".join(text.split())), inner, inner=True)
+    node = read(Source(NAME, text), inner, inner=True)
     for d in inner.sorted():
         span = _moved(d.span, line, shift) if d.span else Span(line, 1, line, shift, NAME)
         found.error(d.code, d.message, span, d.hint)

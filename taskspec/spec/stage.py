@@ -121,9 +121,14 @@ def _check_end(data: Map, reading: Reading) -> None:
 
 
 def _damaged(axes: Map) -> bool:
-    """Whether an axis lost a key, which may have been its move."""
-    parts = [axes, *(mapping(axis) for axis in axes.values())]
-    return any(part.node.broken for part in parts if part)
+    """Whether something in the axes is wrong that may have been meant as a move."""
+    if axes and axes.node.broken:
+        return True
+    return any(
+        axis.node.broken or not axis.keys() <= Axis.model_fields.keys()
+        for axis in axes.values()
+        if isinstance(axis, Map)
+    )
 
 
 def _check_path_done(data: Map, reading: Reading) -> None:

@@ -56,7 +56,9 @@ def first_forbidden(text: str) -> str | None:
 
 
 def _named(character: str) -> str:
-    unnamed = "half a surrogate pair" if "\ud800" <= character <= "\udfff" else "a control character"
+    unnamed = (
+        "half a surrogate pair" if "\ud800" <= character <= "\udfff" else "a control character"
+    )
     name = unicodedata.name(character, unnamed).lower()
     return f"the character U+{ord(character):04X} ({name})"
 

@@ -49,22 +49,35 @@ class Origin:
 
 
 def _align(value: str, raw: str, skip: int) -> list[int]:
-    """Return for each character of the value its offset in the raw text; [-1] if it is hidden."""
+    """Return for each character of the value its offset in the raw text; [-1] if it is hidden.
+
+    Folding makes one space or line end of a stretch of them, so stretches match stretches.
+    """
     offsets: list[int] = []
     position = skip
-    for character in value:
-        if position >= len(raw):
-            return [-1]
-        if raw[position] == character and character != "\n":
+    if value[:1] not in _SPACES:
+        position = _behind_spaces(raw, position)
+    for index, character in enumerate(value):
+        if character in _SPACES and index and value[index - 1] in _SPACES:
+            offsets.append(offsets[-1])
+        elif character in _SPACES and (position == len(raw) or raw[position] in _SPACES):
+            offsets.append(min(position, len(raw) - 1))
+            position = _behind_spaces(raw, position)
+        elif position < len(raw) and raw[position] == character:
             offsets.append(position)
             position += 1
-        elif character in " \n" and raw[position] in " \n":
-            offsets.append(position)
-            while position < len(raw) and raw[position] in " \n":
-                position += 1
         else:
             return [-1]
     return offsets
+
+
+_SPACES = (" ", "\n")
+
+
+def _behind_spaces(raw: str, position: int) -> int:
+    while position < len(raw) and raw[position] in _SPACES:
+        position += 1
+    return position
 
 
 def origin_of(source: Source, span: Span, value: str, start: int, end: int, skip: int) -> Origin:

@@ -203,14 +203,15 @@ class _Composer:
         if event.style in ("'", '"'):
             skip = 1
         elif event.style in ("|", ">"):
-            raw = self.source.text[start:end]
-            skip = len(raw) - len(raw.partition("\n")[2].lstrip(" \n"))
+            skip = self.source.text[start:end].find("\n") + 1
         origin = origin_of(self.source, span, value, start, end, skip)
         return Scalar(value, event.style is None, origin, traps.comment_after(self.source, end))
 
     def _span(self, event: yaml.Event) -> Span:
         start, end = _marks(event)
-        return Span(start.line + 1, start.column + 1, end.line + 1, end.column + 1)
+        # What is implied has no extent of its own; a place always has one.
+        width = 1 if start.index == end.index else 0
+        return Span(start.line + 1, start.column + 1, end.line + 1, end.column + 1 + width)
 
 
 def _marks(event: yaml.Event) -> tuple[yaml.Mark, yaml.Mark]:

@@ -74,7 +74,9 @@ def test_what_is_not_said_has_the_defaults_of_the_language() -> None:
     assert (shape.stiffness, shape.damping, shape.friction) == (20e3, None, 0.0)
 
 
-@pytest.mark.parametrize(("name", "expected"), [("1.yaml", "task-1"), ("--", "task"), ("ä", "task")])
+@pytest.mark.parametrize(
+    ("name", "expected"), [("1.yaml", "task-1"), ("--", "task"), ("ä", "task")]
+)
 def test_every_file_name_gives_a_task_name(name: str, expected: str) -> None:
     assert load_text(HEAD + WAIT, name).task.name == expected
 
@@ -141,8 +143,8 @@ def test_parts_of_expressions_have_places() -> None:
     assert fail_if is not None
     span = fail_if.where(fail_if.tree)
     assert span is not None
-    assert (span.line, span.end_line) == (19, 20)
-    assert loaded.source.line(19)[span.column - 1 :].startswith("(norm(force in tool)")
+    assert (span.line, span.end_line) == (17, 18)
+    assert loaded.source.line(17)[span.column - 1 :].startswith("(norm(force in tool)")
     quoted = loaded.task.stages["one"].axes["z"].force
     assert quoted is not None
     assert quoted.span is not None

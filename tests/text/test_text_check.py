@@ -10,7 +10,11 @@ from taskspec.text.units import ANGLE, FORCE, LENGTH, NUMBER, TIME, VELOCITY, Di
 def scope(kind: ScopeKind) -> Scope:
     return Scope(
         kind,
-        {"press": Quantity(15.0, FORCE), "n": Quantity(3.0, NUMBER), "nil": Quantity(0, NUMBER, True)},
+        {
+            "press": Quantity(15.0, FORCE),
+            "n": Quantity(3.0, NUMBER),
+            "nil": Quantity(0, NUMBER, True),
+        },
         stages=frozenset({"wipe", "touch"}),
         objects=frozenset({"table", "touch"}),
         frames=frozenset({"world", "tool"}),

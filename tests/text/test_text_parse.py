@@ -58,7 +58,9 @@ def test_value(text: str, result: float) -> None:
     assert value(text, x=2.0) == pytest.approx(result, nan_ok=True)
 
 
-@pytest.mark.parametrize("name", ["sin", "cos", "tan", "asin", "acos", "atan", "exp", "log", "sqrt"])
+@pytest.mark.parametrize(
+    "name", ["sin", "cos", "tan", "asin", "acos", "atan", "exp", "log", "sqrt"]
+)
 def test_functions_are_those_of_mathematics(name: str) -> None:
     assert value(f"{name}(0.4)") == pytest.approx(getattr(math, name)(0.4))
 

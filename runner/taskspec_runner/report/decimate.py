@@ -12,7 +12,7 @@ Vector = NDArray[np.float64]
 Rows = NDArray[np.int64]
 
 #: Points a trace is drawn with at most: two for each pixel of a wide screen.
-POINTS = 4000
+POINTS = 3200
 
 
 def decimate(values: Vector, breaks: Rows, limit: int = POINTS) -> Rows:
@@ -67,3 +67,41 @@ def encode(rows: Rows, values: Vector) -> Mapping[str, str]:
         "rows": base64.b64encode(steps.astype(f"<{kind}").tobytes()).decode(),
         "values": base64.b64encode(values.astype("<f4").tobytes()).decode(),
     }
+
+
+def simplify(points: Vector, tolerance: float) -> Vector:
+    """Fewer points of a curve, which stays within `tolerance` of all that are left out.
+
+    Args:
+        points: (k, 2) in order.
+        tolerance: in the unit of the points.
+
+    Returns:
+        (m, 2) some of them, with the first and the last (Douglas and Peucker's method).
+    """
+    keep = np.zeros(len(points), dtype=bool)
+    keep[[0, -1]] = True
+    open_spans = [(0, len(points) - 1)]
+    while open_spans:
+        first, last = open_spans.pop()
+        if last - first < 2:
+            continue
+        off = _distances(points[first + 1 : last], points[first], points[last])
+        worst = int(off.argmax())
+        if off[worst] > tolerance:
+            middle = first + 1 + worst
+            keep[middle] = True
+            open_spans += [(first, middle), (middle, last)]
+    return points[keep]
+
+
+def _distances(points: Vector, start: Vector, end: Vector) -> Vector:
+    """Distances [unit of the points] from the straight piece between two points."""
+    along = end - start
+    length = float(np.hypot(*along))
+    offsets = points - start
+    if length == 0.0:
+        return np.asarray(np.hypot(offsets[:, 0], offsets[:, 1]))
+    share = np.clip(offsets @ along / length**2, 0.0, 1.0)
+    rest = offsets - share[:, None] * along
+    return np.asarray(np.hypot(rest[:, 0], rest[:, 1]))

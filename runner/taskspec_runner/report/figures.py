@@ -138,9 +138,7 @@ def _controlled(run: Run, axis: str) -> Chart | None:
     traces.append(Trace("reference", reference * factor, "ink", "reference", f"{name}.ref"))
     what = "Moment" if axis in ANGULAR else "Force"
     title = f"{what} {axis} against its reference"
-    return Chart(
-        f"{name}.ref", title, unit, tuple(traces), bands=_bands(run, [name], factor)
-    )
+    return Chart(f"{name}.ref", title, unit, tuple(traces), bands=_bands(run, [name], factor))
 
 
 def _wrench(run: Run, kind: str, axes: Sequence[str], title: str) -> Chart | None:
@@ -150,7 +148,9 @@ def _wrench(run: Run, kind: str, axes: Sequence[str], title: str) -> Chart | Non
     total = np.sqrt(np.sum([c**2 for _, c in found], axis=0))
     names = [wrench_name(a) for a, _ in found]
     factor, unit = scale(run.units[names[0]], _size([total]))
-    traces = [Trace(f"|{kind}|", total * factor, "muted", continuous=True)] if len(found) > 1 else []
+    traces = (
+        [Trace(f"|{kind}|", total * factor, "muted", continuous=True)] if len(found) > 1 else []
+    )
     for axis, values in found:
         name = wrench_name(axis)
         measured = run.column(f"{name}.measured")
@@ -243,7 +243,7 @@ def _joint_torques(run: Run) -> Chart | None:
     traces = _joint_traces(run, [n for n, _ in bounded], [f for _, f in bounded])
     peaks = [float(np.nanmax(np.abs(t.values))) for t in traces]
     worst = int(np.argmax(peaks))
-    note = f"highest: joint {traces[worst].label} at {figure(peaks[worst])} % of its limit"
+    note = f"highest: {traces[worst].label} at {figure(peaks[worst])} % of its limit"
     title = "Joint torques, share of their limits"
     levels = (100.0, -100.0)
     return Chart("joint torques", title, "%", traces, note, limits=levels, always=levels)
@@ -289,13 +289,11 @@ def _joints(run: Run, kind: str) -> list[str]:
     return [n for n in names if run.column(n) is not None]
 
 
-def _joint_traces(
-    run: Run, names: Sequence[str], factors: Sequence[float]
-) -> tuple[Trace, ...]:
+def _joint_traces(run: Run, names: Sequence[str], factors: Sequence[float]) -> tuple[Trace, ...]:
     traces = []
     for i, (name, factor) in enumerate(zip(names, factors, strict=True)):
         values = run.columns[name] * factor
-        traces.append(Trace(name.split(".")[1], values, f"j{i % 7}", "line", name, True))
+        traces.append(Trace(f"J{name.split('.')[1]}", values, f"j{i % 7}", "line", name, True))
     return tuple(traces)
 
 

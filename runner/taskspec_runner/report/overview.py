@@ -1,18 +1,266 @@
-"""A picture of a run."""
+"""A picture of a run for a README: force against reference, the motion below, the path beside."""
 
 from __future__ import annotations
 
+import math
+from dataclasses import dataclass
 from pathlib import Path
 
-from taskspec_runner.report.data import Run, read_run
+import numpy as np
+
+from taskspec_runner.report import decimate, figures
+from taskspec_runner.report.data import Run, Vector, Visit, read_run
+from taskspec_runner.report.stages import label, tints
+from taskspec_runner.report.template import template
+from taskspec_runner.report.verdict import verdict
+
+WIDTH = 860
+_LEFT, _RIGHT, _TOP, _BOTTOM = 58.0, 24.0, 92.0, 44.0
+#: Height of a panel and room above it for its title [px].
+_PANEL, _TITLE = 138.0, 40.0
+#: Edge of the square that shows the path [px]; both directions must span this much [mm].
+_SQUARE, _LEAST_SPAN = 240.0, 5.0
+#: Lines may leave their data by this much [px], which keeps the file small.
+_TOLERANCE = 0.12
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """A curve: path data, colour role and style."""
+
+    d: str
+    role: str
+    style: str
+    label: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Tick:
+    """A mark of an axis at a pixel."""
+
+    at: float
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class Area:
+    """An expected band in pixels; `whole` if both of its sides are in view."""
+
+    x: float
+    y: float
+    width: float
+    height: float
+    passed: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Panel:
+    """A chart in pixels.
+
+    Attributes:
+        title, unit: as shown. x, y, width, height: of the inside.
+        lines, areas: what it holds. ticks: of values; columns: of the other axis, of a square.
+    """
+
+    title: str
+    unit: str
+    x: float
+    y: float
+    width: float
+    height: float
+    lines: tuple[Line, ...]
+    ticks: tuple[Tick, ...]
+    areas: tuple[Area, ...] = ()
+    columns: tuple[Tick, ...] = ()
 
 
 def write_overview_svg(folder: Path, path: Path) -> Path:
-    """Writes the picture."""
+    """Writes a picture of the run in a folder, 860 px wide, for light and dark pages.
+
+    Args:
+        folder: a run folder, as for `write_report`.
+        path: the SVG file to write.
+
+    Returns:
+        `path`.
+
+    Raises:
+        OSError: the file cannot be written.
+    """
     path.write_text(overview_svg(read_run(folder)), encoding="utf-8")
     return path
 
 
 def overview_svg(run: Run) -> str:
-    """SVG."""
-    return "<svg></svg>"
+    """The same picture as text."""
+    charts = _chosen(run)
+    square = _path_square(run)
+    width = WIDTH - _LEFT - _RIGHT - (0.0 if square is None else _SQUARE + 70)
+    panels = [
+        _panel(run, chart, _TOP + i * (_PANEL + _TITLE), width) for i, chart in enumerate(charts)
+    ]
+    bottom = _TOP + len(panels) * (_PANEL + _TITLE) - _TITLE
+    if square is not None:
+        bottom = max(bottom, square.y + square.height)
+    per_second = width / max(run.end - _start(run), 1e-9)
+    marks = [t for t in _ticks(_start(run), run.end, 8) if t <= run.end]
+    return template("overview.svg.j2").render(
+        width=WIDTH,
+        height=bottom + _BOTTOM,
+        left=_LEFT,
+        top=_TOP,
+        inner=width,
+        bottom=_TOP + len(panels) * (_PANEL + _TITLE) - _TITLE,
+        title=str(run.summary.get("task") or "run"),
+        subtitle=_subtitle(run),
+        verdict=verdict(run).kind,
+        stages=[_stage(run, v, per_second) for v in run.visits],
+        panels=panels,
+        times=[Tick(_LEFT + (t - _start(run)) * per_second, _text(t, marks)) for t in marks],
+        square=square,
+    )
+
+
+def _chosen(run: Run) -> list[figures.Chart]:
+    """Force against reference, else all forces; and the position."""
+    charts = {chart.key: chart for part in figures.sections(run) for chart in part.charts}
+    controlled = [chart for key, chart in charts.items() if key.endswith(".ref")]
+    controlled.sort(key=lambda chart: not chart.bands)
+    first = controlled[0] if controlled else charts.get("force")
+    return [c for c in (first, charts.get("position")) if c is not None]
+
+
+def _panel(run: Run, chart: figures.Chart, y: float, width: float) -> Panel:
+    values = np.concatenate([t.values[np.isfinite(t.values)] for t in chart.traces])
+    sides = [v for b in chart.bands for v in (b.low, b.high) if v is not None]
+    low, high = float(values.min()), float(values.max())
+    near = [v for v in sides if low - (high - low) < v < high + (high - low)]
+    low, high = min([low, *near]), max([high, *near])
+    room = 0.07 * max(high - low, 1e-6)
+    low, high = low - room, high + room
+    scale_x = width / max(run.end - _start(run), 1e-9)
+    scale_y = _PANEL / (high - low)
+
+    def row(value: float) -> float:
+        return y + (high - min(max(value, low), high)) * scale_y
+
+    lines = []
+    for trace in chart.traces:
+        rows = decimate.decimate(trace.values, run.breaks, 3 * int(width))
+        breaks = run.breaks[:0] if trace.continuous else run.breaks
+        rows, shown = decimate.broken(rows, trace.values, breaks)
+        points = np.column_stack(
+            [_LEFT + (run.clock[rows] - _start(run)) * scale_x, y + (high - shown) * scale_y]
+        )
+        name = "" if trace.reference_of else trace.label
+        lines.append(Line(_path(points), trace.role, trace.style, name))
+    areas = tuple(
+        Area(
+            _LEFT + (b.start - _start(run)) * scale_x,
+            row(high if b.high is None else b.high),
+            (b.end - b.start) * scale_x,
+            row(low if b.low is None else b.low) - row(high if b.high is None else b.high),
+            b.passed,
+        )
+        for b in chart.bands
+    )
+    found = _ticks(low, high, 5)
+    ticks = tuple(Tick(row(v), _text(v, found)) for v in found)
+    title = chart.title.removesuffix(" against its reference")
+    return Panel(title, chart.unit, _LEFT, y, width, _PANEL, tuple(lines), ticks, areas)
+
+
+def _path_square(run: Run) -> Panel | None:
+    """The path over x and y of the visit that spans most, to one scale."""
+    if any(run.column(f"position.{axis}") is None for axis in "xy"):
+        return None
+    x, y = 1e3 * run.columns["position.x"], 1e3 * run.columns["position.y"]
+
+    def smaller_span(visit: Visit) -> float:
+        rows = _rows(run, visit)
+        return float(min(np.ptp(x[rows]), np.ptp(y[rows]))) if rows.any() else 0.0
+
+    widest = max(run.visits, key=smaller_span, default=None)
+    if widest is None or not smaller_span(widest) >= _LEAST_SPAN:
+        return None
+    rows = _rows(run, widest)
+    x, y = x[rows], y[rows]
+    span = 1.12 * max(float(np.ptp(x)), float(np.ptp(y)))
+    low_x = (float(x.min()) + float(x.max()) - span) / 2
+    low_y = (float(y.min()) + float(y.max()) - span) / 2
+    left, top, scale = WIDTH - _RIGHT - _SQUARE, _TOP, _SQUARE / span
+
+    def drawn(u: Vector, v: Vector) -> str:
+        points = [left + (u - low_x) * scale, top + _SQUARE - (v - low_y) * scale]
+        return _path(np.column_stack(points))
+
+    lines = [Line(drawn(x, y), "z", "line")]
+    wanted = [run.column(f"position.{axis}.ref") for axis in "xy"]
+    if wanted[0] is not None and wanted[1] is not None:
+        d = drawn(1e3 * wanted[0][rows], 1e3 * wanted[1][rows])
+        lines.insert(0, Line(d, "z", "halo"))
+    over, up = _ticks(low_x, low_x + span, 4), _ticks(low_y, low_y + span, 4)
+    return Panel(
+        f"Path in {label(run, widest)}, y over x",
+        "mm",
+        left,
+        top,
+        _SQUARE,
+        _SQUARE,
+        tuple(lines),
+        tuple(Tick(top + _SQUARE - (v - low_y) * scale, _text(v, up)) for v in up),
+        columns=tuple(Tick(left + (u - low_x) * scale, _text(u, over)) for u in over),
+    )
+
+
+def _rows(run: Run, visit: Visit) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+    half = run.period / 2
+    rows: np.ndarray[tuple[int], np.dtype[np.bool_]] = (run.clock > visit.start - half) & (
+        run.clock < visit.end - half
+    )
+    return rows
+
+
+def _path(points: Vector) -> str:
+    """Path data of (k, 2) points [px], broken where they are NaN."""
+    good = np.isfinite(points).all(axis=1)
+    edges = np.flatnonzero(np.diff(good.astype(int), prepend=0, append=0))
+    parts = []
+    for first, last in edges.reshape(-1, 2):
+        kept = decimate.simplify(points[first:last], _TOLERANCE)
+        parts.append("M" + " ".join(f"{px:.1f},{py:.1f}" for px, py in kept))
+    return "".join(parts)
+
+
+def _stage(run: Run, visit: Visit, per_second: float) -> dict[str, object]:
+    x = _LEFT + (visit.start - _start(run)) * per_second
+    width = (visit.end - visit.start) * per_second
+    name = label(run, visit)
+    fits = 5.8 * len(name) + 4 < width
+    return {"x": x, "width": width, "tint": tints(run)[visit.stage], "name": name if fits else ""}
+
+
+def _subtitle(run: Run) -> str:
+    robot = run.summary.get("robot")
+    laws = dict.fromkeys(v.law for v in run.visits if v.law)
+    parts = [robot if isinstance(robot, str) else "", ", ".join(laws), f"{run.end:.1f} s"]
+    return ", ".join(p for p in parts if p)
+
+
+def _start(run: Run) -> float:
+    return float(run.clock[0]) if len(run.clock) else 0.0
+
+
+def _ticks(low: float, high: float, about: int) -> list[float]:
+    """Round values between two others."""
+    raw = max(high - low, 1e-12) / about
+    power = 10.0 ** math.floor(math.log10(raw))
+    step = next(s * power for s in (1, 2, 5, 10) if s * power >= raw)
+    first = math.ceil(low / step - 1e-9)
+    return [i * step for i in range(first, math.floor(high / step + 1e-9) + 1)]
+
+
+def _text(value: float, among: list[float]) -> str:
+    step = among[1] - among[0] if len(among) > 1 else 1.0
+    digits = max(0, -math.floor(math.log10(step) + 1e-9))
+    return f"{value:.{digits}f}".replace("-", "−")

@@ -7,7 +7,6 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
-from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
 from taskspec_runner.report import decimate, figures
@@ -15,12 +14,11 @@ from taskspec_runner.report.data import Json, Run, Visit, number, read_run
 from taskspec_runner.report.highlight import highlighted
 from taskspec_runner.report.overview import overview_svg
 from taskspec_runner.report.quantities import figure, quantity
+from taskspec_runner.report.stages import label, tints
+from taskspec_runner.report.template import part, template
 from taskspec_runner.report.verdict import verdict
 
-_HERE = Path(__file__).parent
 _STATISTICS = ("mean", "min", "max", "rms", "std", "rms_error", "max_error")
-#: Tints of stages; names beyond that share them.
-TINTS = 8
 
 
 def write_report(folder: Path) -> Path:
@@ -43,15 +41,8 @@ def write_report(folder: Path) -> Path:
 
 def render(run: Run) -> str:
     """The page of a run."""
-    environment = Environment(
-        loader=FileSystemLoader(_HERE),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
     shown = figures.sections(run)
-    return environment.get_template("report.html.j2").render(
+    return template("report.html.j2").render(
         title=_text(run.summary.get("task") or run.manifest.get("task")) or "run",
         about=_text(run.summary.get("about")),
         verdict=verdict(run),
@@ -65,16 +56,10 @@ def render(run: Run) -> str:
         task=highlighted(run.task),
         manifest=list(_flat(run.manifest)),
         picture=Markup(overview_svg(run)),
-        style=Markup((_HERE / "report.css").read_text(encoding="utf-8")),
-        script=Markup((_HERE / "report.js").read_text(encoding="utf-8")),
+        style=part("report.css"),
+        script=part("report.js"),
         plotly=Markup(_plotly()),
     )
-
-
-def tints(run: Run) -> Mapping[str, int]:
-    """Number of the tint of each stage, in the order of first visits."""
-    names = dict.fromkeys(v.stage for v in run.visits)
-    return {name: i % TINTS for i, name in enumerate(names)}
 
 
 def _plotly() -> str:
@@ -98,7 +83,7 @@ def _data(run: Run, shown: tuple[figures.Section, ...]) -> Json:
             for v, following in zip(run.visits, [*run.visits[1:], None], strict=True)
             if following is not None or v.ended_by
         ],
-        "charts": {chart.key: _chart(run, chart) for part in shown for chart in part.charts},
+        "charts": {chart.key: _chart(run, chart) for each in shown for chart in each.charts},
     }
 
 
@@ -139,12 +124,6 @@ def _drawn(run: Run) -> str:
         return f"{told}, all of them drawn."
     width = -(-2 * rows // decimate.POINTS)
     return f"{told}; of every {width} ticks the lowest and the highest value are drawn."
-
-
-def label(run: Run, visit: Visit) -> str:
-    """Name of a visit; numbered where its stage was visited more than once."""
-    often = sum(v.stage == visit.stage for v in run.visits) > 1
-    return f"{visit.stage} {visit.number}" if often else visit.stage
 
 
 def _stopped(visit: Visit) -> bool:
@@ -212,8 +191,8 @@ def _unit(run: Run, signal: str) -> str:
 def _flat(value: Any, prefix: str = "") -> Iterator[tuple[str, str]]:
     """Leaves of nested data as dotted name and text."""
     if isinstance(value, Mapping):
-        for key, part in value.items():
-            yield from _flat(part, f"{prefix}.{key}" if prefix else str(key))
+        for key, leaf in value.items():
+            yield from _flat(leaf, f"{prefix}.{key}" if prefix else str(key))
     elif isinstance(value, list):
         yield prefix, ", ".join(map(_text, value)) or "–"
     else:

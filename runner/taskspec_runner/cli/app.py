@@ -1,0 +1,163 @@
+"""Commands and their options. What a command does is imported when it is called."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from taskspec_runner.cli.guard import guarded
+
+app = typer.Typer(
+    name="taskspec",
+    help="Tasks in contact: written as text, checked before anything moves, run in simulation.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+
+
+class RunFormat(StrEnum):
+    """How a run tells its outcome."""
+
+    TEXT = "text"
+    JSON = "json"
+
+
+class FindingFormat(StrEnum):
+    """How findings about task files are told."""
+
+    FULL = "full"
+    CONCISE = "concise"
+    JSON = "json"
+
+
+TaskFile = Annotated[Path, typer.Argument(metavar="FILE", help="The task file.")]
+
+
+def _version(asked: bool) -> None:
+    if asked:
+        from taskspec import __version__
+
+        typer.echo(f"taskspec {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _taskspec(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Say the version.")
+    ] = False,
+) -> None:
+    """Tasks in contact: written as text, checked before anything moves, run in simulation."""
+
+
+@app.command()
+@guarded
+def run(
+    file: TaskFile,
+    set_: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="KEY=VALUE", help="Override a value; may be repeated."),
+    ] = None,
+    law: Annotated[
+        str | None, typer.Option(help="Run every stage under this law, its gains designed.")
+    ] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Of everything random.")] = 0,
+    out: Annotated[
+        Path | None,
+        typer.Option(help="The run's folder; an earlier run in it is replaced.  [runs/NAME]"),
+    ] = None,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Say only what failed.")] = False,
+    form: Annotated[RunFormat, typer.Option("--format", help="Of the outcome.")] = RunFormat.TEXT,
+) -> int:
+    """Run a task in simulation, record it and judge what it expects."""
+    from taskspec_runner.cli.run import run_task
+
+    return run_task(file, set_ or [], law, seed, out, quiet=quiet, form=form)
+
+
+@app.command()
+@guarded
+def validate(
+    paths: Annotated[
+        list[Path], typer.Argument(metavar="PATH...", help="Task files, or folders of them.")
+    ],
+    form: Annotated[
+        FindingFormat, typer.Option("--format", help="Of the findings.")
+    ] = FindingFormat.FULL,
+) -> int:
+    """Find what would fail before anything moves."""
+    from taskspec_runner.cli.validate import validate_paths
+
+    return validate_paths(paths, form)
+
+
+@app.command()
+@guarded
+def explain(
+    what: Annotated[
+        str, typer.Argument(metavar="FILE|CODE", help="A task file, or a code such as TS203.")
+    ],
+) -> int:
+    """Say what a task makes of itself: frames, axes, laws, gains; or what a code means."""
+    from taskspec_runner.cli.explain import explain_what
+
+    return explain_what(what)
+
+
+@app.command()
+@guarded
+def schema(
+    write: Annotated[
+        Path | None, typer.Option(metavar="PATH", help="Write it to this file or folder.")
+    ] = None,
+    check: Annotated[
+        Path | None, typer.Option(metavar="PATH", help="Exit 1 unless this file is up to date.")
+    ] = None,
+) -> int:
+    """Print the JSON Schema of task files, for editors."""
+    from taskspec_runner.cli.shelf import show_schema
+
+    return show_schema(write, check)
+
+
+@app.command()
+@guarded
+def robots() -> int:
+    """List the built-in robots."""
+    from taskspec_runner.cli.shelf import list_robots
+
+    return list_robots()
+
+
+@app.command()
+@guarded
+def new(
+    template: Annotated[
+        str | None, typer.Argument(metavar="TEMPLATE", help="A template; none lists them.")
+    ] = None,
+    out: Annotated[Path | None, typer.Option(help="The new task file.  [my-TEMPLATE.yaml]")] = None,
+) -> int:
+    """Begin a task of your own from a template."""
+    from taskspec_runner.cli.new import new_task
+
+    return new_task(template, out)
+
+
+@app.command()
+@guarded
+def report(
+    folder: Annotated[Path, typer.Argument(metavar="RUN", help="The folder of a run.")],
+) -> int:
+    """Render the report of a run again."""
+    from taskspec_runner.cli.shelf import render_report
+
+    return render_report(folder)
+
+
+def main() -> None:
+    """The command line."""
+    app()

@@ -1,0 +1,41 @@
+"""Rich on both streams: tables on standard output, a progress line on standard error."""
+
+from __future__ import annotations
+
+import sys
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.table import Table
+
+#: Columns of what is not a terminal: enough for a table never to be folded there.
+_ENDLESS = 10_000
+
+
+def console(*, err: bool = False) -> Console:
+    """A console on one of the streams; plain where that is not a terminal."""
+    from rich.console import Console
+
+    stream = sys.stderr if err else sys.stdout
+    return Console(
+        file=stream,
+        highlight=False,
+        emoji=False,
+        soft_wrap=False,
+        width=None if stream.isatty() else _ENDLESS,
+    )
+
+
+def table(*headings: str, indent: int = 2, right: tuple[str, ...] = ()) -> Table:
+    """An empty table without lines; the headings in `right` stand above numbers."""
+    from rich.table import Table
+
+    made = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="bold dim")
+    for number, heading in enumerate(headings):
+        made.add_column(
+            " " * (indent if number == 0 else 0) + heading,
+            justify="right" if heading in right else "left",
+            overflow="fold",
+        )
+    return made

@@ -1,0 +1,64 @@
+"""`taskspec run`: a task in simulation, from its file to an exit code."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import typer
+
+from taskspec.text.diagnostic import SpecError
+from taskspec_runner.cli.app import RunFormat
+from taskspec_runner.cli.findings import record, show_findings
+from taskspec_runner.cli.loading import load
+
+
+def run_task(
+    file: Path,
+    sets: Sequence[str],
+    law: str | None,
+    seed: int,
+    out: Path | None,
+    *,
+    quiet: bool,
+    form: RunFormat,
+) -> int:
+    """Runs a task file and tells how it went."""
+    from taskspec.compiler import compile_task
+    from taskspec_runner.cli.outcome import show_outcome
+    from taskspec_runner.cli.progress import progress_line
+    from taskspec_runner.session import execute_program
+
+    as_data = form is RunFormat.JSON
+    try:
+        program = compile_task(load(file, sets, law))
+    except SpecError as error:
+        if not as_data:
+            raise
+        found = {"exit_code": 1, "diagnostics": [record(d) for d in error.diagnostics]}
+        _print(found)
+        return 1
+    loaded = program.context.loaded
+    if program.warnings and not quiet:
+        show_findings(program.warnings, loaded.sources, err=True)
+    with progress_line(shown=not quiet and sys.stderr.isatty()) as progress:
+        result = execute_program(program, out, seed=seed, progress=progress)
+    if as_data:
+        where = {
+            "folder": str(result.folder),
+            "report": str(result.report),
+            "wall_seconds": result.wall_seconds,
+            "real_time_factor": result.real_time_factor,
+            "diagnostics": [record(d) for d in program.warnings],
+        }
+        _print({**result.summary, **where})
+    else:
+        show_outcome(result, quiet=quiet)
+    return result.exit_code
+
+
+def _print(data: dict[str, Any]) -> None:
+    typer.echo(json.dumps(data, indent=2, ensure_ascii=False))

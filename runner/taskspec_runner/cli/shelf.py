@@ -1,0 +1,71 @@
+"""The small commands: `schema`, `robots` and `report`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import typer
+
+from taskspec_runner.errors import InputError, OutputError
+from taskspec_runner.folder import LOG, MANIFEST
+
+
+def show_schema(write: Path | None, check: Path | None) -> int:
+    """Prints, writes or checks the JSON Schema of task files."""
+    from taskspec.spec.schema import is_stale, schema_text
+
+    if check is not None:
+        path = _schema_file(check)
+        try:
+            stale = is_stale(path)
+        except (OSError, UnicodeDecodeError) as error:
+            raise InputError(f"cannot read {path}: {error}") from error
+        if stale:
+            typer.echo(f"{path} is not up to date; write it with: taskspec schema --write {check}")
+        return int(stale)
+    if write is None:
+        typer.echo(schema_text(), nl=False)
+        return 0
+    path = _schema_file(write)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(schema_text(), encoding="utf-8")
+    except OSError as error:
+        raise OutputError.of(path, error) from error
+    typer.echo(f"wrote {path}", err=True)
+    return 0
+
+
+def _schema_file(path: Path) -> Path:
+    from taskspec.spec.schema import FILE_NAME
+
+    return path / FILE_NAME if path.is_dir() else path
+
+
+def list_robots() -> int:
+    """Prints the built-in robots."""
+    from rich.text import Text
+
+    from taskspec.robot import builtin_robots
+    from taskspec_runner.cli.console import console, table
+
+    made = table("robot", "joints", "axes of the tip", "about", "figures from", indent=0)
+    for robot in builtin_robots():
+        cells = (robot.name, str(robot.joints), " ".join(robot.axes), robot.about, robot.source)
+        made.add_row(*map(Text, cells))
+    console().print(made)
+    return 0
+
+
+def render_report(folder: Path) -> int:
+    """Renders the report of a run's folder anew and says where it is."""
+    if not any((folder / name).is_file() for name in (LOG, MANIFEST)):
+        raise InputError(f"cannot read {folder}: it is not the folder of a run")
+    from taskspec_runner.report import write_report
+
+    try:
+        path = write_report(folder)
+    except OSError as error:
+        raise OutputError.of(folder, error) from error
+    typer.echo(str(path))
+    return 0

@@ -1,0 +1,79 @@
+"""Runs to hold predictions against: a compiled task on its plant, read back from its log."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from contextlib import closing
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from taskspec.compiler import Program, compile_task
+from taskspec.program.machine import Transition
+from taskspec.spec import load_task, load_text
+from taskspec_runner import loop
+from taskspec_runner.bus import Bus
+from taskspec_runner.history import History, read_history
+from taskspec_runner.plant.plant import Plant
+from taskspec_runner.record import Recorder
+
+TASKS = Path(__file__).resolve().parent.parent / "tasks"
+
+
+@dataclass(frozen=True)
+class Run:
+    """What a simulated task left behind."""
+
+    program: Program
+    outcome: loop.Outcome
+    transitions: list[Transition]
+    history: History
+
+    def __getitem__(self, column: str) -> NDArray[np.float64]:
+        return self.history.columns[column]
+
+    def during(
+        self, stage: str, column: str, start: float = 0.0, end: float = np.inf
+    ) -> NDArray[np.float64]:
+        """A column while `stage` was on, from `start` to `end` seconds into it."""
+        t = self["t"]
+        inside = self.history.window(stage) & (t >= start) & (t < end)
+        return self[column][inside]
+
+
+def rms(values: NDArray[np.float64]) -> float:
+    """Root of the mean square."""
+    return float(np.sqrt(np.mean(values**2)))
+
+
+Simulate = Callable[..., Run]
+
+
+@pytest.fixture
+def simulate(tmp_path: Path) -> Simulate:
+    """Simulate a task: `simulate("wipe-table")` for a shipped one, or its text; `set` overrides."""
+
+    def run(task: str, set: Mapping[str, str] | None = None) -> Run:
+        overrides = dict(set or {})
+        if "\n" in task:
+            loaded = load_text(task, "task.yaml", overrides)
+        else:
+            loaded = load_task(TASKS / f"{task}.yaml", overrides)
+        program = compile_task(loaded)
+        context = program.context
+        bus = Bus(context.robot.pin.nv, len(context.surfaces))
+        contact = (bus.view("wrench"), bus.view("objects"))
+        plant = Plant(context.robot, loaded.task, context.start, contact)
+        machine = program.machine(
+            (bus.view("q"), bus.view("v"), np.zeros(6), bus.view("torque"), bus.outputs)
+        )
+        log = tmp_path / "log.arrow"
+        recorder = Recorder(log, bus, context.robot, program.stages, context.surfaces)
+        with closing(recorder):
+            outcome = loop.run(machine, plant, bus, recorder, context.period)
+        return Run(program, outcome, machine.transitions, read_history(log))
+
+    return run

@@ -1,0 +1,98 @@
+"""Distance, foot and frame of every shape, against finite differences and closed forms."""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from taskspec.geometry.rotation import from_rpy
+from taskspec.geometry.surface import Surface, box_face
+
+RNG = np.random.default_rng(2)
+ORIGIN, R = np.array([0.3, -0.2, 0.5]), from_rpy((0.4, -0.3, 0.9))
+SURFACES = {
+    "plane": Surface("plane", ORIGIN, R, np.zeros(3)),
+    "box": Surface("box", ORIGIN, R, np.array([0.1, 0.2, 0.15])),
+    "cylinder": Surface("cylinder", ORIGIN, R, np.array([0.1, 0.1, 0.3])),
+    "sphere": Surface("sphere", ORIGIN, R, np.full(3, 0.15)),
+}
+
+
+def number(expression):
+    return np.array(ca.evalf(expression)).squeeze()
+
+
+@pytest.mark.parametrize("name", list(SURFACES))
+def test_the_gradient_is_the_slope_of_the_distance(name):
+    surface = SURFACES[name]
+    for _ in range(50):
+        x = ORIGIN + RNG.normal(scale=0.3, size=3)
+        slope = [
+            (number(surface.distance(ca.SX(x + d))) - number(surface.distance(ca.SX(x - d)))) / 2e-6
+            for d in np.eye(3) * 1e-6
+        ]
+        np.testing.assert_allclose(number(surface.gradient(ca.SX(x))), slope, atol=1e-6)
+
+
+def test_distances_in_closed_form():
+    def at(name, local):
+        return float(number(SURFACES[name].distance(ca.SX(ORIGIN + R @ np.array(local)))))
+
+    assert at("plane", [1, 2, -0.03]) == pytest.approx(-0.03)
+    assert at("sphere", [0, 0.25, 0]) == pytest.approx(0.1)
+    assert at("cylinder", [0.06, 0.08, 0.1]) == pytest.approx(0)
+    assert at("cylinder", [0, 0, 0.35]) == pytest.approx(0.05)
+    assert at("box", [0.13, 0.24, 0]) == pytest.approx(0.05)
+    assert at("box", [0, 0, 0.14]) == pytest.approx(-0.01)
+
+
+@pytest.mark.parametrize("name", list(SURFACES))
+@pytest.mark.parametrize("heading", [None, np.array([0.2, 1.0, 0.1])])
+def test_a_following_frame_is_right_handed_with_z_outward(name, heading):
+    surface = SURFACES[name]
+    for _ in range(20):
+        x = ORIGIN + R @ (RNG.normal(size=3) * 0.1 + np.array([0.25, 0.05, 0.2]))
+        face = ca.SX(box_face(surface, surface.face(x))) if name == "box" else None
+        chart = surface.chart(face)
+        F = number(chart.frame(ca.SX(x), heading))
+        np.testing.assert_allclose(F.T @ F, np.eye(3), atol=1e-9)
+        assert np.linalg.det(F) == pytest.approx(1)
+        np.testing.assert_allclose(F[:, 2], number(chart.normal(ca.SX(x))), atol=1e-12)
+        foot = number(chart.foot(ca.SX(x)))
+        assert number(chart.distance(ca.SX(foot))) == pytest.approx(0, abs=1e-9)
+        np.testing.assert_allclose(
+            foot + number(chart.distance(ca.SX(x))) * F[:, 2], x, atol=1e-9
+        )
+
+
+def test_a_cylinders_x_is_its_axis():
+    chart = SURFACES["cylinder"].chart()
+    F = number(chart.frame(ca.SX(ORIGIN + R @ np.array([0.2, 0.1, 0])), None))
+    np.testing.assert_allclose(F[:, 0], R[:, 2], atol=1e-12)
+
+
+@pytest.mark.parametrize("index", range(6))
+def test_box_faces(index):
+    surface = SURFACES["box"]
+    numbers = box_face(surface, index)
+    F, center = numbers[:9].reshape(3, 3, order="F"), numbers[9:12]
+    assert np.linalg.det(F) == pytest.approx(1)
+    outside = center + 0.01 * F[:, 2]
+    assert surface.face(outside) == index
+    assert number(surface.distance(ca.SX(outside))) == pytest.approx(0.01)
+    # Just inside each edge of the face the margin is what is left of it.
+    chart = surface.chart(ca.SX(numbers))
+    edge = outside + F[:, 0] * (numbers[12] - 0.002)
+    assert number(chart.margin(ca.SX(edge), None)) == pytest.approx(0.002)
+    beyond = outside + F[:, 1] * (numbers[13] + 0.001)
+    assert number(chart.margin(ca.SX(beyond), None)) == pytest.approx(-0.001)
+
+
+def test_margins_end_at_a_cylinders_ends_and_a_spheres_pole():
+    cylinder, sphere = SURFACES["cylinder"].chart(), SURFACES["sphere"].chart()
+    near_end = ORIGIN + R @ np.array([0.12, 0, 0.31])
+    assert number(cylinder.margin(ca.SX(near_end), None)) < 0
+    pole = ORIGIN + R @ np.array([0.2, 1e-4, 0])
+    assert number(sphere.margin(ca.SX(pole), None)) < 0
+    assert number(sphere.margin(ca.SX(ORIGIN + R @ np.array([0, 0, 0.2])), None)) > 0

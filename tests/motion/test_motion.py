@@ -1,0 +1,143 @@
+"""Moves, timings, splines, blending and tables."""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+import pytest
+from scipy.interpolate import CubicSpline
+
+from taskspec.motion import blend, profile
+from taskspec.motion.path import PathShape
+from taskspec.motion.table import TableError, read_table
+
+UNITS = {"mm": 1e-3, "m": 1.0, "s": 1.0, "deg": np.pi / 180}
+
+
+def unit(text, column):
+    if text not in UNITS:
+        raise ValueError(f"no unit {text!r}")
+    return UNITS[text]
+
+
+def derivatives(cubic, t):
+    start, c0, c1, c2, c3 = cubic.segment(t)
+    s = t - start
+    return (
+        c0 + s * (c1 + s * (c2 + s * c3)),
+        c1 + s * (2 * c2 + s * 3 * c3),
+        2 * c2 + 6 * c3 * s,
+        6 * c3,
+    )
+
+
+@pytest.mark.parametrize(("start", "velocity", "target"), [(0, 0, 0.05), (0.1, 0.03, -0.2), (0, 0, 1e-4), (0, -0.2, 0.05)])
+def test_a_move_keeps_its_limits_and_arrives(start, velocity, target):
+    speed = 0.05
+    cubic = profile.move(start, velocity, target, speed)
+    times = np.linspace(0, cubic.end, 4001)
+    position, rate, acceleration, jerk = np.array([derivatives(cubic, t) for t in times]).T
+    assert position[0] == pytest.approx(start)
+    assert rate[0] == pytest.approx(velocity)
+    assert position[-1] == pytest.approx(target, abs=1e-9)
+    assert rate[-1] == pytest.approx(0, abs=1e-9)
+    assert np.max(np.abs(rate)) <= max(speed, abs(velocity)) * (1 + 1e-9)
+    assert np.max(np.abs(acceleration)) <= 2 * speed / 0.2 * (1 + 1e-6)
+    assert np.max(np.abs(jerk)) <= 4 * speed / 0.04 * (1 + 1e-6)
+    # Position, velocity and acceleration have no jumps at the knots.
+    for knot in cubic.knots[1:-1]:
+        before, after = derivatives(cubic, knot - 1e-12), derivatives(cubic, knot)
+        np.testing.assert_allclose(before[:3], after[:3], atol=1e-8)
+
+
+def test_a_long_move_reaches_its_speed_in_a_fifth_of_a_second():
+    cubic = profile.move(0, 0, 1.0, 0.1)
+    assert derivatives(cubic, 0.2)[1] == pytest.approx(0.1)
+    assert cubic.knots[-2] == pytest.approx(1.0 / 0.1 + 0.2)
+
+
+@pytest.mark.parametrize("time", [0.1, 0.3, 4.0])
+def test_a_timed_path_takes_its_time(time):
+    along = profile.timing(0.3, speed=None, time=time)
+    assert along.knots[-2] == pytest.approx(time)
+    assert along(time) == pytest.approx(1)
+    assert along(time / 2) == pytest.approx(0.5)
+
+
+def test_blending_shapes_begin_and_end_as_they_must():
+    s = ca.SX.sym("s")
+    for shape, first, last in (
+        (blend.offset_shape, (1, 0, 0), (0, 0, 0)),
+        (blend.slope_shape, (0, 1, 0), (0, 0, 0)),
+    ):
+        value = shape(s)
+        rate = ca.gradient(value, s)
+        curve = ca.Function("f", [s], [value, rate, ca.gradient(rate, s)])
+        np.testing.assert_allclose([float(x) for x in curve(0)], first, atol=1e-12)
+        np.testing.assert_allclose([float(x) for x in curve(1 - 1e-12)], last, atol=1e-9)
+    assert blend.blend_time(1e-4, 0.05) == 0.2
+    # A large offset is blended at no more than the speed of a default move.
+    offset, speed = 0.06, 0.05
+    time = blend.blend_time(offset, speed)
+    rates = np.gradient([float(blend.offset_shape(ca.DM(x))) for x in np.linspace(0, 1, 2001)])
+    assert np.max(np.abs(rates)) * 2000 * offset / time == pytest.approx(speed, rel=1e-3)
+
+
+def test_a_table_is_splined_like_scipys(tmp_path):
+    file = tmp_path / "p.csv"
+    file.write_text("# a comment\nx [mm], y [mm]\n0, 0\n30, 10\n60, -10\n90, 0\n")
+    table = read_table(file, unit)
+    assert table.length == pytest.approx(np.hypot(30, 10) * 2e-3 + np.hypot(30, 20) * 1e-3)
+    path = PathShape("file", ("x", "y"), table=table, speed=0.05).ready()
+    plan = path.plan({"x": 0.0, "y": 0.0})
+    spline = CubicSpline(table.argument(), table.points["y"], bc_type="natural")
+    for s in np.linspace(0, 1, 57):
+        assert plan.splines["y"](s) == pytest.approx(float(spline(s)), abs=1e-15)
+    # The knots of the plan are the times at which the points are passed.
+    s = [plan.timing(t) for t in plan.knots()]
+    for argument in table.argument()[1:-1]:
+        assert np.min(np.abs(np.array(s) - argument)) < 1e-9
+
+
+def test_a_timed_table_keeps_its_own_time(tmp_path):
+    file = tmp_path / "p.csv"
+    file.write_text("t [s],x [mm]\n0.5,0\n1.0,30\n2.5,60\n")
+    table = read_table(file, unit)
+    plan = PathShape("file", ("x",), table=table).ready().plan({})
+    assert plan.duration == 2.0
+    assert plan.splines["x"](plan.timing(0.5)) == pytest.approx(0.03)
+    assert plan.splines["x"](plan.timing(9.0)) == pytest.approx(0.06)
+
+
+@pytest.mark.parametrize(
+    ("text", "message", "line"),
+    [
+        ("x [mm]\n1\n", "at least two points", 0),
+        ("x [mm],q [mm]\n1,2\n2,3\n", "column 'q' is none of", 1),
+        ("x,y [mm]\n1,2\n2,3\n", "column 'x' has no unit", 1),
+        ("x [mm],x [mm]\n1,2\n2,3\n", "twice", 1),
+        ("x [furlong]\n1\n2\n", "no unit 'furlong'", 1),
+        ("x [mm],y [mm]\n1,2\n2\n", "1 cells where the header has 2", 3),
+        ("x [mm]\n1\nfast\n", "not a number", 3),
+        ("x [mm]\n1\nnan\n", "not finite", 3),
+        ("t [s]\n1\n2\n", "no column of coordinates", 1),
+        ("t [s],x [mm]\n0,1\n2,2\n2,3\n", "t must increase", 4),
+        ("x [mm]\n1\n2\n2\n", "a point repeats", 4),
+    ],
+)
+def test_a_spoiled_table_says_what_and_where(tmp_path, text, message, line):
+    file = tmp_path / "p.csv"
+    file.write_text(text)
+    with pytest.raises(TableError, match=message) as caught:
+        read_table(file, unit)
+    assert caught.value.line == line
+
+
+def test_lengths_of_paths():
+    start = {"x": 0.1, "y": 0.0}
+    assert PathShape("to", ("x", "y"), {"x": 0.4, "y": 0.4}).length(start) == pytest.approx(0.5)
+    assert PathShape("line", ("x",), {"x": -0.2}).length(start) == pytest.approx(0.2)
+    arc = PathShape("arc", ("x", "y"), turns={"": -0.5}, center=(0.0, 0.0))
+    assert arc.length(start) == pytest.approx(0.1 * np.pi)
+    circle = PathShape("lissajous", ("x",), {"x": 0.1}, {"x": 2.0})
+    assert circle.length(start) == pytest.approx(8 * 0.1, rel=1e-6)
