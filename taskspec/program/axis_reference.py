@@ -74,47 +74,59 @@ class ReferenceBuilder:
             path_value: its path coordinate. open_loop_value: the displacement that an open-loop
                 force asks for.
         """
-        t = self.clock.t
         start = self.parameters.add(f"start.{name}")
-        offset = self.parameters.add(f"offset.{name}")
-        slope = self.parameters.add(f"slope.{name}")
-        time = self.parameters.add(f"blend.{name}")
-        step = None
+        own, own_rate, own_acceleration, step = self._own(
+            name, mode, axis, start, path_value, open_loop_value
+        )
+        offset, slope, time, pressed = (
+            self.parameters.add(f"{slot}.{name}") for slot in ("offset", "slope", "blend", "pressed")
+        )
+        s = self.clock.t / time
+        blending = offset * blend.offset_shape(s) + slope * time * blend.slope_shape(s)
+        # A displacement that stands for a force asks no motion of the damper.
+        letting_go = pressed * blend.offset_shape(self.clock.t / blend.BLEND_TIME)
+        if mode == "open-loop":
+            blending, letting_go = ca.SX(0), blending
+        blending_rate = self.clock.rate(blending)
+        return AxisReference(
+            mode,
+            own + blending + letting_go,
+            own_rate + blending_rate,
+            own_acceleration + self.clock.rate(blending_rate),
+            (own, own_rate),
+            step,
+        )
+
+    def _own(
+        self,
+        name: str,
+        mode: str,
+        axis: Axis,
+        start: ca.SX,
+        path_value: ca.SX | None,
+        open_loop_value: ca.SX | None,
+    ) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX | None]:
+        """r, r' and r'' of the mode before blending, and what a velocity adds to its memory."""
         if mode == "velocity":
             assert axis.velocity is not None
             speed = self.translate(axis.velocity)
             gain = self.clock.rate(speed)
             travelled = self.memory.add(f"travelled.{name}")
             step = speed * self.period + gain * (self.period**2 / 2)
-            own, own_rate, own_acceleration = start + travelled, speed, gain
-        else:
-            if mode == "position":
-                assert axis.position is not None
-                own = self.translate(axis.position)
-            elif mode == "move":
-                segment = self.parameters.add(f"segment.{name}", polynomial.SEGMENT_SIZE)
-                own = polynomial.evaluate(segment, t)
-            elif mode == "path":
-                assert path_value is not None
-                own = path_value
-            elif mode == "open-loop":
-                assert open_loop_value is not None
-                own = start + open_loop_value
-            else:
-                own = start
-            own_rate = self.clock.rate(own)
-            own_acceleration = self.clock.rate(own_rate)
+            return start + travelled, speed, gain, step
         if mode == "open-loop":
-            # The displacement stands for a force: no motion of that speed is asked of the damper.
-            own_rate, own_acceleration = ca.SX(0), ca.SX(0)
-        s = t / time
-        blending = offset * blend.offset_shape(s) + slope * time * blend.slope_shape(s)
-        blending_rate = self.clock.rate(blending) if mode != "open-loop" else ca.SX(0)
-        return AxisReference(
-            mode,
-            own + blending,
-            own_rate + blending_rate,
-            own_acceleration + self.clock.rate(blending_rate),
-            (own, own_rate),
-            step,
-        )
+            assert open_loop_value is not None
+            return start + open_loop_value, ca.SX(0), ca.SX(0), None
+        if mode == "position":
+            assert axis.position is not None
+            own = self.translate(axis.position)
+        elif mode == "move":
+            segment = self.parameters.add(f"segment.{name}", polynomial.SEGMENT_SIZE)
+            own = polynomial.evaluate(segment, self.clock.t)
+        elif mode == "path":
+            assert path_value is not None
+            own = path_value
+        else:
+            own = start
+        rate = self.clock.rate(own)
+        return own, rate, self.clock.rate(rate), None

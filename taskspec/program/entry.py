@@ -9,6 +9,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from taskspec.control.gains import FORCE_LOOP_LAWS
 from taskspec.control.state import AXES
 from taskspec.geometry.surface import box_face
 from taskspec.motion import blend, profile
@@ -31,13 +32,13 @@ class Carried:
         p, R: (3,), (3, 3) reference pose of the tip in the world. Axes that a force set point
             has moved are where they were measured.
         twist: (6,) its velocity, world axes, at the tip.
-        pressing: (3,) how far an open-loop force has displaced the reference from p, world [m].
+        held: (6,) wrench that the robot applied on axes with a force set point, world [N, N m].
     """
 
     p: Vector
     R: Vector
     twist: Vector
-    pressing: Vector = field(default_factory=lambda: np.zeros(3))
+    held: Vector = field(default_factory=lambda: np.zeros(6))
 
 
 @dataclass(slots=True)
@@ -112,10 +113,13 @@ def enter(
         write("base", frame.ravel(order="F"))
 
     error, start, rate = _continue(stage, seen, frame, carried, tip)
-    pressed = dict(zip(AXES[:3], frame.T @ carried.pressing, strict=True))
+    pressed = _pressed(stage, frame, carried)
     for name, plan in stage.plans.items():
+        i = AXES.index(name)
         if plan.force or plan.open_loop:
-            write(f"force_at_entry.{name}", seen["measured"][AXES.index(name)])
+            write(f"force_at_entry.{name}", seen["measured"][i])
+        elif plan.yields:
+            write(f"force_at_entry.{name}", (frame.T @ carried.held[:3])[i])
         if plan.open_loop and name.startswith("r"):
             write(f"start.{name}", start[name])
     tracks = _plan(stage, start, rate)
@@ -129,7 +133,7 @@ def enter(
     write("end", max(ends))
     _blend(stage, inputs, memory, parameters, start, rate, pressed)
     first = {a: value + pressed.get(a, 0.0) for a, value in start.items()}
-    away = np.array([error.get(a, 0.0) + pressed[a] for a in AXES[:3]])
+    away = np.array([error.get(a, 0.0) + pressed.get(a, 0.0) for a in AXES[:3]])
     _start_memory(stage, memory, seen, frame, away, first)
     return Entered(parameters, memory, tracks)
 
@@ -198,6 +202,18 @@ def _continue(
     return error, start, rate
 
 
+def _pressed(stage: CompiledStage, frame: Vector, carried: Carried) -> dict[str, float]:
+    """How far a spring law's reference is displaced so that it goes on holding what was held."""
+    if stage.law.kind in FORCE_LOOP_LAWS:
+        return {}
+    held = np.concatenate([frame.T @ carried.held[:3], frame.T @ carried.held[3:]])
+    return {
+        name: float(held[AXES.index(name)] / stage.gains["stiffness"][name].value)
+        for name in stage.plans
+        if stage.gains["stiffness"][name].value > 0
+    }
+
+
 def _plan(
     stage: CompiledStage, start: Mapping[str, float], rate: Mapping[str, float]
 ) -> Tracks:
@@ -228,7 +244,7 @@ def _blend(
 ) -> None:
     """Chooses each axis's blending so that its reference continues the carried one.
 
-    What an open-loop force has pressed it away is let go over the blending time too.
+    What it is displaced to hold the last stage's force is let go over the blending time too.
     """
     write = _writer(stage, parameters)
     own, own_rate = (
@@ -238,19 +254,22 @@ def _blend(
         if f"offset.{name}" not in stage.parameters:
             continue
         i = AXES.index(name)
-        here = start[name] + pressed.get(name, 0.0)
         slope = rate[name] - own_rate[i]
         time = blend.BLEND_TIME
         if plan.mode in ("hold", "velocity"):
             braking = slope * time / 2
             write(f"start.{name}", start[name] + braking)
-            offset = here - start[name] - braking
+            offset = -braking
         elif plan.mode == "move":
-            slope, offset = 0.0, here - start[name]
+            slope, offset = 0.0, 0.0
+        elif plan.open_loop:
+            slope, offset = 0.0, start[name] + pressed.get(name, 0.0) - own[i]
         else:
-            offset = here - own[i]
+            offset = start[name] - own[i]
             kind = "angular" if name.startswith("r") else "linear"
             time = blend.blend_time(offset, MOVE_SPEED[kind])
+        if not plan.open_loop:
+            write(f"pressed.{name}", pressed.get(name, 0.0))
         write(f"offset.{name}", offset)
         write(f"slope.{name}", slope)
         write(f"blend.{name}", time)
@@ -283,11 +302,11 @@ def leave(stage: CompiledStage, outputs: Mapping[str, Vector]) -> Carried:
     """The reference that a stage hands on; force axes hand on where they were measured."""
     R = outputs["tip_rotation"].reshape(3, 3, order="F")
     frame = outputs["frame"].reshape(3, 3, order="F")
-    error, twist, pressing = np.zeros(6), np.zeros(6), np.zeros(3)
+    error, twist, held = np.zeros(6), np.zeros(6), np.zeros(6)
     for name, plan in stage.plans.items():
         i = AXES.index(name)
-        if plan.open_loop and i < 3:
-            pressing[i] = outputs["error"][i]
+        if plan.force or plan.open_loop:
+            held[i] = outputs["measured"][i]
         tracked = plan.motion and not plan.force and not plan.open_loop
         error[i] = outputs["error"][i] if tracked else 0.0
         twist[i] = outputs["velocity_ref" if tracked else "velocity"][i]
@@ -298,5 +317,5 @@ def leave(stage: CompiledStage, outputs: Mapping[str, Vector]) -> Carried:
         p=outputs["tip"] + offset + frame @ error[:3] - R_ref @ (R.T @ offset),
         R=R_ref,
         twist=np.concatenate([frame @ twist[:3] - np.cross(spin, offset), spin]),
-        pressing=frame @ pressing,
+        held=np.concatenate([frame @ held[:3], frame @ held[3:]]),
     )

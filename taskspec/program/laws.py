@@ -94,7 +94,7 @@ def _parallel(
         ca.DM(diagonal(gains, name, state.axes))
         for name in ("mass", "stiffness", "damping", "force.proportional", "force.integral")
     )
-    # (4.16) is this law with K_F = I and f_d = 0: an axis that meets the surface yields to it.
+    # (4.16) is this law with K_F = I, f_d = 0: an axis that meets the surface yields to it.
     met = [i for i, a in enumerate(state.axes) if plans[a].yields]
     proportional[met] = 1.0
     return parallel(

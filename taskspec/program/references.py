@@ -134,13 +134,18 @@ def build_references(
             slot = f"travelled.{name}"
             updates[slot] = memory.symbol(slot) + motion.integral_step
     integrals = _integrate(plans, forces, table, memory, updates, context.period)
+    fading = {
+        name: _fading(name, clock, parameters)
+        for name, plan in plans.items()
+        if plan.yields and not plan.open_loop
+    }
     axes = state.axes
     zero = ca.SX(0)
     reference = Reference(
         error=ca.vertcat(*(tracked.error.get(a, zero) for a in axes)),
         velocity=ca.vertcat(*(tracked.velocity[a] for a in axes)),
         acceleration=ca.vertcat(*(tracked.acceleration[a] for a in axes)),
-        force=opposite(ca.vertcat(*(forces.get(a, zero) for a in axes))),
+        force=opposite(ca.vertcat(*((forces | fading).get(a, zero) for a in axes))),
         force_integral=opposite(ca.vertcat(*(integrals.get(a, zero) for a in axes))),
     )
     return ReferenceSet(
@@ -187,6 +192,12 @@ def _force(
     ramp = DEFAULT_RAMP if plan.axis.ramp is None else plan.axis.ramp
     share = blend.ramp_shape(clock.t / ramp) if ramp > 0 else ca.SX(1)
     return at_entry + share * (wanted - at_entry)
+
+
+def _fading(name: str, clock: Clock, parameters: Layout) -> ca.SX:
+    """The force that the last stage held on what is now a motion axis, as it is let go of."""
+    at_entry = parameters.add(f"force_at_entry.{name}")
+    return at_entry * blend.offset_shape(clock.t / blend.BLEND_TIME)
 
 
 def _displacement(

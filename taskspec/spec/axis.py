@@ -59,6 +59,7 @@ class Axis(Model):
     noun = "an axis"
     example = "such as {hold: start} or {force: -15 N}"
     reserved = frozenset({"follows"})
+    short: ClassVar = {"const": "hold"}
     foreign: ClassVar[str] = ""
     """The force that belongs to the other kind of axis."""
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
@@ -82,6 +82,7 @@ class Law(Model):
 
     noun = "a law"
     reserved = frozenset({"solve", "solver"})
+    short: ClassVar = {"enum": list(LAWS)}
 
     kind: Annotated[str, Word(tuple(LAWS), "law", reserved=LATER, code="TS206")] = Field(
         DEFAULT, title="Control law"

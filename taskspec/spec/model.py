@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
-from typing import ClassVar
+from typing import Any, ClassVar
 
-from pydantic import BaseModel, ConfigDict, ValidationInfo, model_validator
-from pydantic_core import PydanticCustomError
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    GetJsonSchemaHandler,
+    ValidationInfo,
+    model_validator,
+)
+from pydantic_core import CoreSchema, PydanticCustomError
 
 from taskspec.spec.reading import Reading, kind_of, span_of
 from taskspec.text.data import Map
@@ -21,8 +27,9 @@ class Model(BaseModel):
     """A mapping of a task file.
 
     Each class says in `noun` what it is, in `example` how it is written, in `reserved` which keys
-    belong to the language but are not supported yet, in `expand` which short forms it has, and in
-    `rules` which keys go together. Rules see the raw mapping, so they hold whatever else is wrong.
+    belong to the language but are not supported yet, in `expand` which short form it has (`short`
+    is its JSON Schema), and in `rules` which keys go together. Rules see the raw mapping, so they
+    hold whatever else is wrong.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True, arbitrary_types_allowed=True)
@@ -30,6 +37,7 @@ class Model(BaseModel):
     noun: ClassVar[str] = "mapping"
     reserved: ClassVar[frozenset[str]] = frozenset()
     example: ClassVar[str] = ""
+    short: ClassVar[dict[str, Any] | None] = None
 
     @classmethod
     def expand(cls, data: object, reading: Reading) -> object:  # noqa: ARG003
@@ -39,6 +47,17 @@ class Model(BaseModel):
     @classmethod
     def rules(cls, data: Map, reading: Reading) -> None:
         """Report keys that do not go together."""
+
+    @classmethod
+    def __get_pydantic_json_schema__(
+        cls, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        found = handler(schema)
+        full = handler.resolve_ref_schema(found)
+        if cls.short is not None and "anyOf" not in full:
+            form = {key: full.pop(key) for key in list(full) if key not in ("title", "description")}
+            full["anyOf"] = [cls.short, form]
+        return found
 
     @model_validator(mode="before")
     @classmethod

@@ -53,7 +53,7 @@ def _tidy(value: Any) -> Any:
         return value
     choices = [c for c in value.get("anyOf", []) if c != {"type": "null"}]
     rest = {key: entry for key, entry in value.items() if key != "anyOf"}
-    if rest.get("default", 0) is None:
+    if "default" in rest and (rest["default"] is None or isinstance(rest["default"], dict)):
         del rest["default"]
     if len(choices) == 1:
         rest = choices[0] | rest

@@ -31,7 +31,8 @@ def codes(stages: str) -> list[str]:
         "a: {time: 1 s, on_fail: c}\nb: {time: 1 s, next: end}\nc: {time: 1 s}",
         "a: {time: 1 s, attempts: 2}\nb: {time: 1 s, on_fail: a}",
         "a: {time: 1 s, next: a, attempts: 2}",
-        "a: {time: 1 s}\nb: {time: 1 s, attempts: 3, on_fail: c, next: end}\nc: {time: 1 s, next: a}",
+        "a: {time: 1 s}\nb: {time: 1 s, attempts: 3, on_fail: c, next: end}\n"
+        "c: {time: 1 s, next: a}",
     ],
 )
 def test_well_ordered(stages: str) -> None:

@@ -6,7 +6,7 @@ import sys
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from rich.console import Console
+    from rich.console import Console, RenderableType
     from rich.table import Table
 
 #: Columns of what is not a terminal: enough for a table never to be folded there.
@@ -25,6 +25,18 @@ def console(*, err: bool = False) -> Console:
         soft_wrap=False,
         width=None if stream.isatty() else _ENDLESS,
     )
+
+
+def show(*things: RenderableType) -> None:
+    """Prints things on standard output, one below the other."""
+    out = console()
+    if out.is_terminal:
+        out.print(*things, sep="\n")
+        return
+    with out.capture() as captured:
+        out.print(*things, sep="\n")
+    # Tables pad their last column, which is of no use to a program that reads them.
+    out.file.write("\n".join(line.rstrip() for line in captured.get().split("\n")))
 
 
 def table(*headings: str, indent: int = 2, right: tuple[str, ...] = ()) -> Table:

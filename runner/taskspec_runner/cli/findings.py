@@ -27,10 +27,8 @@ def show_findings(
     err: bool = False,
 ) -> None:
     """Prints diagnostics, in full or one line each."""
-    if concise:
-        text = "\n".join(headline(d) for d in diagnostics)
-    else:
-        text = render(diagnostics, sources)
+    lines = map(headline, diagnostics)
+    text = "\n".join(lines) if concise else render(diagnostics, sources)
     if text:
         stream = sys.stderr if err else sys.stdout
         typer.echo(painted(text) if is_colored(stream) else text, err=err)

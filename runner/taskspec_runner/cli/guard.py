@@ -38,7 +38,7 @@ def guarded(command: Callable[P, int]) -> Callable[P, None]:
     return inner
 
 
-def _outcome(command: Callable[[], int]) -> int:  # noqa: PLR0911 - one exit for each way to end
+def _outcome(command: Callable[[], int]) -> int:
     try:
         return command()
     except (typer.Exit, typer.Abort, typer.BadParameter):

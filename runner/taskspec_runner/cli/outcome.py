@@ -2,53 +2,63 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
-from taskspec_runner.cli.console import console, table
+import typer
+
+from taskspec.text.show import show as to_text
+from taskspec_runner.cli.console import show, table
+from taskspec_runner.cli.measures import force, small_length
 from taskspec_runner.session import RunResult
 
 if TYPE_CHECKING:
     from rich.table import Table
-    from rich.text import Text
 
 _STYLES = {0: "bold green", 1: "bold red", 4: "bold red", 130: "bold yellow"}
-_WORDS = {"done": "done", "failed": "failed", "stopped": "stopped"}
+_LIMIT_UNITS = {"force": "N", "torque": "N*m", "speed": "mm/s", "deviation": "mm"}
 
 
 def show_outcome(result: RunResult, *, quiet: bool) -> None:
     """Prints the outcome of a run; `quiet` leaves out all that went well."""
     from rich.text import Text
 
-    out = console()
     missed = [e for e in result.summary["expectations"] if not e["passed"]]
     expectations = missed if quiet else result.summary["expectations"]
     if expectations:
-        out.print(_expectations(expectations))
-    if not quiet:
-        if expectations:
-            out.print()
-        if result.summary["metrics"]:
-            out.print(_metrics(result.summary))
-            out.print()
+        show(_expectations(expectations))
+    if result.summary["metrics"] and not quiet:
+        show(*[""] * bool(expectations), _metrics(result.summary), "")
     if not quiet or result.exit_code:
-        out.print(Text(ending(result), style=_STYLES.get(result.exit_code, "")))
+        show(Text(ending(result), style=_STYLES.get(result.exit_code, "")))
     if not quiet:
-        out.print(Text(f"report: {result.report}"), soft_wrap=True)
+        # By itself in its line, so that a terminal makes a link of it.
+        typer.echo(f"report: {result.report}")
 
 
 def ending(result: RunResult) -> str:
     """Why and when a run ended, and whether it met what was expected, in one line."""
     summary = result.summary
-    end, word = summary["ending"], _WORDS[summary["status"]]
-    name = "" if end["reason"] in ("end", "interrupted") else f" ({end['reason']})"
-    text = f"{summary['task']}: {word}{name} in stage {end['stage']} at {end['clock']:.3f} s"
-    text += f": {end['text']}"
+    end = summary["ending"]
+    text = f"{summary['task']}: {summary['status']} at {end['clock']:.3f} s"
+    if summary["status"] != "done":
+        text += f" in stage {end['stage']}: {_reason(summary)}"
     total = len(summary["expectations"])
-    passed = sum(e["passed"] for e in summary["expectations"])
     if total:
+        passed = sum(e["passed"] for e in summary["expectations"])
         text += f"; {passed} of {total} expectations met"
     return f"{text}; {result.real_time_factor:.3g} x real time"
+
+
+def _reason(summary: Mapping[str, Any]) -> str:
+    """The name of what ended a run, its text and, for a limit, the number that broke it."""
+    end = summary["ending"]
+    last = summary["stages"][-1]["ended_by"]
+    unit = _LIMIT_UNITS.get(end["reason"])
+    value = f", measured {to_text(last['value'], unit, 5)}" if unit else ""
+    if end["reason"] in end["text"]:
+        return f"{end['text']}{value}"
+    return f"{end['reason']}: {end['text']}{value}"
 
 
 def _expectations(expectations: list[Mapping[str, Any]]) -> Table:
@@ -67,25 +77,26 @@ def _metrics(summary: Mapping[str, Any]) -> Table:
     numbers = ("force RMS error", "peak force", "motion RMS error")
     made = table("stage", *numbers, indent=0, right=numbers)
     for stage, signals in summary["metrics"].items():
-        made.add_row(
-            Text(stage),
-            _worst(signals, "force.", 1.0, "N"),
-            Text(f"{summary['peaks'][stage]['force']:.4g} N"),
-            _worst(signals, "position.", 1e3, "mm"),
+        cells = (
+            stage,
+            _worst(signals, "force.", force),
+            force(summary["peaks"][stage]["force"]),
+            _worst(signals, "position.", small_length),
         )
+        made.add_row(*map(Text, cells))
     return made
 
 
-def _worst(signals: Mapping[str, Mapping[str, float]], kind: str, scale: float, unit: str) -> Text:
+def _worst(
+    signals: Mapping[str, Mapping[str, float]], kind: str, to_text: Callable[[float], str]
+) -> str:
     """The largest RMS error among the translations of a kind, and on which axis."""
-    from rich.text import Text
-
     errors = {
         name.removeprefix(kind): values["rms_error"]
         for name, values in signals.items()
         if name.startswith(kind) and not name.startswith(f"{kind}r")
     }
     if not errors:
-        return Text("-")
+        return "-"
     axis = max(errors, key=lambda name: errors[name])
-    return Text(f"{errors[axis] * scale:.3g} {unit} ({axis})")
+    return f"{to_text(errors[axis])} ({axis})"

@@ -47,13 +47,13 @@ def list_robots() -> int:
     from rich.text import Text
 
     from taskspec.robot import builtin_robots
-    from taskspec_runner.cli.console import console, table
+    from taskspec_runner.cli.console import show, table
 
     made = table("robot", "joints", "axes of the tip", "about", "figures from", indent=0)
     for robot in builtin_robots():
         cells = (robot.name, str(robot.joints), " ".join(robot.axes), robot.about, robot.source)
         made.add_row(*map(Text, cells))
-    console().print(made)
+    show(made)
     return 0
 
 

@@ -54,6 +54,8 @@ class Findings:
         counts = [(self.count(s), str(s)) for s in (Severity.ERROR, Severity.WARNING)]
         found = ", ".join(_plural(n, what) for n, what in counts if n)
         files = _plural(self.files, "file")
+        if self.unreadable and not self.diagnostics:
+            return f"{_plural(len(self.unreadable), 'file')} unreadable"
         if not found:
             text = f"no errors in {files}"
         elif self.files == 1:
@@ -63,7 +65,7 @@ class Findings:
                         for found in self.diagnostics.values())  # fmt: skip
             text = f"{found} in {wrong} of {files}"
         if self.unreadable:
-            text += f", {_plural(len(self.unreadable), 'file')} unreadable"
+            text += f", {len(self.unreadable)} unreadable"
         return text
 
 

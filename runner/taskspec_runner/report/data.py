@@ -10,8 +10,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pyarrow as pa
 from numpy.typing import NDArray
+
+from taskspec_runner.folder import LOG, MANIFEST, SUMMARY, TASK
+from taskspec_runner.history import History, read_history
 
 Vector = NDArray[np.float64]
 Json = Mapping[str, Any]
@@ -82,6 +84,11 @@ class Run:
         return float(np.median(steps)) if len(steps) else 1e-3
 
     @property
+    def start(self) -> float:
+        """Run time at the first row [s]."""
+        return float(self.clock[0]) if len(self.clock) else 0.0
+
+    @property
     def end(self) -> float:
         """Run time at the end of the last row [s]."""
         return float(self.clock[-1]) + self.period if len(self.clock) else 0.0
@@ -91,69 +98,39 @@ class Run:
         values = self.columns.get(name)
         return values if values is not None and bool(np.isfinite(values).any()) else None
 
-    def limit(self, name: str) -> float | None:
-        """A limit of the task [SI]; the widest one where its stages differ, None without one."""
-        limits = _mapping(self.summary.get("limits"))
-        found = [number(limits.get(name))]
-        found += [number(part.get(name)) for part in limits.values() if isinstance(part, Mapping)]
-        return max((value for value in found if value is not None), default=None)
+    @property
+    def robot(self) -> str:
+        """Name of the robot, empty where unknown."""
+        robot = self.summary.get("robot")
+        return str((robot.get("name") if isinstance(robot, Mapping) else robot) or "")
+
+    def limit(self, name: str, stage: str) -> float | None:
+        """A limit in a stage [SI], None without one."""
+        own = mapping(mapping(self.summary.get("stage_limits")).get(stage))
+        return number(own.get(name, mapping(self.summary.get("limits")).get(name)))
 
 
 def read_run(folder: Path) -> Run:
     """Reads a run folder.
 
     Args:
-        folder: with task.yaml, summary.json, manifest.json and log.arrow, each optional.
+        folder: with log, summary, manifest and task file, each of them optional.
     """
-    columns, units = read_log(folder / "log.arrow")
-    stage = columns.pop("stage", np.zeros(0, dtype=object))
-    clock = columns.get("clock", np.zeros(0))
-    rows = len(clock)
-    t = columns.get("t", np.zeros(rows))
-    breaks = np.zeros(0, dtype=np.int64)
-    if rows > 1:
-        changed = (stage[1:] != stage[:-1]) | (t[1:] < t[:-1])
-        breaks = np.flatnonzero(changed).astype(np.int64) + 1
-    summary = _read_json(folder / "summary.json")
-    task = folder / "task.yaml"
-    run_end = float(2 * clock[-1] - clock[-2]) if rows > 1 else 0.0
-    visits = _visits(summary) or _logged_visits(stage, clock, breaks, run_end)
+    history = _read_log(folder / LOG)
+    summary = _read_json(folder / SUMMARY)
+    task = folder / TASK
+    firsts = [visit.first for visit in history.visits()]
     return Run(
         task=task.read_text(encoding="utf-8", errors="replace") if task.is_file() else "",
         summary=summary,
-        manifest=_read_json(folder / "manifest.json"),
-        columns=columns,
-        units=units,
-        clock=clock,
-        breaks=breaks,
-        visits=visits,
+        manifest=_read_json(folder / MANIFEST),
+        columns=history.columns,
+        units=history.units,
+        clock=history.columns.get("clock", np.zeros(0)),
+        breaks=np.array(firsts[1:], dtype=np.int64),
+        visits=_visits(summary) or _logged_visits(history),
         expectations=tuple(_expectation(e) for e in _mappings(summary.get("expectations"))),
     )
-
-
-def read_log(path: Path) -> tuple[dict[str, NDArray[Any]], dict[str, str]]:
-    """Columns and their units of a log, up to the last complete batch of a killed run."""
-    batches: list[pa.RecordBatch] = []
-    try:
-        with path.open("rb") as file, pa.ipc.open_stream(file) as reader:
-            schema = reader.schema
-            while True:
-                batches.append(reader.read_next_batch())
-    except StopIteration:
-        pass
-    except (OSError, pa.ArrowInvalid):
-        if not batches:
-            return {}, {}
-    table = pa.Table.from_batches(batches, schema=schema)
-    columns: dict[str, NDArray[Any]] = {}
-    units: dict[str, str] = {}
-    for each in schema:
-        if each.name == "stage":
-            columns["stage"] = np.array(table["stage"].to_pylist(), dtype=object)
-        else:
-            columns[each.name] = table[each.name].to_numpy().astype(np.float64)
-            units[each.name] = (each.metadata or {}).get(b"unit", b"").decode()
-    return columns, units
 
 
 def number(value: object) -> float | None:
@@ -163,15 +140,23 @@ def number(value: object) -> float | None:
     return float(value)
 
 
+def mapping(value: object) -> Json:
+    """A mapping, an empty one in place of anything else."""
+    return value if isinstance(value, Mapping) else {}
+
+
+def _read_log(path: Path) -> History:
+    try:
+        return read_history(path)
+    except OSError:
+        return History({}, np.array([], dtype=np.str_))
+
+
 def _read_json(path: Path) -> Json:
     try:
-        return _mapping(json.loads(path.read_text(encoding="utf-8")))
+        return mapping(json.loads(path.read_text(encoding="utf-8")))
     except (OSError, ValueError):
         return {}
-
-
-def _mapping(value: object) -> Json:
-    return value if isinstance(value, Mapping) else {}
 
 
 def _mappings(value: object) -> list[Json]:
@@ -188,24 +173,20 @@ def _visits(summary: Json) -> tuple[Visit, ...]:
         name = str(entry.get("name", ""))
         seen[name] = seen.get(name, 0) + 1
         law, frame = str(entry.get("law") or ""), str(entry.get("frame") or "")
-        ended_by = _mapping(entry.get("ended_by"))
+        ended_by = mapping(entry.get("ended_by"))
         visits.append(Visit(name, seen[name], start, end, law, frame, ended_by))
     return tuple(visits)
 
 
-def _logged_visits(
-    stage: NDArray[Any], clock: Vector, breaks: NDArray[np.int64], end: float
-) -> tuple[Visit, ...]:
-    if not len(stage):
-        return ()
+def _logged_visits(history: History) -> tuple[Visit, ...]:
+    clock = history.columns.get("clock", np.zeros(0))
     seen: dict[str, int] = {}
     visits = []
-    starts = [0, *breaks.tolist()]
-    ends = [*(float(clock[b]) for b in breaks), end]
-    for row, until in zip(starts, ends, strict=True):
-        name = str(stage[row])
-        seen[name] = seen.get(name, 0) + 1
-        visits.append(Visit(name, seen[name], float(clock[row]), until))
+    for each in history.visits():
+        seen[each.stage] = seen.get(each.stage, 0) + 1
+        after = min(each.last + 1, len(clock) - 1)
+        start, end = float(clock[each.first]), float(clock[after])
+        visits.append(Visit(each.stage, seen[each.stage], start, end))
     return tuple(visits)
 
 

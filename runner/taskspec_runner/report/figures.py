@@ -2,91 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
 
 import numpy as np
 
-from taskspec_runner.report.data import Expectation, Run, Vector
-from taskspec_runner.report.quantities import figure, plain_scale, quantity, scale
+from taskspec_runner.report.chart import Chart, Section, Trace, bands, levels, limit_note, size
+from taskspec_runner.report.chart import Level
+from taskspec_runner.report.data import Run, Vector
+from taskspec_runner.report.quantities import figure, plain_scale, scale
 
 LINEAR, ANGULAR = ("x", "y", "z"), ("rx", "ry", "rz")
 #: Colour roles of the axes; a rotation has the colour of its axis.
 _ROLES = {"x": "x", "y": "y", "z": "z", "rx": "x", "ry": "y", "rz": "z"}
-
-
-@dataclass(frozen=True, slots=True)
-class Trace:
-    """One line of a chart.
-
-    Attributes:
-        label: in the legend. values: (rows,) in the chart's unit. role: what its colour means.
-        style: `line`, `reference` (dashed), `halo` (wide and pale, below the others) or `faint`.
-        signal: its name in the log. continuous: whether it runs on through a change of stage.
-        reference_of: label of the trace that it is the reference of and shares a legend entry with.
-    """
-
-    label: str
-    values: Vector
-    role: str
-    style: str = "line"
-    signal: str = ""
-    continuous: bool = False
-    reference_of: str = ""
-
-
-@dataclass(frozen=True, slots=True)
-class Band:
-    """Values that an expectation allows.
-
-    Attributes:
-        start, end: run time [s]. low, high: in the chart's unit, None on an open side.
-        passed: whether the expectation held. text: the expectation.
-    """
-
-    start: float
-    end: float
-    low: float | None
-    high: float | None
-    passed: bool
-    text: str
-
-
-@dataclass(frozen=True, slots=True)
-class Chart:
-    """A chart over run time.
-
-    Attributes:
-        key, title, unit, note: as shown. traces, bands: in drawing order.
-        limits: levels that must not be passed. always: values that always stay in view.
-    """
-
-    key: str
-    title: str
-    unit: str
-    traces: tuple[Trace, ...]
-    note: str = ""
-    bands: tuple[Band, ...] = ()
-    limits: tuple[float, ...] = ()
-    always: tuple[float, ...] = ()
-
-
-@dataclass(slots=True)
-class Section:
-    """Charts under one heading; `silent` names those that would show nothing but zero."""
-
-    title: str
-    charts: list[Chart] = field(default_factory=list)
-    silent: list[str] = field(default_factory=list)
-
-    def add(self, chart: Chart | None) -> None:
-        """Takes a chart up if it shows something."""
-        if chart is None or not chart.traces:
-            return
-        if any(np.nanmax(np.abs(t.values)) > 0 for t in chart.traces):
-            self.charts.append(chart)
-        else:
-            self.silent.append(chart.title)
 
 
 def sections(run: Run) -> tuple[Section, ...]:
@@ -128,7 +55,7 @@ def _controlled(run: Run, axis: str) -> Chart | None:
     truth, reference = run.column(name), run.column(f"{name}.ref")
     if truth is None or reference is None:
         return None
-    factor, unit = scale(run.units[name], _size([truth, reference]))
+    factor, unit = scale(run.units[name], size([truth, reference]))
     traces = []
     measured = run.column(f"{name}.measured")
     if measured is not None and differs(truth, measured):
@@ -138,7 +65,7 @@ def _controlled(run: Run, axis: str) -> Chart | None:
     traces.append(Trace("reference", reference * factor, "ink", "reference", f"{name}.ref"))
     what = "Moment" if axis in ANGULAR else "Force"
     title = f"{what} {axis} against its reference"
-    return Chart(f"{name}.ref", title, unit, tuple(traces), bands=_bands(run, [name], factor))
+    return Chart(f"{name}.ref", title, unit, tuple(traces), bands=bands(run, [name], factor))
 
 
 def _wrench(run: Run, kind: str, axes: Sequence[str], title: str) -> Chart | None:
@@ -147,7 +74,7 @@ def _wrench(run: Run, kind: str, axes: Sequence[str], title: str) -> Chart | Non
         return None
     total = np.sqrt(np.sum([c**2 for _, c in found], axis=0))
     names = [wrench_name(a) for a, _ in found]
-    factor, unit = scale(run.units[names[0]], _size([total]))
+    factor, unit = scale(run.units[names[0]], size([total]))
     traces = (
         [Trace(f"|{kind}|", total * factor, "muted", continuous=True)] if len(found) > 1 else []
     )
@@ -158,12 +85,11 @@ def _wrench(run: Run, kind: str, axes: Sequence[str], title: str) -> Chart | Non
             label = f"{axis} measured"
             traces.append(Trace(label, measured * factor, _ROLES[axis], "faint"))
         traces.append(Trace(axis, values * factor, _ROLES[axis], "line", name))
-    limit = run.limit(kind)
-    limits, note = _limit(limit, factor, run.units[names[0]], _size([total]))
+    note = limit_note(run, kind, run.units[names[0]], size([total]))
     # The band of an axis with a reference has a chart of its own.
     unbounded = [n for n in names if run.column(f"{n}.ref") is None]
-    bands = _bands(run, unbounded, factor)
-    return Chart(kind, title, unit, tuple(traces), note, bands, limits)
+    limits = levels(run, kind, factor, (1, -1))
+    return Chart(kind, title, unit, tuple(traces), note, bands(run, unbounded, factor), limits)
 
 
 def _gap(run: Run) -> Chart | None:
@@ -173,7 +99,7 @@ def _gap(run: Run) -> Chart | None:
     if not names:
         return None
     columns = [run.columns[n] for n in names]
-    factor, unit = scale("m", _size(columns))
+    factor, unit = scale("m", size(columns))
     traces = [
         Trace(n.removesuffix(".gap"), c * factor, f"j{i % 7}", "line", n, True)
         for i, (n, c) in enumerate(zip(names, columns, strict=True))
@@ -183,8 +109,8 @@ def _gap(run: Run) -> Chart | None:
     if deepest < 0:
         depth, shown = scale("m", deepest)
         note = f"deepest {figure(-deepest * depth)} {shown} inside"
-    bands = _bands(run, ["gap", *names], factor)
-    return Chart("gap", "Gap to the surface", unit, tuple(traces), note, bands, always=(0.0,))
+    bounds = bands(run, ["gap", *names], factor)
+    return Chart("gap", "Gap to the surface", unit, tuple(traces), note, bounds, always=(0.0,))
 
 
 def _pose(run: Run, axes: Sequence[str], title: str) -> Chart | None:
@@ -194,7 +120,7 @@ def _pose(run: Run, axes: Sequence[str], title: str) -> Chart | None:
     factor, unit = plain_scale(run.units[names[0]], 1.0)
     traces = _tracked(run, names, factor)
     note = "counted in the frame of each stage"
-    return Chart(title.lower(), title, unit, traces, note, _bands(run, names, factor))
+    return Chart(title.lower(), title, unit, traces, note, bands(run, names, factor))
 
 
 def _errors(run: Run, axes: Sequence[str], title: str) -> Chart | None:
@@ -202,14 +128,14 @@ def _errors(run: Run, axes: Sequence[str], title: str) -> Chart | None:
     if not names:
         return None
     columns = [run.columns[n] for n in names]
-    factor, unit = scale(run.units[names[0]], _size(columns))
+    factor, unit = scale(run.units[names[0]], size(columns))
     traces = [
         Trace(axis := n.removeprefix("error."), c * factor, _ROLES[axis], "line", n)
         for n, c in zip(names, columns, strict=True)
     ]
     note = "reference − truth, where an axis follows a motion"
-    bands = _bands(run, names, factor)
-    return Chart(title.lower(), title, unit, tuple(traces), note, bands, always=(0.0,))
+    bounds = bands(run, names, factor)
+    return Chart(title.lower(), title, unit, tuple(traces), note, bounds, always=(0.0,))
 
 
 def _velocity(run: Run) -> Chart | None:
@@ -218,13 +144,14 @@ def _velocity(run: Run) -> Chart | None:
     columns = [run.columns[n] for n in names] + ([speed] if speed is not None else [])
     if not columns:
         return None
-    factor, unit = scale("m/s", _size(columns))
+    factor, unit = scale("m/s", size(columns))
     traces = list(_tracked(run, names, factor))
     if speed is not None:
         traces.append(Trace("speed", speed * factor, "ink", "line", "speed", True))
-    limits, note = _limit(run.limit("speed"), factor, "m/s", _size(columns))
-    bands = _bands(run, [*names, "speed"], factor)
-    return Chart("velocity", "Tool velocity", unit, tuple(traces), note, bands, limits[:1])
+    note = limit_note(run, "speed", "m/s", size(columns))
+    bounds = bands(run, [*names, "speed"], factor)
+    limits = levels(run, "speed", factor, (1,))
+    return Chart("velocity", "Tool velocity", unit, tuple(traces), note, bounds, limits)
 
 
 def _joint_torques(run: Run) -> Chart | None:
@@ -236,7 +163,7 @@ def _joint_torques(run: Run) -> Chart | None:
     if not names:
         return None
     if all(b is None for b in bounds):
-        factor, unit = scale("N*m", _size([run.columns[n] for n in names]))
+        factor, unit = scale("N*m", size([run.columns[n] for n in names]))
         traces = _joint_traces(run, names, [factor] * len(names))
         return Chart("joint torques", "Joint torques", unit, traces)
     bounded = [(n, 100 / b) for n, b in zip(names, bounds, strict=False) if b is not None]
@@ -245,8 +172,9 @@ def _joint_torques(run: Run) -> Chart | None:
     worst = int(np.argmax(peaks))
     note = f"highest: {traces[worst].label} at {figure(peaks[worst])} % of its limit"
     title = "Joint torques, share of their limits"
-    levels = (100.0, -100.0)
-    return Chart("joint torques", title, "%", traces, note, limits=levels, always=levels)
+    full = tuple(Level(run.start, run.end, share) for share in (100.0, -100.0))
+    always = tuple(level.value for level in full)
+    return Chart("joint torques", title, "%", traces, note, limits=full, always=always)
 
 
 def _joint_positions(run: Run) -> Chart | None:
@@ -262,11 +190,11 @@ def _power(run: Run) -> Chart | None:
     power = run.column("power")
     if power is None:
         return None
-    factor, unit = scale("W", _size([power]))
+    factor, unit = scale("W", size([power]))
     energy = float(np.nansum(power) * run.period)
     note = f"into the environment; {figure(energy)} J in all"
     traces = (Trace("power", power * factor, "j3", "line", "power", True),)
-    return Chart("power", "Power", unit, traces, note, _bands(run, ["power"], factor))
+    return Chart("power", "Power", unit, traces, note, bands(run, ["power"], factor))
 
 
 def _tracked(run: Run, names: Sequence[str], factor: float) -> tuple[Trace, ...]:
@@ -295,38 +223,3 @@ def _joint_traces(run: Run, names: Sequence[str], factors: Sequence[float]) -> t
         values = run.columns[name] * factor
         traces.append(Trace(f"J{name.split('.')[1]}", values, f"j{i % 7}", "line", name, True))
     return tuple(traces)
-
-
-def _bands(run: Run, signals: Iterable[str], factor: float) -> tuple[Band, ...]:
-    wanted = set(signals)
-    return tuple(
-        Band(start, end, *_sides(each, factor), each.passed, each.text)
-        for each in run.expectations
-        if each.band is not None and each.signal in wanted
-        for start, end in _windows(run, each)
-    )
-
-
-def _sides(each: Expectation, factor: float) -> tuple[float | None, float | None]:
-    low, high = each.band or (None, None)
-    return None if low is None else low * factor, None if high is None else high * factor
-
-
-def _windows(run: Run, each: Expectation) -> list[tuple[float, float]]:
-    if each.stage is None:
-        return [(float(run.clock[0]), run.end)] if len(run.clock) else []
-    return [(v.start, v.end) for v in run.visits if v.stage == each.stage]
-
-
-def _limit(
-    limit: float | None, factor: float, unit: str, peak: float
-) -> tuple[tuple[float, ...], str]:
-    if limit is None:
-        return (), ""
-    level = limit * factor
-    share = figure(100 * peak / limit, 2) if limit else "–"
-    return (level, -level), f"limit {' '.join(quantity(limit, unit))}, peak at {share} % of it"
-
-
-def _size(columns: Sequence[Vector]) -> float:
-    return max(float(np.nanmax(np.abs(c))) for c in columns)

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from taskspec_runner.report import decimate, figures
+from taskspec_runner.report.chart import Chart
 from taskspec_runner.report.data import Run, Vector, Visit, read_run
 from taskspec_runner.report.stages import label, tints
 from taskspec_runner.report.template import template
@@ -102,8 +103,8 @@ def overview_svg(run: Run) -> str:
     bottom = _TOP + len(panels) * (_PANEL + _TITLE) - _TITLE
     if square is not None:
         bottom = max(bottom, square.y + square.height)
-    per_second = width / max(run.end - _start(run), 1e-9)
-    marks = [t for t in _ticks(_start(run), run.end, 8) if t <= run.end]
+    per_second = width / max(run.end - run.start, 1e-9)
+    marks = [t for t in _ticks(run.start, run.end, 8) if t <= run.end]
     return template("overview.svg.j2").render(
         width=WIDTH,
         height=bottom + _BOTTOM,
@@ -116,12 +117,12 @@ def overview_svg(run: Run) -> str:
         verdict=verdict(run).kind,
         stages=[_stage(run, v, per_second) for v in run.visits],
         panels=panels,
-        times=[Tick(_LEFT + (t - _start(run)) * per_second, _text(t, marks)) for t in marks],
+        times=[Tick(_LEFT + (t - run.start) * per_second, _text(t, marks)) for t in marks],
         square=square,
     )
 
 
-def _chosen(run: Run) -> list[figures.Chart]:
+def _chosen(run: Run) -> list[Chart]:
     """Force against reference, else all forces; and the position."""
     charts = {chart.key: chart for part in figures.sections(run) for chart in part.charts}
     controlled = [chart for key, chart in charts.items() if key.endswith(".ref")]
@@ -130,7 +131,7 @@ def _chosen(run: Run) -> list[figures.Chart]:
     return [c for c in (first, charts.get("position")) if c is not None]
 
 
-def _panel(run: Run, chart: figures.Chart, y: float, width: float) -> Panel:
+def _panel(run: Run, chart: Chart, y: float, width: float) -> Panel:
     values = np.concatenate([t.values[np.isfinite(t.values)] for t in chart.traces])
     sides = [v for b in chart.bands for v in (b.low, b.high) if v is not None]
     low, high = float(values.min()), float(values.max())
@@ -138,7 +139,7 @@ def _panel(run: Run, chart: figures.Chart, y: float, width: float) -> Panel:
     low, high = min([low, *near]), max([high, *near])
     room = 0.07 * max(high - low, 1e-6)
     low, high = low - room, high + room
-    scale_x = width / max(run.end - _start(run), 1e-9)
+    scale_x = width / max(run.end - run.start, 1e-9)
     scale_y = _PANEL / (high - low)
 
     def row(value: float) -> float:
@@ -150,13 +151,13 @@ def _panel(run: Run, chart: figures.Chart, y: float, width: float) -> Panel:
         breaks = run.breaks[:0] if trace.continuous else run.breaks
         rows, shown = decimate.broken(rows, trace.values, breaks)
         points = np.column_stack(
-            [_LEFT + (run.clock[rows] - _start(run)) * scale_x, y + (high - shown) * scale_y]
+            [_LEFT + (run.clock[rows] - run.start) * scale_x, y + (high - shown) * scale_y]
         )
         name = "" if trace.reference_of else trace.label
         lines.append(Line(_path(points), trace.role, trace.style, name))
     areas = tuple(
         Area(
-            _LEFT + (b.start - _start(run)) * scale_x,
+            _LEFT + (b.start - run.start) * scale_x,
             row(high if b.high is None else b.high),
             (b.end - b.start) * scale_x,
             row(low if b.low is None else b.low) - row(high if b.high is None else b.high),
@@ -233,7 +234,7 @@ def _path(points: Vector) -> str:
 
 
 def _stage(run: Run, visit: Visit, per_second: float) -> dict[str, object]:
-    x = _LEFT + (visit.start - _start(run)) * per_second
+    x = _LEFT + (visit.start - run.start) * per_second
     width = (visit.end - visit.start) * per_second
     name = label(run, visit)
     fits = 5.8 * len(name) + 4 < width
@@ -241,14 +242,9 @@ def _stage(run: Run, visit: Visit, per_second: float) -> dict[str, object]:
 
 
 def _subtitle(run: Run) -> str:
-    robot = run.summary.get("robot")
     laws = dict.fromkeys(v.law for v in run.visits if v.law)
-    parts = [robot if isinstance(robot, str) else "", ", ".join(laws), f"{run.end:.1f} s"]
+    parts = [run.robot, ", ".join(laws), f"{run.end:.1f} s"]
     return ", ".join(p for p in parts if p)
-
-
-def _start(run: Run) -> float:
-    return float(run.clock[0]) if len(run.clock) else 0.0
 
 
 def _ticks(low: float, high: float, about: int) -> list[float]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import asdict
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -10,6 +11,7 @@ from typing import Any
 from markupsafe import Markup
 
 from taskspec_runner.report import decimate, figures
+from taskspec_runner.report.chart import Chart, Section, Trace
 from taskspec_runner.report.data import Json, Run, Visit, number, read_run
 from taskspec_runner.report.highlight import highlighted
 from taskspec_runner.report.overview import overview_svg
@@ -67,11 +69,11 @@ def _plotly() -> str:
     return bundle.read_text(encoding="utf-8")
 
 
-def _data(run: Run, shown: tuple[figures.Section, ...]) -> Json:
+def _data(run: Run, shown: tuple[Section, ...]) -> Json:
     """What the page's script draws."""
     tint = tints(run)
     return {
-        "start": float(run.clock[0]) if len(run.clock) else 0.0,
+        "start": run.start,
         "period": run.period,
         "end": run.end,
         "stages": [
@@ -87,27 +89,17 @@ def _data(run: Run, shown: tuple[figures.Section, ...]) -> Json:
     }
 
 
-def _chart(run: Run, chart: figures.Chart) -> Json:
+def _chart(run: Run, chart: Chart) -> Json:
     return {
         "unit": chart.unit,
-        "limits": chart.limits,
+        "limits": [asdict(level) for level in chart.limits],
         "always": chart.always,
         "traces": [_trace(run, t) for t in chart.traces],
-        "bands": [
-            {
-                "start": b.start,
-                "end": b.end,
-                "low": b.low,
-                "high": b.high,
-                "passed": b.passed,
-                "text": b.text,
-            }
-            for b in chart.bands
-        ],
+        "bands": [asdict(band) for band in chart.bands],
     }
 
 
-def _trace(run: Run, trace: figures.Trace) -> Json:
+def _trace(run: Run, trace: Trace) -> Json:
     rows = decimate.decimate(trace.values, run.breaks)
     values = trace.values[rows]
     if not trace.continuous:
@@ -127,7 +119,7 @@ def _drawn(run: Run) -> str:
 
 
 def _stopped(visit: Visit) -> bool:
-    return visit.ended_by.get("kind") == "limit"
+    return visit.ended_by.get("kind") in ("limit", "stop")
 
 
 def _event_text(run: Run, visit: Visit, following: Visit | None) -> str:
@@ -142,6 +134,7 @@ def _visit_row(run: Run, visit: Visit) -> Json:
         "tint": tints(run)[visit.stage],
         "visit": visit,
         "duration": visit.end - visit.start,
+        "share": 1e3 * (visit.end - visit.start) / max(run.visits[-1].end, 1e-9),
         "why": _text(visit.ended_by.get("text")),
         "to": _text(visit.ended_by.get("to")),
         "bad": visit.ended_by.get("kind") not in (None, "until", "done"),
@@ -149,15 +142,12 @@ def _visit_row(run: Run, visit: Visit) -> Json:
 
 
 def _facts(run: Run) -> Iterator[tuple[str, str]]:
-    robot = run.summary.get("robot")
-    if isinstance(robot, Mapping):
-        robot = robot.get("name") or robot.get("model")
     laws = dict.fromkeys(v.law for v in run.visits if v.law)
     law = _text(run.summary.get("law")) or ", ".join(laws)
     duration = number(run.summary.get("duration"))
     objects = run.summary.get("objects")
     period = number(run.summary.get("period")) or (run.period if len(run.clock) else None)
-    yield "Robot", _text(robot)
+    yield "Robot", run.robot
     yield "Law", law
     yield "World", ", ".join(map(_text, objects)) if isinstance(objects, list) else ""
     yield "Duration", f"{run.end if duration is None else duration:.3f} s"

@@ -38,11 +38,11 @@
 
   /* ---- numbers ---- */
 
-  function shownNumber(value) {
+  /** A number to a thousandth of the range of values in view. */
+  function shownNumber(value, range) {
     if (!Number.isFinite(value)) return "–";
-    const size = Math.abs(value);
-    const digits = size >= 1000 ? 0 : size >= 100 ? 1 : size >= 10 ? 2 : size >= 0.1 || size === 0 ? 3 : 4;
-    return value.toFixed(digits).replace("-", "−");
+    const digits = Math.min(Math.max(3 - Math.floor(Math.log10(range[1] - range[0])), 0), 9);
+    return value.toFixed(digits).replace(/^-(?=.*[1-9])/, "−").replace(/^-/, "");
   }
 
   function valueAt(trace, time) {
@@ -70,8 +70,10 @@
     if (low > high) [low, high] = [-1, 1];
     const near = 0.75 * Math.max(high - low, 1e-9);
     const nearby = (v) => { if (v !== null && v >= low - near && v <= high + near) return v; return null; };
-    const bounds = [...chart.limits];
-    for (const b of chart.bands) if (b.end > view[0] && b.start < view[1]) bounds.push(b.low, b.high);
+    const bounds = [];
+    const inView = (b) => b.end > view[0] && b.start < view[1];
+    for (const b of chart.bands.filter(inView)) bounds.push(b.low, b.high);
+    for (const b of chart.limits.filter(inView)) bounds.push(b.value);
     bounds.map(nearby).forEach((v) => { if (v !== null) take(v); });
     chart.always.forEach(take);
     const middle = (low + high) / 2, least = 1e-3 * Math.max(1, Math.abs(middle));
@@ -125,8 +127,8 @@
         if (y !== null) found.push({ type: "line", x0: b.start, x1: b.end, y0: y, y1: y, line: { color: colour, width: 1 }, layer: "below" });
       }
     }
-    for (const y of chart.limits) {
-      found.push({ type: "line", xref: "paper", x0: 0, x1: 1, y0: y, y1: y, line: { color: colours("bad"), width: 1.2, dash: "6px,3px" } });
+    for (const b of chart.limits) {
+      found.push({ type: "line", x0: b.start, x1: b.end, y0: b.value, y1: b.value, line: { color: colours("bad"), width: 1.2, dash: "6px,3px" } });
     }
     for (const e of run.events) {
       const look = e.stopped ? { color: colours("bad"), width: 2 } : { color: colours("soft"), width: 1, dash: "1px,3px" };
@@ -149,16 +151,17 @@
   }
 
   function layout(chart) {
-    const values = rangeOfValues(chart);
+    const values = chart.values = rangeOfValues(chart);
     const width = chart.plot.clientWidth;
+    const family = getComputedStyle(document.body).fontFamily;
     const axis = { gridcolor: colours("grid"), linecolor: colours("line"), zerolinecolor: colours("line"), tickfont: { size: 11 }, exponentformat: "none" };
     return {
       width, height: chart.plot.clientHeight,
       margin: { l: LEFT, r: RIGHT, t: TOP, b: BOTTOM, pad: 0 },
       paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)",
-      font: { family: getComputedStyle(document.body).fontFamily, size: 12, color: colours("soft") },
+      font: { family, size: 12, color: colours("soft") },
       showlegend: false, hovermode: "closest", dragmode: "zoom",
-      hoverlabel: { bgcolor: colours("card"), bordercolor: colours("line"), font: { color: colours("ink"), size: 13 }, align: "left" },
+      hoverlabel: { bgcolor: colours("card"), bordercolor: colours("line"), font: { family, color: colours("ink"), size: 13 }, align: "left" },
       xaxis: { ...axis, range: view.slice(), showgrid: false, zeroline: false, ticksuffix: " s", showticksuffix: "last", nticks: Math.max(4, Math.round(width / 90)), ticks: "outside", tickcolor: colours("line") },
       yaxis: { ...axis, range: values, nticks: 7 },
       yaxis2: { overlaying: "y", range: [0, 1], visible: false, fixedrange: true },
@@ -167,7 +170,7 @@
     };
   }
 
-  const config = { displayModeBar: false, doubleClick: false, responsive: false };
+  const config = { displayModeBar: false, showTips: false, doubleClick: false, responsive: false };
 
   function draw(chart) {
     const first = !chart.drawn;
@@ -230,11 +233,11 @@
     return `<svg viewBox="0 0 20 10" aria-hidden="true">${strokes.join("")}</svg>`;
   }
 
-  function reading(trace, time) {
+  function reading(trace, time, range) {
     if (!trace.shown) return "";
-    const value = shownNumber(valueAt(trace, time));
+    const value = shownNumber(valueAt(trace, time), range);
     const wanted = trace.reference ? valueAt(trace.reference, time) : NaN;
-    return Number.isFinite(wanted) ? `${value}  (${shownNumber(wanted)})` : value;
+    return Number.isFinite(wanted) ? `${value}  (${shownNumber(wanted, range)})` : value;
   }
 
   function legend(chart) {
@@ -294,7 +297,7 @@
     for (const c of charts) {
       c.cursor.style.display = "block";
       c.cursor.style.left = `${LEFT + share * inner}px`;
-      for (const t of c.traces) if (t.reading) t.reading.textContent = reading(t, time);
+      for (const t of c.traces) if (t.reading) t.reading.textContent = reading(t, time, c.values);
     }
   }
 

@@ -25,24 +25,27 @@ def verdict(run: Run) -> Verdict:
     """The verdict on a run, from its summary; without one, the run did not finish."""
     status = str(run.summary.get("status") or run.manifest.get("status") or "")
     if not run.summary or status in ("", "running", "crashed"):
-        told = f"The log ends at {run.end:.3f} s; the run left no complete summary."
-        return Verdict("unfinished", told)
+        told = "The run crashed" if status == "crashed" else "The run did not finish"
+        reason = run.manifest.get("reason")
+        why = f": {reason}" if reason else ""
+        return Verdict("unfinished", f"{told}{why}. Its log ends at {run.end:.3f} s.")
     ending = run.summary.get("ending")
     ending = ending if isinstance(ending, Mapping) else {}
     if status in ("stopped", "failed"):
-        return Verdict(status, _broken_off(status, ending))
+        return Verdict(status, _broken_off(ending))
     missed = [e for e in run.expectations if not e.passed]
     if missed:
         return Verdict("missed", _missed(len(missed), len(run.expectations)))
     return Verdict("passed", _passed(len(run.expectations)) + f" {_reached_end(run)}")
 
 
-def _broken_off(status: str, ending: Mapping[str, Any]) -> str:
-    where = f" in stage {ending['stage']}" if ending.get("stage") else ""
-    clock = number(ending.get("clock"))
-    when = "" if clock is None else f" at {clock:.3f} s"
+def _broken_off(ending: Mapping[str, Any]) -> str:
     why = str(ending.get("text") or ending.get("reason") or "no reason was recorded")
-    return f"{status.capitalize()}{where}{when}: {why}."
+    clock = number(ending.get("clock"))
+    where = f"in stage {ending['stage']}" if ending.get("stage") else ""
+    when = "" if clock is None else f"at {clock:.3f} s"
+    place = " ".join(part for part in (where, when) if part)
+    return f"{place[0].upper()}{place[1:]}: {why}." if place else f"{why}."
 
 
 def _missed(missed: int, total: int) -> str:

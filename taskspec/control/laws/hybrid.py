@@ -41,7 +41,7 @@ def hybrid(
     )
     met = state.rows(normal)
     if met:
-        acceleration[met] += state.mobility[met, met] @ state.f[met]
+        acceleration[met] += state.mobility[met, met] @ (state.f[met] - reference.force[met])
     rows = state.rows(yielding)
     if rows:
         block = state.mobility[rows, rows]

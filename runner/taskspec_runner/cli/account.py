@@ -1,0 +1,176 @@
+"""What a task makes of itself once it is compiled, as data for `explain`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from taskspec.compiler import Program
+from taskspec.program.laws import EQUATIONS
+from taskspec.program.modes import AxisPlan
+from taskspec.program.stage import CompiledStage
+from taskspec.spec import Path as SpecPath
+from taskspec.text.show import show
+from taskspec_runner.cli.defaults import move_speed, ramp_of
+from taskspec_runner.cli.measures import gain_text, length, stiffness
+
+_LIMIT = "limit on "
+
+
+@dataclass(frozen=True, slots=True)
+class AxisAccount:
+    """Who controls an axis, and after what reference."""
+
+    axis: str
+    control: str
+    reference: str
+
+
+@dataclass(frozen=True, slots=True)
+class GainAccount:
+    """A gain on the axes that share its value and origin."""
+
+    gain: str
+    axes: tuple[str, ...]
+    value: str
+    origin: str
+
+
+@dataclass(frozen=True, slots=True)
+class StageAccount:
+    """A stage: its law and frame, its axes and gains, and what ends it."""
+
+    name: str
+    law: str
+    equations: str
+    frame: str
+    contact: str
+    axes: tuple[AxisAccount, ...]
+    gains: tuple[GainAccount, ...]
+    ends: tuple[tuple[str, str], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class FrameAccount:
+    """A frame, how it came about, and the stages that it is the task frame of."""
+
+    name: str
+    described: str
+    stages: tuple[str, ...]
+
+
+def robot_account(program: Program) -> tuple[tuple[str, str], ...]:
+    """The robot, its tool and where it starts."""
+    context = program.context
+    robot, tool = context.robot, context.loaded.task.robot.tool
+    position = ", ".join(f"{round(1e3 * x, 3) + 0.0:g}" for x in context.start_p)
+    sizes = [show(float(v), "mm") for v in (tool.radius, *(tool.size or ())) if v is not None]
+    return (
+        ("robot", f"{robot.name}, {len(robot.joint_names)} joints: {robot.source}"),
+        ("tool", ", ".join([f"{tool.shape} {' x '.join(sizes)}".rstrip(), show(tool.mass, "g")])),
+        ("start", f"tool tip at [{position}] mm in the world"),
+        *(("note", note) for note in robot.notes),
+    )
+
+
+def frame_accounts(program: Program) -> tuple[FrameAccount, ...]:
+    """Every frame that the task can name."""
+    return tuple(
+        FrameAccount(
+            frame.name,
+            frame.described,
+            tuple(stage.name for stage in program.stages if stage.frame is frame),
+        )
+        for frame in program.context.frames.values()
+    )
+
+
+def stage_account(program: Program, stage: CompiledStage) -> StageAccount:
+    """One stage."""
+    return StageAccount(
+        name=stage.name,
+        law=stage.law.kind,
+        equations=EQUATIONS[stage.law.kind],
+        frame=stage.frame.name,
+        contact=_contact(program, stage),
+        axes=tuple(_axis(stage, axis, plan) for axis, plan in stage.plans.items()),
+        gains=tuple(_gains(stage)),
+        ends=tuple(_ends(program, stage)),
+    )
+
+
+def _contact(program: Program, stage: CompiledStage) -> str:
+    if stage.contact is None:
+        return "none: the world has no surface"
+    shape = program.context.loaded.task.world[stage.contact]
+    rigid = " (rigid)" if shape.stiffness == "rigid" else ""
+    friction = f", friction {shape.friction:.3g}" if shape.friction else ", frictionless"
+    return f"{stage.contact}, believed {stiffness(stage.stiffness)}{rigid}{friction}"
+
+
+def _axis(stage: CompiledStage, axis: str, plan: AxisPlan) -> AxisAccount:
+    if plan.force and plan.motion:
+        control = "force over motion"
+    elif plan.force:
+        control = "force"
+    elif plan.open_loop:
+        control = "force, open loop"
+    else:
+        control = "soft motion" if plan.soft else "motion"
+        control += ", yields to the contact" if plan.yields else ""
+    parts = []
+    if plan.motion and not plan.open_loop:
+        parts.append(_motion(stage, axis, plan))
+    if plan.force or plan.open_loop:
+        parts.append(_force(plan))
+    return AxisAccount(axis, control, "; ".join(parts))
+
+
+def _motion(stage: CompiledStage, axis: str, plan: AxisPlan) -> str:
+    entry = plan.axis
+    if plan.mode == "path":
+        assert stage.spec.path is not None
+        return f"path: {_path_kind(stage.spec.path)}"
+    if plan.mode == "move":
+        assert entry.move is not None
+        return f"move {length(entry.move, axis)} at {move_speed(axis, entry)}"
+    if plan.mode == "hold":
+        return "hold against the world" if plan.world else "hold"
+    return f"{plan.mode} {getattr(entry, plan.mode)}"
+
+
+def _force(plan: AxisPlan) -> str:
+    entry = plan.axis
+    wanted = entry.force if entry.force is not None else entry.torque
+    kind = "force" if entry.force is not None else "torque"
+    return f"{kind} {wanted}, reached in {ramp_of(entry)}"
+
+
+def _path_kind(path: SpecPath) -> str:
+    return next(k for k in ("to", "line", "arc", "lissajous", "file") if getattr(path, k))
+
+
+def _gains(stage: CompiledStage) -> Iterator[GainAccount]:
+    for name, by_axis in stage.gains.items():
+        groups: dict[tuple[str, str], list[str]] = {}
+        for axis, gain in by_axis.items():
+            groups.setdefault((gain_text(name, axis, gain.value), gain.origin), []).append(axis)
+        for (value, origin), axes in groups.items():
+            yield GainAccount(name, tuple(axes), value, origin)
+
+
+def _ends(program: Program, stage: CompiledStage) -> Iterator[tuple[str, str]]:
+    """What ends the stage and where it leads, in the order in which a tick decides."""
+    spec, names = stage.spec, [s.name for s in program.stages]
+    number = names.index(stage.name)
+    after = spec.next or (names[number + 1] if number + 1 < len(names) else "end")
+    failed = spec.on_fail or "fail"
+    own = [e.text.removeprefix(_LIMIT) for e in stage.events if e.text.startswith(_LIMIT)]
+    if own:
+        yield "limits", ", ".join(own)
+    targets = {"fail_if": failed, "within": failed, "until": after, "done": after}
+    for event in stage.events:
+        if event.kind in targets:
+            yield f"{event.kind} -> {targets[event.kind]}", event.text.removeprefix("within ")
+    if spec.attempts is not None:
+        yield "attempts", f"entered {spec.attempts} times at most"

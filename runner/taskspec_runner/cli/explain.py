@@ -1,0 +1,93 @@
+"""`taskspec explain`: what a task makes of itself, or what a diagnostic code means."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from pathlib import Path
+
+import typer
+from rich.console import RenderableType
+from rich.table import Table
+from rich.text import Text
+
+from taskspec.compiler import compile_task
+from taskspec.text.codes import CODES
+from taskspec.text.suggest import suggestion
+from taskspec_runner.cli.account import StageAccount, frame_accounts, robot_account, stage_account
+from taskspec_runner.cli.console import show, table
+from taskspec_runner.cli.defaults import defaults_taken
+from taskspec_runner.cli.findings import show_findings
+from taskspec_runner.cli.loading import load
+from taskspec_runner.errors import InputError
+
+_CODE = re.compile(r"TS\d{3}\Z", re.IGNORECASE)
+
+
+def explain_what(what: str) -> int:
+    """Explains a task file, or a code if there is no such file."""
+    if not Path(what).exists() and _CODE.match(what):
+        typer.echo(title_of(what.upper()))
+    else:
+        _explain_file(Path(what))
+    return 0
+
+
+def title_of(code: str) -> str:
+    """What a diagnostic code means, in one line.
+
+    Raises:
+        InputError: there is no such code.
+    """
+    # By now the compiler's layers are imported, which register codes of their own.
+    if code not in CODES:
+        raise InputError(f"there is no diagnostic {code}; {suggestion(code, CODES)}".rstrip("; "))
+    return f"{code}: {CODES[code]}"
+
+
+def _explain_file(path: Path) -> None:
+    program = compile_task(load(path))
+    show_findings(program.warnings, program.context.loaded.sources, err=True)
+    task = program.context.loaded.task
+    show(Text(task.name, style="bold"), Text(task.about or ""), _pairs(robot_account(program)))
+    frames = table("frame", "is", "task frame of")
+    for frame in frame_accounts(program):
+        frames.add_row(*_cells(frame.name, frame.described, ", ".join(frame.stages)))
+    _section("frames", frames)
+    for stage in program.stages:
+        _show_stage(stage_account(program, stage))
+    if task.expect:
+        _section("expected", *(Text(f"  {expectation.text}") for expectation in task.expect))
+    _section("defaults taken", _pairs(defaults_taken(program)))
+
+
+def _show_stage(stage: StageAccount) -> None:
+    facts = (
+        ("law", f"{stage.law}, equations {stage.equations}"),
+        ("frame", stage.frame),
+        ("contact", stage.contact),
+        *stage.ends,
+    )
+    axes = table("axis", "controlled by", "reference")
+    for axis in stage.axes:
+        axes.add_row(*_cells(axis.axis, axis.control, axis.reference))
+    gains = table("gain", "on", "value", "from", right=("value",))
+    for gain in stage.gains:
+        gains.add_row(*_cells(gain.gain, " ".join(gain.axes), gain.value, gain.origin))
+    _section(f"stage {stage.name}", _pairs(facts), "", axes, "", gains)
+
+
+def _section(heading: str, *things: RenderableType) -> None:
+    show("", Text(heading, style="bold"), *things)
+
+
+def _pairs(pairs: Iterable[tuple[str, str]]) -> Table:
+    made = table("", "")
+    made.show_header = False
+    for key, value in pairs:
+        made.add_row(*_cells(key, value))
+    return made
+
+
+def _cells(first: str, *others: str) -> list[Text]:
+    return [Text(f"  {first}"), *map(Text, others)]

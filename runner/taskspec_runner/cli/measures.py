@@ -1,0 +1,61 @@
+"""Numbers for people: SI values in units of a handy size."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from taskspec.text.show import show
+from taskspec.text.units import to_si
+
+#: Gain -> units on a translation and on a rotation, the first of which fits is taken.
+_GAIN_UNITS: dict[str, tuple[Sequence[str], Sequence[str]]] = {
+    "bandwidth": (("Hz",), ("Hz",)),
+    "damping_ratio": ((), ()),
+    "K_P": (("1/s^2",), ("1/s^2",)),
+    "K_D": (("1/s",), ("1/s",)),
+    "mass": (("kg",), ("kg*m^2",)),
+    "stiffness": (("kN/m", "N/m"), ("N*m/rad",)),
+    "damping": (("N*s/m",), ("N*m*s/rad",)),
+    "force.proportional": ((), ()),
+    "force.integral": (("1/s",), ("1/s",)),
+    "force.damping": (("N*s/m",), ("N*m*s/rad",)),
+}
+
+
+def scaled(value: float, units: Sequence[str], digits: int = 4, least: float = 1.0) -> str:
+    """A value [SI] in the first of the units in which it is at least `least`, else in the last."""
+    if not units:
+        return f"{value:.{digits}g}"
+    fits = (unit for unit in units if abs(value) >= least * to_si(1.0, unit).value)
+    return show(value, next(fits, units[-1]), digits)
+
+
+def gain_text(name: str, axis: str, value: float) -> str:
+    """A gain on an axis with its unit."""
+    linear, angular = _GAIN_UNITS[name]
+    return scaled(value, angular if axis.startswith("r") else linear)
+
+
+def length(value: float, axis: str) -> str:
+    """A distance [m] along an axis, or an angle [rad] about it."""
+    return show(value, "deg" if axis.startswith("r") else "mm")
+
+
+def speed(value: float, axis: str) -> str:
+    """A speed [m/s] along an axis, or [rad/s] about it."""
+    return show(value, "deg/s" if axis.startswith("r") else "mm/s")
+
+
+def stiffness(value: float) -> str:
+    """A contact stiffness [N/m]."""
+    return scaled(value, ("kN/m", "N/m"))
+
+
+def small_length(value: float) -> str:
+    """A length [m] that may be very small."""
+    return scaled(value, ("mm", "um"), 3, least=0.1)
+
+
+def force(value: float) -> str:
+    """A force [N] that may be very small."""
+    return scaled(value, ("N", "mN"), 3, least=0.1)

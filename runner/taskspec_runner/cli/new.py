@@ -1,0 +1,131 @@
+"""`taskspec new`: a task of one's own, begun from one that runs."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from importlib import resources
+from pathlib import Path
+
+import typer
+
+from taskspec.text.suggest import suggestion
+from taskspec_runner.errors import InputError, OutputError
+
+_SUFFIX = ".yaml"
+_MODEL_LINE = re.compile(r"^(# yaml-language-server: \$schema=)(\S+)", re.MULTILINE)
+_NAME_LINE = re.compile(r"^name:.*?(?=[ \t]+#|$)", re.MULTILINE)
+
+
+def new_task(template: str | None, out: Path | None) -> int:
+    """Copies a template, or lists the templates."""
+    if template is None:
+        _list_templates()
+        return 0
+    target = out or Path(f"my-{template}{_SUFFIX}")
+    if target.is_dir():
+        target = target / f"my-{template}{_SUFFIX}"
+    written = copy_template(_template(template), target)
+    for path in written:
+        typer.echo(f"wrote {path}", err=True)
+    typer.echo(str(target))
+    return 0
+
+
+def templates() -> dict[str, Path]:
+    """Template names to their files: those of the installed package, else of the checkout.
+
+    Raises:
+        InputError: there are none.
+    """
+    for folder in _folders():
+        found = sorted(folder.glob(f"**/*{_SUFFIX}")) if folder.is_dir() else []
+        if found:
+            return {path.stem: path for path in found}
+    raise InputError("the templates were not installed with this copy of taskspec")
+
+
+def copy_template(source: Path, target: Path) -> list[Path]:
+    """Copies a task under a new name, with the files that it refers to.
+
+    Returns:
+        The files that were written, the task first.
+
+    Raises:
+        InputError: a file is in the way.
+        OutputError: a file cannot be written.
+    """
+    text = renamed(source.read_text(encoding="utf-8"), task_name(target))
+    contents = {target: _with_schema(text, source).encode()}
+    for name in _references(source):
+        contents[target.parent / name] = (source.parent / name).read_bytes()
+    for path, content in contents.items():
+        if path.exists() and (path == target or path.read_bytes() != content):
+            raise InputError(f"{path} exists already; choose another place with --out")
+    for path, content in contents.items():
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_bytes(content)
+        except OSError as error:
+            raise OutputError.of(path, error) from error
+    return list(contents)
+
+
+def task_name(path: Path) -> str:
+    """A task's name made from that of its file."""
+    words = re.sub(r"[^a-z0-9]+", "-", path.stem.lower()).strip("-")
+    return words if words[:1].isalpha() else f"task-{words}".strip("-")
+
+
+def renamed(text: str, name: str) -> str:
+    """The text of a task with another `name`."""
+    return _NAME_LINE.sub(f"name: {name}", text, count=1)
+
+
+def _list_templates() -> None:
+    from rich.text import Text
+
+    from taskspec_runner.cli.console import show, table
+    from taskspec_runner.cli.loading import load
+
+    made = table("template", "about", indent=0)
+    for name, path in templates().items():
+        made.add_row(Text(name), Text(load(path).task.about or ""))
+    show(made)
+
+
+def _template(name: str) -> Path:
+    found = templates()
+    if name not in found:
+        hint = suggestion(name, found, "templates")
+        raise InputError(f"there is no template {name!r}; {hint}")
+    return found[name]
+
+
+def _folders() -> Iterator[Path]:
+    package = Path(str(resources.files("taskspec")))
+    yield package / "data" / "tasks"
+    yield package.parent / "tasks"
+
+
+def _references(source: Path) -> Iterator[str]:
+    """Files that a task names relative to itself: tables of points and robots."""
+    from taskspec.robot import builtin_names
+    from taskspec_runner.cli.loading import load
+
+    task = load(source).task
+    if task.robot.model not in builtin_names():
+        yield task.robot.model
+    for stage in task.stages.values():
+        if stage.path is not None and stage.path.file is not None:
+            yield stage.path.file
+
+
+def _with_schema(text: str, source: Path) -> str:
+    """The text with the editor's line pointing to the schema where it is, seen from anywhere."""
+
+    def point(match: re.Match[str]) -> str:
+        path = (source.parent / match[2]).resolve()
+        return match[1] + path.as_uri() if path.is_file() else match[0]
+
+    return _MODEL_LINE.sub(point, text)

@@ -1,0 +1,148 @@
+"""What a chart is made of, and the bounds that a run's values are held against."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from taskspec_runner.report.data import Expectation, Run, Vector
+from taskspec_runner.report.quantities import figure, quantity
+
+
+@dataclass(frozen=True, slots=True)
+class Trace:
+    """One line of a chart.
+
+    Attributes:
+        label: in the legend. values: (rows,) in the chart's unit. role: what its colour means.
+        style: `line`, `reference` (dashed), `halo` (wide and pale, below the others) or `faint`.
+        signal: its name in the log. continuous: whether it runs on through a change of stage.
+        reference_of: label of the trace that it is the reference of and shares a legend entry with.
+    """
+
+    label: str
+    values: Vector
+    role: str
+    style: str = "line"
+    signal: str = ""
+    continuous: bool = False
+    reference_of: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Band:
+    """Values that an expectation allows.
+
+    Attributes:
+        start, end: run time [s]. low, high: in the chart's unit, None on an open side.
+        passed: whether the expectation held. text: the expectation.
+    """
+
+    start: float
+    end: float
+    low: float | None
+    high: float | None
+    passed: bool
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class Level:
+    """A value that must not be passed, from `start` to `end` [s], in the chart's unit."""
+
+    start: float
+    end: float
+    value: float
+
+
+@dataclass(frozen=True, slots=True)
+class Chart:
+    """A chart over run time.
+
+    Attributes:
+        key, title, unit, note: as shown. traces, bands: in drawing order.
+        limits: levels that must not be passed. always: values that always stay in view.
+    """
+
+    key: str
+    title: str
+    unit: str
+    traces: tuple[Trace, ...]
+    note: str = ""
+    bands: tuple[Band, ...] = ()
+    limits: tuple[Level, ...] = ()
+    always: tuple[float, ...] = ()
+
+
+@dataclass(slots=True)
+class Section:
+    """Charts under one heading; `silent` names those that would show nothing but zero."""
+
+    title: str
+    charts: list[Chart] = field(default_factory=list)
+    silent: list[str] = field(default_factory=list)
+
+    def add(self, chart: Chart | None) -> None:
+        """Takes a chart up if it shows something."""
+        if chart is None or not chart.traces:
+            return
+        if any(np.nanmax(np.abs(t.values)) > 0 for t in chart.traces):
+            self.charts.append(chart)
+        else:
+            self.silent.append(chart.title)
+
+
+def bands(run: Run, signals: Iterable[str], factor: float) -> tuple[Band, ...]:
+    """Bands of the expectations on some signals; `factor` makes them the chart's unit."""
+    wanted = set(signals)
+    return tuple(
+        Band(start, end, *_sides(each, factor), each.passed, each.text)
+        for each in run.expectations
+        if each.band is not None and each.signal in wanted
+        for start, end in _windows(run, each)
+    )
+
+
+def levels(run: Run, name: str, factor: float, signs: Sequence[int]) -> tuple[Level, ...]:
+    """A limit of the task over the run; one piece for each stretch in which it stays the same."""
+    pieces: list[tuple[float, float, float]] = []
+    for visit in run.visits:
+        limit = run.limit(name, visit.stage)
+        if limit is None:
+            continue
+        if pieces and pieces[-1][1:] == (visit.start, limit):
+            pieces[-1] = (pieces[-1][0], visit.end, limit)
+        else:
+            pieces.append((visit.start, visit.end, limit))
+    return tuple(
+        Level(start, end, sign * factor * limit) for start, end, limit in pieces for sign in signs
+    )
+
+
+def limit_note(run: Run, name: str, unit: str, peak: float) -> str:
+    """How near a peak [SI] comes to a limit that is the same in all stages."""
+    found = {run.limit(name, visit.stage) for visit in run.visits}
+    limit = found.pop() if len(found) == 1 else None
+    if not limit:
+        return ""
+    return (
+        f"limit {' '.join(quantity(limit, unit))}, peak at {figure(100 * peak / limit, 2)} % of it"
+    )
+
+
+def size(columns: Sequence[Vector]) -> float:
+    """The largest size of all values."""
+    return max(float(np.nanmax(np.abs(c))) for c in columns)
+
+
+def _sides(each: Expectation, factor: float) -> tuple[float | None, float | None]:
+    low, high = each.band or (None, None)
+    return None if low is None else low * factor, None if high is None else high * factor
+
+
+def _windows(run: Run, each: Expectation) -> list[tuple[float, float]]:
+    if each.stage is None:
+        return [(run.start, run.end)]
+    return [(v.start, v.end) for v in run.visits if v.stage == each.stage]

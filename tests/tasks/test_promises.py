@@ -1,0 +1,96 @@
+"""What a run is held to: the chapter's equilibria and the accuracy that good tuning reaches."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from conftest import rms
+
+
+@pytest.mark.parametrize("task", ["press-hybrid", "press-parallel"])
+def test_force_and_motion_while_sliding(simulate, task):
+    """20 N on 10 kN/m at 1 kHz while sliding 50 mm at 0.5 Hz: 2 mN RMS, 50 um RMS (design 6)."""
+    run = simulate(task)
+    force = run.during("slide", "force.z", 3.0) + 20.0
+    assert rms(force) < 2e-3
+    assert rms(run.during("slide", "error.x", 3.0)) < 50e-6
+    assert np.ptp(run.during("slide", "position.x")) == pytest.approx(0.1, abs=2e-4)
+
+
+def test_pd_press_settles_at_the_equilibrium(simulate):
+    """(4.26), (4.27): two springs in series, to 1e-5; the rest is settling, 1e-9 after 5 s."""
+    run = simulate("press-pd", {"stages.press.time": "6 s"})
+    k_m, k_e, depth = 2000.0, 10_000.0, 0.012
+    f_E = k_m * k_e / (k_m + k_e) * depth
+    assert -run["force.z"][-1] == pytest.approx(f_E, rel=1e-7)
+    assert -run["gap"][-1] == pytest.approx(f_E / k_e, rel=1e-7)
+
+
+def test_impedance_press_settles_where_two_springs_do(simulate):
+    run = simulate("press-impedance", {"stages.press.axes.x": "hold"})
+    # (4.15): K_m (x - x_d) = f; force feedback is exact at rest.
+    assert run["force.z"][-1] == pytest.approx(-20.0, rel=1e-6)
+
+
+@pytest.mark.parametrize("stiffness", ["5 kN/m", "20 kN/m", "200 kN/m"])
+@pytest.mark.parametrize("law", ["hybrid", "parallel"])
+def test_designed_gains_wipe_on_any_table(simulate, stiffness, law):
+    run = simulate("wipe-table", {"world.table.stiffness": stiffness, "law": law})
+    assert run.outcome.status == "done"
+    assert rms(run.during("wipe", "force.z", 2.0) + 15.0) < 0.1
+
+
+def test_the_drum_turns_frame_and_tool(simulate):
+    run = simulate("polish-drum")
+    force = run.during("polish", "force.z", 1.0) + 15.0
+    assert rms(force) < 0.03 * 15
+    reached = run.during("polish", "position.y")
+    turned = np.rad2deg(reached / 0.2)
+    assert turned.max() > 25
+    assert turned.min() < -25
+    # The tool's axis stays on the normal although the normal turns.
+    assert np.max(np.abs(np.pi - run.during("polish", "tilt", 1.0) - np.pi)) < 1e-2
+
+
+@pytest.mark.parametrize("law", ["impedance", "impedance-natural", "pd"])
+def test_an_open_loop_force_is_reached_on_the_believed_surface(simulate, law):
+    """f (1/k_m + 1/k_e) below the surface gives f where the belief is true."""
+    run = simulate(
+        "wipe-table",
+        {"law": law, "stages.wipe.axes.x": "hold", "stages.wipe.axes.y": "hold"},
+    )
+    assert run["force.z"][run.history.window("wipe")][-1] == pytest.approx(-15.0, rel=1e-3)
+
+
+LAWS = ("hybrid", "parallel", "impedance", "impedance-natural", "pd")
+PRESS_AND_GO = """
+taskspec: 1
+name: press-and-go
+robot: {model: panda, start: {xyz: [500 mm, 0, 301 mm]}}
+world: {table: {shape: plane, xyz: [0, 0, 300 mm], stiffness: 10 kN/m}}
+frames: {task: {surface: table}}
+frame: task
+stages:
+  press: {axes: {z: {force: -20 N}}, time: 2 s, law: FIRST}
+  slide: {axes: {x: {velocity: 30 mm/s}, z: {force: -20 N}}, time: 1 s, law: SECOND}
+  lift: {axes: {z: {move: 20 mm}}, law: FIRST}
+"""
+
+
+@pytest.mark.parametrize("first", LAWS)
+@pytest.mark.parametrize("second", LAWS)
+def test_a_stage_begins_without_a_bump(simulate, first, second):
+    """From pressing into sliding into lifting, under any two laws, the torque does not jump.
+
+    20 N at half a metre make 10 N m; what is left is a thousandth. PD, which damps x' and not e',
+    lags behind a moving reference, and another law takes that lag for an error of its own: 0.3.
+    """
+    allowed = 0.3 if "pd" in (first, second) and first != second else 0.01
+    run = simulate(PRESS_AND_GO.replace("FIRST", first).replace("SECOND", second))
+    for stage in ("slide", "lift"):
+        begin = int(np.argmax(run.history.window(stage)))
+        for i in range(7):
+            torque = run[f"joint.{i + 1}.torque"]
+            assert abs(torque[begin] - torque[begin - 1]) < allowed, (stage, i)
+    assert np.min(run["force.z"]) > -30
+    assert run["gap"][-1] > 0.015
