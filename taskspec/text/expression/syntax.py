@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import re
+from dataclasses import dataclass
 
-from lark.exceptions import UnexpectedEOF, UnexpectedInput, UnexpectedToken
+from lark.exceptions import UnexpectedInput, UnexpectedToken
 
 from taskspec.text.expression.problem import Problem
 from taskspec.text.suggest import closest
@@ -48,6 +49,7 @@ UNIT_WORDS = {
 """What people write for a unit, and the unit."""
 
 _UNFINISHED = re.compile(r"(?:\b(?:and|or|not|for|within|in)|[-+*/<>=(,])$")
+_BARE_NUMBER = re.compile(r"(?<![A-Za-z0-9_.])[0-9.]+(?:[eE][+-]?[0-9]+)?$")
 _RELATIONS = {"LT", "LE", "GT", "GE", "WITHIN"}
 
 
@@ -72,104 +74,128 @@ def explain_character(text: str, position: int) -> Problem:
     )
 
 
+@dataclass(frozen=True, slots=True)
+class _Token:
+    """The first word that does not fit.
+
+    Attributes:
+        text: the whole expression.
+        before: what stands before the word, without trailing spaces.
+        kind: its terminal in the grammar.
+        word: the word itself.
+        begin: where it begins.
+        end: where it ends, exclusive.
+        expected: the terminals that would have fitted.
+        start: what the expression has to be.
+    """
+
+    text: str
+    before: str
+    kind: str
+    word: str
+    begin: int
+    end: int
+    expected: frozenset[str]
+    start: str
+
+    def problem(self, message: str, hint: str = "", code: str = "TS101") -> Problem:
+        return Problem(code, message, self.begin, self.end, hint)
+
+
 def explain_token(text: str, error: UnexpectedInput, start: str) -> Problem:
     """Say what is wrong at the first word that does not fit the grammar."""
-    if isinstance(error, UnexpectedEOF) or not isinstance(error, UnexpectedToken):
+    if not isinstance(error, UnexpectedToken) or error.token.type == "$END":
         return _unfinished(text)
-    token = error.token
-    if token.type == "$END":
-        return _unfinished(text)
-    begin, end = token.start_pos or 0, token.end_pos or len(text)
-    expected = set(error.accepts or error.expected)
-    return _explain(text, str(token.type), str(token), begin, end, expected, start)
-
-
-def _explain(  # noqa: C901 - one case for each slip people make
-    text: str, kind: str, word: str, begin: int, end: int, expected: set[str], start: str
-) -> Problem:
+    found = error.token
+    begin, end = found.start_pos or 0, found.end_pos or len(text)
+    expected = frozenset(error.accepts or error.expected)
     before = text[:begin].rstrip()
-    if before.endswith("^"):
-        return Problem("TS101", "an exponent is a plain number", begin, end)
-    if kind in ("AND", "OR") and _UNFINISHED.search(before):
-        return Problem("TS101", f"something is missing before '{word}'", begin, end)
-    if kind == "EQUAL":
-        end = begin + 2 if text[begin : begin + 2] == "==" else end
-        written = text[begin:end]
-        if written == "=" and text[end : end + 1] in ("<", ">"):
-            return Problem("TS101", f"'={text[end]}' is written '{text[end]}='", begin, end + 1)
-        return Problem(
-            "TS103",
-            f"'{written}' cannot be decided for measured numbers",
-            begin,
-            end,
-            "compare with <, <=, > or >=, or write 'x within 5 N +- 0.1 N'",
-        )
-    if kind in _RELATIONS and not expected & _RELATIONS and "AND" in expected:
-        return Problem(
-            "TS104",
-            "comparisons cannot be chained",
-            begin,
-            end,
-            "write 'x within a..b', or join two comparisons with 'and'",
-        )
-    if kind in ("AND", "OR") and _inside_logic(before, "OR" if kind == "AND" else "AND"):
-        return Problem(
-            "TS105",
-            "'and' and 'or' are mixed without parentheses",
-            begin,
-            end,
-            "write (a and b) or c, or a and (b or c)",
-        )
-    if kind in ("AND", "OR", "FOR") and " for " in f" {before} ":
-        return Problem(
-            "TS101",
-            f"'{word}' cannot follow 'for' here",
-            begin,
-            end,
-            "put the part with 'for' in parentheses: (a for 10 ms) and b",
-        )
-    if kind == "FOR" and re.search(r"\b(and|or)\b", before):
-        return Problem(
-            "TS101",
-            "'for' belongs to one condition; it is unclear to which",
-            begin,
-            end,
-            "put the conditions in parentheses: (a and b) for 10 ms",
-        )
-    if kind == "PATH" and re.search(r"(?<![A-Za-z0-9_.])[0-9.]+(?:[eE][+-]?[0-9]+)?$", before):
-        return Problem("TS111", f"'{word}' is not a unit", begin, end, unknown_unit(word))
-    if kind == "PLUSMINUS":
-        return Problem(
-            "TS101",
-            f"'{word}' has no place here",
-            begin,
-            end,
-            "it follows 'within' or stands under 'vary'; to subtract write a - b",
-        )
-    if kind == "TIMES" and before.endswith("*"):
-        return Problem("TS101", "'**' is written '^'", begin - 1, end)
-    if kind == "DOTS":
-        return Problem(
-            "TS119", "an interval has no place here", begin, end, "write 'x within a..b'"
-        )
-    if start == "equation" and kind in _RELATIONS:
-        return Problem("TS101", "an equation is written with =, <= or >=", begin, end)
-    if kind in ("LT", "LE", "GT", "GE", "WITHIN", "AND", "OR", "NOT", "FOR") and start != "logic":
-        return Problem(
-            "TS114", f"a number is needed here, and '{word}' makes a condition", begin, end
-        )
-    if kind in ("QUANTITY", "PATH", "LPAR") and before:
-        return Problem(
-            "TS101", f"'{word}' follows without an operator", begin, end, "write * for a product"
-        )
-    if kind == "RPAR":
-        hint = "" if before.count("(") >= before.count(")") + 1 else "it was never opened"
-        return Problem("TS101", "')' has no place here", begin, end, hint)
-    if kind == "COMMA":
-        return Problem(
-            "TS101", "',' has no place here", begin, end, "it separates the arguments of a function"
-        )
-    return Problem("TS101", f"'{word}' has no place here", begin, end)
+    token = _Token(text, before, str(found.type), str(found), begin, end, expected, start)
+    for slip in _SLIPS:
+        if (problem := slip(token)) is not None:
+            return problem
+    return token.problem(f"'{token.word}' has no place here")
+
+
+def _operand(t: _Token) -> Problem | None:
+    if t.before.endswith("^"):
+        return t.problem("an exponent is a plain number")
+    if t.kind in ("AND", "OR") and _UNFINISHED.search(t.before):
+        return t.problem(f"something is missing before '{t.word}'")
+    if t.kind == "TIMES" and t.before.endswith("*"):
+        return Problem("TS101", "'**' is written '^'", t.begin - 1, t.end)
+    return None
+
+
+def _equality(t: _Token) -> Problem | None:
+    if t.kind != "EQUAL":
+        return None
+    following = t.text[t.end : t.end + 1]
+    if following in ("<", ">"):
+        message = f"'={following}' is written '{following}='"
+        return Problem("TS101", message, t.begin, t.end + 1)
+    written = "==" if following == "=" else "="
+    return Problem(
+        "TS103",
+        f"'{written}' cannot be decided for measured numbers",
+        t.begin,
+        t.begin + len(written),
+        "compare with <, <=, > or >=, or write 'x within 5 N +- 0.1 N'",
+    )
+
+
+def _logic(t: _Token) -> Problem | None:
+    if t.kind in _RELATIONS and not t.expected & _RELATIONS and "AND" in t.expected:
+        hint = "write 'x within a..b', or join two comparisons with 'and'"
+        return t.problem("comparisons cannot be chained", hint, "TS104")
+    if t.kind in ("AND", "OR") and _inside_logic(t.before, "OR" if t.kind == "AND" else "AND"):
+        hint = "write (a and b) or c, or a and (b or c)"
+        return t.problem("'and' and 'or' are mixed without parentheses", hint, "TS105")
+    if t.kind in ("AND", "OR", "FOR") and " for " in f" {t.before} ":
+        hint = "put the part with 'for' in parentheses: (a for 10 ms) and b"
+        return t.problem(f"'{t.word}' cannot follow 'for' here", hint)
+    if t.kind == "FOR" and re.search(r"\b(and|or)\b", t.before):
+        hint = "put the conditions in parentheses: (a and b) for 10 ms"
+        return t.problem("'for' belongs to one condition; it is unclear to which", hint)
+    return None
+
+
+def _unit(t: _Token) -> Problem | None:
+    if t.kind == "PATH" and _BARE_NUMBER.search(t.before):
+        return t.problem(f"'{t.word}' is not a unit", unknown_unit(t.word), "TS111")
+    return None
+
+
+def _interval(t: _Token) -> Problem | None:
+    if t.kind == "PLUSMINUS":
+        hint = "it follows 'within' or stands under 'vary'; to subtract write a - b"
+        return t.problem(f"'{t.word}' has no place here", hint)
+    if t.kind == "DOTS":
+        return t.problem("an interval has no place here", "write 'x within a..b'", "TS119")
+    return None
+
+
+def _condition(t: _Token) -> Problem | None:
+    if t.start == "equation" and t.kind in _RELATIONS:
+        return t.problem("an equation is written with =, <= or >=")
+    if t.start != "logic" and t.kind in _RELATIONS | {"AND", "OR", "NOT", "FOR"}:
+        message = f"a number is needed here, and '{t.word}' makes a condition"
+        return t.problem(message, code="TS114")
+    return None
+
+
+def _order(t: _Token) -> Problem | None:
+    if t.kind in ("QUANTITY", "PATH", "LPAR") and t.before:
+        return t.problem(f"'{t.word}' follows without an operator", "write * for a product")
+    if t.kind == "RPAR" and t.before.count("(") <= t.before.count(")"):
+        return t.problem("')' has no place here", "it was never opened")
+    if t.kind == "COMMA":
+        return t.problem("',' has no place here", "it separates the arguments of a function")
+    return None
+
+
+_SLIPS = (_operand, _equality, _logic, _unit, _interval, _condition, _order)
+"""What people get wrong, the surest first."""
 
 
 def _unfinished(text: str) -> Problem:

@@ -1,0 +1,270 @@
+"""The walk over a tree that finds types, dimensions and unknown names."""
+
+from __future__ import annotations
+
+from taskspec.text.expression import signals, tree
+from taskspec.text.expression.functions import FUNCTIONS, REDUCERS, Function
+from taskspec.text.expression.problem import Problem
+from taskspec.text.expression.scope import Scope, ScopeKind, resolve
+from taskspec.text.expression.types import (
+    CONDITION,
+    PLAIN,
+    UNKNOWN,
+    ZERO,
+    Type,
+    cycle_hint,
+    ends,
+    example_axis,
+    in_words,
+    is_bare,
+)
+from taskspec.text.expression.unknown import explain_name
+from taskspec.text.suggest import suggestion
+from taskspec.text.units import (
+    ANGLE,
+    NUMBER,
+    TIME,
+    Dimension,
+    describe,
+    fitting_text,
+    noun,
+)
+
+
+class Checker:
+    """Walks a tree once; a part that is wrong is reported there and fits everything above."""
+
+    def __init__(self, scope: Scope) -> None:
+        self.scope = scope
+        self.problems: list[Problem] = []
+        self._reducing = False
+
+    def report(self, code: str, message: str, node: tree.Node, hint: str = "") -> Type:
+        self.problems.append(Problem(code, message, node.start, node.end, hint))
+        return UNKNOWN
+
+    def type_of(self, node: tree.Node) -> Type:  # noqa: C901 - one case for each kind of node
+        match node:
+            case tree.Number():
+                zero = node.value_si == 0 and not node.unit
+                return ZERO if zero else Type("number", node.dimension)
+            case tree.Name():
+                return self._name(node)
+            case tree.Negate(x):
+                return self.number(x, self.type_of(x))
+            case tree.Binary():
+                return self._binary(node)
+            case tree.Power(base, exponent):
+                kind = self.number(base, self.type_of(base))
+                return Type("number", kind.dimension**exponent) if kind.dimension else kind
+            case tree.Call():
+                return self._call(node)
+            case tree.Reduce():
+                return self._reduce(node)
+            case tree.Compare(_, left, right):
+                self.same([left, right])
+                return CONDITION
+            case tree.Within(x, low, high):
+                self.same([x, *ends(low, high)])
+                return CONDITION
+            case tree.Not(x):
+                return self.want_condition(x, self.type_of(x))
+            case tree.Logic(_, items):
+                for item in items:
+                    self.want_condition(item, self.type_of(item))
+                return CONDITION
+            case tree.Held():
+                return self._held(node)
+            case tree.Interval(low, high):
+                return self.same(ends(low, high))
+            case tree.Spread(x):
+                return self.number(x, self.type_of(x))
+            case _:
+                raise TypeError(f"{type(node).__name__} is not part of a value")
+
+    def number(self, node: tree.Node, found: Type) -> Type:
+        """Report a condition or a vector where one number is needed."""
+        if found.kind == "condition":
+            return self.report("TS114", "a number is needed here, this is true or false", node)
+        if found.kind == "vector":
+            name = str(node)
+            hint = f"write one of them, such as {name}.{example_axis(node)}, or norm({name})"
+            return self.report("TS114", f"'{name}' has three components", node, hint)
+        return found
+
+    def want(self, node: tree.Node, found: Type, expected: Dimension) -> Type:
+        """Report a number that is not of the expected dimension."""
+        found = self.number(node, found)
+        if found.kind == "unknown" or found.dimension in (None, expected):
+            return found
+        if is_bare(node):
+            return self._missing_unit(node, expected)
+        message = f"{describe(expected)} is needed here, this is {in_words(found)}"
+        return self.report("TS112", message, node, self._unit_hint(node, expected))
+
+    def _unit_hint(self, node: tree.Node, wanted: Dimension | None) -> str:
+        """Return which unit would have fitted a lone number, or where a param lacks its unit."""
+        lone = node.x if isinstance(node, tree.Negate) else node
+        if isinstance(lone, tree.Number) and wanted not in (None, NUMBER):
+            return f"units that fit: {fitting_text(wanted)}"
+        if isinstance(lone, tree.Name):
+            param = self.scope.params.get(lone.path[0])
+            if param is not None and param.dimension == NUMBER:
+                return f"'{lone.path[0]}' is defined without a unit"
+        return ""
+
+    def want_condition(self, node: tree.Node, found: Type) -> Type:
+        """Report anything that is neither true nor false."""
+        if found.kind in ("condition", "unknown"):
+            return found
+        what = "three numbers" if found.kind == "vector" else in_words(found)
+        return self.report(
+            "TS114",
+            f"a condition is needed here, this is {what}",
+            node,
+            "compare it: x < a, or x within a..b",
+        )
+
+    def same(self, nodes: list[tree.Node]) -> Type:
+        """Ask all nodes for one dimension; return it."""
+        kinds = [self.number(node, self.type_of(node)) for node in nodes]
+        leader: tuple[tree.Node, Type] | None = None
+        for node, kind in zip(nodes, kinds, strict=True):
+            if kind.kind == "unknown" or kind.dimension is None:
+                continue
+            if leader is None or (leader[1].dimension == NUMBER and kind.dimension != NUMBER):
+                leader = (node, kind)
+        if leader is None:
+            return UNKNOWN if any(k.kind == "unknown" for k in kinds) else ZERO
+        right = True
+        for node, kind in zip(nodes, kinds, strict=True):
+            if kind.kind == "unknown" or kind.dimension in (None, leader[1].dimension):
+                continue
+            right = False
+            if is_bare(node) and leader[1].dimension is not None:
+                self._missing_unit(node, leader[1].dimension)
+            else:
+                message = f"{in_words(kind)} does not go together with {in_words(leader[1])}"
+                self.report("TS113", message, node, self._unit_hint(node, leader[1].dimension))
+        return leader[1] if right else UNKNOWN
+
+    def _missing_unit(self, node: tree.Node, wanted: Dimension) -> Type:
+        if wanted == NUMBER:
+            return UNKNOWN
+        units = fitting_text(wanted)
+        message = f"a number without a unit, where {noun(wanted)} is needed"
+        return self.report("TS110", message, node, f"add a unit: {units}")
+
+    def _binary(self, node: tree.Binary) -> Type:
+        if node.op in "+-":
+            return self.same([node.left, node.right])
+        left = self.number(node.left, self.type_of(node.left))
+        right = self.number(node.right, self.type_of(node.right))
+        if "unknown" in (left.kind, right.kind):
+            return UNKNOWN
+        if left.dimension is None:
+            return ZERO
+        second = right.dimension or NUMBER
+        product = left.dimension * second if node.op == "*" else left.dimension / second
+        return ZERO if node.op == "*" and right.dimension is None else Type("number", product)
+
+    def _name(self, node: tree.Name) -> Type:
+        if node.path[0] in self.scope.broken:
+            return UNKNOWN
+        meaning = resolve(node.path, self.scope)
+        if meaning is None:
+            self.problems.append(explain_name(node, self.scope))
+            return UNKNOWN
+        if node.frame is not None:
+            self._frame(node, meaning.name)
+        if meaning.kind == "condition":
+            return CONDITION
+        if meaning.kind == "vector":
+            return Type("vector", meaning.dimension)
+        if meaning.kind == "param" and self.scope.params[node.path[0]].bare:
+            return ZERO
+        return Type("number", meaning.dimension)
+
+    def _frame(self, node: tree.Name, signal: str) -> None:
+        assert node.frame is not None
+        start = node.end - len(node.frame)
+        if signal not in signals.FRAMED:
+            message = f"'{'.'.join(node.path)}' is the same in every frame"
+            self.problems.append(Problem("TS116", message, start, node.end, "leave out 'in'"))
+        elif node.frame not in self.scope.frames:
+            hint = suggestion(node.frame, self.scope.frames, "frames")
+            self.problems.append(
+                Problem("TS122", f"unknown frame '{node.frame}'", start, node.end, hint)
+            )
+
+    def _call(self, node: tree.Call) -> Type:
+        rule = FUNCTIONS.get(node.function)
+        end = node.start + len(node.function)
+        if rule is None:
+            for arg in node.args:
+                self.type_of(arg)
+            hint = suggestion(node.function, [*FUNCTIONS, *REDUCERS], "functions")
+            if node.function in REDUCERS:
+                message, code = f"'{node.function}' takes one argument", "TS115"
+                hint = ""
+            else:
+                message, code = f"unknown function '{node.function}'", "TS121"
+            self.problems.append(Problem(code, message, node.start, end, hint))
+            return UNKNOWN
+        if not rule.fewest <= len(node.args) <= (rule.most or len(node.args)):
+            for arg in node.args:
+                self.type_of(arg)
+            wanted = str(rule.fewest) if rule.most else f"at least {rule.fewest}"
+            message = f"'{node.function}' takes {wanted} argument{'s' * (wanted != '1')}"
+            return self.report("TS115", f"{message}, not {len(node.args)}", node)
+        return self._apply(node, rule)
+
+    def _apply(self, node: tree.Call, rule: Function) -> Type:
+        args = list(node.args)
+        if node.function == "norm" and len(args) == 1:
+            kind = self.type_of(args[0])
+            return Type("number", kind.dimension) if kind.kind == "vector" else self.number(
+                args[0], kind)  # fmt: skip
+        if rule.rule in ("same", "two to angle"):
+            kind = self.same(args)
+            return kind if rule.rule == "same" else Type("number", ANGLE)
+        kind = self.number(args[0], self.type_of(args[0]))
+        if rule.rule == "root":
+            return Type("number", kind.dimension**0.5) if kind.dimension else kind
+        if rule.rule == "angle to number" and kind.dimension in (ANGLE, NUMBER, None):
+            return PLAIN
+        if rule.rule == "angle to number":
+            message = f"an angle or a plain number is needed here, this is {in_words(kind)}"
+            self.report("TS112", message, args[0], cycle_hint(kind))
+        elif rule.rule != "to number":
+            self.want(args[0], kind, NUMBER)
+        return Type("number", ANGLE) if rule.rule == "number to angle" else PLAIN
+
+    def _reduce(self, node: tree.Reduce) -> Type:
+        if self.scope.kind not in (ScopeKind.GUARD, ScopeKind.EXPECT):
+            self.type_of(node.arg)
+            if node.reducer in FUNCTIONS:
+                message = f"'{node.reducer}' needs at least 2 arguments here"
+                return self.report("TS115", message, node)
+            message = f"'{node.reducer}' looks back over time, which only conditions can"
+            return self.report("TS119", message, node, "use it in until, fail_if or expect")
+        if self._reducing:
+            return self.report("TS119", "a reducer inside a reducer", node)
+        self._reducing = True
+        kind = self.number(node.arg, self.type_of(node.arg))
+        self._reducing = False
+        return kind
+
+    def _held(self, node: tree.Held) -> Type:
+        self.want_condition(node.x, self.type_of(node.x))
+        amount = node.amount
+        if self.scope.kind is ScopeKind.GUARD:
+            self.want(amount, self.type_of(amount), TIME)
+        elif self.scope.kind is not ScopeKind.EXPECT:
+            self.report("TS119", "'for' has a meaning in guards and expectations only", node)
+        elif amount.unit != "%":
+            message = "in an expectation 'for' takes a share of all ticks"
+            self.report("TS119", message, amount, "write a percentage: for 95 %")
+        elif amount.value_si > 1:
+            self.report("TS118", "a share is at most 100 %", amount)
+        return CONDITION
