@@ -25,7 +25,8 @@ class Judged:
         signals: the signals that it is about, with their stages.
         stage: that all of them belong to; None for the whole run, or where they differ.
         signal: the logged signal, if it is about one.
-        band: (low, high) [SI] that the signal is to stay within, if it is `signal within ..`.
+        band: (low, high) [SI] that the signal is to stay within, None on an open side; None
+            altogether where it is about more than the size of one signal.
     """
 
     text: str
@@ -35,7 +36,7 @@ class Judged:
     signals: tuple[str, ...]
     stage: str | None
     signal: str | None
-    band: tuple[float, float] | None
+    band: tuple[float | None, float | None] | None
 
 
 def judge(task: Task, history: History, elsewhere: Elsewhere) -> tuple[Judged, ...]:
@@ -119,11 +120,21 @@ class _Examiner:
     def _is_measured(self, node: tree.Node) -> bool:
         return any(True for _ in self._lookup.names(node))
 
-    def band(self, node: tree.Node) -> tuple[float, float] | None:
-        """The bounds of `signal within low..high`, with or without `for`."""
+    def band(self, node: tree.Node) -> tuple[float | None, float | None] | None:
+        """The bounds of one plain signal, with or without `for`; None on an open side."""
         inner = node.x if isinstance(node, tree.Held) else node
-        if not (isinstance(inner, tree.Within) and isinstance(inner.x, tree.Name)):
+        sides = self._sides(inner)
+        if not sides or any(self._is_measured(part) for part, _ in sides[1:]):
             return None
-        if inner.x.frame is not None or any(map(self._is_measured, (inner.low, inner.high))):
+        signal, bounds = sides[0][0], [series.number for _, series in sides[1:]]
+        size = isinstance(signal, tree.Call) and signal.function == "abs"
+        name = signal.args[0] if isinstance(signal, tree.Call) and size else signal
+        if not isinstance(name, tree.Name) or name.frame is not None:
             return None
-        return self.value(inner.low).number, self.value(inner.high).number
+        if isinstance(inner, tree.Within):
+            return None if size else (bounds[0], bounds[1])
+        assert isinstance(inner, tree.Compare)
+        below = inner.op.startswith("<") == (signal is inner.left)
+        if size:
+            return (-bounds[0], bounds[0]) if below else None
+        return (None, bounds[0]) if below else (bounds[0], None)

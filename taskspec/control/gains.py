@@ -91,7 +91,7 @@ def _accelerations(law: Law, name: str, axis: Axis, plant: Plant) -> dict[str, G
     if has_force(axis):
         return _force_loop(law, name, plant)
     if is_soft(axis):
-        return _soft(axis, name, plant)
+        return _soft(axis, plant)
     bandwidth = _given(law.bandwidth, name) or Gain(_MOTION_BANDWIDTH, "designed: 5 Hz")
     ratio = _given(law.damping_ratio, name) or Gain(1.0, "designed: 1")
     w = 2 * math.pi * bandwidth.value
@@ -160,7 +160,7 @@ def _force_loop(law: Law, name: str, plant: Plant) -> dict[str, Gain]:
     }
 
 
-def _soft(axis: Axis, name: str, plant: Plant) -> dict[str, Gain]:
+def _soft(axis: Axis, plant: Plant) -> dict[str, Gain]:
     stiffness = _own(axis.stiffness) or Gain(0.0, "none given")
     damping = _own(axis.damping)
     if damping is None:

@@ -156,7 +156,8 @@ class Chart:
 
     def margin(self, point: ca.SX, heading: NDArray[np.float64] | None) -> ca.SX:
         """Positive while the foot is on the chart: inside the face, between the ends of a
-        cylinder, away from the point where x is undefined (the pole of a sphere)."""
+        cylinder, away from the point where x is undefined (the pole of a sphere).
+        """
         kind = self.surface.kind
         if kind == "plane":
             return ca.SX(1)

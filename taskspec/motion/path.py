@@ -105,9 +105,7 @@ class PathShape:
         axes = [a for a in self.axes if not a.startswith("r")] or list(self.axes)
         if self.kind == "lissajous":
             s = np.linspace(0.0, 1.0, 2001)
-            points = [
-                self.numbers[a] * np.sin(2 * np.pi * self.turns[a] * s) for a in axes
-            ]
+            points = [self.numbers[a] * np.sin(2 * np.pi * self.turns[a] * s) for a in axes]
             return float(np.linalg.norm(np.diff(np.array(points), axis=1), axis=0).sum())
         ends = [self.numbers[a] - (start[a] if self.kind == "to" else 0.0) for a in axes]
         return math.hypot(*ends)

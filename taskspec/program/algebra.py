@@ -140,4 +140,3 @@ class CasadiAlgebra:
 def constants(params: Mapping[str, float]) -> dict[str, ca.SX]:
     """Params and pi by name."""
     return {"pi": ca.SX(np.pi)} | {name: ca.SX(value) for name, value in params.items()}
-

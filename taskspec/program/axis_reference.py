@@ -79,7 +79,8 @@ class ReferenceBuilder:
             name, mode, axis, start, path_value, open_loop_value
         )
         offset, slope, time, pressed = (
-            self.parameters.add(f"{slot}.{name}") for slot in ("offset", "slope", "blend", "pressed")
+            self.parameters.add(f"{slot}.{name}")
+            for slot in ("offset", "slope", "blend", "pressed")
         )
         s = self.clock.t / time
         blending = offset * blend.offset_shape(s) + slope * time * blend.slope_shape(s)

@@ -119,4 +119,3 @@ def stage_conditions(
 def _norm(table: SignalTable, kind: str, axes: tuple[str, ...]) -> ca.SX:
     names = [f"{kind}.{a}" for a in axes if f"{kind}.{a}" in table.scalars]
     return ca.norm_2(ca.vertcat(0, *(table.scalars[name] for name in names)))
-

@@ -67,9 +67,7 @@ class Coordinates:
     plans: Mapping[str, AxisPlan]
     marks: Mapping[str, ca.SX]
 
-    def track(
-        self, motions: Mapping[str, AxisReference], normals: Mapping[str, ca.SX]
-    ) -> Tracking:
+    def track(self, motions: Mapping[str, AxisReference], normals: Mapping[str, ca.SX]) -> Tracking:
         """Errors and rates of the given references.
 
         Args:
@@ -96,9 +94,7 @@ class Coordinates:
         acceleration = [motions[a].acceleration if a in motions else zero for a in AXES[3:]]
         theta, theta_rate = ca.vertcat(*angle), ca.vertcat(*rate)
         own = rotation_rate(theta, theta_rate, [m for m in motions if m.startswith("r")], motions)
-        own_acceleration = (
-            ca.vertcat(*acceleration) if own is theta_rate else self.clock.rate(own)
-        )
+        own_acceleration = ca.vertcat(*acceleration) if own is theta_rate else self.clock.rate(own)
         # log(B Exp(theta) Q R^T) = B log(Exp(theta) (B^T R Q^T)^T): the rotation made so far serves
         # both as coordinate and in the error.
         follow = rotation.log(rotation.exp(theta) @ self.turned.T)
@@ -263,9 +259,7 @@ def frame_coordinates(
             marks[f"way.{a}"] = memory.add(f"way.{a}")
         here = at.foot if frame.kind == "following" else point.p
         moved = at.R.T @ (here - marks["place"])
-        position = {
-            a: marks[f"way.{a}"] + moved[i] for i, a in enumerate(AXES[:3]) if a in plans
-        }
+        position = {a: marks[f"way.{a}"] + moved[i] for i, a in enumerate(AXES[:3]) if a in plans}
         if frame.kind == "following" and "z" in plans:
             assert gap is not None
             position["z"] = gap
@@ -293,4 +287,3 @@ def frame_coordinates(
         plans=plans,
         marks=marks,
     )
-

@@ -79,7 +79,10 @@ class Entered:
 
 
 def enter(
-    stage: CompiledStage, robot: RobotModel, carried: Carried, tip: tuple[Vector, Vector],
+    stage: CompiledStage,
+    robot: RobotModel,
+    carried: Carried,
+    tip: tuple[Vector, Vector],
     inputs: Sequence[Vector],
 ) -> Entered:
     """Starts a stage from the carried reference (language.md section 4: hold, bumpless).
@@ -214,9 +217,7 @@ def _pressed(stage: CompiledStage, frame: Vector, carried: Carried) -> dict[str,
     }
 
 
-def _plan(
-    stage: CompiledStage, start: Mapping[str, float], rate: Mapping[str, float]
-) -> Tracks:
+def _plan(stage: CompiledStage, start: Mapping[str, float], rate: Mapping[str, float]) -> Tracks:
     tracks = Tracks()
     for name, plan in stage.plans.items():
         if plan.motion and plan.mode == "move":
@@ -247,9 +248,7 @@ def _blend(
     What it is displaced to hold the last stage's force is let go over the blending time too.
     """
     write = _writer(stage, parameters)
-    own, own_rate = (
-        np.array(v).ravel() for v in stage.own(*inputs, memory, parameters)
-    )
+    own, own_rate = (np.array(v).ravel() for v in stage.own(*inputs, memory, parameters))
     for name, plan in stage.plans.items():
         if f"offset.{name}" not in stage.parameters:
             continue

@@ -97,9 +97,7 @@ def _parallel(
     # (4.16) is this law with K_F = I, f_d = 0: an axis that meets the surface yields to it.
     met = [i for i, a in enumerate(state.axes) if plans[a].yields]
     proportional[met] = 1.0
-    return parallel(
-        state, references.law, mass, stiffness, damping, proportional, integral
-    )
+    return parallel(state, references.law, mass, stiffness, damping, proportional, integral)
 
 
 def _hybrid(

@@ -71,7 +71,9 @@ def _robot(loaded: LoadedTask) -> tuple[RobotModel, Vector]:
         xyz, rpy, joints = (start.xyz, start.rpy, start.joints) if start else (None, None, None)
         return model, solve_start(model, xyz, rpy, joints)
     except RobotError as error:
-        raise spec_error(loaded, ("robot", *error.field), error.code, error.message, error.hint) from error
+        raise spec_error(
+            loaded, ("robot", *error.field), error.code, error.message, error.hint
+        ) from error
 
 
 def tool_center(context: Context) -> Vector:

@@ -73,8 +73,10 @@ class Resolver:
         frame = self.frames[frame_name]
         face = None
         if frame.kind == "following" and frame.surface is not None and frame.surface.kind == "box":
-            raise UnknownSignalError(f"{signal} in {frame_name}: the faces of a box are followed "
-                                     "only by the stage's own frame")
+            raise UnknownSignalError(
+                f"{signal} in {frame_name}: the faces of a box are followed "
+                "only by the stage's own frame"
+            )
         R = kinematics.frame_state(frame, self.terms, self.tool, face).R
         kind, _, axis = signal.partition(".")
         if kind in ("force", "torque"):

@@ -283,9 +283,7 @@ def _measured(
     scalars |= {f"velocity.{a}": twist[AXES.index(a)] for a in table.axes}
     scalars["speed"] = ca.norm_2(inputs.terms.twist[:3])
     scalars["power"] = ca.dot(wrench, point.twist)
-    scalars["tilt"] = ca.acos(
-        ca.fmin(ca.fmax(-ca.dot(inputs.terms.R[:, 2], at.R[:, 2]), -1), 1)
-    )
+    scalars["tilt"] = ca.acos(ca.fmin(ca.fmax(-ca.dot(inputs.terms.R[:, 2], at.R[:, 2]), -1), 1))
     scalars["touching"] = ca.norm_2(wrench[:3]) > signals.TOUCHING
     scalars["travel"] = ca.norm_2(inputs.terms.p - parameters.add("entry", 3))
     for i in range(context.robot.pin.nv):

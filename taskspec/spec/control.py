@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated
 
 from pydantic import Field
 
 from taskspec.spec.model import Model
 from taskspec.spec.quantities import Constant
+from taskspec.spec.reading import Reading, span_of
+from taskspec.text.data import Map
 from taskspec.text.units import FREQUENCY
+
+USUAL = 1000.0
+SLOWEST = 20.0
+FASTEST = 100e3
 
 
 class Control(Model):
@@ -16,15 +23,40 @@ class Control(Model):
 
     Attributes:
         rate: of the controller.
-        plant_rate: of the simulated plant.
+        plant_rate: of the simulated plant, a whole multiple of `rate`.
     """
 
     noun = "'control'"
     example = "control: {rate: 1 kHz}"
 
-    rate: Annotated[float, Constant(FREQUENCY, above=0)] = Field(
-        1000.0, title="Rate of the controller"
+    rate: Annotated[float, Constant(FREQUENCY, least=SLOWEST, most=FASTEST)] = Field(
+        USUAL, title="Rate of the controller"
     )
-    plant_rate: Annotated[float, Constant(FREQUENCY, above=0)] = Field(
-        1000.0, title="Rate of the plant"
+    plant_rate: Annotated[float, Constant(FREQUENCY, least=SLOWEST, most=FASTEST)] = Field(
+        USUAL,
+        title="Rate of the plant",
+        description="A whole multiple of the controller's rate; by default the first from 1 kHz on",
     )
+
+
+def settle_rates(control: Control, data: Map, reading: Reading) -> Control:
+    """Return the rates with that of the plant filled in; report one that does not fit.
+
+    Args:
+        control: as the file has it.
+        data: the raw mapping, empty if the file has none.
+        reading: the pass.
+    """
+    if not all(SLOWEST <= rate <= FASTEST for rate in (control.rate, control.plant_rate)):
+        return control
+    if "plant_rate" not in data:
+        multiple = max(1, math.ceil(USUAL / control.rate - 1e-9))
+        return control.model_copy(update={"plant_rate": multiple * control.rate})
+    ratio = control.plant_rate / control.rate
+    if round(ratio) < 1 or abs(ratio - round(ratio)) > 1e-9 * ratio:
+        reading.error(
+            "TS118",
+            f"the plant's rate is a whole multiple of the controller's ({control.rate:g} Hz)",
+            span_of(data["plant_rate"]),
+        )
+    return control

@@ -11,7 +11,8 @@ from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
 from taskspec.spec import overrides as overriding
-from taskspec.spec.model import REPORTED
+from taskspec.spec.control import settle_rates
+from taskspec.spec.model import REPORTED, mapping
 from taskspec.spec.names import collect_names
 from taskspec.spec.params import evaluate_params
 from taskspec.spec.reading import Reading
@@ -22,6 +23,12 @@ from taskspec.text.data import Map, to_data
 from taskspec.text.diagnostic import Diagnostic, Diagnostics, SpecError
 from taskspec.text.source import Source, Span
 from taskspec.text.yaml import MAX_BYTES, read
+
+_EXAMPLES = {
+    "taskspec": "begin the file with 'taskspec: 1'",
+    "robot": "such as robot: {model: panda}",
+    "stages": "such as stages: {wait: {time: 1 s}}",
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,9 +137,12 @@ def _validate(root: nodes.Mapping, found: Diagnostics, path: Path) -> Task | Non
         for detail in error.errors(include_url=False, include_context=False):
             _translate(detail, root, reading)
         return None
+    filled: dict[str, object] = {
+        "control": settle_rates(task.control, mapping(data.get("control")), reading)
+    }
     if "name" not in data:
-        task = task.model_copy(update={"name": _name_from(path)})
-    return task
+        filled["name"] = _name_from(path)
+    return task.model_copy(update=filled)
 
 
 def _keys(root: nodes.Mapping) -> dict[int, Span]:
@@ -162,7 +172,7 @@ def _translate(detail: ErrorDetails, root: nodes.Mapping, reading: Reading) -> N
         if quiet or id(owner) in reading.quiet:
             return
         where = f"'{loc[-2]}'" if len(loc) > 1 else "the task"
-        hint = "begin the file with 'taskspec: 1'" if loc == ("taskspec",) else ""
+        hint = _EXAMPLES.get(str(loc[-1]), "") if len(loc) == 1 else ""
         span = nodes.place(root, loc[:depth])
         reading.error("TS021", f"{where} needs the key '{loc[-1]}'", span, hint)
         return

@@ -34,7 +34,7 @@ class Model(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True, arbitrary_types_allowed=True)
 
-    noun: ClassVar[str] = "mapping"
+    noun: ClassVar[str] = "this"
     reserved: ClassVar[frozenset[str]] = frozenset()
     example: ClassVar[str] = ""
     short: ClassVar[dict[str, Any] | None] = None

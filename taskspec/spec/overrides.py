@@ -95,10 +95,11 @@ def _put(
     found: Diagnostics,
 ) -> None:
     node: Node = root
+    owner = root
     for depth, step in enumerate(steps):
         last = depth == len(steps) - 1
-        if isinstance(node, Scalar) and steps[:depth][-1:] == ["law"]:
-            node = _full_law(root, steps[:depth], node)
+        if isinstance(node, Scalar) and node is owner.get("law"):
+            node = _full_law(owner, node)
         if isinstance(node, Sequence):
             if not (step.isdigit() and int(step) < len(node.items)):
                 _unknown(key, step, [str(i) for i in range(len(node.items))], found)
@@ -124,19 +125,12 @@ def _put(
         if below is None:
             below = MappingNode(key.span, flow=True)
             node.entries[step] = (key, below)
-        node = below
+        owner, node = node, below
 
 
-def _full_law(root: MappingNode, steps: list[str], node: Scalar) -> MappingNode:
+def _full_law(owner: MappingNode, node: Scalar) -> MappingNode:
     """Write `law: hybrid` as `law: {kind: hybrid}` so that a gain can be set."""
     full = MappingNode(node.span, flow=True, entries={"kind": (node, node)})
-    owner: Node = root
-    for step in steps[:-1]:
-        assert isinstance(owner, MappingNode)
-        below = owner.get(step)
-        assert below is not None
-        owner = below
-    assert isinstance(owner, MappingNode)
     owner.entries["law"] = (owner.entries["law"][0], full)
     return full
 

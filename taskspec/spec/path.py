@@ -87,7 +87,7 @@ class Path(Model):
     line: Line | None = Field(None, title="A straight line")
     arc: Arc | None = Field(None, title="An arc in the frame's xy plane")
     lissajous: Lissajous | None = Field(None, title="Sines on several axes")
-    file: Annotated[str, Free()] | None = Field(None, title="A CSV file of points")
+    file: Annotated[str, Free(filled=True)] | None = Field(None, title="A CSV file of points")
     speed: Annotated[float, Constant(VELOCITY, above=0)] | None = Field(None, title="Speed")
     time: Annotated[float, Constant(TIME, above=0)] | None = Field(None, title="Duration")
 

@@ -11,7 +11,7 @@ from taskspec.spec.reading import Reading, kind_of, span_of
 from taskspec.text.data import Items, Text
 from taskspec.text.expression import Expression, ScopeKind
 from taskspec.text.expression.tree import Number
-from taskspec.text.units import NUMBER, Dimension, alternatives, describe, fitting
+from taskspec.text.units import NUMBER, Dimension, alternatives, describe, fitting, in_si
 
 _SCALAR: dict[str, Any] = {"type": ["string", "number"]}
 """A quantity in JSON Schema: text with a unit, or a plain number such as 0."""
@@ -25,12 +25,14 @@ class Constant(Kind):
         dimension: what it measures.
         above: it has to be greater than this (SI units).
         least: it has to be at least this (SI units).
+        most: it has to be at most this (SI units).
         words: words that may stand in its place.
     """
 
     dimension: Dimension
     above: float | None = None
     least: float | None = None
+    most: float | None = None
     words: tuple[str, ...] = ()
 
     def read(self, value: object, reading: Reading) -> float | str:
@@ -40,25 +42,21 @@ class Constant(Kind):
         result = values.constant(value, self.dimension, reading)
         if result is None:
             return 0.0
-        return in_range(value, result, reading, self.above, self.least)
+        if self.above is not None and result <= self.above:
+            self._report(value, "more than", self.above, reading)
+        elif self.least is not None and result < self.least:
+            self._report(value, "at least", self.least, reading)
+        elif self.most is not None and result > self.most:
+            self._report(value, "at most", self.most, reading)
+        return result
+
+    def _report(self, value: object, relation: str, bound: float, reading: Reading) -> None:
+        limit = in_si(bound, self.dimension) if bound else "0"
+        reading.error("TS118", f"this has to be {relation} {limit}", span_of(value))
 
     def json(self) -> dict[str, Any]:
         """Describe the quantity."""
         return _SCALAR | {"description": _description(self.dimension, self.words)}
-
-
-def in_range(
-    value: object, result: float, reading: Reading, above: float | None, least: float | None
-) -> float:
-    """Report a number out of its range; return it."""
-    if above is not None and result <= above:
-        message = f"this has to be more than {above:g}"
-    elif least is not None and result < least:
-        message = f"this has to be at least {least:g}"
-    else:
-        return result
-    reading.error("TS118", message, span_of(value))
-    return result
 
 
 def _description(dimension: Dimension, words: tuple[str, ...] = ()) -> str:
@@ -117,12 +115,14 @@ class Entries(Kind):
         if not fewest <= len(value) <= len(self.dimensions) and not value.node.broken:
             message = f"{self._count()} entries are needed here, these are {len(value)}"
             reading.error("TS023", message, span_of(value))
+        before = len(reading.diagnostics)
         result = []
         for entry, dimension in zip(value, self.dimensions, strict=False):
             number = Constant(dimension, above=self.above).read(entry, reading)
             assert isinstance(number, float)
             result.append(number)
-        if self.nonzero and len(value) and not any(result) and not reading.diagnostics.has_errors:
+        sound = value and len(reading.diagnostics) == before
+        if self.nonzero and sound and not any(result):
             reading.error("TS118", "a direction of length zero", span_of(value))
         return tuple(result)
 

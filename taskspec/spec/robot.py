@@ -113,11 +113,11 @@ class Robot(Model):
     example = "robot: {model: panda}"
     reserved = frozenset({"grasp", "sensor", "balanced", "joint_damping"})
 
-    model: Annotated[str, Free()] = Field(
+    model: Annotated[str, Free(filled=True)] = Field(
         title="Robot model",
         description="A built-in name (taskspec robots), or the path of an MJCF or URDF file",
     )
-    flange: Annotated[str, Free()] | None = Field(
+    flange: Annotated[str, Free(filled=True)] | None = Field(
         None, title="Flange", description="The body or frame that carries the tool"
     )
     base: Pose = Field(Pose(), title="Placement of the base in the world")

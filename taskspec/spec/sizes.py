@@ -9,7 +9,7 @@ from taskspec.spec.reading import Reading
 from taskspec.text.data import Map
 from taskspec.text.nodes import pointer
 
-_SIZES = ("radius", "size", "length")
+SIZES = ("radius", "size", "length")
 
 
 def check_sizes(
@@ -32,7 +32,7 @@ def check_sizes(
         return
     needed, further = table[shape]
     allowed = {*needed, *further, *({"length"} if owner == "tool" else ())}
-    for key in _SIZES:
+    for key in SIZES:
         if key in data and key not in allowed:
             has = f"its sizes: {', '.join(sorted(allowed))}" if allowed else "it has no size"
             reading.error("TS302", f"a {shape} has no '{key}'", data.node.key_span(key), has)

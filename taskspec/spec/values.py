@@ -69,6 +69,9 @@ def expression(
     reading.problems(value, checked.problems)
     if checked.problems:
         return None
+    fixed = all(n.path[0] in reading.params for n in walk(node) if isinstance(n, Name))
+    if dimension is not None and fixed and number(value, node, reading) is None:
+        return None
     return Expression(value.node.value, checked.tree, checked.dimension, value.node.origin)
 
 

@@ -9,6 +9,8 @@ from taskspec.spec import values
 from taskspec.spec.kinds import Kind
 from taskspec.spec.model import mapping
 from taskspec.spec.reading import Reading, kind_of, span_of
+from taskspec.spec.sizes import SIZES
+from taskspec.spec.world import Shape
 from taskspec.text.data import Items, Map
 from taskspec.text.expression import Problem, ScopeKind, check
 from taskspec.text.expression.tree import Interval, Node, Spread
@@ -37,7 +39,6 @@ _OBJECT: dict[str, Target] = {
     "radius": (LENGTH, 0),
     "length": (LENGTH, 0),
 }
-_SIZES = {"box": ("size",), "cylinder": ("radius", "length"), "sphere": ("radius",), "plane": ()}
 _ROBOT: dict[str, Target] = {"tool.mass": (MASS, 0)}
 _LATER = ("joint_damping", "sensor")
 
@@ -110,11 +111,10 @@ def _target(path: str, data: Map, reading: Reading) -> Target | None:
 def _fields(shape: Map) -> list[str] | None:
     """Return the values of an object that can vary; None if its shape is not known."""
     name = shape.get("shape")
-    if not isinstance(name, str) or name not in _SIZES:
+    if not isinstance(name, str) or name not in Shape.sizes:
         return None
-    return [
-        key for key in _OBJECT if key not in ("size", "radius", "length") or key in _SIZES[name]
-    ]
+    own, further = Shape.sizes[name]
+    return [key for key in _OBJECT if key not in SIZES or key in own + further]
 
 
 def _components(

@@ -86,11 +86,19 @@ class Reference(Kind):
 
 @dataclass(frozen=True)
 class Free(Kind):
-    """Any text; `pattern` restricts it to a form that `form` describes."""
+    """Any text.
+
+    Attributes:
+        form: in words, what it has to be.
+        matches: whether it is of that form.
+        pattern: the form for editors.
+        filled: it may not be empty.
+    """
 
     form: str = ""
     matches: Callable[[str], bool] | None = None
     pattern: str = ""
+    filled: bool = False
 
     def read(self, value: object, reading: Reading) -> str:
         """Return the text."""
@@ -98,6 +106,8 @@ class Free(Kind):
             message = f"a text is needed here, this is {kind_of(value)}"
             reading.error("TS022", message, span_of(value), "put it in quotes")
             return ""
+        if self.filled and not value.strip():
+            reading.error("TS022", "this text is empty", span_of(value))
         if self.matches is not None and not self.matches(value):
             reading.error("TS125", f"'{value}' is not {self.form}", span_of(value))
         return str(value)

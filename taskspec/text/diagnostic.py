@@ -55,6 +55,9 @@ class SpecError(Exception):
         self.sources: Mapping[str, Source] = dict(sources or {})
         super().__init__("; ".join(f"{d.code}: {d.message}" for d in self.diagnostics))
 
+    def __reduce__(self) -> tuple[type[SpecError], tuple[object, ...]]:
+        return (SpecError, (self.diagnostics, dict(self.sources)))
+
 
 class Diagnostics:
     """Collects findings about one source; equal ones are kept once."""

@@ -149,6 +149,12 @@ def fitting(dimension: Dimension) -> tuple[str, ...]:
     return (_symbol(dimension),)
 
 
+def in_si(value: float, dimension: Dimension) -> str:
+    """Return an SI value with its unit, such as `20 Hz`."""
+    unit = _WORDS[dimension][1] if dimension in _WORDS else _symbol(dimension)
+    return f"{value:g} {unit}".rstrip()
+
+
 def usual_units() -> tuple[str, ...]:
     """Return the composed units that people use, such as `mm/s`."""
     return tuple(unit for _, _, units in _WORDS.values() for unit in units)

@@ -61,9 +61,7 @@ def test_a_following_frame_is_right_handed_with_z_outward(name, heading):
         np.testing.assert_allclose(F[:, 2], number(chart.normal(ca.SX(x))), atol=1e-12)
         foot = number(chart.foot(ca.SX(x)))
         assert number(chart.distance(ca.SX(foot))) == pytest.approx(0, abs=1e-9)
-        np.testing.assert_allclose(
-            foot + number(chart.distance(ca.SX(x))) * F[:, 2], x, atol=1e-9
-        )
+        np.testing.assert_allclose(foot + number(chart.distance(ca.SX(x))) * F[:, 2], x, atol=1e-9)
 
 
 def test_a_cylinders_x_is_its_axis():

@@ -67,7 +67,9 @@ def test_cholesky_and_solves():
     B = RNG.normal(size=(6, 2))
     L = linear.cholesky(ca.SX(np.triu(A)))
     np.testing.assert_allclose(ca.evalf(L), np.linalg.cholesky(A), atol=1e-12)
-    np.testing.assert_allclose(ca.evalf(linear.solve(L, ca.SX(B))), np.linalg.solve(A, B), atol=1e-10)
+    np.testing.assert_allclose(
+        ca.evalf(linear.solve(L, ca.SX(B))), np.linalg.solve(A, B), atol=1e-10
+    )
 
 
 def test_tip_kinematics_are_pinocchios(arm):
@@ -128,7 +130,9 @@ def test_following_frame_by_finite_differences(kind):
         np.testing.assert_allclose(pin.unSkew(R.T @ rate), body, atol=1e-9)
         velocity = arm([tool.velocity], (q, v, w))[0]
         foot_rate = (near[1][1] - near[0][1]) / (2 * h)
-        np.testing.assert_allclose((R.T @ foot_rate)[:2], foot_map @ (R.T @ velocity)[:2], atol=1e-6)
+        np.testing.assert_allclose(
+            (R.T @ foot_rate)[:2], foot_map @ (R.T @ velocity)[:2], atol=1e-6
+        )
 
 
 def test_total_rate_by_finite_differences():

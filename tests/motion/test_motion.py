@@ -31,7 +31,10 @@ def derivatives(cubic, t):
     )
 
 
-@pytest.mark.parametrize(("start", "velocity", "target"), [(0, 0, 0.05), (0.1, 0.03, -0.2), (0, 0, 1e-4), (0, -0.2, 0.05)])
+@pytest.mark.parametrize(
+    ("start", "velocity", "target"),
+    [(0, 0, 0.05), (0.1, 0.03, -0.2), (0, 0, 1e-4), (0, -0.2, 0.05)],
+)
 def test_a_move_keeps_its_limits_and_arrives(start, velocity, target):
     speed = 0.05
     cubic = profile.move(start, velocity, target, speed)

@@ -24,7 +24,10 @@ stages:
 SPHERE = "{shape: sphere, radius: 10 mm, length: 100 mm, mass: 300 g}"
 SURFACES = {
     "plane": ("{{shape: plane, xyz: [0, 0, 300 mm], {contact}}}", 301),
-    "box": ("{{shape: box, xyz: [500 mm, 0, 250 mm], size: [200 mm, 200 mm, 100 mm], {contact}}}", 301),
+    "box": (
+        "{{shape: box, xyz: [500 mm, 0, 250 mm], size: [200 mm, 200 mm, 100 mm], {contact}}}",
+        301,
+    ),
     "cylinder": (
         "{{shape: cylinder, xyz: [500 mm, 0, 200 mm], rpy: [90 deg, 0, 0], radius: 100 mm, "
         "length: 300 mm, {contact}}}",

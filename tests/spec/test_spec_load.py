@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import math
+import pickle
 from pathlib import Path
 
 import pytest
@@ -249,3 +250,29 @@ def test_models_can_be_made_without_a_file() -> None:
     robot = Robot(model="planar2", start=Start(xyz=(0.3, 0.0, 0.0)))
     assert robot.start is not None
     assert robot.start.xyz == (0.3, 0.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("control", "rate", "plant_rate"),
+    [
+        ("", 1000, 1000),
+        ("control: {rate: 300 Hz}\n", 300, 1200),
+        ("control: {rate: 2 kHz}\n", 2000, 2000),
+        ("control: {rate: 500 Hz, plant_rate: 2 kHz}\n", 500, 2000),
+        ("control: {plant_rate: 4 kHz}\n", 1000, 4000),
+    ],
+)
+def test_plant_steps_a_whole_number_of_times(control: str, rate: float, plant_rate: float) -> None:
+    found = load_text(HEAD + WAIT + control, "t").task.control
+    assert (found.rate, found.plant_rate) == (rate, plant_rate)
+
+
+def test_tasks_and_errors_pass_between_processes() -> None:
+    loaded = load_task(WIPE)
+    copy = pickle.loads(pickle.dumps(loaded))
+    assert copy.task == loaded.task
+    assert copy.span(("law",)) == loaded.span(("law",))
+    with pytest.raises(SpecError) as caught:
+        load_text(HEAD, "t")
+    again = pickle.loads(pickle.dumps(caught.value))
+    assert again.diagnostics == caught.value.diagnostics

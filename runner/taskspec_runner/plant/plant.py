@@ -30,7 +30,11 @@ class Plant:
     """
 
     def __init__(
-        self, robot: RobotModel, task: Task, start: Vector, views: tuple[Vector, Vector] | None = None
+        self,
+        robot: RobotModel,
+        task: Task,
+        start: Vector,
+        views: tuple[Vector, Vector] | None = None,
     ) -> None:
         """Builds the plant at joint positions `start` (n,), at rest.
 

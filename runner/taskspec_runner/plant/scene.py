@@ -57,7 +57,7 @@ def build_scene(robot: RobotModel, task: Task) -> Scene:
     option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
     _light(spec)
     for number, (name, shape) in enumerate(task.world.items()):
-        _add_object(spec, robot, name, shape, _COLORS[number % len(_COLORS)])
+        _add_object(spec, name, shape, _COLORS[number % len(_COLORS)])
         for geom in robot.tool_geoms:
             pair = spec.add_pair(geomname1=PREFIX + name, geomname2=geom, condim=3)
             contact_parameters(pair, shape, robot, period)
@@ -85,7 +85,6 @@ _NET_FORCE = 3
 
 def _add_object(
     spec: mujoco.MjSpec,
-    robot: RobotModel,
     name: str,
     shape: Shape,
     color: tuple[float, float, float, float],
@@ -104,7 +103,7 @@ def _add_object(
     if shape.shape == "plane":
         # The plane itself is endless; what is seen is a slab of it around the arm's reach.
         visible[3] = 0.0
-        _add_slab(spec, robot, shape, color)
+        _add_slab(spec, shape, color)
     spec.worldbody.add_geom(
         name=PREFIX + name,
         type=kind,
@@ -119,7 +118,6 @@ def _add_object(
 
 def _add_slab(
     spec: mujoco.MjSpec,
-    robot: RobotModel,
     shape: Shape,
     color: tuple[float, float, float, float],
 ) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict
 from importlib import resources
+from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
@@ -82,7 +83,7 @@ def _data(run: Run, shown: tuple[Section, ...]) -> Json:
         ],
         "events": [
             {"at": v.end, "stopped": _stopped(v), "text": _event_text(run, v, following)}
-            for v, following in zip(run.visits, [*run.visits[1:], None], strict=True)
+            for v, following in zip_longest(run.visits, run.visits[1:])
             if following is not None or v.ended_by
         ],
         "charts": {chart.key: _chart(run, chart) for each in shown for chart in each.charts},
@@ -190,4 +191,6 @@ def _flat(value: Any, prefix: str = "") -> Iterator[tuple[str, str]]:
 
 
 def _text(value: object) -> str:
+    if isinstance(value, float):
+        return f"{value:.6g}"
     return "" if value is None else str(value)

@@ -12,6 +12,7 @@ _SCALES: dict[str, tuple[tuple[float, str, float], ...]] = {
     "rad/s": ((180 / math.pi, "deg/s", 0.0),),
     "N": ((1e-3, "kN", 1e4), (1.0, "N", 0.05), (1e3, "mN", 0.05e-3), (1e6, "µN", 0.0)),
     "N*m": ((1.0, "N·m", 0.05), (1e3, "mN·m", 0.05e-3), (1e6, "µN·m", 0.0)),
+    "J": ((1.0, "J", 0.05), (1e3, "mJ", 0.0)),
     "W": ((1.0, "W", 0.05), (1e3, "mW", 0.0)),
 }
 #: Less than this in the finest unit is rounding, of the sum or of the simulation.
@@ -38,7 +39,8 @@ def figure(value: float, digits: int = 3) -> str:
         return "–"
     if value == 0:
         return "0"
-    size = math.floor(math.log10(abs(value)))
+    # Rounded first: 9.9996 has the size of 10.
+    size = math.floor(math.log10(abs(float(f"{value:.{digits - 1}e}"))))
     text = f"{value:.2e}" if not -4 <= size < 7 else f"{value:.{max(digits - 1 - size, 0)}f}"
     return text.replace("-", "−")
 

@@ -61,6 +61,8 @@ def _passed(total: int) -> str:
 
 
 def _reached_end(run: Run) -> str:
-    visits = len(run.visits)
-    stages = f"{visits} stage{'s' if visits != 1 else ''}"
-    return f"The run reached its end after {stages}." if visits else "The run reached its end."
+    visits, stages = len(run.visits), len({v.stage for v in run.visits})
+    after = f" after {stages} stage{'s' if stages != 1 else ''}" if stages else ""
+    if visits > stages:
+        after = f" after {visits} visits of {stages} stage{'s' if stages != 1 else ''}"
+    return f"The run reached its end{after}."

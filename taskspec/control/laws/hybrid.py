@@ -37,7 +37,9 @@ def hybrid(
     """
     velocity_error = reference.velocity - state.velocity
     acceleration = (
-        reference.acceleration + motion_damping * velocity_error + motion_stiffness * reference.error
+        reference.acceleration
+        + motion_damping * velocity_error
+        + motion_stiffness * reference.error
     )
     met = state.rows(normal)
     if met:

@@ -33,6 +33,4 @@ def parallel(
     velocity_error = reference.velocity - state.velocity
     motion = damping * velocity_error + stiffness * reference.error
     force = proportional * (reference.force - state.f) + integral * reference.force_integral
-    return Command(
-        acceleration=reference.acceleration + (motion - force) / mass, wrench=-state.f
-    )
+    return Command(acceleration=reference.acceleration + (motion - force) / mass, wrench=-state.f)

@@ -40,10 +40,12 @@ class Checker:
         self._reducing = False
 
     def report(self, code: str, message: str, node: tree.Node, hint: str = "") -> Type:
+        """Add a problem at a node, whose type is unknown from then on."""
         self.problems.append(Problem(code, message, node.start, node.end, hint))
         return UNKNOWN
 
     def type_of(self, node: tree.Node) -> Type:  # noqa: C901 - one case for each kind of node
+        """Return the type of a node; report what is wrong in it and below it."""
         match node:
             case tree.Number():
                 zero = node.value_si == 0 and not node.unit

@@ -15,6 +15,7 @@ _ONLY_HERE = {
     ScopeKind.WORLD: "the world may use params, pi and clock only",
     ScopeKind.PLANNED: "a planned position may use params, pi, t and clock only",
 }
+_TRUTH = ("yes", "no", "on", "off", "true", "false")
 _SIGNALS = (*signals.VECTORS, *signals.SCALARS, *signals.CONDITIONS)
 
 
@@ -24,33 +25,41 @@ def explain_name(node: Name, scope: Scope) -> Problem:
     text = ".".join(path)
     end = start + len(text)
     head = path[0]
-    known = set(_SIGNALS) | set(scope.params) | set(signals.CLOCKS) | set(signals.CONSTANTS)
-
-    def at(code: str, message: str, hint: str = "") -> Problem:
-        return Problem(code, message, start, end, hint)
-
     if head == "params" and len(path) == 2:
-        return at("TS120", "params are used by their bare name", f"write '{path[1]}'")
+        message = "params are used by their bare name"
+        return Problem("TS120", message, start, end, f"write '{path[1]}'")
     if len(path) == 1:
-        if head in UNITS:
-            return at("TS120", f"'{head}' is a unit", f"a unit follows a number, as in '1 {head}'")
-        if head in FUNCTIONS or head in REDUCERS:
-            return at("TS120", f"'{head}' is a function", f"write its argument: {head}(…)")
-        if head in _SIGNALS or head in signals.CLOCKS:
-            return at("TS116", f"'{head}' is not known here", _ONLY_HERE.get(scope.kind, ""))
-        if head in scope.stages:
-            return at("TS120", f"'{head}' is a stage, not a value", f"add a signal: {head}.force.z")
-        if head in scope.objects:
-            return at("TS120", f"'{head}' is an object, not a value", f"add a signal: {head}.gap")
-        if head in signals.AXES:
-            return at("TS120", f"'{head}' is an axis", f"write position.{head} or force.{head}")
-        hint = suggestion(head, known | set(scope.stages) | set(scope.objects))
-        return at("TS120", f"unknown name '{head}'", hint or _params_hint(scope))
+        code, message, hint = _single(head, scope)
+        return Problem(code, message, start, end, hint)
     if not scope.measures and (head in signals.VECTORS or head in scope.objects | scope.stages):
-        return at("TS116", f"'{text}' is not known here", _ONLY_HERE[scope.kind])
+        message = f"'{text}' is not known here"
+        return Problem("TS116", message, start, end, _ONLY_HERE[scope.kind])
     if head in scope.stages:
         return _in_stage(node, scope, end)
     return _signal(path, start, end, scope)
+
+
+def _single(word: str, scope: Scope) -> tuple[str, str, str]:
+    """Return code, message and hint for a name without dots."""
+    if word in UNITS:
+        return "TS120", f"'{word}' is a unit", f"a unit follows a number, as in '1 {word}'"
+    if word in FUNCTIONS or word in REDUCERS:
+        return "TS120", f"'{word}' is a function", f"write its argument: {word}(…)"
+    if word in _SIGNALS or word in signals.CLOCKS:
+        return "TS116", f"'{word}' is not known here", _ONLY_HERE.get(scope.kind, "")
+    if word in scope.stages:
+        return "TS120", f"'{word}' is a stage, not a value", f"add a signal: {word}.force.z"
+    if word in scope.objects:
+        return "TS120", f"'{word}' is an object, not a value", f"add a signal: {word}.gap"
+    if word in signals.AXES:
+        return "TS120", f"'{word}' is an axis", f"write position.{word} or velocity.{word}"
+    unknown = f"unknown name '{word}'"
+    if word.lower() in _TRUTH:
+        return "TS120", unknown, "a condition compares: gap < 1 mm"
+    known = {*signals.CLOCKS, *signals.CONSTANTS, *scope.params}
+    if scope.measures:
+        known |= {*_SIGNALS, *scope.stages, *scope.objects}
+    return "TS120", unknown, suggestion(word, known) or _params_hint(scope)
 
 
 def _in_stage(node: Name, scope: Scope, end: int) -> Problem:

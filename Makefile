@@ -1,0 +1,41 @@
+# Everything a fresh machine needs is set up here: a virtual environment in .venv with taskspec and
+# its development tools. Only Python 3.11 or newer and make are asked for.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+READY := $(VENV)/.ready
+
+.PHONY: demo test lint types schema validate bench check clean
+
+demo: $(READY)  ## run the wiping task and say where its report is
+	$(BIN)/taskspec run tasks/wipe-table.yaml
+
+test: $(READY)  ## run all tests
+	$(BIN)/pytest -n 2
+
+lint: $(READY)
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+
+types: $(READY)
+	$(BIN)/mypy
+
+schema: $(READY)  ## the JSON Schema on disk is the one that the models generate
+	$(BIN)/taskspec schema --check schemas/taskspec-1.schema.json
+
+validate: $(READY)
+	$(BIN)/taskspec validate tasks/
+
+bench: $(READY)  ## what control costs, as multiples of bare mj_step
+	$(BIN)/python benchmarks/bench_loop.py
+
+check: lint types schema validate test
+
+$(READY): pyproject.toml
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/pip install --quiet --upgrade pip
+	$(BIN)/pip install --quiet --editable '.[dev]'
+	touch $(READY)
+
+clean:
+	rm -rf $(VENV) runs

@@ -1,0 +1,13 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from short_tasks import TAP
+
+
+@pytest.fixture
+def tap(tmp_path: Path) -> Path:
+    path = tmp_path / "tap.yaml"
+    path.write_text(TAP, encoding="utf-8")
+    return path

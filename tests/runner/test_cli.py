@@ -1,0 +1,368 @@
+from __future__ import annotations
+
+import json
+import os
+import resource
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from short_tasks import TAP
+from typer.testing import CliRunner, Result
+
+from taskspec import __version__
+from taskspec.spec.schema import FILE_NAME, schema_text
+from taskspec_runner.cli import app
+from taskspec_runner.cli import new as template_command
+
+COMMAND = [sys.executable, "-c", "from taskspec_runner.cli import main; main()"]
+SPOILED = TAP.replace("velocity: 20 mm/s", "velocity: 20 mm").replace("time: 0.3 s", "tme: 0.3 s")
+
+
+@pytest.fixture(autouse=True)
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def call(*args: str | Path) -> Result:
+    result = CliRunner().invoke(app, [str(arg) for arg in args])
+    assert "Traceback" not in result.output
+    return result
+
+
+def in_a_process(*args: str | Path) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([*COMMAND, *map(str, args)], capture_output=True, text=True, check=False)
+
+
+# run
+
+
+def test_run_tells_what_was_expected_and_how_it_went(tap: Path) -> None:
+    result = call("run", tap, "--out", "out")
+    assert result.exit_code == 0
+    assert "pass  max(abs(hold.error.y)) < 1 mm" in result.stdout
+    assert "4 of 4 expectations met" in result.stdout
+    assert result.stdout.endswith("report: out/report.html\n")
+    assert Path("out/report.html").is_file()
+    assert "\x1b" not in result.output
+    assert result.stderr == ""
+
+
+def test_run_missed(tap: Path) -> None:
+    tap.write_text(TAP + "  - max(force.x) < 1 N\n")
+    result = call("run", tap, "--quiet")
+    assert result.exit_code == 1
+    assert "FAIL  max(force.x) < 1 N" in result.stdout
+    assert "pass" not in result.stdout
+    assert "4 of 5 expectations met" in result.stdout
+
+
+def test_quiet_run_that_goes_well_says_nothing(tap: Path) -> None:
+    result = call("run", tap, "--quiet")
+    assert (result.exit_code, result.output) == (0, "")
+    assert Path("runs/tap/report.html").is_file()
+
+
+def test_run_stopped_by_a_limit(tap: Path) -> None:
+    result = call("run", tap, "--set", "limits={force: 3 N}")
+    assert result.exit_code == 4
+    assert "stopped" in result.stdout
+    assert "limit on force: 3 N, measured 3.0" in result.stdout
+
+
+def test_run_as_data(tap: Path) -> None:
+    result = call("run", tap, "--format", "json", "--seed", "5")
+    data = json.loads(result.stdout)
+    assert (data["exit_code"], data["seed"], data["status"]) == (0, 5, "done")
+    assert data["report"] == str(Path(data["folder"]) / "report.html")
+    assert data["real_time_factor"] > 0
+
+
+@pytest.mark.parametrize("form", ["text", "json"])
+def test_run_of_a_spoiled_file(tap: Path, form: str) -> None:
+    tap.write_text(SPOILED)
+    result = call("run", tap, "--format", form)
+    assert result.exit_code == 1
+    assert not Path("runs").exists()
+    if form == "json":
+        codes = {d["code"] for d in json.loads(result.stdout)["diagnostics"]}
+    else:
+        assert result.stdout == ""
+        codes = {code for code in ("TS112", "TS020") if f"[{code}]" in result.stderr}
+    assert {"TS112", "TS020"} <= codes
+
+
+def test_override_of_what_is_not_there(tap: Path) -> None:
+    result = call("run", tap, "--set", "pres=20N")
+    assert result.exit_code == 1
+    assert "--set:1:1: error[TS027]" in result.stderr
+    assert "did you mean 'press'?" in result.stderr
+    assert call("run", tap, "--set", "press").exit_code == 2
+
+
+def test_overrides_reach_the_run(tap: Path) -> None:
+    result = call("run", tap, "--set", "press=4N", "--set", "stages.hold.time=0.1 s", "--out", "a")
+    assert result.exit_code == 0, result.output
+    assert json.loads(Path("a/manifest.json").read_text())["overrides"] == {
+        "press": "4N", "stages.hold.time": "0.1 s"
+    }  # fmt: skip
+
+
+def test_law_replaces_every_law(tap: Path) -> None:
+    tap.write_text(TAP.replace("    time: 0.3 s", "    time: 0.3 s\n    law: {kind: hybrid}"))
+    result = call("run", tap, "--law", "parallel", "--format", "json")
+    assert {s["law"] for s in json.loads(result.stdout)["stages"]} == {"parallel"}
+    result = call("run", tap, "--law", "paralel")
+    assert result.exit_code == 1
+    assert "did you mean 'parallel'?" in result.stderr
+
+
+def test_run_that_cannot_be_written(tap: Path) -> None:
+    result = call("run", tap, "--out", tap / "run")
+    assert result.exit_code == 2
+    assert "cannot write" in result.stderr
+    assert "Not a directory" in result.stderr
+
+
+def test_internal_error_is_told_in_two_lines(tap: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken(*_: object, **__: object) -> None:
+        raise ZeroDivisionError("as a test")
+
+    monkeypatch.setattr("taskspec_runner.session.judge", broken)
+    result = call("run", tap, "--out", "out")
+    assert result.exit_code == 3
+    assert "internal error: ZeroDivisionError: as a test" in result.stderr
+    assert "out/crash.txt" in result.stderr
+    monkeypatch.setattr("taskspec_runner.cli.loading.load_task", broken)
+    result = call("run", tap)
+    assert result.exit_code == 3
+    trace = Path(result.stderr.strip().rsplit(" ", 1)[1])
+    assert "ZeroDivisionError" in trace.read_text()
+    trace.unlink()
+
+
+def test_interrupted_run_is_readable_and_judged(tap: Path) -> None:
+    tap.write_text(TAP.replace("time: 0.3 s", "time: 1000 s"))
+    process = subprocess.Popen(
+        [*COMMAND, "run", str(tap), "--out", "out"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    log = Path("out/log.arrow")
+    deadline = time.monotonic() + 60
+    while not (log.exists() and log.stat().st_size > 300_000) and process.poll() is None:
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
+    process.send_signal(signal.SIGINT)
+    stdout, stderr = process.communicate(timeout=60)
+    assert process.returncode == 130, stderr
+    assert "stopped at" in stdout
+    assert "interrupted by the user" in stdout
+    said = json.loads(Path("out/manifest.json").read_text())
+    assert (said["status"], said["reason"]) == ("stopped", "interrupted")
+    assert Path("out/report.html").is_file()
+
+
+# validate
+
+
+def test_validate_finds_everything_in_one_pass(tap: Path, here: Path) -> None:
+    (here / "more").mkdir()
+    (here / "more" / "b.yml").write_text(SPOILED)
+    (here / "more" / ".hidden.yaml").write_text("nonsense: [")
+    (here / "more" / "notes.txt").write_text("")
+    result = call("validate", here, tap)
+    assert result.exit_code == 1
+    assert "error[TS112]" in result.stdout
+    assert "did you mean 'time'?" in result.stdout
+    assert result.stdout.endswith("errors in 1 of 2 files\n")
+    assert result.stderr == ""
+
+
+def test_validate_passes_over_runs(tap: Path, here: Path) -> None:
+    call("run", tap, "--out", "runs/one")
+    result = call("validate", here)
+    assert (result.exit_code, result.stdout) == (0, "no errors in 1 file\n")
+
+
+def test_validate_concise_and_as_data(tap: Path) -> None:
+    tap.write_text(SPOILED)
+    lines = call("validate", tap, "--format", "concise").stdout.splitlines()
+    data = json.loads(call("validate", tap, "--format", "json").stdout)
+    assert len(lines) == data["errors"] + data["warnings"] + 1
+    first = data["diagnostics"][0]
+    place = f"{first['file']}:{first['line']}:{first['column']}"
+    assert lines[0] == f"{place}: error[{first['code']}]: {first['message']}"
+    assert (data["files"], data["exit_code"]) == (1, 1)
+
+
+def test_validate_looks_at_the_robot(tap: Path) -> None:
+    tap.write_text(TAP.replace("xyz: [400 mm, 100 mm, 0]", "xyz: [4 m, 0, 0]"))
+    result = call("validate", tap)
+    assert result.exit_code == 1
+    assert "[TS41" in result.stdout
+
+
+def test_validate_of_what_cannot_be_read(tap: Path, here: Path) -> None:
+    (here / "latin.yaml").write_bytes("name: größe".encode("latin-1"))
+    result = call("validate", here / "latin.yaml", "absent.yaml", tap)
+    assert result.exit_code == 2
+    assert "latin.yaml: it is not UTF-8" in result.stderr
+    assert "cannot read absent.yaml: No such file or directory" in result.stderr
+    assert result.stdout == "no errors in 3 files, 2 unreadable\n"
+    (here / "empty").mkdir()
+    assert call("validate", here / "empty").exit_code == 2
+    assert call("run", "absent.yaml").exit_code == 2
+    assert call("run", here / "latin.yaml").exit_code == 2
+    assert call("run", here).exit_code == 2
+
+
+def test_validate_is_quick(tap: Path) -> None:
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    assert in_a_process("validate", tap).returncode == 0
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    used = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+    assert used < 3, "a second on a machine with nothing else to do"
+
+
+def test_validate_imports_nothing_that_it_does_not_need(tap: Path) -> None:
+    code = (
+        "import sys; from taskspec_runner.cli import app; app(['validate', sys.argv[1]],"
+        "standalone_mode=False); heavy = {'pyarrow', 'plotly', 'scipy', 'jinja2', 'rich'};"
+        "print(sorted(heavy & set(sys.modules)))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code, str(tap)], capture_output=True, text=True, check=True
+    )
+    assert done.stdout.splitlines()[-1] == "[]"
+
+
+# explain
+
+
+def test_explain_shows_frames_axes_gains_and_defaults(tap: Path) -> None:
+    result = call("explain", tap)
+    assert result.exit_code == 0
+    for text in (
+        "wall   fixed on plane",
+        "law          hybrid, equations section 4.3.3, (4.123)",
+        "contact      wall, believed 10 kN/m, frictionless",
+        "until -> hold",
+        "x     force          force press, reached in 0.05 s",
+        "K_P",
+        "designed: 5 Hz",
+        "control.rate",
+    ):
+        assert text in result.stdout, result.stdout
+    assert not any(line.endswith(" ") for line in result.stdout.splitlines())
+
+
+def test_explain_says_where_a_gain_came_from(tap: Path) -> None:
+    tap.write_text(TAP + "law: {kind: hybrid, bandwidth: 3 Hz, force: {damping: 200 N*s/m}}\n")
+    lines = call("explain", tap).stdout.splitlines()
+    assert any(line.split() == ["bandwidth", "x", "y", "3", "Hz", "file"] for line in lines)
+    assert any(line.split()[:5] == ["force.damping", "x", "200", "N*s/m", "file"] for line in lines)
+
+
+def test_explain_a_code() -> None:
+    assert call("explain", "ts203").stdout == "TS203: a motion and a force on one axis\n"
+    assert call("explain", "TS221").exit_code == 0
+    result = call("explain", "TS999")
+    assert result.exit_code == 2
+    assert "there is no diagnostic TS999" in result.stderr
+    assert call("explain", "absent.yaml").exit_code == 2
+
+
+# the small ones
+
+
+def test_schema(here: Path) -> None:
+    assert call("schema").stdout == schema_text()
+    assert call("schema", "--check", here).exit_code == 1
+    assert call("schema", "--write", here).exit_code == 0
+    assert (here / FILE_NAME).read_text() == schema_text()
+    assert call("schema", "--check", here / FILE_NAME).exit_code == 0
+    (here / FILE_NAME).write_text("{}")
+    result = call("schema", "--check", here)
+    assert result.exit_code == 1
+    assert "not up to date" in result.stdout
+
+
+def test_robots() -> None:
+    result = call("robots")
+    assert result.exit_code == 0
+    assert [line.split()[0] for line in result.stdout.splitlines()[1:]] == [
+        "planar2", "planar3", "ur5e", "panda"
+    ]  # fmt: skip
+
+
+def test_new_begins_a_task(here: Path) -> None:
+    listed = call("new")
+    assert listed.exit_code == 0
+    assert "wipe-table" in listed.stdout
+    result = call("new", "wipe-table")
+    assert result.stdout == "my-wipe-table.yaml\n"
+    assert "name: my-wipe-table\n" in (here / "my-wipe-table.yaml").read_text()
+    assert call("validate", "my-wipe-table.yaml").exit_code == 0
+    again = call("new", "wipe-table")
+    assert again.exit_code == 2
+    assert "exists already" in again.stderr
+    assert "did you mean 'wipe-table'?" in call("new", "wipe-tabel").stderr
+
+
+def test_new_brings_what_the_template_needs(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    shelf = here / "shelf" / "tasks"
+    (shelf / "data").mkdir(parents=True)
+    (shelf / "data" / "points.csv").write_text("x [mm], y [mm]\n400, 100\n400, 110\n")
+    (here / "shelf" / "schemas").mkdir()
+    (here / "shelf" / "schemas" / FILE_NAME).write_text(schema_text())
+    (shelf / "trace.yaml").write_text(
+        f"# yaml-language-server: $schema=../schemas/{FILE_NAME}\n"
+        "taskspec: 1\nname: trace   # of the shelf\n"
+        "robot: {model: planar2, start: {xyz: [400 mm, 100 mm, 0]}}\n"
+        "stages:\n  go: {path: {file: data/points.csv, speed: 50 mm/s}}\n"
+    )
+    monkeypatch.setattr(template_command, "_folders", lambda: iter([shelf]))
+    result = call("new", "trace", "--out", "mine/My Trace.yaml")
+    assert result.exit_code == 0, result.output
+    text = (here / "mine" / "My Trace.yaml").read_text()
+    assert "name: my-trace   # of the shelf\n" in text
+    assert text.startswith(f"# yaml-language-server: $schema=file://{here}/shelf/schemas/")
+    assert (here / "mine" / "data" / "points.csv").is_file()
+    assert call("validate", here / "mine").exit_code == 0
+
+
+def test_report_renders_anew(tap: Path) -> None:
+    call("run", tap, "--out", "out")
+    Path("out/report.html").unlink()
+    result = call("report", "out")
+    assert (result.exit_code, result.stdout) == (0, "out/report.html\n")
+    assert Path("out/report.html").is_file()
+    assert call("report", "absent").exit_code == 2
+
+
+def test_version_and_usage() -> None:
+    assert call("--version").stdout == f"taskspec {__version__}\n"
+    assert call("no-such-command").exit_code == 2
+    assert call("run").exit_code == 2
+    assert call("validate", "x", "--format", "xml").exit_code == 2
+
+
+def test_reader_that_goes_away(tap: Path) -> None:
+    reader, writer = os.pipe()
+    os.close(reader)
+    done = subprocess.run(
+        [*COMMAND, "explain", str(tap)],
+        stdout=writer,
+        stderr=subprocess.PIPE,
+        text=True,
+        check=False,
+    )
+    os.close(writer)
+    assert "Traceback" not in done.stderr
+    assert "internal" not in done.stderr
