@@ -11,8 +11,9 @@ from taskspec.check import check_stages
 from taskspec.program.context import Context
 from taskspec.program.machine import Machine
 from taskspec.program.paths import path_shape
+from taskspec.program.ports import OUTPUTS
 from taskspec.program.prepare import frame_at_start, prepare
-from taskspec.program.stage import OUTPUTS, CompiledStage, compile_stage
+from taskspec.program.stage import CompiledStage, compile_stage
 from taskspec.spec import LoadedTask
 from taskspec.text.diagnostic import Diagnostic, Severity, SpecError
 

@@ -44,11 +44,6 @@ class Run:
         return self[column][inside]
 
 
-def rms(values: NDArray[np.float64]) -> float:
-    """Root of the mean square."""
-    return float(np.sqrt(np.mean(values**2)))
-
-
 Simulate = Callable[..., Run]
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec.program.stage import OUTPUTS
+from taskspec.program.ports import OUTPUTS
 
 Vector = NDArray[np.float64]
 

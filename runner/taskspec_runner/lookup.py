@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -78,22 +79,28 @@ class Lookup:
         return Series(values, window, gaps)
 
     def within(self, root: tree.Node) -> Callable[[tree.Name], Series]:
-        """This lookup for one expression, in which a norm leaves out axes that the arm lacks."""
-        optional = {
-            id(arg)
+        """This lookup for one expression, in which a norm leaves out what has no value.
+
+        `norm(force)` of a planar arm has two components, `norm(error)` those of the axes that
+        follow a motion. Where none has a value, neither has the norm.
+        """
+        groups = {
+            id(arg): node.args
             for node in tree.walk(root)
             if isinstance(node, tree.Call) and node.function == "norm"
             for arg in node.args
+            if all(isinstance(a, tree.Name) for a in node.args)
         }
 
         def find(name: tree.Name) -> Series:
-            if id(name) in optional and name.frame is None:
-                meaning = self.meaning(name)
-                if meaning.axis and self._values(meaning, None) is None and len(self._history):
-                    window = self._history.window(meaning.stage)
-                    if window.any():
-                        return Series(np.zeros(len(window)), window)
-            return self(name)
+            series = self(name)
+            group = groups.get(id(name), ())
+            if not (group and series.gaps and series.inside().size):
+                return series
+            parts = [self(part).values for part in group if isinstance(part, tree.Name)]
+            nothing = np.isnan(np.stack(np.broadcast_arrays(*parts))).all(axis=0)
+            left_out = np.isnan(series.values) & ~nothing
+            return replace(series, values=np.where(left_out, 0.0, series.values))
 
         return find
 

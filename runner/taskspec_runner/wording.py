@@ -20,6 +20,7 @@ Sides = Sequence[tuple[tree.Node, Series]]
 
 _FLIPPED = {"<": ">", "<=": ">=", ">": "<", ">=": "<="}
 _GAPS_SHOWN = 3
+_DIGITS = 4
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,11 +91,12 @@ class Wording:
         if not sides:
             return Said("true" if passed else f"'{self.text(node)}' is false")
         part, series = sides[0]
-        unit = self._unit(node, part)
+        unit = self._unit(node, sides)
         name = self.text(part)
         measured = Measured(name, _in(series.number, unit), unit)
-        bounds = self._needs(node, sides, unit, 0)
-        return Said(f"{name} = {_show(series.number, unit)} ({bounds})", (measured,))
+        digits = _digits(series.number, [bound.number for _, bound in sides[1:]], unit)
+        bounds = self._needs(node, sides, unit, 0, digits)
+        return Said(f"{name} = {_show(series.number, unit, digits)} ({bounds})", (measured,))
 
     def every_tick(self, node: tree.Node, truth: Series, sides: Sides) -> Said:
         """A condition that has to hold at every tick."""
@@ -102,10 +104,12 @@ class Wording:
         held, ticks = int(np.count_nonzero(inside)), len(inside)
         passed = held == ticks
         if not sides:
-            text = f"holds at {held} of {ticks} ticks"
-            return Said(text if passed else text + self._first(truth, truth.values != 1))
+            if passed:
+                return Said("holds at every tick")
+            broken = self._first(truth, truth.values != 1)
+            return Said(f"does not hold at {ticks - held} of {ticks} ticks{broken}")
         part, series = sides[0]
-        unit = self._unit(node, part)
+        unit = self._unit(node, sides)
         if not passed:
             percent = math.floor(1e4 * held / ticks) / 100
             worst = self._worst(node, truth, sides)
@@ -145,17 +149,21 @@ class Wording:
                 excess = -excess
         assert truth.window is not None
         row = int(np.argmax(np.where(truth.window, excess, -np.inf)))
-        unit = self._unit(node, sides[0][0])
-        needs = self._needs(node, sides, unit, row)
-        return f"{_show(float(x[row]), unit)} at {self._clock[row]:.4g} s ({needs})"
+        unit = self._unit(node, sides)
+        value = float(x[row])
+        digits = _digits(value, [float(bound[row]) for bound in bounds], unit)
+        needs = self._needs(node, sides, unit, row, digits)
+        return f"{_show(value, unit, digits)} at {self._clock[row]:.4g} s ({needs})"
 
-    def _needs(self, node: tree.Node, sides: Sides, unit: str, row: int | None) -> str:
+    def _needs(
+        self, node: tree.Node, sides: Sides, unit: str, row: int | None, digits: int = _DIGITS
+    ) -> str:
         """The bounds, as they are at a row where they change with time."""
         bounds = [series for _, series in sides[1:]]
         if row is None and any(bound.window is not None for bound in bounds):
             return f"needs {self._relation(node, sides)} {self.text(sides[1][0])}"
         numbers = [
-            _show(float(b.values[row or 0] if b.window is not None else b.number), unit)
+            _show(float(b.values[row or 0] if b.window is not None else b.number), unit, digits)
             for b in bounds
         ]
         if isinstance(node, tree.Within):
@@ -168,13 +176,19 @@ class Wording:
             return "within"
         return node.op if sides[0][0] is node.left else _FLIPPED[node.op]
 
-    def _unit(self, condition: tree.Node, part: tree.Node) -> str:
-        """The unit that the condition's numbers are written in, else the usual one."""
+    def _unit(self, condition: tree.Node, sides: Sides) -> str:
+        """The largest unit that the bounds are written in, else the usual one."""
+        part = sides[0][0]
         dimension = infer(part, self._scope)[0].dimension or NUMBER
-        # The bounds stand last, and their units say how the number is thought of.
-        for node in reversed(list(tree.walk(condition))):
-            if isinstance(node, tree.Number) and node.unit and node.dimension == dimension:
-                return node.unit
+        for nodes in ([bound for bound, _ in sides[1:]], [condition]):
+            units = [
+                number.unit
+                for node in nodes
+                for number in tree.walk(node)
+                if isinstance(number, tree.Number) and number.dimension == dimension
+            ]
+            if any(units):
+                return max(filter(None, units), key=lambda unit: to_si(1.0, unit).value)
         usual = fitting(dimension)
         return usual[0] if usual else ""
 
@@ -182,12 +196,22 @@ class Wording:
         if truth.window is None:
             return ""
         rows = np.flatnonzero(truth.window & mask)
-        return f", first not at {self._clock[rows[0]]:.4g} s" if len(rows) else ""
+        return f", first at {self._clock[rows[0]]:.4g} s" if len(rows) else ""
 
 
 def _in(value: float, unit: str) -> float:
     return value / to_si(1.0, unit).value
 
 
-def _show(value: float, unit: str) -> str:
-    return f"{_in(value, unit):.4g} {unit}".rstrip()
+def _show(value: float, unit: str, digits: int = _DIGITS) -> str:
+    # Twice: rounded first, then written without an exponent where that is readable.
+    return f"{float(f'{_in(value, unit):.{digits}g}'):.12g} {unit}".rstrip()
+
+
+def _digits(value: float, bounds: Sequence[float], unit: str) -> int:
+    """How many digits tell a value from bounds that it is not equal to."""
+    for digits in (_DIGITS, 6, 9):
+        shown = _show(value, unit, digits)
+        if not any(b != value and _show(b, unit, digits) == shown for b in bounds):
+            return digits
+    return 12

@@ -155,8 +155,10 @@ class Chart:
         return ca.SX(ca.DM(self.surface.rotation[:, column]))
 
     def margin(self, point: ca.SX, heading: NDArray[np.float64] | None) -> ca.SX:
-        """Positive while the foot is on the chart: inside the face, between the ends of a
-        cylinder, away from the point where x is undefined (the pole of a sphere).
+        """Positive while the foot is on the chart.
+
+        Inside the face of a box, between the ends of a cylinder, and away from the points where x
+        is undefined (the poles of a sphere).
         """
         kind = self.surface.kind
         if kind == "plane":

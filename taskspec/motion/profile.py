@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
-from ruckig import InputParameter, Result, Ruckig, Trajectory
+from ruckig import InputParameter, Result, Ruckig, RuckigError, Trajectory
 
 from taskspec.motion.polynomial import PiecewiseCubic, constant, from_states
 
 #: A move reaches its speed in this time [s], with a smooth rise of the acceleration.
 RISE_TIME = 0.2
+_NEVER_REACHED = 1.001
+#: Where a distance fits the limits to the last bit, a speed lower by a billionth does not.
+_NUDGES = (1.0, 1 - 1e-9, 1 - 1e-6)
 
 
 def move(
@@ -28,15 +31,7 @@ def move(
     """
     if start == target and velocity == 0.0:
         return constant(target)
-    limits = InputParameter(1)
-    limits.current_position, limits.current_velocity = [start], [velocity]
-    limits.current_acceleration, limits.target_position = [0.0], [target]
-    limits.max_velocity = [speed]
-    limits.max_acceleration, limits.max_jerk = [2 * speed / rise], [4 * speed / rise**2]
-    planned = Trajectory(1)
-    result = Ruckig(1).calculate(limits, planned)
-    if result not in (Result.Working, Result.Finished):
-        raise ValueError(f"no move from {start} to {target} at {speed}: {result}")
+    planned = _plan(start, velocity, target, speed, rise)
     profile = planned.profiles[0][0]
     durations = np.array([*profile.brake.t, *profile.t])
     times = [0.0, *np.cumsum(durations[durations > 1e-9]).tolist()]
@@ -60,3 +55,25 @@ def timing(length: float, *, speed: float | None, time: float | None) -> Piecewi
         return move(0.0, 0.0, 1.0, speed / length)
     rise = min(RISE_TIME, time / 2)
     return move(0.0, 0.0, 1.0, 1.0 / (time - rise), rise)
+
+
+def _plan(
+    start: float, velocity: float, target: float, speed: float, rise: float
+) -> Trajectory:
+    limits = InputParameter(1)
+    limits.current_position, limits.current_velocity = [start], [velocity]
+    limits.current_acceleration, limits.target_position = [0.0], [target]
+    # The rise peaks at twice the mean acceleration; a limit just above it is never reached and
+    # spares Ruckig the degenerate profiles whose phases have no length.
+    limits.max_acceleration = [2 * speed / rise * _NEVER_REACHED]
+    limits.max_jerk = [4 * speed / rise**2]
+    for slower in _NUDGES:
+        limits.max_velocity = [speed * slower]
+        planned = Trajectory(1)
+        try:
+            result = Ruckig(1).calculate(limits, planned)
+        except RuckigError:
+            continue
+        if result in (Result.Working, Result.Finished):
+            return planned
+    raise ValueError(f"no move from {start} to {target} at {speed}")

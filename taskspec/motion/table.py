@@ -42,7 +42,7 @@ class Table:
         if self.time is not None:
             return self.time
         reached = self._chord()
-        return reached / reached[-1]
+        return np.asarray(reached / reached[-1])
 
     @property
     def length(self) -> float:

@@ -1,1 +1,1 @@
-"""Compiled stages: pure functions of the measurement, and the machine that strings them together."""
+"""Compiled stages: pure functions, and the machine that strings them together."""

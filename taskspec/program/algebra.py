@@ -98,7 +98,7 @@ class CasadiAlgebra:
         """Not x."""
         return ca.logic_not(x)
 
-    def held(self, node: Held, value: ca.SX, amount: float) -> ca.SX:
+    def held(self, _node: Held, value: ca.SX, amount: float) -> ca.SX:
         """Whether `value` has been true for `amount` seconds without a break."""
         elapsed = self._slot("held", -1.0)
         since = ca.if_else(elapsed < 0, 0, elapsed + self._period)
@@ -106,7 +106,7 @@ class CasadiAlgebra:
         self.updates[self._last] = now
         return now >= amount - self._period / 2
 
-    def reduce(self, node: Reduce, reducer: str, value: ca.SX) -> ca.SX:
+    def reduce(self, _node: Reduce, reducer: str, value: ca.SX) -> ca.SX:
         """The reducer over the stage so far, this tick included."""
         if reducer == "last":
             return value

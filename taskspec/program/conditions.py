@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import casadi as ca
 
 from taskspec.control import linear
@@ -13,7 +11,6 @@ from taskspec.program.algebra import CasadiAlgebra
 from taskspec.program.events import Condition, Event
 from taskspec.program.frames import FrameModel
 from taskspec.program.layout import Layout
-from taskspec.program.modes import AxisPlan
 from taskspec.program.references import ReferenceSet
 from taskspec.program.signals import SignalTable
 from taskspec.robot import RobotModel
@@ -30,7 +27,6 @@ def limit_conditions(
     *,
     robot: RobotModel,
     limits: Limits,
-    plans: Mapping[str, AxisPlan],
     q: ca.SX,
     v: ca.SX,
     table: SignalTable,

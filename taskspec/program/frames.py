@@ -61,7 +61,8 @@ def surface(shape: Shape) -> Surface:
         assert shape.size is not None
         half = np.array(shape.size) / 2
     elif shape.shape == "cylinder":
-        assert shape.radius is not None and shape.length is not None
+        assert shape.radius is not None
+        assert shape.length is not None
         half = np.array([shape.radius, shape.radius, shape.length / 2])
     else:
         half = np.full(3, shape.radius or 0.0)

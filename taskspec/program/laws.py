@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Protocol
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 
 import casadi as ca
 
@@ -31,122 +31,87 @@ EQUATIONS = {
 }
 
 
-class Law(Protocol):
-    """A law with its gains filled in."""
+@dataclass(frozen=True, slots=True)
+class Case:
+    """What a law is filled in with: one stage's state, references and gains."""
 
-    def __call__(
-        self,
-        state: TaskState,
-        references: ReferenceSet,
-        plans: Mapping[str, AxisPlan],
-        gains: Gains,
-        table: SignalTable,
-    ) -> Command: ...
+    state: TaskState
+    references: ReferenceSet
+    plans: Mapping[str, AxisPlan]
+    gains: Gains
+    table: SignalTable
 
-
-def _impedance(
-    state: TaskState,
-    references: ReferenceSet,
-    plans: Mapping[str, AxisPlan],
-    gains: Gains,
-    table: SignalTable,
-) -> Command:
-    mass, stiffness, damping = (
-        ca.DM(diagonal(gains, name, state.axes)) for name in ("mass", "stiffness", "damping")
-    )
-    return impedance_laws.impedance(state, references.law, mass, stiffness, damping)
+    def diagonal(self, name: str) -> ca.DM:
+        """(m,) one gain on all axes, zero where an axis has none."""
+        return ca.DM(diagonal(self.gains, name, self.state.axes))
 
 
-def _impedance_natural(
-    state: TaskState,
-    references: ReferenceSet,
-    plans: Mapping[str, AxisPlan],
-    gains: Gains,
-    table: SignalTable,
-) -> Command:
-    stiffness, damping = (
-        ca.DM(diagonal(gains, name, state.axes)) for name in ("stiffness", "damping")
-    )
-    return impedance_laws.impedance_natural(state, references.law, stiffness, damping)
+def _impedance(case: Case) -> Command:
+    mass, stiffness, damping = map(case.diagonal, ("mass", "stiffness", "damping"))
+    return impedance_laws.impedance(case.state, case.references.law, mass, stiffness, damping)
 
 
-def _pd(
-    state: TaskState,
-    references: ReferenceSet,
-    plans: Mapping[str, AxisPlan],
-    gains: Gains,
-    table: SignalTable,
-) -> Command:
-    stiffness, damping = (
-        ca.DM(diagonal(gains, name, state.axes)) for name in ("stiffness", "damping")
-    )
-    return impedance_laws.pd(state, references.law, stiffness, damping)
+def _impedance_natural(case: Case) -> Command:
+    stiffness, damping = map(case.diagonal, ("stiffness", "damping"))
+    return impedance_laws.impedance_natural(case.state, case.references.law, stiffness, damping)
 
 
-def _parallel(
-    state: TaskState,
-    references: ReferenceSet,
-    plans: Mapping[str, AxisPlan],
-    gains: Gains,
-    table: SignalTable,
-) -> Command:
-    mass, stiffness, damping, proportional, integral = (
-        ca.DM(diagonal(gains, name, state.axes))
-        for name in ("mass", "stiffness", "damping", "force.proportional", "force.integral")
-    )
+def _pd(case: Case) -> Command:
+    stiffness, damping = map(case.diagonal, ("stiffness", "damping"))
+    return impedance_laws.pd(case.state, case.references.law, stiffness, damping)
+
+
+def _parallel(case: Case) -> Command:
+    mass, stiffness, damping = map(case.diagonal, ("mass", "stiffness", "damping"))
+    proportional, integral = map(case.diagonal, ("force.proportional", "force.integral"))
     # (4.16) is this law with K_F = I, f_d = 0: an axis that meets the surface yields to it.
-    met = [i for i, a in enumerate(state.axes) if plans[a].yields]
+    met = [i for i, a in enumerate(case.state.axes) if case.plans[a].yields]
     proportional[met] = 1.0
-    return parallel(state, references.law, mass, stiffness, damping, proportional, integral)
+    return parallel(
+        case.state, case.references.law, mass, stiffness, damping, proportional, integral
+    )
 
 
-def _hybrid(
-    state: TaskState,
-    references: ReferenceSet,
-    plans: Mapping[str, AxisPlan],
-    gains: Gains,
-    table: SignalTable,
-) -> Command:
-    yielding, drives = [], []
-    for i, name in enumerate(state.axes):
-        plan = plans[name]
-        if plan.force:
-            p, integral, d = (
-                gains[f"force.{gain}"][name].value
-                for gain in ("proportional", "integral", "damping")
-            )
-            measured = table.scalars[f"{'torque' if name.startswith('r') else 'force'}.{name}"]
-            relative = state.velocity[i] - references.law.velocity[i]
-            drive = hybrid_law.force_drive(
-                references.force_ref[name],
-                measured,
-                references.integrals[name],
-                relative,
-                (p, integral, d),
-            )
-        elif plan.soft:
-            drive = hybrid_law.soft_drive(
-                references.law.error[i],
-                references.law.velocity[i] - state.velocity[i],
-                gains["stiffness"][name].value,
-                gains["damping"][name].value,
-            )
-        else:
-            continue
-        yielding.append(name)
-        drives.append(drive)
+def _hybrid(case: Case) -> Command:
+    axes, plans = case.state.axes, case.plans
+    yielding = [a for a in axes if plans[a].force or plans[a].soft]
+    drives = [_drive(case, a) for a in yielding]
     return hybrid_law.hybrid(
-        state,
-        references.law,
-        ca.DM(diagonal(gains, "K_P", state.axes)),
-        ca.DM(diagonal(gains, "K_D", state.axes)),
+        case.state,
+        case.references.law,
+        case.diagonal("K_P"),
+        case.diagonal("K_D"),
         yielding,
         ca.vertcat(ca.SX(0, 1), *drives),
-        [a for a in state.axes if plans[a].yields and not plans[a].soft],
+        [a for a in axes if plans[a].yields and not plans[a].soft],
     )
 
 
-_LAWS: dict[str, Law] = {
+def _drive(case: Case, name: str) -> ca.SX:
+    """The force that the robot applies on a force-controlled or soft axis."""
+    i = case.state.axes.index(name)
+    reference = case.references.law
+    if case.plans[name].soft:
+        return hybrid_law.soft_drive(
+            reference.error[i],
+            reference.velocity[i] - case.state.velocity[i],
+            case.gains["stiffness"][name].value,
+            case.gains["damping"][name].value,
+        )
+    p, integral, d = (
+        case.gains[f"force.{gain}"][name].value for gain in ("proportional", "integral", "damping")
+    )
+    kind = "torque" if name.startswith("r") else "force"
+    return hybrid_law.force_drive(
+        case.references.force_ref[name],
+        case.table.scalars[f"{kind}.{name}"],
+        case.references.integrals[name],
+        case.state.velocity[i] - reference.velocity[i],
+        (p, integral, d),
+    )
+
+
+_LAWS: dict[str, Callable[[Case], Command]] = {
     "impedance": _impedance,
     "impedance-natural": _impedance_natural,
     "pd": _pd,
@@ -156,20 +121,9 @@ _LAWS: dict[str, Law] = {
 
 
 def joint_torque(
-    kind: str,
-    *,
-    state: TaskState,
-    references: ReferenceSet,
-    plans: Mapping[str, AxisPlan],
-    gains: Gains,
-    table: SignalTable,
-    terms: TermSymbols,
-    q: ca.SX,
-    v: ca.SX,
-    posture: ca.SX,
+    kind: str, case: Case, terms: TermSymbols, q: ca.SX, v: ca.SX, posture: ca.SX
 ) -> ca.SX:
     """Joint torques (n,) [N m] of law `kind`, with the posture (n,) where the arm is redundant."""
-    command = _LAWS[kind](state, references, plans, gains, table)
-    redundant = q.shape[0] > len(state.axes)
+    redundant = q.shape[0] > len(case.state.axes)
     pull = posture_acceleration(q, v, posture, POSTURE_FREQUENCY) if redundant else None
-    return torque(command, state, terms.H, terms.bias, terms.gravity, pull)
+    return torque(_LAWS[kind](case), case.state, terms.H, terms.bias, terms.gravity, pull)

@@ -10,7 +10,10 @@ from numpy.typing import NDArray
 
 from taskspec.control.model_terms import ModelTerms
 from taskspec.program import entry, events
-from taskspec.program.stage import OUTPUTS, CompiledStage
+from taskspec.program.carried import Carried, leave
+from taskspec.program.ports import OUTPUTS
+from taskspec.program.stage import CompiledStage
+from taskspec.program.tracks import Tracks
 from taskspec.robot import RobotModel
 
 Vector = NDArray[np.float64]
@@ -51,18 +54,18 @@ class StageRunner:
         self.memory = np.zeros(max(stage.memory.size, 1))
         self.parameters = np.zeros(max(stage.parameters.size, 1))
         self._next_memory = np.zeros(max(stage.memory.size, 1))
-        self.tracks = entry.Tracks()
+        self.tracks = Tracks()
         self._buffer, self.evaluate = stage.tick.buffer()
         memory = self.memory[: stage.memory.size]
         parameters = self.parameters[: stage.parameters.size]
         # The buffer keeps addresses, not references: everything it sees must outlive it.
         self._kept = [*inputs, memory, parameters, torque, self._next_memory, outputs]
         for i, array in enumerate([*inputs, memory, parameters]):
-            self._buffer.set_arg(i, memoryview(array))
+            self._buffer.set_arg(i, array.data)
         next_memory = self._next_memory[: stage.memory.size]
         self._kept.append(next_memory)
         for i, array in enumerate([torque, next_memory, outputs]):
-            self._buffer.set_res(i, memoryview(array))
+            self._buffer.set_res(i, array.data)
 
     def load(self, entered: entry.Entered) -> None:
         """Starts the stage with the numbers of its entry."""
@@ -131,7 +134,7 @@ class Machine:
         """Enters the first stage from rest at the measured pose."""
         self._terms.update(self.q, self.v)
         p, R = self._tip()
-        self._enter(0, entry.Carried(p, R, np.zeros(6)), 0.0)
+        self._enter(0, Carried(p, R, np.zeros(6)), 0.0)
 
     def update_terms(self) -> None:
         """Evaluates the model terms at the measured joint state."""
@@ -181,7 +184,7 @@ class Machine:
             self._note(clock, events.Event(event.kind, "attempts", text), value, FAIL)
             return
         self._note(clock, event, value, to)
-        carried = entry.leave(stage, self.named_outputs())
+        carried = leave(stage, self.named_outputs())
         self._enter(index, carried, clock)
         self._runner.evaluate()
         first = self.outputs[0]
@@ -195,7 +198,7 @@ class Machine:
             Transition(clock, self.stage.name, event.kind, event.name, event.text, value, to)
         )
 
-    def _enter(self, index: int, carried: entry.Carried, clock: float) -> None:
+    def _enter(self, index: int, carried: Carried, clock: float) -> None:
         self.index, self._runner = index, self._runners[index]
         self._ticks, self.t = 0, 0.0
         self._now[0], self._now[1] = 0.0, clock

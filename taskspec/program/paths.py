@@ -57,7 +57,7 @@ def path_shape(context: Context, name: str, rotation: NDArray[np.float64]) -> Pa
         axes=driven,
         numbers=numbers,
         turns=turns,
-        center=tuple(path.arc.center[:2]) if path.arc is not None else (0.0, 0.0),
+        center=(path.arc.center[0], path.arc.center[1]) if path.arc is not None else (0.0, 0.0),
         table=table,
         speed=path.speed,
         time=path.time,

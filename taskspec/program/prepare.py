@@ -100,4 +100,4 @@ def frame_at_start(context: Context, frame: FrameModel) -> Vector:
     assert frame.surface is not None
     center = tool_center(context)
     chart = frame.surface.chart(box_face_at(frame.surface, center))
-    return np.array(ca.evalf(chart.frame(ca.SX(center), frame.heading)))
+    return np.asarray(ca.evalf(chart.frame(ca.SX(center), frame.heading)), dtype=float)

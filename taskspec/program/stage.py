@@ -14,9 +14,10 @@ from numpy.typing import NDArray
 
 from taskspec.control import model_terms
 from taskspec.control.gains import Gains, design
+from taskspec.control.reference import opposite
 from taskspec.control.state import AXES, task_state
 from taskspec.motion.path import PathShape
-from taskspec.program import kinematics, laws, signals
+from taskspec.program import kinematics, laws, ports, signals
 from taskspec.program.algebra import CasadiAlgebra, constants
 from taskspec.program.axes import existing_axes
 from taskspec.program.clock import Clock
@@ -26,31 +27,9 @@ from taskspec.program.events import Event, code
 from taskspec.program.frames import FrameModel
 from taskspec.program.layout import Layout
 from taskspec.program.modes import AxisPlan, plan_axes
-from taskspec.program.references import ReferenceSet, build_references
+from taskspec.program.references import build_references
 from taskspec.program.signals import SignalTable
 from taskspec.spec import Law, Limits, Stage
-
-#: What every stage puts out each tick, in this order: name and length.
-OUTPUTS: tuple[tuple[str, int], ...] = (
-    ("event", 1),
-    ("event_value", 1),
-    ("health", 1),
-    ("tip", 3),
-    ("tip_rotation", 9),
-    ("offset", 3),
-    ("frame", 9),
-    ("position", 6),
-    ("velocity", 6),
-    ("error", 6),
-    ("position_ref", 6),
-    ("velocity_ref", 6),
-    ("force_ref", 6),
-    ("measured", 6),
-    ("tilt", 1),
-    ("speed", 1),
-    ("travel", 1),
-    ("path_done", 1),
-)
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,21 +70,6 @@ class CompiledStage:
     own: ca.Function
 
 
-@dataclass(frozen=True, slots=True)
-class Inputs:
-    """The symbols of a tick's inputs, in the order of the function's arguments."""
-
-    now: ca.SX
-    q: ca.SX
-    v: ca.SX
-    terms: model_terms.TermSymbols
-    wrench: ca.SX
-
-    def symbols(self) -> list[ca.SX]:
-        """Arguments before memory and parameters."""
-        return [self.now, self.q, self.v, *self.terms.inputs, self.wrench]
-
-
 def compile_stage(
     context: Context, name: str, path: PathShape | None, axes_rotation: NDArray[np.float64]
 ) -> CompiledStage:
@@ -132,7 +96,7 @@ def compile_stage(
     visits = [f"{s}.visits" for s in task.stages]
     now, q, v = ca.SX.sym("now", 2 + len(visits)), ca.SX.sym("q", n), ca.SX.sym("v", n)
     terms = model_terms.symbols(robot, v)
-    inputs = Inputs(now, q, v, terms, ca.SX.sym("wrench", 6))
+    inputs = ports.Inputs(now, q, v, terms, ca.SX.sym("wrench", 6))
     memory, parameters = Layout("memory"), Layout("parameters")
     clock = Clock(now[0], now[1])
     algebra = CasadiAlgebra(memory, context.period)
@@ -188,25 +152,15 @@ def compile_stage(
         table=table,
         algebra=algebra,
     )
-    wanted = laws.joint_torque(
-        law.kind,
-        state=state,
-        references=references,
-        plans=plans,
-        gains=gains,
-        table=table,
-        terms=terms,
-        q=q,
-        v=v,
-        posture=ca.SX(ca.DM(context.posture)),
-    )
+    case = laws.Case(state, references, plans, gains, table)
+    posture = ca.SX(ca.DM(context.posture))
+    wanted = laws.joint_torque(law.kind, case, terms, q, v, posture)
     limit = ca.DM(robot.torque_limit)
     torque = ca.fmax(ca.fmin(wanted, limit), -limit)
     table.scalars |= {f"joint.{i + 1}.torque": torque[i] for i in range(n)}
     conditions = limit_conditions(
         robot=robot,
         limits=limits,
-        plans=plans,
         q=q,
         v=v,
         table=table,
@@ -219,7 +173,7 @@ def compile_stage(
     )
     index, value, events = code(conditions)
     updates = references.updates | algebra.updates
-    outputs = _outputs(index, value, torque, inputs, point, at, table, references)
+    outputs = ports.outputs(index, value, torque, inputs, point, at, table, references)
     arguments = [*inputs.symbols(), memory.vector(), parameters.vector()]
     options = {"cse": True}
     return CompiledStage(
@@ -239,7 +193,7 @@ def compile_stage(
         initial=algebra.initial,
         events=events,
         tick=ca.Function("tick", arguments, [torque, memory.stack(updates), outputs], options),
-        probe=_probe(arguments, table, references, at, tool, point),
+        probe=ports.probe(arguments, table, references, at, tool, point),
         own=ca.Function("own", arguments, [references.own, references.own_rate]),
     )
 
@@ -269,13 +223,13 @@ def _control_offset(frame: FrameModel, parameters: Layout) -> ca.SX | None:
 def _measured(
     table: SignalTable,
     context: Context,
-    inputs: Inputs,
+    inputs: ports.Inputs,
     point: kinematics.ControlPoint,
     at: kinematics.FrameState,
     parameters: Layout,
 ) -> None:
     """Puts the signals that follow from the measurement alone into the table."""
-    wrench = signals.opposite(point.wrench)
+    wrench = opposite(point.wrench)
     local = ca.vertcat(at.R.T @ wrench[:3], at.R.T @ wrench[3:])
     twist = ca.vertcat(at.R.T @ point.twist[:3], at.R.T @ point.twist[3:])
     scalars = table.scalars
@@ -289,83 +243,3 @@ def _measured(
     for i in range(context.robot.pin.nv):
         scalars[f"joint.{i + 1}.position"] = inputs.q[i]
         scalars[f"joint.{i + 1}.velocity"] = inputs.v[i]
-
-
-#: What a stage is asked when it is entered, in this order: name and length.
-PROBE: tuple[tuple[str, int], ...] = (
-    ("frame", 9),
-    ("offset", 3),
-    ("lever", 3),
-    ("here", 3),
-    ("foot_map", 4),
-    ("turning", 3),
-    ("coordinate", 6),
-    ("measured", 6),
-)
-
-
-def _probe(
-    arguments: list[ca.SX],
-    table: SignalTable,
-    references: ReferenceSet,
-    at: kinematics.FrameState,
-    tool: kinematics.ToolPoint,
-    point: kinematics.ControlPoint,
-) -> ca.Function:
-    """Where the tool is in the stage's frame; its last input is the tool point's velocity (3,)."""
-    way = ca.SX.sym("way", 3)
-    values = {
-        "frame": ca.vec(at.R),
-        "offset": point.offset,
-        "lever": tool.lever,
-        "here": point.p if at.foot is None else at.foot,
-        "foot_map": ca.vec(ca.SX.eye(2) if at.foot_map is None else at.foot_map),
-        "turning": at.turning(way),
-        "coordinate": references.six(references.coordinate),
-        "measured": references.six(_applied(table)),
-    }
-    return ca.Function(
-        "probe", [*arguments, way], [ca.vertcat(*(values[name] for name, _ in PROBE))]
-    )
-
-
-def _applied(table: SignalTable) -> dict[str, ca.SX]:
-    """Measured force and moment that the robot applies, by axis."""
-    kinds = {a: "torque" if a.startswith("r") else "force" for a in table.axes}
-    return {a: table.scalars[f"{kind}.{a}"] for a, kind in kinds.items()}
-
-
-def _outputs(
-    index: ca.SX,
-    value: ca.SX,
-    torque: ca.SX,
-    inputs: Inputs,
-    point: kinematics.ControlPoint,
-    at: kinematics.FrameState,
-    table: SignalTable,
-    references: ReferenceSet,
-) -> ca.SX:
-    terms, scalars = inputs.terms, table.scalars
-    six = references.six
-    values = {
-        "event": index,
-        "event_value": value,
-        # One number that is not finite as soon as any of these is not.
-        "health": ca.sumsqr(torque) + ca.sumsqr(inputs.v) + ca.sumsqr(inputs.q),
-        "tip": terms.p,
-        "tip_rotation": ca.vec(terms.R),
-        "offset": point.offset,
-        "frame": ca.vec(at.R),
-        "position": six(references.position),
-        "velocity": six({a: scalars[f"velocity.{a}"] for a in table.axes}),
-        "error": six(references.error),
-        "position_ref": six(references.position_ref),
-        "velocity_ref": six(references.velocity_ref),
-        "force_ref": six(references.force_ref),
-        "measured": six(_applied(table)),
-        "tilt": scalars["tilt"],
-        "speed": scalars["speed"],
-        "travel": scalars["travel"],
-        "path_done": scalars["path_done"],
-    }
-    return ca.vertcat(*(values[name] for name, _ in OUTPUTS))

@@ -26,7 +26,7 @@ class Frame(Model):
         xyz: position in the parent [m].
         rpy: orientation in the parent [rad].
         surface: the object over which it follows the tool.
-        heading: a direction that is laid on the tangent plane as the x axis.
+        heading: a direction of the world that is laid on the tangent plane as the x axis.
         point: `origin` moves the control point to the frame's origin.
     """
 

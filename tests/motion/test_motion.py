@@ -45,12 +45,22 @@ def test_a_move_keeps_its_limits_and_arrives(start, velocity, target):
     assert position[-1] == pytest.approx(target, abs=1e-9)
     assert rate[-1] == pytest.approx(0, abs=1e-9)
     assert np.max(np.abs(rate)) <= max(speed, abs(velocity)) * (1 + 1e-9)
-    assert np.max(np.abs(acceleration)) <= 2 * speed / 0.2 * (1 + 1e-6)
+    assert np.max(np.abs(acceleration)) <= 2 * speed / 0.2 * 1.001 * (1 + 1e-6)
     assert np.max(np.abs(jerk)) <= 4 * speed / 0.04 * (1 + 1e-6)
     # Position, velocity and acceleration have no jumps at the knots.
     for knot in cubic.knots[1:-1]:
         before, after = derivatives(cubic, knot - 1e-12), derivatives(cubic, knot)
         np.testing.assert_allclose(before[:3], after[:3], atol=1e-8)
+
+
+def test_moves_whose_length_fits_the_limits_exactly():
+    """Distances of k speed x rise are where a phase of the profile has no length."""
+    rng = np.random.default_rng(3)
+    for _ in range(500):
+        speed = round(10 ** rng.uniform(-3, 0.5), 3) or 1e-3
+        distance = speed * 0.2 * rng.choice([-2, -1, -0.5, 0.25, 0.5, 1, 2])
+        assert profile.move(0, 0, distance, speed).knots[-2] > 0
+        assert profile.move(0.3, 0, 0.3 + distance, speed)(99.0) == pytest.approx(0.3 + distance)
 
 
 def test_a_long_move_reaches_its_speed_in_a_fifth_of_a_second():

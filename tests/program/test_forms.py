@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from conftest import rms
+from measures import rms
 from taskspec.program.axes import SkewedAxisError, existing_axes
 
 PANDA = """

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from conftest import rms
+from measures import rms
 
 
 @pytest.mark.parametrize("task", ["press-hybrid", "press-parallel"])

@@ -11,7 +11,7 @@ from taskspec.program.modes import AxisPlan
 from taskspec.program.stage import CompiledStage
 from taskspec.spec import Path as SpecPath
 from taskspec.text.show import show
-from taskspec_runner.cli.defaults import move_speed, ramp_of
+from taskspec_runner.cli.defaults import ramp_of, speed_of
 from taskspec_runner.cli.measures import gain_text, length, stiffness
 
 _LIMIT = "limit on "
@@ -133,7 +133,7 @@ def _motion(stage: CompiledStage, axis: str, plan: AxisPlan) -> str:
         return f"path: {_path_kind(stage.spec.path)}"
     if plan.mode == "move":
         assert entry.move is not None
-        return f"move {length(entry.move, axis)} at {move_speed(axis, entry)}"
+        return f"move {length(entry.move, axis)} at {speed_of(axis, entry)}"
     if plan.mode == "hold":
         return "hold against the world" if plan.world else "hold"
     return f"{plan.mode} {getattr(entry, plan.mode)}"

@@ -5,19 +5,18 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from taskspec.compiler import Program
-from taskspec.program.entry import MOVE_SPEED
 from taskspec.program.references import DEFAULT_RAMP
 from taskspec.program.stage import CompiledStage
 from taskspec.program.stiffness import damping_of
+from taskspec.program.tracks import move_speed
 from taskspec.spec import Axis, Task
 from taskspec.text.show import show
 from taskspec_runner.cli.measures import speed, stiffness
 
 
-def move_speed(axis: str, entry: Axis) -> str:
+def speed_of(axis: str, entry: Axis) -> str:
     """The speed of a move, given or not."""
-    kind = "angular" if axis.startswith("r") else "linear"
-    return speed(entry.speed or float(MOVE_SPEED[kind]), axis)
+    return speed(entry.speed or float(move_speed(axis)), axis)
 
 
 def ramp_of(entry: Axis) -> str:
@@ -94,4 +93,4 @@ def _stage(stage: CompiledStage) -> Iterator[tuple[str, str]]:
         if (entry.force is not None or entry.torque is not None) and entry.ramp is None:
             yield f"{place}.ramp", ramp_of(entry)
         if entry.move is not None and entry.speed is None:
-            yield f"{place}.speed", move_speed(axis, entry)
+            yield f"{place}.speed", speed_of(axis, entry)

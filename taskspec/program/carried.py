@@ -1,0 +1,55 @@
+"""The one reference pose that is carried from stage to stage."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from taskspec.control.state import AXES
+from taskspec.program.stage import CompiledStage
+
+Vector = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Carried:
+    """The one reference pose that goes from stage to stage.
+
+    Attributes:
+        p, R: (3,), (3, 3) reference pose of the tip in the world. Axes that a force set point
+            has moved are where they were measured.
+        twist: (6,) its velocity, world axes, at the tip.
+        held: (6,) wrench that the robot applied on axes with a force set point, world [N, N m].
+    """
+
+    p: Vector
+    R: Vector
+    twist: Vector
+    held: Vector = field(default_factory=lambda: np.zeros(6))
+
+
+def leave(stage: CompiledStage, outputs: Mapping[str, Vector]) -> Carried:
+    """The reference that a stage hands on; force axes hand on where they were measured."""
+    R = outputs["tip_rotation"].reshape(3, 3, order="F")
+    frame = outputs["frame"].reshape(3, 3, order="F")
+    error, twist, held = np.zeros(6), np.zeros(6), np.zeros(6)
+    for name, plan in stage.plans.items():
+        i = AXES.index(name)
+        if plan.force or plan.open_loop:
+            held[i] = outputs["measured"][i]
+        tracked = plan.motion and not plan.force and not plan.open_loop
+        error[i] = outputs["error"][i] if tracked else 0.0
+        twist[i] = outputs["velocity_ref" if tracked else "velocity"][i]
+    offset = outputs["offset"]
+    R_ref = pin.exp3(frame @ error[3:]) @ R
+    spin = frame @ twist[3:]
+    return Carried(
+        p=outputs["tip"] + offset + frame @ error[:3] - R_ref @ (R.T @ offset),
+        R=R_ref,
+        twist=np.concatenate([frame @ twist[:3] - np.cross(spin, offset), spin]),
+        held=np.concatenate([frame @ held[:3], frame @ held[3:]]),
+    )

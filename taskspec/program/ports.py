@@ -1,0 +1,128 @@
+"""What goes into a stage's functions and what comes out of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+
+from taskspec.control.model_terms import TermSymbols
+from taskspec.program import kinematics
+from taskspec.program.references import ReferenceSet
+from taskspec.program.signals import SignalTable
+
+#: What every stage puts out each tick, in this order: name and length.
+OUTPUTS: tuple[tuple[str, int], ...] = (
+    ("event", 1),
+    ("event_value", 1),
+    ("health", 1),
+    ("tip", 3),
+    ("tip_rotation", 9),
+    ("offset", 3),
+    ("frame", 9),
+    ("position", 6),
+    ("velocity", 6),
+    ("error", 6),
+    ("position_ref", 6),
+    ("velocity_ref", 6),
+    ("force_ref", 6),
+    ("measured", 6),
+    ("tilt", 1),
+    ("speed", 1),
+    ("travel", 1),
+    ("path_done", 1),
+)
+
+#: What a stage is asked when it is entered, in this order: name and length.
+PROBE: tuple[tuple[str, int], ...] = (
+    ("frame", 9),
+    ("offset", 3),
+    ("lever", 3),
+    ("here", 3),
+    ("foot_map", 4),
+    ("turning", 3),
+    ("coordinate", 6),
+    ("measured", 6),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Inputs:
+    """The symbols of a tick's inputs, in the order of the function's arguments."""
+
+    now: ca.SX
+    q: ca.SX
+    v: ca.SX
+    terms: TermSymbols
+    wrench: ca.SX
+
+    def symbols(self) -> list[ca.SX]:
+        """Arguments before memory and parameters."""
+        return [self.now, self.q, self.v, *self.terms.inputs, self.wrench]
+
+
+def probe(
+    arguments: list[ca.SX],
+    table: SignalTable,
+    references: ReferenceSet,
+    at: kinematics.FrameState,
+    tool: kinematics.ToolPoint,
+    point: kinematics.ControlPoint,
+) -> ca.Function:
+    """Where the tool is in the stage's frame; its last input is the tool point's velocity (3,)."""
+    way = ca.SX.sym("way", 3)
+    values = {
+        "frame": ca.vec(at.R),
+        "offset": point.offset,
+        "lever": tool.lever,
+        "here": point.p if at.foot is None else at.foot,
+        "foot_map": ca.vec(ca.SX.eye(2) if at.foot_map is None else at.foot_map),
+        "turning": at.turning(way),
+        "coordinate": references.six(references.coordinate),
+        "measured": references.six(_applied(table)),
+    }
+    return ca.Function(
+        "probe", [*arguments, way], [ca.vertcat(*(values[name] for name, _ in PROBE))]
+    )
+
+
+def _applied(table: SignalTable) -> dict[str, ca.SX]:
+    """Measured force and moment that the robot applies, by axis."""
+    kinds = {a: "torque" if a.startswith("r") else "force" for a in table.axes}
+    return {a: table.scalars[f"{kind}.{a}"] for a, kind in kinds.items()}
+
+
+def outputs(
+    index: ca.SX,
+    value: ca.SX,
+    torque: ca.SX,
+    inputs: Inputs,
+    point: kinematics.ControlPoint,
+    at: kinematics.FrameState,
+    table: SignalTable,
+    references: ReferenceSet,
+) -> ca.SX:
+    terms, scalars = inputs.terms, table.scalars
+    six = references.six
+    values = {
+        "event": index,
+        "event_value": value,
+        # One number that is not finite as soon as any of these is not.
+        "health": ca.sumsqr(torque) + ca.sumsqr(inputs.v) + ca.sumsqr(inputs.q),
+        "tip": terms.p,
+        "tip_rotation": ca.vec(terms.R),
+        "offset": point.offset,
+        "frame": ca.vec(at.R),
+        "position": six(references.position),
+        "velocity": six({a: scalars[f"velocity.{a}"] for a in table.axes}),
+        "error": six(references.error),
+        "position_ref": six(references.position_ref),
+        "velocity_ref": six(references.velocity_ref),
+        "force_ref": six(references.force_ref),
+        "measured": six(_applied(table)),
+        "tilt": scalars["tilt"],
+        "speed": scalars["speed"],
+        "travel": scalars["travel"],
+        "path_done": scalars["path_done"],
+    }
+    return ca.vertcat(*(values[name] for name, _ in OUTPUTS))
