@@ -9,10 +9,12 @@ from numpy.typing import NDArray
 
 from taskspec.check import check_stages
 from taskspec.program.context import Context
+from taskspec.program.errors import spec_error
 from taskspec.program.machine import Machine
 from taskspec.program.paths import path_shape
 from taskspec.program.ports import OUTPUTS
 from taskspec.program.prepare import frame_at_start, prepare
+from taskspec.program.signals import UnknownSignalError
 from taskspec.program.stage import CompiledStage, compile_stage
 from taskspec.spec import LoadedTask
 from taskspec.text.diagnostic import Diagnostic, Severity, SpecError
@@ -66,5 +68,9 @@ def compile_task(loaded: LoadedTask) -> Program:
         rotation = frame_at_start(context, context.frame_of(stage))
         path = path_shape(context, name, rotation)
         ready = path.ready() if path is not None else None
-        stages.append(compile_stage(context, name, ready, rotation))
+        try:
+            stages.append(compile_stage(context, name, ready, rotation))
+        except UnknownSignalError as error:
+            message = f"stage {name!r} cannot evaluate {error}"
+            raise spec_error(loaded, ("stages", name), "TS224", message) from error
     return Program(context, tuple(stages), (*loaded.warnings, *found))

@@ -85,12 +85,14 @@ class Recorder:
 
     def close(self) -> None:
         """Writes what is left and ends the stream."""
-        self.flush()
-        if self._writer is not None:
-            self._writer.close()
-        if self._file is not None:
-            self._file.close()
-            self._file = None
+        try:
+            self.flush()
+            if self._writer is not None:
+                self._writer.close()
+        finally:
+            if self._file is not None:
+                self._file.close()
+                self._file = None
 
     def _columns(self, rows: Vector) -> dict[str, tuple[Vector, str]]:
         """Column name to values and unit; `rows` are (fields, ticks)."""

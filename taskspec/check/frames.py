@@ -1,4 +1,4 @@
-"""Following frames that are not defined where the tool starts."""
+"""Frames and objects at the start: what is not defined there, and what is already touched."""
 
 from __future__ import annotations
 
@@ -7,7 +7,9 @@ import numpy as np
 
 from taskspec.program.context import Context
 from taskspec.program.prepare import box_face_at, tool_center
+from taskspec.program.signals import TOUCHING
 from taskspec.text.diagnostic import Diagnostics
+from taskspec.text.show import show
 
 
 def check_frame(context: Context, name: str, found: Diagnostics) -> bool:
@@ -35,3 +37,18 @@ def check_frame(context: Context, name: str, found: Diagnostics) -> bool:
         "give a heading that lies in the surface, such as heading: [0, 1, 0]",
     )
     return False
+
+
+def check_start(context: Context, found: Diagnostics) -> None:
+    """Reports objects that the tool is inside of at the start."""
+    loaded = context.loaded
+    for name, gap in context.start_gaps.items():
+        force = -gap * context.stiffness[name]
+        if force > TOUCHING:
+            found.warning(
+                "TS305",
+                f"the tool starts {show(-gap, 'mm')} inside {name!r}: the run begins with "
+                f"{force:.3g} N of contact",
+                loaded.span(("robot", "start")),
+                "start above the surface, and approach it with a guarded stage",
+            )

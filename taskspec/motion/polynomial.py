@@ -45,6 +45,7 @@ class PiecewiseCubic:
         return np.concatenate([[self.knots[i]], self.coefficients[i]])
 
     def __call__(self, x: float) -> float:
+        """The value at x."""
         start, *c = self.segment(x)
         s = x - start
         return float(c[0] + s * (c[1] + s * (c[2] + s * c[3])))

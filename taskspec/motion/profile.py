@@ -57,9 +57,7 @@ def timing(length: float, *, speed: float | None, time: float | None) -> Piecewi
     return move(0.0, 0.0, 1.0, 1.0 / (time - rise), rise)
 
 
-def _plan(
-    start: float, velocity: float, target: float, speed: float, rise: float
-) -> Trajectory:
+def _plan(start: float, velocity: float, target: float, speed: float, rise: float) -> Trajectory:
     limits = InputParameter(1)
     limits.current_position, limits.current_velocity = [start], [velocity]
     limits.current_acceleration, limits.target_position = [0.0], [target]

@@ -15,6 +15,7 @@ register(
         "TS224": "a signal that this stage cannot evaluate",
         "TS225": "a following frame without an x axis at the start",
         "TS304": "an open-loop force that `vary` makes vague",
+        "TS305": "a start inside an object",
         "TS303": "a force without a surface to press on",
     }
 )

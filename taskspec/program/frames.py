@@ -43,10 +43,10 @@ class Posed(Protocol):
     """Anything with a position [m] and roll, pitch, yaw [rad]."""
 
     @property
-    def xyz(self) -> tuple[float, float, float]: ...
+    def xyz(self) -> tuple[float, float, float]: ...  # noqa: D102
 
     @property
-    def rpy(self) -> tuple[float, float, float]: ...
+    def rpy(self) -> tuple[float, float, float]: ...  # noqa: D102
 
 
 def pose(of: Posed) -> tuple[Matrix, Matrix]:

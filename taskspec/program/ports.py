@@ -102,6 +102,7 @@ def outputs(
     table: SignalTable,
     references: ReferenceSet,
 ) -> ca.SX:
+    """A tick's outputs: the numbers of `OUTPUTS`."""
     terms, scalars = inputs.terms, table.scalars
     six = references.six
     values = {

@@ -81,7 +81,7 @@ def tool_center(context: Context) -> Vector:
     tool = context.robot.tool
     if tool.flat:
         return context.start_p
-    return context.start_p + context.start_R @ tool.centers[0]
+    return np.asarray(context.start_p + context.start_R @ tool.centers[0])
 
 
 def box_face_at(surface: Surface, center: Vector) -> ca.SX | None:

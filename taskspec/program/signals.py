@@ -21,7 +21,7 @@ TOUCHING = 0.5
 _VECTORS = ("force", "torque", "position", "velocity", "error")
 
 
-class UnknownSignalError(KeyError):
+class UnknownSignalError(LookupError):
     """A name that this stage cannot evaluate; the message says why."""
 
 
@@ -46,8 +46,9 @@ class SignalTable:
             return self.elsewhere(text, name.frame)
         if text in self.scalars:
             return self.scalars[text]
-        if name.path[0] in _VECTORS and len(name.path) == 2 and name.path[1] not in self.axes:
-            return ca.SX(0)  # A component of `norm(force)` that this arm does not have.
+        if name.path[0] in _VECTORS and len(name.path) == 2:
+            # A component of `norm(...)` that this stage does not have; alone, it has been reported.
+            return ca.SX(0)
         raise UnknownSignalError(text)
 
 

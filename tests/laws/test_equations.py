@@ -211,7 +211,9 @@ def test_for_n_equal_m_it_is_the_chapters_form():
         values = _, _, w = arm.random()
         u, H, bias, J, drift = arm(
             [
-                resolution.torque(command, task, arm.terms.H, arm.terms.bias, arm.terms.gravity, None),
+                resolution.torque(
+                    command, task, arm.terms.H, arm.terms.bias, arm.terms.gravity, None
+                ),
                 ca.triu2symm(ca.triu(arm.terms.H)),
                 arm.terms.bias,
                 arm.terms.J,
@@ -256,7 +258,7 @@ def test_laws_written_out(arm, law):
         command, task, arm.terms.H, arm.terms.bias, arm.terms.gravity, posture
     )
     for _ in range(5):
-        values = q, v, w = arm.random()
+        values = _, _, w = arm.random()
         u, twist, mobility = arm([u_symbol, arm.terms.twist, task.mobility], values)
         x_rate, f = twist[rows], w[rows]
         if arm.robot.name == "planar3":

@@ -14,7 +14,7 @@ from taskspec.motion.table import TableError, read_table
 UNITS = {"mm": 1e-3, "m": 1.0, "s": 1.0, "deg": np.pi / 180}
 
 
-def unit(text, column):
+def unit(text, _column):
     if text not in UNITS:
         raise ValueError(f"no unit {text!r}")
     return UNITS[text]

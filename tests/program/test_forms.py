@@ -56,7 +56,6 @@ def test_the_tools_frame_turns_with_the_tool(simulate):
     radius = 0.04 / np.deg2rad(20)
     # The circle through three points of the way, and the others on it.
     a, b, c = p[0], p[6], p[12]
-    normal = np.cross(b - a, c - a)
     center = _center(a, b, c)
     np.testing.assert_allclose(np.linalg.norm(p - center, axis=1), radius, rtol=2e-3)
     assert rms(run.during("rotate", "error.z", 0.5)) < 1e-4
@@ -108,7 +107,8 @@ def test_a_soft_axis_is_a_spring_in_a_hybrid_task(simulate):
     """A table 5 mm higher than a soft z axis aims at is pressed with k times what is missing."""
     run = simulate(
         panda(
-            "  lean: {axes: {z: {position: 380 mm, stiffness: 800 N/m, damping: 60 N*s/m}}, time: 3 s}",
+            "  lean: {axes: {z: {position: 380 mm, stiffness: 800 N/m, damping: 60 N*s/m}}, "
+            "time: 3 s}",
             "world: {table: {shape: plane, xyz: [0, 0, 385 mm], stiffness: 50 kN/m}}",
         )
     )

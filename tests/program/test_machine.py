@@ -59,7 +59,12 @@ def test_next_and_on_fail_lead_elsewhere(simulate):
 def test_attempts_bound_a_cycle(simulate):
     run = simulate(
         planar("""
-  try: {axes: {x: {move: 2 mm}}, until: position.x > 2 m, within: {time: 50 ms}, on_fail: rest, attempts: 3}
+  try:
+    axes: {x: {move: 2 mm}}
+    until: position.x > 2 m
+    within: {time: 50 ms}
+    on_fail: rest
+    attempts: 3
   rest: {time: 20 ms, next: try}
 """)
     )
@@ -111,7 +116,10 @@ def test_for_asks_for_an_unbroken_time(simulate):
 def test_reducers_in_guards_look_back_over_the_stage(simulate):
     run = simulate(
         planar("""
-  rise: {axes: {x: {position: 350 mm + 10 mm * sin(2*pi*t/(1 s))}}, until: max(position.x) - position.x > 4 mm, within: {time: 2 s}}
+  rise:
+    axes: {x: {position: 350 mm + 10 mm * sin(2*pi*t/(1 s))}}
+    until: max(position.x) - position.x > 4 mm
+    within: {time: 2 s}
   steady: {axes: {x: {velocity: 20 mm/s}}, until: mean(velocity.x) > 15 mm/s, within: {time: 2 s}}
 """)
     )

@@ -26,7 +26,7 @@ def scaled(value: float, units: Sequence[str], digits: int = 4, least: float = 1
     """A value [SI] in the first of the units in which it is at least `least`, else in the last."""
     if not units:
         return f"{value:.{digits}g}"
-    fits = (unit for unit in units if abs(value) >= least * to_si(1.0, unit).value)
+    fits = (u for u in units if value == 0 or abs(value) >= least * to_si(1.0, u).value)
     return show(value, next(fits, units[-1]), digits)
 
 
