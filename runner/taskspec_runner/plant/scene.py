@@ -12,11 +12,13 @@ from taskspec.geometry.rotation import from_rpy
 from taskspec.robot import RobotModel
 from taskspec.spec import Shape, Task
 from taskspec_runner.plant.contact import contact_parameters
+from taskspec_runner.plant.looks import dress
 
 #: Names of the world's geoms and contact sensors begin with this.
 PREFIX = "world/"
 _COLORS = ((0.62, 0.66, 0.70, 1.0), (0.75, 0.62, 0.48, 1.0), (0.50, 0.62, 0.58, 1.0))
-_PLANE_HALF = 0.75
+#: What is seen of a plane: half edge and half thickness of a slab below the tool [m].
+_SLAB, _SLAB_THICKNESS = 0.22, 0.015
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,9 +57,11 @@ def build_scene(robot: RobotModel, task: Task) -> Scene:
     option.integrator = mujoco.mjtIntegrator.mjINT_EULER
     # Otherwise a diverged state is reset in silence and the run goes on.
     option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
-    _light(spec)
+    dress(spec)
+    start = task.robot.start
+    near = None if start is None or start.xyz is None else np.array(start.xyz)
     for number, (name, shape) in enumerate(task.world.items()):
-        _add_object(spec, name, shape, _COLORS[number % len(_COLORS)])
+        _add_object(spec, name, shape, near, _COLORS[number % len(_COLORS)])
         for geom in robot.tool_geoms:
             pair = spec.add_pair(geomname1=PREFIX + name, geomname2=geom, condim=3)
             contact_parameters(pair, shape, robot, period)
@@ -87,6 +91,7 @@ def _add_object(
     spec: mujoco.MjSpec,
     name: str,
     shape: Shape,
+    near: NDArray[np.float64] | None,
     color: tuple[float, float, float, float],
 ) -> None:
     kinds = {
@@ -101,9 +106,9 @@ def _add_object(
     kind, size = kinds[shape.shape]
     visible = list(color)
     if shape.shape == "plane":
-        # The plane itself is endless; what is seen is a slab of it around the arm's reach.
+        # The plane itself is endless; what is seen is a slab of it where the tool starts.
         visible[3] = 0.0
-        _add_slab(spec, shape, color)
+        _add_slab(spec, shape, near, color)
     spec.worldbody.add_geom(
         name=PREFIX + name,
         type=kind,
@@ -119,27 +124,22 @@ def _add_object(
 def _add_slab(
     spec: mujoco.MjSpec,
     shape: Shape,
+    near: NDArray[np.float64] | None,
     color: tuple[float, float, float, float],
 ) -> None:
-    R = from_rpy(shape.rpy)
-    thickness = 0.02
-    center = np.array(shape.xyz) - R[:, 2] * thickness
+    R, origin = from_rpy(shape.rpy), np.array(shape.xyz)
+    if near is not None:
+        origin = near - R[:, 2] * float(R[:, 2] @ (near - origin))
     spec.worldbody.add_geom(
         type=mujoco.mjtGeom.mjGEOM_BOX,
-        size=[0.35, 0.35, thickness],
-        pos=center.tolist(),
+        size=[_SLAB, _SLAB, _SLAB_THICKNESS],
+        pos=(origin - R[:, 2] * _SLAB_THICKNESS).tolist(),
         quat=_quaternion(R),
         rgba=list(color),
         contype=0,
         conaffinity=0,
         group=1,
     )
-
-
-def _light(spec: mujoco.MjSpec) -> None:
-    spec.worldbody.add_light(pos=[0.5, -1.0, 2.5], dir=[-0.1, 0.35, -1.0], diffuse=[0.7] * 3)
-    spec.visual.headlight.ambient = [0.35, 0.35, 0.35]
-    spec.visual.headlight.diffuse = [0.4, 0.4, 0.4]
 
 
 def _quaternion(R: NDArray[np.float64]) -> list[float]:

@@ -1,0 +1,61 @@
+"""Makes the pictures of the README again: a wiping arm, and what its run recorded.
+
+    python docs/images/make.py
+
+Needs a headless OpenGL, such as EGL (MUJOCO_GL=egl) or OSMesa.
+"""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from pathlib import Path
+
+os.environ.setdefault("MUJOCO_GL", "egl")
+
+import mujoco
+import numpy as np
+from PIL import Image
+
+from taskspec.compiler import compile_task
+from taskspec.spec import load_task
+from taskspec_runner.history import read_history
+from taskspec_runner.plant.scene import build_scene
+from taskspec_runner.report import write_overview_svg
+from taskspec_runner.session import execute_program
+
+HERE = Path(__file__).resolve().parent
+TASK = HERE.parent.parent / "tasks" / "wipe-table.yaml"
+WIDTH, HEIGHT = 1720, 880
+
+
+def main() -> None:
+    """Runs the task once and draws both pictures."""
+    program = compile_task(load_task(TASK))
+    with tempfile.TemporaryDirectory() as folder:
+        out = Path(folder) / "run"
+        execute_program(program, out, report=False)
+        write_overview_svg(out, HERE / "wipe-table.svg")
+        history = read_history(out / "log.arrow")
+    row = int(np.argmax(history.window("wipe"))) + 2500
+    n = program.context.robot.pin.nv
+    q = [history.columns[f"joint.{i + 1}.position"][row] for i in range(n)]
+    scene = build_scene(program.context.robot, program.context.loaded.task)
+    scene.model.vis.global_.offwidth, scene.model.vis.global_.offheight = WIDTH, HEIGHT
+    scene.model.vis.quality.offsamples = 8
+    data = mujoco.MjData(scene.model)
+    data.qpos[:] = q
+    mujoco.mj_forward(scene.model, data)
+    camera = mujoco.MjvCamera()
+    camera.lookat[:] = (0.28, 0.0, 0.36)
+    camera.distance, camera.azimuth, camera.elevation = 1.35, 122.0, -16.0
+    with mujoco.Renderer(scene.model, HEIGHT, WIDTH) as renderer:
+        renderer.update_scene(data, camera)
+        picture = Image.fromarray(renderer.render())
+    picture.resize((WIDTH // 2, HEIGHT // 2), Image.Resampling.LANCZOS).save(
+        HERE / "wipe-table.png", optimize=True
+    )
+
+
+if __name__ == "__main__":
+    main()
