@@ -75,9 +75,8 @@ def build_scene(robot: RobotModel, task: Task) -> Scene:
             intprm=[_FORCE_TORQUE_POINT, _NET_FORCE, 1],
         )
     model = spec.compile()
-    sensors = tuple(
-        slice(start := int(model.sensor(PREFIX + name).adr[0]), start + 9) for name in task.world
-    )
+    addresses = [int(model.sensor(PREFIX + name).adr[0]) for name in task.world]
+    sensors = tuple(slice(address, address + 9) for address in addresses)
     return Scene(model, tuple(task.world), sensors)
 
 
