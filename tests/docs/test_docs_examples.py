@@ -1,0 +1,56 @@
+"""Every example of the documents runs through the checks; links and codes lead somewhere."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+from documents import DOCUMENTS, LANGUAGE, ROOT, blocks, completed, is_task, load
+
+from taskspec.check import check_task
+from taskspec.compiler import compile_task
+from taskspec.motion.table import read_table
+from taskspec.text.codes import CODES
+from taskspec.text.diagnostic import Severity
+from taskspec.text.units import parse_unit
+
+
+@pytest.mark.parametrize(("path", "name", "text"), blocks("yaml"))
+def test_every_yaml_block_is_a_task_that_validates(path, name, text):
+    if name is not None:
+        assert not is_task(text)
+        text = completed(text, path, name)
+    assert is_task(text), "a fragment says which task it completes: <!-- completes: NAME -->"
+    loaded = load(text)
+    errors = [d for d in check_task(loaded) if d.severity is Severity.ERROR]
+    assert errors == []
+    assert compile_task(loaded).stages
+
+
+def test_there_are_examples():
+    assert [param for param in blocks("yaml") if param.values[0] == ROOT / "README.md"]
+    assert [param for param in blocks("yaml") if param.values[0] == LANGUAGE]
+
+
+@pytest.mark.parametrize("text", [block.values[2] for block in blocks("csv")])
+def test_every_csv_block_is_a_path(text, tmp_path):
+    file = tmp_path / "points.csv"
+    file.write_text(text, encoding="utf-8")
+    points = read_table(file, lambda unit, _column: parse_unit(unit).scale)
+    assert points.length > 0
+
+
+@pytest.mark.parametrize("path", DOCUMENTS, ids=lambda path: path.name)
+def test_links_lead_somewhere(path):
+    text = re.sub(r"^```.*?^```$", "", path.read_text(encoding="utf-8"), flags=re.M | re.S)
+    for target in re.findall(r"\]\(([^)#\s:]*)(?:#[^)]*)?\)", text):
+        assert (path.parent / target).exists(), target
+    for target, anchor in re.findall(r"\]\(([^)\s:]*)#([^)]+)\)", text):
+        other = (path.parent / target) if target else path
+        heads = re.findall(r"^#+ (.+)$", other.read_text(encoding="utf-8"), re.M)
+        assert anchor in {re.sub(r"[^\w -]", "", h).lower().replace(" ", "-") for h in heads}
+
+
+@pytest.mark.parametrize("path", DOCUMENTS, ids=lambda path: path.name)
+def test_codes_that_are_named_exist(path):
+    assert set(re.findall(r"TS\d{3}", path.read_text(encoding="utf-8"))) <= CODES.keys()

@@ -1,0 +1,101 @@
+"""The tables of keys list every key of every model, with its unit and its default."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import get_args
+
+import pytest
+from documents import LANGUAGE, first_words, models_of, table, units_written, value, words
+
+from taskspec.spec import Law, Robot, Task
+from taskspec.spec.axis import Axis, Rotation, Translation
+from taskspec.spec.control import Control
+from taskspec.spec.frame import Frame
+from taskspec.spec.gains import Gain
+from taskspec.spec.law import ForceGains
+from taskspec.spec.limits import Limits
+from taskspec.spec.model import Model
+from taskspec.spec.path import Path
+from taskspec.spec.quantities import Constant, Entries, Formula, Series
+from taskspec.spec.robot import Pose, Start, Tool
+from taskspec.spec.stage import Stage, Within
+from taskspec.spec.world import Shape
+
+KEYS: dict[str, tuple[type[Model], ...]] = {
+    "task": (Task,),
+    "robot": (Robot,),
+    "robot.base": (Pose,),
+    "robot.tool": (Tool,),
+    "robot.start": (Start,),
+    "world": (Shape,),
+    "frames": (Frame,),
+    "stages": (Stage,),
+    "within": (Within,),
+    "axes": (Translation, Rotation),
+    "path": (Path,),
+    "law": (Law,),
+    "law.force": (ForceGains,),
+    "limits": (Limits,),
+    "control": (Control,),
+}
+
+
+def kinds(annotation: object) -> Iterator[object]:
+    """What reads a field, wherever it stands in the field's type."""
+    for part in get_args(annotation):
+        if isinstance(part, Constant | Entries | Series | Gain | Formula):
+            yield part
+        else:
+            yield from kinds(part)
+
+
+def units_needed(model: type[Model], key: str) -> set[object]:
+    """Dimensions of a field; `condition` for a condition; empty for anything else."""
+    field = model.model_fields[key]
+    found: set[object] = set()
+    for kind in [*field.metadata, *kinds(field.annotation)]:
+        if isinstance(kind, Formula):
+            found.add(kind.dimension or "condition")
+        elif isinstance(kind, Constant | Series):
+            found.add(kind.dimension)
+        elif isinstance(kind, Entries):
+            found.update(kind.dimensions)
+        elif isinstance(kind, Gain):
+            found.update((kind.linear, kind.angular))
+    return found
+
+
+@pytest.mark.parametrize("name", KEYS)
+def test_keys_are_those_of_the_model(name):
+    expected = {key for model in KEYS[name] for key in model.model_fields}
+    assert set(first_words(LANGUAGE, f"keys: {name}")) == expected
+
+
+@pytest.mark.parametrize("name", KEYS)
+def test_units_are_those_of_the_model(name):
+    for row in table(LANGUAGE, f"keys: {name}"):
+        (key,) = words(row[0])
+        needed = {d for model in KEYS[name] for d in units_needed(model, key)}
+        assert units_written(row[1]) == needed, key
+
+
+@pytest.mark.parametrize("name", KEYS)
+def test_defaults_are_those_of_the_model(name):
+    for row in table(LANGUAGE, f"keys: {name}"):
+        (key,) = words(row[0])
+        field = KEYS[name][0].model_fields[key]
+        if field.is_required():
+            assert row[2].startswith("required"), key
+        elif isinstance(field.default, float):
+            assert value(words(row[2])[0]) == field.default, key
+        elif isinstance(field.default, str) and key != "name":
+            assert words(row[2])[0] == field.default, key
+
+
+def test_no_model_is_left_out():
+    listed = {model for models in KEYS.values() for model in models} | {Axis}
+    shown = {m for m in models_of(Model) if m.__module__.startswith("taskspec.spec.")}
+    left_out = {model.__name__ for model in shown - listed}
+    # Forms of one key, written out in the row of that key; and the six axes.
+    assert left_out == {"Line", "Arc", "Lissajous", "AxesForm"}

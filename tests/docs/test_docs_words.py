@@ -1,0 +1,177 @@
+"""Units, functions, signals, laws and all other words: exactly those of the code."""
+
+from __future__ import annotations
+
+import pytest
+from documents import (
+    LANGUAGE,
+    codes_of,
+    completed,
+    example,
+    first_words,
+    load,
+    models_of,
+    table,
+    units_written,
+    words,
+)
+
+from taskspec.robot import builtin_robots
+from taskspec.spec import Law, Robot, Task
+from taskspec.spec.axis import Axis
+from taskspec.spec.frame import Frame
+from taskspec.spec.law import LATER, LAWS
+from taskspec.spec.model import Model
+from taskspec.spec.path import Path
+from taskspec.spec.robot import Tool
+from taskspec.spec.stage import Stage
+from taskspec.spec.words import Word
+from taskspec.spec.world import Shape
+from taskspec.text.expression import signals
+from taskspec.text.expression.functions import FUNCTIONS, REDUCERS
+from taskspec.text.units import NUMBER, UNITS
+
+
+def test_units():
+    assert set(first_words(LANGUAGE, "table: units")) == UNITS.keys()
+    for unit, _, cell in table(LANGUAGE, "table: units"):
+        (name,), (same,) = words(unit), words(cell)
+        task = completed(f'params: {{press: 12 N, a: "1 {name}", b: "{same}"}}\n')
+        params = load(task).task.params
+        assert params["a"].dimension == params["b"].dimension, name
+        assert params["a"].value == pytest.approx(params["b"].value, rel=1e-12), name
+
+
+def _called(cells: list[str]) -> set[str]:
+    return {word.partition("(")[0] for word in cells}
+
+
+def test_functions():
+    assert _called(first_words(LANGUAGE, "table: functions")) == FUNCTIONS.keys()
+
+
+def test_reducers():
+    assert _called(first_words(LANGUAGE, "table: reducers")) == set(REDUCERS)
+
+
+def test_laws_and_their_gains():
+    rows = {words(row[0])[0]: tuple(words(row[2])) for row in table(LANGUAGE, "table: laws")}
+    assert rows == LAWS
+
+
+def test_robots():
+    rows = {words(row[0])[0]: (int(row[1]), row[2]) for row in table(LANGUAGE, "table: robots")}
+    assert rows == {r.name: (r.joints, " ".join(r.axes)) for r in builtin_robots()}
+
+
+def test_signals():
+    expected = {
+        **{f"{name}.{a}": d for name, axes in signals.VECTORS.items() for a, d in axes.items()},
+        **signals.SCALARS,
+        **dict.fromkeys(signals.CONDITIONS, "condition"),
+        **dict.fromkeys(signals.CLOCKS, signals.CLOCK_DIMENSION),
+        **{f"joint.N.{name}": d for name, d in signals.JOINT.items()},
+        **{f"OBJECT.{name}": d for name, d in signals.OBJECT.items()},
+        "STAGE.visits": NUMBER,
+    }
+    documented = {
+        signal: dimension
+        for row in table(LANGUAGE, "table: signals")
+        for signal in words(row[0])
+        for dimension in units_written(row[1])
+    }
+    assert documented == expected
+
+
+@pytest.mark.parametrize("row", table(LANGUAGE, "table: signals"), ids=lambda row: words(row[0])[0])
+def test_signals_are_available_where_the_table_says(row):
+    signal = words(row[0])[0].replace("joint.N", "joint.1")
+    signal = signal.replace("OBJECT", "table").replace("STAGE", "slide")
+    number = row[1] != "condition"
+    unit = words(row[1])[0] if words(row[1]) else ""
+    condition = f"{signal} > 1e6 {unit}" if number else signal
+    motion = f"{signal}*(1 N/(1 {unit}))" if unit else f"{signal}*(1 N)"
+    stage = 'stages: {slide: {axes: {z: {force: "%s"}, x: hold}, %stime: 1 s}}\nexpect: [%s]\n'
+    path = "path: {line: {by: [0, 5 mm]}, time: 1 s}, "
+    places = {
+        "references": stage % (motion, path, ""),
+        "guards": stage % ("-5 N", f'fail_if: "{condition}", {path}', ""),
+        "expect": stage % ("-5 N", path, f'"{condition}"'),
+    }
+    for (place, text), says in zip(places.items(), row[3:], strict=True):
+        assert (codes_of(completed(text)) == []) == (says == "yes"), place
+
+
+def test_conditions_can_be_written_and_mistakes_are_found():
+    stage = (
+        "stages: {slide: {axes: {z: {force: -press}}, %stime: 8 s}, other: {time: 1 s}}\n"
+        "expect: [%s]\n"
+    )
+
+    def guarded(condition: str) -> str:
+        return completed(stage % (f'fail_if: "{condition}", ', ""))
+
+    for cell, place in table(LANGUAGE, "table: conditions"):
+        (condition,) = words(cell)
+        assert place in ("guard", "expect")
+        text = guarded(condition) if place == "guard" else completed(stage % ("", condition))
+        assert codes_of(text) == [], condition
+    for written, code, instead in table(LANGUAGE, "table: mistakes"):
+        assert codes_of(guarded(words(written)[0])) == [code], written
+        assert codes_of(guarded(words(instead)[0])) == [], instead
+
+
+@pytest.mark.parametrize("override", first_words(LANGUAGE, "table: overrides"))
+def test_overrides(override):
+    key, _, text = override.partition("=")
+    loaded = load(example(), {key: text})
+    assert loaded.task != load(example()).task
+
+
+def test_what_can_vary():
+    objects = (
+        "{block: {shape: box, size: [10 mm, 10 mm, 10 mm]}, ball: {shape: sphere, radius: 10 mm},"
+        " drum: {shape: cylinder, radius: 10 mm, length: 10 mm}, table: {shape: plane}}"
+    )
+    found = set()
+    for key in Shape.model_fields:
+        for name in ("block", "ball", "drum"):
+            for interval in ("+- 0", "[0, 0, 0]"):
+                task = f"world: {objects}\nvary: {{world.{name}.{key}: {interval}}}\n"
+                if codes_of(completed(task)) == []:
+                    found.add(f"world.OBJECT.{key}")
+    for key in (*Robot.model_fields, *(f"tool.{key}" for key in Tool.model_fields)):
+        if codes_of(completed(f"vary: {{robot.{key}: +- 0}}\n")) == []:
+            found.add(f"robot.{key}")
+    assert set(first_words(LANGUAGE, "table: vary")) == found
+
+
+def test_what_is_not_supported_yet():
+    rows = {row[0]: set(words(row[1])) for row in table(LANGUAGE, "table: later")}
+    shapes, orientations = (
+        set(next(m for m in model.model_fields[key].metadata if isinstance(m, Word)).reserved)
+        for model, key in ((Shape, "shape"), (Law, "orientation"))
+    )
+    vary = {
+        word
+        for word in (*Robot.reserved, *Robot.model_fields)
+        if "TS090" in codes_of(completed(f"vary: {{robot.{word}: +- 0}}\n"))
+    }
+    assert rows == {
+        "task": Task.reserved,
+        "robot": Robot.reserved,
+        "world": Shape.reserved,
+        "shapes": shapes,
+        "frames": Frame.reserved,
+        "axes": Axis.reserved,
+        "path": Path.reserved,
+        "stages": Stage.reserved,
+        "laws": set(LATER),
+        "law": Law.reserved,
+        "orientation errors": orientations,
+        "signals of an object": set(signals.MECHANISM),
+        "vary": vary,
+    }
+    listed = {"Task", "Robot", "Shape", "Frame", "Axis", "Path", "Stage", "Law"}
+    named = {m.__name__ for m in models_of(Model) if "reserved" in vars(m)}
+    assert named == listed
