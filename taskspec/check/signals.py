@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
-from taskspec.control.gains import FORCE_LOOP_LAWS, has_force
+from taskspec.control.gains import has_force
 from taskspec.control.state import AXES
 from taskspec.program.context import Context
+from taskspec.spec import LAWS
 from taskspec.text.diagnostic import Diagnostics
 from taskspec.text.expression import Expression
 from taskspec.text.expression.tree import Call, Name, Node, children
@@ -78,7 +79,8 @@ def _reason(
     if node.frame is None and axis not in axes:
         return f"this arm has no axis {axis!r} in this frame; it has {', '.join(axes)}"
     declared = stage.axes.get(axis)
-    loop = context.law_of(stage).kind in FORCE_LOOP_LAWS - {"parallel"}
+    facts = LAWS[context.law_of(stage).kind]
+    loop = facts.force_loop and not facts.shares
     if path[0] == "error" and loop and declared is not None and has_force(declared):
         return f"{axis!r} is force-controlled here and has no motion error"
     return None

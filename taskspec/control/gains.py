@@ -10,16 +10,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from taskspec.spec import Axis, AxisValues, Law
-
-#: Laws whose motion is an acceleration (bandwidth, damping_ratio) rather than a spring.
-ACCELERATION_LAWS = frozenset({"hybrid"})
-#: Laws with a force loop: f_d is reached whatever the stiffness.
-FORCE_LOOP_LAWS = frozenset({"hybrid", "parallel"})
-
-#: Laws that leave the arm its own inertia: an axis moves the mass that it feels while the springs
-#: of the other axes hold them. At the wrist that is ten times the free one.
-NATURAL_LAWS = frozenset({"pd", "impedance-natural"})
+from taskspec.spec import LAWS, Axis, AxisValues, Law, LawFacts
 
 _SMALLEST_MASS = {"linear": 1.0, "angular": 0.05}
 _MOTION_BANDWIDTH = 5.0
@@ -79,7 +70,7 @@ def design(law: Law, axes: Mapping[str, Axis], plants: Mapping[str, Plant]) -> G
         axes: modes of the axes that exist.
         plants: mass and stiffness of the same axes.
     """
-    build = _accelerations if law.kind in ACCELERATION_LAWS else _springs
+    build = _accelerations if "bandwidth" in LAWS[law.kind].gains else _springs
     gains: Gains = {}
     for name, axis in axes.items():
         for gain, value in build(law, name, axis, plants[name]).items():
@@ -104,8 +95,10 @@ def _accelerations(law: Law, name: str, axis: Axis, plant: Plant) -> dict[str, G
 
 
 def _springs(law: Law, name: str, axis: Axis, plant: Plant) -> dict[str, Gain]:
-    natural = law.kind in NATURAL_LAWS
-    h = max(plant.held if natural else plant.h, _smallest(name))
+    facts = LAWS[law.kind]
+    # Where the arm keeps its own inertia, an axis moves the mass that it feels while the springs
+    # of the other axes hold them: at the wrist ten times the free one.
+    h = max(plant.held if facts.natural else plant.h, _smallest(name))
     mass = _given(law.mass, name) or Gain(h, "designed: mass felt on the axis")
     stiffness = (
         _own(axis.stiffness)
@@ -114,17 +107,23 @@ def _springs(law: Law, name: str, axis: Axis, plant: Plant) -> dict[str, Gain]:
     )
     given_damping = _own(axis.damping) or _given(law.damping, name)
     gains = {"mass": mass, "stiffness": stiffness}
-    if has_force(axis) and law.kind in FORCE_LOOP_LAWS:
+    if has_force(axis) and facts.force_loop:
         loop = _force_loop(law, name, plant)
         gains |= {
             "damping": given_damping or loop["force.damping"],
             "force.proportional": _force_given(law, "proportional", name)
-            or Gain(1.0, "designed: K_F = 1 leaves the contact force uncancelled"),
+            or _force_proportional(facts),
             "force.integral": loop["force.integral"],
         }
         return gains
     k = plant.k if has_force(axis) else 0.0
     return gains | {"damping": given_damping or _spring_damping(mass, stiffness, k, plant)}
+
+
+def _force_proportional(facts: LawFacts) -> Gain:
+    if facts.natural:
+        return Gain(0.0, "designed: 0")
+    return Gain(1.0, "designed: K_F = 1 leaves the contact force uncancelled")
 
 
 def _spring_damping(mass: Gain, stiffness: Gain, k: float, plant: Plant) -> Gain:

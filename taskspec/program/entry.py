@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec.control.gains import FORCE_LOOP_LAWS
 from taskspec.control.state import AXES
 from taskspec.geometry.surface import box_face
 from taskspec.motion import blend
@@ -17,6 +16,7 @@ from taskspec.program.ports import PROBE
 from taskspec.program.stage import CompiledStage
 from taskspec.program.tracks import Tracks, move_speed, plan_tracks
 from taskspec.robot import RobotModel
+from taskspec.spec import LAWS
 
 Vector = NDArray[np.float64]
 
@@ -159,7 +159,7 @@ class _Entry:
         return Continuation(error, start, rate, self._pressed())
 
     def _pressed(self) -> dict[str, float]:
-        if self.stage.law.kind in FORCE_LOOP_LAWS:
+        if LAWS[self.stage.law.kind].force_loop:
             return {}
         held = self.carried.held
         local = np.concatenate([self.frame.T @ held[:3], self.frame.T @ held[3:]])

@@ -10,7 +10,7 @@ import casadi as ca
 from taskspec.control.gains import Gains, diagonal
 from taskspec.control.laws import hybrid as hybrid_law
 from taskspec.control.laws import impedance as impedance_laws
-from taskspec.control.laws.parallel import parallel
+from taskspec.control.laws.parallel import parallel, parallel_pid
 from taskspec.control.model_terms import TermSymbols
 from taskspec.control.resolution import Command, posture_acceleration, torque
 from taskspec.control.state import TaskState
@@ -20,15 +20,6 @@ from taskspec.program.signals import SignalTable
 
 #: A redundant arm holds its posture in the null space at this frequency [Hz], critically damped.
 POSTURE_FREQUENCY = 2.0
-
-#: The chapter's numbers of each law, for `explain`.
-EQUATIONS = {
-    "impedance": "(4.16), (4.17)",
-    "impedance-natural": "(4.18)-(4.20)",
-    "pd": "(4.21)",
-    "parallel": "(4.36)-(4.39)",
-    "hybrid": "section 4.3.3, (4.123)",
-}
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,6 +61,12 @@ def _parallel(case: Case) -> Command:
     return parallel(
         case.state, case.references.law, mass, stiffness, damping, proportional, integral
     )
+
+
+def _parallel_pid(case: Case) -> Command:
+    stiffness, damping = map(case.diagonal, ("stiffness", "damping"))
+    proportional, integral = map(case.diagonal, ("force.proportional", "force.integral"))
+    return parallel_pid(case.state, case.references.law, stiffness, damping, proportional, integral)
 
 
 def _hybrid(case: Case) -> Command:
@@ -116,6 +113,7 @@ _LAWS: dict[str, Callable[[Case], Command]] = {
     "impedance-natural": _impedance_natural,
     "pd": _pd,
     "parallel": _parallel,
+    "parallel-pid": _parallel_pid,
     "hybrid": _hybrid,
 }
 

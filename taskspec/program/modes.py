@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec.control.gains import FORCE_LOOP_LAWS, has_force, is_soft
+from taskspec.control.gains import has_force, is_soft
 from taskspec.control.state import AXES
 from taskspec.motion.path import PathShape
 from taskspec.program.axis_reference import mode_of
-from taskspec.spec import Axis, Law
+from taskspec.spec import LAWS, Axis, Law
 
 #: An axis is along the normal if it carries at least half of the normal force's square.
 _MOSTLY = 0.7071
@@ -57,18 +57,18 @@ def plan_axes(
         axes: those of the frame that exist. declared: the stage's entries. path, law: the stage's.
         normal: (3,) of the believed contact in the frame's axes, None without a contact.
     """
-    loop = law.kind in FORCE_LOOP_LAWS
+    facts = LAWS[law.kind]
     plans = {}
     for name in axes:
         axis = declared.get(name) or Axis()
         on_path = path is not None and name in path.axes
-        open_loop = has_force(axis) and not loop
-        force = has_force(axis) and loop
+        open_loop = has_force(axis) and not facts.force_loop
+        force = has_force(axis) and facts.force_loop
         plans[name] = AxisPlan(
             axis=axis,
             mode=mode_of(axis, driven_by_path=on_path, open_loop=open_loop),
             force=force,
-            motion=not force or law.kind == "parallel",
+            motion=not force or facts.shares,
             soft=law.kind == "hybrid" and is_soft(axis) and not force,
             open_loop=open_loop,
             world=axis.hold == "world" and name.startswith("r"),

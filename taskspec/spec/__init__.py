@@ -5,7 +5,8 @@ from taskspec.spec.control import Control
 from taskspec.spec.expectation import Expectation
 from taskspec.spec.frame import Frame
 from taskspec.spec.gains import AxisValues
-from taskspec.spec.law import LAWS, ForceGains, Law
+from taskspec.spec.law import ForceGains, Law
+from taskspec.spec.laws import LAWS, LawFacts
 from taskspec.spec.limits import Limits
 from taskspec.spec.load import LoadedTask, load_task, load_text
 from taskspec.spec.path import Arc, Line, Lissajous, Path
@@ -25,6 +26,7 @@ __all__ = [
     "ForceGains",
     "Frame",
     "Law",
+    "LawFacts",
     "Limits",
     "Line",
     "Lissajous",

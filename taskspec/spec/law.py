@@ -7,6 +7,7 @@ from typing import Annotated, ClassVar, Literal
 from pydantic import Field
 
 from taskspec.spec.gains import AxisValues, Gain
+from taskspec.spec.laws import LATER, LAWS
 from taskspec.spec.model import Model, mapping, short_form
 from taskspec.spec.reading import Reading
 from taskspec.spec.words import Word
@@ -21,24 +22,6 @@ from taskspec.text.units import (
     NUMBER,
     STIFFNESS,
 )
-
-LAWS: dict[str, tuple[str, ...]] = {
-    "impedance": ("mass", "stiffness", "damping"),
-    "impedance-natural": ("stiffness", "damping"),
-    "pd": ("stiffness", "damping"),
-    "parallel": ("mass", "stiffness", "damping", "force.proportional", "force.integral"),
-    "hybrid": (
-        "bandwidth",
-        "damping_ratio",
-        "force.proportional",
-        "force.integral",
-        "force.damping",
-    ),
-}
-"""Every law and the gains that it has."""
-
-LATER = ("pd-joint", "stiffness", "parallel-pid", "hybrid-multipliers", "hybrid-reaction")
-"""Laws of the language that are not supported yet."""
 
 _GAINS = ("mass", "stiffness", "damping", "bandwidth", "damping_ratio")
 DEFAULT = "hybrid"
@@ -116,7 +99,7 @@ class Law(Model):
         kind = data.get("kind", DEFAULT)
         if not isinstance(kind, str) or kind not in LAWS:
             return
-        has = LAWS[kind]
+        has = LAWS[kind].gains
         force = mapping(data.get("force"))
         given = [(key, data) for key in _GAINS if key in data]
         if "force" in data and not any(gain.startswith("force.") for gain in has):

@@ -10,6 +10,7 @@ from pydantic import Field
 from taskspec.spec.axis import FORCES, MOTIONS, Axis, ByName
 from taskspec.spec.fields import FrameName
 from taskspec.spec.law import Law, law_of
+from taskspec.spec.laws import LAWS
 from taskspec.spec.limits import Limits
 from taskspec.spec.model import Model, complete, mapping
 from taskspec.spec.path import Path
@@ -147,7 +148,7 @@ def _check_path_done(data: Map, reading: Reading) -> None:
 
 def _check_modes(data: Map, reading: Reading) -> None:
     law = law_of(data.get("law", reading.data.get("law")))
-    if law is None or law == "parallel":
+    if law is None or LAWS[law].shares:
         return
     article = "an" if law[0] in "aeio" else "a"
     for name, axis in mapping(data.get("axes")).items():

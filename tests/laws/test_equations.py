@@ -234,9 +234,9 @@ def as_reference(numbers):
     return Reference(*(ca.SX(x) for x in numbers))
 
 
-@pytest.mark.parametrize("law", ["impedance", "natural", "pd", "parallel"])
+@pytest.mark.parametrize("law", ["impedance", "natural", "pd", "parallel", "parallel-pid"])
 def test_laws_written_out(arm, law):
-    """Closed-loop accelerations of (4.15), (4.20), (4.21), (4.39) with the arm's true dynamics."""
+    """Closed-loop accelerations of (4.15), (4.20), (4.39); torques of (4.21), (4.50)."""
     axes = AXES[arm.robot.name]
     m = len(axes)
     rows = [state.AXES.index(a) for a in axes]
@@ -251,6 +251,9 @@ def test_laws_written_out(arm, law):
         "pd": lambda: impedance.pd(task, ref, ca.DM(K), ca.DM(D)),
         "parallel": lambda: parallel.parallel(
             task, ref, ca.DM(M), ca.DM(K), ca.DM(D), ca.DM(K_F), ca.DM(K_I)
+        ),
+        "parallel-pid": lambda: parallel.parallel_pid(
+            task, ref, ca.DM(K), ca.DM(D), ca.DM(K_F), ca.DM(K_I)
         ),
     }[law]()
     posture = ca.SX.zeros(arm.n) if arm.n > m else None
@@ -274,7 +277,10 @@ def test_laws_written_out(arm, law):
         else:
             # PD leaves C q' uncompensated: compare torques instead.
             J, g = arm([task.J, arm.terms.gravity], values)
-            np.testing.assert_allclose(u, J.T @ (K * e - D * x_rate) + g, rtol=1e-9, atol=1e-8)
+            pull = K * e - D * x_rate
+            if law == "parallel-pid":
+                pull -= f_d + K_F * (f_d - f) + K_I * integral
+            np.testing.assert_allclose(u, J.T @ pull + g, rtol=1e-9, atol=1e-8)
             continue
         np.testing.assert_allclose(got, expected, rtol=1e-7, atol=1e-7)
 

@@ -6,9 +6,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from taskspec.compiler import Program
-from taskspec.program.laws import EQUATIONS
 from taskspec.program.modes import AxisPlan
 from taskspec.program.stage import CompiledStage
+from taskspec.spec import LAWS
 from taskspec.spec import Path as SpecPath
 from taskspec.text.show import show
 from taskspec_runner.cli.defaults import ramp_of, speed_of
@@ -90,7 +90,7 @@ def stage_account(program: Program, stage: CompiledStage) -> StageAccount:
     return StageAccount(
         name=stage.name,
         law=stage.law.kind,
-        equations=EQUATIONS[stage.law.kind],
+        equations=LAWS[stage.law.kind].equations,
         frame=stage.frame.name,
         contact=_contact(program, stage),
         axes=tuple(_axis(stage, axis, plan) for axis, plan in stage.plans.items()),

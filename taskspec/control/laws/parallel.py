@@ -34,3 +34,30 @@ def parallel(
     motion = damping * velocity_error + stiffness * reference.error
     force = proportional * (reference.force - state.f) + integral * reference.force_integral
     return Command(acceleration=reference.acceleration + (motion - force) / mass, wrench=-state.f)
+
+
+def parallel_pid(
+    state: TaskState,
+    reference: Reference,
+    stiffness: ca.DM,
+    damping: ca.DM,
+    proportional: ca.DM,
+    integral: ca.DM,
+) -> Command:
+    """The parallel PID regulator, (4.50): position PD, gravity, force feedforward and force PI.
+
+    u = J^T [k_m e - d_m x' - (f_d + k_F (f_d - f) + k_I int (f_d - f) dt)] + g
+
+    Needs no dynamic model but gravity; for set points.
+
+    Args:
+        state: the arm at the control point; f by the environment on the tool.
+        reference: e, f_d and the integral of f_d - f (f_d in the sign of f).
+        stiffness, damping: (m,) k_m and d_m. proportional, integral: (m,) k_F [1], k_I [1/s].
+    """
+    force = (
+        reference.force
+        + proportional * (reference.force - state.f)
+        + integral * reference.force_integral
+    )
+    return Command(wrench=stiffness * reference.error - damping * state.velocity - force)
