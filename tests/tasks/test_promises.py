@@ -85,9 +85,8 @@ stages:
 def test_a_stage_begins_without_a_bump(simulate, first, second):
     """From pressing into sliding into lifting, under any two laws, the torque does not jump.
 
-    20 N at half a metre make 10 N m; what is left is a thousandth. From rest only where one
-    of two laws
-    lags behind what moves.
+    20 N at half a metre make 10 N m; what is left is a thousandth. From rest
+    only where one of two laws lags behind what moves.
     """
     run = simulate(PRESS_AND_GO.replace("FIRST", first).replace("SECOND", second))
     moving = first == second or not {first, second} & LAGGING
