@@ -78,6 +78,33 @@ def design(law: Law, axes: Mapping[str, Axis], plants: Mapping[str, Plant]) -> G
     return gains
 
 
+def design_joint_damping(law: Law, joints: Sequence[Plant]) -> dict[str, Gain]:
+    """Damping of each joint [N m s/rad], by `joint.N`.
+
+    Args:
+        law: with what the file gives. joints: for each joint, its inertia with the others free
+            (h) and held, and the stiffness that springs and contact have about it (k).
+    """
+    given = law.joint_damping
+    if given is not None:
+        values = given * len(joints) if len(given) == 1 else given
+        return {f"joint.{i + 1}": Gain(value, "file") for i, value in enumerate(values)}
+    return {
+        f"joint.{i + 1}": _limited(
+            2 * _SPRING_DAMPING_RATIO * math.sqrt(plant.held * plant.k),
+            plant,
+            "designed: 2 0.7 sqrt(H_ii (J^T K J)_ii)",
+        )
+        for i, plant in enumerate(joints)
+    }
+
+
+def _limited(wanted: float, plant: Plant, rule: str) -> Gain:
+    if wanted <= plant.most_damping:
+        return Gain(wanted, rule)
+    return Gain(plant.most_damping, "designed: h / (3 T), the most that sampling allows")
+
+
 def _accelerations(law: Law, name: str, axis: Axis, plant: Plant) -> dict[str, Gain]:
     if has_force(axis):
         return _force_loop(law, name, plant)
@@ -116,6 +143,8 @@ def _springs(law: Law, name: str, axis: Axis, plant: Plant) -> dict[str, Gain]:
             "force.integral": loop["force.integral"],
         }
         return gains
+    if "damping" not in facts.gains or facts.damps_joints:
+        return gains
     k = plant.k if has_force(axis) else 0.0
     return gains | {"damping": given_damping or _spring_damping(mass, stiffness, k, plant)}
 
@@ -128,20 +157,13 @@ def _force_proportional(facts: LawFacts) -> Gain:
 
 def _spring_damping(mass: Gain, stiffness: Gain, k: float, plant: Plant) -> Gain:
     wanted = 2 * _SPRING_DAMPING_RATIO * math.sqrt(mass.value * (stiffness.value + k))
-    if wanted <= plant.most_damping:
-        return Gain(wanted, "designed: 2 0.7 sqrt(h (stiffness + k))")
-    return Gain(plant.most_damping, "designed: h / (3 T), the most that sampling allows")
+    return _limited(wanted, plant, "designed: 2 0.7 sqrt(h (stiffness + k))")
 
 
 def _force_loop(law: Law, name: str, plant: Plant) -> dict[str, Gain]:
     damping = _force_given(law, "damping", name)
     if damping is None:
-        critical = 2 * math.sqrt(plant.h * plant.k)
-        damping = (
-            Gain(critical, "designed: 2 sqrt(h k)")
-            if critical <= plant.most_damping
-            else Gain(plant.most_damping, "designed: h / (3 T), the most that sampling allows")
-        )
+        damping = _limited(2 * math.sqrt(plant.h * plant.k), plant, "designed: 2 sqrt(h k)")
     integral = _force_given(law, "integral", name)
     if integral is None:
         fastest = 2 * math.pi * _INTEGRAL_FREQUENCY

@@ -18,10 +18,14 @@ class Command:
         wrench: (m,) w*, sent through J^T.
         acceleration: (m,) a* for the inverse-dynamics core (4.14), or None for the laws that
             only send a wrench through J^T and compensate gravity.
+        joint: (n,) torque added in the joints, such as their damping, or None.
+        bare: nothing is compensated, not even gravity.
     """
 
     wrench: ca.SX
     acceleration: ca.SX | None = None
+    joint: ca.SX | None = None
+    bare: bool = False
 
 
 def torque(
@@ -49,7 +53,11 @@ def torque(
         through_core = through_core - state.J @ posture
     if command.acceleration is not None or posture is not None:
         task = task + linear.solve(linear.cholesky(state.mobility), through_core)
-    u = state.J.T @ task + (bias if command.acceleration is not None else gravity)
+    u = state.J.T @ task
+    if not command.bare:
+        u = u + (bias if command.acceleration is not None else gravity)
+    if command.joint is not None:
+        u = u + command.joint
     if posture is not None:
         u = u + (ca.triu2symm(ca.triu(H)) @ posture)
     return u

@@ -102,3 +102,22 @@ class Context:
             )
             for i, a in enumerate(axes)
         }
+
+    def joint_plants(
+        self, axes: tuple[str, ...], rotation: NDArray[np.float64], stiffness: list[float]
+    ) -> list[gain_design.Plant]:
+        """Inertia and stiffness about each joint at the start pose, for gain design.
+
+        Args:
+            axes: axes of the stage's frame. rotation: (3, 3) that frame at the start pose.
+            stiffness: of spring and contact together, on those axes [N/m, N m/rad].
+        """
+        rows = [AXES.index(a) for a in axes]
+        J = (np.kron(np.eye(2), rotation.T) @ self.start_jacobian)[rows]
+        about = np.einsum("ij,i,ij->j", J, stiffness, J)
+        free = 1.0 / np.diag(np.linalg.inv(self.start_inertia))
+        held = np.diag(self.start_inertia)
+        return [
+            gain_design.Plant(h=free[j], held=held[j], k=about[j], period=self.period)
+            for j in range(len(held))
+        ]

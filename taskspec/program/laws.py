@@ -17,6 +17,7 @@ from taskspec.control.state import TaskState
 from taskspec.program.modes import AxisPlan
 from taskspec.program.references import ReferenceSet
 from taskspec.program.signals import SignalTable
+from taskspec.spec import LAWS
 
 #: A redundant arm holds its posture in the null space at this frequency [Hz], critically damped.
 POSTURE_FREQUENCY = 2.0
@@ -31,6 +32,7 @@ class Case:
     plans: Mapping[str, AxisPlan]
     gains: Gains
     table: SignalTable
+    joint_velocity: ca.SX
 
     def diagonal(self, name: str) -> ca.DM:
         """(m,) one gain on all axes, zero where an axis has none."""
@@ -50,6 +52,17 @@ def _impedance_natural(case: Case) -> Command:
 def _pd(case: Case) -> Command:
     stiffness, damping = map(case.diagonal, ("stiffness", "damping"))
     return impedance_laws.pd(case.state, case.references.law, stiffness, damping)
+
+
+def _pd_joint(case: Case) -> Command:
+    joints = case.gains["joint_damping"]
+    damping = ca.DM([gain.value for gain in joints.values()])
+    stiffness = case.diagonal("stiffness")
+    return impedance_laws.pd_joint(case.references.law, case.joint_velocity, stiffness, damping)
+
+
+def _stiffness(case: Case) -> Command:
+    return impedance_laws.stiffness_control(case.references.law, case.diagonal("stiffness"))
 
 
 def _parallel(case: Case) -> Command:
@@ -112,16 +125,20 @@ _LAWS: dict[str, Callable[[Case], Command]] = {
     "impedance": _impedance,
     "impedance-natural": _impedance_natural,
     "pd": _pd,
+    "pd-joint": _pd_joint,
+    "stiffness": _stiffness,
     "parallel": _parallel,
     "parallel-pid": _parallel_pid,
     "hybrid": _hybrid,
 }
 
 
-def joint_torque(
-    kind: str, case: Case, terms: TermSymbols, q: ca.SX, v: ca.SX, posture: ca.SX
-) -> ca.SX:
-    """Joint torques (n,) [N m] of law `kind`, with the posture (n,) where the arm is redundant."""
-    redundant = q.shape[0] > len(case.state.axes)
+def joint_torque(kind: str, case: Case, terms: TermSymbols, q: ca.SX, posture: ca.SX) -> ca.SX:
+    """Joint torques (n,) [N m] of law `kind`.
+
+    A redundant arm holds the posture (n,) in its null space, but for the laws that leave it alone.
+    """
+    facts, v = LAWS[kind], case.joint_velocity
+    redundant = q.shape[0] > len(case.state.axes) and not (facts.bare or facts.damps_joints)
     pull = posture_acceleration(q, v, posture, POSTURE_FREQUENCY) if redundant else None
     return torque(_LAWS[kind](case), case.state, terms.H, terms.bias, terms.gravity, pull)

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.control import model_terms
-from taskspec.control.gains import Gains, design
+from taskspec.control.gains import Gains, design, design_joint_damping, has_force
 from taskspec.control.reference import opposite
 from taskspec.control.state import AXES, task_state
 from taskspec.motion.path import PathShape
@@ -29,7 +29,7 @@ from taskspec.program.layout import Layout
 from taskspec.program.modes import AxisPlan, plan_axes
 from taskspec.program.references import build_references
 from taskspec.program.signals import SignalTable
-from taskspec.spec import Law, Limits, Stage
+from taskspec.spec import LAWS, Law, Limits, Stage
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,9 +89,15 @@ def compile_stage(
     normal = None if contact is None else axes_rotation.T @ context.start_normals[contact]
     plans = plan_axes(axes, stage.axes, path, law, normal)
     k = context.stiffness[contact] if contact is not None else 0.0
-    gains = design(
-        law, {a: p.axis for a, p in plans.items()}, context.plants(axes, axes_rotation, k)
-    )
+    plants = context.plants(axes, axes_rotation, k)
+    gains = design(law, {a: p.axis for a, p in plans.items()}, plants)
+    if LAWS[law.kind].damps_joints:
+        stiffness = [
+            gains["stiffness"][a].value + (plants[a].k if has_force(plans[a].axis) else 0.0)
+            for a in axes
+        ]
+        joints = context.joint_plants(axes, axes_rotation, stiffness)
+        gains["joint_damping"] = design_joint_damping(law, joints)
 
     visits = [f"{s}.visits" for s in task.stages]
     now, q, v = ca.SX.sym("now", 2 + len(visits)), ca.SX.sym("q", n), ca.SX.sym("v", n)
@@ -152,9 +158,9 @@ def compile_stage(
         table=table,
         algebra=algebra,
     )
-    case = laws.Case(state, references, plans, gains, table)
+    case = laws.Case(state, references, plans, gains, table, v)
     posture = ca.SX(ca.DM(context.posture))
-    wanted = laws.joint_torque(law.kind, case, terms, q, v, posture)
+    wanted = laws.joint_torque(law.kind, case, terms, q, posture)
     limit = ca.DM(robot.torque_limit)
     torque = ca.fmax(ca.fmin(wanted, limit), -limit)
     table.scalars |= {f"joint.{i + 1}.torque": torque[i] for i in range(n)}

@@ -55,8 +55,13 @@ def load_robot(robot: RobotLike, base_dir: Path | None = None) -> RobotModel:
     tip_body, tool_geoms = attach(arm.carrier, flange, tool, set(arm.body_names))
     torques = np.array([torque_limit(m, j) for j in joints])
     _add_motors(arm.spec, arm.joint_names, torques)
+    if robot.balanced:
+        for body in arm.spec.bodies:
+            body.gravcomp = 1.0
     model = _compile(arm.spec, description.name)
     twin, carried = pinocchio_model(model)
+    if robot.balanced:
+        twin.gravity = pin.Motion.Zero()
     tip_joint, tip = carried[model.body(tip_body).id]
     twin.addFrame(pin.Frame("tip", tip_joint, 0, tip, pin.FrameType.OP_FRAME))
     _check_inertia(twin, whole_home[m.jnt_qposadr[joints]])

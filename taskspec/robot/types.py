@@ -50,6 +50,8 @@ class RobotLike(Protocol):
     def base(self) -> PoseLike: ...  # noqa: D102
     @property
     def tool(self) -> ToolLike: ...  # noqa: D102
+    @property
+    def balanced(self) -> bool: ...  # noqa: D102
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,10 +5,12 @@ from __future__ import annotations
 from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
+from pydantic.json_schema import SkipJsonSchema
 
 from taskspec.spec.gains import AxisValues, Gain
 from taskspec.spec.laws import LATER, LAWS
 from taskspec.spec.model import Model, mapping, short_form
+from taskspec.spec.quantities import ForJoints
 from taskspec.spec.reading import Reading
 from taskspec.spec.words import Word
 from taskspec.text.data import Map, Text
@@ -25,6 +27,7 @@ from taskspec.text.units import (
 
 _GAINS = ("mass", "stiffness", "damping", "bandwidth", "damping_ratio")
 DEFAULT = "hybrid"
+_SAY_DAMPING = "the law pd-joint calls it 'damping'"
 
 Damping = Annotated[AxisValues, Gain(DAMPING, ANGULAR_DAMPING, least=0)]
 
@@ -57,6 +60,8 @@ class Law(Model):
         mass: apparent mass [kg, kg*m^2].
         stiffness: [N/m, N*m/rad].
         damping: [N*s/m, N*m*s/rad].
+        joint_damping: what a file calls the `damping` of a law that damps joints [N*m*s/rad]: one
+            for all joints, or one for each.
         bandwidth: of motion axes [Hz].
         damping_ratio: of motion axes.
         force: gains of the force loop.
@@ -77,6 +82,9 @@ class Law(Model):
         None, title="Stiffness"
     )
     damping: Damping | None = Field(None, title="Damping")
+    joint_damping: SkipJsonSchema[
+        Annotated[tuple[float, ...], ForJoints(ANGULAR_DAMPING)] | None
+    ] = None
     bandwidth: Annotated[AxisValues, Gain(FREQUENCY, FREQUENCY, above=0)] | None = Field(
         None, title="Bandwidth of motion axes"
     )
@@ -90,12 +98,21 @@ class Law(Model):
 
     @classmethod
     def expand(cls, data: object, reading: Reading) -> object:  # noqa: ARG003
-        """Read a bare name as a law with designed gains."""
-        return short_form(data, "kind")
+        """Read a bare name as a law with designed gains, and damping in the joints as such."""
+        full = short_form(data, "kind")
+        kind = full.get("kind") if isinstance(full, Map) else None
+        if isinstance(full, Map) and kind in LAWS and LAWS[str(kind)].damps_joints:
+            renamed = Map({"joint_damping" if k == "damping" else k: v for k, v in full.items()})
+            renamed.node = full.node
+            return renamed
+        return full
 
     @classmethod
     def rules(cls, data: Map, reading: Reading) -> None:
         """Report gains that the named law does not have."""
+        if "joint_damping" in data.node.entries:
+            span = data.node.key_span("joint_damping")
+            reading.error("TS020", "unknown key 'joint_damping' in a law", span, _SAY_DAMPING)
         kind = data.get("kind", DEFAULT)
         if not isinstance(kind, str) or kind not in LAWS:
             return

@@ -15,7 +15,9 @@ class LawFacts:
         force_loop: it reaches a force set point whatever the stiffness; without one the set point
             displaces the motion reference.
         shares: a motion and a force may stand on one axis.
+        damps_joints: its damping is one of the joints.
         natural: it leaves the arm its own inertia, and the springs of the axes hold each other.
+        bare: it compensates nothing, not even gravity, and holds no posture in the null space.
     """
 
     equations: str
@@ -23,12 +25,16 @@ class LawFacts:
     force_loop: bool = False
     shares: bool = False
     natural: bool = False
+    damps_joints: bool = False
+    bare: bool = False
 
 
 LAWS: dict[str, LawFacts] = {
     "impedance": LawFacts("(4.16), (4.17)", ("mass", "stiffness", "damping")),
     "impedance-natural": LawFacts("(4.18)-(4.20)", ("stiffness", "damping"), natural=True),
     "pd": LawFacts("(4.21)", ("stiffness", "damping"), natural=True),
+    "pd-joint": LawFacts("(4.31)", ("stiffness", "damping"), natural=True, damps_joints=True),
+    "stiffness": LawFacts("(4.32), (4.33)", ("stiffness",), natural=True, bare=True),
     "parallel": LawFacts(
         "(4.36)-(4.39)",
         ("mass", "stiffness", "damping", "force.proportional", "force.integral"),
@@ -49,5 +55,5 @@ LAWS: dict[str, LawFacts] = {
     ),
 }
 
-LATER = ("pd-joint", "stiffness", "hybrid-multipliers", "hybrid-reaction")
+LATER = ("hybrid-multipliers", "hybrid-reaction")
 """Laws of the language that are not supported yet."""

@@ -162,3 +162,23 @@ class Series(Kind):
     def json(self) -> dict[str, Any]:
         """Describe the list."""
         return {"type": "array", "minItems": 1, "items": Constant(self.dimension).json()}
+
+
+@dataclass(frozen=True)
+class ForJoints(Kind):
+    """One constant for all joints, or a list with one for each."""
+
+    dimension: Dimension
+
+    def read(self, value: object, reading: Reading) -> tuple[float, ...]:
+        """Return SI units: one number for all joints, or one for each."""
+        entries = value if isinstance(value, Items) else [value]
+        if not entries:
+            reading.error("TS023", "this list is empty", span_of(value))
+        one = Constant(self.dimension, least=0)
+        return tuple(float(one.read(entry, reading)) for entry in entries)
+
+    def json(self) -> dict[str, Any]:
+        """Describe both forms."""
+        one = Constant(self.dimension).json()
+        return {"anyOf": [one, {"type": "array", "minItems": 1, "items": one}]}

@@ -8,12 +8,12 @@ from pydantic import Field
 
 from taskspec.spec.fields import RPY, XYZ
 from taskspec.spec.model import Model, complete
-from taskspec.spec.quantities import Constant, Entries, Series
+from taskspec.spec.quantities import Constant, Entries, ForJoints, Series
 from taskspec.spec.reading import Reading
 from taskspec.spec.sizes import check_sizes
-from taskspec.spec.words import Free, Word
+from taskspec.spec.words import Free, Switch, Word
 from taskspec.text.data import Map
-from taskspec.text.units import ANGLE, LENGTH, MASS
+from taskspec.text.units import ANGLE, ANGULAR_DAMPING, LENGTH, MASS
 
 ToolShape = Literal["sphere", "cylinder", "box"]
 
@@ -107,11 +107,14 @@ class Robot(Model):
         tool: what is mounted on the flange.
         start: where the run begins; None for the model's home position.
         posture: joint positions that a redundant arm stays near [rad or m]; None for the start.
+        balanced: a counterweight carries the arm's gravity.
+        joint_damping: of the plant's joints [N*m*s/rad]: one for all, or one for each. The
+            controller does not know of it.
     """
 
     noun = "a robot"
     example = "robot: {model: panda}"
-    reserved = frozenset({"grasp", "sensor", "balanced", "joint_damping"})
+    reserved = frozenset({"grasp", "sensor"})
 
     model: Annotated[str, Free(filled=True)] = Field(
         title="Robot model",
@@ -125,4 +128,10 @@ class Robot(Model):
     start: Start | None = Field(None, title="Start of the run")
     posture: Annotated[tuple[float, ...], Series(ANGLE)] | None = Field(
         None, title="Posture", description="Joint positions that a redundant arm stays near"
+    )
+    balanced: Annotated[bool, Switch()] = Field(
+        False, title="Balanced", description="A counterweight carries the arm's gravity"
+    )
+    joint_damping: Annotated[tuple[float, ...], ForJoints(ANGULAR_DAMPING)] = Field(
+        (0.0,), title="Damping of the plant's joints"
     )

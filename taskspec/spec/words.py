@@ -8,7 +8,7 @@ from typing import Any
 
 from taskspec.spec.kinds import Kind
 from taskspec.spec.reading import Reading, kind_of, span_of
-from taskspec.text.data import Text, Whole
+from taskspec.text.data import Text, Truth, Whole
 from taskspec.text.suggest import suggestion
 
 ENDS = ("end", "fail")
@@ -134,3 +134,20 @@ class Count(Kind):
     def json(self) -> dict[str, Any]:
         """Describe the number."""
         return {"type": "integer", "minimum": 1}
+
+
+@dataclass(frozen=True)
+class Switch(Kind):
+    """`true` or `false`."""
+
+    def read(self, value: object, reading: Reading) -> bool:
+        """Return the truth value."""
+        if isinstance(value, Truth):
+            return value.value
+        message = f"true or false is needed here, this is {kind_of(value)}"
+        reading.error("TS022", message, span_of(value))
+        return False
+
+    def json(self) -> dict[str, Any]:
+        """Describe the switch."""
+        return {"type": "boolean"}

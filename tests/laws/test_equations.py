@@ -28,7 +28,9 @@ AXES = {"planar3": ("x", "y", "rz"), "ur5e": state.AXES, "panda": state.AXES}
 
 
 def load(name):
-    return load_robot(SimpleNamespace(model=name, flange=None, base=POSE, tool=TOOL))
+    return load_robot(
+        SimpleNamespace(model=name, flange=None, base=POSE, tool=TOOL, balanced=False)
+    )
 
 
 class Arm:
@@ -312,3 +314,25 @@ def test_hybrid_axes_do_not_disturb_each_other():
         other = w + np.array([0, 0, 5.0, 0, 0, 0])
         got_other, _ = closed_loop(arm, state.AXES, u, values, other)
         assert got_other[2] == pytest.approx(mobility[2, 2] * (drive + other[2]), rel=1e-8)
+
+
+def test_laws_that_push_with_a_spring_alone(arm):
+    """Torques of (4.31) and (4.33) written out."""
+    axes = AXES[arm.robot.name]
+    m = len(axes)
+    task = task_state(arm, axes)
+    e, *_ = numbers = reference(m, 11)
+    ref = as_reference(numbers)
+    K, D_q = RNG.uniform(100, 500, m), RNG.uniform(1, 5, arm.n)
+    damped = impedance.pd_joint(ref, arm.v, ca.DM(K), ca.DM(D_q))
+    bare = impedance.stiffness_control(ref, ca.DM(K))
+    terms = arm.terms
+    symbols = [
+        resolution.torque(command, task, terms.H, terms.bias, terms.gravity, None)
+        for command in (damped, bare)
+    ]
+    for _ in range(5):
+        values = _, v, _ = arm.random()
+        u, u_bare, J, g = arm([*symbols, task.J, terms.gravity], values)
+        np.testing.assert_allclose(u, J.T @ (K * e) - D_q * v + g, rtol=1e-9, atol=1e-8)
+        np.testing.assert_allclose(u_bare, J.T @ (K * e), rtol=1e-9, atol=1e-8)

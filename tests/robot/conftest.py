@@ -32,6 +32,7 @@ def section(model: str, **keys: Any) -> Any:
         flange=keys.get("flange"),
         base=SimpleNamespace(**base),
         tool=SimpleNamespace(**tool),
+        balanced=keys.get("balanced", False),
     )
 
 

@@ -58,6 +58,9 @@ def build_scene(robot: RobotModel, task: Task) -> Scene:
     # Otherwise a diverged state is reset in silence and the run goes on.
     option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
     dress(spec)
+    damping = np.broadcast_to(task.robot.joint_damping, len(robot.joint_names))
+    for joint, value in zip(robot.joint_names, damping, strict=True):
+        spec.joint(joint).damping = [float(value), 0.0, 0.0]
     start = task.robot.start
     near = None if start is None or start.xyz is None else np.array(start.xyz)
     for number, (name, shape) in enumerate(task.world.items()):

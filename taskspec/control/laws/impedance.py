@@ -43,3 +43,26 @@ def impedance_natural(
 def pd(state: TaskState, reference: Reference, stiffness: ca.DM, damping: ca.DM) -> Command:
     """PD with gravity compensation, (4.21): u = J^T (K_m e - D_m x') + g."""
     return Command(wrench=stiffness * reference.error - damping * state.velocity)
+
+
+def pd_joint(
+    reference: Reference, joint_velocity: ca.SX, stiffness: ca.DM, joint_damping: ca.DM
+) -> Command:
+    """PD with the damping in the joints, (4.31): u = J^T K_m e - D_q q' + g.
+
+    It also stops what a redundant arm does in its null space.
+
+    Args:
+        reference: e on the task axes.
+        joint_velocity: (n,) q'. stiffness: (m,) K_m. joint_damping: (n,) D_q [N m s/rad].
+    """
+    return Command(wrench=stiffness * reference.error, joint=-joint_damping * joint_velocity)
+
+
+def stiffness_control(reference: Reference, stiffness: ca.DM) -> Command:
+    """Stiffness control, (4.32) and (4.33): u = J^T K_m J (q_d - q).
+
+    For the small deflections that it is made for, J (q_d - q) is e (4.32). Gravity is left to a
+    counterweight and damping to the joints: by itself it does not settle.
+    """
+    return Command(wrench=stiffness * reference.error, bare=True)
