@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import os
 import sys
-from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from taskspec_runner.cli.formats import FindingFormat, RunFormat
 from taskspec_runner.cli.guard import guarded
 
 app = typer.Typer(
@@ -19,21 +19,6 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
-
-
-class RunFormat(StrEnum):
-    """How a run tells its outcome."""
-
-    TEXT = "text"
-    JSON = "json"
-
-
-class FindingFormat(StrEnum):
-    """How findings about task files are told."""
-
-    FULL = "full"
-    CONCISE = "concise"
-    JSON = "json"
 
 
 TaskFile = Annotated[Path, typer.Argument(metavar="FILE", help="The task file.")]

@@ -11,8 +11,8 @@ from typing import Any
 import typer
 
 from taskspec.text.diagnostic import SpecError
-from taskspec_runner.cli.app import RunFormat
 from taskspec_runner.cli.findings import record, show_findings
+from taskspec_runner.cli.formats import RunFormat
 from taskspec_runner.cli.loading import load
 
 

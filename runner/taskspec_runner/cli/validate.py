@@ -12,8 +12,8 @@ import typer
 
 from taskspec.text.diagnostic import Diagnostic, Severity, SpecError
 from taskspec.text.source import Source
-from taskspec_runner.cli.app import FindingFormat
 from taskspec_runner.cli.findings import record, show_findings
+from taskspec_runner.cli.formats import FindingFormat
 from taskspec_runner.cli.loading import load
 from taskspec_runner.errors import InputError
 from taskspec_runner.folder import MANIFEST
