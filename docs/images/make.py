@@ -40,7 +40,7 @@ def main() -> None:
     row = int(np.argmax(history.window("wipe"))) + 2500
     n = program.context.robot.pin.nv
     q = [history.columns[f"joint.{i + 1}.position"][row] for i in range(n)]
-    scene = build_scene(program.context.robot, program.context.loaded.task)
+    scene = build_scene(program.context.robot, program.context.loaded.task, program.context.start)
     scene.model.vis.global_.offwidth, scene.model.vis.global_.offheight = WIDTH, HEIGHT
     scene.model.vis.quality.offsamples = 8
     data = mujoco.MjData(scene.model)

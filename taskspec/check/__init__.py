@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from taskspec.check.axes import check_axes
 from taskspec.check.forces import check_forces
-from taskspec.check.frames import check_frame, check_start
+from taskspec.check.frames import check_frame, check_start, check_stiffness
 from taskspec.check.signals import check_expectations, check_signals
 from taskspec.program.axes import SkewedAxisError, existing_axes
 from taskspec.program.context import Context
@@ -35,6 +35,7 @@ def check_stages(context: Context) -> tuple[Diagnostic, ...]:
     """Findings about the stages of a task whose robot and start are sound."""
     loaded = context.loaded
     found = Diagnostics(loaded.source.name)
+    check_stiffness(context, found)
     check_start(context, found)
     axes_of: dict[str, tuple[str, ...]] = {}
     for name, stage in loaded.task.stages.items():

@@ -43,11 +43,19 @@ def check_forces(
             "declare the surface under `world`, or use a law with a force loop: hybrid, parallel",
         )
         return
-    k = context.stiffness[contact]
+    k = context.compliances[contact].stiffness
     entries = {a: p.axis for a, p in plans.items()}
     gains = design(law, entries, context.plants(axes, rotation, k))
     for axis in open_loop:
         own = gains["stiffness"][axis].value
+        if own == 0:
+            found.error(
+                "TS306",
+                f"under {law.kind!r} a force stretches the law's spring, and {axis!r} has none",
+                loaded.span(("stages", name, "axes", axis, "force")),
+                "give the law a stiffness above zero, or use a law with a force loop",
+            )
+            continue
         normal = rotation[:, AXES.index(axis)]
         span = _span(context, contact, normal, entries[axis], own, k)
         if span is not None:

@@ -8,6 +8,7 @@ import numpy as np
 from taskspec.program.context import Context
 from taskspec.program.prepare import box_face_at, tool_center
 from taskspec.program.signals import TOUCHING
+from taskspec.program.stiffness import RESOLVED_PHASE
 from taskspec.text.diagnostic import Diagnostics
 from taskspec.text.show import show
 
@@ -39,11 +40,26 @@ def check_frame(context: Context, name: str, found: Diagnostics) -> bool:
     return False
 
 
+def check_stiffness(context: Context, found: Diagnostics) -> None:
+    """Reports contacts that the plant's steps do not resolve."""
+    loaded = context.loaded
+    for name, contact in context.compliances.items():
+        if contact.phase > RESOLVED_PHASE:
+            most = contact.stiffness * (RESOLVED_PHASE / contact.phase) ** 2
+            found.warning(
+                "TS307",
+                f"{name!r} is stiffer than the plant's steps resolve: up to "
+                f"{show(most, 'kN/m', 3)} on this arm at this rate",
+                loaded.span(("world", name, "stiffness")),
+                "raise control.plant_rate, or write `rigid`",
+            )
+
+
 def check_start(context: Context, found: Diagnostics) -> None:
     """Reports objects that the tool is inside of at the start."""
     loaded = context.loaded
     for name, gap in context.start_gaps.items():
-        force = -gap * context.stiffness[name]
+        force = -gap * context.compliances[name].stiffness
         if force > TOUCHING:
             found.warning(
                 "TS305",

@@ -27,8 +27,10 @@ def check_signals(context: Context, name: str, axes: tuple[str, ...], found: Dia
             continue
         for node, inside_norm in _names(expression.tree, False):
             reason = _reason(context, name, axes, node, inside_norm=inside_norm)
-            if reason is None and expression in references and node.path[0] == "error":
-                reason = "a reference cannot depend on the error against itself"
+            if reason is None and expression in references:
+                reason = _not_in_references(node)
+            if reason is None and node.path[-1] == "force" and node.path[0] in context.surfaces:
+                reason = "the robot does not measure the force of one object; use norm(force)"
             if reason is not None:
                 found.error("TS224", f"{node}: {reason}", expression.where(node))
 
@@ -44,9 +46,31 @@ def check_expectations(
             if stage not in axes_of or len(node.path) < 2:
                 continue
             inner = Name(node.path[1:], node.frame)
-            reason = _reason(context, stage, axes_of[stage], inner, inside_norm=inside_norm)
+            here = Name(inner.path)  # The verdict resolves other frames from the log.
+            reason = _reason(context, stage, axes_of[stage], here, inside_norm=inside_norm)
             if reason is not None:
                 found.error("TS224", f"{node}: {reason}", expression.where(node))
+
+
+def _not_in_references(node: Name) -> str | None:
+    """Why a reference cannot depend on a signal, None if it can."""
+    if node.path[0] == "error":
+        return "a reference cannot depend on the error against itself"
+    if node.path[0] == "joint" and node.path[-1] == "torque":
+        return "a reference cannot depend on the torque that follows from it"
+    return None
+
+
+def _not_elsewhere(context: Context, node: Name) -> str | None:
+    """Why a signal has no meaning in another frame while the task runs, None if it has."""
+    assert node.frame is not None
+    frame, kind = context.frames[node.frame], node.path[0]
+    if frame.surface is not None and frame.surface.kind == "box":
+        return "the faces of a box are followed only by the stage's own frame"
+    place = kind == "position" and frame.kind == "fixed" and not node.path[-1].startswith("r")
+    if kind in ("force", "torque", "velocity") or place:
+        return None
+    return "in another frame: force, torque, velocity, and positions in fixed frames"
 
 
 def _names(node: Node, inside_norm: bool) -> Iterator[tuple[Name, bool]]:
@@ -62,6 +86,10 @@ def _reason(
 ) -> str | None:
     """Why a stage has no such signal, None if it has it."""
     path = node.path
+    if node.frame is not None:
+        elsewhere = _not_elsewhere(context, node)
+        if elsewhere is not None:
+            return elsewhere
     stage = context.loaded.task.stages[stage_name]
     if path[0] == "gap" and len(path) == 1:
         if context.contact_of(context.frame_of(stage)) is None:

@@ -135,9 +135,9 @@ def _springs(law: Law, name: str, axis: Axis, plant: Plant) -> dict[str, Gain]:
     given_damping = _own(axis.damping) or _given(law.damping, name)
     gains = {"mass": mass, "stiffness": stiffness}
     if has_force(axis) and facts.force_loop:
-        loop = _force_loop(law, name, plant)
+        loop = _force_loop(law, name, plant, given_damping)
         gains |= {
-            "damping": given_damping or loop["force.damping"],
+            "damping": loop["force.damping"],
             "force.proportional": _force_given(law, "proportional", name)
             or _force_proportional(facts),
             "force.integral": loop["force.integral"],
@@ -160,8 +160,8 @@ def _spring_damping(mass: Gain, stiffness: Gain, k: float, plant: Plant) -> Gain
     return _limited(wanted, plant, "designed: 2 0.7 sqrt(h (stiffness + k))")
 
 
-def _force_loop(law: Law, name: str, plant: Plant) -> dict[str, Gain]:
-    damping = _force_given(law, "damping", name)
+def _force_loop(law: Law, name: str, plant: Plant, damping: Gain | None = None) -> dict[str, Gain]:
+    damping = damping or _force_given(law, "damping", name)
     if damping is None:
         damping = _limited(2 * math.sqrt(plant.h * plant.k), plant, "designed: 2 sqrt(h k)")
     integral = _force_given(law, "integral", name)

@@ -102,7 +102,12 @@ class PathShape:
         if self.kind == "arc":
             dx, dy = start["x"] - self.center[0], start["y"] - self.center[1]
             return math.hypot(dx, dy) * 2 * math.pi * abs(self.turns[""])
-        axes = [a for a in self.axes if not a.startswith("r")] or list(self.axes)
+        moved = self._length([a for a in self.axes if not a.startswith("r")], start)
+        return moved or self._length([a for a in self.axes if a.startswith("r")], start)
+
+    def _length(self, axes: Sequence[str], start: Mapping[str, float]) -> float:
+        if not axes:
+            return 0.0
         if self.kind == "lissajous":
             s = np.linspace(0.0, 1.0, 2001)
             points = [self.numbers[a] * np.sin(2 * np.pi * self.turns[a] * s) for a in axes]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import casadi as ca
 
 from taskspec.control import linear
@@ -11,6 +13,7 @@ from taskspec.program.algebra import CasadiAlgebra
 from taskspec.program.events import Condition, Event
 from taskspec.program.frames import FrameModel
 from taskspec.program.layout import Layout
+from taskspec.program.modes import AxisPlan
 from taskspec.program.references import ReferenceSet
 from taskspec.program.signals import SignalTable
 from taskspec.robot import RobotModel
@@ -27,6 +30,7 @@ def limit_conditions(
     *,
     robot: RobotModel,
     limits: Limits,
+    plans: Mapping[str, AxisPlan],
     q: ca.SX,
     v: ca.SX,
     table: SignalTable,
@@ -39,7 +43,11 @@ def limit_conditions(
     found = []
     force = _norm(table, "force", ("x", "y", "z"))
     torque = _norm(table, "torque", ("rx", "ry", "rz"))
-    moving = [e for a, e in references.error.items() if not a.startswith("r")]
+    moving = [
+        e
+        for a, e in references.error.items()
+        if not (a.startswith("r") or plans[a].force or plans[a].open_loop)
+    ]
     deviation = ca.norm_2(ca.vertcat(0, *moving))
     for name, value, unit in (
         ("force", force, "N"),

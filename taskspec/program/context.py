@@ -12,6 +12,7 @@ from taskspec.control import gains as gain_design
 from taskspec.control.state import AXES
 from taskspec.geometry.surface import Surface
 from taskspec.program.frames import FrameModel
+from taskspec.program.stiffness import Compliance
 from taskspec.robot import RobotModel
 from taskspec.spec import Law, Limits, LoadedTask, Stage
 
@@ -25,7 +26,7 @@ class Context:
         robot: both models of the arm with its tool.
         start: (n,) joint configuration of the first tick. posture: (n,) of a redundant arm.
         frames: every frame of the file. surfaces: every object's geometry.
-        stiffness: believed contact stiffness of each object [N/m].
+        compliances: believed contact of each object.
         start_jacobian: (6, n) of the tip at `start`, world axes; start_inertia: (n, n) H there.
         start_p, start_R: (3,), (3, 3) tip pose at `start`.
         start_gaps: distance [m] of the tool from each object there.
@@ -39,7 +40,7 @@ class Context:
     posture: NDArray[np.float64]
     frames: Mapping[str, FrameModel]
     surfaces: Mapping[str, Surface]
-    stiffness: Mapping[str, float]
+    compliances: Mapping[str, Compliance]
     start_jacobian: NDArray[np.float64]
     start_inertia: NDArray[np.float64]
     start_p: NDArray[np.float64]

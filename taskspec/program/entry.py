@@ -161,8 +161,7 @@ class _Entry:
     def _pressed(self) -> dict[str, float]:
         if LAWS[self.stage.law.kind].force_loop:
             return {}
-        held = self.carried.held
-        local = np.concatenate([self.frame.T @ held[:3], self.frame.T @ held[3:]])
+        local = np.concatenate([self.frame.T @ part for part in np.split(self.carried.held, 2)])
         stiffness = self.stage.gains["stiffness"]
         return {
             name: float(local[AXES.index(name)] / stiffness[name].value)
@@ -172,12 +171,12 @@ class _Entry:
 
     def _forces(self, going: Continuation) -> None:
         """Set points rise from the measured force; held forces fade where motion takes over."""
-        held = self.frame.T @ self.carried.held[:3]
+        held = np.concatenate([self.frame.T @ part for part in np.split(self.carried.held, 2)])
         for name, plan in self.stage.plans.items():
             i = AXES.index(name)
             if plan.force or plan.open_loop:
                 self._write(f"force_at_entry.{name}", self.seen["measured"][i])
-            elif plan.yields:
+            elif plan.yields or plan.soft:
                 self._write(f"force_at_entry.{name}", held[i])
             if plan.open_loop and name.startswith("r"):
                 self._write(f"start.{name}", going.start[name])

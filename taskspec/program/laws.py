@@ -12,6 +12,7 @@ from taskspec.control.laws import hybrid as hybrid_law
 from taskspec.control.laws import impedance as impedance_laws
 from taskspec.control.laws.parallel import parallel, parallel_pid
 from taskspec.control.model_terms import TermSymbols
+from taskspec.control.reference import opposite
 from taskspec.control.resolution import Command, posture_acceleration, torque
 from taskspec.control.state import TaskState
 from taskspec.program.modes import AxisPlan
@@ -102,12 +103,14 @@ def _drive(case: Case, name: str) -> ca.SX:
     i = case.state.axes.index(name)
     reference = case.references.law
     if case.plans[name].soft:
-        return hybrid_law.soft_drive(
+        pull = hybrid_law.soft_drive(
             reference.error[i],
             reference.velocity[i] - case.state.velocity[i],
             case.gains["stiffness"][name].value,
             case.gains["damping"][name].value,
         )
+        # What the last stage held on this axis is let go of as on a motion axis.
+        return pull + opposite(reference.force[i])
     p, integral, d = (
         case.gains[f"force.{gain}"][name].value for gain in ("proportional", "integral", "damping")
     )

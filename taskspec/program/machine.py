@@ -156,11 +156,15 @@ class Machine:
         runner.evaluate()
         self._ticks += 1
         event = self.outputs[0]
-        if event:
+        if event and (self._ticks > 1 or self._is_limit(event)):
             self._change(clock, runner.stage.events[int(event) - 1])
         else:
             runner.commit()
         return float(event)
+
+    def _is_limit(self, event: float) -> bool:
+        """A stage's first tick heeds limits alone: what ends it well takes at least a tick."""
+        return self.stage.events[int(event) - 1].kind == events.LIMIT
 
     def _change(self, clock: float, event: events.Event) -> None:
         stage = self.stage
@@ -187,8 +191,10 @@ class Machine:
         carried = leave(stage, self.named_outputs())
         self._enter(index, carried, clock)
         self._runner.evaluate()
+        # The new stage's tick at t = 0 is this one.
+        self._ticks = 1
         first = self.outputs[0]
-        if first and self.stage.events[int(first) - 1].kind == events.LIMIT:
+        if first and self._is_limit(first):
             self._change(clock, self.stage.events[int(first) - 1])
             return
         self._runner.commit()
@@ -206,8 +212,6 @@ class Machine:
         self._runner.load(
             entry.enter(self._runner.stage, self._robot, carried, self._tip(), self._inputs)
         )
-        # The entry's own tick has t = 0; the next one comes a period later.
-        self._ticks = 1 if clock > 0.0 else 0
 
     def _tip(self) -> tuple[Vector, Vector]:
         p, R = self._terms.arrays[4], self._terms.arrays[5].reshape(3, 3, order="F")

@@ -52,6 +52,15 @@ def path_shape(context: Context, name: str, rotation: NDArray[np.float64]) -> Pa
             "the path drives no axis: `axes` names every axis that it has coordinates for",
             "leave the axes that the path drives out of `axes`",
         )
+    still = not any(_moves(a, numbers, table) for a in driven if not a.startswith("r"))
+    if path.speed is not None and still and kind != "to":
+        raise spec_error(
+            context.loaded,
+            ("stages", name, "path", "speed"),
+            "TS227",
+            "this path only turns, and `speed` is one along a way",
+            "give the path a `time`",
+        )
     return PathShape(
         kind=kind,
         axes=driven,
@@ -94,6 +103,12 @@ def _table(context: Context, name: str, path: Path) -> Table:
         at = f"{path.file}:{error.line}" if error.line else str(path.file)
         raise spec_error(loaded, place, "TS223", f"{at}: {error}") from error
     timed = table.time is not None
+    if timed and (path.speed is not None or path.time is not None):
+        key = "speed" if path.speed is not None else "time"
+        message = f"{path.file} has a t column, which times the path already"
+        raise spec_error(
+            loaded, ("stages", name, "path", key), "TS223", message, f"leave '{key}' out"
+        )
     if not timed and path.speed is None and path.time is None:
         raise spec_error(
             context.loaded,

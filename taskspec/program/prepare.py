@@ -14,7 +14,7 @@ from taskspec.program.context import Context
 from taskspec.program.errors import spec_error
 from taskspec.program.frames import FrameModel
 from taskspec.program.signals import gaps
-from taskspec.program.stiffness import believed_stiffness
+from taskspec.program.stiffness import compliance
 from taskspec.robot import RobotError, RobotModel, load_robot, solve_start
 from taskspec.spec import LoadedTask
 
@@ -28,6 +28,7 @@ def prepare(loaded: LoadedTask) -> Context:
         SpecError: the robot cannot be loaded or its start cannot be reached.
     """
     task = loaded.task
+    _check_parents(loaded)
     robot, start = _robot(loaded)
     terms = ModelTerms(robot)
     terms.update(start, np.zeros(robot.pin.nv))
@@ -49,7 +50,10 @@ def prepare(loaded: LoadedTask) -> Context:
         posture=start if posture is None else np.array(posture),
         frames=frame_models.resolve(task),
         surfaces=surfaces,
-        stiffness=believed_stiffness(task, robot),
+        compliances={
+            name: compliance(shape, robot, start, 1.0 / task.control.plant_rate)
+            for name, shape in task.world.items()
+        },
         start_jacobian=J,
         start_inertia=inertia + np.triu(inertia, 1).T,
         start_p=tip_p,
@@ -61,6 +65,20 @@ def prepare(loaded: LoadedTask) -> Context:
         },
         period=1.0 / task.control.rate,
     )
+
+
+def _check_parents(loaded: LoadedTask) -> None:
+    frames = loaded.task.frames
+    for name, frame in frames.items():
+        parent = frames.get(frame.parent or "")
+        if parent is not None and parent.surface is not None:
+            raise spec_error(
+                loaded,
+                ("frames", name, "parent"),
+                "TS226",
+                f"frame {name!r} is placed in {frame.parent!r}, which follows a surface",
+                "follow the surface itself, and turn x with 'heading'",
+            )
 
 
 def _robot(loaded: LoadedTask) -> tuple[RobotModel, Vector]:

@@ -137,7 +137,7 @@ def build_references(
     fading = {
         name: _fading(name, clock, parameters)
         for name, plan in plans.items()
-        if plan.yields and not plan.open_loop
+        if (plan.yields or plan.soft) and not plan.open_loop
     }
     axes = state.axes
     zero = ca.SX(0)

@@ -88,7 +88,7 @@ def compile_stage(
     contact = context.contact_of(frame)
     normal = None if contact is None else axes_rotation.T @ context.start_normals[contact]
     plans = plan_axes(axes, stage.axes, path, law, normal)
-    k = context.stiffness[contact] if contact is not None else 0.0
+    k = context.compliances[contact].stiffness if contact is not None else 0.0
     plants = context.plants(axes, axes_rotation, k)
     gains = design(law, {a: p.axis for a, p in plans.items()}, plants)
     if LAWS[law.kind].damps_joints:
@@ -167,6 +167,7 @@ def compile_stage(
     conditions = limit_conditions(
         robot=robot,
         limits=limits,
+        plans=plans,
         q=q,
         v=v,
         table=table,

@@ -1,49 +1,74 @@
-"""Contact stiffness and damping of the world's objects, `rigid` included."""
+"""Stiffness and damping of the contact with an object, `rigid` included."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from dataclasses import dataclass
 
+import casadi as ca
 import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
 
+from taskspec.program import frames
 from taskspec.robot import RobotModel
-from taskspec.spec import Shape, Task
+from taskspec.spec import Shape
 
-#: `rigid` is a contact whose frequency is this fraction of 1/T_plant: as stiff as the plant's
-#: steps resolve, two of them in the time constant that MuJoCo itself would allow.
-_RIGID_FRACTION = 0.5
+Vector = NDArray[np.float64]
+
+#: `rigid` is a contact that turns half a radian of its own oscillation in one step of the plant.
+RIGID_PHASE = 0.5
+#: Beyond this many radians in a step the plant does not resolve the contact any more.
+RESOLVED_PHASE = 1.0
 
 
-def contact_mass(robot: RobotModel) -> float:
+@dataclass(frozen=True, slots=True)
+class Compliance:
+    """A contact's stiffness [N/m] and damping [N s/m]; `phase` [rad] is what one step makes of it.
+
+    The phase is T sqrt(k / m) with the mass m that the tool has along the normal at the start.
+    """
+
+    stiffness: float
+    damping: float
+    phase: float
+
+
+def compliance(shape: Shape, robot: RobotModel, start: Vector, plant_period: float) -> Compliance:
+    """The contact of the tool with an object as its declaration means it.
+
+    Args:
+        shape: the object. robot: the arm. start: (n,) where the run begins.
+        plant_period: step of the plant [s].
+    """
+    mass = normal_mass(robot, start, shape)
+    rigid = shape.stiffness == "rigid"
+    k = mass * (RIGID_PHASE / plant_period) ** 2 if rigid else float(shape.stiffness)
+    b = shape.damping
+    if b is None:
+        # A tenth of critical for 1 kg; a rigid contact is critical for the mass that it meets.
+        b = 2 * math.sqrt(k * mass) if rigid else 0.1 * 2 * math.sqrt(k)
+    return Compliance(k, b, plant_period * math.sqrt(k / mass))
+
+
+def normal_mass(robot: RobotModel, q: Vector, shape: Shape) -> float:
+    """Lambda_n = 1 / (a^T J H^-1 J^T a) [kg] at q (n,) along the normal a of an object.
+
+    Where the arm cannot move along the normal at all, the mean over what it can.
+    """
+    data = robot.pin.createData()
+    frame = robot.pin.getFrameId("tip")
+    J = pin.computeFrameJacobian(robot.pin, data, q, frame, pin.LOCAL_WORLD_ALIGNED)[:3]
+    H = np.triu(pin.crba(robot.pin, data, q))
+    mobility = J @ np.linalg.solve(H + np.triu(H, 1).T, J.T)
+    pin.framesForwardKinematics(robot.pin, data, q)
+    tip = np.array(data.oMf[frame].translation)
+    a = np.array(ca.evalf(frames.surface(shape).gradient(ca.SX(tip)))).ravel()
+    along = float(a @ mobility @ a)
+    return 1.0 / (along if along > 1e-6 else float(np.trace(mobility)) / 3)
+
+
+def virtual_mass_scale(robot: RobotModel) -> float:
     """Mean mass [kg] that a contact at the tool feels, as MuJoCo counts it (1/invweight0)."""
     body = robot.model.body(robot.tip_body).id
     return 1.0 / float(robot.model.body_invweight0[body, 0])
-
-
-def rigid_stiffness(robot: RobotModel, plant_period: float) -> float:
-    """The stiffness [N/m] that `rigid` stands for on this robot at this plant step [s]."""
-    return contact_mass(robot) * (_RIGID_FRACTION / plant_period) ** 2
-
-
-def stiffness_of(shape: Shape, robot: RobotModel, plant_period: float) -> float:
-    """Contact stiffness [N/m] of an object."""
-    if shape.stiffness == "rigid":
-        return rigid_stiffness(robot, plant_period)
-    return float(shape.stiffness)
-
-
-def damping_of(shape: Shape, robot: RobotModel, plant_period: float) -> float:
-    """Contact damping [N s/m]: as declared, or a tenth of critical for 1 kg; critical if rigid."""
-    if shape.damping is not None:
-        return shape.damping
-    k = stiffness_of(shape, robot, plant_period)
-    if shape.stiffness == "rigid":
-        return 2 * math.sqrt(k * contact_mass(robot))
-    return 0.1 * 2 * float(np.sqrt(k))
-
-
-def believed_stiffness(task: Task, robot: RobotModel) -> Mapping[str, float]:
-    """Contact stiffness [N/m] of every object, as the file states it."""
-    period = 1.0 / task.control.plant_rate
-    return {name: stiffness_of(shape, robot, period) for name, shape in task.world.items()}

@@ -94,6 +94,10 @@ class Axis(Model):
     @classmethod
     def rules(cls, data: Map, reading: Reading) -> None:
         """Ask for one mode, and for keys that belong to it."""
+        if data.get("hold") == "world" and cls.foreign == "torque":
+            span = data.node.entries["hold"][1].span
+            hint = "a translation holds the reference: write 'hold'"
+            reading.error("TS204", "'world' holds an orientation, not a place", span, hint)
         motions = [key for key in MOTIONS if key in data]
         forces = [key for key in FORCES if key in data]
         if not motions and not forces and complete(data, reading):

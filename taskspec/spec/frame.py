@@ -58,6 +58,13 @@ class Frame(Model):
                 data.node.key_span(fixed[0]),
                 "its place follows from the tool's",
             )
+        if "surface" in data and "point" in data:
+            reading.error(
+                "TS209",
+                "a frame that follows a surface keeps the control point at the tool tip",
+                data.node.key_span("point"),
+                "leave 'point' out",
+            )
         if "heading" in data and "surface" not in data and complete(data, reading):
             reading.error(
                 "TS026",

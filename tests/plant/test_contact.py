@@ -6,6 +6,8 @@ import mujoco
 import numpy as np
 import pytest
 
+from taskspec.program.stiffness import normal_mass
+
 PRESS = """
 taskspec: 1
 name: press
@@ -84,11 +86,11 @@ def test_sliding_friction_is_coulombs(simulate, speed):
 
 def test_rigid_is_as_stiff_as_the_steps_allow(simulate):
     run = simulate(press("plane", "stiffness: rigid"))
-    robot = run.program.context.robot
-    body = robot.model.body(robot.tip_body).id
     k = run.program.stages[0].stiffness
+    robot, start = run.program.context.robot, run.program.context.start
+    table = run.program.context.loaded.task.world["thing"]
     # Half a radian of the contact's oscillation in one step of 1 ms.
-    assert np.sqrt(k * robot.model.body_invweight0[body, 0]) * 1e-3 == pytest.approx(0.5)
+    assert 1e-3 * np.sqrt(k / normal_mass(robot, start, table)) == pytest.approx(0.5)
     assert -run["force.z"][-1] / -run["gap"][-1] == pytest.approx(k, rel=1e-3)
 
 
@@ -101,7 +103,7 @@ def test_gap_is_mujocos_distance(simulate, shape):
     text = press(shape, "stiffness: 20 kN/m")
     run = simulate(text)
     robot = run.program.context.robot
-    scene = build_scene(robot, load_text(text, "t").task)
+    scene = build_scene(robot, load_text(text, "t").task, run.program.context.start)
     data = mujoco.MjData(scene.model)
     tool, thing = (scene.model.geom(name).id for name in (robot.tool_geoms[0], "world/thing"))
     for row in range(0, len(run.history), 400):

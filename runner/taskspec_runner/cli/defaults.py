@@ -7,7 +7,6 @@ from collections.abc import Iterator
 from taskspec.compiler import Program
 from taskspec.program.references import DEFAULT_RAMP
 from taskspec.program.stage import CompiledStage
-from taskspec.program.stiffness import damping_of
 from taskspec.program.tracks import move_speed
 from taskspec.spec import Axis, Task
 from taskspec.text.show import show
@@ -72,13 +71,12 @@ def _robot(program: Program) -> Iterator[tuple[str, str]]:
 def _world(program: Program) -> Iterator[tuple[str, str]]:
     context = program.context
     task = context.loaded.task
-    period = 1.0 / task.control.plant_rate
     for name, shape in task.world.items():
         given = shape.model_fields_set
         if "stiffness" not in given:
             yield f"world.{name}.stiffness", stiffness(float(shape.stiffness))
         if "damping" not in given:
-            damping = damping_of(shape, context.robot, period)
+            damping = context.compliances[name].damping
             yield f"world.{name}.damping", show(damping, "N*s/m")
         if "friction" not in given:
             yield f"world.{name}.friction", "0"

@@ -9,10 +9,14 @@ form (-k (1 - d) A, -b (1 - d) A) makes a press deform f/k; a small d keeps the 
 from __future__ import annotations
 
 import mujoco
+import numpy as np
+from numpy.typing import NDArray
 
-from taskspec.program.stiffness import contact_mass, damping_of, stiffness_of
+from taskspec.program.stiffness import compliance, virtual_mass_scale
 from taskspec.robot import RobotModel
 from taskspec.spec import Shape
+
+Vector = NDArray[np.float64]
 
 #: Impedance d of every contact.
 IMPEDANCE = 0.02
@@ -21,16 +25,16 @@ _LEAST_FRICTION = 1e-5
 
 
 def contact_parameters(
-    pair: mujoco.MjsPair, shape: Shape, robot: RobotModel, plant_period: float
+    pair: mujoco.MjsPair, shape: Shape, robot: RobotModel, start: Vector, plant_period: float
 ) -> None:
     """Sets a pair so that the whole contact has what `shape` declares.
 
     A flat tool touches with several points; each carries an equal share.
     """
     share = 1.0 / len(robot.tool_geoms)
-    scale = (1 - IMPEDANCE) / contact_mass(robot)
-    k = stiffness_of(shape, robot, plant_period) * share
-    b = damping_of(shape, robot, plant_period) * share
+    scale = (1 - IMPEDANCE) / virtual_mass_scale(robot)
+    declared = compliance(shape, robot, start, plant_period)
+    k, b = declared.stiffness * share, declared.damping * share
     pair.solref = [-k * scale, -b * scale]
     pair.solimp = [IMPEDANCE, IMPEDANCE, 0.001, 0.5, 2.0]
     sliding = max(shape.friction, _LEAST_FRICTION)

@@ -40,7 +40,7 @@ class Plant:
 
         `views` are arrays for `wrench` and `object_forces` that the caller wants filled in place.
         """
-        self.scene: Scene = build_scene(robot, task)
+        self.scene: Scene = build_scene(robot, task, start)
         self.model = self.scene.model
         self.data = mujoco.MjData(self.model)
         self.data.qpos[:] = start

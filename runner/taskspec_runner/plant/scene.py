@@ -37,12 +37,13 @@ class Scene:
     sensors: tuple[slice, ...]
 
 
-def build_scene(robot: RobotModel, task: Task) -> Scene:
+def build_scene(robot: RobotModel, task: Task, start: NDArray[np.float64]) -> Scene:
     """Compiles the scene of a task.
 
     Args:
         robot: the arm; its MjSpec is copied, not changed.
         task: whose `world` and `control` are the true ones.
+        start: (n,) joint positions where the run begins.
     """
     spec = robot.spec.copy()
     period = 1.0 / task.control.plant_rate
@@ -61,13 +62,13 @@ def build_scene(robot: RobotModel, task: Task) -> Scene:
     damping = np.broadcast_to(task.robot.joint_damping, len(robot.joint_names))
     for joint, value in zip(robot.joint_names, damping, strict=True):
         spec.joint(joint).damping = [float(value), 0.0, 0.0]
-    start = task.robot.start
-    near = None if start is None or start.xyz is None else np.array(start.xyz)
+    begin = task.robot.start
+    near = None if begin is None or begin.xyz is None else np.array(begin.xyz)
     for number, (name, shape) in enumerate(task.world.items()):
         _add_object(spec, name, shape, near, _COLORS[number % len(_COLORS)])
         for geom in robot.tool_geoms:
             pair = spec.add_pair(geomname1=PREFIX + name, geomname2=geom, condim=3)
-            contact_parameters(pair, shape, robot, period)
+            contact_parameters(pair, shape, robot, start, period)
         spec.add_sensor(
             name=PREFIX + name,
             type=mujoco.mjtSensor.mjSENS_CONTACT,
