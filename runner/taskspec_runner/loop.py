@@ -66,8 +66,7 @@ def run(
         event = tick(clock)
         array[clock_slot], array[t_slot], array[stage_slot] = clock, machine.t, machine.index
         if not array[health] < _HEALTHY:
-            text = "state or torque is no longer finite: the controlled arm has diverged"
-            return _stopped("non_finite", text, machine, clock, ticks)
+            return _stopped("non_finite", _why_not_finite(machine), machine, clock, ticks)
         if event and machine.ended:
             if machine.transitions[-1].kind == events.LIMIT:
                 # The tick that broke the limit belongs into the log.
@@ -85,6 +84,14 @@ def run(
                 return _stopped(*alarm, machine, clock, ticks)
             if progress is not None:
                 progress(machine, clock)
+
+
+def _why_not_finite(machine: Machine) -> str:
+    reference = machine.not_finite()
+    if reference:
+        when = f"{machine.t:.4g} s into stage {machine.stage.name!r}"
+        return f"the reference of {reference} is not a finite number {when}"
+    return "state or torque is no longer finite: the controlled arm has diverged"
 
 
 def _stopped(name: str, text: str, machine: Machine, clock: float, ticks: int) -> Outcome:

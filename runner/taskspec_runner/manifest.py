@@ -13,6 +13,8 @@ from taskspec.spec import LoadedTask
 from taskspec.text.characters import normal
 
 FORMAT = 1
+#: Status of a run that has not come to its end.
+RUNNING = "running"
 _DISTRIBUTIONS = ("mujoco", "pin", "casadi", "numpy", "pyarrow")
 
 
@@ -36,7 +38,7 @@ def opening(loaded: LoadedTask, content: bytes, seed: int) -> dict[str, Any]:
     """The manifest of a run that begins now."""
     return {
         "format": FORMAT,
-        "status": "running",
+        "status": RUNNING,
         "reason": None,
         "task": loaded.task.name,
         "file": None if loaded.path is None else str(loaded.path.absolute()),

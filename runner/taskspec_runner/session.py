@@ -21,12 +21,12 @@ from taskspec_runner.bus import Bus
 from taskspec_runner.errors import OutputError, RunCrashedError
 from taskspec_runner.folder import RunFolder, open_folder
 from taskspec_runner.history import History, read_history
-from taskspec_runner.interrupt import Interrupt
+from taskspec_runner.interrupt import Interrupt, Termination, signal_of
 from taskspec_runner.loop import STOPPED, Outcome, run
 from taskspec_runner.plant.plant import Plant
 from taskspec_runner.record import Recorder
 from taskspec_runner.replay import Replay
-from taskspec_runner.summary import INTERRUPTED, summarise
+from taskspec_runner.summary import BY_SIGNAL, reason_of, summarise
 from taskspec_runner.verdict import Judged, judge
 
 
@@ -59,7 +59,8 @@ class RunResult:
 
     Attributes:
         folder: where everything is. report: the rendered report, None if none was asked for.
-        exit_code: 0 well, 1 missed or failed, 4 safety stop, 130 interrupted.
+        exit_code: 0 well, 1 missed or failed, 4 safety stop, 130 interrupted,
+            143 or 129 terminated by SIGTERM or SIGHUP.
         summary: the content of `summary.json`. judged: the expectations.
         wall_seconds: of the simulation. real_time_factor: simulated seconds in each of them.
     """
@@ -110,17 +111,27 @@ def execute_program(
     Raises:
         OutputError: the folder cannot be written.
         RunCrashedError: an internal error; the log holds every tick up to it.
-        KeyboardInterrupt: interrupted outside the simulation itself.
+        KeyboardInterrupt: interrupted outside the simulation itself; `Terminated` unless by SIGINT.
     """
+    with Termination():
+        return _execute(program, out, seed, progress, report)
+
+
+def _execute(
+    program: Program, out: Path | None, seed: int, progress: Progress | None, report: bool
+) -> RunResult:
     loaded = program.context.loaded
     content = manifest.task_bytes(loaded)
     folder = open_folder(out, loaded.task.name)
-    folder.note(**manifest.opening(loaded, content, seed))
     try:
+        folder.note(**manifest.opening(loaded, content, seed))
         folder.write_bytes(folders.TASK, content)
         return _run(program, folder, seed, progress, report)
-    except KeyboardInterrupt:
-        _close(folder, STOPPED, INTERRUPTED)
+    except KeyboardInterrupt as error:
+        # Once a run has been judged its outcome stands, even if its report does not.
+        if folder.manifest.get("status", manifest.RUNNING) == manifest.RUNNING:
+            number = signal_of(error)
+            _close(folder, STOPPED, reason_of(number), exit_code=BY_SIGNAL + number)
         raise
     except (OutputError, OSError) as error:
         with contextlib.suppress(OutputError):
@@ -138,13 +149,13 @@ def _run(
     program: Program, folder: RunFolder, seed: int, progress: Progress | None, report: bool
 ) -> RunResult:
     began = time.perf_counter()
-    outcome, transitions = _simulate(program, folder, progress)
+    outcome, transitions, by_signal = _simulate(program, folder, progress)
     wall = time.perf_counter() - began
     history = read_history(folder.log)
-    if outcome.reason == INTERRUPTED:
+    if by_signal:
         outcome = _as_logged(outcome, history, program.context.period)
     judged = _judge(program, history)
-    summary = summarise(program, transitions, outcome, history, judged, seed)
+    summary = summarise(program, transitions, outcome, history, judged, seed, by_signal)
     factor = outcome.clock / wall
     folder.write_json(folders.SUMMARY, summary)
     _close(
@@ -163,7 +174,8 @@ def _run(
 
 def _simulate(
     program: Program, folder: RunFolder, progress: Progress | None
-) -> tuple[Outcome, list[Transition]]:
+) -> tuple[Outcome, list[Transition], int]:
+    """The outcome, what ended each stage, and the signal that has broken off the run, or 0."""
     context = program.context
     n = context.robot.pin.nv
     bus = Bus(n, len(context.surfaces))
@@ -173,13 +185,14 @@ def _simulate(
     machine = program.machine(views)
     recorder = Recorder(folder.log, bus, context.robot, program.stages, context.surfaces)
     with contextlib.closing(recorder), Interrupt() as interrupt:
-        watch = _watch(interrupt, progress)
+        watch, by_signal = _watch(interrupt, progress), 0
         try:
             outcome = run(machine, plant, bus, recorder, context.period, watch)
-        except KeyboardInterrupt:
-            text = "interrupted by the user"
-            outcome = Outcome(STOPPED, INTERRUPTED, text, machine.stage.name, 0.0, 0)
-    return outcome, machine.transitions
+        except KeyboardInterrupt as error:
+            by_signal = signal_of(error)
+            text, reason = str(error) or "interrupted by the user", reason_of(by_signal)
+            outcome = Outcome(STOPPED, reason, text, machine.stage.name, 0.0, 0)
+    return outcome, machine.transitions, by_signal
 
 
 def _watch(interrupt: Interrupt, progress: Progress | None) -> Callable[[Machine, float], None]:

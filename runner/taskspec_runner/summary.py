@@ -2,26 +2,39 @@
 
 from __future__ import annotations
 
+import re
+import signal
 from collections.abc import Sequence
 from typing import Any
 
 from taskspec.compiler import Program
-from taskspec.program.machine import Transition
+from taskspec.program import events
+from taskspec.program.machine import FAIL, Transition
+from taskspec.program.stage import CompiledStage
+from taskspec.robot import RobotModel
+from taskspec.text.show import show
 from taskspec_runner.history import History
 from taskspec_runner.loop import DONE, Outcome
 from taskspec_runner.metrics import metrics, peaks
 from taskspec_runner.verdict import Judged
 
-EXIT_GOOD, EXIT_MISSED, EXIT_STOPPED, EXIT_INTERRUPTED = 0, 1, 4, 130
+EXIT_GOOD, EXIT_MISSED, EXIT_STOPPED = 0, 1, 4
+#: What a shell adds to the number of the signal that ended a process.
+BY_SIGNAL = 128
+_LIMIT_UNITS = {"force": "N", "torque": "N*m", "speed": "mm/s", "deviation": "mm"}
+_JOINT = re.compile(r"\bjoint (\d+) ")
+_OF_TRAVEL, _ATTEMPTS = " of travel", "; stage "
 
-#: Reason of a run that the user has broken off.
-INTERRUPTED = "interrupted"
+
+def reason_of(number: int) -> str:
+    """Why a run ended that a signal has broken off."""
+    return "interrupted" if number == signal.SIGINT else "terminated"
 
 
-def exit_code(outcome: Outcome, judged: Sequence[Judged]) -> int:
-    """0 well; 1 expectations missed or ended in `fail`; 4 safety stop; 130 interrupted."""
-    if outcome.reason == INTERRUPTED:
-        return EXIT_INTERRUPTED
+def exit_code(outcome: Outcome, judged: Sequence[Judged], by_signal: int = 0) -> int:
+    """0 well; 1 expectations missed or ended in `fail`; 4 safety stop; 128 + n by signal n."""
+    if by_signal:
+        return BY_SIGNAL + by_signal
     if outcome.status == "stopped":
         return EXIT_STOPPED
     good = outcome.status == DONE and all(j.passed for j in judged)
@@ -35,22 +48,26 @@ def summarise(
     history: History,
     judged: Sequence[Judged],
     seed: int,
+    by_signal: int = 0,
 ) -> dict[str, Any]:
-    """The content of `summary.json`, in SI units.
+    """The content of `summary.json`, in SI units; `by_signal` has broken off the run, if not 0.
 
     It holds nothing of the clock on the wall, so that it can be compared byte by byte.
     """
     context = program.context
     task, robot = context.loaded.task, context.robot
+    visits = _visits(program, transitions, outcome, broken_off=bool(by_signal))
+    # The last visit is the one in which the run ended, and says more about it.
+    text = visits[-1]["ended_by"]["text"] if visits else outcome.text
     return {
         "task": task.name,
         "about": task.about,
         "status": outcome.status,
-        "exit_code": exit_code(outcome, judged),
+        "exit_code": exit_code(outcome, judged, by_signal),
         "seed": seed,
         "ending": {
             "reason": outcome.reason,
-            "text": outcome.text,
+            "text": text,
             "stage": outcome.stage,
             "clock": outcome.clock,
         },
@@ -58,7 +75,7 @@ def summarise(
         "ticks": outcome.ticks,
         "period": context.period,
         "law": task.law.kind,
-        "stages": _visits(program, transitions, outcome),
+        "stages": visits,
         "expectations": [_expectation(j) for j in judged],
         "metrics": metrics(history, {s.name: s.axes for s in program.stages}),
         "peaks": peaks(history, [s.name for s in program.stages]),
@@ -74,14 +91,14 @@ def summarise(
 
 
 def _visits(
-    program: Program, transitions: Sequence[Transition], outcome: Outcome
+    program: Program, transitions: Sequence[Transition], outcome: Outcome, *, broken_off: bool
 ) -> list[dict[str, Any]]:
     """Every visit of a stage, and what ended it."""
     stages = {stage.name: stage for stage in program.stages}
     ends = list(transitions)
-    if outcome.reason == INTERRUPTED:
+    if broken_off:
         ends.append(
-            Transition(outcome.clock, outcome.stage, "stop", INTERRUPTED, outcome.text, 0.0, "")
+            Transition(outcome.clock, outcome.stage, "stop", outcome.reason, outcome.text, 0.0, "")
         )
     visits, start = [], 0.0
     for end in ends:
@@ -96,7 +113,7 @@ def _visits(
                 "ended_by": {
                     "kind": end.kind,
                     "name": end.name,
-                    "text": end.text,
+                    "text": told(end, stage, program.context.robot),
                     "value": end.value,
                     "to": end.to,
                 },
@@ -104,6 +121,40 @@ def _visits(
         )
         start = end.clock
     return visits
+
+
+def told(end: Transition, stage: CompiledStage, robot: RobotModel) -> str:
+    """What ended a stage, as a sentence with the numbers of the event."""
+    if end.kind == events.LIMIT:
+        return _limit(end, robot)
+    if end.kind == events.FAIL_IF:
+        first, *others = end.text.split(_ATTEMPTS)
+        return _ATTEMPTS.join([f"`{first}` held, which fails the stage", *others])
+    if end.kind == events.WITHIN:
+        bound, *others = end.text.removeprefix("within ").split(_ATTEMPTS)
+        until = stage.spec.until
+        missing = "reaching the end of its moves" if until is None else f"`{until.text}`"
+        way = bound.removesuffix(_OF_TRAVEL)
+        began = f"travelled {way}" if way != bound else f"{bound} passed"
+        return _ATTEMPTS.join([f"{began} without {missing}", *others])
+    if end.to == FAIL and end.kind == events.UNTIL:
+        return f"`{end.text}` held, which leads to fail"
+    return end.text
+
+
+def _limit(end: Transition, robot: RobotModel) -> str:
+    if unit := _LIMIT_UNITS.get(end.name):
+        return f"{end.text}, measured {show(end.value, unit, 5)}"
+    number = _JOINT.search(end.text)
+    if number is None or end.name not in ("joint_position", "joint_velocity"):
+        return end.text
+    joint = int(number[1]) - 1
+    if end.name == "joint_velocity":
+        bound, unit = show(float(robot.velocity_limit[joint]), "deg/s", 5), "deg/s"
+    else:
+        low, high = (float(side[joint]) for side in (robot.lower, robot.upper))
+        bound, unit = f"{show(low, 'deg', 5)} to {show(high, 'deg', 5)}", "deg"
+    return f"{end.text}: {bound}, measured {show(end.value, unit, 5)}"
 
 
 def _expectation(judged: Judged) -> dict[str, Any]:

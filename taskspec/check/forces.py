@@ -7,6 +7,7 @@ import itertools
 import numpy as np
 from numpy.typing import NDArray
 
+from taskspec.check.set_points import steady_force
 from taskspec.control.gains import design
 from taskspec.control.state import AXES
 from taskspec.motion.path import PathShape
@@ -81,7 +82,7 @@ def _span(
 
     From (4.26), (4.27) with the reference f (1/k_m + 1/k) below the believed surface.
     """
-    wanted = _steady(context, axis)
+    wanted = steady_force(context, axis)
     if wanted is None:
         return None
     vary = context.loaded.task.vary
@@ -104,16 +105,3 @@ def _ends(variations: tuple[Variation | None, ...], nominal: list[float]) -> lis
             base = nominal[i] if variation.relative else 0.0
             ends[i] = [base + variation.low, base + variation.high]
     return ends
-
-
-def _steady(context: Context, axis: Axis) -> float | None:
-    """The set point where it does not depend on time or signals [N]."""
-    from taskspec.text.expression import FloatAlgebra, evaluate
-
-    params = {name: q.value for name, q in context.loaded.task.params.items()}
-    known = {"pi": float(np.pi)} | params
-    assert axis.force is not None
-    try:
-        return evaluate(axis.force.tree, FloatAlgebra(), lambda name: known[".".join(name.path)])
-    except KeyError:
-        return None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 
 from taskspec.control.gains import has_force
@@ -9,7 +10,7 @@ from taskspec.control.state import AXES
 from taskspec.program.context import Context
 from taskspec.spec import LAWS
 from taskspec.text.diagnostic import Diagnostics
-from taskspec.text.expression import Expression
+from taskspec.text.expression import Expression, FloatAlgebra, evaluate
 from taskspec.text.expression.tree import Call, Name, Node, children
 
 _VECTORS = ("force", "torque", "position", "velocity", "error")
@@ -25,6 +26,8 @@ def check_signals(context: Context, name: str, axes: tuple[str, ...], found: Dia
     for expression in [*expressions, *references]:
         if expression is None:
             continue
+        if expression in references and not _finite_at_start(context, expression):
+            found.error("TS117", "this has no finite value at t = 0 s", expression.span)
         for node, inside_norm in _names(expression.tree, False):
             reason = _reason(context, name, axes, node, inside_norm=inside_norm)
             if reason is None and expression in references:
@@ -50,6 +53,17 @@ def check_expectations(
             reason = _reason(context, stage, axes_of[stage], here, inside_norm=inside_norm)
             if reason is not None:
                 found.error("TS224", f"{node}: {reason}", expression.where(node))
+
+
+def _finite_at_start(context: Context, expression: Expression) -> bool:
+    """Whether a reference has a value when its stage begins, as far as the file tells."""
+    params = {name: q.value for name, q in context.loaded.task.params.items()}
+    known = {"pi": math.pi, "t": 0.0, "clock": 0.0} | params
+    try:
+        value = evaluate(expression.tree, FloatAlgebra(), lambda name: known[str(name)])
+    except KeyError:
+        return True  # It depends on a signal.
+    return math.isfinite(value)
 
 
 def _not_in_references(node: Name) -> str | None:

@@ -15,6 +15,7 @@ from taskspec.motion.polynomial import PiecewiseCubic
 #: Columns that a table may have.
 COLUMNS = ("t", "x", "y", "z", "rx", "ry", "rz")
 _MOST_ROWS = 100_000
+_MOST_TEXT = 16 << 20
 
 
 class TableError(ValueError):
@@ -78,10 +79,15 @@ def read_table(path: Path, unit_of: Callable[[str, str], float]) -> Table:
         TableError: a wrong header, a cell that is no number, points that do not advance.
         OSError: the file cannot be read.
     """
+    if path.exists() and not path.is_file():
+        raise TableError(f"{path.name} is not a regular file")
     try:
-        text = path.read_text(encoding="utf-8-sig")
+        with path.open(encoding="utf-8-sig") as file:
+            text = file.read(_MOST_TEXT + 1)
     except UnicodeDecodeError as error:
         raise TableError(f"{path.name} is not UTF-8 text") from error
+    if len(text) > _MOST_TEXT:
+        raise TableError(f"{path.name} is larger than {_MOST_TEXT >> 20} MiB")
     rows = [
         (number, row)
         for number, row in enumerate(csv.reader(text.splitlines()), start=1)
@@ -111,6 +117,8 @@ def _header(
     for cell in cells:
         name, _, unit = cell.strip().partition("[")
         name, unit = name.strip(), unit.strip().removesuffix("]").strip()
+        if len(cells) == 1 and (";" in cell or "\t" in cell):
+            raise TableError("columns are separated by commas, decimals by points", line)
         if name not in COLUMNS:
             raise TableError(f"column {name!r} is none of {', '.join(COLUMNS)}", line)
         if name in names:

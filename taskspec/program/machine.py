@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.control.model_terms import ModelTerms
+from taskspec.control.state import AXES
 from taskspec.program import entry, events
 from taskspec.program.carried import Carried, leave
 from taskspec.program.ports import OUTPUTS
@@ -212,6 +213,18 @@ class Machine:
         self._runner.load(
             entry.enter(self._runner.stage, self._robot, carried, self._tip(), self._inputs)
         )
+
+    def not_finite(self) -> str:
+        """Which reference of the last tick is not a number; empty where none is to blame."""
+        outputs = self.named_outputs()
+        for name, plan in self.stage.plans.items():
+            i = AXES.index(name)
+            for kind, there in (("position", plan.motion), ("velocity", plan.motion)):
+                if there and not np.isfinite(outputs[f"{kind}_ref"][i]):
+                    return f"{kind}.{name}"
+            if (plan.force or plan.open_loop) and not np.isfinite(outputs["force_ref"][i]):
+                return f"{'torque' if name.startswith('r') else 'force'}.{name}"
+        return ""
 
     def _tip(self) -> tuple[Vector, Vector]:
         p, R = self._terms.arrays[4], self._terms.arrays[5].reshape(3, 3, order="F")

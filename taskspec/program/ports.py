@@ -95,7 +95,7 @@ def _applied(table: SignalTable) -> dict[str, ca.SX]:
 def outputs(
     index: ca.SX,
     value: ca.SX,
-    torque: ca.SX,
+    wanted: ca.SX,
     inputs: Inputs,
     point: kinematics.ControlPoint,
     at: kinematics.FrameState,
@@ -108,8 +108,9 @@ def outputs(
     values = {
         "event": index,
         "event_value": value,
-        # One number that is not finite as soon as any of these is not.
-        "health": ca.sumsqr(torque) + ca.sumsqr(inputs.v) + ca.sumsqr(inputs.q),
+        # One number that is not finite as soon as any of these is not. Before saturation: the
+        # smaller of a limit and NaN is the limit.
+        "health": ca.sumsqr(wanted) + ca.sumsqr(inputs.v) + ca.sumsqr(inputs.q),
         "tip": terms.p,
         "tip_rotation": ca.vec(terms.R),
         "offset": point.offset,

@@ -180,7 +180,7 @@ def compile_stage(
     )
     index, value, events = code(conditions)
     updates = references.updates | algebra.updates
-    outputs = ports.outputs(index, value, torque, inputs, point, at, table, references)
+    outputs = ports.outputs(index, value, wanted, inputs, point, at, table, references)
     arguments = [*inputs.symbols(), memory.vector(), parameters.vector()]
     options = {"cse": True}
     return CompiledStage(

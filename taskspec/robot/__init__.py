@@ -5,7 +5,7 @@ from __future__ import annotations
 from taskspec.robot.errors import RobotError
 from taskspec.robot.library import builtin_names, builtin_robots
 from taskspec.robot.load import load_robot
-from taskspec.robot.start import solve_start
+from taskspec.robot.start import check_joints, solve_start
 from taskspec.robot.types import RobotModel, RobotSummary, ToolGeometry
 
 __all__ = [
@@ -15,6 +15,7 @@ __all__ = [
     "ToolGeometry",
     "builtin_names",
     "builtin_robots",
+    "check_joints",
     "load_robot",
     "solve_start",
 ]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -28,6 +29,21 @@ _NEAR = 1.0
 _ENOUGH = 12
 _HOMING = 60
 _MARGIN = 0.005
+_LEAST_DAMPING = 1e-14
+_FAR = 100.0
+
+
+def turns_at(robot: RobotModel, i: int) -> bool:
+    """Whether joint `i`, counted from 0, is a hinge; else it slides."""
+    return bool(robot.pin.joints[i + 1].shortname().startswith("JointModelR"))
+
+
+def least_turn(wanted: Array, given: Array) -> Array:
+    """Of all rotations (3, 3) `wanted` turned about z, the one that is the least turn of `given`."""
+    A = wanted @ given.T
+    yaw = float(np.arctan2(A[0, 1] - A[1, 0], A[0, 0] + A[1, 1]))
+    turned: Array = pin.rpy.rpyToMatrix(0.0, 0.0, yaw) @ wanted
+    return turned
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,11 +54,13 @@ class Target:
         position: (3,) [m], world.
         rotation: (3, 3) of the tip frame in the world; None leaves it free.
         weight: How much a metre counts against a radian where not both can be had.
+        any_yaw: Whether the rotation may be turned about the world's z.
     """
 
     position: Array
     rotation: Array | None = None
     weight: float = 1.0
+    any_yaw: bool = False
 
 
 class InverseKinematics:
@@ -67,15 +85,29 @@ class InverseKinematics:
         return self._data.oMi[self.robot.tip_joint] * self.robot.tip
 
     def error(self, q: Array, target: Target) -> Array:
-        """What is missing at `q` (n,), world: weighted translation, then rotation vector (6,)."""
+        """What is missing at `q` (n,), world: weighted translation, then rotation vector (6,).
+
+        The rotation vector is left out where the target has no rotation, its z where the target
+        leaves the yaw free. A point that is more than 100 m away counts as one 100 m away.
+        """
         at = self.pose(q)
-        missing: Array = target.weight * (target.position - at.translation)
+        missing = target.position - at.translation
+        distance = math.hypot(*missing)
+        missing = target.weight * (missing * min(1.0, _FAR / max(distance, _FAR)))
         if target.rotation is None:
             return missing
-        return np.concatenate((missing, pin.log3(target.rotation @ at.rotation.T)))
+        wanted = target.rotation
+        if target.any_yaw:
+            wanted = least_turn(wanted, at.rotation)
+        turn = pin.log3(wanted @ at.rotation.T)
+        return np.concatenate((missing, turn[:2] if target.any_yaw else turn))
 
-    def nearest_home(self, target: Target) -> tuple[Array, float]:
+    def nearest_home(self, target: Target, restarts: int = _RESTARTS) -> tuple[Array, float]:
         """The solution nearest the robot's home, or the best that was found.
+
+        Args:
+            target: What the tip is asked for.
+            restarts: From how many drawn configurations it is looked for, besides home.
 
         Returns:
             Joint positions (n,) and the norm of their error, below `SOLVED` when the target is
@@ -85,7 +117,7 @@ class InverseKinematics:
         best, least = self.descend(home, target)
         if least > SOLVED or np.abs(best - home).max() > _NEAR:
             found = [best] if least <= SOLVED else []
-            for start in self._draws():
+            for start in self._draws(restarts):
                 q, missing = self.descend(start, target)
                 if missing < least:
                     best, least = q, missing
@@ -111,7 +143,10 @@ class InverseKinematics:
             pull = J.T @ e
             pressed = ((q <= self.lower) & (pull < 0)) | ((q >= self.upper) & (pull > 0))
             J = np.where(pressed, 0.0, J)
-            step = J.T @ np.linalg.solve(J @ J.T + damping * np.eye(len(e)), e)
+            A = J @ J.T
+            # Less than this, against the size of A, is lost in rounding and may leave A singular.
+            least = _LEAST_DAMPING * max(1.0, float(np.trace(A)))
+            step = J.T @ np.linalg.solve(A + max(damping, least) * np.eye(len(e)), e)
             step *= min(1.0, _STEP / max(float(np.abs(step).max()), _TOLERANCE))
             q_next = np.clip(q + step, self.lower, self.upper)
             e_next = self.error(q_next, target)
@@ -120,7 +155,7 @@ class InverseKinematics:
                 damping *= 10
                 continue
             stalled = size - size_next < _LEAST_GAIN * size and size > SOLVED
-            q, e, size, damping = q_next, e_next, size_next, max(damping / 10, 1e-14)
+            q, e, size, damping = q_next, e_next, size_next, max(damping / 10, _LEAST_DAMPING)
             if stalled:
                 break
         return q, size
@@ -148,20 +183,18 @@ class InverseKinematics:
         pin.computeJointJacobians(robot.pin, self._data, q)
         J = resolved_jacobian(robot.pin, self._data, robot.tip_joint, robot.tip)
         J[:3] *= target.weight
-        return J if target.rotation is not None else J[:3]
+        return J[: 3 if target.rotation is None else 5 if target.any_yaw else 6]
 
-    def _draws(self) -> list[Array]:
+    def _draws(self, restarts: int) -> list[Array]:
         rng = np.random.default_rng(0)
         home = self.robot.home
         # A joint that turns more than once is drawn within half a turn of home.
         lower, upper = np.maximum(self.lower, home - np.pi), np.minimum(self.upper, home + np.pi)
-        return [rng.uniform(lower, upper) for _ in range(_RESTARTS)]
+        return [rng.uniform(lower, upper) for _ in range(restarts)]
 
     def _unwound(self, q: Array) -> Array:
         """The same pose with every hinge within half a turn of home, where its limits allow it."""
-        turns = np.array(
-            [joint.shortname().startswith("JointModelR") for joint in self.robot.pin.joints[1:]]
-        )
+        turns = np.array([turns_at(self.robot, i) for i in range(len(q))])
         unwound = q - 2 * np.pi * np.round((q - self.robot.home) / (2 * np.pi)) * turns
         fits = (unwound >= self.lower) & (unwound <= self.upper)
         return np.where(fits, unwound, q)

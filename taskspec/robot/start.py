@@ -2,15 +2,24 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pinocchio as pin
 
 from taskspec.robot.errors import RobotError
-from taskspec.robot.inverse_kinematics import SOLVED, InverseKinematics, Target
+from taskspec.robot.inverse_kinematics import (
+    SOLVED,
+    InverseKinematics,
+    Target,
+    least_turn,
+    turns_at,
+)
 from taskspec.robot.types import RobotModel
+from taskspec.text.units import ANGLE, LENGTH, describe
 
 if TYPE_CHECKING:
     import numpy.typing as npt
@@ -18,6 +27,8 @@ if TYPE_CHECKING:
     Array = npt.NDArray[np.float64]
 
 _POSITION_FIRST = 300.0
+_ROTATION_FIRST = 0.003
+_FEWER = 10
 
 
 def solve_start(
@@ -32,10 +43,11 @@ def solve_start(
         model: The robot.
         xyz: (3,) position of the tool tip in the world [m].
         rpy: (3,) orientation of the tip frame in the world [rad]. None points the tool of an arm
-            that can turn it about every axis straight down, turned about the vertical as at home,
-            and leaves other arms free. Of a planar arm's tool the yaw is the direction in the
+            that can turn it about every axis straight down, turned about the vertical as at home
+            or, where that is out of reach, in another way; it leaves other arms free. Of a planar arm's tool the yaw is the direction in the
             plane, counted from x; roll and pitch are zero.
-        joints: (n,) joint positions instead [rad or m].
+        joints: (n,) joint positions instead [rad or m]; those that carry a dimension have to be
+            angles for hinges and lengths for slides.
 
     Returns:
         Joint positions (n,) inside the limits: the solution nearest home whose pose is exact to
@@ -58,10 +70,19 @@ def solve_start(
     q, missing = solver.nearest_home(target)
     if missing <= SOLVED:
         return q
-    closest, short = solver.nearest_home(Target(target.position))
+    closest, short = solver.nearest_home(Target(target.position), _FEWER)
     if short > SOLVED:
-        raise _out_of_reach(model, solver, closest, target.position, short)
-    raise _turned(solver, target, given=rpy is not None)
+        raise _out_of_reach(model, solver, closest, target.position)
+    spatial = "z" in model.axes
+    if spatial:
+        turned = replace(target, any_yaw=True)
+        q, missing = solver.nearest_home(turned, _FEWER)
+        if missing <= SOLVED:
+            if rpy is None:
+                return q
+            raise _other_yaw(solver, target, q)
+        target = turned
+    raise _turned(solver, target, closest, given=rpy is not None)
 
 
 def _rotation(
@@ -70,12 +91,7 @@ def _rotation(
     if rpy is None:
         if not {"rx", "ry", "rz"} <= set(model.axes):
             return None
-        # Of all rotations diag(1, -1, -1) turned about z, the one that is the least turn from
-        # home's.
-        A = np.diag([1.0, -1.0, -1.0]) @ solver.pose(model.home).rotation.T
-        yaw = float(np.arctan2(A[0, 1] - A[1, 0], A[0, 0] + A[1, 1]))
-        down: Array = pin.rpy.rpyToMatrix(np.pi, 0.0, yaw)
-        return down
+        return least_turn(np.diag([1.0, -1.0, -1.0]), solver.pose(model.home).rotation)
     if "z" in model.axes:
         turned: Array = pin.rpy.rpyToMatrix(*(float(angle) for angle in rpy))
         return turned
@@ -100,54 +116,130 @@ def _rotation(
     return planar
 
 
-def _turned(solver: InverseKinematics, target: Target, *, given: bool) -> RobotError:
-    """The error of a point that is reached, but not with the tool turned as it is asked for."""
-    q, _ = solver.nearest_home(Target(target.position, target.rotation, _POSITION_FIRST))
-    short = np.degrees(np.linalg.norm(solver.error(q, target)[3:]))
-    asked = "as rpy asks" if given else "straight down"
-    x, y, z = target.position
+def _other_yaw(solver: InverseKinematics, target: Target, q: Array) -> RobotError:
+    """The error of an orientation that is reached at `q` (n,), but with another yaw."""
+    assert target.rotation is not None
+    possible = solver.pose(q).rotation
+    turn = np.degrees(np.linalg.norm(pin.log3(possible @ target.rotation.T)))
+    about_z = least_turn(target.rotation, possible) @ target.rotation.T
+    yaw = np.degrees(np.arctan2(about_z[1, 0], about_z[0, 0]))
     return RobotError(
         "TS413",
-        f"the arm reaches [{x:.3f}, {y:.3f}, {z:.3f}] m, but not with the tool {asked}: "
+        f"the arm reaches {_point(target.position)}, but not with this yaw",
+        f"with the tool turned about the vertical by {yaw:+.1f} deg it does"
+        if turn > 0.05
+        else "give another yaw",
+        ("start", "rpy"),
+    )
+
+
+def _turned(solver: InverseKinematics, target: Target, q: Array, *, given: bool) -> RobotError:
+    """The error of a point that is reached, at `q` (n,), but not with the tool as it is asked for."""
+    q, _ = solver.descend(q, replace(target, weight=_POSITION_FIRST))
+    short = np.degrees(np.linalg.norm(solver.error(q, target)[3:]))
+    asked = "as rpy asks" if given else "straight down"
+    choice = "give another rpy" if given else "give an rpy"
+    place = _place_for(solver, target, q)
+    return RobotError(
+        "TS413",
+        f"the arm reaches {_point(target.position)}, but not with the tool {asked}: "
         f"it misses that by {short:.1f} deg",
-        "move the start towards the arm's base, or give another rpy"
-        if given
-        else "move the start towards the arm's base, or give an rpy",
+        choice if place is None else f"{choice}, or start at {_point(place)}, where it can",
         ("start", "rpy" if given else "xyz"),
     )
 
 
+def _place_for(solver: InverseKinematics, target: Target, q: Array) -> Array | None:
+    """A point (3,) near the target, in whole millimetres, at which its rotation is possible."""
+    for start in (q, solver.robot.home):
+        nearest, _ = solver.descend(start, replace(target, weight=_ROTATION_FIRST))
+        found = solver.pose(nearest).translation
+        inwards = solver.pose(solver.robot.home).translation - found
+        for share in (0.0, 0.02, 0.1):
+            place: Array = np.round(found + share * inwards, 3)
+            if "z" not in solver.robot.axes:
+                place[2] = target.position[2]
+            if solver.descend(nearest, replace(target, position=place))[1] <= SOLVED:
+                return place
+    return None
+
+
 def _out_of_reach(
-    model: RobotModel, solver: InverseKinematics, closest: Array, wanted: Array, short: float
+    model: RobotModel, solver: InverseKinematics, closest: Array, wanted: Array
 ) -> RobotError:
     """The error of a point that is not reached with any orientation."""
-    base = np.array(model.pin.jointPlacements[1].translation)
+    base = model.pin.jointPlacements[1].translation
     nearest = solver.pose(closest).translation
-    reach, asked = (float(np.linalg.norm(point - base)) for point in (nearest, wanted))
-    x, y, z = nearest
+    reach, asked = math.dist(nearest, base), math.dist(wanted, base)
     side = "reaches" if asked > reach else "comes no nearer than"
     return RobotError(
         "TS412",
-        f"the tool tip cannot get to the start: it misses it by {1e3 * short:.1f} mm",
+        f"the tool tip cannot get to the start: it misses it by "
+        f"{_length(math.dist(wanted, nearest))}",
         f"that way the arm {side} {reach:.3f} m from its first joint, and the start is "
-        f"{asked:.3f} m from it; the nearest point is [{x:.3f}, {y:.3f}, {z:.3f}] m",
+        f"{_metres(asked)} m from it; the nearest point is {_point(nearest)}",
         ("start", "xyz"),
     )
 
 
-def _checked(model: RobotModel, joints: Sequence[float]) -> Array:
-    q = np.array(joints, dtype=float)
-    if q.shape != model.home.shape:
+def _point(point: Array) -> str:
+    x, y, z = (_metres(float(value)) for value in point)
+    return f"[{x}, {y}, {z}] m"
+
+
+def _metres(length: float) -> str:
+    return f"{length:z.3f}" if abs(length) < 1e4 else f"{length:.4g}"
+
+
+def _length(length: float) -> str:
+    return f"{1e3 * length:.1f} mm" if length < 10 else f"{_metres(length)} m"
+
+
+def check_joints(
+    model: RobotModel, joints: Sequence[float], of: str, field: tuple[str, ...]
+) -> None:
+    """Check that joint positions of a task file fit the robot's joints, but not their limits.
+
+    Args:
+        model: The robot.
+        joints: (n,) joint positions [rad or m]; one that carries a `dimension` has to be an angle
+            for a hinge and a length for a slide.
+        of: What they belong to, such as `the start`.
+        field: Where in a task file's `robot` section they stand.
+
+    Raises:
+        RobotError: TS411 if there are too many or too few, or one is of the wrong kind.
+    """
+    if len(joints) != model.home.size:
         raise RobotError(
             "TS411",
-            f"the start has {q.size} joint positions, '{model.name}' has {model.home.size} joints",
+            f"{of} has {len(joints)} joint positions, '{model.name}' has {model.home.size} joints",
             f"in this order: {', '.join(model.joint_names)}",
-            ("start", "joints"),
+            field,
         )
+    for i, value in enumerate(joints):
+        hinge = turns_at(model, i)
+        dimension = getattr(value, "dimension", None)
+        if dimension is not None and dimension != (ANGLE if hinge else LENGTH):
+            kind, needed, unit = (
+                ("turns", "an angle", "deg") if hinge else ("slides", "a length", "mm")
+            )
+            raise RobotError(
+                "TS411",
+                f"joint {i + 1} ('{model.joint_names[i]}') {kind}, and {of} gives it "
+                f"{describe(dimension)}",
+                f"give it {needed}, in {unit}",
+                field,
+            )
+
+
+def _checked(model: RobotModel, joints: Sequence[float]) -> Array:
+    check_joints(model, joints, "the start", ("start", "joints"))
+    q = np.array(joints, dtype=float)
     outside = np.flatnonzero((q < model.lower) | (q > model.upper))
     if outside.size:
         i = int(outside[0])
-        unit, k = ("deg", 180 / np.pi) if _turns(model, i) else ("mm", 1e3)
+        unit, k = ("deg", 180 / np.pi) if turns_at(model, i) else ("mm", 1e3)
         raise RobotError(
             "TS411",
             f"joint {i + 1} ('{model.joint_names[i]}') cannot start at {q[i] * k:.6g} {unit}",
@@ -155,7 +247,3 @@ def _checked(model: RobotModel, joints: Sequence[float]) -> Array:
             ("start", "joints"),
         )
     return q
-
-
-def _turns(model: RobotModel, i: int) -> bool:
-    return "Revolute" in model.pin.joints[i + 1].shortname()

@@ -8,10 +8,18 @@ from typing import Any
 from taskspec.spec import values
 from taskspec.spec.kinds import Kind
 from taskspec.spec.reading import Reading, kind_of, span_of
-from taskspec.text.data import Items, Text
+from taskspec.text.data import Items, Real, Text, Whole
 from taskspec.text.expression import Expression, ScopeKind
 from taskspec.text.expression.tree import Number
-from taskspec.text.units import NUMBER, Dimension, alternatives, describe, fitting, in_si
+from taskspec.text.units import (
+    NUMBER,
+    Dimension,
+    alternatives,
+    describe,
+    fitting,
+    in_si,
+    noun,
+)
 
 _SCALAR: dict[str, Any] = {"type": ["string", "number"]}
 """A quantity in JSON Schema: text with a unit, or a plain number such as 0."""
@@ -143,11 +151,33 @@ class Entries(Kind):
         }
 
 
+class Measured(float):
+    """A number in SI units that knows what it measures.
+
+    Attributes:
+        dimension: of the number; None for a bare 0, which measures anything.
+    """
+
+    dimension: Dimension | None
+
+    def __new__(cls, value: float, dimension: Dimension | None = None) -> Measured:
+        """Attach the dimension."""
+        made = super().__new__(cls, value)
+        made.dimension = dimension
+        return made
+
+
 @dataclass(frozen=True)
 class Series(Kind):
-    """A list of constants of one dimension, of any length but none."""
+    """A list of constants, of any length but none.
+
+    Attributes:
+        dimension: what an entry measures.
+        other: what an entry may measure instead; the entries are then `Measured`.
+    """
 
     dimension: Dimension
+    other: Dimension | None = None
 
     def read(self, value: object, reading: Reading) -> tuple[float, ...]:
         """Return the entries in SI units."""
@@ -157,11 +187,35 @@ class Series(Kind):
             return (0.0,)
         if not value and not value.node.broken:
             reading.error("TS023", "this list is empty", span_of(value))
+        if self.other is not None:
+            return tuple(self._either(entry, self.other, reading) for entry in value)
         return tuple(values.constant(entry, self.dimension, reading) or 0.0 for entry in value)
+
+    def _either(self, value: object, other: Dimension, reading: Reading) -> Measured:
+        needed = f"{noun(self.dimension)} or {noun(other)}"
+        if not isinstance(value, Text | Whole | Real):
+            message = f"{needed} is needed here, this is {kind_of(value)}"
+            reading.error("TS022", message, span_of(value))
+            return Measured(0.0)
+        found = values.quantity(value, reading)
+        if found is None or found.bare:
+            return Measured(found.value if found is not None else 0.0)
+        if found.dimension == NUMBER:
+            units = alternatives((*fitting(self.dimension), *fitting(other)))
+            message = f"a number without a unit, where {needed} is needed"
+            reading.error("TS110", message, span_of(value), f"add a unit: {units}")
+        elif found.dimension not in (self.dimension, other):
+            message = f"{needed} is needed here, this is {describe(found.dimension)}"
+            reading.error("TS112", message, span_of(value))
+        return Measured(found.value, found.dimension)
 
     def json(self) -> dict[str, Any]:
         """Describe the list."""
-        return {"type": "array", "minItems": 1, "items": Constant(self.dimension).json()}
+        entry = Constant(self.dimension).json()
+        if self.other is not None:
+            second = _description(self.other)
+            entry["description"] += f"; or {second[0].lower()}{second[1:]}"
+        return {"type": "array", "minItems": 1, "items": entry}
 
 
 @dataclass(frozen=True)

@@ -68,7 +68,7 @@ class Start(Model):
 
     Attributes:
         xyz: position of the tip in the world [m].
-        rpy: its orientation [rad]; None for pointing down.
+        rpy: its orientation [rad]; None for pointing down with any yaw.
         joints: joint positions [rad or m].
     """
 
@@ -76,8 +76,8 @@ class Start(Model):
 
     xyz: XYZ | None = Field(None, title="Tool tip in the world", description="[x, y, z], lengths")
     rpy: RPY | None = Field(None, title="Orientation of the tool", description="[roll, pitch, yaw]")
-    joints: Annotated[tuple[float, ...], Series(ANGLE)] | None = Field(
-        None, title="Joint positions", description="One angle for each joint"
+    joints: Annotated[tuple[float, ...], Series(ANGLE, LENGTH)] | None = Field(
+        None, title="Joint positions", description="One for each joint: angles of hinges, lengths of slides"
     )
 
     @classmethod
@@ -126,7 +126,7 @@ class Robot(Model):
     base: Pose = Field(Pose(), title="Placement of the base in the world")
     tool: Tool = Field(Tool(), title="Tool")
     start: Start | None = Field(None, title="Start of the run")
-    posture: Annotated[tuple[float, ...], Series(ANGLE)] | None = Field(
+    posture: Annotated[tuple[float, ...], Series(ANGLE, LENGTH)] | None = Field(
         None, title="Posture", description="Joint positions that a redundant arm stays near"
     )
     balanced: Annotated[bool, Switch()] = Field(

@@ -5,14 +5,23 @@ from __future__ import annotations
 import re
 
 import pytest
-from documents import DOCUMENTS, LANGUAGE, ROOT, blocks, completed, is_task, load
+from documents import DOCUMENTS, LANGUAGE, ROOT, TASKS, blocks, completed, is_task, load, words
 
 from taskspec.check import check_task
 from taskspec.compiler import compile_task
 from taskspec.motion.table import read_table
+from taskspec.spec.laws import LAWS
 from taskspec.text.codes import CODES
 from taskspec.text.diagnostic import Severity
 from taskspec.text.units import parse_unit
+
+
+def test_the_readme_counts_the_tasks_and_names_the_laws():
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    assert len(list(TASKS.glob("*.yaml"))) == 14
+    assert "(tasks): fourteen tasks" in text
+    (row,) = re.findall(r"^\| laws \|(.*)\|$", text, re.M)
+    assert set(words(row)) == LAWS.keys()
 
 
 @pytest.mark.parametrize(("path", "name", "text"), blocks("yaml"))

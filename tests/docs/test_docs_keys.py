@@ -7,6 +7,7 @@ from typing import get_args
 
 import pytest
 from documents import LANGUAGE, first_words, models_of, table, units_written, value, words
+from pydantic.json_schema import SkipJsonSchema
 
 from taskspec.spec import Law, Robot, Task
 from taskspec.spec.axis import Axis, Rotation, Translation
@@ -17,7 +18,7 @@ from taskspec.spec.law import ForceGains
 from taskspec.spec.limits import Limits
 from taskspec.spec.model import Model
 from taskspec.spec.path import Path
-from taskspec.spec.quantities import Constant, Entries, Formula, Series
+from taskspec.spec.quantities import Constant, Entries, ForJoints, Formula, Series
 from taskspec.spec.robot import Pose, Start, Tool
 from taskspec.spec.stage import Stage, Within
 from taskspec.spec.world import Shape
@@ -44,10 +45,20 @@ KEYS: dict[str, tuple[type[Model], ...]] = {
 def kinds(annotation: object) -> Iterator[object]:
     """What reads a field, wherever it stands in the field's type."""
     for part in get_args(annotation):
-        if isinstance(part, Constant | Entries | Series | Gain | Formula):
+        if isinstance(part, Constant | Entries | Series | ForJoints | Gain | Formula):
             yield part
         else:
             yield from kinds(part)
+
+
+def keys_of(model: type[Model]) -> set[str]:
+    """The keys that a file may have; fields that no schema shows have other names there."""
+    hidden = {
+        key
+        for key, field in model.model_fields.items()
+        if any(isinstance(part, SkipJsonSchema) for part in field.metadata)
+    }
+    return model.model_fields.keys() - hidden
 
 
 def units_needed(model: type[Model], key: str) -> set[object]:
@@ -57,7 +68,9 @@ def units_needed(model: type[Model], key: str) -> set[object]:
     for kind in [*field.metadata, *kinds(field.annotation)]:
         if isinstance(kind, Formula):
             found.add(kind.dimension or "condition")
-        elif isinstance(kind, Constant | Series):
+        elif isinstance(kind, Series):
+            found.update({kind.dimension, kind.other} - {None})
+        elif isinstance(kind, Constant | ForJoints):
             found.add(kind.dimension)
         elif isinstance(kind, Entries):
             found.update(kind.dimensions)
@@ -68,7 +81,7 @@ def units_needed(model: type[Model], key: str) -> set[object]:
 
 @pytest.mark.parametrize("name", KEYS)
 def test_keys_are_those_of_the_model(name):
-    expected = {key for model in KEYS[name] for key in model.model_fields}
+    expected = {key for model in KEYS[name] for key in keys_of(model)}
     assert set(first_words(LANGUAGE, f"keys: {name}")) == expected
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import pytest
 from documents import (
     LANGUAGE,
@@ -56,7 +58,29 @@ def test_reducers():
 
 def test_laws_and_their_gains():
     rows = {words(row[0])[0]: tuple(words(row[2])) for row in table(LANGUAGE, "table: laws")}
-    assert rows == LAWS
+    assert rows == {law: facts.gains for law, facts in LAWS.items()}
+
+
+def test_laws_name_their_equations():
+    for row in table(LANGUAGE, "table: laws"):
+        equations = LAWS[words(row[0])[0]].equations.replace("-", "–")
+        assert row[1].endswith(equations), row[0]
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_a_motion_and_a_force_on_one_axis(law):
+    text = (
+        f"law: {law}\nstages: {{slide: {{axes: {{z: {{hold: start, force: -5 N}}}}, time: 1 s}}}}\n"
+    )
+    found = codes_of(completed(f"{text}expect: []\n"))
+    assert found == ([] if law in ("parallel", "parallel-pid") else ["TS203"])
+
+
+def test_laws_at_the_arms_own_inertia():
+    text = " ".join(LANGUAGE.read_text(encoding="utf-8").split())
+    match = re.search(r"laws at the arm's own inertia \(([^)]*)\)", text)
+    assert match is not None
+    assert set(words(match[1])) == {law for law, facts in LAWS.items() if facts.natural}
 
 
 def test_robots():
@@ -126,6 +150,35 @@ def test_overrides(override):
     key, _, text = override.partition("=")
     loaded = load(example(), {key: text})
     assert loaded.task != load(example()).task
+
+
+_SLIDE = "stages: {slide: {%s, time: 1 s}}\nexpect: []\n"
+_TURN = "path: {line: {by: [0, 0, 0, 0, 0, 20 deg]}, %s}"
+
+
+@pytest.mark.parametrize(
+    ("code", "text"),
+    [
+        ("TS204", _SLIDE % "axes: {z: {hold: world}}"),
+        ("TS209", "frames: {task: {surface: table, point: origin}}\n"),
+        ("TS224", _SLIDE % "fail_if: tilt in world > 3 deg"),
+        ("TS226", "frames: {task: {surface: table}, other: {parent: task}}\n"),
+        ("TS227", "stages: {slide: {%s}}\nexpect: []\n" % (_TURN % "speed: 20 mm/s")),
+        ("", "stages: {slide: {%s}}\nexpect: []\n" % (_TURN % "time: 2 s")),
+        ("TS306", "law: {kind: pd, stiffness: 0 N/m}\n" + _SLIDE % "axes: {z: {force: -5 N}}"),
+        ("TS020", "law: {kind: pd-joint, joint_damping: 3 N*m*s/rad}\n"),
+    ],
+)
+def test_errors_that_the_reference_names(code, text):
+    assert codes_of(completed(text)) == ([code] if code else [])
+
+
+def test_a_time_beside_a_column_of_times(tmp_path):
+    (tmp_path / "timed.csv").write_text("t [s], x [mm]\n0, 0\n1, 10\n2, 20\n", encoding="utf-8")
+    for pace, codes in (("", []), (", time: 2 s", ["TS223"]), (", speed: 9 mm/s", ["TS223"])):
+        path = f"{tmp_path.as_posix()}/timed.csv"
+        text = f"stages: {{slide: {{path: {{file: {path}{pace}}}}}}}\nexpect: []\n"
+        assert codes_of(completed(text)) == codes, pace
 
 
 def test_what_can_vary():

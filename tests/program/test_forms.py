@@ -131,6 +131,30 @@ def test_paths_end_where_they_should(simulate, path, end):
     assert rms(run.during("go", "error.x")) < 1e-4
 
 
+def test_a_soft_axis_lets_go_of_a_held_force_smoothly(simulate):
+    run = simulate(
+        panda(
+            "  press: {axes: {z: {force: -20 N}}, time: 2 s}\n"
+            "  lean: {axes: {z: {hold: start, stiffness: 800 N/m}}, time: 1 s}",
+            "world: {table: {shape: plane, xyz: [0, 0, 399 mm], stiffness: 20 kN/m}}",
+        )
+    )
+    first = int(np.argmax(run.history.window("lean")))
+    for i in range(7):
+        torque = run[f"joint.{i + 1}.torque"]
+        assert abs(torque[first] - torque[first - 1]) < 0.01
+
+
+def test_a_path_that_only_turns(simulate):
+    run = simulate(
+        panda(
+            "  go: {path: {line: {by: [0, 0, 0, 0, 0, 20 deg]}, time: 2 s}}\n  stay: {time: 0.3 s}"
+        )
+    )
+    assert run.during("go", "position.rz")[-1] == pytest.approx(np.deg2rad(20), abs=1e-4)
+    assert run.during("go", "t")[-1] == pytest.approx(2.0, abs=2e-3)
+
+
 def _tip(run, row):
     return _pose(run, row)[0]
 

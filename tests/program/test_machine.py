@@ -201,3 +201,19 @@ def test_same_task_gives_the_same_bytes(simulate, tmp_path):
         simulate("guarded-approach")
         logs.append((tmp_path / "log.arrow").read_bytes())
     assert logs[0] == logs[1]
+
+
+def test_a_reference_that_is_no_number_is_named(simulate):
+    text = planar("  a: {axes: {x: {position: 350 mm + 1 mm * log(0.1 s - t) / 1 s}}, time: 1 s}")
+    text = text.replace("log(0.1 s - t) / 1 s", "log((0.1 s - t)/(1 s))")
+    run = simulate(text)
+    assert (run.outcome.status, run.outcome.reason) == ("stopped", "non_finite")
+    assert "position.x" in run.outcome.text
+
+
+def test_the_first_tick_of_a_stage_heeds_limits_only(simulate):
+    """Also that of the run: a stage lasts a tick at least, and t = 0 is logged once."""
+    run = simulate(planar("  a: {until: t >= 0 s, within: {time: 1 s}}\n  b: {time: 10 ms}"))
+    assert run.transitions[0].clock == pytest.approx(0.001)
+    t = run["t"][run.history.window("b")]
+    np.testing.assert_allclose(t, np.arange(len(t)) * 1e-3, atol=1e-12)

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
 import pytest
 
-from taskspec.robot import RobotError, RobotModel, solve_start
+from taskspec.robot import RobotError, RobotModel, check_joints, solve_start
 from taskspec.robot.inverse_kinematics import InverseKinematics, Target
+from taskspec.spec.quantities import Measured
+from taskspec.text.units import ANGLE, LENGTH
 
 Load = Callable[..., RobotModel]
 
@@ -131,12 +135,31 @@ def test_sliding_joints_are_told_in_millimetres(load: Load) -> None:
         solve_start(robot, joints=(0.4, *robot.home[1:]))
 
 
+def test_kinds_of_joints(load: Load) -> None:
+    robot = load("own.xml", flange="grip")
+    home = [Measured(q, ANGLE) for q in robot.home]
+    slide = Measured(robot.home[0], LENGTH)
+    q = solve_start(robot, joints=(slide, *home[1:]))
+    np.testing.assert_array_equal(q, robot.home)
+    solve_start(robot, joints=(slide, *(Measured(0.0) if q == 0 else q for q in home[1:])))
+    with pytest.raises(
+        RobotError, match=r"joint 1 .* slides, and the start gives it an angle"
+    ) as c:
+        solve_start(robot, joints=home)
+    assert (c.value.code, c.value.hint) == ("TS411", "give it a length, in mm")
+    with pytest.raises(RobotError, match=r"joint 2 .* turns, and the posture gives .* length") as c:
+        check_joints(robot, (slide, slide, *home[2:]), "the posture", ("posture",))
+    assert (c.value.field, c.value.hint) == (("posture",), "give it an angle, in deg")
+
+
 @pytest.mark.parametrize(
     ("name", "xyz", "miss", "hint"),
     [
         ("panda", (1.5, 0, 0.3), "misses it by 556", "that way the arm reaches 0.94"),
         ("planar2", (0.8, 0, 0), "misses it by 200.0 mm", "reaches 0.600 m"),
         ("planar2", (0.3, 0, 0.05), "misses it by 50.0 mm", "nearest point is [0.300, "),
+        ("panda", (1e30, 0, 0), r"misses it by 1e\+30 m", "the start is 1e+30 m from it"),
+        ("panda", (1e300, 1e300, 0), r"misses it by 1.414e\+300 m", "the arm reaches 0.8"),
         ("planar3", (0.03, 0.0, 0), "mm", "comes no nearer than"),
     ],
 )
@@ -158,6 +181,52 @@ def test_reached_but_not_that_way(load: Load) -> None:
     with pytest.raises(RobotError, match="not with the tool as rpy asks") as caught:
         solve_start(load("planar3"), (0.5, 0, 0), (0, 0, 3))
     assert (caught.value.code, caught.value.field) == ("TS413", ("start", "rpy"))
+
+
+def test_another_yaw_is_tried_before_giving_up(load: Load) -> None:
+    panda = load("panda")
+    lower, upper = panda.lower.copy(), panda.upper.copy()
+    lower[6], upper[6] = 0.7, 0.9
+    robot = replace(panda, lower=lower, upper=upper)
+    point, asked = (0.3, 0.45, 0.3), (np.pi, 0, 0)
+    with pytest.raises(RobotError, match="but not with this yaw") as caught:
+        solve_start(robot, point, asked)
+    assert (caught.value.code, caught.value.field) == ("TS413", ("start", "rpy"))
+    other = pose(robot, solve_start(robot, point))
+    np.testing.assert_allclose(other.translation, point, atol=1e-9)
+    np.testing.assert_allclose(other.rotation[:, 2], [0, 0, -1], atol=1e-9)
+    turn = float(re.search(r"by ([-+0-9.]+) deg", caught.value.hint)[1])
+    yaw = asked[2] + np.radians(turn)
+    np.testing.assert_allclose(pin.rpy.rpyToMatrix(np.pi, 0, yaw), other.rotation, atol=1e-3)
+
+
+def test_place_in_the_hint_is_possible(load: Load) -> None:
+    robot = load("panda")
+    with pytest.raises(RobotError, match="tool straight down") as caught:
+        solve_start(robot, (0, 0, 0.34))
+    assert caught.value.code == "TS413"
+    assert "base" not in caught.value.hint
+    place = re.search(r"start at \[(.*)\] m", caught.value.hint)[1]
+    solve_start(robot, [float(x) for x in place.split(",")])
+
+
+@pytest.mark.parametrize("name", ["planar2", "planar3", "ur5e", "panda"])
+def test_any_target_has_a_solution_or_a_robot_error(load: Load, name: str) -> None:
+    robot = load(name)
+    rng = np.random.default_rng(5)
+    points = [
+        *([0, 0, z] for z in (0.0, 0.34, 1.5, 1e30)),
+        *([x, 0, 0] for x in (0.6, 0.6 + 1e-9, -1e300)),
+        *(rng.uniform(-1, 1, (10, 3)) * (1, 1, "z" in robot.axes)),
+    ]
+    for point in points:
+        try:
+            q = solve_start(robot, point)
+        except RobotError as error:
+            assert error.code in ("TS412", "TS413")
+            assert len(error.message) < 150
+        else:
+            np.testing.assert_allclose(pose(robot, q).translation, point, atol=1e-8)
 
 
 def test_orientations_that_an_arm_does_not_have(load: Load) -> None:

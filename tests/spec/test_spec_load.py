@@ -276,3 +276,38 @@ def test_tasks_and_errors_pass_between_processes() -> None:
         load_text(HEAD, "t")
     again = pickle.loads(pickle.dumps(caught.value))
     assert again.diagnostics == caught.value.diagnostics
+
+
+def joints_of(text: str, tmp_path: Path) -> tuple[float, ...]:
+    path = tmp_path / "task.yaml"
+    path.write_text(
+        f"taskspec: 1\nrobot: {{model: panda, posture: {text}, start: {{joints: {text}}}}}\n"
+        "stages:\n  wait: {time: 1 s}\n"
+    )
+    robot = load_task(path).task.robot
+    assert robot.start is not None
+    assert robot.start.joints == robot.posture
+    return robot.start.joints or ()
+
+
+def test_joints_are_angles_or_lengths(tmp_path: Path) -> None:
+    joints = joints_of("[30 mm, 180 deg, 0]", tmp_path)
+    assert joints == pytest.approx((0.03, math.pi, 0))
+    assert [q.dimension for q in joints] == [LENGTH, ANGLE, None]
+    assert [q.dimension for q in copy.deepcopy(joints)] == [LENGTH, ANGLE, None]
+
+
+@pytest.mark.parametrize(
+    ("entry", "code", "words"),
+    [
+        ("5", "TS110", "where an angle or a length is needed"),
+        ("5 N", "TS112", "an angle or a length is needed here, this is a force"),
+        ("true", "TS022", "an angle or a length is needed here, this is true or false"),
+        ("1 deg + 1 mm", "TS113", "does not go together"),
+    ],
+)
+def test_joints_are_nothing_else(entry: str, code: str, words: str, tmp_path: Path) -> None:
+    with pytest.raises(SpecError) as caught:
+        joints_of(f"[{entry}]", tmp_path)
+    assert {d.code for d in caught.value.diagnostics} == {code}
+    assert words in caught.value.diagnostics[0].message
