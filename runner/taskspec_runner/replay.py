@@ -82,7 +82,7 @@ class Replay:
         return result
 
     def _place(self, frame: FrameModel) -> Vector:
-        """(n, 3) coordinates of the control point in a frame, as language.md section 4 counts."""
+        """(n, 3) coordinates of the control point in a frame, as docs/language.md counts."""
         foot, R = self._pose(frame)
         point = self._tip_pose()[0] + self._offset()
         if frame.kind == "fixed":

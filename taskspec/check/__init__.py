@@ -6,7 +6,7 @@ axes and its contacts come in.
 
 from __future__ import annotations
 
-from taskspec.check.axes import check_axes
+from taskspec.check.axes import check_axes, check_joints
 from taskspec.check.forces import check_forces
 from taskspec.check.frames import check_frame, check_start, check_stiffness
 from taskspec.check.set_points import check_set_points
@@ -36,6 +36,7 @@ def check_stages(context: Context) -> tuple[Diagnostic, ...]:
     """Findings about the stages of a task whose robot and start are sound."""
     loaded = context.loaded
     found = Diagnostics(loaded.source.name)
+    check_joints(context, found)
     check_stiffness(context, found)
     check_start(context, found)
     axes_of: dict[str, tuple[str, ...]] = {}

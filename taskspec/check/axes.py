@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from taskspec.program.context import Context
+from taskspec.robot import RobotError
+from taskspec.robot import check_joints as posture_of_joints
 from taskspec.text.diagnostic import Diagnostics
 
 
@@ -18,13 +20,34 @@ def check_axes(context: Context, name: str, axes: tuple[str, ...], found: Diagno
                 loaded.span(("stages", name, "axes", axis), key=True),
                 f"axes that exist here: {', '.join(axes)}",
             )
-    posture = loaded.task.robot.posture
-    if posture is not None and len(posture) != robot.pin.nv:
-        found.error(
-            "TS411",
-            f"`posture` has {len(posture)} joint positions, {robot.name!r} has {robot.pin.nv}",
-            loaded.span(("robot", "posture")),
-        )
+
+
+def check_joints(context: Context, found: Diagnostics) -> None:
+    """Reports values for joints that do not fit the robot's."""
+    loaded, n = context.loaded, context.robot.pin.nv
+    task = loaded.task
+    if task.robot.posture is not None:
+        try:
+            posture_of_joints(context.robot, task.robot.posture, "the posture", ("posture",))
+        except RobotError as error:
+            place = ("robot", *error.field)
+            found.error(error.code, error.message, loaded.span(place), error.hint)
+    lists: list[tuple[tuple[str, ...], tuple[float, ...]]] = [
+        (("robot", "joint_damping"), task.robot.joint_damping)
+    ]
+    lists += [
+        (("stages", name, "law", "damping") if stage.law else ("law", "damping"), damping)
+        for name, stage in task.stages.items()
+        if (damping := context.law_of(stage).joint_damping) is not None
+    ]
+    for place, values in lists:
+        if len(values) not in (1, n):
+            found.error(
+                "TS414",
+                f"{len(values)} values for the {n} joints of {context.robot.name!r}",
+                loaded.span(place),
+                "one value for all joints, or one for each",
+            )
 
 
 def _how(axis: str) -> str:

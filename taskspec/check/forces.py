@@ -31,20 +31,21 @@ def check_forces(
     frame, law = context.frame_of(stage), context.law_of(stage)
     contact = context.contact_of(frame)
     plans = plan_axes(axes, stage.axes, path, law, None)
-    open_loop = [a for a, p in plans.items() if p.open_loop and not a.startswith("r")]
+    open_loop = [a for a, p in plans.items() if p.open_loop]
     if not open_loop:
         return
     place = ("stages", name, "axes", open_loop[0])
-    if contact is None:
+    if contact is None and not all(a.startswith("r") for a in open_loop):
         found.error(
             "TS303",
             f"under {law.kind!r} a force is reached by pressing below a surface, and the world "
             "has none",
             loaded.span((*place, "force")),
-            "declare the surface under `world`, or use a law with a force loop: hybrid, parallel",
+            "declare the surface under `world`, or use a law with a force loop: hybrid, "
+            "parallel, parallel-pid",
         )
         return
-    k = context.compliances[contact].stiffness
+    k = context.compliances[contact].stiffness if contact is not None else 0.0
     entries = {a: p.axis for a, p in plans.items()}
     gains = design(law, entries, context.plants(axes, rotation, k))
     for axis in open_loop:
@@ -53,9 +54,11 @@ def check_forces(
             found.error(
                 "TS306",
                 f"under {law.kind!r} a force stretches the law's spring, and {axis!r} has none",
-                loaded.span(("stages", name, "axes", axis, "force")),
+                loaded.span(("stages", name, "axes", axis)),
                 "give the law a stiffness above zero, or use a law with a force loop",
             )
+            continue
+        if axis.startswith("r") or contact is None:
             continue
         normal = rotation[:, AXES.index(axis)]
         span = _span(context, contact, normal, entries[axis], own, k)
@@ -66,7 +69,7 @@ def check_forces(
                 f"under {law.kind!r} this force is open loop: for the surfaces that `vary` allows "
                 f"it becomes {low:.3g} to {high:.3g} N",
                 loaded.span(("stages", name, "axes", axis, "force")),
-                "a law with a force loop (hybrid, parallel) reaches it on all of them",
+                "a law with a force loop (hybrid, parallel, parallel-pid) reaches it on all",
             )
 
 

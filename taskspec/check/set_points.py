@@ -47,7 +47,7 @@ def check_set_points(
                     "forces are what the robot applies: pressing goes against the outward normal",
                 )
         if most is not None and abs(wanted) > most:
-            found.error(
+            found.warning(
                 "TS610",
                 f"the limit on force, {most:g} N, stops this stage before its {abs(wanted):g} N",
                 place,

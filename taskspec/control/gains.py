@@ -1,4 +1,4 @@
-"""Gains: those of the file, and designed ones for what the file leaves out (language.md section 6).
+"""Gains: those of the file, and designed ones for what the file leaves out (docs/language.md).
 
 A designed gain follows from the mass h that the axis feels, the believed contact stiffness k and
 the control period T, so that a task file need not know any of them.

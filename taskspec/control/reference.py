@@ -30,6 +30,6 @@ def opposite(wrench: ca.SX) -> ca.SX:
     """The one change of sign between theory and file.
 
     The theory's f is what the environment exerts on the tool; task files, logs and guards speak of
-    what the robot applies to the environment (language.md section 4).
+    what the robot applies to the environment (docs/language.md).
     """
     return -wrench

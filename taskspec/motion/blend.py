@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import casadi as ca
 
-#: References are blended in over at least this time [s] (language.md section 4).
+#: References are blended in over at least this time [s] (docs/language.md).
 BLEND_TIME = 0.2
 #: A larger offset takes longer, so that blending alone never moves faster than a default move.
 _PEAK = 1.875

@@ -1,6 +1,6 @@
 """Where the tool is in its frame's coordinates, and the errors and rates of tracking there.
 
-Three kinds of frames count translations differently (language.md section 4):
+Three kinds of frames count translations differently (docs/language.md):
 
 * fixed: the coordinate of the control point;
 * following a surface: x and y in lengths on the surface from the stage's start, z the gap;

@@ -53,7 +53,7 @@ def enter(
     tip: tuple[Vector, Vector],
     inputs: Sequence[Vector],
 ) -> Entered:
-    """Starts a stage from the carried reference (language.md section 4: hold, bumpless).
+    """Starts a stage from the carried reference (docs/conventions.md).
 
     Args:
         stage: the stage. robot: for its tool.

@@ -16,6 +16,7 @@ register(
         "TS226": "a frame placed in one that follows a surface",
         "TS227": "a path that only turns, at a speed of translation",
         "TS306": "an open-loop force on an axis without a spring",
+        "TS414": "values for joints that do not fit the robot",
         "TS308": "a pull on a surface that can only push",
         "TS610": "a limit below a set point",
         "TS307": "a contact stiffer than the plant's steps resolve",

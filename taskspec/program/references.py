@@ -26,7 +26,7 @@ from taskspec.program.modes import AxisPlan
 from taskspec.program.signals import SignalTable
 from taskspec.text.expression import Expression
 
-#: A force set point rises from the measured force in this time [s] (language.md section 7).
+#: A force set point rises from the measured force in this time [s] (docs/language.md).
 DEFAULT_RAMP = 0.2
 
 

@@ -16,7 +16,7 @@ from taskspec.program.frames import FrameModel
 from taskspec.robot import RobotModel
 from taskspec.text.expression.tree import Name
 
-#: |force| above which the tool touches [N] (language.md section 4).
+#: |force| above which the tool touches [N] (docs/language.md).
 TOUCHING = 0.5
 _VECTORS = ("force", "torque", "position", "velocity", "error")
 

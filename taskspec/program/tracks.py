@@ -15,7 +15,7 @@ from taskspec.program.stage import CompiledStage
 
 Vector = NDArray[np.float64]
 
-#: Speed of a move that names none [m/s, rad/s] (language.md section 7).
+#: Speed of a move that names none [m/s, rad/s] (docs/language.md).
 MOVE_SPEED = {"linear": 0.05, "angular": np.deg2rad(30.0)}
 
 

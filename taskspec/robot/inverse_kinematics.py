@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -30,7 +29,6 @@ _ENOUGH = 12
 _HOMING = 60
 _MARGIN = 0.005
 _LEAST_DAMPING = 1e-14
-_FAR = 100.0
 
 
 def turns_at(robot: RobotModel, i: int) -> bool:
@@ -39,7 +37,7 @@ def turns_at(robot: RobotModel, i: int) -> bool:
 
 
 def least_turn(wanted: Array, given: Array) -> Array:
-    """Of all rotations (3, 3) `wanted` turned about z, the one that is the least turn of `given`."""
+    """Of all rotations (3, 3) `wanted` turned about z, the one nearest `given`."""
     A = wanted @ given.T
     yaw = float(np.arctan2(A[0, 1] - A[1, 0], A[0, 0] + A[1, 1]))
     turned: Array = pin.rpy.rpyToMatrix(0.0, 0.0, yaw) @ wanted
@@ -88,12 +86,10 @@ class InverseKinematics:
         """What is missing at `q` (n,), world: weighted translation, then rotation vector (6,).
 
         The rotation vector is left out where the target has no rotation, its z where the target
-        leaves the yaw free. A point that is more than 100 m away counts as one 100 m away.
+        leaves the yaw free.
         """
         at = self.pose(q)
-        missing = target.position - at.translation
-        distance = math.hypot(*missing)
-        missing = target.weight * (missing * min(1.0, _FAR / max(distance, _FAR)))
+        missing: Array = target.weight * (target.position - at.translation)
         if target.rotation is None:
             return missing
         wanted = target.rotation

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 _POSITION_FIRST = 300.0
 _ROTATION_FIRST = 0.003
 _FEWER = 10
+_FAR = 100.0
 
 
 def solve_start(
@@ -44,8 +45,9 @@ def solve_start(
         xyz: (3,) position of the tool tip in the world [m].
         rpy: (3,) orientation of the tip frame in the world [rad]. None points the tool of an arm
             that can turn it about every axis straight down, turned about the vertical as at home
-            or, where that is out of reach, in another way; it leaves other arms free. Of a planar arm's tool the yaw is the direction in the
-            plane, counted from x; roll and pitch are zero.
+            or, where that is out of reach, in another way; it leaves other arms free. Of a planar
+            arm's tool the yaw is the direction in the plane, counted from x; roll and pitch are
+            zero.
         joints: (n,) joint positions instead [rad or m]; those that carry a dimension have to be
             angles for hinges and lengths for slides.
 
@@ -66,13 +68,14 @@ def solve_start(
             )
         return model.home.copy()
     solver = InverseKinematics(model)
-    target = Target(np.array(xyz, dtype=float), _rotation(model, solver, rpy))
+    position = np.array(xyz, dtype=float)
+    target = Target(_aim(model, position), _rotation(model, solver, rpy))
     q, missing = solver.nearest_home(target)
     if missing <= SOLVED:
         return q
     closest, short = solver.nearest_home(Target(target.position), _FEWER)
     if short > SOLVED:
-        raise _out_of_reach(model, solver, closest, target.position)
+        raise _out_of_reach(model, solver, closest, position)
     spatial = "z" in model.axes
     if spatial:
         turned = replace(target, any_yaw=True)
@@ -83,6 +86,16 @@ def solve_start(
             raise _other_yaw(solver, target, q)
         target = turned
     raise _turned(solver, target, closest, given=rpy is not None)
+
+
+def _aim(model: RobotModel, position: Array) -> Array:
+    """The point (3,), or one that way 100 m from the first joint if it is farther than that."""
+    base = model.pin.jointPlacements[1].translation
+    distance = math.dist(position, base)
+    if distance <= _FAR:
+        return position
+    aim: Array = base + (position - base) * (_FAR / distance)
+    return aim
 
 
 def _rotation(
@@ -134,7 +147,7 @@ def _other_yaw(solver: InverseKinematics, target: Target, q: Array) -> RobotErro
 
 
 def _turned(solver: InverseKinematics, target: Target, q: Array, *, given: bool) -> RobotError:
-    """The error of a point that is reached, at `q` (n,), but not with the tool as it is asked for."""
+    """The error of a point that is reached, at `q` (n,), but not with the tool as asked."""
     q, _ = solver.descend(q, replace(target, weight=_POSITION_FIRST))
     short = np.degrees(np.linalg.norm(solver.error(q, target)[3:]))
     asked = "as rpy asks" if given else "straight down"

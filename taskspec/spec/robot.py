@@ -77,7 +77,9 @@ class Start(Model):
     xyz: XYZ | None = Field(None, title="Tool tip in the world", description="[x, y, z], lengths")
     rpy: RPY | None = Field(None, title="Orientation of the tool", description="[roll, pitch, yaw]")
     joints: Annotated[tuple[float, ...], Series(ANGLE, LENGTH)] | None = Field(
-        None, title="Joint positions", description="One for each joint: angles of hinges, lengths of slides"
+        None,
+        title="Joint positions",
+        description="One for each joint: angles of hinges, lengths of slides",
     )
 
     @classmethod

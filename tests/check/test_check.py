@@ -89,6 +89,12 @@ PLANAR = "model: planar3, start: {xyz: [450 mm, 100 mm, 0]}"
         ("TS308", {"STAGE": "axes: {z: {force: 5 N}}, time: 1 s"}),
         ("TS308", {"STAGE": "axes: {z: {force: -5 N}}, time: 1 s", "FRAME": "tool"}),
         ("TS610", {"STAGE": "axes: {z: {force: -5 N}}, time: 1 s, limits: {force: 4 N}"}),
+        ("TS306", {
+            "LAW": "{kind: pd, stiffness: {rz: 0}}",
+            "STAGE": "axes: {rz: {torque: 1 Nm}}, time: 1 s",
+        }),
+        ("TS414", {"LAW": "{kind: pd-joint, damping: [1 N*m*s/rad, 2 N*m*s/rad]}"}),
+        ("TS414", {"ROBOT": "model: panda, joint_damping: [1 N*m*s/rad, 0]"}),
         ("TS307", {"CONTACT": "stiffness: 50000 kN/m"}),
     ],
 )  # fmt: skip

@@ -159,7 +159,7 @@ def test_kinds_of_joints(load: Load) -> None:
         ("planar2", (0.8, 0, 0), "misses it by 200.0 mm", "reaches 0.600 m"),
         ("planar2", (0.3, 0, 0.05), "misses it by 50.0 mm", "nearest point is [0.300, "),
         ("panda", (1e30, 0, 0), r"misses it by 1e\+30 m", "the start is 1e+30 m from it"),
-        ("panda", (1e300, 1e300, 0), r"misses it by 1.414e\+300 m", "the arm reaches 0.8"),
+        ("panda", (1e300, 1e300, 0), r"misses it by 1.414e\+300 m", "that way the arm reaches 0.9"),
         ("planar3", (0.03, 0.0, 0), "mm", "comes no nearer than"),
     ],
 )
@@ -220,13 +220,16 @@ def test_any_target_has_a_solution_or_a_robot_error(load: Load, name: str) -> No
         *(rng.uniform(-1, 1, (10, 3)) * (1, 1, "z" in robot.axes)),
     ]
     for point in points:
+        told = None
         try:
             q = solve_start(robot, point)
         except RobotError as error:
-            assert error.code in ("TS412", "TS413")
-            assert len(error.message) < 150
-        else:
+            told = error
+        if told is None:
             np.testing.assert_allclose(pose(robot, q).translation, point, atol=1e-8)
+        else:
+            assert told.code in ("TS412", "TS413")
+            assert len(told.message) < 150
 
 
 def test_orientations_that_an_arm_does_not_have(load: Load) -> None:

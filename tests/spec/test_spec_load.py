@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import copy
 import math
 import pickle
 from pathlib import Path
@@ -10,7 +11,7 @@ from taskspec.spec import LoadedTask, Robot, Shape, Start, load_task, load_text
 from taskspec.text.diagnostic import SpecError
 from taskspec.text.expression import FloatAlgebra, evaluate
 from taskspec.text.source import Span
-from taskspec.text.units import FORCE, LENGTH, Quantity
+from taskspec.text.units import ANGLE, FORCE, LENGTH, Quantity
 
 CORPUS = Path(__file__).parent.parent / "corpus"
 WIPE = CORPUS / "ok" / "wipe_table.yaml"
