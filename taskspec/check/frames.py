@@ -26,6 +26,16 @@ def check_frame(context: Context, name: str, found: Diagnostics) -> bool:
     normal = np.array(ca.evalf(chart.normal(ca.SX(center)))).ravel()
     heading = np.array(ca.evalf(chart.reference_direction(frame.heading))).ravel()
     share = abs(normal @ heading) / np.linalg.norm(heading)
+    margin = float(ca.evalf(chart.margin(ca.SX(center), frame.heading)))
+    if not np.isfinite(normal).all() or (share < 1 - 1e-3 and margin < 0):
+        found.error(
+            "TS225",
+            f"the tool does not start over the part of {frame.surface_name!r} that frame "
+            f"{frame.name!r} follows",
+            loaded.span(("robot", "start")),
+            "start over the face of a box, the side of a cylinder, outside of a sphere",
+        )
+        return False
     if share < 1 - 1e-3:
         return True
     given = frame.heading is not None

@@ -68,11 +68,12 @@ class Context:
     def contact_of(self, frame: FrameModel) -> str | None:
         """The object that a force in this frame is believed to act on.
 
-        The surface that the frame follows; in other frames the object nearest to the tool at the
+        The surface that the frame follows, or the object that it is fixed on; in other frames the
+        object nearest to the tool at the
         start pose.
         """
-        if frame.surface_name:
-            return frame.surface_name
+        if frame.surface_name or frame.owner:
+            return frame.surface_name or frame.owner
         if not self.surfaces:
             return None
         return min(self.start_gaps, key=lambda name: self.start_gaps[name])

@@ -99,7 +99,9 @@ class Coordinates:
         # both as coordinate and in the error.
         follow = rotation.log(rotation.exp(theta) @ self.turned.T)
         if self.frame.kind == "tool":
-            follow = self.at.R.T @ (self.base @ follow)
+            # The reference turns in the axes of the entry; the task's rows are those of now.
+            turn = self.at.R.T @ self.base
+            follow, own, own_acceleration = turn @ follow, turn @ own, turn @ own_acceleration
         hold = follow
         if self.frame.kind == "following" and any(p.world for p in self.plans.values()):
             start = ca.reshape(self.marks["orientation"], 3, 3)

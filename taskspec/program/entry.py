@@ -196,6 +196,7 @@ class _Entry:
                 slope = 0.0
             elif plan.open_loop:
                 slope, offset, pressed = 0.0, start + pressed - own[i], 0.0
+                time = blend.blend_time(offset, move_speed(name))
             else:
                 offset = start - own[i]
                 time = blend.blend_time(offset, move_speed(name))

@@ -23,6 +23,7 @@ class FrameModel:
         name: as in the file.
         kind: fixed (in the world), tool (carried by the tool), following (a surface).
         rotation, origin: (3, 3), (3,) pose in the world, or in the tool for kind tool.
+        owner: the object that it is fixed on, through its parents.
         surface: of a following frame; heading: (3,) world direction of its x, or None.
         at_origin: the control point is the frame's origin, carried rigidly by the tool.
         described: how it came about, for `explain`.
@@ -34,6 +35,7 @@ class FrameModel:
     origin: Matrix
     surface: Surface | None = None
     surface_name: str = ""
+    owner: str = ""
     heading: Matrix | None = None
     at_origin: bool = False
     described: str = ""
@@ -79,7 +81,8 @@ def resolve(task: Task) -> dict[str, FrameModel]:
     }
     for name, shape in task.world.items():
         R, origin = pose(shape)
-        frames[name] = FrameModel(name, "fixed", R, origin, described=f"fixed on {shape.shape}")
+        described = f"fixed on {shape.shape}"
+        frames[name] = FrameModel(name, "fixed", R, origin, owner=name, described=described)
     pending = dict(task.frames)
     while pending:
         for name, frame in list(pending.items()):
@@ -114,6 +117,7 @@ def _declared(task: Task, name: str, frames: dict[str, FrameModel]) -> FrameMode
         parent.kind,
         parent.rotation @ R,
         parent.origin + parent.rotation @ origin,
+        owner=parent.owner,
         at_origin=frame.point == "origin",
         described=f"fixed in {parent.name}"
         + (", control point at its origin" if frame.point == "origin" else ""),

@@ -14,7 +14,7 @@ from taskspec.control.reference import Reference, opposite
 from taskspec.control.state import AXES, TaskState
 from taskspec.motion import blend, polynomial
 from taskspec.motion.path import PathShape
-from taskspec.program import kinematics, signals
+from taskspec.program import kinematics
 from taskspec.program.algebra import CasadiAlgebra
 from taskspec.program.axis_reference import ReferenceBuilder, Translate
 from taskspec.program.clock import Clock
@@ -133,7 +133,9 @@ def build_references(
         if motion.integral_step is not None:
             slot = f"travelled.{name}"
             updates[slot] = memory.symbol(slot) + motion.integral_step
-    integrals = _integrate(plans, forces, table, memory, updates, context.period)
+    integrals = _integrate(
+        plans, forces, gains, tracked.error, table, memory, updates, context.period
+    )
     fading = {
         name: _fading(name, clock, parameters)
         for name, plan in plans.items()
@@ -234,6 +236,8 @@ def _open_loop_normals(
 def _integrate(
     plans: Mapping[str, AxisPlan],
     forces: Mapping[str, ca.SX],
+    gains: Gains,
+    errors: Mapping[str, ca.SX],
     table: SignalTable,
     memory: Layout,
     updates: dict[str, ca.SX],
@@ -241,20 +245,24 @@ def _integrate(
 ) -> dict[str, ca.SX]:
     """Integrals of f_d - f, as the robot applies it.
 
-    They rest while nothing is touched although a force is wanted: in free space the error never
-    ends, and the wound-up integral would arrive at the surface as an impact.
+    In free space the error never ends. While nothing is touched, what the integral adds to the
+    set point, net of a parallel law's spring, is bounded by the set point: the tool goes on to the
+    surface, but does not arrive with a wound-up force.
     """
-    looped = {a: f for a, f in forces.items() if plans[a].force}
-    if not looped:
-        return {}
-    wanted = ca.norm_2(ca.vertcat(*(f for a, f in looped.items() if not a.startswith("r")), 0))
-    active = ca.logic_or(table.scalars["touching"], wanted < signals.TOUCHING)
     integrals = {}
-    for name, force in looped.items():
+    for name, force in forces.items():
+        if not plans[name].force:
+            continue
         slot = f"integral.{name}"
         integral = memory.add(slot)
         kind = "torque" if name.startswith("r") else "force"
-        error = force - table.scalars[f"{kind}.{name}"]
         integrals[name] = integral
-        updates[slot] = integral + ca.if_else(active, period * error, 0)
+        wound = integral + period * (force - table.scalars[f"{kind}.{name}"])
+        rate = gains["force.integral"][name].value
+        if rate > 0:
+            spring = gains["stiffness"][name].value * errors[name] if plans[name].motion else 0
+            least, most = (-ca.fabs(force) - spring) / rate, (ca.fabs(force) - spring) / rate
+            bounded = ca.fmin(ca.fmax(wound, least), most)
+            wound = ca.if_else(table.scalars["touching"], wound, bounded)
+        updates[slot] = wound
     return integrals

@@ -114,3 +114,24 @@ def test_gap_is_mujocos_distance(simulate, shape):
         else:
             distance = mujoco.mj_geomDistance(scene.model, data, tool, thing, 1.0, None)
         assert run["gap"][row] == pytest.approx(distance, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    "contact",
+    [
+        "stiffness: rigid, friction: 0.2",
+        "stiffness: 20 kN/m, damping: 200 N*s/m, friction: 0.2",
+        "stiffness: 200 kN/m, friction: 0.6",
+    ],
+)
+def test_friction_does_not_chatter(simulate, contact):
+    """Friction settles a slip within a few steps; past one over the step it would flip for ever."""
+    text = press("plane", contact)
+    slide = "\n  slide: {axes: {x: {velocity: 30 mm/s}, z: {force: -20 N}}, time: 1 s}\n"
+    run = simulate(text.rstrip() + slide)
+    still = run.during("press", "force.x", 3.0)
+    assert np.max(np.abs(np.diff(still))) < 1e-3
+    assert np.std(run.during("press", "force.z", 3.0)) < 1e-3
+    friction = float(contact.rsplit(" ", 1)[1])
+    ratio = run.during("slide", "force.x", 0.7) / -run.during("slide", "force.z", 0.7)
+    np.testing.assert_allclose(ratio, friction, rtol=0.01)

@@ -155,6 +155,48 @@ def test_a_path_that_only_turns(simulate):
     assert run.during("go", "t")[-1] == pytest.approx(2.0, abs=2e-3)
 
 
+def test_rotations_about_several_axes_of_the_tool(simulate):
+    turns = "rx: {position: 30 deg * sin(t/(1 s))}, rz: {position: 20 deg * sin(3*t/(1 s))}"
+    run = simulate(panda(f"  wave: {{axes: {{{turns}}}, time: 3 s}}", "frame: tool"))
+    for axis in ("rx", "ry", "rz"):
+        assert rms(run.during("wave", f"error.{axis}", 0.5)) < np.deg2rad(0.02)
+
+
+def test_a_frame_on_an_object_believes_in_that_object(simulate):
+    """Although the floor is nearer where the run starts."""
+    world = (
+        "world:\n"
+        "  floor: {shape: plane, xyz: [0, 0, 375 mm], stiffness: 50 kN/m}\n"
+        "  block: {shape: box, xyz: [560 mm, 0, 390 mm], size: [80 mm, 80 mm, 40 mm], "
+        "stiffness: 10 kN/m}\n"
+        "frames: {on: {parent: block}}\nframe: on\nlaw: impedance"
+    )
+    run = simulate(
+        panda(
+            "  up: {axes: {z: {move: 30 mm}}}\n"
+            "  over: {axes: {x: {move: 60 mm}}}\n"
+            "  press: {axes: {z: {force: -10 N, ramp: 1 s}}, time: 4 s}",
+            world,
+        )
+    )
+    assert run.program.stages[2].contact == "block"
+    assert run["force.z"][-1] == pytest.approx(-10, rel=1e-3)
+
+
+@pytest.mark.parametrize(("law", "force"), [("hybrid", 1), ("parallel", 1), ("parallel", 15)])
+def test_a_force_finds_a_surface_that_is_away(simulate, law, force):
+    """The integral is bounded, not stopped: it neither deadlocks below the touch threshold nor
+    leaves a parallel law hanging on its spring."""
+    run = simulate(
+        panda(
+            f"  press: {{axes: {{z: {{force: -{force} N}}}}, time: 25 s}}",
+            f"world: {{table: {{shape: plane, xyz: [0, 0, 350 mm]}}}}\nlaw: {law}",
+        )
+    )
+    assert run["force.z"][-1] == pytest.approx(-force, rel=1e-3)
+    assert np.min(run["force.z"]) > -3 * force - 5
+
+
 def _tip(run, row):
     return _pose(run, row)[0]
 

@@ -20,6 +20,9 @@ Vector = NDArray[np.float64]
 
 #: Impedance d of every contact.
 IMPEDANCE = 0.02
+#: Share of a sticking contact's slip that friction may take away in one step of the plant.
+SETTLING = 0.5
+_NO_SPRING = 1e-9
 #: A friction of exactly zero would leave MuJoCo's elliptic cone without a size.
 _LEAST_FRICTION = 1e-5
 
@@ -36,6 +39,10 @@ def contact_parameters(
     declared = compliance(shape, robot, start, plant_period)
     k, b = declared.stiffness * share, declared.damping * share
     pair.solref = [-k * scale, -b * scale]
+    # The friction rows would take the contact's damping for their own rate of settling. Past one
+    # over the step they overshoot, and the friction force flips between the cone's limits.
+    slowest = min(b * scale, IMPEDANCE * SETTLING / plant_period)
+    pair.solreffriction = [-_NO_SPRING, -max(slowest, _NO_SPRING)]
     pair.solimp = [IMPEDANCE, IMPEDANCE, 0.001, 0.5, 2.0]
     sliding = max(shape.friction, _LEAST_FRICTION)
     pair.friction = [sliding, sliding, 0.0, 0.0, 0.0]
