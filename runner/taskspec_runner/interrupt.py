@@ -8,6 +8,8 @@ from abc import ABC, abstractmethod
 from types import FrameType
 from typing import Any, Self
 
+#: What a shell adds to the number of the signal that ended a process.
+BY_SIGNAL = 128
 #: What asks a process to end; where a terminal can hang up, that too.
 _TERMINATING = tuple(
     getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)

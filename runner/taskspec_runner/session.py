@@ -21,12 +21,12 @@ from taskspec_runner.bus import Bus
 from taskspec_runner.errors import OutputError, RunCrashedError
 from taskspec_runner.folder import RunFolder, open_folder
 from taskspec_runner.history import History, read_history
-from taskspec_runner.interrupt import Interrupt, Termination, signal_of
+from taskspec_runner.interrupt import BY_SIGNAL, Interrupt, Termination, signal_of
 from taskspec_runner.loop import STOPPED, Outcome, run
 from taskspec_runner.plant.plant import Plant
 from taskspec_runner.record import Recorder
 from taskspec_runner.replay import Replay
-from taskspec_runner.summary import BY_SIGNAL, reason_of, summarise
+from taskspec_runner.summary import reason_of, summarise
 from taskspec_runner.verdict import Judged, judge
 
 

@@ -14,13 +14,12 @@ from taskspec.program.stage import CompiledStage
 from taskspec.robot import RobotModel
 from taskspec.text.show import show
 from taskspec_runner.history import History
+from taskspec_runner.interrupt import BY_SIGNAL
 from taskspec_runner.loop import DONE, Outcome
 from taskspec_runner.metrics import metrics, peaks
 from taskspec_runner.verdict import Judged
 
 EXIT_GOOD, EXIT_MISSED, EXIT_STOPPED = 0, 1, 4
-#: What a shell adds to the number of the signal that ended a process.
-BY_SIGNAL = 128
 _LIMIT_UNITS = {"force": "N", "torque": "N*m", "speed": "mm/s", "deviation": "mm"}
 _JOINT = re.compile(r"\bjoint (\d+) ")
 _OF_TRAVEL, _ATTEMPTS = " of travel", "; stage "
@@ -149,11 +148,13 @@ def _limit(end: Transition, robot: RobotModel) -> str:
     if number is None or end.name not in ("joint_position", "joint_velocity"):
         return end.text
     joint = int(number[1]) - 1
+    sliding = robot.pin.joints[joint + 1].shortname().startswith("JointModelP")
+    unit, rate = ("mm", "mm/s") if sliding else ("deg", "deg/s")
     if end.name == "joint_velocity":
-        bound, unit = show(float(robot.velocity_limit[joint]), "deg/s", 5), "deg/s"
+        unit, bound = rate, show(float(robot.velocity_limit[joint]), rate, 5)
     else:
         low, high = (float(side[joint]) for side in (robot.lower, robot.upper))
-        bound, unit = f"{show(low, 'deg', 5)} to {show(high, 'deg', 5)}", "deg"
+        bound = f"{show(low, unit, 5)} to {show(high, unit, 5)}"
     return f"{end.text}: {bound}, measured {show(end.value, unit, 5)}"
 
 

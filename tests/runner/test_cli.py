@@ -14,9 +14,13 @@ from short_tasks import TAP
 from typer.testing import CliRunner, Result
 
 from taskspec import __version__
+from taskspec.compiler import Program, compile_task
+from taskspec.program.machine import Transition
+from taskspec.spec import load_task
 from taskspec.spec.schema import FILE_NAME, schema_text
 from taskspec_runner.cli import app
 from taskspec_runner.cli import new as template_command
+from taskspec_runner.summary import told
 
 COMMAND = [sys.executable, "-c", "from taskspec_runner.cli import main; main()"]
 SPOILED = TAP.replace("velocity: 20 mm/s", "velocity: 20 mm").replace("time: 0.3 s", "tme: 0.3 s")
@@ -116,9 +120,51 @@ def test_law_replaces_every_law(tap: Path) -> None:
     tap.write_text(TAP.replace("    time: 0.3 s", "    time: 0.3 s\n    law: {kind: hybrid}"))
     result = call("run", tap, "--law", "parallel", "--format", "json")
     assert {s["law"] for s in json.loads(result.stdout)["stages"]} == {"parallel"}
-    result = call("run", tap, "--law", "paralel")
+    result = call("run", tap, "--law", "PARALEL")
     assert result.exit_code == 1
     assert "did you mean 'parallel'?" in result.stderr
+    assert result.stderr.count("--law:1:1: error[TS206]") == 1
+    assert "--set" not in result.stderr
+    result = call("run", tap, "--law", "")
+    assert result.exit_code == 2
+    assert "--law needs the name of a law: impedance" in result.stderr
+
+
+def test_override_without_a_unit_is_pointed_at(tap: Path) -> None:
+    result = call("run", tap, "--set", "press=20")
+    assert result.exit_code == 1
+    assert "--set:1:1: note: 'press' is given here" in result.stderr
+
+
+@pytest.mark.parametrize("value", ["null", "{}"])
+def test_vary_is_not_replaced_as_a_whole(tap: Path, value: str) -> None:
+    result = call("run", tap, "--set", f"vary={value}")
+    assert result.exit_code == 2
+    assert "cannot replace the whole of 'vary'" in result.stderr
+
+
+def test_run_that_fails_says_what_did_not_happen(tap: Path) -> None:
+    result = call("run", tap, "--set", "stages.approach.within={time: 50 ms}")
+    assert result.exit_code == 1
+    assert "0.05 s passed without `force.x > 1 N`; so far: 1 of 4 " in result.stdout
+    assert "expectations met until it failed" in result.stdout
+    assert "so far  approach.visits <= 1" in result.stdout
+    result = call("run", tap, "--set", "stages.approach.within={travel: 0.5 mm}", "--out", "out")
+    assert "travelled 0.5 mm without `force.x > 1 N`" in result.stdout
+    page = Path("out/report.html").read_text()
+    assert "travelled 0.5 mm without" in page
+    assert "So far: 1 of 4 expectations met until it failed." in page
+    assert '<table class="expectations partial">' in page
+    result = call("run", tap, "--set", "stages.approach.fail_if=t > 20 ms")
+    assert "`t > 20 ms` held, which fails the stage" in result.stdout
+
+
+def test_joint_limit_is_linewith_its_numbers(tap: Path) -> None:
+    program = compiled(tap)
+    end = Transition(0.1, "approach", "limit", "joint_position", "position limit of joint 1 (a)",
+                     4.0, "")  # fmt: skip
+    assert "deg to " in told(end, program.stages[0], program.context.robot)
+    assert told(end, program.stages[0], program.context.robot).endswith(", measured 229.18 deg")
 
 
 def test_run_that_cannot_be_written(tap: Path) -> None:
@@ -128,7 +174,7 @@ def test_run_that_cannot_be_written(tap: Path) -> None:
     assert "Not a directory" in result.stderr
 
 
-def test_internal_error_is_told_in_two_lines(tap: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_internal_error_is_linein_two_lines(tap: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def broken(*_: object, **__: object) -> None:
         raise ZeroDivisionError("as a test")
 
@@ -145,7 +191,21 @@ def test_internal_error_is_told_in_two_lines(tap: Path, monkeypatch: pytest.Monk
     trace.unlink()
 
 
-def test_interrupted_run_is_readable_and_judged(tap: Path) -> None:
+def compiled(task: Path) -> Program:
+    return compile_task(load_task(task))
+
+
+@pytest.mark.parametrize(
+    ("number", "code", "reason", "text"),
+    [
+        (signal.SIGINT, 130, "interrupted", "interrupted by the user"),
+        (signal.SIGTERM, 143, "terminated", "terminated by SIGTERM"),
+        (signal.SIGHUP, 129, "terminated", "terminated by SIGHUP"),
+    ],
+)
+def test_interrupted_run_is_readable_and_judged(
+    tap: Path, number: signal.Signals, code: int, reason: str, text: str
+) -> None:
     tap.write_text(TAP.replace("time: 0.3 s", "time: 1000 s"))
     process = subprocess.Popen(
         [*COMMAND, "run", str(tap), "--out", "out"],
@@ -158,14 +218,29 @@ def test_interrupted_run_is_readable_and_judged(tap: Path) -> None:
     while not (log.exists() and log.stat().st_size > 300_000) and process.poll() is None:
         assert time.monotonic() < deadline
         time.sleep(0.02)
-    process.send_signal(signal.SIGINT)
+    process.send_signal(number)
     stdout, stderr = process.communicate(timeout=60)
-    assert process.returncode == 130, stderr
+    assert process.returncode == code, stderr
     assert "stopped at" in stdout
-    assert "interrupted by the user" in stdout
+    assert text in stdout
+    assert "expectations met until it stopped" in stdout
     said = json.loads(Path("out/manifest.json").read_text())
-    assert (said["status"], said["reason"]) == ("stopped", "interrupted")
+    assert (said["status"], said["reason"], said["exit_code"]) == ("stopped", reason, code)
+    assert "damaged" not in Path("out/report.html").read_text().split("<style>")[0]
     assert Path("out/report.html").is_file()
+
+
+def test_termination_outside_the_simulation(tap: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(
+        "taskspec_runner.session.judge", lambda *_: os.kill(os.getpid(), signal.SIGTERM)
+    )
+    usual = signal.getsignal(signal.SIGTERM)
+    result = call("run", tap, "--out", "out")
+    assert result.exit_code == 143
+    assert "terminated by SIGTERM" in result.stderr
+    said = json.loads(Path("out/manifest.json").read_text())
+    assert (said["status"], said["reason"], said["exit_code"]) == ("stopped", "terminated", 143)
+    assert signal.getsignal(signal.SIGTERM) == usual
 
 
 # validate
@@ -222,6 +297,27 @@ def test_validate_of_what_cannot_be_read(tap: Path, here: Path) -> None:
     assert call("run", here).exit_code == 2
 
 
+def test_validate_survives_an_internal_error(
+    tap: Path, here: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (here / "spoiled.yaml").write_text(SPOILED)
+
+    def broken(_: object) -> None:
+        raise ZeroDivisionError("as a\ntest")
+
+    monkeypatch.setattr("taskspec.check.check_task", broken)
+    result = call("validate", tap, here / "spoiled.yaml")
+    assert result.exit_code == 3
+    assert f"{tap}: internal error: ZeroDivisionError: as a test; please report" in result.stderr
+    assert len(result.stderr.splitlines()) == 1
+    assert "error[TS112]" in result.stdout
+    assert "1 not validated for an internal error" in result.stdout
+    data = json.loads(call("validate", tap, "--format", "json").stdout)
+    assert (data["exit_code"], len(data["internal_errors"])) == (3, 1)
+    for line in (result.stderr.strip(), data["internal_errors"][0]):
+        Path(line.rsplit(" ", 1)[1]).unlink()
+
+
 def test_validate_is_quick(tap: Path) -> None:
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     assert in_a_process("validate", tap).returncode == 0
@@ -267,6 +363,16 @@ def test_explain_says_where_a_gain_came_from(tap: Path) -> None:
     lines = call("explain", tap).stdout.splitlines()
     assert any(line.split() == ["bandwidth", "x", "y", "3", "Hz", "file"] for line in lines)
     assert any(line.split()[:5] == ["force.damping", "x", "200", "N*s/m", "file"] for line in lines)
+
+
+def test_explain_under_overrides(tap: Path) -> None:
+    text = call(
+        "explain", tap, "--set", "stages.hold.axes.x.ramp=70 ms", "--law", "parallel"
+    ).stdout
+    assert "law          parallel" in text
+    assert "reached in 0.07 s" in text
+    assert "its tip where the last link ends" in text
+    assert "100 mm" not in text.split("defaults taken")[1]
 
 
 def test_explain_a_code() -> None:
@@ -332,7 +438,12 @@ def test_new_brings_what_the_template_needs(here: Path, monkeypatch: pytest.Monk
     assert result.exit_code == 0, result.output
     text = (here / "mine" / "My Trace.yaml").read_text()
     assert "name: my-trace   # of the shelf\n" in text
-    assert text.startswith(f"# yaml-language-server: $schema=file://{here}/shelf/schemas/")
+    assert text.startswith("taskspec: 1\n"), "the schema is not below the new file"
+    assert "taskspec schema --write" in result.stderr
+    result = call("new", "trace", "--out", "here.yaml")
+    text = (here / "here.yaml").read_text()
+    assert text.startswith(f"# yaml-language-server: $schema=shelf/schemas/{FILE_NAME}\ntaskspec")
+    assert "taskspec schema --write" not in result.stderr
     assert (here / "mine" / "data" / "points.csv").is_file()
     assert call("validate", here / "mine").exit_code == 0
 
@@ -351,6 +462,49 @@ def test_version_and_usage() -> None:
     assert call("no-such-command").exit_code == 2
     assert call("run").exit_code == 2
     assert call("validate", "x", "--format", "xml").exit_code == 2
+
+
+@pytest.mark.parametrize("harm", ["missing", "changed"])
+def test_report_of_a_damaged_log(tap: Path, harm: str) -> None:
+    call("run", tap, "--out", "out")
+    log = Path("out/log.arrow")
+    if harm == "missing":
+        log.unlink()
+    else:
+        log.write_bytes(log.read_bytes()[:-100])
+    result = call("report", "out")
+    assert result.exit_code == 1
+    said = "log.arrow is missing" if harm == "missing" else "log.arrow is not what the run wrote"
+    assert said in result.stderr
+    page = Path("out/report.html").read_text()
+    assert '<div class="verdict damaged">' in page
+    assert said in page
+    assert "verdict passed" not in page
+
+
+@pytest.mark.parametrize("encoding", ["ascii", "cp1252"])
+def test_streams_that_know_few_characters(tap: Path, encoding: str) -> None:
+    tap.write_text(TAP.replace("Touch a wall", "Touch a wall → \u4e2d"), encoding="utf-8")
+    done = subprocess.run(
+        [*COMMAND, "explain", str(tap)],
+        capture_output=True,
+        env={**os.environ, "PYTHONIOENCODING": encoding},
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    assert b"Touch a wall" in done.stdout
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs a device that is full")
+@pytest.mark.parametrize("command", ["robots", "schema", "--help"])
+def test_output_that_is_full(command: str) -> None:
+    with Path("/dev/full").open("w") as full:
+        done = subprocess.run(
+            [*COMMAND, command], stdout=full, stderr=subprocess.PIPE, text=True, check=False
+        )
+    assert done.returncode == 2
+    assert done.stderr.startswith("taskspec: cannot write to standard output: ")
+    assert len(done.stderr.splitlines()) == 1
 
 
 def test_reader_that_goes_away(tap: Path) -> None:

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import os
 import sys
+from io import TextIOWrapper
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from taskspec_runner.cli.formats import FindingFormat, RunFormat
-from taskspec_runner.cli.guard import guarded
+from taskspec_runner.cli.guard import guarded, is_lost, lost
 
 app = typer.Typer(
     name="taskspec",
@@ -22,6 +23,13 @@ app = typer.Typer(
 
 
 TaskFile = Annotated[Path, typer.Argument(metavar="FILE", help="The task file.")]
+Overrides = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="KEY=VALUE", help="Override a value; may be repeated."),
+]
+Law = Annotated[
+    str | None, typer.Option(help="Put every stage under this law, its gains designed.")
+]
 
 
 def _version(asked: bool) -> None:
@@ -45,13 +53,8 @@ def _taskspec(
 @guarded
 def run(
     file: TaskFile,
-    set_: Annotated[
-        list[str] | None,
-        typer.Option("--set", metavar="KEY=VALUE", help="Override a value; may be repeated."),
-    ] = None,
-    law: Annotated[
-        str | None, typer.Option(help="Run every stage under this law, its gains designed.")
-    ] = None,
+    set_: Overrides = None,
+    law: Law = None,
     seed: Annotated[int, typer.Option(min=0, help="Of everything random.")] = 0,
     out: Annotated[
         Path | None,
@@ -88,11 +91,13 @@ def explain(
     what: Annotated[
         str, typer.Argument(metavar="FILE|CODE", help="A task file, or a code such as TS203.")
     ],
+    set_: Overrides = None,
+    law: Law = None,
 ) -> int:
     """Say what a task makes of itself: frames, axes, laws, gains; or what a code means."""
     from taskspec_runner.cli.explain import explain_what
 
-    return explain_what(what)
+    return explain_what(what, set_ or [], law)
 
 
 @app.command()
@@ -150,4 +155,16 @@ def main() -> None:
     # Python has no stream where the shell has closed it; what is written there is lost anyway.
     sys.stdout = sys.stdout or os.fdopen(os.open(os.devnull, os.O_WRONLY), "w")
     sys.stderr = sys.stderr or os.fdopen(os.open(os.devnull, os.O_WRONLY), "w")
-    app()
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, TextIOWrapper) and stream.errors == "strict":
+            stream.reconfigure(errors="backslashreplace")
+    try:
+        try:
+            app()
+        finally:
+            sys.stdout.flush()
+    except OSError as error:
+        # The help is printed where no command guards it.
+        if not is_lost(error):
+            raise
+        sys.exit(lost(error))

@@ -50,7 +50,9 @@ def _robot(program: Program) -> Iterator[tuple[str, str]]:
     robot, model = program.context.loaded.task.robot, program.context.robot
     given = robot.model_fields_set
     if "tool" not in given:
-        yield "robot.tool", "a massless sphere of radius 10 mm on a 100 mm stem"
+        planar = "z" not in model.axes
+        end = "where the last link ends" if planar else "100 mm from the flange"
+        yield "robot.tool", f"a massless sphere of radius 10 mm, its tip {end}"
     else:
         own = robot.tool.model_fields_set
         if robot.tool.shape == "sphere" and "radius" not in own:

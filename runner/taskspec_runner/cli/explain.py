@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import typer
@@ -24,12 +24,12 @@ from taskspec_runner.errors import InputError
 _CODE = re.compile(r"TS\d{3}\Z", re.IGNORECASE)
 
 
-def explain_what(what: str) -> int:
-    """Explains a task file, or a code if there is no such file."""
+def explain_what(what: str, sets: Sequence[str] = (), law: str | None = None) -> int:
+    """Explains a task file under overrides, or a code if there is no such file."""
     if not Path(what).exists() and _CODE.match(what):
         typer.echo(title_of(what.upper()))
     else:
-        _explain_file(Path(what))
+        _explain_file(Path(what), sets, law)
     return 0
 
 
@@ -45,8 +45,8 @@ def title_of(code: str) -> str:
     return f"{code}: {CODES[code]}"
 
 
-def _explain_file(path: Path) -> None:
-    program = compile_task(load(path))
+def _explain_file(path: Path, sets: Sequence[str], law: str | None) -> None:
+    program = compile_task(load(path, sets, law))
     show_findings(program.warnings, program.context.loaded.sources, err=True)
     task = program.context.loaded.task
     show(Text(task.name, style="bold"), Text(task.about or ""), _pairs(robot_account(program)))

@@ -1,11 +1,14 @@
 """Exit codes: how every way in which a command can end is told to the shell.
 
 0 well; 1 a task file is wrong, or a run missed what it expects; 2 usage, or a file that cannot be
-read or written; 3 an internal error; 4 a safety stop; 130 interrupted.
+read or written; 3 an internal error; 4 a safety stop; 130 interrupted;
+143 and 129 terminated by SIGTERM and SIGHUP.
 """
 
 from __future__ import annotations
 
+import contextlib
+import errno
 import functools
 import os
 import sys
@@ -20,12 +23,14 @@ import typer
 from taskspec.text.diagnostic import SpecError
 from taskspec_runner.cli.findings import show_findings
 from taskspec_runner.errors import InputError, OutputError, RunCrashedError
+from taskspec_runner.interrupt import BY_SIGNAL, signal_of
 
 P = ParamSpec("P")
 
-WELL, WRONG, USAGE, INTERNAL, INTERRUPTED = 0, 1, 2, 3, 130
+WELL, WRONG, USAGE, INTERNAL = 0, 1, 2, 3
 #: What a shell reports of a command whose reader went away.
 _PIPE = 141
+_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EIO)
 
 
 def guarded(command: Callable[P, int]) -> Callable[P, None]:
@@ -40,7 +45,9 @@ def guarded(command: Callable[P, int]) -> Callable[P, None]:
 
 def _outcome(command: Callable[[], int]) -> int:
     try:
-        return command()
+        code = command()
+        sys.stdout.flush()
+        return code
     except (typer.Exit, typer.Abort, typer.BadParameter):
         raise
     except SpecError as error:
@@ -49,30 +56,51 @@ def _outcome(command: Callable[[], int]) -> int:
     except (InputError, OutputError) as error:
         _say(str(error))
         return USAGE
-    except BrokenPipeError:
-        # Whatever is still buffered has no reader either.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return _PIPE
-    except KeyboardInterrupt:
-        _say("interrupted")
-        return INTERRUPTED
+    except KeyboardInterrupt as error:
+        _say(str(error) or "interrupted")
+        return BY_SIGNAL + signal_of(error)
     except RunCrashedError as error:
         _say(f"internal error: {error}")
         _say(f"what was logged is in {error.folder}; please report this with {error.trace}")
         return INTERNAL
+    except OSError as error:
+        return lost(error) if is_lost(error) else _internal(error)
     except Exception as error:
-        _say(f"internal error: {type(error).__name__}: {error}")
-        _say(f"please report this with {_keep_trace()}")
-        return INTERNAL
+        return _internal(error)
+
+
+def _internal(error: Exception) -> int:
+    _say(f"internal error: {type(error).__name__}: {error}")
+    _say(f"please report this with {keep_trace(error)}")
+    return INTERNAL
+
+
+def is_lost(error: OSError) -> bool:
+    """Whether an error says that standard output takes nothing more."""
+    return isinstance(error, BrokenPipeError) or error.errno in _FULL
+
+
+def lost(error: OSError) -> int:
+    """Gives up standard output; the exit code of that."""
+    # Whatever is still buffered has no place either.
+    with contextlib.suppress(OSError, ValueError):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    if isinstance(error, BrokenPipeError):
+        return _PIPE
+    _say(f"cannot write to standard output: {error.strerror}")
+    return USAGE
 
 
 def _say(text: str) -> None:
-    typer.echo(f"taskspec: {text}", err=True)
+    # A terminal that has hung up takes no message, and the exit code still counts.
+    with contextlib.suppress(OSError):
+        typer.echo(f"taskspec: {text}", err=True)
 
 
-def _keep_trace() -> Path:
+def keep_trace(error: BaseException) -> Path:
+    """Writes the traceback of an internal error to a file of its own."""
     with tempfile.NamedTemporaryFile(
         "w", encoding="utf-8", prefix="taskspec-crash-", suffix=".txt", delete=False
     ) as file:
-        file.write(traceback.format_exc())
+        file.write("".join(traceback.format_exception(error)))
     return Path(file.name)

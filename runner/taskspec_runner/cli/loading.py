@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
-from taskspec.spec import LoadedTask, load_task
+from taskspec.spec import LAWS, LoadedTask, load_task
+from taskspec.spec.overrides import NAME as SET
 from taskspec.text import nodes
 from taskspec.text.characters import normal
-from taskspec.text.diagnostic import Diagnostics
-from taskspec.text.source import Source
+from taskspec.text.diagnostic import Diagnostic, Diagnostics, Note, SpecError
+from taskspec.text.source import Source, Span
 from taskspec.text.yaml import MAX_BYTES, read
 from taskspec_runner.errors import InputError
+
+#: The source in which the value of `--law` is shown.
+_LAW = "--law"
 
 
 def load(path: Path, sets: Sequence[str] = (), law: str | None = None) -> LoadedTask:
@@ -26,10 +31,20 @@ def load(path: Path, sets: Sequence[str] = (), law: str | None = None) -> Loaded
         SpecError: the task is wrong.
         InputError: the file cannot be opened or is not UTF-8, or an override is not one.
     """
-    given = [_override(text) for text in sets]
+    given = dict(_override(text) for text in sets)
+    if law is not None and not law.strip():
+        raise InputError(f"--law needs the name of a law: {', '.join(LAWS)}")
     try:
-        overrides = _laws(path, law) if law is not None else {}
-        return load_task(path, overrides | dict(given))
+        laws = _laws(path, law) if law is not None else {}
+        overrides = laws | given
+        try:
+            return load_task(path, overrides)
+        except SpecError as error:
+            lines = {number: key for number, key in enumerate(overrides, 1)}
+            by_law = {n: key for n, key in lines.items() if key in laws and key not in given}
+            told = [_traced(_of_law(d, by_law), lines) for d in error.diagnostics]
+            sources = {**error.sources, _LAW: Source(_LAW, law or "")}
+            raise SpecError(dict.fromkeys(told), sources) from error
     except OSError as error:
         raise InputError(f"cannot read {path}: {error.strerror or error}") from error
     except UnicodeDecodeError as error:
@@ -41,7 +56,32 @@ def _override(text: str) -> tuple[str, str]:
     key, equals, value = text.partition("=")
     if not equals or not key.strip():
         raise InputError(f"--set needs KEY=VALUE, such as params.press=20N, not {text!r}")
+    if key.strip() == "vary":
+        raise InputError(
+            "--set cannot replace the whole of 'vary'; name one of its entries, such as "
+            "--set 'vary.world.table.stiffness=10..20 kN/m'"
+        )
     return key.strip(), value
+
+
+def _of_law(found: Diagnostic, by_law: Mapping[int, str]) -> Diagnostic:
+    """A finding about an override that `--law` stands for, as one about `--law`."""
+    span = found.span
+    if found.source != SET or span is None or span.line not in by_law:
+        return found
+    shift = len(by_law[span.line]) + 1
+    columns = (max(span.column - shift, 1), max(span.end_column - shift, 2))
+    return replace(found, source=_LAW, span=Span(1, columns[0], 1, columns[1], _LAW))
+
+
+def _traced(found: Diagnostic, lines: Mapping[int, str]) -> Diagnostic:
+    """A finding about a param in the file, with the override that gave the param its value."""
+    for number, key in lines.items():
+        name = key.removeprefix("params.")
+        if found.source != SET and found.hint.startswith(f"'{name}' is defined"):
+            span = Span(number, 1, number, len(key) + 1, SET)
+            return replace(found, notes=(*found.notes, Note(f"'{name}' is given here", SET, span)))
+    return found
 
 
 def _laws(path: Path, law: str) -> dict[str, str]:

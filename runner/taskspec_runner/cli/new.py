@@ -9,11 +9,18 @@ from pathlib import Path
 
 import typer
 
+from taskspec.spec.schema import FILE_NAME
 from taskspec.text.suggest import suggestion
 from taskspec_runner.errors import InputError, OutputError
 
 _SUFFIX = ".yaml"
-_MODEL_LINE = re.compile(r"^(# yaml-language-server: \$schema=)(\S+)", re.MULTILINE)
+_MODEL_LINE = re.compile(r"^(# yaml-language-server: \$schema=)(\S+)[^\n]*\n", re.MULTILINE)
+#: How an editor comes to complete a task whose schema is somewhere else.
+_COMPLETION = (
+    "for completion in an editor, write the schema beside it with: "
+    "taskspec schema --write FOLDER\n"
+    f"and begin the file with: # yaml-language-server: $schema={FILE_NAME}"
+)
 _NAME_LINE = re.compile(r"^name:.*?(?=[ \t]+#|$)", re.MULTILINE)
 
 
@@ -28,6 +35,8 @@ def new_task(template: str | None, out: Path | None) -> int:
     written = copy_template(_template(template), target)
     for path in written:
         typer.echo(f"wrote {path}", err=True)
+    if not _MODEL_LINE.search(target.read_text(encoding="utf-8")):
+        typer.echo(_COMPLETION, err=True)
     typer.echo(str(target))
     return 0
 
@@ -56,7 +65,7 @@ def copy_template(source: Path, target: Path) -> list[Path]:
         OutputError: a file cannot be written.
     """
     text = renamed(source.read_text(encoding="utf-8"), task_name(target))
-    contents = {target: _with_schema(text, source).encode()}
+    contents = {target: _with_schema(text, source, target).encode()}
     for name in _references(source):
         contents[target.parent / name] = (source.parent / name).read_bytes()
     for path, content in contents.items():
@@ -121,11 +130,16 @@ def _references(source: Path) -> Iterator[str]:
             yield stage.path.file
 
 
-def _with_schema(text: str, source: Path) -> str:
-    """The text with the editor's line pointing to the schema where it is, seen from anywhere."""
+def _with_schema(text: str, source: Path, target: Path) -> str:
+    """The text with the editor's line as seen from the target, or without it.
+
+    Only a schema beside or below the target moves along with it.
+    """
+    home = target.parent.resolve()
 
     def point(match: re.Match[str]) -> str:
         path = (source.parent / match[2]).resolve()
-        return match[1] + path.as_uri() if path.is_file() else match[0]
+        below = path.is_file() and path.is_relative_to(home)
+        return f"{match[1]}{path.relative_to(home).as_posix()}\n" if below else ""
 
     return _MODEL_LINE.sub(point, text)

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from taskspec.text.show import show as to_text
 from taskspec_runner.cli.console import show, table
 from taskspec_runner.cli.measures import force, small_length
 from taskspec_runner.session import RunResult
@@ -15,8 +14,12 @@ from taskspec_runner.session import RunResult
 if TYPE_CHECKING:
     from rich.table import Table
 
-_STYLES = {0: "bold green", 1: "bold red", 4: "bold red", 130: "bold yellow"}
-_LIMIT_UNITS = {"force": "N", "torque": "N*m", "speed": "mm/s", "deviation": "mm"}
+_STYLES = {
+    0: "bold green",
+    1: "bold red",
+    4: "bold red",
+    **dict.fromkeys((129, 130, 143), "bold yellow"),
+}
 
 
 def show_outcome(result: RunResult, *, quiet: bool) -> None:
@@ -26,7 +29,7 @@ def show_outcome(result: RunResult, *, quiet: bool) -> None:
     missed = [e for e in result.summary["expectations"] if not e["passed"]]
     expectations = missed if quiet else result.summary["expectations"]
     if expectations:
-        show(_expectations(expectations))
+        show(_expectations(expectations, whole=result.summary["status"] == "done"))
     if result.summary["metrics"] and not quiet:
         show(*[""] * bool(expectations), _metrics(result.summary), "")
     if not quiet or result.exit_code:
@@ -42,31 +45,24 @@ def ending(result: RunResult) -> str:
     end = summary["ending"]
     text = f"{summary['task']}: {summary['status']} at {end['clock']:.3f} s"
     if summary["status"] != "done":
-        text += f" in stage {end['stage']}: {_reason(summary)}"
+        text += f" in stage {end['stage']}: {end['text']}"
     total = len(summary["expectations"])
     if total:
         passed = sum(e["passed"] for e in summary["expectations"])
-        text += f"; {passed} of {total} expectations met"
+        told = f"{passed} of {total} expectations met"
+        if summary["status"] != "done":
+            told = f"so far: {told} until it {summary['status']}"
+        text += f"; {told}"
     return f"{text}; {result.real_time_factor:.3g} x real time"
 
 
-def _reason(summary: Mapping[str, Any]) -> str:
-    """The name of what ended a run, its text and, for a limit, the number that broke it."""
-    end = summary["ending"]
-    last = summary["stages"][-1]["ended_by"]
-    unit = _LIMIT_UNITS.get(end["reason"])
-    value = f", measured {to_text(last['value'], unit, 5)}" if unit else ""
-    if end["reason"] in end["text"]:
-        return f"{end['text']}{value}"
-    return f"{end['reason']}: {end['text']}{value}"
-
-
-def _expectations(expectations: list[Mapping[str, Any]]) -> Table:
+def _expectations(expectations: list[Mapping[str, Any]], *, whole: bool) -> Table:
     from rich.text import Text
 
     made = table("", "expected", "measured", indent=0)
     for entry in expectations:
-        mark = Text("pass", "green") if entry["passed"] else Text("FAIL", "bold red")
+        good = Text("pass", "green") if whole else Text("so far", "dim")
+        mark = good if entry["passed"] else Text("FAIL", "bold red")
         made.add_row(mark, Text(entry["text"]), Text(entry["explanation"]))
     return made
 

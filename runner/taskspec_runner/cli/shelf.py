@@ -61,11 +61,14 @@ def render_report(folder: Path) -> int:
     """Renders the report of a run's folder anew and says where it is."""
     if not any((folder / name).is_file() for name in (LOG, MANIFEST)):
         raise InputError(f"cannot read {folder}: it is not the folder of a run")
-    from taskspec_runner.report import write_report
+    from taskspec_runner.report import damage, write_report
 
     try:
         path = write_report(folder)
     except OSError as error:
         raise OutputError.of(folder, error) from error
     typer.echo(str(path))
+    if wrong := damage(folder):
+        typer.echo(f"taskspec: {wrong}; the report is no evidence of the run", err=True)
+        return 1
     return 0

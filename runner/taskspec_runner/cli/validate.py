@@ -14,6 +14,7 @@ from taskspec.text.diagnostic import Diagnostic, Severity, SpecError
 from taskspec.text.source import Source
 from taskspec_runner.cli.findings import record, show_findings
 from taskspec_runner.cli.formats import FindingFormat
+from taskspec_runner.cli.guard import keep_trace
 from taskspec_runner.cli.loading import load
 from taskspec_runner.errors import InputError
 from taskspec_runner.folder import MANIFEST
@@ -30,12 +31,14 @@ class Findings:
         diagnostics: by file, in the order of the files, sorted within each.
         sources: the texts of each file that places refer to.
         unreadable: messages about files that could not be read.
+        broken: messages about files at which the validation itself failed.
     """
 
     files: int = 0
     diagnostics: dict[str, tuple[Diagnostic, ...]] = field(default_factory=dict)
     sources: dict[str, dict[str, Source]] = field(default_factory=dict)
     unreadable: list[str] = field(default_factory=list)
+    broken: list[str] = field(default_factory=list)
 
     def count(self, severity: Severity) -> int:
         """How many findings are of a severity."""
@@ -43,7 +46,9 @@ class Findings:
 
     @property
     def exit_code(self) -> int:
-        """2 if a file could not be read, 1 if one is wrong, else 0."""
+        """3 after an internal error, 2 if a file could not be read, 1 if one is wrong, else 0."""
+        if self.broken:
+            return 3
         if self.unreadable:
             return 2
         return 1 if self.count(Severity.ERROR) else 0
@@ -54,7 +59,7 @@ class Findings:
         counts = [(self.count(s), str(s)) for s in (Severity.ERROR, Severity.WARNING)]
         found = ", ".join(_plural(n, what) for n, what in counts if n)
         files = _plural(self.files, "file")
-        if self.unreadable and not self.diagnostics:
+        if self.unreadable and not self.diagnostics and not self.broken:
             return f"{_plural(len(self.unreadable), 'file')} unreadable"
         if not found:
             text = f"no errors in {files}"
@@ -66,6 +71,8 @@ class Findings:
             text = f"{found} in {wrong} of {files}"
         if self.unreadable:
             text += f", {len(self.unreadable)} unreadable"
+        if self.broken:
+            text += f", {len(self.broken)} not validated for an internal error"
         return text
 
 
@@ -116,6 +123,12 @@ def examine(files: Sequence[Path]) -> Findings:
         except InputError as error:
             found.unreadable.append(str(error))
             continue
+        except Exception as error:
+            # One file must not hide what is found about the others.
+            trace = keep_trace(error)
+            told = f"internal error: {type(error).__name__}: {' '.join(str(error).split())}"
+            found.broken.append(f"{path}: {told}; please report this with {trace}")
+            continue
         found.diagnostics[str(path)] = diagnostics
         found.sources[str(path)] = sources
     return found
@@ -135,6 +148,8 @@ def _examine(path: Path) -> tuple[tuple[Diagnostic, ...], dict[str, Source]]:
 def _show(found: Findings, form: FindingFormat) -> None:
     for message in found.unreadable:
         typer.echo(f"taskspec: {message}", err=True)
+    for message in found.broken:
+        typer.echo(message, err=True)
     if form is FindingFormat.JSON:
         typer.echo(json.dumps(_data(found), indent=2, ensure_ascii=False))
         return
@@ -152,6 +167,7 @@ def _data(found: Findings) -> dict[str, Any]:
         "errors": found.count(Severity.ERROR),
         "warnings": found.count(Severity.WARNING),
         "unreadable": found.unreadable,
+        "internal_errors": found.broken,
         "exit_code": found.exit_code,
         "diagnostics": [
             record(d) for diagnostics in found.diagnostics.values() for d in diagnostics

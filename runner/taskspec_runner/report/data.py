@@ -12,11 +12,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec_runner.folder import LOG, MANIFEST, SUMMARY, TASK
+from taskspec_runner.folder import LOG, MANIFEST, SUMMARY, TASK, RunFolder
 from taskspec_runner.history import History, read_history
 
 Vector = NDArray[np.float64]
 Json = Mapping[str, Any]
+
+#: Statuses of a run whose log is complete.
+_ENDED = ("done", "failed", "stopped")
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,6 +68,7 @@ class Run:
         columns: (rows,) values of the log by column name [SI]. units: by column name.
         clock: (rows,) run time [s]. breaks: rows at which another stage, or visit, begins.
         visits: in order. expectations: in order.
+        damage: why the log cannot be trusted, empty if nothing is wrong with it.
     """
 
     task: str
@@ -76,6 +80,7 @@ class Run:
     breaks: NDArray[np.int64]
     visits: tuple[Visit, ...]
     expectations: tuple[Expectation, ...]
+    damage: str = ""
 
     @property
     def period(self) -> float:
@@ -130,7 +135,30 @@ def read_run(folder: Path) -> Run:
         breaks=np.array(firsts[1:], dtype=np.int64),
         visits=_visits(summary) or _logged_visits(history),
         expectations=tuple(_expectation(e) for e in _mappings(summary.get("expectations"))),
+        damage=damage(folder),
     )
+
+
+def damage(folder: Path) -> str:
+    """What is wrong with the log of a run that has ended; empty if nothing is.
+
+    Args:
+        folder: of the run.
+    """
+    manifest = _read_json(folder / MANIFEST)
+    if manifest.get("status") not in _ENDED:
+        return ""
+    written = mapping(manifest.get("sha256")).get(LOG)
+    try:
+        found = RunFolder(folder).digest(LOG)
+    except OSError as error:
+        return f"{LOG} cannot be read: {error.strerror or error}"
+    if found is None:
+        # A run that was stopped before its first tick has none.
+        return f"{LOG} is missing" if written or manifest.get("status") != "stopped" else ""
+    if written and found != written:
+        return f"{LOG} is not what the run wrote: its SHA-256 is not the one in {MANIFEST}"
+    return ""
 
 
 def number(value: object) -> float | None:

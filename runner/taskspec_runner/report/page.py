@@ -19,7 +19,7 @@ from taskspec_runner.report.overview import overview_svg
 from taskspec_runner.report.quantities import figure, quantity
 from taskspec_runner.report.stages import label, tints
 from taskspec_runner.report.template import part, template
-from taskspec_runner.report.verdict import verdict
+from taskspec_runner.report.verdict import so_far, verdict
 
 _STATISTICS = ("mean", "min", "max", "rms", "std", "rms_error", "max_error")
 
@@ -51,6 +51,8 @@ def render(run: Run) -> str:
         verdict=verdict(run),
         facts=list(_facts(run)),
         expectations=run.expectations,
+        partial=verdict(run).kind not in ("passed", "missed"),
+        so_far=so_far(run),
         visits=[_visit_row(run, v) for v in run.visits],
         metrics=list(_metrics(run)),
         sections=shown,

@@ -14,7 +14,8 @@ class Verdict:
     """How a run came out.
 
     Attributes:
-        kind: passed, missed, stopped, failed or unfinished. sentence: why, in one sentence.
+        kind: passed, missed, stopped, failed, unfinished or damaged.
+        sentence: why, in one sentence.
     """
 
     kind: str
@@ -24,6 +25,9 @@ class Verdict:
 def verdict(run: Run) -> Verdict:
     """The verdict on a run, from its summary; without one, the run did not finish."""
     status = str(run.summary.get("status") or run.manifest.get("status") or "")
+    if run.damage:
+        told = f"{run.damage}. What this page shows is not evidence of the run"
+        return Verdict("damaged", f"{told}, which said of itself that it was {status}.")
     if not run.summary or status in ("", "running", "crashed"):
         told = "The run crashed" if status == "crashed" else "The run did not finish"
         reason = run.manifest.get("reason")
@@ -32,11 +36,20 @@ def verdict(run: Run) -> Verdict:
     ending = run.summary.get("ending")
     ending = ending if isinstance(ending, Mapping) else {}
     if status in ("stopped", "failed"):
-        return Verdict(status, _broken_off(ending))
+        return Verdict(status, f"{_broken_off(ending)} {so_far(run)}".rstrip())
     missed = [e for e in run.expectations if not e.passed]
     if missed:
         return Verdict("missed", _missed(len(missed), len(run.expectations)))
     return Verdict("passed", _passed(len(run.expectations)) + f" {_reached_end(run)}")
+
+
+def so_far(run: Run) -> str:
+    """How many expectations a run met that broke off; empty if it did not, or had none."""
+    status, total = run.summary.get("status"), len(run.expectations)
+    if status not in ("stopped", "failed") or not total:
+        return ""
+    met = sum(e.passed for e in run.expectations)
+    return f"So far: {met} of {total} expectations met until it {status}."
 
 
 def _broken_off(ending: Mapping[str, Any]) -> str:
