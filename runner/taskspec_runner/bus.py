@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec.program.ports import OUTPUTS
+from taskspec.program.ports import OUTPUTS, slices
 
 Vector = NDArray[np.float64]
 
@@ -32,12 +32,8 @@ class Bus:
             ("objects", objects),
             *OUTPUTS,
         ]
-        self.slices: dict[str, slice] = {}
-        at = 0
-        for name, length in fields:
-            self.slices[name] = slice(at, at + length)
-            at += length
-        self.array: Vector = np.zeros(at)
+        self.slices = slices(fields)
+        self.array: Vector = np.zeros(sum(length for _, length in fields))
 
     def view(self, name: str) -> Vector:
         """A view of one field."""

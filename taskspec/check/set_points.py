@@ -5,14 +5,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from taskspec.check.known import known_value
 from taskspec.control.state import AXES
 from taskspec.program.context import Context
+from taskspec.program.modes import MOSTLY
 from taskspec.spec import Axis
 from taskspec.text.diagnostic import Diagnostics
-from taskspec.text.expression import FloatAlgebra, evaluate
-
-#: An axis is along a normal if it carries at least half of the normal force's square.
-_MOSTLY = 0.7071
 
 
 def check_set_points(
@@ -39,7 +37,7 @@ def check_set_points(
         place = loaded.span(("stages", name, "axes", axis, "force"))
         if contact is not None:
             along = float(rotation[:, AXES.index(axis)] @ context.start_normals[contact])
-            if abs(along) > _MOSTLY and wanted * along > 0:
+            if abs(along) > MOSTLY and wanted * along > 0:
                 found.warning(
                     "TS308",
                     f"{wanted:g} N along {axis!r} pulls on {contact!r}, which can only push back",
@@ -57,11 +55,4 @@ def check_set_points(
 
 def steady_force(context: Context, axis: Axis) -> float | None:
     """The set point where it does not depend on time or signals [N]."""
-    params = {name: q.value for name, q in context.loaded.task.params.items()}
-    known = {"pi": float(np.pi)} | params
-    if axis.force is None:
-        return None
-    try:
-        return evaluate(axis.force.tree, FloatAlgebra(), lambda name: known[".".join(name.path)])
-    except KeyError:
-        return None
+    return None if axis.force is None else known_value(context, axis.force)

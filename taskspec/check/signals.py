@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 
+from taskspec.check.known import known_value
 from taskspec.control.gains import has_force
 from taskspec.control.state import AXES
 from taskspec.program.context import Context
 from taskspec.spec import LAWS
 from taskspec.text.diagnostic import Diagnostics
-from taskspec.text.expression import Expression, FloatAlgebra, evaluate
+from taskspec.text.expression import Expression
 from taskspec.text.expression.tree import Call, Name, Node, children
 
 _VECTORS = ("force", "torque", "position", "velocity", "error")
@@ -57,13 +58,8 @@ def check_expectations(
 
 def _finite_at_start(context: Context, expression: Expression) -> bool:
     """Whether a reference has a value when its stage begins, as far as the file tells."""
-    params = {name: q.value for name, q in context.loaded.task.params.items()}
-    known = {"pi": math.pi, "t": 0.0, "clock": 0.0} | params
-    try:
-        value = evaluate(expression.tree, FloatAlgebra(), lambda name: known[str(name)])
-    except KeyError:
-        return True  # It depends on a signal.
-    return math.isfinite(value)
+    value = known_value(context, expression, {"t": 0.0, "clock": 0.0})
+    return value is None or math.isfinite(value)
 
 
 def _not_in_references(node: Name) -> str | None:

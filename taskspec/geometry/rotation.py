@@ -14,11 +14,6 @@ from numpy.typing import NDArray
 _TINY = 1e-24
 
 
-def skew(w: ca.SX) -> ca.SX:
-    """The matrix [w]x with [w]x v = w x v. w: (3,)."""
-    return ca.skew(w)
-
-
 def exp(w: ca.SX) -> ca.SX:
     """Rotation matrix (3, 3) of the rotation vector w (3,) [rad], by Rodrigues' formula."""
     angle = ca.sqrt(ca.dot(w, w) + _TINY)

@@ -12,13 +12,14 @@ from taskspec.control.state import AXES
 from taskspec.geometry.surface import box_face
 from taskspec.motion import blend
 from taskspec.program.carried import Carried
-from taskspec.program.ports import PROBE
+from taskspec.program.ports import PROBE, slices
 from taskspec.program.stage import CompiledStage
 from taskspec.program.tracks import Tracks, move_speed, plan_tracks
 from taskspec.robot import RobotModel
 from taskspec.spec import LAWS
 
 Vector = NDArray[np.float64]
+_FIELDS = slices(PROBE)
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,10 +129,8 @@ class _Entry:
             twist = self.carried.twist
             way = twist[:3] + np.cross(twist[3:], lever)
             found = self.stage.probe(*self.inputs, self.memory, self.parameters, way)
-            numbers, at = np.array(found).ravel(), 0
-            for name, length in PROBE:
-                seen[name] = numbers[at : at + length]
-                at += length
+            numbers = np.array(found).ravel()
+            seen = {name: numbers[where] for name, where in _FIELDS.items()}
             lever = seen["lever"]
         return seen
 

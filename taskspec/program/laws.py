@@ -17,7 +17,7 @@ from taskspec.control.resolution import Command, posture_acceleration, torque
 from taskspec.control.state import TaskState
 from taskspec.program.modes import AxisPlan
 from taskspec.program.references import ReferenceSet
-from taskspec.program.signals import SignalTable
+from taskspec.program.signals import SignalTable, applied
 from taskspec.spec import LAWS
 
 #: A redundant arm holds its posture in the null space at this frequency [Hz], critically damped.
@@ -114,10 +114,9 @@ def _drive(case: Case, name: str) -> ca.SX:
     p, integral, d = (
         case.gains[f"force.{gain}"][name].value for gain in ("proportional", "integral", "damping")
     )
-    kind = "torque" if name.startswith("r") else "force"
     return hybrid_law.force_drive(
         case.references.force_ref[name],
-        case.table.scalars[f"{kind}.{name}"],
+        case.table.scalars[applied(name)],
         case.references.integrals[name],
         case.state.velocity[i] - reference.velocity[i],
         (p, integral, d),

@@ -47,7 +47,3 @@ class Layout:
     ) -> None:
         """Sets one slot of a numeric vector of this layout."""
         array[self.slots[name]] = value
-
-    def read(self, array: NDArray[np.float64], name: str) -> NDArray[np.float64]:
-        """A view of one slot of a numeric vector of this layout."""
-        return array[self.slots[name]]

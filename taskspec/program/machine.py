@@ -12,7 +12,7 @@ from taskspec.control.model_terms import ModelTerms
 from taskspec.control.state import AXES
 from taskspec.program import entry, events
 from taskspec.program.carried import Carried, leave
-from taskspec.program.ports import OUTPUTS
+from taskspec.program.ports import OUTPUTS, slices
 from taskspec.program.stage import CompiledStage
 from taskspec.program.tracks import Tracks
 from taskspec.robot import RobotModel
@@ -20,6 +20,7 @@ from taskspec.robot import RobotModel
 Vector = NDArray[np.float64]
 
 END, FAIL = "end", "fail"
+_FIELDS = slices(OUTPUTS)
 
 
 @dataclass(frozen=True, slots=True)
@@ -233,8 +234,4 @@ class Machine:
 
     def named_outputs(self) -> dict[str, Vector]:
         """The last outputs by name."""
-        named, at = {}, 0
-        for name, length in OUTPUTS:
-            named[name] = self.outputs[at : at + length]
-            at += length
-        return named
+        return {name: self.outputs[where] for name, where in _FIELDS.items()}

@@ -15,7 +15,7 @@ from taskspec.program.axis_reference import mode_of
 from taskspec.spec import LAWS, Axis, Law
 
 #: An axis is along the normal if it carries at least half of the normal force's square.
-_MOSTLY = 0.7071
+MOSTLY = 0.7071
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,4 +80,4 @@ def plan_axes(
 def _along(name: str, normal: NDArray[np.float64] | None) -> bool:
     if normal is None or name.startswith("r"):
         return False
-    return bool(abs(normal[AXES.index(name)]) > _MOSTLY)
+    return bool(abs(normal[AXES.index(name)]) > MOSTLY)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import casadi as ca
@@ -9,10 +10,22 @@ import casadi as ca
 from taskspec.control.model_terms import TermSymbols
 from taskspec.program import kinematics
 from taskspec.program.references import ReferenceSet
-from taskspec.program.signals import SignalTable
+from taskspec.program.signals import SignalTable, applied
+
+Fields = tuple[tuple[str, int], ...]
+
+
+def slices(fields: Iterable[tuple[str, int]]) -> dict[str, slice]:
+    """Where each named field of a flat vector lies."""
+    found, at = {}, 0
+    for name, length in fields:
+        found[name] = slice(at, at + length)
+        at += length
+    return found
+
 
 #: What every stage puts out each tick, in this order: name and length.
-OUTPUTS: tuple[tuple[str, int], ...] = (
+OUTPUTS: Fields = (
     ("event", 1),
     ("event_value", 1),
     ("health", 1),
@@ -34,7 +47,7 @@ OUTPUTS: tuple[tuple[str, int], ...] = (
 )
 
 #: What a stage is asked when it is entered, in this order: name and length.
-PROBE: tuple[tuple[str, int], ...] = (
+PROBE: Fields = (
     ("frame", 9),
     ("offset", 3),
     ("lever", 3),
@@ -88,8 +101,7 @@ def probe(
 
 def _applied(table: SignalTable) -> dict[str, ca.SX]:
     """Measured force and moment that the robot applies, by axis."""
-    kinds = {a: "torque" if a.startswith("r") else "force" for a in table.axes}
-    return {a: table.scalars[f"{kind}.{a}"] for a, kind in kinds.items()}
+    return {a: table.scalars[applied(a)] for a in table.axes}
 
 
 def outputs(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
@@ -23,7 +23,7 @@ from taskspec.program.coordinates import frame_coordinates
 from taskspec.program.frames import FrameModel
 from taskspec.program.layout import Layout
 from taskspec.program.modes import AxisPlan
-from taskspec.program.signals import SignalTable
+from taskspec.program.signals import SignalTable, applied
 from taskspec.text.expression import Expression
 
 #: A force set point rises from the measured force in this time [s] (docs/language.md).
@@ -35,7 +35,6 @@ class ReferenceSet:
     """References by axis name, and what they need to be carried on.
 
     Attributes:
-        axes: rows of `vector`.
         position, error: measured coordinate and e = r - x of every axis [m, rad].
         coordinate: what the reference is held against; the gap along an open-loop force's axis.
         position_ref, velocity_ref: of motion axes. force_ref: of force axes, applied by the robot.
@@ -45,7 +44,6 @@ class ReferenceSet:
         own, own_rate: (6,) r(0) of each mode before blending and its rate, for the entry.
     """
 
-    axes: tuple[str, ...]
     position: Mapping[str, ca.SX]
     error: Mapping[str, ca.SX]
     coordinate: Mapping[str, ca.SX]
@@ -56,7 +54,7 @@ class ReferenceSet:
     integrals: Mapping[str, ca.SX]
     updates: dict[str, ca.SX]
     own: ca.SX
-    own_rate: ca.SX = field(default_factory=lambda: ca.SX.zeros(6))
+    own_rate: ca.SX
 
     def six(self, values: Mapping[str, ca.SX]) -> ca.SX:
         """(6,) in the order of the axes, NaN where there is no value."""
@@ -151,7 +149,6 @@ def build_references(
         force_integral=opposite(ca.vertcat(*(integrals.get(a, zero) for a in axes))),
     )
     return ReferenceSet(
-        axes=axes,
         position=coordinates.position,
         error={a: tracked.error[a] for a in motions},
         coordinate=coordinates.position | normals,
@@ -255,9 +252,8 @@ def _integrate(
             continue
         slot = f"integral.{name}"
         integral = memory.add(slot)
-        kind = "torque" if name.startswith("r") else "force"
         integrals[name] = integral
-        wound = integral + period * (force - table.scalars[f"{kind}.{name}"])
+        wound = integral + period * (force - table.scalars[applied(name)])
         rate = gains["force.integral"][name].value
         if rate > 0:
             spring = gains["stiffness"][name].value * errors[name] if plans[name].motion else 0

@@ -52,11 +52,14 @@ class SignalTable:
         raise UnknownSignalError(text)
 
 
+def applied(axis: str) -> str:
+    """The signal of what the robot applies on an axis: `force.z`, `torque.rx`."""
+    return f"{'torque' if axis.startswith('r') else 'force'}.{axis}"
+
+
 def wrench_signals(axes: tuple[str, ...], wrench: ca.SX) -> dict[str, ca.SX]:
     """`force.*` and `torque.*` of a (6,) wrench that the robot applies, in frame axes."""
-    return {
-        f"{'torque' if a.startswith('r') else 'force'}.{a}": wrench[AXES.index(a)] for a in axes
-    }
+    return {applied(a): wrench[AXES.index(a)] for a in axes}
 
 
 @dataclass(frozen=True, slots=True)
