@@ -31,8 +31,10 @@ def scope_of(task: Task) -> Scope:
         ScopeKind.EXPECT,
         task.params,
         frozenset(task.stages),
-        frozenset(task.world),
-        frozenset(("world", "tool", *task.world, *task.frames)),
+        {name: thing.kind for name, thing in task.world.items()},
+        frozenset(
+            ("world", "tool", *task.world, *task.frames, *(f"{m}.handle" for m in task.mechanisms))
+        ),
     )
 
 

@@ -85,7 +85,7 @@ def summarise(
         },
         "joint_limits": robot.torque_limit.tolist(),
         "robot": {"name": robot.name, "joints": list(robot.joint_names), "source": robot.source},
-        "objects": list(task.world),
+        "objects": list(task.shapes),
     }
 
 

@@ -79,7 +79,7 @@ def resolve(task: Task) -> dict[str, FrameModel]:
             "tool", "tool", np.eye(3), np.zeros(3), described="turns with the tool, z out of it"
         ),
     }
-    for name, shape in task.world.items():
+    for name, shape in task.shapes.items():
         R, origin = pose(shape)
         described = f"fixed on {shape.shape}"
         frames[name] = FrameModel(name, "fixed", R, origin, owner=name, described=described)
@@ -97,7 +97,7 @@ def resolve(task: Task) -> dict[str, FrameModel]:
 def _declared(task: Task, name: str, frames: dict[str, FrameModel]) -> FrameModel:
     frame = task.frames[name]
     if frame.surface is not None:
-        shape = surface(task.world[frame.surface])
+        shape = surface(task.shapes[frame.surface])
         heading = None if frame.heading is None else np.array(frame.heading, dtype=float)
         along = "its own x" if frame.heading is None else f"heading {list(frame.heading)}"
         return FrameModel(

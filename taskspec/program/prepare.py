@@ -40,7 +40,7 @@ def prepare(loaded: LoadedTask) -> Context:
     J = J_world.reshape(6, n, order="F").copy()
     J[:3] -= pin.skew(tip_p) @ J[3:]
     inertia = np.triu(H.reshape(n, n, order="F"))
-    surfaces = {name: frame_models.surface(shape) for name, shape in task.world.items()}
+    surfaces = {name: frame_models.surface(shape) for name, shape in task.shapes.items()}
     distances = gaps(robot, surfaces, ca.SX(tip_p), ca.SX(tip_R))
     posture = task.robot.posture
     return Context(
@@ -52,7 +52,7 @@ def prepare(loaded: LoadedTask) -> Context:
         surfaces=surfaces,
         compliances={
             name: compliance(shape, robot, start, 1.0 / task.control.plant_rate)
-            for name, shape in task.world.items()
+            for name, shape in task.shapes.items()
         },
         start_jacobian=J,
         start_inertia=inertia + np.triu(inertia, 1).T,

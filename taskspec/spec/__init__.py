@@ -2,6 +2,7 @@
 
 from taskspec.spec.axis import Axis
 from taskspec.spec.control import Control
+from taskspec.spec.equation import Constraint, EquationObject, JointEquation
 from taskspec.spec.expectation import Expectation
 from taskspec.spec.frame import Frame
 from taskspec.spec.gains import AxisValues
@@ -9,32 +10,46 @@ from taskspec.spec.law import ForceGains, Law
 from taskspec.spec.laws import LAWS, LawFacts
 from taskspec.spec.limits import Limits
 from taskspec.spec.load import LoadedTask, load_task, load_text
+from taskspec.spec.mechanism import Hinge, Mechanism, Screw, Slide
+from taskspec.spec.objects import Object
 from taskspec.spec.path import Arc, Line, Lissajous, Path
-from taskspec.spec.robot import Pose, Robot, Start, Tool
+from taskspec.spec.robot import Pose, Robot, Sensor, Start, Tool
+from taskspec.spec.set_point import SetPoint
 from taskspec.spec.stage import Stage, Within
 from taskspec.spec.task import Task
 from taskspec.spec.vary import Variation
-from taskspec.spec.world import Shape
+from taskspec.spec.world import Motion, Shape
 
 __all__ = [
     "LAWS",
     "Arc",
     "Axis",
     "AxisValues",
+    "Constraint",
     "Control",
+    "EquationObject",
     "Expectation",
     "ForceGains",
     "Frame",
+    "Hinge",
+    "JointEquation",
     "Law",
     "LawFacts",
     "Limits",
     "Line",
     "Lissajous",
     "LoadedTask",
+    "Mechanism",
+    "Motion",
+    "Object",
     "Path",
     "Pose",
     "Robot",
+    "Screw",
+    "Sensor",
+    "SetPoint",
     "Shape",
+    "Slide",
     "Stage",
     "Start",
     "Task",

@@ -7,6 +7,7 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import Field, GetCoreSchemaHandler
 from pydantic_core import CoreSchema, core_schema
 
+from taskspec.spec.fields import MechanismName
 from taskspec.spec.model import Model, complete, short_form
 from taskspec.spec.quantities import Constant, Formula
 from taskspec.spec.reading import Reading
@@ -28,7 +29,7 @@ from taskspec.text.units import (
     VELOCITY,
 )
 
-MOTIONS = ("hold", "position", "velocity", "move")
+MOTIONS = ("hold", "position", "velocity", "move", "follows")
 FORCES = ("force", "torque")
 _BELONGS = {
     "speed": (("move",), "it is the speed of a 'move'"),
@@ -49,6 +50,7 @@ class Axis(Model):
         velocity: [m/s, rad/s].
         move: distance from the carried reference [m, rad].
         speed: of the move [m/s, rad/s]; None for the default.
+        follows: the mechanism whose geometry couples the axis to the others.
         force: that the robot applies to the environment [N].
         torque: that the robot applies to the environment [N*m].
         ramp: time in which the force is reached [s]; None for the default.
@@ -58,7 +60,6 @@ class Axis(Model):
 
     noun = "an axis"
     example = "such as {hold: start} or {force: -15 N}"
-    reserved = frozenset({"follows"})
     short: ClassVar = {"const": "hold"}
     foreign: ClassVar[str] = ""
     """The force that belongs to the other kind of axis."""
@@ -68,6 +69,9 @@ class Axis(Model):
     velocity: Expression | None = None
     move: float | None = None
     speed: float | None = None
+    follows: MechanismName | None = Field(
+        None, title="Mechanism", description="Its geometry couples this axis to the others"
+    )
     force: Expression | None = None
     torque: Expression | None = None
     ramp: Ramp | None = Field(None, title="Time in which the force is reached")
@@ -101,7 +105,7 @@ class Axis(Model):
         motions = [key for key in MOTIONS if key in data]
         forces = [key for key in FORCES if key in data]
         if not motions and not forces and complete(data, reading):
-            modes = "hold, position, velocity, move, force or torque"
+            modes = "hold, position, velocity, move, follows, force or torque"
             reading.error("TS201", "an axis needs a mode", pointer(data.node), modes)
             return
         if len(motions) > 1:

@@ -11,4 +11,10 @@ from taskspec.text.units import ANGLE, LENGTH
 XYZ = Annotated[tuple[float, float, float], Entries((LENGTH,) * 3)]
 RPY = Annotated[tuple[float, float, float], Entries((ANGLE,) * 3)]
 FrameName = Annotated[str, Reference(lambda r: r.frames, "frame", "TS122")]
+SurfaceName = Annotated[
+    str, Reference(lambda r: r.of_kind("shape"), "object with a surface", "TS123")
+]
+MechanismName = Annotated[
+    str, Reference(lambda r: r.of_kind("hinge", "slide", "screw"), "mechanism", "TS123")
+]
 ObjectName = Annotated[str, Reference(lambda r: r.objects, "object", "TS123")]

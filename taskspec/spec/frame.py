@@ -6,11 +6,11 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from taskspec.spec.fields import RPY, XYZ, FrameName, ObjectName
+from taskspec.spec.fields import RPY, XYZ, FrameName, SurfaceName
 from taskspec.spec.model import Model, complete, mapping
 from taskspec.spec.quantities import Entries
 from taskspec.spec.reading import Reading
-from taskspec.spec.words import Word
+from taskspec.spec.words import Reference, Word
 from taskspec.text.data import Map
 from taskspec.text.nodes import pointer
 from taskspec.text.units import NUMBER
@@ -27,17 +27,17 @@ class Frame(Model):
         rpy: orientation in the parent [rad].
         surface: the object over which it follows the tool.
         heading: a direction of the world that is laid on the tangent plane as the x axis.
+        estimate: the stage at whose end it is measured: its origin where the tip is then, its z
+            against the mean force felt there.
         point: `origin` moves the control point to the frame's origin.
     """
 
     noun = "a frame"
     example = "task: {surface: table}"
-    reserved = frozenset({"estimate"})
-
     parent: FrameName | None = Field(None, title="The frame in which it is placed")
     xyz: XYZ = Field((0.0, 0.0, 0.0), title="Position in the parent", description="[x, y, z]")
     rpy: RPY = Field((0.0, 0.0, 0.0), title="Orientation in the parent")
-    surface: ObjectName | None = Field(
+    surface: SurfaceName | None = Field(
         None, title="Surface", description="The object over which the frame follows the tool"
     )
     heading: Annotated[tuple[float, float, float], Entries((NUMBER,) * 3, nonzero=True)] | None = (
@@ -47,10 +47,23 @@ class Frame(Model):
         None, title="Control point", description="origin: the control point is the frame's origin"
     )
 
+    estimate: Annotated[str, Reference(lambda r: r.stages, "stage", "TS124")] | None = Field(
+        None, title="Stage", description="The stage at whose end the frame is measured"
+    )
+
     @classmethod
     def rules(cls, data: Map, reading: Reading) -> None:
-        """Keep fixed and following frames apart."""
+        """Keep fixed, following and measured frames apart."""
         fixed = [key for key in _FIXED if key in data]
+        other = [key for key in (*_FIXED, "surface", "point") if key in data]
+        if "estimate" in data and other:
+            reading.error(
+                "TS209",
+                f"a frame that is measured has no '{other[0]}'",
+                data.node.key_span(other[0]),
+                "its place follows from what the tool feels",
+            )
+            return
         if "surface" in data and fixed:
             reading.error(
                 "TS209",
@@ -65,16 +78,22 @@ class Frame(Model):
                 data.node.key_span("point"),
                 "leave 'point' out",
             )
-        if "heading" in data and "surface" not in data and complete(data, reading):
+        if (
+            "heading" in data
+            and not data.keys() & {"surface", "estimate"}
+            and complete(data, reading)
+        ):
             reading.error(
                 "TS026",
-                "'heading' belongs to a frame that follows a surface",
+                "'heading' belongs to a frame that follows a surface or is measured",
                 data.node.key_span("heading"),
                 "add 'surface', or turn a fixed frame by 'rpy'",
             )
         if not data and complete(data, reading):
             reading.error(
-                "TS021", "a frame needs 'parent', 'xyz', 'rpy' or 'surface'", pointer(data.node)
+                "TS021",
+                "a frame needs 'parent', 'xyz', 'rpy', 'surface' or 'estimate'",
+                pointer(data.node),
             )
 
 

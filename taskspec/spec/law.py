@@ -8,7 +8,7 @@ from pydantic import Field
 from pydantic.json_schema import SkipJsonSchema
 
 from taskspec.spec.gains import AxisValues, Gain
-from taskspec.spec.laws import LATER, LAWS
+from taskspec.spec.laws import LAWS
 from taskspec.spec.model import Model, mapping, short_form
 from taskspec.spec.quantities import ForJoints
 from taskspec.spec.reading import Reading
@@ -72,7 +72,7 @@ class Law(Model):
     reserved = frozenset({"solve", "solver"})
     short: ClassVar = {"enum": list(LAWS)}
 
-    kind: Annotated[str, Word(tuple(LAWS), "law", reserved=LATER, code="TS206")] = Field(
+    kind: Annotated[str, Word(tuple(LAWS), "law", code="TS206")] = Field(
         DEFAULT, title="Control law"
     )
     mass: Annotated[AxisValues, Gain(MASS, INERTIA, above=0)] | None = Field(
@@ -93,7 +93,7 @@ class Law(Model):
     )
     force: ForceGains | None = Field(None, title="Gains of the force loop")
     orientation: Annotated[
-        Literal["so3"], Word(("so3",), "orientation error", reserved=("rpy", "zyz"))
+        Literal["so3", "rpy", "zyz"], Word(("so3", "rpy", "zyz"), "orientation error")
     ] = Field("so3", title="Orientation error")
 
     @classmethod

@@ -18,6 +18,7 @@ class LawFacts:
         damps_joints: its damping is one of the joints.
         natural: it leaves the arm its own inertia, and the springs of the axes hold each other.
         bare: it compensates nothing, not even gravity, and holds no posture in the null space.
+        multipliers: its forces are multipliers of constraints: force axes and equations alike.
     """
 
     equations: str
@@ -27,6 +28,7 @@ class LawFacts:
     natural: bool = False
     damps_joints: bool = False
     bare: bool = False
+    multipliers: bool = False
 
 
 LAWS: dict[str, LawFacts] = {
@@ -53,7 +55,16 @@ LAWS: dict[str, LawFacts] = {
         ("bandwidth", "damping_ratio", "force.proportional", "force.integral", "force.damping"),
         force_loop=True,
     ),
+    "hybrid-multipliers": LawFacts(
+        "(4.104)-(4.106), (4.117)",
+        ("bandwidth", "damping_ratio", "force.proportional", "force.integral", "force.damping"),
+        force_loop=True,
+        multipliers=True,
+    ),
+    "hybrid-reaction": LawFacts(
+        "(4.118)-(4.122)",
+        ("bandwidth", "damping_ratio", "force.proportional", "force.damping"),
+        force_loop=True,
+        multipliers=True,
+    ),
 }
-
-LATER = ("hybrid-multipliers", "hybrid-reaction")
-"""Laws of the language that are not supported yet."""

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import re
 
+from taskspec.spec.mechanism import MECHANISMS
 from taskspec.spec.model import mapping
+from taskspec.spec.objects import kind_of_object
 from taskspec.spec.reading import Reading
 from taskspec.spec.words import ENDS
 from taskspec.text.data import Map
@@ -29,12 +31,11 @@ def collect_names(reading: Reading) -> None:
     sections = {key: _names(reading.data, key) for key in _SHARED}
     reading.stages = dict.fromkeys(sections["stages"])
     reading.targets = dict.fromkeys((*reading.stages, *ENDS))
-    reading.objects = dict.fromkeys(sections["world"])
-    handles = [
-        f"{name}.handle"
-        for name, value in mapping(reading.data.get("world")).items()
-        if "mechanism" in mapping(value)
-    ]
+    world = mapping(reading.data.get("world"))
+    reading.objects = {name: kind_of_object(world.get(name)) for name in sections["world"]}
+    handles = [f"{name}.handle" for name in reading.of_kind(*MECHANISMS)]
+    loose = [name for name, value in world.items() if "free" in mapping(value)]
+    reading.held = dict.fromkeys((*handles, *loose))
     own = ("world", "tool")
     reading.frames = dict.fromkeys((*own, *sections["frames"], *reading.objects, *handles))
     _check_unique(sections, reading)

@@ -22,7 +22,8 @@ class Reading:
         params: the params that could be evaluated.
         broken: params that could not; using them is no further mistake.
         stages: names of all stages, in order.
-        objects: names of all objects of the world.
+        objects: names of all objects of the world, with their kind (`signals.OBJECT`).
+        held: what a robot may hold: handles and loose bodies.
         targets: where a stage may lead: stages, `end` and `fail`.
         frames: every name that is a frame.
         quiet: ids of mappings in which missing keys are no further mistake.
@@ -34,7 +35,8 @@ class Reading:
     params: dict[str, Quantity] = field(default_factory=dict)
     broken: set[str] = field(default_factory=set)
     stages: dict[str, None] = field(default_factory=dict)
-    objects: dict[str, None] = field(default_factory=dict)
+    objects: dict[str, str] = field(default_factory=dict)
+    held: dict[str, None] = field(default_factory=dict)
     targets: dict[str, None] = field(default_factory=dict)
     frames: dict[str, None] = field(default_factory=dict)
     quiet: set[int] = field(default_factory=set)
@@ -48,11 +50,15 @@ class Reading:
                 kind,
                 self.params,
                 self.stages.keys(),
-                self.objects.keys(),
+                self.objects,
                 self.frames.keys(),
                 self.broken,
             )
         return self._scopes[kind]
+
+    def of_kind(self, *kinds: str) -> dict[str, None]:
+        """Return the names of the objects of some kinds."""
+        return {name: None for name, kind in self.objects.items() if kind in kinds}
 
     def key_of(self, data: Map) -> Span:
         """Return the place of the key that a mapping hangs on, or of its first character."""

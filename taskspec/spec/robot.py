@@ -7,13 +7,22 @@ from typing import Annotated, ClassVar, Literal
 from pydantic import Field
 
 from taskspec.spec.fields import RPY, XYZ
-from taskspec.spec.model import Model, complete
+from taskspec.spec.model import Model, complete, short_form
 from taskspec.spec.quantities import Constant, Entries, ForJoints, Series
 from taskspec.spec.reading import Reading
 from taskspec.spec.sizes import check_sizes
-from taskspec.spec.words import Free, Switch, Word
+from taskspec.spec.words import Free, Reference, Switch, Word
 from taskspec.text.data import Map
-from taskspec.text.units import ANGLE, ANGULAR_DAMPING, LENGTH, MASS
+from taskspec.text.units import (
+    ANGLE,
+    ANGULAR_DAMPING,
+    FORCE,
+    FREQUENCY,
+    LENGTH,
+    MASS,
+    MOMENT,
+    TIME,
+)
 
 ToolShape = Literal["sphere", "cylinder", "box"]
 
@@ -99,6 +108,53 @@ class Start(Model):
             )  # fmt: skip
 
 
+class Noise(Model):
+    """Standard deviations of the sensor's noise: `force` [N] and `torque` [N*m]."""
+
+    noun = "noise"
+    example = "noise: {force: 0.1 N, torque: 5 mN*m}"
+
+    force: Annotated[float, Constant(FORCE, least=0)] = Field(0.0, title="Of each force")
+    torque: Annotated[float, Constant(MOMENT, least=0)] = Field(0.0, title="Of each moment")
+
+    @classmethod
+    def expand(cls, data: object, reading: Reading) -> object:  # noqa: ARG003
+        """Read a bare force as the noise of the forces."""
+        return short_form(data, "force")
+
+
+class Sensor(Model):
+    """The force sensor.
+
+    Attributes:
+        at: `contact` measures the contact alone; `wrist` also the weight and the inertia of the
+            tool, which hangs on it.
+        rate: of its samples [Hz]; None for the controller's.
+        delay: of a sample beyond the one tick that it always takes [s].
+        noise: standard deviations, None for none.
+        bias: force [N] and moment [N*m] that it shows when there is none, in the tool's axes.
+        filter: corner frequency of its first-order low-pass [Hz]; None for none.
+    """
+
+    noun = "a sensor"
+    example = "sensor: {at: wrist, delay: 2 ms, noise: 0.1 N}"
+
+    at: Annotated[Literal["wrist", "contact"], Word(("wrist", "contact"), "place")] = Field(
+        "contact", title="What it measures"
+    )
+    rate: Annotated[float, Constant(FREQUENCY, least=1.0, most=100e3)] | None = Field(
+        None, title="Rate of its samples"
+    )
+    delay: Annotated[float, Constant(TIME, least=0, most=1.0)] = Field(0.0, title="Delay")
+    noise: Noise | None = Field(None, title="Standard deviation of its noise")
+    bias: Annotated[tuple[float, ...], Entries((FORCE,) * 3 + (MOMENT,) * 3)] = Field(
+        (0.0,) * 6, title="Bias", description="[x, y, z, rx, ry, rz], in the tool's axes"
+    )
+    filter: Annotated[float, Constant(FREQUENCY, above=0)] | None = Field(
+        None, title="Corner frequency of its low-pass"
+    )
+
+
 class Robot(Model):
     """The arm and what it carries.
 
@@ -112,12 +168,12 @@ class Robot(Model):
         balanced: a counterweight carries the arm's gravity.
         joint_damping: of the plant's joints [N*m*s/rad]: one for all, or one for each. The
             controller does not know of it.
+        grasp: the handle or loose body that it holds from the start; None for nothing.
+        sensor: what measures the contact wrench.
     """
 
     noun = "a robot"
     example = "robot: {model: panda}"
-    reserved = frozenset({"grasp", "sensor"})
-
     model: Annotated[str, Free(filled=True)] = Field(
         title="Robot model",
         description="A built-in name (taskspec robots), or the path of an MJCF or URDF file",
@@ -137,3 +193,7 @@ class Robot(Model):
     joint_damping: Annotated[tuple[float, ...], ForJoints(ANGULAR_DAMPING)] = Field(
         (0.0,), title="Damping of the plant's joints"
     )
+    grasp: Annotated[str, Reference(lambda r: r.held, "handle or loose body", "TS127")] | None = (
+        Field(None, title="What it holds", description="OBJECT.handle, or a loose body")
+    )
+    sensor: Sensor = Field(Sensor(), title="Force sensor")

@@ -16,7 +16,8 @@ from taskspec.spec.model import Model, complete, mapping
 from taskspec.spec.path import Path
 from taskspec.spec.quantities import Constant, Formula
 from taskspec.spec.reading import Reading
-from taskspec.spec.words import Count, Reference
+from taskspec.spec.set_point import SetPoint, SetPoints
+from taskspec.spec.words import Count, Reference, Switch
 from taskspec.text.data import Map, Text
 from taskspec.text.expression import Expression, ScopeKind
 from taskspec.text.nodes import pointer
@@ -54,6 +55,7 @@ class Stage(Model):
     Attributes:
         axes: what each named axis does; the others hold.
         path: a curve that drives axes.
+        constraints: set points of the world's equations, by name.
         until: the guard that ends the stage well.
         within: the bound of the guard.
         fail_if: the guard that ends the stage as a failure.
@@ -64,14 +66,16 @@ class Stage(Model):
         frame: task frame; None for that of the task.
         law: control law; None for that of the task.
         limits: replace those of the task key by key.
+        tare: the sensor's mean over this stage becomes its zero.
     """
 
     noun = "a stage"
     example = "approach: {axes: {z: {move: -50 mm}}}"
-    reserved = frozenset({"constraints", "tare"})
-
     axes: Annotated[dict[str, Axis], ByName()] = Field({}, title="What each axis does")
     path: Path | None = Field(None, title="A curve that drives axes")
+    constraints: Annotated[dict[str, SetPoint], SetPoints()] = Field(
+        {}, title="Set points of the world's equations"
+    )
     until: Condition | None = Field(None, title="The condition that ends the stage well")
     within: Within | None = Field(None, title="The bound of the condition")
     fail_if: Condition | None = Field(None, title="The condition that ends the stage as a failure")
@@ -84,6 +88,9 @@ class Stage(Model):
     frame: FrameName | None = Field(None, title="Task frame")
     law: Law | None = Field(None, title="Control law")
     limits: Limits | None = Field(None, title="Limits")
+    tare: Annotated[bool, Switch()] = Field(
+        False, title="Tare", description="The sensor's mean over this stage becomes its zero"
+    )
 
     @classmethod
     def rules(cls, data: Map, reading: Reading) -> None:

@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from taskspec.spec.control import Control
+from taskspec.spec.equation import EquationObject
 from taskspec.spec.expectation import Expectation, Expectations
 from taskspec.spec.fields import FrameName
 from taskspec.spec.flow import check_flow
@@ -15,7 +16,9 @@ from taskspec.spec.frame import Frame, check_loops
 from taskspec.spec.kinds import Kind
 from taskspec.spec.law import Law
 from taskspec.spec.limits import Limits
+from taskspec.spec.mechanism import Mechanism
 from taskspec.spec.model import Model, mapping
+from taskspec.spec.objects import ByKind, Object, equations, mechanisms, shapes
 from taskspec.spec.params import Params
 from taskspec.spec.reading import Reading, span_of
 from taskspec.spec.robot import Robot
@@ -80,7 +83,7 @@ class Task(Model):
     ] = Field("task", title="Name of the task")
     about: Annotated[str, Free()] | None = Field(None, title="What the task does")
     robot: Robot = Field(title="Robot")
-    world: dict[str, Shape] = Field({}, title="Objects by name")
+    world: dict[str, Annotated[Object, ByKind()]] = Field({}, title="Objects by name")
     params: Annotated[dict[str, Quantity], Params()] = Field({}, title="Named quantities")
     frames: dict[str, Frame] = Field({}, title="Frames by name")
     frame: FrameName = Field("world", title="Task frame of all stages")
@@ -94,6 +97,21 @@ class Task(Model):
         {}, title="What is uncertain about the real world"
     )
     control: Control = Field(Control(), title="Rates")
+
+    @property
+    def shapes(self) -> dict[str, Shape]:
+        """Objects with a surface."""
+        return shapes(self.world)
+
+    @property
+    def equations(self) -> dict[str, EquationObject]:
+        """Constraint equations."""
+        return equations(self.world)
+
+    @property
+    def mechanisms(self) -> dict[str, Mechanism]:
+        """Mechanisms with a handle."""
+        return mechanisms(self.world)
 
     @classmethod
     def rules(cls, data: Map, reading: Reading) -> None:

@@ -7,17 +7,54 @@ from typing import Annotated, ClassVar, Literal
 from pydantic import Field
 
 from taskspec.spec.fields import RPY, XYZ
-from taskspec.spec.model import Model
-from taskspec.spec.quantities import Constant, Entries
+from taskspec.spec.model import Model, complete
+from taskspec.spec.quantities import Constant, Entries, Formula
 from taskspec.spec.reading import Reading
 from taskspec.spec.sizes import check_sizes
-from taskspec.spec.words import Word
+from taskspec.spec.words import Switch, Word
 from taskspec.text.data import Map
-from taskspec.text.units import DAMPING, LENGTH, NUMBER, STIFFNESS
+from taskspec.text.expression import Expression, ScopeKind
+from taskspec.text.nodes import pointer
+from taskspec.text.units import ANGLE, DAMPING, LENGTH, MASS, NUMBER, STIFFNESS
 
 ShapeName = Literal["plane", "box", "cylinder", "sphere"]
 
-_LATER = ("equation", "mechanism")
+MOTION = {axis: LENGTH for axis in ("x", "y", "z")} | {a: ANGLE for a in ("rx", "ry", "rz")}
+"""How an object may move by itself, and what each axis measures."""
+
+
+class Motion(Model):
+    """How an object moves as the clock goes on, in its own axes as declared.
+
+    Attributes:
+        x, y, z: displacement of its origin [m].
+        rx, ry, rz: rotation vector [rad]; at most one of the three.
+    """
+
+    noun = "a motion"
+    example = "motion: {z: 2 mm * sin(2*pi*clock*2 Hz)}"
+
+    x: Annotated[Expression, Formula(LENGTH, ScopeKind.WORLD)] | None = Field(None, title="Along x")
+    y: Annotated[Expression, Formula(LENGTH, ScopeKind.WORLD)] | None = Field(None, title="Along y")
+    z: Annotated[Expression, Formula(LENGTH, ScopeKind.WORLD)] | None = Field(None, title="Along z")
+    rx: Annotated[Expression, Formula(ANGLE, ScopeKind.WORLD)] | None = Field(None, title="About x")
+    ry: Annotated[Expression, Formula(ANGLE, ScopeKind.WORLD)] | None = Field(None, title="About y")
+    rz: Annotated[Expression, Formula(ANGLE, ScopeKind.WORLD)] | None = Field(None, title="About z")
+
+    @property
+    def axes(self) -> dict[str, Expression]:
+        """The axes that move."""
+        return {axis: e for axis in MOTION if (e := getattr(self, axis)) is not None}
+
+    @classmethod
+    def rules(cls, data: Map, reading: Reading) -> None:
+        """Ask for an axis, and for no more than one rotation."""
+        if not data and complete(data, reading):
+            reading.error("TS021", "a motion needs an axis", pointer(data.node), cls.example)
+        turns = [axis for axis in ("rx", "ry", "rz") if axis in data]
+        if len(turns) > 1:
+            message = "an object turns about one of its axes"
+            reading.error("TS026", message, data.node.key_span(turns[1]), "keep one of them")
 
 
 class Shape(Model):
@@ -33,14 +70,14 @@ class Shape(Model):
         stiffness: of the whole contact [N/m], or `rigid`.
         damping: of the whole contact [N*s/m]; None for 0.1 * 2 * sqrt(stiffness * 1 kg).
         friction: Coulomb's coefficient.
+        motion: how it moves by itself; None where it stands still.
+        free: it is a loose body.
+        mass: of a loose body [kg].
     """
 
     noun = "an object"
     example = "table: {shape: plane, xyz: [0, 0, 300 mm]}"
-    reserved = frozenset(
-        {"equation", "frame", "mechanism", "handle", "knob", "inertia", "stop", "detent", "pitch"}
-        | {"motion", "free", "mass", "angle", "depth", "chamfer"}
-    )
+    reserved = frozenset({"angle", "depth", "chamfer"})
     sizes: ClassVar[dict[str, tuple[tuple[str, ...], tuple[str, ...]]]] = {
         "plane": ((), ()),
         "box": (("size",), ()),
@@ -70,18 +107,26 @@ class Shape(Model):
     friction: Annotated[float, Constant(NUMBER, least=0)] = Field(
         0.0, title="Coefficient of friction"
     )
+    motion: Motion | None = Field(None, title="Motion by itself")
+    free: Annotated[bool, Switch()] = Field(False, title="A loose body")
+    mass: Annotated[float, Constant(MASS, above=0)] | None = Field(
+        None, title="Mass of a loose body"
+    )
+
+    @property
+    def kind(self) -> str:
+        """Of its signals."""
+        return "shape"
 
     @classmethod
     def expand(cls, data: object, reading: Reading) -> object:
         """Report an object of a kind that comes later, and look no further into it."""
         if not isinstance(data, Map):
             return data
-        later = [key for key in _LATER if key in data]
-        shape = data.get("shape")
-        if not later and shape not in ("groove", "hole"):
+        if data.get("shape") not in ("groove", "hole"):
             return data
         reading.quiet.add(id(data.node))
-        rest = Map({key: data[key] for key in later[:1] or ["shape"]})
+        rest = Map({"shape": data["shape"]})
         rest.node = data.node
         return rest
 
@@ -89,3 +134,21 @@ class Shape(Model):
     def rules(cls, data: Map, reading: Reading) -> None:
         """Ask for the sizes of the shape."""
         check_sizes("object", data.get("shape"), cls.sizes, data, reading)
+        _check_free(data, reading)
+
+
+def _check_free(data: Map, reading: Reading) -> None:
+    sure = complete(data, reading)
+    free = "free" in data and getattr(data["free"], "value", True)
+    if free and data.get("shape") == "plane":
+        reading.error("TS302", "a plane is endless and cannot be loose", data.node.key_span("free"),
+                      "take a box")  # fmt: skip
+    if free and "motion" in data:
+        reading.error("TS026", "a loose body has no 'motion' of its own",
+                      data.node.key_span("motion"), "keep one of the two")  # fmt: skip
+    if free and "mass" not in data and sure:
+        reading.error("TS301", "a loose body needs a 'mass'", data.node.key_span("free"),
+                      "such as mass: 500 g")  # fmt: skip
+    if "mass" in data and not free and sure:
+        reading.error("TS026", "'mass' belongs to a loose body", data.node.key_span("mass"),
+                      "add 'free: true'")  # fmt: skip

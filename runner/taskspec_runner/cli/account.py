@@ -102,7 +102,7 @@ def stage_account(program: Program, stage: CompiledStage) -> StageAccount:
 def _contact(program: Program, stage: CompiledStage) -> str:
     if stage.contact is None:
         return "none: the world has no surface"
-    shape = program.context.loaded.task.world[stage.contact]
+    shape = program.context.loaded.task.shapes[stage.contact]
     rigid = " (rigid)" if shape.stiffness == "rigid" else ""
     friction = f", friction {shape.friction:.3g}" if shape.friction else ", frictionless"
     return f"{stage.contact}, believed {stiffness(stage.stiffness)}{rigid}{friction}"

@@ -73,7 +73,7 @@ def _robot(program: Program) -> Iterator[tuple[str, str]]:
 def _world(program: Program) -> Iterator[tuple[str, str]]:
     context = program.context
     task = context.loaded.task
-    for name, shape in task.world.items():
+    for name, shape in task.shapes.items():
         given = shape.model_fields_set
         if "stiffness" not in given:
             yield f"world.{name}.stiffness", stiffness(float(shape.stiffness))

@@ -64,7 +64,7 @@ def build_scene(robot: RobotModel, task: Task, start: NDArray[np.float64]) -> Sc
         spec.joint(joint).damping = [float(value), 0.0, 0.0]
     begin = task.robot.start
     near = None if begin is None or begin.xyz is None else np.array(begin.xyz)
-    for number, (name, shape) in enumerate(task.world.items()):
+    for number, (name, shape) in enumerate(task.shapes.items()):
         _add_object(spec, name, shape, near, _COLORS[number % len(_COLORS)])
         for geom in robot.tool_geoms:
             pair = spec.add_pair(geomname1=PREFIX + name, geomname2=geom, condim=3)
@@ -79,9 +79,9 @@ def build_scene(robot: RobotModel, task: Task, start: NDArray[np.float64]) -> Sc
             intprm=[_FORCE_TORQUE_POINT, _NET_FORCE, 1],
         )
     model = spec.compile()
-    addresses = [int(model.sensor(PREFIX + name).adr[0]) for name in task.world]
+    addresses = [int(model.sensor(PREFIX + name).adr[0]) for name in task.shapes]
     sensors = tuple(slice(address, address + 9) for address in addresses)
-    return Scene(model, tuple(task.world), sensors)
+    return Scene(model, tuple(task.shapes), sensors)
 
 
 #: Data fields of a contact sensor: bits of force, torque and point.

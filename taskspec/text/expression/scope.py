@@ -9,10 +9,10 @@ from types import MappingProxyType
 from typing import Literal
 
 from taskspec.text.expression import signals
-from taskspec.text.units import NUMBER, TIME, Dimension, Quantity
+from taskspec.text.units import ANGLE, NUMBER, TIME, Dimension, Quantity
 
 Kind = Literal["param", "constant", "clock", "signal", "condition", "vector", "joint", "object",
-               "visits"]  # fmt: skip
+               "visits", "coordinate"]  # fmt: skip
 
 
 class ScopeKind(StrEnum):
@@ -22,6 +22,8 @@ class ScopeKind(StrEnum):
     """A fixed value: params and pi."""
     WORLD = "world"
     """The world's own motion: also `clock`."""
+    EQUATION = "equation"
+    """A constraint: `clock`, and the tip's x, y, z or the joints q1, q2 and so on."""
     PLANNED = "planned"
     """A planned position: also `t` and `clock`."""
     REFERENCE = "reference"
@@ -32,17 +34,21 @@ class ScopeKind(StrEnum):
     """An expectation: also signals of one stage, and `for` a share of all ticks."""
 
 
+_WORLDLY = (ScopeKind.WORLD, ScopeKind.EQUATION)
+
+
 @dataclass(frozen=True, slots=True)
 class Scope:
     """The names that an expression may use.
 
-    `broken` holds names whose own definition is wrong: using them is no further mistake.
+    `objects` maps the name of an object to its kind in `signals.OBJECT`. `broken` holds names whose
+    own definition is wrong: using them is no further mistake.
     """
 
     kind: ScopeKind
     params: Mapping[str, Quantity] = field(default_factory=lambda: MappingProxyType({}))
     stages: Set[str] = frozenset()
-    objects: Set[str] = frozenset()
+    objects: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
     frames: Set[str] = frozenset()
     broken: Set[str] = frozenset()
 
@@ -56,7 +62,7 @@ class Scope:
         """The clocks that exist here."""
         if self.kind is ScopeKind.CONSTANT:
             return ()
-        return ("clock",) if self.kind is ScopeKind.WORLD else signals.CLOCKS
+        return ("clock",) if self.kind in _WORLDLY else signals.CLOCKS
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,6 +98,8 @@ def resolve(path: tuple[str, ...], scope: Scope) -> Meaning | None:
         inner = _resolve_signal(rest, scope) if scope.kind is ScopeKind.EXPECT else None
         return _in_stage(inner, head) if inner else None
     if not rest:
+        if scope.kind is ScopeKind.EQUATION and (dimension := coordinate(head)) is not None:
+            return Meaning("coordinate", head, dimension)
         if head in scope.params:
             return Meaning("param", head, scope.params[head].dimension)
         if head in signals.CONSTANTS:
@@ -99,6 +107,13 @@ def resolve(path: tuple[str, ...], scope: Scope) -> Meaning | None:
         if head in scope.clocks:
             return Meaning("clock", head, TIME)
     return _resolve_signal(path, scope) if scope.measures else None
+
+
+def coordinate(name: str) -> Dimension | None:
+    """Return the dimension of a coordinate that an equation may use, None for any other name."""
+    if name[:1] == "q" and name[1:].isdigit() and not name.startswith("q0"):
+        return ANGLE
+    return signals.COORDINATES.get(name)
 
 
 def _in_stage(meaning: Meaning, stage: str) -> Meaning:
@@ -124,7 +139,8 @@ def _resolve_signal(path: tuple[str, ...], scope: Scope) -> Meaning | None:
             if int(number) < 1 or number.startswith("0"):
                 return None
             return Meaning("joint", name, signals.JOINT[name], subject=number)
-        case (owner, name) if owner in scope.objects and name in signals.OBJECT:
-            return Meaning("object", name, signals.OBJECT[name], subject=owner)
+        case (owner, name) if owner in scope.objects:
+            has = signals.OBJECT[scope.objects[owner]]
+            return Meaning("object", name, has[name], subject=owner) if name in has else None
         case _:
             return None

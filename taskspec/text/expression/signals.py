@@ -49,9 +49,18 @@ JOINT: dict[str, Dimension] = {
     "velocity": ANGULAR_VELOCITY,
     "torque": MOMENT,
 }
-OBJECT: dict[str, Dimension] = {"gap": LENGTH, "force": FORCE}
-MECHANISM = ("angle", "travel", "torque")
-"""Signals of objects that move."""
+OBJECT: dict[str, dict[str, Dimension]] = {
+    "shape": {"gap": LENGTH, "force": FORCE},
+    "equation": {"gap": LENGTH, "force": FORCE},
+    "joint equation": {"gap": ANGLE, "torque": MOMENT},
+    "hinge": {"angle": ANGLE, "torque": MOMENT},
+    "slide": {"travel": LENGTH, "force": FORCE},
+    "screw": {"angle": ANGLE, "travel": LENGTH, "torque": MOMENT},
+}
+"""Signals of an object of the world, by its kind."""
+
+COORDINATES: dict[str, Dimension] = dict.fromkeys(TRANSLATIONS, LENGTH)
+"""Coordinates of the tool tip, for equations; joints are q1, q2 and so on."""
 
 CONSTANTS: dict[str, tuple[float, Dimension]] = {"pi": (3.141592653589793, NUMBER)}
 

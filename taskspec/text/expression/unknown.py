@@ -13,6 +13,7 @@ from taskspec.text.units import UNITS
 _ONLY_HERE = {
     ScopeKind.CONSTANT: "a fixed value may use params and pi only",
     ScopeKind.WORLD: "the world may use params, pi and clock only",
+    ScopeKind.EQUATION: "an equation may use x, y, z or q1, q2, ..., clock, params and pi",
     ScopeKind.PLANNED: "a planned position may use params, pi, t and clock only",
 }
 _TRUTH = ("yes", "no", "on", "off", "true", "false")
@@ -31,7 +32,9 @@ def explain_name(node: Name, scope: Scope) -> Problem:
     if len(path) == 1:
         code, message, hint = _single(head, scope)
         return Problem(code, message, start, end, hint)
-    if not scope.measures and (head in signals.VECTORS or head in scope.objects | scope.stages):
+    if not scope.measures and (
+        head in signals.VECTORS or head in scope.objects.keys() | scope.stages
+    ):
         message = f"'{text}' is not known here"
         return Problem("TS116", message, start, end, _ONLY_HERE[scope.kind])
     if head in scope.stages:
@@ -86,14 +89,8 @@ def _signal(
                        _axis_hint(head, path[1], axes))  # fmt: skip
     if head in scope.objects:
         name = ".".join(path[1:])
-        if name in signals.MECHANISM:
-            return Problem(
-                "TS090",
-                f"'{name}' of an object is part of the language but not supported yet",
-                start,
-                end,
-            )
-        hint = suggestion(name, signals.OBJECT, "signals of an object")
+        has = signals.OBJECT[scope.objects[head]]
+        hint = suggestion(name, has, f"signals of '{head}'")
         return Problem("TS120", f"the object '{head}' has no signal '{name}'", start, end, hint)
     if head == "joint":
         hint = "write joint.1.position, joint.1.velocity or joint.1.torque, counted from 1"

@@ -1,0 +1,151 @@
+"""`world`: constraint equations on the tool tip or on the joints."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal
+
+from pydantic import Field
+
+from taskspec.spec import values
+from taskspec.spec.fields import FrameName
+from taskspec.spec.kinds import Kind
+from taskspec.spec.model import Model
+from taskspec.spec.quantities import Constant
+from taskspec.spec.reading import Reading
+from taskspec.text.data import Map, Text
+from taskspec.text.expression import Expression, Problem, ScopeKind, infer, parse
+from taskspec.text.expression.problem import ExpressionError
+from taskspec.text.expression.scope import coordinate
+from taskspec.text.expression.tree import Binary, Equation, Name, walk
+from taskspec.text.units import (
+    ANGULAR_DAMPING,
+    ANGULAR_STIFFNESS,
+    DAMPING,
+    NUMBER,
+    STIFFNESS,
+)
+
+Relation = Literal["=", "<=", ">="]
+
+
+@dataclass(frozen=True, slots=True)
+class Constraint:
+    """Two sides and how they relate.
+
+    Attributes:
+        residual: left minus right; zero on the constraint.
+        relation: `=` holds both ways; under `<=` and `>=` the tool may leave to one side.
+        joints: it is on joints, not on the tool tip.
+    """
+
+    residual: Expression
+    relation: Relation
+    joints: bool
+
+    def __str__(self) -> str:
+        return str(self.residual)
+
+
+@dataclass(frozen=True)
+class Sides(Kind):
+    """The text of an equation."""
+
+    def read(self, value: object, reading: Reading) -> Constraint:
+        """Return the constraint."""
+        nothing = Constraint(Expression("", Name(("x",)), NUMBER), "=", joints=False)
+        node = values.parsed(value, "equation", reading, "an equation")
+        if not isinstance(node, Equation):
+            return nothing
+        assert isinstance(value, Text)
+        residual = Binary("-", node.left, node.right, start=node.start, end=node.end)
+        kind, problems = infer(residual, reading.scope(ScopeKind.EQUATION))
+        reading.problems(value, problems or _coordinates(residual))
+        if problems:
+            return nothing
+        expression = Expression(value, residual, kind.dimension or NUMBER, value.node.origin)
+        return Constraint(expression, node.op, on_joints(residual))
+
+    def json(self) -> dict[str, Any]:
+        """Describe the equation."""
+        return {"type": "string", "description": "Such as 'x^2 + y^2 = (300 mm)^2'"}
+
+
+def on_joints(residual: Binary) -> bool:
+    """Whether an equation is one of joints."""
+    used = [n.path[0] for n in walk(residual) if isinstance(n, Name) and len(n.path) == 1]
+    return any(name.startswith("q") for name in used if coordinate(name) is not None)
+
+
+def _coordinates(residual: Binary) -> tuple[Problem, ...]:
+    """Report an equation on nothing, or on the tip and on joints at once."""
+    used = {n.path[0]: n for n in walk(residual) if isinstance(n, Name)}
+    mine = {name: node for name, node in used.items() if coordinate(name) is not None}
+    if not mine:
+        message = "this equation constrains nothing"
+        hint = "use x, y, z of the tool tip, or joints q1, q2, ..."
+        return (Problem("TS310", message, residual.start, residual.end, hint),)
+    joints = [node for name, node in mine.items() if name.startswith("q")]
+    if joints and len(joints) < len(mine):
+        message = "an equation is on the tool tip or on joints, not on both"
+        return (Problem("TS310", message, joints[0].start, joints[0].end),)
+    return ()
+
+
+class EquationObject(Model):
+    """A constraint on the tool tip, `x y z` in the world or in `frame`, or on joints `q1 q2 ...`.
+
+    Attributes:
+        equation: its two sides.
+        frame: in which x, y and z count; None for the world.
+        stiffness: along the unit gradient [N/m]; of an equation on joints [N*m/rad].
+        damping: along the unit gradient [N*s/m]; of an equation on joints [N*m*s/rad]. None for
+            0.1 * 2 * sqrt(stiffness * 1 kg), or with 0.05 kg*m^2 on joints.
+    """
+
+    noun = "an equation"
+    example = 'rim: {equation: "x^2 + y^2 = (300 mm)^2"}'
+
+    equation: Annotated[Constraint, Sides()] = Field(title="Equation")
+    frame: FrameName | None = Field(None, title="Frame in which x, y, z count")
+    stiffness: Annotated[
+        float | Literal["rigid"], Constant(STIFFNESS, above=0, words=("rigid",))
+    ] = Field(20e3, title="Stiffness along the unit gradient")
+    damping: Annotated[float, Constant(DAMPING, least=0)] | None = Field(
+        None, title="Damping along the unit gradient"
+    )
+
+    @property
+    def kind(self) -> str:
+        """Of its signals."""
+        return "joint equation" if self.equation.joints else "equation"
+
+
+class JointEquation(EquationObject):
+    """A constraint on joints."""
+
+    stiffness: Annotated[
+        float | Literal["rigid"], Constant(ANGULAR_STIFFNESS, above=0, words=("rigid",))
+    ] = Field(2e3, title="Stiffness along the unit gradient")
+    damping: Annotated[float, Constant(ANGULAR_DAMPING, least=0)] | None = Field(
+        None, title="Damping along the unit gradient"
+    )
+
+    @classmethod
+    def rules(cls, data: Map, reading: Reading) -> None:
+        """Report a frame, which joints do not have."""
+        if "frame" in data:
+            message = "an equation on joints has no 'frame'"
+            reading.error("TS310", message, data.node.key_span("frame"), "leave it out")
+
+
+def kind_of_text(text: object) -> str:
+    """The kind of the equation that a raw text states, `equation` where it cannot be told."""
+    if not isinstance(text, Text):
+        return "equation"
+    try:
+        node = parse(text, "equation")
+    except ExpressionError:
+        return "equation"
+    assert isinstance(node, Equation)
+    return "joint equation" if on_joints(Binary("-", node.left, node.right)) else "equation"

@@ -1,0 +1,161 @@
+"""`world`: mechanisms that the robot turns, pulls or screws by their handle."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, ClassVar, Literal
+
+from pydantic import Field
+
+from taskspec.spec.fields import RPY, XYZ
+from taskspec.spec.model import Model
+from taskspec.spec.quantities import Constant
+from taskspec.spec.reach import Reach
+from taskspec.spec.words import Word
+from taskspec.text.units import (
+    ANGLE,
+    ANGULAR_DAMPING,
+    DAMPING,
+    FORCE,
+    INERTIA,
+    LENGTH,
+    MASS,
+    MOMENT,
+)
+
+MECHANISMS = ("hinge", "slide", "screw")
+Knob = Literal["free", "fixed"]
+
+
+class Detent(Model):
+    """A snap: it resists before `at` and pulls along after it.
+
+    The generalised force on the mechanism is F sin(pi (s - at) / width) for |s - at| < width.
+
+    Attributes:
+        at: coordinate of the snap [rad or m].
+        force: greatest moment or force, F [N*m or N].
+        width: to either side of `at` [rad or m].
+    """
+
+    noun = "a detent"
+
+    at: float
+    force: float
+    width: float
+
+
+class AngularDetent(Detent):
+    """A snap of a hinge or a screw."""
+
+    at: Annotated[float, Constant(ANGLE)] = Field(title="Angle of the snap")
+    force: Annotated[float, Constant(MOMENT, above=0)] = Field(title="Greatest moment")
+    width: Annotated[float, Constant(ANGLE, above=0)] = Field(title="To either side")
+
+
+class LinearDetent(Detent):
+    """A snap of a slide."""
+
+    at: Annotated[float, Constant(LENGTH)] = Field(title="Travel of the snap")
+    force: Annotated[float, Constant(FORCE, above=0)] = Field(title="Greatest force")
+    width: Annotated[float, Constant(LENGTH, above=0)] = Field(title="To either side")
+
+
+class Mechanism(Model):
+    """One degree of freedom about or along z of its own axes, with a handle.
+
+    Its coordinate is 0 as declared.
+
+    Attributes:
+        mechanism: `hinge` turns about z, `slide` goes along z, `screw` does both.
+        xyz: position of its axes in the world [m].
+        rpy: orientation of its axes in the world [rad].
+        handle: the handle in its own axes at coordinate 0 [m].
+        knob: `free` turns on the handle about an axis parallel to z; `fixed` does not.
+        damping: viscous [N*m*s/rad, N*s/m].
+        friction: Coulomb's, as a moment or a force [N*m, N].
+        stop: least and greatest coordinate [rad, m]; None for none.
+        detent: a snap.
+
+    A hinge has an `inertia` about its axis [kg*m^2], a slide a `mass` [kg], a screw both and a
+    `pitch`, its way along z per angle [m/rad].
+    """
+
+    noun = "a mechanism"
+    example = "crank: {mechanism: hinge, xyz: [500 mm, 0, 350 mm], handle: [120 mm, 0, 0]}"
+    coordinate: ClassVar[str] = "angle"
+
+    mechanism: str
+    xyz: XYZ = Field((0.0, 0.0, 0.0), title="Position in the world", description="[x, y, z]")
+    rpy: RPY = Field((0.0, 0.0, 0.0), title="Orientation", description="[roll, pitch, yaw]")
+    handle: XYZ = Field(
+        (0.0, 0.0, 0.0), title="Handle", description="[x, y, z] in its own axes, at coordinate 0"
+    )
+    knob: Annotated[Knob, Word(("free", "fixed"), "knob")] = Field(
+        "fixed", title="Knob", description="free turns on the handle, fixed does not"
+    )
+    damping: float = 0.0
+    friction: float = 0.0
+    stop: tuple[float, float] | None = None
+    detent: Detent | None = None
+
+    @property
+    def lead(self) -> float:
+        """Way along z per angle about it [m/rad]; 0 for a hinge or slide."""
+        return 0.0
+
+    @property
+    def kind(self) -> str:
+        """Of its signals."""
+        return self.mechanism
+
+    @property
+    def angular(self) -> bool:
+        """Whether its coordinate is an angle."""
+        return self.mechanism != "slide"
+
+
+class _Turning(Mechanism):
+    damping: Annotated[float, Constant(ANGULAR_DAMPING, least=0)] = Field(0.0, title="Damping")
+    friction: Annotated[float, Constant(MOMENT, least=0)] = Field(0.0, title="Friction")
+    stop: Annotated[tuple[float, float], Reach(ANGLE)] | None = Field(None, title="Stop")
+    detent: AngularDetent | None = Field(None, title="Detent")
+
+
+class Hinge(_Turning):
+    """A mechanism that turns about its z."""
+
+    mechanism: Annotated[Literal["hinge"], Word(("hinge",), "mechanism")] = Field(title="Kind")
+    inertia: Annotated[float, Constant(INERTIA, above=0)] = Field(0.01, title="Inertia")
+
+
+class Slide(Mechanism):
+    """A mechanism that goes along its z."""
+
+    coordinate: ClassVar[str] = "travel"
+
+    mechanism: Annotated[Literal["slide"], Word(("slide",), "mechanism")] = Field(title="Kind")
+    knob: Annotated[Knob, Word(("free", "fixed"), "knob")] = Field("fixed", title="Knob")
+    mass: Annotated[float, Constant(MASS, above=0)] = Field(1.0, title="Mass")
+    damping: Annotated[float, Constant(DAMPING, least=0)] = Field(0.0, title="Damping")
+    friction: Annotated[float, Constant(FORCE, least=0)] = Field(0.0, title="Friction")
+    stop: Annotated[tuple[float, float], Reach(LENGTH)] | None = Field(None, title="Stop")
+    detent: LinearDetent | None = Field(None, title="Detent")
+
+
+class Screw(_Turning):
+    """A mechanism that turns about its z and goes along it."""
+
+    mechanism: Annotated[Literal["screw"], Word(("screw",), "mechanism")] = Field(title="Kind")
+    inertia: Annotated[float, Constant(INERTIA, above=0)] = Field(0.001, title="Inertia")
+    mass: Annotated[float, Constant(MASS, above=0)] = Field(0.1, title="Mass")
+    pitch: Annotated[float, Constant(LENGTH / ANGLE)] = Field(
+        title="Pitch", description="Way along z in one turn, such as 2 mm/turn"
+    )
+
+    @property
+    def lead(self) -> float:
+        """Way along z per angle about it [m/rad]."""
+        return self.pitch
+
+
+OF_KIND: dict[str, Any] = {"hinge": Hinge, "slide": Slide, "screw": Screw}

@@ -1,0 +1,81 @@
+"""`world`: which kind of object a mapping declares."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from pydantic import BaseModel, GetCoreSchemaHandler, GetJsonSchemaHandler
+from pydantic_core import CoreSchema, core_schema
+
+from taskspec.spec.equation import EquationObject, JointEquation, kind_of_text
+from taskspec.spec.mechanism import MECHANISMS, OF_KIND, Hinge, Mechanism, Screw, Slide
+from taskspec.spec.model import mapping
+from taskspec.spec.world import Shape
+from taskspec.text.data import Map
+
+Object = Shape | EquationObject | Mechanism
+
+_MODELS: dict[str, type[BaseModel]] = {
+    "shape": Shape,
+    "equation": EquationObject,
+    "joint equation": JointEquation,
+    **OF_KIND,
+}
+
+
+def kind_of_object(data: object) -> str:
+    """The kind of a raw object, as `signals.OBJECT` names it; `shape` where nothing tells."""
+    if not isinstance(data, Map):
+        return "shape"
+    if "equation" in data:
+        return kind_of_text(data["equation"])
+    if "mechanism" in data:
+        kind = data["mechanism"]
+        return str(kind) if isinstance(kind, str) and kind in MECHANISMS else "hinge"
+    return "shape"
+
+
+class ByKind:
+    """Reads an object as the model that its keys ask for."""
+
+    def __get_pydantic_core_schema__(
+        self, source: Any, handler: GetCoreSchemaHandler
+    ) -> CoreSchema:
+        choices = {kind: handler.generate_schema(model) for kind, model in _MODELS.items()}
+        return core_schema.tagged_union_schema(choices, discriminator=_tag)
+
+    def __get_pydantic_json_schema__(
+        self, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        found = handler(schema)
+        return {"anyOf": found.get("oneOf", [])} if "oneOf" in found else found
+
+
+def _tag(value: Any) -> str:
+    if isinstance(value, BaseModel):
+        return next(kind for kind, model in _MODELS.items() if type(value) is model)
+    return kind_of_object(value)
+
+
+def kinds_of(world: object) -> dict[str, str]:
+    """Kinds of all objects of a raw `world`, by name."""
+    return {name: kind_of_object(value) for name, value in mapping(world).items()}
+
+
+def shapes(world: Mapping[str, Object]) -> dict[str, Shape]:
+    """The shapes of a world."""
+    return {name: o for name, o in world.items() if isinstance(o, Shape)}
+
+
+def equations(world: Mapping[str, Object]) -> dict[str, EquationObject]:
+    """The equations of a world."""
+    return {name: o for name, o in world.items() if isinstance(o, EquationObject)}
+
+
+def mechanisms(world: Mapping[str, Object]) -> dict[str, Mechanism]:
+    """The mechanisms of a world."""
+    return {name: o for name, o in world.items() if isinstance(o, Mechanism)}
+
+
+__all__ = ["ByKind", "Hinge", "Object", "Screw", "Slide", "equations", "mechanisms", "shapes"]

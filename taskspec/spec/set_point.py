@@ -1,0 +1,94 @@
+"""`constraints`: set points of the world's equations during a stage."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+from pydantic import Field
+
+from taskspec.spec.axis import Ramp
+from taskspec.spec.kinds import Kind
+from taskspec.spec.model import Model, complete
+from taskspec.spec.quantities import Formula
+from taskspec.spec.reading import Reading, kind_of, span_of
+from taskspec.text.data import Map
+from taskspec.text.expression import Expression, ScopeKind
+from taskspec.text.nodes import pointer
+from taskspec.text.suggest import suggestion
+from taskspec.text.units import FORCE, MOMENT
+
+
+class SetPoint(Model):
+    """What the robot applies along the unit gradient of an equation's left minus right side.
+
+    Attributes:
+        force: of an equation on the tool tip [N].
+        torque: of an equation on joints [N*m].
+        ramp: time in which it is reached [s]; None for the default.
+    """
+
+    noun = "a set point"
+    example = "such as {force: 20 N}"
+
+    force: Annotated[Expression, Formula(FORCE, ScopeKind.REFERENCE)] | None = Field(
+        None, title="Force", description="Along the unit gradient, as the robot applies it"
+    )
+    torque: Annotated[Expression, Formula(MOMENT, ScopeKind.REFERENCE)] | None = Field(
+        None, title="Moment", description="Along the unit gradient in joint space"
+    )
+    ramp: Ramp | None = Field(None, title="Time in which it is reached")
+
+    @property
+    def wanted(self) -> Expression:
+        """The set point, whichever it is."""
+        wanted = self.force if self.force is not None else self.torque
+        assert wanted is not None
+        return wanted
+
+
+@dataclass(frozen=True)
+class SetPoints(Kind):
+    """A mapping of equations to their set points."""
+
+    def read(self, value: object, reading: Reading) -> dict[str, SetPoint]:
+        """Return the set points by the name of the equation."""
+        if not isinstance(value, Map):
+            message = f"'constraints' is a mapping of equations, this is {kind_of(value)}"
+            reading.error("TS022", message, span_of(value), "such as {rim: {force: 20 N}}")
+            return {}
+        found = {}
+        known = reading.of_kind("equation", "joint equation")
+        for name, entry in value.items():
+            if name not in known:
+                span = value.node.key_span(name)
+                hint = suggestion(name, known, "equations")
+                reading.error("TS123", f"unknown equation '{name}'", span, hint)
+                continue
+            self._check(name, entry, reading)
+            found[name] = SetPoint.model_validate(entry, context=reading)
+        return found
+
+    def _check(self, name: str, entry: object, reading: Reading) -> None:
+        """Ask for the one quantity that fits the equation."""
+        if not isinstance(entry, Map):
+            return
+        on_joints = reading.objects[name] == "joint equation"
+        right, wrong = ("torque", "force") if on_joints else ("force", "torque")
+        if wrong in entry:
+            where = "joints" if on_joints else "the tool tip"
+            message = f"a {wrong} on an equation of {where}"
+            reading.error("TS205", message, entry.node.key_span(wrong), f"write '{right}'")
+        elif right not in entry and complete(entry, reading):
+            message = f"a set point needs a '{right}'"
+            reading.error("TS021", message, pointer(entry.node), SetPoint.example)
+
+    def json(self) -> dict[str, Any]:
+        """Describe the mapping."""
+        one = {"type": ["string", "number"]}
+        entry = {
+            "type": "object",
+            "additionalProperties": False,
+            "properties": {key: one for key in SetPoint.model_fields},
+        }
+        return {"type": "object", "additionalProperties": entry}
