@@ -40,7 +40,14 @@ def main(task: Path, stage: str) -> None:
         robot, loaded.task, program.context.start, (bus.view("wrench"), bus.view("objects"))
     )
     machine = program.machine(
-        (bus.view("q"), bus.view("v"), np.zeros(6), bus.view("torque"), bus.outputs)
+        (
+            bus.view("q"),
+            bus.view("v"),
+            np.zeros(6),
+            np.zeros(len(program.context.equations)),
+            bus.view("torque"),
+            bus.outputs,
+        )
     )
     sensing = Sensing(plant, machine)
     sensing.read()

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from taskspec.check import check_stages
 from taskspec.program.context import Context
 from taskspec.program.errors import spec_error
-from taskspec.program.machine import Machine
+from taskspec.program.machine import Machine, Views
 from taskspec.program.paths import path_shape
-from taskspec.program.ports import OUTPUTS
+from taskspec.program.ports import fields
 from taskspec.program.prepare import frame_at_start, prepare
 from taskspec.program.signals import UnknownSignalError
 from taskspec.program.stage import CompiledStage, compile_stage
@@ -38,18 +38,16 @@ class Program:
     @property
     def output_size(self) -> int:
         """Length of a machine's `outputs`."""
-        return sum(length for _, length in OUTPUTS)
+        return sum(length for _, length in fields(len(self.context.equations)))
 
-    def machine(
-        self, views: tuple[Vector, Vector, Vector, Vector, Vector] | None = None
-    ) -> Machine:
-        """A fresh machine; `views` are 1-D arrays for q, v, wrench, torque and outputs."""
+    def machine(self, views: Views | None = None) -> Machine:
+        """A fresh machine; `views` are 1-D arrays for its inputs and outputs."""
         n = self.context.robot.pin.nv
-        lengths = (n, n, 6, n, self.output_size)
-        q, v, wrench, torque, outputs = views or [np.zeros(length) for length in lengths]
-        return Machine(
-            self.context.robot, self.stages, self.context.period, (q, v, wrench, torque, outputs)
-        )
+        if views is None:
+            lengths = (n, n, 6, len(self.context.equations), n, self.output_size)
+            q, v, wrench, reactions, torque, outputs = (np.zeros(length) for length in lengths)
+            views = (q, v, wrench, reactions, torque, outputs)
+        return Machine(self.context.robot, self.stages, self.context.period, views)
 
 
 def compile_task(loaded: LoadedTask) -> Program:

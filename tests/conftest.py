@@ -59,11 +59,18 @@ def simulate(tmp_path: Path) -> Simulate:
             loaded = load_task(TASKS / f"{task}.yaml", overrides)
         program = compile_task(loaded)
         context = program.context
-        bus = Bus(context.robot.pin.nv, len(context.surfaces))
+        bus = Bus(context.robot.pin.nv, len(context.surfaces), len(context.equations))
         contact = (bus.view("wrench"), bus.view("objects"))
         plant = Plant(context.robot, loaded.task, context.start, contact)
         machine = program.machine(
-            (bus.view("q"), bus.view("v"), np.zeros(6), bus.view("torque"), bus.outputs)
+            (
+                bus.view("q"),
+                bus.view("v"),
+                np.zeros(6),
+                np.zeros(len(context.equations)),
+                bus.view("torque"),
+                bus.outputs,
+            )
         )
         log = tmp_path / "log.arrow"
         recorder = Recorder(log, bus, context.robot, program.stages, context.surfaces)

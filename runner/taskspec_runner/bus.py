@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.program.ports import OUTPUTS, slices
+from taskspec.program.ports import fields as fields_of
 
 Vector = NDArray[np.float64]
 
@@ -20,7 +21,7 @@ class Bus:
         array: (size,) the whole tick. slices: by name.
     """
 
-    def __init__(self, joints: int, objects: int) -> None:
+    def __init__(self, joints: int, objects: int, equations: int = 0) -> None:
         fields = [
             ("clock", 1),
             ("t", 1),
@@ -30,7 +31,7 @@ class Bus:
             ("torque", joints),
             ("wrench", 6),
             ("objects", objects),
-            *OUTPUTS,
+            *fields_of(equations),
         ]
         self.slices = slices(fields)
         self.array: Vector = np.zeros(sum(length for _, length in fields))

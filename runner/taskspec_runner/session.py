@@ -178,10 +178,17 @@ def _simulate(
     """The outcome, what ended each stage, and the signal that has broken off the run, or 0."""
     context = program.context
     n = context.robot.pin.nv
-    bus = Bus(n, len(context.surfaces))
+    bus = Bus(n, len(context.surfaces), len(context.equations))
     contact = (bus.view("wrench"), bus.view("objects"))
     plant = Plant(context.robot, context.loaded.task, context.start, contact)
-    views = (bus.view("q"), bus.view("v"), np.zeros(6), bus.view("torque"), bus.outputs)
+    views = (
+        bus.view("q"),
+        bus.view("v"),
+        np.zeros(6),
+        np.zeros(len(context.equations)),
+        bus.view("torque"),
+        bus.outputs,
+    )
     machine = program.machine(views)
     recorder = Recorder(folder.log, bus, context.robot, program.stages, context.surfaces)
     with contextlib.closing(recorder), Interrupt() as interrupt:

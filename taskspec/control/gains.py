@@ -17,6 +17,8 @@ _MOTION_BANDWIDTH = 5.0
 _SPRING_FREQUENCY = 2.0
 _SPRING_DAMPING_RATIO = 0.7
 _INTEGRAL_FREQUENCY = 2.0
+#: K_F of (4.121), which has no integral to rely on.
+_REACTION_GAIN = 0.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,6 +78,17 @@ def design(law: Law, axes: Mapping[str, Axis], plants: Mapping[str, Plant]) -> G
         for gain, value in build(law, name, axis, plants[name]).items():
             gains.setdefault(gain, {})[name] = value
     return gains
+
+
+def design_constraint(law: Law, joints: bool, plant: Plant) -> dict[str, Gain]:
+    """Gains of the force loop of one equation.
+
+    Args:
+        law: with what the file gives; an equation takes what is given for translations, one on
+            joints what is given for rotations.
+        joints: whether it is on joints. plant: mass and stiffness along its unit gradient.
+    """
+    return _force_loop(law, "rx" if joints else "x", plant)
 
 
 def design_joint_damping(law: Law, joints: Sequence[Plant]) -> dict[str, Gain]:
@@ -161,6 +174,7 @@ def _spring_damping(mass: Gain, stiffness: Gain, k: float, plant: Plant) -> Gain
 
 
 def _force_loop(law: Law, name: str, plant: Plant, damping: Gain | None = None) -> dict[str, Gain]:
+    facts = LAWS[law.kind]
     damping = damping or _force_given(law, "damping", name)
     if damping is None:
         damping = _limited(2 * math.sqrt(plant.h * plant.k), plant, "designed: 2 sqrt(h k)")
@@ -173,12 +187,10 @@ def _force_loop(law: Law, name: str, plant: Plant, damping: Gain | None = None) 
             if fastest <= by_contact
             else Gain(by_contact, "designed: k / (8 d)")
         )
-    proportional = _force_given(law, "proportional", name) or Gain(0.0, "designed: 0")
-    return {
-        "force.proportional": proportional,
-        "force.integral": integral,
-        "force.damping": damping,
-    }
+    usual = 0.0 if "force.integral" in facts.gains else _REACTION_GAIN
+    proportional = _force_given(law, "proportional", name) or Gain(usual, f"designed: {usual:g}")
+    loop = {"force.proportional": proportional, "force.damping": damping}
+    return loop | ({"force.integral": integral} if "force.integral" in facts.gains else {})
 
 
 def _soft(axis: Axis, plant: Plant) -> dict[str, Gain]:

@@ -47,3 +47,14 @@ def backward(L: ca.SX, B: ca.SX) -> ca.SX:
 def solve(L: ca.SX, B: ca.SX) -> ca.SX:
     """A^-1 B for the Cholesky factor L of A."""
     return backward(L, forward(L, B))
+
+
+def small_solve(A: ca.SX, B: ca.SX) -> ca.SX:
+    """A^-1 B for a regular, small A (m, m) of any kind, by Cramer's rule up to m = 2."""
+    m = A.shape[0]
+    if m == 1:
+        return B / A[0, 0]
+    if m == 2:
+        a, b, c, d = A[0, 0], A[0, 1], A[1, 0], A[1, 1]
+        return ca.vertcat(ca.horzcat(d, -b), ca.horzcat(-c, a)) @ B / (a * d - b * c)
+    return ca.solve(A, B)

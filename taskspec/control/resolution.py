@@ -19,12 +19,15 @@ class Command:
         acceleration: (m,) a* for the inverse-dynamics core (4.14), or None for the laws that
             only send a wrench through J^T and compensate gravity.
         joint: (n,) torque added in the joints, such as their damping, or None.
+        joint_acceleration: (n,) q'' of the whole arm, in place of `acceleration` and posture, from
+            laws that decide all its coordinates.
         bare: nothing is compensated, not even gravity.
     """
 
     wrench: ca.SX
     acceleration: ca.SX | None = None
     joint: ca.SX | None = None
+    joint_acceleration: ca.SX | None = None
     bare: bool = False
 
 
@@ -38,6 +41,7 @@ def torque(
 
     Lambda = (J H^-1 J^T)^-1. For n = m this is the chapter's form, since H J^-1 = J^T Lambda. For
     n > m the posture's acceleration q''_p acts through (I - J^bar J) and leaves the task alone.
+    A command of joint accelerations is u = H q'' + C q' + g + J^T w*.
 
     Args:
         command: what the law wants on the m task axes.
@@ -45,6 +49,9 @@ def torque(
         H: (n, n) joint inertia, upper triangle; bias: (n,) C q' + g; gravity: (n,) g.
         posture: (n,) desired null-space acceleration, None where the arm is not redundant.
     """
+    if command.joint_acceleration is not None:
+        u = full_inertia(H) @ command.joint_acceleration + bias + state.J.T @ command.wrench
+        return u if command.joint is None else u + command.joint
     task = command.wrench
     through_core = ca.SX.zeros(len(state.axes))
     if command.acceleration is not None:
@@ -59,8 +66,33 @@ def torque(
     if command.joint is not None:
         u = u + command.joint
     if posture is not None:
-        u = u + (ca.triu2symm(ca.triu(H)) @ posture)
+        u = u + full_inertia(H) @ posture
     return u
+
+
+def full_inertia(H: ca.SX) -> ca.SX:
+    """The symmetric (n, n) matrix of which H holds the upper triangle."""
+    return ca.triu2symm(ca.triu(H))
+
+
+def full_acceleration(acceleration: ca.SX, state: TaskState, posture: ca.SX | None) -> ca.SX:
+    """q'' (n,) that gives the task its acceleration, J^bar (a* - J' q' - J q''_p) + q''_p.
+
+    Args:
+        acceleration: (m,) a*. state: the arm. posture: (n,) q''_p, None where the arm is not
+            redundant.
+    """
+    through = acceleration - state.drift
+    if posture is not None:
+        through = through - state.J @ posture
+    found = inverse_directions(state) @ through
+    return found if posture is None else found + posture
+
+
+def inverse_directions(state: TaskState) -> ca.SX:
+    """J^bar = H^-1 J^T Lambda (n, m): joint accelerations of each task axis; J^-1 for n = m."""
+    weighted = linear.solve(linear.cholesky(state.mobility), state.J)
+    return linear.solve(state.H_factor, weighted.T)
 
 
 def posture_acceleration(q: ca.SX, v: ca.SX, target: ca.SX, frequency: float) -> ca.SX:

@@ -11,10 +11,25 @@ from numpy.typing import NDArray
 from taskspec.control import gains as gain_design
 from taskspec.control.state import AXES
 from taskspec.geometry.surface import Surface
+from taskspec.program.equations import EquationModel
 from taskspec.program.frames import FrameModel
 from taskspec.program.stiffness import Compliance
 from taskspec.robot import RobotModel
 from taskspec.spec import Law, Limits, LoadedTask, Stage
+
+
+@dataclass(frozen=True, slots=True)
+class StartEquation:
+    """An equation at the start pose.
+
+    Attributes:
+        distance: r / |r_x| [m, rad]. normal: (n,) unit normal on the joints' rates.
+        scale: |r_x|.
+    """
+
+    distance: float
+    normal: NDArray[np.float64]
+    scale: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,6 +42,7 @@ class Context:
         start: (n,) joint configuration of the first tick. posture: (n,) of a redundant arm.
         frames: every frame of the file. surfaces: every object's geometry.
         compliances: believed contact of each object.
+        equations: every constraint equation. start_equations: where they are at `start`.
         start_jacobian: (6, n) of the tip at `start`, world axes; start_inertia: (n, n) H there.
         start_p, start_R: (3,), (3, 3) tip pose at `start`.
         start_gaps: distance [m] of the tool from each object there.
@@ -41,6 +57,8 @@ class Context:
     frames: Mapping[str, FrameModel]
     surfaces: Mapping[str, Surface]
     compliances: Mapping[str, Compliance]
+    equations: Mapping[str, EquationModel]
+    start_equations: Mapping[str, StartEquation]
     start_jacobian: NDArray[np.float64]
     start_inertia: NDArray[np.float64]
     start_p: NDArray[np.float64]

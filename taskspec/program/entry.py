@@ -12,6 +12,7 @@ from taskspec.control.state import AXES
 from taskspec.geometry.surface import box_face
 from taskspec.motion import blend
 from taskspec.program.carried import Carried
+from taskspec.program.choice import choose_first
 from taskspec.program.ports import PROBE, slices
 from taskspec.program.stage import CompiledStage
 from taskspec.program.tracks import Tracks, move_speed, plan_tracks
@@ -94,6 +95,7 @@ class _Entry:
         self._write("base", self.frame.ravel(order="F"))
         going = self._continue()
         self._forces(going)
+        self._equations()
         tracks = plan_tracks(self.stage, going.start, going.rate)
         tracks.refresh(self.stage, self.parameters, 0.0)
         for axis, value in going.start.items():
@@ -102,6 +104,7 @@ class _Entry:
         self._write("end", max(self.stage.spec.time or 0.0, tracks.duration))
         self._blend(going)
         self._start_memory(going)
+        choose_first(self.stage, self.inputs, self.memory, self.parameters)
         return Entered(self.parameters, self.memory, tracks)
 
     def _write(self, name: str, value: float | Vector) -> None:
@@ -131,6 +134,7 @@ class _Entry:
             found = self.stage.probe(*self.inputs, self.memory, self.parameters, way)
             numbers = np.array(found).ravel()
             seen = {name: numbers[where] for name, where in _FIELDS.items()}
+            seen["reaction"] = numbers[_FIELDS["measured"].stop :]
             lever = seen["lever"]
         return seen
 
@@ -179,6 +183,11 @@ class _Entry:
                 self._write(f"force_at_entry.{name}", held[i])
             if plan.open_loop and name.startswith("r"):
                 self._write(f"start.{name}", going.start[name])
+
+    def _equations(self) -> None:
+        """Set points of equations rise from what is measured."""
+        for name, force in zip(self.stage.equations, self.seen["reaction"], strict=True):
+            self._write(f"force_at_entry.equation.{name}", float(force))
 
     def _blend(self, going: Continuation) -> None:
         """Chooses each axis's blending so that its reference continues the carried one."""

@@ -83,6 +83,8 @@ def resolve(task: Task) -> dict[str, FrameModel]:
         R, origin = pose(shape)
         described = f"fixed on {shape.shape}"
         frames[name] = FrameModel(name, "fixed", R, origin, owner=name, described=described)
+    # An equation's frame is the one in which its coordinates count.
+    frames |= {name: frames["world"] for name, e in task.equations.items() if e.frame is None}
     pending = dict(task.frames)
     while pending:
         for name, frame in list(pending.items()):
@@ -91,6 +93,7 @@ def resolve(task: Task) -> dict[str, FrameModel]:
                 continue
             del pending[name]
             frames[name] = _declared(task, name, frames)
+    frames |= {name: frames[e.frame] for name, e in task.equations.items() if e.frame is not None}
     return frames
 
 

@@ -10,12 +10,19 @@ import casadi as ca
 from taskspec.control.gains import Gains, diagonal
 from taskspec.control.laws import hybrid as hybrid_law
 from taskspec.control.laws import impedance as impedance_laws
+from taskspec.control.laws import multipliers as multiplier_laws
 from taskspec.control.laws.parallel import parallel, parallel_pid
 from taskspec.control.model_terms import TermSymbols
 from taskspec.control.reference import opposite
-from taskspec.control.resolution import Command, posture_acceleration, torque
+from taskspec.control.resolution import (
+    Command,
+    full_acceleration,
+    posture_acceleration,
+    torque,
+)
 from taskspec.control.state import TaskState
 from taskspec.program.modes import AxisPlan
+from taskspec.program.multipliers import ConstraintControl
 from taskspec.program.references import ReferenceSet
 from taskspec.program.signals import SignalTable, applied
 from taskspec.spec import LAWS
@@ -26,7 +33,12 @@ POSTURE_FREQUENCY = 2.0
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """What a law is filled in with: one stage's state, references and gains."""
+    """What a law is filled in with: one stage's state, references and gains.
+
+    Attributes:
+        posture: (n,) acceleration that a redundant arm has in its null space, else None.
+        constraints: of a stage under a multiplier law, None where it has none.
+    """
 
     state: TaskState
     references: ReferenceSet
@@ -34,6 +46,8 @@ class Case:
     gains: Gains
     table: SignalTable
     joint_velocity: ca.SX
+    posture: ca.SX | None = None
+    constraints: ConstraintControl | None = None
 
     def diagonal(self, name: str) -> ca.DM:
         """(m,) one gain on all axes, zero where an axis has none."""
@@ -123,6 +137,50 @@ def _drive(case: Case, name: str) -> ca.SX:
     )
 
 
+def free_motion(case: Case) -> ca.SX:
+    """q'' (n,) that the motion loops ask for, whatever constrains the arm."""
+    reference, state = case.references.law, case.state
+    acceleration = (
+        reference.acceleration
+        + case.diagonal("K_D") * (reference.velocity - state.velocity)
+        + case.diagonal("K_P") * reference.error
+    )
+    return full_acceleration(acceleration, state, case.posture)
+
+
+def _letting_go(case: Case) -> ca.SX:
+    """What the last stage held on axes that are motion now, as it fades (m,)."""
+    forced = ca.DM([float(case.plans[a].force) for a in case.state.axes])
+    return -(1 - forced) * case.references.law.force
+
+
+def _hybrid_multipliers(case: Case) -> Command:
+    on = case.constraints
+    if on is None:
+        return Command(wrench=_letting_go(case), joint_acceleration=free_motion(case))
+    return multiplier_laws.hybrid_multipliers(
+        free_motion(case) + on.held,
+        on.multipliers,
+        on.diagonal(case.gains, "force.proportional"),
+        on.diagonal(case.gains, "force.integral"),
+        on.diagonal(case.gains, "force.damping"),
+        _letting_go(case),
+    )
+
+
+def _hybrid_reaction(case: Case) -> Command:
+    on = case.constraints
+    if on is None:
+        return Command(wrench=_letting_go(case), joint_acceleration=free_motion(case))
+    return multiplier_laws.hybrid_reaction(
+        free_motion(case) + on.held,
+        on.multipliers,
+        on.diagonal(case.gains, "force.proportional"),
+        on.diagonal(case.gains, "force.damping"),
+        _letting_go(case),
+    )
+
+
 _LAWS: dict[str, Callable[[Case], Command]] = {
     "impedance": _impedance,
     "impedance-natural": _impedance_natural,
@@ -132,15 +190,25 @@ _LAWS: dict[str, Callable[[Case], Command]] = {
     "parallel": _parallel,
     "parallel-pid": _parallel_pid,
     "hybrid": _hybrid,
+    "hybrid-multipliers": _hybrid_multipliers,
+    "hybrid-reaction": _hybrid_reaction,
 }
 
 
-def joint_torque(kind: str, case: Case, terms: TermSymbols, q: ca.SX, posture: ca.SX) -> ca.SX:
-    """Joint torques (n,) [N m] of law `kind`.
+def posture_pull(
+    kind: str, axes: tuple[str, ...], q: ca.SX, v: ca.SX, posture: ca.SX
+) -> ca.SX | None:
+    """Acceleration (n,) that holds the posture (n,) in the null space of a redundant arm.
 
-    A redundant arm holds the posture (n,) in its null space, but for the laws that leave it alone.
+    None where there is no null space, and under the laws that leave it alone.
     """
-    facts, v = LAWS[kind], case.joint_velocity
-    redundant = q.shape[0] > len(case.state.axes) and not (facts.bare or facts.damps_joints)
-    pull = posture_acceleration(q, v, posture, POSTURE_FREQUENCY) if redundant else None
-    return torque(_LAWS[kind](case), case.state, terms.H, terms.bias, terms.gravity, pull)
+    facts = LAWS[kind]
+    if q.shape[0] == len(axes) or facts.bare or facts.damps_joints:
+        return None
+    return posture_acceleration(q, v, posture, POSTURE_FREQUENCY)
+
+
+def joint_torque(kind: str, case: Case, terms: TermSymbols) -> ca.SX:
+    """Joint torques (n,) [N m] of law `kind`."""
+    command = _LAWS[kind](case)
+    return torque(command, case.state, terms.H, terms.bias, terms.gravity, case.posture)

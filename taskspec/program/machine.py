@@ -12,15 +12,19 @@ from taskspec.control.model_terms import ModelTerms
 from taskspec.control.state import AXES
 from taskspec.program import entry, events
 from taskspec.program.carried import Carried, leave
+from taskspec.program.choice import choose_again
 from taskspec.program.ports import OUTPUTS, slices
 from taskspec.program.stage import CompiledStage
 from taskspec.program.tracks import Tracks
 from taskspec.robot import RobotModel
 
 Vector = NDArray[np.float64]
+#: q, v, wrench, reactions, torque and outputs of a machine.
+Views = tuple[Vector, Vector, Vector, Vector, Vector, Vector]
 
 END, FAIL = "end", "fail"
 _FIELDS = slices(OUTPUTS)
+_CONDITIONING = _FIELDS["conditioning"].start
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,6 +61,7 @@ class StageRunner:
         self.parameters = np.zeros(max(stage.parameters.size, 1))
         self._next_memory = np.zeros(max(stage.memory.size, 1))
         self.tracks = Tracks()
+        self.least_conditioning = -np.inf if stage.choice is None else stage.choice.least
         self._buffer, self.evaluate = stage.tick.buffer()
         memory = self.memory[: stage.memory.size]
         parameters = self.parameters[: stage.parameters.size]
@@ -90,12 +95,14 @@ class StageRunner:
 class Machine:
     """Runs compiled stages tick by tick.
 
-    Write `q`, `v` and `wrench`, call `tick`, read `torque` and `outputs`.
+    Write `q`, `v`, `wrench` and `reactions`, call `tick`, read `torque` and `outputs`.
 
     Attributes:
         q, v: (n,) measured joint positions and velocities.
         wrench: (6,) measured, by the environment on the tool tip, world axes [N, N m].
-        torque: (n,) the command [N m]. outputs: the numbers of `stage.OUTPUTS`.
+        reactions: (equations,) measured, what the robot applies along each equation's unit
+            gradient [N, N m]; those on the tip are told from the wrench instead.
+        torque: (n,) the command [N m]. outputs: the numbers of `ports.fields`.
         index: number of the current stage. t: [s] since it began.
         ended: `end` or `fail` once the task is over, else empty. transitions: so far.
     """
@@ -105,13 +112,13 @@ class Machine:
         robot: RobotModel,
         stages: tuple[CompiledStage, ...],
         period: float,
-        views: tuple[Vector, Vector, Vector, Vector, Vector],
+        views: Views,
     ) -> None:
         self._robot, self._period = robot, period
         self._terms = ModelTerms(robot)
-        self.q, self.v, self.wrench, self.torque, self.outputs = views
+        self.q, self.v, self.wrench, self.reactions, self.torque, self.outputs = views
         self._now = np.zeros(2 + len(stages))
-        self._inputs = (self._now, self.q, self.v, *self._terms.arrays, self.wrench)
+        self._inputs = (self._now, self.q, self.v, *self._terms.arrays, self.wrench, self.reactions)
         self._runners = tuple(
             StageRunner(s, self._inputs, self.torque, self.outputs) for s in stages
         )
@@ -155,6 +162,8 @@ class Machine:
         now[1] = clock
         if t >= runner.next_knot:
             runner.refresh(t)
+        if self.outputs[_CONDITIONING] < runner.least_conditioning:
+            choose_again(runner.stage, self._inputs, runner.memory, runner.parameters, t)
         runner.evaluate()
         self._ticks += 1
         event = self.outputs[0]
@@ -209,6 +218,7 @@ class Machine:
     def _enter(self, index: int, carried: Carried, clock: float) -> None:
         self.index, self._runner = index, self._runners[index]
         self._ticks, self.t = 0, 0.0
+        self.outputs[_CONDITIONING] = 1.0
         self._now[0], self._now[1] = 0.0, clock
         self._now[2 + index] += 1
         self._runner.load(

@@ -44,7 +44,14 @@ OUTPUTS: Fields = (
     ("speed", 1),
     ("travel", 1),
     ("path_done", 1),
+    ("conditioning", 1),
 )
+
+
+def fields(equations: int) -> Fields:
+    """The outputs of a task's stages: `OUTPUTS`, and set point and measurement of each equation."""
+    return (*OUTPUTS, ("reaction_ref", equations), ("reaction", equations))
+
 
 #: What a stage is asked when it is entered, in this order: name and length.
 PROBE: Fields = (
@@ -68,10 +75,11 @@ class Inputs:
     v: ca.SX
     terms: TermSymbols
     wrench: ca.SX
+    reactions: ca.SX
 
     def symbols(self) -> list[ca.SX]:
         """Arguments before memory and parameters."""
-        return [self.now, self.q, self.v, *self.terms.inputs, self.wrench]
+        return [self.now, self.q, self.v, *self.terms.inputs, self.wrench, self.reactions]
 
 
 def probe(
@@ -81,8 +89,12 @@ def probe(
     at: kinematics.FrameState,
     tool: kinematics.ToolPoint,
     point: kinematics.ControlPoint,
+    reactions: ca.SX,
 ) -> ca.Function:
-    """Where the tool is in the stage's frame; its last input is the tool point's velocity (3,)."""
+    """Where the tool is in the stage's frame; its last input is the tool point's velocity (3,).
+
+    Its outputs are the numbers of `PROBE` and the measured reactions (equations,).
+    """
     way = ca.SX.sym("way", 3)
     values = {
         "frame": ca.vec(at.R),
@@ -95,7 +107,7 @@ def probe(
         "measured": references.six(_applied(table)),
     }
     return ca.Function(
-        "probe", [*arguments, way], [ca.vertcat(*(values[name] for name, _ in PROBE))]
+        "probe", [*arguments, way], [ca.vertcat(*(values[name] for name, _ in PROBE), reactions)]
     )
 
 
@@ -113,8 +125,17 @@ def outputs(
     at: kinematics.FrameState,
     table: SignalTable,
     references: ReferenceSet,
+    conditioning: ca.SX,
+    reactions: tuple[ca.SX, ca.SX],
 ) -> ca.SX:
-    """A tick's outputs: the numbers of `OUTPUTS`."""
+    """A tick's outputs: the numbers of `fields`.
+
+    Args:
+        index, value: the event. wanted: (n,) torque before saturation. inputs: of the tick.
+        point, at: of the tool. table: signals. references: of the axes.
+        conditioning: of the choice of reduced coordinates.
+        reactions: (equations,) set points, and what was measured.
+    """
     terms, scalars = inputs.terms, table.scalars
     six = references.six
     values = {
@@ -138,5 +159,6 @@ def outputs(
         "speed": scalars["speed"],
         "travel": scalars["travel"],
         "path_done": scalars["path_done"],
+        "conditioning": conditioning,
     }
-    return ca.vertcat(*(values[name] for name, _ in OUTPUTS))
+    return ca.vertcat(*(values[name] for name, _ in OUTPUTS), *reactions)

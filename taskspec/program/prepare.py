@@ -10,11 +10,12 @@ from numpy.typing import NDArray
 from taskspec.control.model_terms import ModelTerms
 from taskspec.geometry.surface import Surface, box_face
 from taskspec.program import frames as frame_models
-from taskspec.program.context import Context
+from taskspec.program.context import Context, StartEquation
+from taskspec.program.equations import EquationModel, equation_models
 from taskspec.program.errors import spec_error
 from taskspec.program.frames import FrameModel
 from taskspec.program.signals import gaps
-from taskspec.program.stiffness import compliance
+from taskspec.program.stiffness import compliance, equation_compliance
 from taskspec.robot import RobotError, RobotModel, load_robot, solve_start
 from taskspec.spec import LoadedTask
 
@@ -43,16 +44,26 @@ def prepare(loaded: LoadedTask) -> Context:
     surfaces = {name: frame_models.surface(shape) for name, shape in task.shapes.items()}
     distances = gaps(robot, surfaces, ca.SX(tip_p), ca.SX(tip_R))
     posture = task.robot.posture
+    frames = frame_models.resolve(task)
+    equations = equation_models(task, frames)
+    plant_period = 1.0 / task.control.plant_rate
+    contacts = {
+        name: compliance(shape, robot, start, plant_period) for name, shape in task.shapes.items()
+    } | {
+        name: equation_compliance(model, robot, start, task.equations[name], plant_period)
+        for name, model in equations.items()
+    }
     return Context(
         loaded=loaded,
         robot=robot,
         start=start,
         posture=start if posture is None else np.array(posture),
-        frames=frame_models.resolve(task),
+        frames=frames,
         surfaces=surfaces,
-        compliances={
-            name: compliance(shape, robot, start, 1.0 / task.control.plant_rate)
-            for name, shape in task.shapes.items()
+        compliances=contacts,
+        equations=equations,
+        start_equations={
+            name: _at_start(model, start, tip_p, J) for name, model in equations.items()
         },
         start_jacobian=J,
         start_inertia=inertia + np.triu(inertia, 1).T,
@@ -64,6 +75,17 @@ def prepare(loaded: LoadedTask) -> Context:
             for name, s in surfaces.items()
         },
         period=1.0 / task.control.rate,
+    )
+
+
+def _at_start(model: EquationModel, start: Vector, p: Vector, J: Vector) -> StartEquation:
+    place = ca.SX(ca.DM(start if model.joints else p))
+    terms = model.terms(place, ca.SX.zeros(place.shape[0]), ca.SX(0))
+    normal = np.array(ca.evalf(terms.normal)).ravel()
+    return StartEquation(
+        distance=float(ca.evalf(terms.distance)),
+        normal=normal if model.joints else normal @ J[:3],
+        scale=float(ca.evalf(terms.scale)),
     )
 
 

@@ -183,12 +183,21 @@ def _path(path: PathShape | None, clock: Clock, parameters: Layout) -> dict[str,
 def _force(
     name: str, plan: AxisPlan, clock: Clock, parameters: Layout, translate: Translate
 ) -> ca.SX:
-    """The set point as the robot applies it, risen from the force measured at entry."""
+    """The set point of an axis."""
     expression = plan.axis.force if plan.axis.force is not None else plan.axis.torque
     assert expression is not None
-    wanted = translate(expression)
+    return risen(name, translate(expression), plan.axis.ramp, clock, parameters)
+
+
+def risen(name: str, wanted: ca.SX, ramp: float | None, clock: Clock, parameters: Layout) -> ca.SX:
+    """A set point as the robot applies it, risen from the force measured at entry.
+
+    Args:
+        name: of the axis or equation. wanted: [N, N m]. ramp: [s], None for the default.
+        clock: of the stage. parameters: where the force at entry takes its slot.
+    """
     at_entry = parameters.add(f"force_at_entry.{name}")
-    ramp = DEFAULT_RAMP if plan.axis.ramp is None else plan.axis.ramp
+    ramp = DEFAULT_RAMP if ramp is None else ramp
     share = blend.ramp_shape(clock.t / ramp) if ramp > 0 else ca.SX(1)
     return at_entry + share * (wanted - at_entry)
 
@@ -240,25 +249,36 @@ def _integrate(
     updates: dict[str, ca.SX],
     period: float,
 ) -> dict[str, ca.SX]:
-    """Integrals of f_d - f, as the robot applies it.
+    """Integrals of f_d - f, as the robot applies it, of the axes whose loop has one."""
+    integrals = {}
+    for name, force in forces.items():
+        if not plans[name].force or "force.integral" not in gains:
+            continue
+        slot = f"integral.{name}"
+        integrals[name] = memory.add(slot)
+        motion = plans[name].motion
+        updates[slot] = wound(
+            integrals[name],
+            force,
+            period * (force - table.scalars[applied(name)]),
+            gains["force.integral"][name].value,
+            table.scalars["touching"],
+            gains["stiffness"][name].value * errors[name] if motion else ca.SX(0),
+        )
+    return integrals
+
+
+def wound(
+    integral: ca.SX, force: ca.SX, step: ca.SX, rate: float, touching: ca.SX, spring: ca.SX
+) -> ca.SX:
+    """A force integral [N s, N m s] after one more `step`.
 
     In free space the error never ends. While nothing is touched, what the integral adds to the
     set point, net of a parallel law's spring, is bounded by the set point: the tool goes on to the
     surface, but does not arrive with a wound-up force.
     """
-    integrals = {}
-    for name, force in forces.items():
-        if not plans[name].force:
-            continue
-        slot = f"integral.{name}"
-        integral = memory.add(slot)
-        integrals[name] = integral
-        wound = integral + period * (force - table.scalars[applied(name)])
-        rate = gains["force.integral"][name].value
-        if rate > 0:
-            spring = gains["stiffness"][name].value * errors[name] if plans[name].motion else 0
-            least, most = (-ca.fabs(force) - spring) / rate, (ca.fabs(force) - spring) / rate
-            bounded = ca.fmin(ca.fmax(wound, least), most)
-            wound = ca.if_else(table.scalars["touching"], wound, bounded)
-        updates[slot] = wound
-    return integrals
+    grown = integral + step
+    if rate <= 0:
+        return grown
+    least, most = (-ca.fabs(force) - spring) / rate, (ca.fabs(force) - spring) / rate
+    return ca.if_else(touching, grown, ca.fmin(ca.fmax(grown, least), most))

@@ -5,6 +5,7 @@ tick(time, state, model terms, measured wrench, memory, parameters) -> torque, m
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -13,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.control import model_terms
+from taskspec.control.constrained import eliminate
 from taskspec.control.gains import Gains, design, design_joint_damping, has_force
 from taskspec.control.reference import opposite
 from taskspec.control.state import AXES, task_state
@@ -22,14 +24,43 @@ from taskspec.program.algebra import CasadiAlgebra, constants
 from taskspec.program.axes import existing_axes
 from taskspec.program.clock import Clock
 from taskspec.program.conditions import limit_conditions, stage_conditions
+from taskspec.program.constraints import (
+    ConstraintSet,
+    EquationRow,
+    active_equations,
+    constraint_set,
+    equation_gains,
+    equation_rows,
+    reactions,
+)
 from taskspec.program.context import Context
 from taskspec.program.events import Event, code
 from taskspec.program.frames import FrameModel
 from taskspec.program.layout import Layout
 from taskspec.program.modes import AxisPlan, plan_axes
+from taskspec.program.multipliers import ConstraintControl, constrain, equation_forces
 from taskspec.program.references import build_references
 from taskspec.program.signals import SignalTable
 from taskspec.spec import LAWS, Law, Limits, Stage
+
+#: Coordinates are chosen again when their share falls to this part of what the best one has.
+_WORN = 0.25
+
+
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """How the coordinates that the constraints decide are chosen.
+
+    Attributes:
+        look: the tick's inputs -> J_phi on the candidates (m, c), q'' that the motion loops ask
+            for (n,), and q'' that keeps the constraints (n,).
+        weights: (c,) how readily each candidate gives way.
+        least: conditioning below which they are chosen again.
+    """
+
+    look: ca.Function
+    weights: NDArray[np.float64]
+    least: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,6 +72,7 @@ class CompiledStage:
         frame: its task frame. axes: that exist in it. plans: who controls each of them.
         gains: with their origins. contact: the object that forces are believed to act on.
         stiffness: believed of that contact [N/m], 0 without one.
+        equations: names of the world's equations, in the order of their inputs and outputs.
         path: its path, if any.
         memory, parameters: layouts of the two vectors.
         initial: memory slots that do not start at 0.
@@ -48,6 +80,7 @@ class CompiledStage:
         tick: the fused function.
         probe: at entry, the tick's inputs and a velocity -> the numbers of `PROBE`.
         own: at entry, the tick's inputs -> own(0) and own'(0) of every axis before blending.
+        choice: of the reduced coordinates, under a multiplier law with constraints.
     """
 
     name: str
@@ -60,6 +93,7 @@ class CompiledStage:
     gains: Gains
     contact: str | None
     stiffness: float
+    equations: tuple[str, ...]
     path: PathShape | None
     memory: Layout
     parameters: Layout
@@ -68,6 +102,7 @@ class CompiledStage:
     tick: ca.Function
     probe: ca.Function
     own: ca.Function
+    choice: Choice | None
 
 
 def compile_stage(
@@ -91,6 +126,9 @@ def compile_stage(
     k = context.compliances[contact].stiffness if contact is not None else 0.0
     plants = context.plants(axes, axes_rotation, k)
     gains = design(law, {a: p.axis for a, p in plans.items()}, plants)
+    active = active_equations(law, stage, context.equations)
+    for gain, by_name in equation_gains(context, law, active, context.equations).items():
+        gains.setdefault(gain, {}).update(by_name)
     if LAWS[law.kind].damps_joints:
         stiffness = [
             gains["stiffness"][a].value + (plants[a].k if has_force(plans[a].axis) else 0.0)
@@ -102,7 +140,9 @@ def compile_stage(
     visits = [f"{s}.visits" for s in task.stages]
     now, q, v = ca.SX.sym("now", 2 + len(visits)), ca.SX.sym("q", n), ca.SX.sym("v", n)
     terms = model_terms.symbols(robot, v)
-    inputs = ports.Inputs(now, q, v, terms, ca.SX.sym("wrench", 6))
+    equations = context.equations
+    sensed = ca.SX.sym("reactions", len(equations))
+    inputs = ports.Inputs(now, q, v, terms, ca.SX.sym("wrench", 6), sensed)
     memory, parameters = Layout("memory"), Layout("parameters")
     clock = Clock(now[0], now[1])
     algebra = CasadiAlgebra(memory, context.period)
@@ -122,12 +162,16 @@ def compile_stage(
         R=at.R,
         R_rate=at.R_rate,
     )
+    rows = equation_rows(equations, terms, q, v, clock.clock)
+    measured = reactions(rows, inputs.wrench, sensed)
     gap = signals.gaps(robot, context.surfaces, terms.p, terms.R)
     table = SignalTable(
         {
             **constants({p: quantity.value for p, quantity in task.params.items()}),
             **{visit: now[2 + i] for i, visit in enumerate(visits)},
             **{f"{o}.gap": g for o, g in gap.items()},
+            **{f"{name}.gap": row.terms.distance for name, row in rows.items()},
+            **{f"{name}.{_effort(rows[name])}": force for name, force in measured.items()},
             "t": clock.t,
             "clock": clock.clock,
         },
@@ -158,9 +202,35 @@ def compile_stage(
         table=table,
         algebra=algebra,
     )
-    case = laws.Case(state, references, plans, gains, table, v)
-    posture = ca.SX(ca.DM(context.posture))
-    wanted = laws.joint_torque(law.kind, case, terms, q, posture)
+    forces = equation_forces(
+        names=active,
+        set_points=stage.constraints,
+        measured=measured,
+        gains=gains,
+        clock=clock,
+        memory=memory,
+        parameters=parameters,
+        table=table,
+        translate=lambda expression: algebra.translate(expression, table.lookup),
+        period=context.period,
+    )
+    chosen = (
+        constraint_set(
+            state=state,
+            forced=[a for a in axes if plans[a].force],
+            named=[*stage.axes, *(path.axes if path is not None else ())],
+            rows={name: rows[name] for name in active},
+            measured=measured,
+            references=references.law,
+            parameters=parameters,
+        )
+        if LAWS[law.kind].multipliers
+        else None
+    )
+    control = constrain(chosen, forces, references, clock, parameters) if chosen else None
+    posture = laws.posture_pull(law.kind, axes, q, v, ca.SX(ca.DM(context.posture)))
+    case = laws.Case(state, references, plans, gains, table, v, posture, control)
+    wanted = laws.joint_torque(law.kind, case, terms)
     limit = ca.DM(robot.torque_limit)
     torque = ca.fmax(ca.fmin(wanted, limit), -limit)
     table.scalars |= {f"joint.{i + 1}.torque": torque[i] for i in range(n)}
@@ -179,8 +249,24 @@ def compile_stage(
         stage=stage, parameters=parameters, table=table, algebra=algebra, period=context.period
     )
     index, value, events = code(conditions)
-    updates = references.updates | algebra.updates
-    outputs = ports.outputs(index, value, wanted, inputs, point, at, table, references)
+    updates = references.updates | forces.updates | algebra.updates
+    nothing = ca.SX(np.nan)
+    felt = ca.vertcat(ca.SX(0, 1), *(measured[name] for name in equations))
+    outputs = ports.outputs(
+        index,
+        value,
+        wanted,
+        inputs,
+        point,
+        at,
+        table,
+        references,
+        chosen.conditioning if chosen else ca.SX(1),
+        (
+            ca.vertcat(ca.SX(0, 1), *(forces.desired.get(name, nothing) for name in equations)),
+            felt,
+        ),
+    )
     arguments = [*inputs.symbols(), memory.vector(), parameters.vector()]
     options = {"cse": True}
     return CompiledStage(
@@ -194,14 +280,35 @@ def compile_stage(
         gains=gains,
         contact=contact,
         stiffness=k,
+        equations=tuple(equations),
         path=path,
         memory=memory,
         parameters=parameters,
         initial=algebra.initial,
         events=events,
         tick=ca.Function("tick", arguments, [torque, memory.stack(updates), outputs], options),
-        probe=ports.probe(arguments, table, references, at, tool, point),
+        probe=ports.probe(arguments, table, references, at, tool, point, felt),
         own=ca.Function("own", arguments, [references.own, references.own_rate]),
+        choice=_choice(arguments, chosen, control, case) if chosen and control else None,
+    )
+
+
+def _effort(row: EquationRow) -> str:
+    return "torque" if row.model.joints else "force"
+
+
+def _choice(
+    arguments: list[ca.SX], chosen: ConstraintSet, control: ConstraintControl, case: laws.Case
+) -> Choice:
+    wanted = laws.free_motion(case)
+    on = control.multipliers
+    kept = eliminate(on.J, on.gamma, on.directions, wanted + control.held)
+    m, c = chosen.J.shape[0], chosen.candidates.shape[1]
+    return Choice(
+        look=ca.Function("look", arguments, [chosen.J @ chosen.candidates, wanted, kept]),
+        weights=chosen.weights,
+        # The best of the minors has at least an equal share in the sum of their squares.
+        least=_WORN / math.comb(c, m),
     )
 
 
