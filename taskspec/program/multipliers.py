@@ -74,10 +74,9 @@ def equation_forces(
         found.desired[name] = force
         if "force.integral" not in gains:
             continue
-        integral = memory.add(f"integral.{slot}")
-        found.integrals[name] = integral
-        found.updates[f"integral.{slot}"] = wound(
-            integral,
+        memorised = f"integral.{slot}"
+        found.integrals[name] = found.updates[memorised] = wound(
+            memory.add(memorised),
             force,
             period * (force - measured[name]),
             gains["force.integral"][name].value,

@@ -249,16 +249,18 @@ def _integrate(
     updates: dict[str, ca.SX],
     period: float,
 ) -> dict[str, ca.SX]:
-    """Integrals of f_d - f, as the robot applies it, of the axes whose loop has one."""
+    """Integrals of f_d - f, as the robot applies it, of the axes whose loop has one.
+
+    They hold the tick's own measurement: a tick later, the sampled loops would bear half the gain.
+    """
     integrals = {}
     for name, force in forces.items():
         if not plans[name].force or "force.integral" not in gains:
             continue
         slot = f"integral.{name}"
-        integrals[name] = memory.add(slot)
         motion = plans[name].motion
-        updates[slot] = wound(
-            integrals[name],
+        integrals[name] = updates[slot] = wound(
+            memory.add(slot),
             force,
             period * (force - table.scalars[applied(name)]),
             gains["force.integral"][name].value,
