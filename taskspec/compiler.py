@@ -10,10 +10,12 @@ from numpy.typing import NDArray
 from taskspec.check import check_stages
 from taskspec.program.context import Context
 from taskspec.program.errors import spec_error
+from taskspec.program.felt import estimates
 from taskspec.program.machine import Machine
 from taskspec.program.paths import path_shape
 from taskspec.program.ports import OUTPUTS
 from taskspec.program.prepare import frame_at_start, prepare
+from taskspec.program.sensor_zero import sensor_zero
 from taskspec.program.signals import UnknownSignalError
 from taskspec.program.stage import CompiledStage, compile_stage
 from taskspec.spec import LoadedTask
@@ -47,8 +49,14 @@ class Program:
         n = self.context.robot.pin.nv
         lengths = (n, n, 6, n, self.output_size)
         q, v, wrench, torque, outputs = views or [np.zeros(length) for length in lengths]
+        context = self.context
         return Machine(
-            self.context.robot, self.stages, self.context.period, (q, v, wrench, torque, outputs)
+            context.robot,
+            self.stages,
+            context.period,
+            (q, v, wrench, torque, outputs),
+            sensor_zero(context.loaded.task, context.robot),
+            estimates(context.frames, context.period),
         )
 
 
