@@ -10,10 +10,12 @@ from numpy.typing import NDArray
 from taskspec.check import check_stages
 from taskspec.program.context import Context
 from taskspec.program.errors import spec_error
+from taskspec.program.felt import estimates
 from taskspec.program.machine import Machine, Views
 from taskspec.program.paths import path_shape
 from taskspec.program.ports import fields
 from taskspec.program.prepare import frame_at_start, prepare
+from taskspec.program.sensor_zero import sensor_zero
 from taskspec.program.signals import UnknownSignalError
 from taskspec.program.stage import CompiledStage, compile_stage
 from taskspec.spec import LoadedTask
@@ -43,11 +45,19 @@ class Program:
     def machine(self, views: Views | None = None) -> Machine:
         """A fresh machine; `views` are 1-D arrays for its inputs and outputs."""
         n = self.context.robot.pin.nv
+        context = self.context
         if views is None:
-            lengths = (n, n, 6, len(self.context.equations), n, self.output_size)
+            lengths = (n, n, 6, len(context.equations), n, self.output_size)
             q, v, wrench, reactions, torque, outputs = (np.zeros(length) for length in lengths)
             views = (q, v, wrench, reactions, torque, outputs)
-        return Machine(self.context.robot, self.stages, self.context.period, views)
+        return Machine(
+            context.robot,
+            self.stages,
+            context.period,
+            views,
+            sensor_zero(context.loaded.task, context.robot),
+            estimates(context.frames, context.period),
+        )
 
 
 def compile_task(loaded: LoadedTask) -> Program:

@@ -51,7 +51,7 @@ Simulate = Callable[..., Run]
 def simulate(tmp_path: Path) -> Simulate:
     """Simulate a task: `simulate("wipe-table")` for a shipped one, or its text; `set` overrides."""
 
-    def run(task: str, set: Mapping[str, str] | None = None) -> Run:
+    def run(task: str, set: Mapping[str, str] | None = None, seed: int = 0) -> Run:
         overrides = dict(set or {})
         if "\n" in task:
             loaded = load_text(task, "task.yaml", overrides)
@@ -75,7 +75,7 @@ def simulate(tmp_path: Path) -> Simulate:
         log = tmp_path / "log.arrow"
         recorder = Recorder(log, bus, context.robot, program.stages, context.surfaces)
         with closing(recorder):
-            outcome = loop.run(machine, plant, bus, recorder, context.period)
+            outcome = loop.run(machine, plant, bus, recorder, context.period, seed=seed)
         return Run(program, outcome, machine.transitions, read_history(log))
 
     return run

@@ -51,9 +51,13 @@ def run(
     recorder: Recorder,
     period: float,
     progress: Progress | None = None,
+    seed: int = 0,
 ) -> Outcome:
-    """Runs a task to its end; the recorder holds every tick up to there."""
-    sensing = Sensing(plant, machine)
+    """Runs a task to its end; the recorder holds every tick up to there.
+
+    `seed` is that of everything random in the run: the noise of the sensor.
+    """
+    sensing = Sensing(plant, machine, seed)
     clock_slot, t_slot, stage_slot = (bus.slices[name].start for name in ("clock", "t", "stage"))
     array, torque = bus.array, machine.torque
     health = bus.slices["health"].start

@@ -11,10 +11,11 @@ from numpy.typing import NDArray
 
 from taskspec.control.state import AXES
 from taskspec.geometry.surface import Chart, Surface, box_face
+from taskspec.program import felt
 from taskspec.program.frames import FrameModel
 from taskspec.program.stage import CompiledStage
 from taskspec.robot import RobotModel
-from taskspec_runner.history import History
+from taskspec_runner.history import History, Visit
 
 Vector = NDArray[np.float64]
 
@@ -85,8 +86,8 @@ class Replay:
         """(n, 3) coordinates of the control point in a frame, as docs/language.md counts."""
         foot, R = self._pose(frame)
         point = self._tip_pose()[0] + self._offset()
-        if frame.kind == "fixed":
-            return np.asarray((point - frame.origin) @ frame.rotation)
+        if frame.still:
+            return np.asarray(np.einsum("kji,kj->ki", R, point - foot))
         here = foot if frame.kind == "following" else point
         result = np.zeros((len(here), 3))
         for visit in self._visits:
@@ -120,7 +121,8 @@ class Replay:
                 continue
             lever = frame.origin
             if frame.kind != "tool":
-                lever = R[visit.first].T @ (frame.origin - p[visit.first])
+                origin = self._pose(frame)[0][visit.first]
+                lever = R[visit.first].T @ (origin - p[visit.first])
             result[visit.rows] = R[visit.rows] @ lever
         return result
 
@@ -152,6 +154,8 @@ class Replay:
             return np.broadcast_to(frame.origin, p.shape), np.broadcast_to(frame.rotation, shape)
         if frame.kind == "tool":
             return p + R @ frame.origin, R @ frame.rotation
+        if frame.kind == "estimated":
+            return self._felt_pose(frame)
         assert frame.surface is not None
         tool = self._robot.tool
         centers = p if tool.flat else p + R @ tool.centers[0]
@@ -162,6 +166,37 @@ class Replay:
             turned, foot = (np.array(v) for v in follow(centers[rows].T))
             feet[rows], axes[rows] = foot.T, turned.T.reshape(-1, 3, 3).transpose(0, 2, 1)
         return feet, axes
+
+    def _felt_pose(self, frame: FrameModel) -> tuple[Vector, Vector]:
+        """The pose that was measured last before each row; NaN before the first time."""
+        measured = self._frames[frame.felt]
+        p = self._tip_pose()[0]
+        origins, axes = np.full((len(p), 3), np.nan), np.full((len(p), 3, 3), np.nan)
+        for visit in self._visits:
+            following = slice(visit.last + 1, None)
+            if visit.stage != measured.estimate or visit.last + 1 == len(p):
+                continue
+            try:
+                R, origin = felt.measure(measured, self._felt_force(visit), p[visit.last + 1])
+            except felt.NotFeltError:
+                R, origin = np.full((3, 3), np.nan), np.full(3, np.nan)
+            local_R, local_origin = frame.in_felt
+            origins[following], axes[following] = origin + R @ local_origin, R @ local_R
+        return origins, axes
+
+    def _felt_force(self, visit: Visit) -> Vector:
+        """(3,) mean force by the environment that the controller measured at a visit's end."""
+        stage, columns = self._stages[visit.stage], self._history.columns
+        clock = columns["clock"]
+        period = (clock[-1] - clock[0]) / (len(clock) - 1)
+        first = max(visit.first, visit.last + 1 - felt.window(period))
+        rows = slice(first, visit.last + 1)
+        seen = np.zeros((visit.last + 1 - first, 3))
+        for i, axis in enumerate(AXES[:3]):
+            if axis in stage.axes:
+                seen[:, i] = columns[f"force.{axis}.measured"][rows]
+        R = self._pose(stage.frame)[1][rows]
+        return -np.asarray(np.einsum("kij,kj->ki", R, seen).mean(axis=0))
 
 
 def _chart(surface: Surface, center: Vector) -> Chart:

@@ -5,10 +5,15 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from taskspec.control.sensor import RunningSensor, SensorModel
 from taskspec.program.machine import Machine
+from taskspec.program.sensor_zero import SensorZero
 from taskspec_runner.plant.plant import Plant
 
 Vector = NDArray[np.float64]
+
+#: Ticks whose noise is drawn at once.
+_BLOCK = 500
 
 
 class Sensing:
@@ -17,13 +22,59 @@ class Sensing:
     The wrench cannot come sooner: on a stiff contact it depends on the torque held when it arose.
     """
 
-    def __init__(self, plant: Plant, machine: Machine) -> None:
+    def __init__(self, plant: Plant, machine: Machine, seed: int = 0) -> None:
+        """Connects a plant to a controller; `seed` is that of the sensor's noise."""
         self._from = (plant.q, plant.v, plant.wrench)
         self._to = (machine.q, machine.v, machine.wrench)
+        zero = machine.sensor
+        self._sensor = None if zero is None else ForceSensor(plant, zero, machine.period, seed)
 
     def read(self) -> None:
         """Copies the measurement into the controller's inputs."""
         (q, v, wrench), (seen_q, seen_v, seen_wrench) = self._from, self._to
         seen_q[:] = q
         seen_v[:] = v
-        seen_wrench[:] = wrench
+        if self._sensor is None:
+            seen_wrench[:] = wrench
+        else:
+            self._sensor.read()
+
+
+class ForceSensor:
+    """A sensor that turns with the tool: bias and noise, low-pass, sample and hold, delay."""
+
+    def __init__(self, plant: Plant, zero: SensorZero, period: float, seed: int) -> None:
+        """The sensor of `plant`, whose readings `zero` gets; `period` is that of control [s]."""
+        sensor = plant.sensor
+        self._true = plant.wrist if sensor.at == "wrist" else plant.wrench
+        self._rotation = plant.tip_rotation
+        self._to = zero.reading
+        self._bias = np.array(sensor.bias)
+        noise = sensor.noise
+        deviations = (noise.force, noise.torque) if noise is not None else (0.0, 0.0)
+        self._deviation = np.repeat(deviations, 3)
+        # The generator is named, so that a seed means the same with every version of NumPy.
+        self._random = np.random.Generator(np.random.PCG64(seed))
+        self._noise: Vector = np.zeros((0, 6))
+        self._drawn = 0
+        # It has been switched on for long when the run begins.
+        self._model = RunningSensor(SensorModel.of(sensor, period), self._biased())
+
+    def read(self) -> None:
+        """One tick; the reading goes to the controller."""
+        raw = self._biased()
+        if self._deviation.any():
+            raw += self._next_noise()
+        self._to[:] = self._model.step(raw)
+
+    def _biased(self) -> Vector:
+        """(6,) the true wrench in the axes that the tool had when it arose, with the bias."""
+        parts = self._true.reshape(2, 3) @ self._rotation.reshape(3, 3)
+        return np.asarray(parts.ravel() + self._bias)
+
+    def _next_noise(self) -> Vector:
+        if self._drawn == len(self._noise):
+            self._noise = self._random.standard_normal((_BLOCK, 6)) * self._deviation
+            self._drawn = 0
+        self._drawn += 1
+        return np.asarray(self._noise[self._drawn - 1])

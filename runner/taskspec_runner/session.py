@@ -149,7 +149,7 @@ def _run(
     program: Program, folder: RunFolder, seed: int, progress: Progress | None, report: bool
 ) -> RunResult:
     began = time.perf_counter()
-    outcome, transitions, by_signal = _simulate(program, folder, progress)
+    outcome, transitions, by_signal = _simulate(program, folder, seed, progress)
     wall = time.perf_counter() - began
     history = read_history(folder.log)
     if by_signal:
@@ -173,7 +173,7 @@ def _run(
 
 
 def _simulate(
-    program: Program, folder: RunFolder, progress: Progress | None
+    program: Program, folder: RunFolder, seed: int, progress: Progress | None
 ) -> tuple[Outcome, list[Transition], int]:
     """The outcome, what ended each stage, and the signal that has broken off the run, or 0."""
     context = program.context
@@ -194,7 +194,7 @@ def _simulate(
     with contextlib.closing(recorder), Interrupt() as interrupt:
         watch, by_signal = _watch(interrupt, progress), 0
         try:
-            outcome = run(machine, plant, bus, recorder, context.period, watch)
+            outcome = run(machine, plant, bus, recorder, context.period, watch, seed)
         except KeyboardInterrupt as error:
             by_signal = signal_of(error)
             text, reason = str(error) or "interrupted by the user", reason_of(by_signal)

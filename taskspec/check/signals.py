@@ -77,7 +77,7 @@ def _not_elsewhere(context: Context, node: Name) -> str | None:
     frame, kind = context.frames[node.frame], node.path[0]
     if frame.surface is not None and frame.surface.kind == "box":
         return "the faces of a box are followed only by the stage's own frame"
-    place = kind == "position" and frame.kind == "fixed" and not node.path[-1].startswith("r")
+    place = kind == "position" and frame.still and not node.path[-1].startswith("r")
     if kind in ("force", "torque", "velocity") or place:
         return None
     return "in another frame: force, torque, velocity, and positions in fixed frames"

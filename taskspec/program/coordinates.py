@@ -77,7 +77,7 @@ class Coordinates:
         """
         tracking = Tracking({}, {}, {})
         spin = self._rotations(motions, tracking)
-        if self.frame.kind == "fixed":
+        if self.frame.still:
             self._fixed(motions, normals, tracking)
         else:
             self._carried(motions, normals, tracking, spin)
@@ -250,8 +250,8 @@ def frame_coordinates(
     """Measured coordinates; takes the memory and parameters that the frame's kind needs."""
     marks: dict[str, ca.SX] = {}
     position: dict[str, ca.SX] = {}
-    if frame.kind == "fixed":
-        local = at.R.T @ (point.p - ca.DM(frame.origin))
+    if frame.still:
+        local = at.R.T @ (point.p - at.origin)
         position = {a: local[i] for i, a in enumerate(AXES[:3]) if a in plans}
     else:
         for name, length in (("reference_point", 3), ("place", 3)):
@@ -268,7 +268,7 @@ def frame_coordinates(
     base, turned = at.R, ca.SX.eye(3)
     if any(a.startswith("r") for a in plans):
         marks["orientation"] = parameters.add("orientation", 9)
-        if frame.kind != "fixed":
+        if not frame.still:
             marks["base"] = parameters.add("base", 9)
         if frame.kind == "tool":
             base = ca.reshape(marks["base"], 3, 3)

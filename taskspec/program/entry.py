@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from taskspec.control.state import AXES
 from taskspec.geometry.surface import box_face
 from taskspec.motion import blend
+from taskspec.program import felt
 from taskspec.program.carried import Carried
 from taskspec.program.choice import choose_first
 from taskspec.program.ports import PROBE, slices
@@ -54,6 +55,7 @@ def enter(
     carried: Carried,
     tip: tuple[Vector, Vector],
     inputs: Sequence[Vector],
+    felt_poses: Mapping[str, Vector],
 ) -> Entered:
     """Starts a stage from the carried reference (docs/conventions.md).
 
@@ -62,8 +64,9 @@ def enter(
         carried: the reference that the last stage left.
         tip: (3,), (3, 3) measured pose of the tip.
         inputs: the tick's inputs before memory and parameters, at t = 0.
+        felt_poses: (12,) of measured frames, by parameter.
     """
-    return _Entry(stage, carried, tip, inputs).run(robot)
+    return _Entry(stage, carried, tip, inputs, felt_poses).run(robot)
 
 
 class _Entry:
@@ -75,8 +78,10 @@ class _Entry:
         carried: Carried,
         tip: tuple[Vector, Vector],
         inputs: Sequence[Vector],
+        felt_poses: Mapping[str, Vector],
     ) -> None:
         self.stage, self.carried, self.inputs = stage, carried, inputs
+        self.felt_poses = felt_poses
         self.p, self.R = tip
         self.parameters = np.zeros(stage.parameters.size)
         self.memory = np.zeros(stage.memory.size)
@@ -119,7 +124,9 @@ class _Entry:
         """Where the stage begins, and what of its frame is chosen there."""
         frame = self.stage.frame
         self._write("entry", self.p)
-        self._write("lever", self.R.T @ (frame.origin - self.p))
+        for name, pose in self.felt_poses.items():
+            self._write(name, pose)
+        self._write("lever", self.R.T @ (felt.origin(frame, self.felt_poses) - self.p))
         if frame.surface is not None and frame.surface.kind == "box":
             center = self.p if robot.tool.flat else self.p + self.R @ robot.tool.centers[0]
             self._write("frame.face", box_face(frame.surface, frame.surface.face(center)))

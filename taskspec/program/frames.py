@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
@@ -21,10 +21,15 @@ class FrameModel:
 
     Attributes:
         name: as in the file.
-        kind: fixed (in the world), tool (carried by the tool), following (a surface).
-        rotation, origin: (3, 3), (3,) pose in the world, or in the tool for kind tool.
+        kind: fixed (in the world), tool (carried by the tool), following (a surface), estimated
+            (where it was felt).
+        rotation, origin: (3, 3), (3,) pose in the world, or in the tool for kind tool; of an
+            estimated frame, where it is expected.
         owner: the object that it is fixed on, through its parents.
         surface: of a following frame; heading: (3,) world direction of its x, or None.
+        estimate: the stage that measures it; empty for a frame that is placed in such a one.
+        felt: of an estimated frame: the measured frame that it is or is placed in.
+        in_felt: (3, 3), (3,) its pose in that one.
         at_origin: the control point is the frame's origin, carried rigidly by the tool.
         described: how it came about, for `explain`.
     """
@@ -37,8 +42,16 @@ class FrameModel:
     surface_name: str = ""
     owner: str = ""
     heading: Matrix | None = None
+    estimate: str = ""
+    felt: str = ""
+    in_felt: tuple[Matrix, Matrix] = field(default_factory=lambda: (np.eye(3), np.zeros(3)))
     at_origin: bool = False
     described: str = ""
+
+    @property
+    def still(self) -> bool:
+        """Whether it stays where it is in the world while a stage is on."""
+        return self.kind in ("fixed", "estimated")
 
 
 class Posed(Protocol):
@@ -113,14 +126,31 @@ def _declared(task: Task, name: str, frames: dict[str, FrameModel]) -> FrameMode
             heading=heading,
             described=f"follows the tool over {frame.surface}, z outward normal, x along {along}",
         )
+    if frame.estimate is not None:
+        heading = None if frame.heading is None else np.array(frame.heading, dtype=float)
+        along = "the world's x" if frame.heading is None else f"heading {list(frame.heading)}"
+        return FrameModel(
+            name,
+            "estimated",
+            np.eye(3),
+            np.zeros(3),
+            heading=heading,
+            estimate=frame.estimate,
+            felt=name,
+            described=f"measured at the end of {frame.estimate}, z against the force felt, "
+            f"x along {along}",
+        )
     parent = frames[frame.parent or "world"]
     R, origin = pose(frame)
+    felt_R, felt_origin = parent.in_felt
     return FrameModel(
         name,
         parent.kind,
         parent.rotation @ R,
         parent.origin + parent.rotation @ origin,
         owner=parent.owner,
+        felt=parent.felt,
+        in_felt=(felt_R @ R, felt_origin + felt_R @ origin),
         at_origin=frame.point == "origin",
         described=f"fixed in {parent.name}"
         + (", control point at its origin" if frame.point == "origin" else ""),

@@ -11,6 +11,7 @@ import numpy as np
 from taskspec.control.model_terms import TermSymbols
 from taskspec.geometry import rotation
 from taskspec.geometry.surface import Chart, Surface
+from taskspec.program import felt
 from taskspec.program.frames import FrameModel
 from taskspec.program.layout import Layout
 from taskspec.robot import RobotModel
@@ -104,6 +105,7 @@ class FrameState:
 
     Attributes:
         R: (3, 3) axes in the world; R_rate: (3, 3) its time derivative.
+        origin: (3,) in the world, of a frame that stays where it is.
         chart: of a following frame.
         foot: (3,) of a following frame: the surface point nearest to the tool.
         foot_map: (2, 2) velocity of the foot per velocity of the tool point, along x and y.
@@ -115,6 +117,7 @@ class FrameState:
     R: ca.SX
     R_rate: ca.SX
     margin: ca.SX
+    origin: ca.SX | None = None
     chart: Chart | None = None
     foot: ca.SX | None = None
     foot_map: ca.SX | None = None
@@ -124,10 +127,18 @@ class FrameState:
 def frame_state(
     frame: FrameModel, terms: TermSymbols, tool: ToolPoint, face: ca.SX | None
 ) -> FrameState:
-    """Evaluates a frame; `face` holds the 14 numbers of the box face that it follows."""
+    """Evaluates a frame.
+
+    `face` holds the 14 numbers of the box face that it follows, or the 12 of a measured pose.
+    """
     always = ca.SX(1)
     if frame.kind == "fixed":
-        return FrameState(ca.SX(ca.DM(frame.rotation)), ca.SX.zeros(3, 3), always)
+        R, origin = (ca.SX(ca.DM(part)) for part in (frame.rotation, frame.origin))
+        return FrameState(R, ca.SX.zeros(3, 3), always, origin)
+    if frame.kind == "estimated":
+        assert face is not None
+        R, origin = felt.placed(frame, face)
+        return FrameState(R, ca.SX.zeros(3, 3), always, origin)
     if frame.kind == "tool":
         R = terms.R @ ca.DM(frame.rotation)
         return FrameState(R, ca.skew(terms.twist[3:]) @ R, always)
@@ -137,7 +148,12 @@ def frame_state(
     if chart.flat:
         R = chart.frame(tool.center, frame.heading)
         return FrameState(
-            R, ca.SX.zeros(3, 3), margin, chart, chart.foot(tool.center), ca.SX.eye(2)
+            R=R,
+            R_rate=ca.SX.zeros(3, 3),
+            margin=margin,
+            chart=chart,
+            foot=chart.foot(tool.center),
+            foot_map=ca.SX.eye(2),
         )
     c, direction = ca.SX.sym("c", 3), ca.SX.sym("dc", 3)
     R_c, foot_c = chart.frame(c, frame.heading), chart.foot(c)
@@ -158,7 +174,9 @@ def frame_state(
 
 
 def new_face(layout: Layout, frame: FrameModel, prefix: str) -> ca.SX | None:
-    """A parameter slot for the face of a box that a frame follows, None for all other frames."""
+    """The parameters of a frame: of the box face that it follows, of where it was felt, or None."""
+    if frame.kind == "estimated":
+        return felt.symbols(layout, frame)
     if frame.kind != "following" or frame.surface is None or frame.surface.kind != "box":
         return None
     return layout.add(f"{prefix}.face", 14)

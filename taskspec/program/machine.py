@@ -13,7 +13,9 @@ from taskspec.control.state import AXES
 from taskspec.program import entry, events
 from taskspec.program.carried import Carried, leave
 from taskspec.program.choice import choose_again
+from taskspec.program.felt import Estimates
 from taskspec.program.ports import OUTPUTS, slices
+from taskspec.program.sensor_zero import SensorZero
 from taskspec.program.stage import CompiledStage
 from taskspec.program.tracks import Tracks
 from taskspec.robot import RobotModel
@@ -95,13 +97,16 @@ class StageRunner:
 class Machine:
     """Runs compiled stages tick by tick.
 
-    Write `q`, `v`, `wrench` and `reactions`, call `tick`, read `torque` and `outputs`.
+    Write `q`, `v`, `reactions` and `wrench` (or, where there is a `sensor`, its reading), call
+    `tick`, read `torque` and `outputs`.
 
     Attributes:
         q, v: (n,) measured joint positions and velocities.
         wrench: (6,) measured, by the environment on the tool tip, world axes [N, N m].
         reactions: (equations,) measured, what the robot applies along each equation's unit
             gradient [N, N m]; those on the tip are told from the wrench instead.
+        sensor: makes the wrench from readings; None where the wrench is written itself.
+        period: of control [s].
         torque: (n,) the command [N m]. outputs: the numbers of `ports.fields`.
         index: number of the current stage. t: [s] since it began.
         ended: `end` or `fail` once the task is over, else empty. transitions: so far.
@@ -113,8 +118,12 @@ class Machine:
         stages: tuple[CompiledStage, ...],
         period: float,
         views: Views,
+        sensor: SensorZero | None = None,
+        estimates: Estimates | None = None,
     ) -> None:
-        self._robot, self._period = robot, period
+        self._robot, self.period = robot, period
+        self.sensor, self._estimates = sensor, estimates
+        self._learns = False
         self._terms = ModelTerms(robot)
         self.q, self.v, self.wrench, self.reactions, self.torque, self.outputs = views
         self._now = np.zeros(2 + len(stages))
@@ -141,13 +150,15 @@ class Machine:
 
     def start(self) -> None:
         """Enters the first stage from rest at the measured pose."""
-        self._terms.update(self.q, self.v)
+        self.update_terms()
         p, R = self._tip()
         self._enter(0, Carried(p, R, np.zeros(6)), 0.0)
 
     def update_terms(self) -> None:
-        """Evaluates the model terms at the measured joint state."""
+        """Evaluates the model terms and the contact wrench at the measured joint state."""
         self._terms.update(self.q, self.v)
+        if self.sensor is not None:
+            self.sensor.correct(self._tip()[1], self.wrench)
 
     def tick(self, clock: float) -> float:
         """One control period at run time `clock` [s].
@@ -156,9 +167,9 @@ class Machine:
             0.0 while the current stage goes on; otherwise the event's number has been dealt with:
             the machine has moved to another stage (and computed its first torque) or has ended.
         """
-        self._terms.update(self.q, self.v)
+        self.update_terms()
         now, runner = self._now, self._runner
-        now[0] = t = self.t = self._ticks * self._period
+        now[0] = t = self.t = self._ticks * self.period
         now[1] = clock
         if t >= runner.next_knot:
             runner.refresh(t)
@@ -171,6 +182,8 @@ class Machine:
             self._change(clock, runner.stage.events[int(event) - 1])
         else:
             runner.commit()
+            if self._learns:
+                self._collect()
         return float(event)
 
     def _is_limit(self, event: float) -> bool:
@@ -198,8 +211,20 @@ class Machine:
             text = f"{event.text}; stage {to!r} has had its {attempts} attempts"
             self._note(clock, events.Event(event.kind, "attempts", text), value, FAIL)
             return
-        self._note(clock, event, value, to)
         carried = leave(stage, self.named_outputs())
+        if self._learns:
+            self._learn(stage)
+        unknown = (
+            self._estimates.missing(self._runners[index].stage.parameters)
+            if (self._estimates is not None)
+            else ""
+        )
+        if unknown:
+            self.ended = FAIL
+            text = f"stage {to!r} cannot begin: {unknown}"
+            self._note(clock, events.Event(events.LIMIT, "frame_not_felt", text), 0.0, "")
+            return
+        self._note(clock, event, value, to)
         self._enter(index, carried, clock)
         self._runner.evaluate()
         # The new stage's tick at t = 0 is this one.
@@ -209,6 +234,24 @@ class Machine:
             self._change(clock, self.stage.events[int(first) - 1])
             return
         self._runner.commit()
+        if self._learns:
+            self._collect()
+
+    def _collect(self) -> None:
+        """Keeps what this tick of the stage measured, for its end."""
+        if self.sensor is not None:
+            self.sensor.collect()
+        if self._estimates is not None:
+            self._estimates.collect(self.wrench[:3])
+
+    def _learn(self, stage: CompiledStage) -> None:
+        """Takes from a stage that ends the sensor's zero, and the frames that it has felt."""
+        p, R = self._tip()
+        if self._estimates is not None:
+            self._estimates.end(stage.name, p)
+        if self.sensor is not None and stage.spec.tare:
+            self.sensor.tare()
+            self.sensor.correct(R, self.wrench)
 
     def _note(self, clock: float, event: events.Event, value: float, to: str) -> None:
         self.transitions.append(
@@ -221,8 +264,16 @@ class Machine:
         self.outputs[_CONDITIONING] = 1.0
         self._now[0], self._now[1] = 0.0, clock
         self._now[2 + index] += 1
+        stage, poses = self._runner.stage, {}
+        self._learns = stage.spec.tare
+        if self.sensor is not None:
+            self.sensor.begin()
+        if self._estimates is not None:
+            self._learns |= stage.name in self._estimates.stages
+            self._estimates.begin()
+            poses = self._estimates.poses
         self._runner.load(
-            entry.enter(self._runner.stage, self._robot, carried, self._tip(), self._inputs)
+            entry.enter(stage, self._robot, carried, self._tip(), self._inputs, poses)
         )
 
     def not_finite(self) -> str:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import casadi as ca
 import numpy as np
 import pinocchio as pin
@@ -9,6 +11,7 @@ from numpy.typing import NDArray
 
 from taskspec.control.model_terms import ModelTerms
 from taskspec.geometry.surface import Surface, box_face
+from taskspec.program import felt
 from taskspec.program import frames as frame_models
 from taskspec.program.context import Context, StartEquation
 from taskspec.program.equations import EquationModel, equation_models
@@ -43,6 +46,10 @@ def prepare(loaded: LoadedTask) -> Context:
     inertia = np.triu(H.reshape(n, n, order="F"))
     surfaces = {name: frame_models.surface(shape) for name, shape in task.shapes.items()}
     distances = gaps(robot, surfaces, ca.SX(tip_p), ca.SX(tip_R))
+    gap_at_start = {name: float(ca.evalf(d)) for name, d in distances.items()}
+    normals = {
+        name: np.array(ca.evalf(s.gradient(ca.SX(tip_p)))).ravel() for name, s in surfaces.items()
+    }
     posture = task.robot.posture
     frames = frame_models.resolve(task)
     equations = equation_models(task, frames)
@@ -58,7 +65,7 @@ def prepare(loaded: LoadedTask) -> Context:
         robot=robot,
         start=start,
         posture=start if posture is None else np.array(posture),
-        frames=frames,
+        frames=felt.with_nominal(frames, _expected_normal(robot, gap_at_start, normals), tip_p),
         surfaces=surfaces,
         compliances=contacts,
         equations=equations,
@@ -69,11 +76,8 @@ def prepare(loaded: LoadedTask) -> Context:
         start_inertia=inertia + np.triu(inertia, 1).T,
         start_p=tip_p,
         start_R=tip_R,
-        start_gaps={name: float(ca.evalf(d)) for name, d in distances.items()},
-        start_normals={
-            name: np.array(ca.evalf(s.gradient(ca.SX(tip_p)))).ravel()
-            for name, s in surfaces.items()
-        },
+        start_gaps=gap_at_start,
+        start_normals=normals,
         period=1.0 / task.control.rate,
     )
 
@@ -87,6 +91,15 @@ def _at_start(model: EquationModel, start: Vector, p: Vector, J: Vector) -> Star
         normal=normal if model.joints else normal @ J[:3],
         scale=float(ca.evalf(terms.scale)),
     )
+
+
+def _expected_normal(
+    robot: RobotModel, distances: Mapping[str, float], normals: Mapping[str, Vector]
+) -> Vector:
+    """(3,) outward normal of the object nearest to the tool; without one, up as the arm has it."""
+    if distances:
+        return normals[min(distances, key=lambda name: distances[name])]
+    return np.array([0.0, 0.0, 1.0]) if "z" in robot.axes else np.array([0.0, 1.0, 0.0])
 
 
 def _check_parents(loaded: LoadedTask) -> None:
@@ -133,7 +146,7 @@ def box_face_at(surface: Surface, center: Vector) -> ca.SX | None:
 
 def frame_at_start(context: Context, frame: FrameModel) -> Vector:
     """(3, 3) a frame's axes in the world at the start pose."""
-    if frame.kind == "fixed":
+    if frame.still:
         return frame.rotation
     if frame.kind == "tool":
         return context.start_R @ frame.rotation

@@ -11,8 +11,9 @@ from taskspec.control.model_terms import TermSymbols
 from taskspec.control.reference import opposite
 from taskspec.control.state import AXES
 from taskspec.geometry.surface import Surface
-from taskspec.program import kinematics
+from taskspec.program import felt, kinematics
 from taskspec.program.frames import FrameModel
+from taskspec.program.layout import Layout
 from taskspec.robot import RobotModel
 from taskspec.text.expression.tree import Name
 
@@ -71,25 +72,27 @@ class Resolver:
     terms: TermSymbols
     tool: kinematics.ToolPoint
     point: kinematics.ControlPoint
+    parameters: Layout
 
     def __call__(self, signal: str, frame_name: str) -> ca.SX:
         """The component or vector `signal` in the axes of frame `frame_name`."""
         frame = self.frames[frame_name]
-        face = None
         if frame.kind == "following" and frame.surface is not None and frame.surface.kind == "box":
             raise UnknownSignalError(
                 f"{signal} in {frame_name}: the faces of a box are followed "
                 "only by the stage's own frame"
             )
-        R = kinematics.frame_state(frame, self.terms, self.tool, face).R
+        face = felt.symbols(self.parameters, frame) if frame.kind == "estimated" else None
+        at = kinematics.frame_state(frame, self.terms, self.tool, face)
+        R = at.R
         kind, _, axis = signal.partition(".")
         if kind in ("force", "torque"):
             wrench = opposite(self.point.wrench)
             vector = ca.vertcat(R.T @ wrench[:3], R.T @ wrench[3:])
         elif kind == "velocity":
             vector = ca.vertcat(R.T @ self.point.twist[:3], R.T @ self.point.twist[3:])
-        elif kind == "position" and frame.kind == "fixed" and not axis.startswith("r"):
-            vector = R.T @ (self.point.p - ca.DM(frame.origin))
+        elif kind == "position" and frame.still and not axis.startswith("r"):
+            vector = R.T @ (self.point.p - at.origin)
         else:
             raise UnknownSignalError(f"{signal} in {frame_name}")
         if axis:

@@ -176,7 +176,7 @@ def compile_stage(
             "clock": clock.clock,
         },
         axes,
-        signals.Resolver(robot, context.frames, terms, tool, point),
+        signals.Resolver(robot, context.frames, terms, tool, point, parameters),
     )
     if contact is not None:
         table.scalars["gap"] = gap[contact]

@@ -33,9 +33,7 @@ class Press:
         self.contact = f"stiffness: {k_e} kN/m, damping: 0"
         self.routh = d * (k + k_F * 1e3 * k_e) / (h * 1e3 * k_e)
         self.loop = plant.loop(self.run(settles, 0.01), self.arm.axes, self.arm.normal, -1).core()
-        self.case = (
-            f"parallel, {name}, {h} kg, {d} N·s/m, {k} N/m, k_F {k_F} on {k_e} kN/m"
-        )
+        self.case = f"parallel, {name}, {h} kg, {d} N·s/m, {k} N/m, k_F {k_F} on {k_e} kN/m"
 
     def law(self, k_I):
         h, d, k, k_F = self.gains

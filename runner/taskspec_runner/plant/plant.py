@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from taskspec.robot import RobotModel
 from taskspec.spec import Task
 from taskspec_runner.plant.scene import Scene, build_scene
+from taskspec_runner.plant.wrist import Wrist
 
 Vector = NDArray[np.float64]
 
@@ -27,6 +28,10 @@ class Plant:
         wrench: (6,) of the last step, by the environment on the tool tip, world axes [N, N m].
         diverged: the last step's contact force is beyond all bounds.
         object_forces: (objects,) magnitude of the contact force with each object [N].
+        wrist: (6,) of the last step at the tip, world axes: contact, weight and inertia of the tool
+            together, what it exerts on the flange. Only where the sensor is there, else zero.
+        tip_rotation: (9,) the tip's axes in that step, row by row.
+        sensor: the true one.
     """
 
     def __init__(
@@ -52,15 +57,23 @@ class Plant:
         own = (np.zeros(6), np.zeros(len(self.scene.objects)))
         self.wrench, self.object_forces = views or own
         self.diverged = False
+        self.sensor = task.robot.sensor
+        self.tip_rotation = self.data.body(robot.tip_body).xmat
+        self.wrist: Vector = np.zeros(6)
         self._slices = self.scene.sensors
         self._last_time = self.data.time
         self._read_contact()
+        self._wrist = Wrist(self.model, robot.tip_body) if self.sensor.at == "wrist" else None
+        if self._wrist is not None:
+            self._wrist.at_rest(self.tip_rotation, self.wrench, self.wrist)
 
     def step(self, torque: Vector) -> None:
         """Holds joint torques (n,) [N m] for one control period."""
         self._control[:] = torque
         mujoco.mj_step(self.model, self.data, self._substeps)
         self._read_contact()
+        if self._wrist is not None:
+            self._wrist.read(self.data, self.tip_rotation, self.wrist)
 
     def _read_contact(self) -> None:
         # Scalar arithmetic: at this size it costs a third of the same in array operations.

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from taskspec.geometry.rotation import from_rpy
 from taskspec.robot import RobotModel
 from taskspec.spec import Shape, Task
+from taskspec_runner.plant import wrist
 from taskspec_runner.plant.contact import contact_parameters
 from taskspec_runner.plant.looks import dress
 
@@ -78,6 +79,8 @@ def build_scene(robot: RobotModel, task: Task, start: NDArray[np.float64]) -> Sc
             refname=robot.tip_body,
             intprm=[_FORCE_TORQUE_POINT, _NET_FORCE, 1],
         )
+    if task.robot.sensor.at == "wrist":
+        wrist.add(spec, robot.tip_body)
     model = spec.compile()
     addresses = [int(model.sensor(PREFIX + name).adr[0]) for name in task.shapes]
     sensors = tuple(slice(address, address + 9) for address in addresses)
