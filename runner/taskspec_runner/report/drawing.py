@@ -34,13 +34,13 @@ class Tick:
 
 @dataclass(frozen=True, slots=True)
 class Area:
-    """An expected band in pixels; `whole` if both of its sides are in view."""
+    """An expected band in pixels; `passed` is None where several runs are held against it."""
 
     x: float
     y: float
     width: float
     height: float
-    passed: bool
+    passed: bool | None
 
 
 @dataclass(frozen=True, slots=True)
