@@ -60,7 +60,9 @@ def run(
     seed: Seed = 0,
     out: Annotated[
         Path | None,
-        typer.Option(help="The run's folder; an earlier run in it is replaced.  [runs/NAME]"),
+        typer.Option(
+            help="The run's folder; an earlier run in it is replaced.", show_default="runs/NAME"
+        ),
     ] = None,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Say only what failed.")] = False,
     form: Annotated[RunFormat, typer.Option("--format", help="Of the outcome.")] = RunFormat.TEXT,
@@ -77,14 +79,17 @@ def compare(
     file: TaskFile,
     law: Annotated[
         list[str] | None,
-        typer.Option(help="A law to compare, its gains designed; may be repeated.  [every law]"),
+        typer.Option(
+            help="A law to compare, its gains designed; may be repeated.", show_default="every law"
+        ),
     ] = None,
     set_: Overrides = None,
     seed: Seed = 0,
     out: Annotated[
         Path | None,
         typer.Option(
-            help="The comparison's folder; an earlier one in it is replaced.  [runs/NAME-compare]"
+            help="The comparison's folder; an earlier one in it is replaced.",
+            show_default="runs/NAME-compare",
         ),
     ] = None,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Say only what failed.")] = False,
@@ -158,7 +163,9 @@ def new(
     template: Annotated[
         str | None, typer.Argument(metavar="TEMPLATE", help="A template; none lists them.")
     ] = None,
-    out: Annotated[Path | None, typer.Option(help="The new task file.  [my-TEMPLATE.yaml]")] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="The new task file.", show_default="my-TEMPLATE.yaml")
+    ] = None,
 ) -> int:
     """Begin a task of your own from a template."""
     from taskspec_runner.cli.new import new_task

@@ -48,7 +48,7 @@
   function valueAt(trace, time) {
     const { x, y } = trace;
     let low = 0, high = x.length - 1;
-    if (high < 0 || time < x[0]) return NaN;
+    if (high < 0 || time < x[0] || time > x[high] + run.period) return NaN;
     while (low < high) {
       const middle = (low + high + 1) >> 1;
       if (x[middle] <= time) low = middle; else high = middle - 1;
