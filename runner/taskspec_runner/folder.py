@@ -105,15 +105,20 @@ def open_folder(out: Path | None, name: str) -> RunFolder:
     """
     try:
         if out is None:
-            return RunFolder(_new(RUNS / name))
+            return RunFolder(new(RUNS / name))
         out.mkdir(parents=True, exist_ok=True)
-        _clear(out)
+        clear(out)
     except OSError as error:
         raise OutputError.of(out or RUNS / name, error) from error
     return RunFolder(out)
 
 
-def _new(path: Path) -> Path:
+def new(path: Path) -> Path:
+    """Makes a folder that was not there, with -2, -3, ... behind its name where it was.
+
+    Raises:
+        OSError: it cannot be made.
+    """
     path.parent.mkdir(parents=True, exist_ok=True)
     number = 1
     while True:
@@ -126,7 +131,13 @@ def _new(path: Path) -> Path:
             return candidate
 
 
-def _clear(path: Path) -> None:
+def clear(path: Path) -> None:
+    """Takes an earlier run out of a folder.
+
+    Raises:
+        OutputError: the folder holds something else than a run.
+        OSError: a file cannot be removed.
+    """
     held = {entry.name for entry in path.iterdir()}
     if held and MANIFEST not in held:
         raise OutputError(path, "the folder is not empty and holds no run")

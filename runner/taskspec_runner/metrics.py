@@ -29,9 +29,10 @@ def metrics(history: History, axes: Mapping[str, Sequence[str]]) -> dict[str, Me
         axes: stage to the axes that exist in it.
 
     Returns:
-        Stage to signal to rms_error, max_error (reference - truth), mean, min and max [SI]. The
-        signals are `force.*` and `torque.*` where there is a force reference, `position.*` where
-        there is a motion reference.
+        Stage to signal to rms_error, max_error, final_error (reference - truth; the last is that
+        of the last tick, with its sign), mean, min and max [SI]. The signals are `force.*` and
+        `torque.*` where there is a force reference, `position.*` where there is a motion
+        reference.
     """
     found: dict[str, Metrics] = {}
     for stage, names in axes.items():
@@ -64,6 +65,7 @@ def _signal(name: str, error: Vector, values: Vector) -> Metrics:
         name: {
             "rms_error": float(np.sqrt(np.mean(error**2))),
             "max_error": float(np.max(np.abs(error))),
+            "final_error": float(error[-1]),
             "mean": float(np.mean(values)),
             "min": float(np.min(values)),
             "max": float(np.max(values)),

@@ -28,6 +28,7 @@ from taskspec.text.expression import Expression, parse, signals
 from taskspec.text.units import FORCE, split_quantity, to_si
 from taskspec_runner import folder, loop
 from taskspec_runner.cli import guard
+from taskspec_runner.compare import folder as compared
 from taskspec_runner.plant.plant import Plant as SimulatedPlant
 from taskspec_runner.record import BATCH
 from taskspec_runner.summary import BY_SIGNAL, EXIT_GOOD, EXIT_MISSED, EXIT_STOPPED
@@ -190,6 +191,11 @@ def test_run_folder():
     later = (folder.SUMMARY, folder.REPORT, folder.CRASH)
     assert tuple(first_words(CONVENTIONS, "table: folder")) == files + later
     assert f"batches of {BATCH} rows" in CONVENTIONS.read_text(encoding="utf-8")
+
+
+def test_comparison_folder():
+    files = (compared.COMPARISON, compared.PAGE, compared.PICTURE)
+    assert tuple(first_words(CONVENTIONS, "table: comparison")) == files
 
 
 def test_columns_of_the_log(simulate):

@@ -31,6 +31,8 @@ Law = Annotated[
     str | None, typer.Option(help="Put every stage under this law, its gains designed.")
 ]
 
+Seed = Annotated[int, typer.Option(min=0, help="Of everything random.")]
+
 
 def _version(asked: bool) -> None:
     if asked:
@@ -55,10 +57,12 @@ def run(
     file: TaskFile,
     set_: Overrides = None,
     law: Law = None,
-    seed: Annotated[int, typer.Option(min=0, help="Of everything random.")] = 0,
+    seed: Seed = 0,
     out: Annotated[
         Path | None,
-        typer.Option(help="The run's folder; an earlier run in it is replaced.  [runs/NAME]"),
+        typer.Option(
+            help="The run's folder; an earlier run in it is replaced.", show_default="runs/NAME"
+        ),
     ] = None,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Say only what failed.")] = False,
     form: Annotated[RunFormat, typer.Option("--format", help="Of the outcome.")] = RunFormat.TEXT,
@@ -67,6 +71,34 @@ def run(
     from taskspec_runner.cli.run import run_task
 
     return run_task(file, set_ or [], law, seed, out, quiet=quiet, form=form)
+
+
+@app.command()
+@guarded
+def compare(
+    file: TaskFile,
+    law: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="A law to compare, its gains designed; may be repeated.", show_default="every law"
+        ),
+    ] = None,
+    set_: Overrides = None,
+    seed: Seed = 0,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            help="The comparison's folder; an earlier one in it is replaced.",
+            show_default="runs/NAME-compare",
+        ),
+    ] = None,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Say only what failed.")] = False,
+    form: Annotated[RunFormat, typer.Option("--format", help="Of the outcome.")] = RunFormat.TEXT,
+) -> int:
+    """Run a task under several laws: one table and one picture, and which law cannot and why."""
+    from taskspec_runner.cli.compare import compare_laws
+
+    return compare_laws(file, set_ or [], law, seed, out, quiet=quiet, form=form)
 
 
 @app.command()
@@ -131,7 +163,9 @@ def new(
     template: Annotated[
         str | None, typer.Argument(metavar="TEMPLATE", help="A template; none lists them.")
     ] = None,
-    out: Annotated[Path | None, typer.Option(help="The new task file.  [my-TEMPLATE.yaml]")] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="The new task file.", show_default="my-TEMPLATE.yaml")
+    ] = None,
 ) -> int:
     """Begin a task of your own from a template."""
     from taskspec_runner.cli.new import new_task
@@ -142,9 +176,11 @@ def new(
 @app.command()
 @guarded
 def report(
-    folder: Annotated[Path, typer.Argument(metavar="RUN", help="The folder of a run.")],
+    folder: Annotated[
+        Path, typer.Argument(metavar="RUN", help="The folder of a run, or of a comparison.")
+    ],
 ) -> int:
-    """Render the report of a run again."""
+    """Render the report of a run, or the page of a comparison, again."""
     from taskspec_runner.cli.shelf import render_report
 
     return render_report(folder)

@@ -14,8 +14,8 @@ _PAUSE = 0.1
 
 
 @contextmanager
-def progress_line(*, shown: bool) -> Iterator[Progress | None]:
-    """Shows a run's progress on standard error while it lasts."""
+def progress_line(*, shown: bool, before: str = "") -> Iterator[Progress | None]:
+    """Shows a run's progress on standard error while it lasts, behind a text that names the run."""
     if not shown:
         yield None
         return
@@ -30,7 +30,7 @@ def progress_line(*, shown: bool) -> Iterator[Progress | None]:
             now = time.monotonic()
             if now - last >= _PAUSE:
                 last = now
-                live.update(Text(describe(look()), no_wrap=True), refresh=True)
+                live.update(Text(before + describe(look()), no_wrap=True), refresh=True)
 
         yield progress
 

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import typer
 
+from taskspec_runner.compare.folder import COMPARISON
 from taskspec_runner.errors import InputError, OutputError
 from taskspec_runner.folder import LOG, MANIFEST
 
@@ -58,7 +59,9 @@ def list_robots() -> int:
 
 
 def render_report(folder: Path) -> int:
-    """Renders the report of a run's folder anew and says where it is."""
+    """Renders the report of a run's folder, or of a comparison's, anew and says where it is."""
+    if (folder / COMPARISON).is_file():
+        return _render_comparison(folder)
     if not any((folder / name).is_file() for name in (LOG, MANIFEST)):
         raise InputError(f"cannot read {folder}: it is not the folder of a run")
     from taskspec_runner.report import damage, write_report
@@ -71,4 +74,14 @@ def render_report(folder: Path) -> int:
     if wrong := damage(folder):
         typer.echo(f"taskspec: {wrong}; the report is no evidence of the run", err=True)
         return 1
+    return 0
+
+
+def _render_comparison(folder: Path) -> int:
+    from taskspec_runner.compare.page import write_comparison
+
+    try:
+        typer.echo(str(write_comparison(folder)))
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise InputError(f"cannot read {folder / COMPARISON}: {error}") from error
     return 0

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +9,7 @@ import numpy as np
 from taskspec_runner.report import decimate, figures
 from taskspec_runner.report.chart import Chart
 from taskspec_runner.report.data import Run, Vector, Visit, read_run
+from taskspec_runner.report.drawing import Area, Line, Panel, Tick, path_data, tick_text, ticks
 from taskspec_runner.report.stages import label, tints
 from taskspec_runner.report.template import template
 from taskspec_runner.report.verdict import verdict
@@ -21,58 +20,6 @@ _LEFT, _RIGHT, _TOP, _BOTTOM = 58.0, 24.0, 92.0, 44.0
 _PANEL, _TITLE = 138.0, 40.0
 #: Edge of the square that shows the path [px]; both directions must span this much [mm].
 _SQUARE, _LEAST_SPAN = 240.0, 5.0
-#: Lines may leave their data by this much [px], which keeps the file small.
-_TOLERANCE = 0.12
-
-
-@dataclass(frozen=True, slots=True)
-class Line:
-    """A curve: path data, colour role and style."""
-
-    d: str
-    role: str
-    style: str
-    label: str = ""
-
-
-@dataclass(frozen=True, slots=True)
-class Tick:
-    """A mark of an axis at a pixel."""
-
-    at: float
-    text: str
-
-
-@dataclass(frozen=True, slots=True)
-class Area:
-    """An expected band in pixels; `whole` if both of its sides are in view."""
-
-    x: float
-    y: float
-    width: float
-    height: float
-    passed: bool
-
-
-@dataclass(frozen=True, slots=True)
-class Panel:
-    """A chart in pixels.
-
-    Attributes:
-        title, unit: as shown. x, y, width, height: of the inside.
-        lines, areas: what it holds. ticks: of values; columns: of the other axis, of a square.
-    """
-
-    title: str
-    unit: str
-    x: float
-    y: float
-    width: float
-    height: float
-    lines: tuple[Line, ...]
-    ticks: tuple[Tick, ...]
-    areas: tuple[Area, ...] = ()
-    columns: tuple[Tick, ...] = ()
 
 
 def write_overview_svg(folder: Path, path: Path) -> Path:
@@ -104,7 +51,7 @@ def overview_svg(run: Run) -> str:
     if square is not None:
         bottom = max(bottom, square.y + square.height)
     per_second = width / max(run.end - run.start, 1e-9)
-    marks = [t for t in _ticks(run.start, run.end, 8) if t <= run.end]
+    marks = [t for t in ticks(run.start, run.end, 8) if t <= run.end]
     return template("overview.svg.j2").render(
         width=WIDTH,
         height=bottom + _BOTTOM,
@@ -117,7 +64,7 @@ def overview_svg(run: Run) -> str:
         verdict=verdict(run).kind,
         stages=[_stage(run, v, per_second) for v in run.visits],
         panels=panels,
-        times=[Tick(_LEFT + (t - run.start) * per_second, _text(t, marks)) for t in marks],
+        times=[Tick(_LEFT + (t - run.start) * per_second, tick_text(t, marks)) for t in marks],
         square=square,
     )
 
@@ -154,7 +101,7 @@ def _panel(run: Run, chart: Chart, y: float, width: float) -> Panel:
             [_LEFT + (run.clock[rows] - run.start) * scale_x, y + (high - shown) * scale_y]
         )
         name = "" if trace.reference_of else trace.label
-        lines.append(Line(_path(points), trace.role, trace.style, name))
+        lines.append(Line(path_data(points), trace.role, trace.style, name))
     areas = tuple(
         Area(
             _LEFT + (b.start - run.start) * scale_x,
@@ -165,10 +112,10 @@ def _panel(run: Run, chart: Chart, y: float, width: float) -> Panel:
         )
         for b in chart.bands
     )
-    found = _ticks(low, high, 5)
-    ticks = tuple(Tick(row(v), _text(v, found)) for v in found)
+    found = ticks(low, high, 5)
+    marks = tuple(Tick(row(v), tick_text(v, found)) for v in found)
     title = chart.title.removesuffix(" against its reference")
-    return Panel(title, chart.unit, _LEFT, y, width, _PANEL, tuple(lines), ticks, areas)
+    return Panel(title, chart.unit, _LEFT, y, width, _PANEL, tuple(lines), marks, areas)
 
 
 def _path_square(run: Run) -> Panel | None:
@@ -193,14 +140,14 @@ def _path_square(run: Run) -> Panel | None:
 
     def drawn(u: Vector, v: Vector) -> str:
         points = [left + (u - low_x) * scale, top + _SQUARE - (v - low_y) * scale]
-        return _path(np.column_stack(points))
+        return path_data(np.column_stack(points))
 
     lines = [Line(drawn(x, y), "z", "line")]
     wanted = [run.column(f"position.{axis}.ref") for axis in "xy"]
     if wanted[0] is not None and wanted[1] is not None:
         d = drawn(1e3 * wanted[0][rows], 1e3 * wanted[1][rows])
         lines.insert(0, Line(d, "z", "halo"))
-    over, up = _ticks(low_x, low_x + span, 4), _ticks(low_y, low_y + span, 4)
+    over, up = ticks(low_x, low_x + span, 4), ticks(low_y, low_y + span, 4)
     return Panel(
         f"Path in {label(run, widest)}, y over x",
         "mm",
@@ -209,8 +156,8 @@ def _path_square(run: Run) -> Panel | None:
         _SQUARE,
         _SQUARE,
         tuple(lines),
-        tuple(Tick(top + _SQUARE - (v - low_y) * scale, _text(v, up)) for v in up),
-        columns=tuple(Tick(left + (u - low_x) * scale, _text(u, over)) for u in over),
+        tuple(Tick(top + _SQUARE - (v - low_y) * scale, tick_text(v, up)) for v in up),
+        columns=tuple(Tick(left + (u - low_x) * scale, tick_text(u, over)) for u in over),
     )
 
 
@@ -220,17 +167,6 @@ def _rows(run: Run, visit: Visit) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
         run.clock < visit.end - half
     )
     return rows
-
-
-def _path(points: Vector) -> str:
-    """Path data of (k, 2) points [px], broken where they are NaN."""
-    good = np.isfinite(points).all(axis=1)
-    edges = np.flatnonzero(np.diff(good.astype(int), prepend=0, append=0))
-    parts = []
-    for first, last in edges.reshape(-1, 2):
-        kept = decimate.simplify(points[first:last], _TOLERANCE)
-        parts.append("M" + " ".join(f"{px:.1f},{py:.1f}" for px, py in kept))
-    return "".join(parts)
 
 
 def _stage(run: Run, visit: Visit, per_second: float) -> dict[str, object]:
@@ -245,18 +181,3 @@ def _subtitle(run: Run) -> str:
     laws = dict.fromkeys(v.law for v in run.visits if v.law)
     parts = [run.robot, ", ".join(laws), f"{run.end:.1f} s"]
     return ", ".join(p for p in parts if p)
-
-
-def _ticks(low: float, high: float, about: int) -> list[float]:
-    """Round values between two others."""
-    raw = max(high - low, 1e-12) / about
-    power = 10.0 ** math.floor(math.log10(raw))
-    step = next(s * power for s in (1, 2, 5, 10) if s * power >= raw)
-    first = math.ceil(low / step - 1e-9)
-    return [i * step for i in range(first, math.floor(high / step + 1e-9) + 1)]
-
-
-def _text(value: float, among: list[float]) -> str:
-    step = among[1] - among[0] if len(among) > 1 else 1.0
-    digits = max(0, -math.floor(math.log10(step) + 1e-9))
-    return f"{value:.{digits}f}".replace("-", "−")

@@ -21,7 +21,7 @@ from taskspec_runner.report.stages import label, tints
 from taskspec_runner.report.template import part, template
 from taskspec_runner.report.verdict import so_far, verdict
 
-_STATISTICS = ("mean", "min", "max", "rms", "std", "rms_error", "max_error")
+_STATISTICS = ("mean", "min", "max", "rms", "std", "rms_error", "max_error", "final_error")
 
 
 def write_report(folder: Path) -> Path:

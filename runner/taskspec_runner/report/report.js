@@ -14,7 +14,7 @@
     const x = new Float64Array(steps.length);
     for (let i = 0, row = 0; i < steps.length; i++) {
       row += steps[i];
-      x[i] = run.start + run.period * row;
+      x[i] = (trace.start ?? run.start) + run.period * row;
     }
     return { x, y: new Float32Array(bytes(trace.values).buffer) };
   }
@@ -48,7 +48,7 @@
   function valueAt(trace, time) {
     const { x, y } = trace;
     let low = 0, high = x.length - 1;
-    if (high < 0 || time < x[0]) return NaN;
+    if (high < 0 || time < x[0] || time > x[high] + run.period) return NaN;
     while (low < high) {
       const middle = (low + high + 1) >> 1;
       if (x[middle] <= time) low = middle; else high = middle - 1;
@@ -59,12 +59,13 @@
   /** The range of values to show: what is drawn in the window, and bounds that are near to it. */
   function rangeOfValues(chart) {
     if (chart.fixedY) return chart.fixedY;
+    const upright = chart.log ? Math.log10 : (v) => v;
     let low = Infinity, high = -Infinity;
     const take = (v) => { if (v < low) low = v; if (v > high) high = v; };
     for (const { x, y, shown } of chart.traces) {
       if (!shown) continue;
       for (let i = 0; i < x.length; i++) {
-        if (x[i] >= view[0] && x[i] <= view[1] && Number.isFinite(y[i])) take(y[i]);
+        if (x[i] >= view[0] && x[i] <= view[1] && Number.isFinite(y[i])) take(upright(y[i]));
       }
     }
     if (low > high) [low, high] = [-1, 1];
@@ -89,6 +90,7 @@
     switch (trace.style) {
       case "halo": return { color: faded(colour, 0.28), width: 6 };
       case "reference": return { color: colour, width: 1.4, dash: "4px,3px" };
+      case "loopless": return { color: colour, width: 1.6, dash: "7px,3px" };
       case "faint": return { color: faded(colour, 0.45), width: 1.2 };
       default: return { color: colour, width: 1.6 };
     }
@@ -110,6 +112,11 @@
     return lines;
   }
 
+  /** The colour of a band; several runs are held against one that has not been judged. */
+  function judged(band) {
+    return band.passed === null ? "muted" : band.passed ? "good" : "bad";
+  }
+
   function shapes(chart, values) {
     const far = 10 * (values[1] - values[0]);
     const found = [];
@@ -120,7 +127,7 @@
       found.push({ ...x, yanchor: 1, ysizemode: "pixel", y0: 0, y1: 3, fillcolor: colour });
     }
     for (const b of chart.bands) {
-      const colour = colours(b.passed ? "good" : "bad");
+      const colour = colours(judged(b));
       const low = b.low ?? values[0] - far, high = b.high ?? values[1] + far;
       found.push({ type: "rect", x0: b.start, x1: b.end, y0: low, y1: high, line: { width: 0 }, fillcolor: faded(colour, 0.2), layer: "below" });
       for (const y of [b.low, b.high]) {
@@ -150,6 +157,18 @@
     });
   }
 
+  /** A logarithmic axis between two logarithms: powers of ten, with 2 and 5 between them where few. */
+  function decades([low, high]) {
+    const axis = { type: "log", tickvals: [], ticktext: [] };
+    for (let n = Math.floor(low); n <= high; n++) {
+      for (const m of high - low < 2.5 ? [1, 2, 5] : [1]) {
+        axis.tickvals.push(m * 10 ** n);
+        axis.ticktext.push((m * 10 ** n).toFixed(Math.min(Math.max(-n, 0), 9)));
+      }
+    }
+    return axis;
+  }
+
   function layout(chart) {
     const values = chart.values = rangeOfValues(chart);
     const width = chart.plot.clientWidth;
@@ -163,7 +182,7 @@
       showlegend: false, hovermode: "closest", dragmode: "zoom",
       hoverlabel: { bgcolor: colours("card"), bordercolor: colours("line"), font: { family, color: colours("ink"), size: 13 }, align: "left" },
       xaxis: { ...axis, range: view.slice(), showgrid: false, zeroline: false, ticksuffix: " s", showticksuffix: "last", nticks: Math.max(4, Math.round(width / 90)), ticks: "outside", tickcolor: colours("line") },
-      yaxis: { ...axis, range: values, nticks: 7 },
+      yaxis: { ...axis, range: values, nticks: 7, ...(chart.log ? decades(values) : {}) },
       yaxis2: { overlaying: "y", range: [0, 1], visible: false, fixedrange: true },
       shapes: shapes(chart, values),
       annotations: names(width),
@@ -233,9 +252,11 @@
     return `<svg viewBox="0 0 20 10" aria-hidden="true">${strokes.join("")}</svg>`;
   }
 
-  function reading(trace, time, range) {
+  function reading(trace, time, range, log) {
     if (!trace.shown) return "";
-    const value = shownNumber(valueAt(trace, time), range);
+    const at = valueAt(trace, time);
+    if (log) return Number.isFinite(at) ? String(Number(at.toPrecision(3))) : "–";
+    const value = shownNumber(at, range);
     const wanted = trace.reference ? valueAt(trace.reference, time) : NaN;
     return Number.isFinite(wanted) ? `${value}  (${shownNumber(wanted, range)})` : value;
   }
@@ -255,12 +276,18 @@
       if (reference) trace.reading.className = "pair";
       button.append(trace.reading);
       trace.reference = reference;
+      trace.button = button;
       button.addEventListener("click", () => {
-        trace.shown = !trace.shown;
-        if (reference) reference.shown = trace.shown;
-        button.setAttribute("aria-pressed", String(trace.shown));
-        chart.fixedY = null;
-        draw(chart);
+        const shown = !trace.shown;
+        for (const c of run.linked && !trace.own ? charts : [chart]) {
+          for (const t of c.traces.filter((t) => c === chart ? t === trace : t.label === trace.label)) {
+            t.shown = shown;
+            if (t.reference) t.reference.shown = shown;
+            t.button.setAttribute("aria-pressed", String(shown));
+          }
+          c.fixedY = null;
+          draw(c);
+        }
       });
       item.append(button);
       list.append(item);
@@ -275,7 +302,7 @@
     for (const b of chart.bands) {
       if (told.has(b.text)) continue;
       told.add(b.text);
-      const colour = colours(b.passed ? "good" : "bad");
+      const colour = colours(judged(b));
       const item = document.createElement("li");
       item.className = "static";
       item.innerHTML = `<svg viewBox="0 0 20 10" aria-hidden="true"><path d="M0 .5H20V9.5H0Z" fill="${faded(colour, 0.2)}"/><path d="M0 .5H20M0 9.5H20" stroke="${colour}"/></svg>`;
@@ -297,7 +324,7 @@
     for (const c of charts) {
       c.cursor.style.display = "block";
       c.cursor.style.left = `${LEFT + share * inner}px`;
-      for (const t of c.traces) if (t.reading) t.reading.textContent = reading(t, time, c.values);
+      for (const t of c.traces) if (t.reading) t.reading.textContent = reading(t, time, c.values, c.log);
     }
   }
 

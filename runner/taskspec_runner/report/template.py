@@ -1,4 +1,4 @@
-"""Templates beside this file, with everything escaped that comes from outside."""
+"""Templates of pages and pictures, with everything escaped that comes from outside."""
 
 from __future__ import annotations
 
@@ -10,10 +10,14 @@ from markupsafe import Markup
 _HERE = Path(__file__).parent
 
 
-def template(name: str) -> Template:
-    """A template by file name."""
+def template(name: str, beside: Path = _HERE) -> Template:
+    """A template by file name.
+
+    Args:
+        name: of the file. beside: the folder that it is in; those of the report are known to it.
+    """
     environment = Environment(
-        loader=FileSystemLoader(_HERE),
+        loader=FileSystemLoader([beside, _HERE]),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
@@ -22,6 +26,6 @@ def template(name: str) -> Template:
     return environment.get_template(name)
 
 
-def part(name: str) -> Markup:
+def part(name: str, beside: Path = _HERE) -> Markup:
     """One of our own files, to be put into a page as it is."""
-    return Markup((_HERE / name).read_text(encoding="utf-8"))
+    return Markup((beside / name).read_text(encoding="utf-8"))

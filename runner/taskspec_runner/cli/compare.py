@@ -1,0 +1,161 @@
+"""`taskspec compare`: a task under several laws, from its file to one table and one picture."""
+
+from __future__ import annotations
+
+import functools
+import json
+import sys
+from collections.abc import Sequence
+from contextlib import AbstractContextManager
+from pathlib import Path
+from typing import Any
+
+import typer
+
+from taskspec.spec import LAWS, Law, LoadedTask
+from taskspec.spec.words import Word
+from taskspec.text.diagnostic import Diagnostic, SpecError
+from taskspec.text.suggest import suggestion
+from taskspec_runner.cli.findings import record, show_findings
+from taskspec_runner.cli.formats import RunFormat
+from taskspec_runner.cli.loading import load
+from taskspec_runner.cli.progress import progress_line
+from taskspec_runner.compare.attempt import Attempt, attempt
+from taskspec_runner.compare.folder import COMPARISON, PAGE, PICTURE, open_comparison
+from taskspec_runner.compare.page import write_comparison
+from taskspec_runner.compare.session import run_attempts
+from taskspec_runner.compare.summary import opening, summarise
+from taskspec_runner.errors import InputError
+from taskspec_runner.folder import RunFolder
+from taskspec_runner.interrupt import Termination
+from taskspec_runner.session import Progress
+
+
+def compare_laws(
+    file: Path,
+    sets: Sequence[str],
+    laws: Sequence[str] | None,
+    seed: int,
+    out: Path | None,
+    *,
+    quiet: bool,
+    form: RunFormat,
+) -> int:
+    """Runs a task file under several laws and tells how they compare."""
+    from taskspec_runner.cli.compared import show_comparison
+
+    names = chosen(laws)
+    attempts = [attempt(law, functools.partial(_loaded, file, sets)) for law in names]
+    as_data = form is RunFormat.JSON
+    if everywhere := _everywhere(attempts):
+        # The file is wrong whatever the law, so there is nothing to say of the laws.
+        if not as_data:
+            raise SpecError(everywhere, attempts[0].sources)
+        _print({"exit_code": 1, "diagnostics": [record(d) for d in everywhere]})
+        return 1
+    loaded = next((a.program.context.loaded for a in attempts if a.program), None)
+    name = loaded.task.name if loaded else file.stem
+    opened = opening(name, str(file), sets, seed, _notes(file, sets, loaded))
+    folder = None
+    if loaded is not None:
+        if not quiet:
+            _show_warnings(attempts)
+        folder = open_comparison(out, name)
+        attempts = _run(attempts, folder, opened, shown=not quiet and sys.stderr.isatty())
+    summary = summarise(attempts, opened)
+    if as_data:
+        _print({**summary, **_whereabouts(folder), "laws": _with_findings(summary, attempts)})
+    else:
+        show_comparison(summary, quiet=quiet)
+        if folder is not None and not quiet:
+            # By itself in its line, so that a terminal makes a link of it.
+            typer.echo(f"page: {folder.path / PAGE}")
+    return int(summary["exit_code"])
+
+
+def chosen(laws: Sequence[str] | None) -> list[str]:
+    """The laws to compare, each once; all that are supported where none is named.
+
+    Raises:
+        InputError: the language has no such law.
+    """
+    if laws is None:
+        return list(LAWS)
+    reserved = next(
+        w.reserved for w in Law.model_fields["kind"].metadata if isinstance(w, Word)
+    )  # fmt: skip
+    for law in laws:
+        if law not in LAWS and law not in reserved:
+            near = suggestion(law, LAWS)
+            said = f"there is no law {law!r}" if law.strip() else "--law needs the name of a law"
+            hint = f"{near} " if near else ""
+            raise InputError(f"{said}; {hint}the laws are {', '.join(LAWS)}")
+    return list(dict.fromkeys(laws))
+
+
+def _loaded(file: Path, sets: Sequence[str], law: str) -> LoadedTask:
+    return load(file, sets, law)
+
+
+def _everywhere(attempts: Sequence[Attempt]) -> list[Diagnostic]:
+    """The errors that keep every law from running."""
+    first, *others = attempts
+    return [d for d in first.errors if all(d in each.errors for each in others)]
+
+
+def _run(
+    attempts: Sequence[Attempt], folder: RunFolder, opened: dict[str, Any], *, shown: bool
+) -> list[Attempt]:
+    def watching(law: str, number: int, total: int) -> AbstractContextManager[Progress | None]:
+        return progress_line(shown=shown, before=f"{law} ({number} of {total})  ")
+
+    # Written at once, so that a folder that was left half done is known for what it is.
+    folder.write_json(COMPARISON, opened)
+    with Termination():
+        done = run_attempts(attempts, folder, opened["seed"], watching)
+        folder.write_json(COMPARISON, summarise(done, opened))
+        write_comparison(folder.path)
+    return done
+
+
+def _notes(file: Path, sets: Sequence[str], loaded: LoadedTask | None) -> list[str]:
+    """What a reader must know of the laws that are compared and the file's own."""
+    notes = []
+    try:
+        own = load(file, sets).task.law
+    except SpecError:
+        own = None
+    if own is not None and own.model_dump(exclude={"kind", "orientation"}, exclude_none=True):
+        notes.append(
+            f"every law has designed gains; those that the file gives {own.kind} are left out"
+        )
+    stages = [n for n, s in loaded.task.stages.items() if s.law is not None] if loaded else []
+    if stages:
+        several = len(stages) > 1
+        which = f"{'s' if several else ''} {', '.join(stages)}"
+        verb = "have laws of their own, which are" if several else "has a law of its own, which is"
+        notes.append(f"stage{which} {verb} replaced too")
+    return notes
+
+
+def _show_warnings(attempts: Sequence[Attempt]) -> None:
+    found = dict.fromkeys(d for each in attempts if each.program for d in each.diagnostics)
+    sources = {name: text for each in attempts for name, text in each.sources.items()}
+    show_findings(found, sources, concise=True, err=True)
+
+
+def _whereabouts(folder: RunFolder | None) -> dict[str, str | None]:
+    paths = {"page": PAGE, "picture": PICTURE}
+    found = {key: str(folder.path / name) if folder else None for key, name in paths.items()}
+    return {"folder": str(folder.path) if folder else None, **found}
+
+
+def _with_findings(summary: dict[str, Any], attempts: Sequence[Attempt]) -> list[dict[str, Any]]:
+    return [
+        {**law, "diagnostics": [record(d) for d in each.diagnostics]}
+        for law, each in zip(summary["laws"], attempts, strict=True)
+    ]
+
+
+def _print(data: dict[str, Any]) -> None:
+    typer.echo(json.dumps(data, indent=2, ensure_ascii=False))

@@ -1,0 +1,112 @@
+"""A task under one law: compiled or refused, then run, and what came of it in one sentence."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+from taskspec.compiler import Program, compile_task
+from taskspec.spec import LoadedTask
+from taskspec.text.diagnostic import Diagnostic, Severity, SpecError
+from taskspec.text.source import Source
+from taskspec_runner.interrupt import BY_SIGNAL
+from taskspec_runner.session import RunResult
+
+#: Outcomes, besides `failed` and `stopped`, which are those of a run.
+PASSED, MISSED, REFUSED, CRASHED, SKIPPED = "passed", "missed", "refused", "crashed", "not run"
+INTERRUPTED = "interrupted"
+
+
+@dataclass(frozen=True, slots=True)
+class Attempt:
+    """One law's try at a task.
+
+    Attributes:
+        law: its name.
+        program: the compiled task, None where the law is refused.
+        diagnostics: what was found about the task under this law. sources: the texts they are in.
+        result: of the run, None if there was none.
+        crash: what an internal error says of itself, empty without one.
+    """
+
+    law: str
+    program: Program | None
+    diagnostics: tuple[Diagnostic, ...]
+    sources: Mapping[str, Source]
+    result: RunResult | None = None
+    crash: str = ""
+
+    @property
+    def errors(self) -> tuple[Diagnostic, ...]:
+        """The findings that keep the law from running."""
+        return tuple(d for d in self.diagnostics if d.severity is Severity.ERROR)
+
+    @property
+    def broken_off(self) -> int:
+        """Exit code of a signal that ended the run, 0 if none did."""
+        code = self.result.exit_code if self.result else 0
+        return code if code > BY_SIGNAL else 0
+
+    @property
+    def outcome(self) -> str:
+        """How it came out, as one word."""
+        if self.crash:
+            return CRASHED
+        if self.program is None:
+            return REFUSED
+        if self.result is None:
+            return SKIPPED
+        if self.broken_off:
+            return INTERRUPTED
+        if self.result.summary["status"] != "done":
+            return str(self.result.summary["status"])
+        return MISSED if self.result.exit_code else PASSED
+
+    @property
+    def reason(self) -> str:
+        """Why the law did not do all that was asked, in one sentence; empty if it did."""
+        if self.crash:
+            return self.crash
+        if self.program is None:
+            return _refusal(self.errors)
+        if self.result is None:
+            return "the comparison was interrupted before"
+        if self.outcome == PASSED:
+            return ""
+        if self.outcome == MISSED:
+            return _missed(self.result)
+        end = self.result.summary["ending"]
+        return f"in stage {end['stage']} at {end['clock']:.3f} s: {end['text']}"
+
+
+def attempt(law: str, load: Callable[[str], LoadedTask]) -> Attempt:
+    """Compiles a task under a law.
+
+    Args:
+        law: a law that the language knows.
+        load: gives the task under a law; may raise `SpecError`.
+    """
+    try:
+        program = compile_task(load(law))
+    except SpecError as error:
+        return Attempt(law, None, error.diagnostics, error.sources)
+    return Attempt(law, program, program.warnings, program.context.loaded.sources)
+
+
+def _refusal(errors: tuple[Diagnostic, ...]) -> str:
+    first, *others = errors
+    text = f"{first.code}: {first.message}"
+    if first.span is not None and not first.source.startswith("--"):
+        text += f" (line {first.span.line})"
+    return f"{text}; {_more(len(others))}" if others else text
+
+
+def _missed(result: RunResult) -> str:
+    first, *others = [e for e in result.summary["expectations"] if not e["passed"]]
+    said = first["explanation"]
+    text = said if said.startswith(first["text"].split(" ")[0]) else f"{first['text']}: {said}"
+    return f"{text}; {_more(len(others))}" if others else text
+
+
+def _more(number: int) -> str:
+    return f"and {number} more"

@@ -1,0 +1,193 @@
+"""The charts of a comparison: force and motion, one line a law."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.ndimage import maximum_filter1d
+
+from taskspec_runner.compare.overlay import Overlay, role
+from taskspec_runner.report.chart import Band, bands, size
+from taskspec_runner.report.data import Run, Vector
+from taskspec_runner.report.figures import ANGULAR, LINEAR, wrench_name
+from taskspec_runner.report.quantities import plain_scale, scale
+
+REFERENCE = "reference"
+#: A size that oscillates is drawn by the largest value within this time [s].
+ENVELOPE = 0.05
+#: Sizes below this are rounding [m, rad, N, N m].
+_LEAST = 1e-9
+#: A reference that changes by less than this stays where it is [m].
+_STILL = 1e-4
+
+
+@dataclass(frozen=True, slots=True)
+class Curve:
+    """One run's line in a chart.
+
+    Attributes:
+        label: the law, or `REFERENCE`. law: whose run it is from.
+        values: (rows of the run,) in the chart's unit. role: its colour. style: as of a `Trace`.
+    """
+
+    label: str
+    law: str
+    values: Vector
+    role: str
+    style: str
+
+
+@dataclass(frozen=True, slots=True)
+class Overlaid:
+    """A chart of several runs.
+
+    Attributes:
+        key, title, unit, note: as shown. curves: in drawing order.
+        bands: what expectations allow, on the leading run's clock [s].
+        log: whether its values are sizes over several orders.
+    """
+
+    key: str
+    title: str
+    unit: str
+    curves: tuple[Curve, ...]
+    note: str = ""
+    bands: tuple[Band, ...] = ()
+    log: bool = False
+
+
+def charts(laid: Overlay) -> list[Overlaid]:
+    """Every chart that has something to show, force first."""
+    found = [*_contact(laid), *_motion(laid)]
+    return [chart for chart in found if chart.curves]
+
+
+def main_charts(laid: Overlay) -> list[Overlaid]:
+    """The force of one axis, its error, and the motion error."""
+    found = {chart.key: chart for chart in charts(laid)}
+    name = next((key.removesuffix(".ref") for key in found if key.endswith(".ref")), "")
+    keys = (f"{name}.ref", f"{name}.error", "motion error") if name else ("force", "motion error")
+    return [found[key] for key in keys if key in found]
+
+
+def _contact(laid: Overlay) -> Iterator[Overlaid]:
+    axes = laid.force_axes()
+    for axis in axes:
+        yield _against_reference(laid, axis)
+        yield _force_error(laid, axis)
+    if not axes:
+        yield _force_size(laid)
+
+
+def _against_reference(laid: Overlay, axis: str) -> Overlaid:
+    name, what = wrench_name(axis), "Moment" if axis in ANGULAR else "Force"
+    factor, unit = _scaled(laid, name, lambda run: run.column(name))
+    curves = _curves(laid, factor, lambda run: run.column(name))
+    reference = _reference(laid, name, factor)
+    wanted = bands(laid.leading, [name], factor)
+    note = f"dashed: the reference under {laid.lead}" if reference else ""
+    title = f"{what} {axis} against its reference"
+    return Overlaid(f"{name}.ref", title, unit, (*curves, *reference), note, wanted)
+
+
+def _force_error(laid: Overlay, axis: str) -> Overlaid:
+    name, what = wrench_name(axis), "Moment" if axis in ANGULAR else "Force"
+
+    def error(run: Run) -> Vector | None:
+        reference, truth = run.column(f"{name}.ref"), run.column(name)
+        return None if reference is None or truth is None else np.abs(reference - truth)
+
+    unit = "N·m" if axis in ANGULAR else "N"
+    return _sizes(laid, f"{name}.error", f"{what} {axis} error", (1.0, unit), error, "")
+
+
+def _force_size(laid: Overlay) -> Overlaid:
+    def total(run: Run) -> Vector | None:
+        found = [c for axis in LINEAR if (c := run.column(f"force.{axis}")) is not None]
+        return np.sqrt(np.sum([c**2 for c in found], axis=0)) if found else None
+
+    factor, unit = _scaled(laid, "force.x", total)
+    curves = _curves(laid, factor, total)
+    touched = any(c.values.max() > 0 for c in curves)
+    return Overlaid("force", "Contact force", unit, curves if touched else ())
+
+
+def _motion(laid: Overlay) -> Iterator[Overlaid]:
+    for axes, key, title in (
+        (LINEAR, "motion error", "Motion error"),
+        (ANGULAR, "orientation error", "Orientation error"),
+    ):
+        yield _error_size(laid, axes, key, title)
+        if axes is LINEAR:
+            for axis in LINEAR:
+                yield _position(laid, axis)
+
+
+def _error_size(laid: Overlay, axes: tuple[str, ...], key: str, title: str) -> Overlaid:
+    # One unit for all orders, so that the marks of the axis can be read off.
+    unit = plain_scale("rad" if axes is ANGULAR else "m", 1.0)
+    over = ", over the axes without a force"
+    return _sizes(laid, key, title, unit, lambda run: laid.motion_error(run, axes), over)
+
+
+def _sizes(
+    laid: Overlay,
+    key: str,
+    title: str,
+    unit: tuple[float, str],
+    of: Callable[[Run], Vector | None],
+    over: str,
+) -> Overlaid:
+    """A chart of sizes over several orders; without curves where all of them are rounding."""
+
+    def envelope(run: Run) -> Vector | None:
+        values = of(run)
+        if values is None or not np.nanmax(values, initial=0.0) > _LEAST:
+            return None
+        known = np.isfinite(values)
+        width = max(round(ENVELOPE / run.period), 1)
+        largest = maximum_filter1d(np.where(known, values, 0.0), width)
+        return np.where(known, np.maximum(largest, _LEAST), np.nan)
+
+    curves = _curves(laid, unit[0], envelope)
+    note = f"the largest within {1e3 * ENVELOPE:g} ms{over}"
+    return Overlaid(key, title, unit[1], curves, note, log=True)
+
+
+def _position(laid: Overlay, axis: str) -> Overlaid:
+    name = f"position.{axis}"
+    wanted = laid.leading.column(f"{name}.ref")
+    if wanted is None or float(np.nanmax(wanted) - np.nanmin(wanted)) < _STILL:
+        return Overlaid(name, "", "", ())
+    factor, unit = plain_scale("m", 1.0)
+    curves = _curves(laid, factor, lambda run: run.column(name))
+    note = f"counted in the frame of each stage; dashed: the reference under {laid.lead}"
+    reference = _reference(laid, name, factor)
+    return Overlaid(name, f"Position {axis}", unit, (*curves, *reference), note)
+
+
+def _curves(laid: Overlay, factor: float, of: Callable[[Run], Vector | None]) -> tuple[Curve, ...]:
+    """One curve a law; those without a force loop are dashed and come last, to be seen on top."""
+    loops = {law["law"]: law["force_loop"] for law in laid.comparison.laws}
+    found = (
+        Curve(law, law, factor * values, role(law), "line" if loops[law] else "loopless")
+        for law, run in laid.runs.items()
+        if (values := of(run)) is not None
+    )
+    return tuple(sorted(found, key=lambda curve: curve.style == "loopless"))
+
+
+def _reference(laid: Overlay, name: str, factor: float) -> tuple[Curve, ...]:
+    values = laid.leading.column(f"{name}.ref")
+    if values is None:
+        return ()
+    return (Curve(REFERENCE, laid.lead, factor * values, "ink", "reference"),)
+
+
+def _scaled(laid: Overlay, name: str, of: Callable[[Run], Vector | None]) -> tuple[float, str]:
+    """Factor and shown unit that suit a quantity in all runs; `name` is a column in its unit."""
+    columns = [values for run in laid.runs.values() if (values := of(run)) is not None]
+    units = [run.units[name] for run in laid.runs.values() if name in run.units]
+    return scale(units[0] if units else "N", size(columns) if columns else 0.0)

@@ -1,0 +1,58 @@
+"""A comparison read back from its folder, for the page and the picture."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from taskspec_runner.compare.folder import COMPARISON
+from taskspec_runner.report.data import Run, read_run
+
+Json = Mapping[str, Any]
+
+
+@dataclass(frozen=True, slots=True)
+class Comparison:
+    """A comparison in memory.
+
+    Attributes:
+        summary: the content of `compare.json`. runs: law to its run, for those that have one.
+    """
+
+    summary: Json
+    runs: Mapping[str, Run]
+
+    @property
+    def laws(self) -> Sequence[Json]:
+        """What each law came to, in the order asked for."""
+        laws: Sequence[Json] = self.summary["laws"]
+        return laws
+
+    @property
+    def stages(self) -> list[str]:
+        """Every stage that some law visited: those with a force to reach, if there are any."""
+        seen = list(dict.fromkeys(s for law in self.laws for s in law.get("stages", ())))
+        return [s for s in seen if self.summary["force_axes"].get(s)] or seen
+
+    def rows(self, stage: str) -> dict[str, Json | None]:
+        """Law to what it came to in a stage, None where it was not there; runs only."""
+        return {
+            law["law"]: law["stages"].get(stage) for law in self.laws if "stages" in law
+        }  # fmt: skip
+
+
+def read_comparison(folder: Path) -> Comparison:
+    """Reads the folder of a comparison.
+
+    Raises:
+        OSError: it has no `compare.json`.
+        ValueError: what it has is none.
+    """
+    summary = json.loads((folder / COMPARISON).read_text(encoding="utf-8"))
+    runs = {
+        law["law"]: read_run(folder / law["folder"]) for law in summary["laws"] if law["folder"]
+    }
+    return Comparison(summary, {law: run for law, run in runs.items() if len(run.clock)})

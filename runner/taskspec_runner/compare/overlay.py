@@ -1,0 +1,138 @@
+"""The runs of a comparison laid over each other, so that the same stage is at the same time.
+
+Guards end a stage when they do, so under each law the stage that matters begins at another time of
+the run. All runs are shifted to where it begins, which is the zero of the common time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from taskspec.spec import LAWS
+from taskspec_runner.compare.comparison import Comparison
+from taskspec_runner.report.data import Run, Vector, Visit
+from taskspec_runner.report.figures import ANGULAR, LINEAR
+
+#: Colours there are for laws.
+COLOURS = 10
+#: Outcomes, from the one that is most worth leading.
+_RANK = ("passed", "missed", "failed", "stopped")
+
+
+@dataclass(frozen=True, slots=True)
+class Overlay:
+    """Runs on a common time.
+
+    Attributes:
+        comparison: that they are of. lead: the law whose stages and references are drawn.
+        origin: the stage that begins at zero, empty where the runs themselves do.
+        begins: law to the common time at which its run begins [s].
+    """
+
+    comparison: Comparison
+    lead: str
+    origin: str
+    begins: Mapping[str, float]
+
+    @property
+    def runs(self) -> Mapping[str, Run]:
+        """The runs by law."""
+        return self.comparison.runs
+
+    @property
+    def leading(self) -> Run:
+        """The run whose stages and references are drawn."""
+        return self.runs[self.lead]
+
+    @property
+    def start(self) -> float:
+        """Common time at which the first run begins [s]."""
+        return min(self.begins[law] + run.start for law, run in self.runs.items())
+
+    @property
+    def end(self) -> float:
+        """Common time at which the last run ends [s]."""
+        return max(self.begins[law] + run.end for law, run in self.runs.items())
+
+    def visits(self) -> list[tuple[Visit, float, float]]:
+        """The leading run's visits with their common times [s]."""
+        begin = self.begins[self.lead]
+        return [(v, v.start + begin, v.end + begin) for v in self.leading.visits]
+
+    def force_axes(self) -> list[str]:
+        """Axes with a force or moment to reach in some stage, those of the first stage first."""
+        forces: Mapping[str, list[str]] = self.comparison.summary["force_axes"]
+        known = (*LINEAR, *ANGULAR)
+        return list(dict.fromkeys(a for axes in forces.values() for a in axes if a in known))
+
+    def motion_error(self, run: Run, axes: tuple[str, ...]) -> Vector:
+        """(rows,) Size of the motion error [m, rad] over those axes that no law gives a force.
+
+        Args:
+            run: one of them. axes: the translations, or the rotations.
+        """
+        squares = np.zeros(len(run.clock))
+        known = np.zeros(len(run.clock), dtype=bool)
+        forces: Mapping[str, list[str]] = self.comparison.summary["force_axes"]
+        for visit in run.visits:
+            rows = rows_of(run, visit)
+            for axis in axes:
+                error = run.column(f"error.{axis}")
+                if error is None or axis in forces.get(visit.stage, ()):
+                    continue
+                finite = rows & np.isfinite(error)
+                squares[finite] += error[finite] ** 2
+                known |= finite
+        return np.where(known, np.sqrt(squares), np.nan)
+
+
+def overlay(comparison: Comparison) -> Overlay | None:
+    """Lays the runs of a comparison over each other; None where there is none."""
+    if not comparison.runs:
+        return None
+    lead = _lead(comparison)
+    leading = comparison.runs[lead]
+    origin = next((s for s in comparison.stages if _first(leading, s) is not None), "")
+    if not any(comparison.summary["force_axes"].values()):
+        origin = ""
+    zero = _first(leading, origin) or 0.0
+    begins = {}
+    for law, run in comparison.runs.items():
+        first = _first(run, origin)
+        begins[law] = -(zero if first is None else first)
+    return Overlay(comparison, lead, origin, begins)
+
+
+def role(law: str) -> str:
+    """The colour of a law; it has the same in every picture."""
+    names = list(LAWS)
+    return f"law{names.index(law) % COLOURS if law in names else 0}"
+
+
+def rows_of(run: Run, visit: Visit) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+    """(rows,) Whether a row of the log belongs to a visit."""
+    half = run.period / 2
+    inside: np.ndarray[tuple[int], np.dtype[np.bool_]] = (run.clock > visit.start - half) & (
+        run.clock < visit.end - half
+    )
+    return inside
+
+
+def _lead(comparison: Comparison) -> str:
+    """The run that shows most of the task: the best outcome, expectations met, stages visited."""
+    told = {law["law"]: law for law in comparison.laws}
+
+    def worth(law: str) -> tuple[int, int, int]:
+        outcome = told[law]["outcome"]
+        rank = _RANK.index(outcome) if outcome in _RANK else len(_RANK)
+        return -rank, told[law].get("met", 0), len({v.stage for v in comparison.runs[law].visits})
+
+    return max(comparison.runs, key=worth)
+
+
+def _first(run: Run, stage: str) -> float | None:
+    """Run time at which a stage is first entered [s]; None where it never was."""
+    return next((v.start for v in run.visits if v.stage == stage), None)

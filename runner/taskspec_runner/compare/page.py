@@ -1,0 +1,199 @@
+"""The page of a comparison: one HTML file that needs nothing beside it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, replace
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+from markupsafe import Markup
+
+from taskspec_runner.compare.charts import REFERENCE, Curve, Overlaid, charts
+from taskspec_runner.compare.comparison import Comparison, read_comparison
+from taskspec_runner.compare.folder import PAGE, PICTURE
+from taskspec_runner.compare.overlay import Overlay, overlay, role
+from taskspec_runner.compare.picture import CUT_SHORT, HERE, counted, picture_svg, time_of
+from taskspec_runner.compare.tracking import KINDS, best
+from taskspec_runner.folder import REPORT, RunFolder
+from taskspec_runner.report import decimate
+from taskspec_runner.report.highlight import highlighted
+from taskspec_runner.report.quantities import quantity
+from taskspec_runner.report.stages import label, tints
+from taskspec_runner.report.template import part, template
+
+Json = Mapping[str, Any]
+
+_UNITS = {"force": "N", "torque": "N*m", "motion": "m", "rotation": "rad"}
+_WORDS = {"rms_error": "RMS", "max_error": "peak", "final_error": "final"}
+
+
+def write_comparison(folder: Path) -> Path:
+    """Writes `compare.html` and `compare.svg` into the folder of a comparison.
+
+    Args:
+        folder: with compare.json and the runs below it.
+
+    Returns:
+        The path of the page.
+
+    Raises:
+        OSError: the folder cannot be read.
+        ValueError: what it has is no comparison.
+        OutputError: it cannot be written.
+    """
+    comparison = read_comparison(folder)
+    into = RunFolder(folder)
+    into.write_text(PICTURE, picture_svg(comparison))
+    return into.write_text(PAGE, render(comparison))
+
+
+def render(comparison: Comparison) -> str:
+    """The page of a comparison."""
+    laid = overlay(comparison)
+    shown = charts(laid) if laid else []
+    summary = comparison.summary
+    return template("compare.html.j2", HERE).render(
+        title=summary["task"],
+        about=summary.get("about") or "",
+        outcomes=counted([law["outcome"] for law in comparison.laws]),
+        laws=[_law(law) for law in comparison.laws],
+        report=REPORT,
+        expectations=summary["expectations"],
+        ran=[law for law in comparison.laws if "met" in law],
+        cut_short=CUT_SHORT,
+        stages=[_stage(comparison, stage) for stage in comparison.stages],
+        notes=summary["notes"],
+        lead=laid.lead if laid else "",
+        time=time_of(laid) if laid else "",
+        visits=_visits(laid) if laid else [],
+        charts=shown,
+        data=_data(laid, shown) if laid else {},
+        task=highlighted(laid.leading.task) if laid else "",
+        facts=list(_facts(summary)),
+        picture=Markup(picture_svg(comparison)),
+        style=part("report.css") + part("compare.css", HERE),
+        script=part("report.js"),
+        plotly=Markup(_plotly()),
+    )
+
+
+def _plotly() -> str:
+    bundle = resources.files("plotly") / "package_data" / "plotly.min.js"
+    return bundle.read_text(encoding="utf-8")
+
+
+def _law(law: Json) -> Json:
+    return {
+        **law,
+        "role": role(law["law"]),
+        "bad": law["outcome"] not in ("passed", "missed"),
+        "peak": quantity(law.get("peak_force"), "N"),
+    }
+
+
+def _stage(comparison: Comparison, stage: str) -> Json:
+    """A table of a stage: one row a law, the least value of each column marked."""
+    rows = comparison.rows(stage)
+    present = [k for k in KINDS if any(row and row[k] for row in rows.values())]
+    columns = [
+        (kind, statistic)
+        for kind in present
+        for statistic in _WORDS
+        # What is left of a motion error at the end says nothing that its peak does not.
+        if statistic != "final_error" or kind in ("force", "torque")
+    ]
+    leaders = {column: best(rows, *column) for column in columns}
+    return {
+        "name": stage,
+        "axes": comparison.summary["force_axes"].get(stage) or [],
+        "columns": [f"{kind} {_WORDS[statistic]}" for kind, statistic in columns],
+        "rows": [
+            {
+                "law": law,
+                "role": role(law),
+                "planned": bool(row and row["planned"]),
+                "duration": f"{row['duration']:.3f}" if row else "",
+                "cells": [_cell(row, column, law in leaders[column]) for column in columns],
+            }
+            for law, row in rows.items()
+        ],
+    }
+
+
+def _cell(row: Json | None, column: tuple[str, str], least: bool) -> Json:
+    kind, statistic = column
+    found = row[kind] if row else None
+    value, unit = quantity(found[statistic] if found else None, _UNITS[kind])
+    return {"value": value, "unit": unit, "axis": found["axis"] if found else "", "least": least}
+
+
+def _visits(laid: Overlay) -> list[Json]:
+    run = laid.leading
+    return [
+        {"label": label(run, v), "tint": tints(run)[v.stage], "start": start, "end": end}
+        for v, start, end in laid.visits()
+    ]
+
+
+def _data(laid: Overlay, shown: list[Overlaid]) -> Json:
+    """What the page's script draws, as in the report of a run."""
+    visits = _visits(laid)
+    return {
+        "start": laid.start,
+        "period": laid.leading.period,
+        "end": laid.end,
+        "linked": True,
+        "stages": [{**v, "name": v["label"]} for v in visits],
+        "events": list(_events(laid)),
+        "charts": {chart.key: _chart(laid, chart) for chart in shown},
+    }
+
+
+def _events(laid: Overlay) -> Iterator[Json]:
+    for visit, _, end in laid.visits():
+        why = str(visit.ended_by.get("text") or "")
+        told = f"{laid.lead}: {visit.stage} ends\n{why}".rstrip()
+        yield {"at": end, "stopped": False, "text": told}
+    for law in laid.comparison.laws:
+        run = laid.runs.get(law["law"])
+        if run is not None and law["outcome"] in CUT_SHORT:
+            text = f"{law['law']} {law['outcome']}\n{law['reason']}"
+            yield {"at": laid.begins[law["law"]] + run.end, "stopped": True, "text": text}
+
+
+def _chart(laid: Overlay, chart: Overlaid) -> Json:
+    begin = laid.begins[laid.lead]
+    moved = [replace(b, start=b.start + begin, end=b.end + begin) for b in chart.bands]
+    return {
+        "unit": chart.unit,
+        "log": chart.log,
+        "limits": [],
+        "always": [],
+        "traces": [_trace(laid, curve) for curve in chart.curves],
+        # Whether an expectation was met differs between the laws; see the table.
+        "bands": [{**asdict(band), "passed": None} for band in moved],
+    }
+
+
+def _trace(laid: Overlay, curve: Curve) -> Json:
+    run = laid.runs[curve.law]
+    rows = decimate.decimate(curve.values, run.breaks)
+    rows, values = decimate.broken(rows, curve.values, run.breaks)
+    return {
+        "label": curve.label,
+        "role": curve.role,
+        "style": curve.style,
+        "start": laid.begins[curve.law] + run.start,
+        "reference_of": "",
+        "own": curve.label == REFERENCE,
+        **decimate.encode(rows, values),
+    }
+
+
+def _facts(summary: Json) -> Iterator[tuple[str, str]]:
+    yield "task", str(summary["file"])
+    yield "robot", str(summary.get("robot") or "")
+    yield "seed", str(summary["seed"])
+    yield "overrides", ", ".join(summary["overrides"]) or "–"

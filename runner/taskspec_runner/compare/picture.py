@@ -1,0 +1,212 @@
+"""The picture of a comparison: force and motion error of all laws, for a README or a paper."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from taskspec_runner.compare.charts import Overlaid, main_charts
+from taskspec_runner.compare.comparison import Comparison
+from taskspec_runner.compare.overlay import Overlay, overlay, role
+from taskspec_runner.report import decimate
+from taskspec_runner.report.data import Vector
+from taskspec_runner.report.drawing import Area, Line, Panel, Tick, path_data, tick_text, ticks
+from taskspec_runner.report.stages import label, tints
+from taskspec_runner.report.template import template
+
+WIDTH = 860
+_LEFT, _RIGHT, _BOTTOM = 62.0, 20.0, 48.0
+#: Height of a panel, and of the room above it for its title [px].
+_PANEL, _TITLE = 170.0, 40.0
+#: Where the legend begins, the height of its rows, and how many laws stand in one [px].
+_LEGEND, _ROW, _COLUMNS = 62.0, 20.0, 3
+#: Logarithmic panels with fewer powers of ten get marks between them.
+_FEW_DECADES = 2.5
+#: Outcomes that say nothing about how a law would have gone on.
+CUT_SHORT = ("failed", "stopped", "crashed", "interrupted")
+HERE = Path(__file__).parent
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """A law in the legend, at a place in pixels; `style` is empty where it has no line."""
+
+    x: float
+    y: float
+    law: str
+    role: str
+    style: str
+    told: str
+    kind: str
+
+
+def picture_svg(comparison: Comparison) -> str:
+    """The picture as text, 860 px wide, for light and dark pages."""
+    laid = overlay(comparison)
+    found = main_charts(laid) if laid else []
+    entries = _legend(comparison)
+    top = _LEGEND + _ROW * math.ceil(len(entries) / _COLUMNS) + _TITLE
+    width = WIDTH - _LEFT - _RIGHT
+    panels = []
+    for number, chart in enumerate(found):
+        assert laid is not None
+        panels.append(_panel(laid, chart, top + number * (_PANEL + _TITLE), width))
+    bottom = top + len(panels) * (_PANEL + _TITLE) - _TITLE
+    return template("compare.svg.j2", HERE).render(
+        width=WIDTH,
+        height=bottom + (_BOTTOM if panels else 0),
+        title=str(comparison.summary["task"]),
+        subtitle=_subtitle(comparison, laid),
+        entries=entries,
+        panels=panels,
+        stages=_stages(laid, width) if laid else [],
+        bottom=bottom,
+        middle=_LEFT + width / 2,
+        times=_times(laid, width) if laid else [],
+        time=time_of(laid) if laid else "",
+        loopless=any(e.style == "loopless" for e in entries),
+    )
+
+
+def time_of(laid: Overlay) -> str:
+    """What the common time counts from."""
+    return f"time since {laid.origin} began" if laid.origin else "time since the run began"
+
+
+def _subtitle(comparison: Comparison, laid: Overlay | None) -> str:
+    outcomes = [law["outcome"] for law in comparison.laws]
+    parts = [comparison.summary["robot"], f"{len(outcomes)} laws: {counted(outcomes)}"]
+    if laid is not None:
+        parts.append(f"stages as under {laid.lead}")
+    return ", ".join(p for p in parts if p)
+
+
+def counted(words: Sequence[str]) -> str:
+    """How often each word comes, such as `3 passed, 1 refused`."""
+    return ", ".join(f"{words.count(word)} {word}" for word in dict.fromkeys(words))
+
+
+def _legend(comparison: Comparison) -> list[Entry]:
+    step = (WIDTH - 40) / _COLUMNS
+    return [
+        Entry(
+            20 + step * (number % _COLUMNS),
+            _LEGEND + _ROW * (number // _COLUMNS),
+            law["law"],
+            role(law["law"]),
+            ("line" if law["force_loop"] else "loopless") if law["folder"] else "",
+            _told(law),
+            law["outcome"],
+        )
+        for number, law in enumerate(comparison.laws)
+    ]
+
+
+def _told(law: Mapping[str, object]) -> str:
+    if law["outcome"] == "refused":
+        return f"refused, {str(law['reason']).partition(':')[0]}"
+    if law["outcome"] in ("stopped", "failed"):
+        return f"{law['outcome']} {str(law['reason']).partition(' at ')[0].replace('stage ', '')}"
+    if law.get("expected"):
+        return f"{law['outcome']}, {law['met']} of {law['expected']}"
+    return str(law["outcome"])
+
+
+def _panel(laid: Overlay, chart: Overlaid, y: float, width: float) -> Panel:
+    cut = {law["law"] for law in laid.comparison.laws if law["outcome"] in CUT_SHORT}
+    low, high = _range(chart, cut)
+    per_second = width / max(laid.end - laid.start, 1e-9)
+    per_unit = _PANEL / (high - low)
+
+    def row(value: float) -> float:
+        return y + (high - min(max(value, low), high)) * per_unit
+
+    lines = []
+    for curve in chart.curves:
+        run, begin = laid.runs[curve.law], laid.begins[curve.law]
+        values = np.log10(curve.values) if chart.log else curve.values
+        rows = decimate.decimate(values, run.breaks, 3 * int(width))
+        rows, shown = decimate.broken(rows, values, run.breaks)
+        x = _LEFT + (run.clock[rows] + begin - laid.start) * per_second
+        points = np.column_stack([x, y + (high - shown) * per_unit])
+        lines.append(Line(path_data(points), curve.role, curve.style, curve.label))
+        if curve.law in cut and curve.label == curve.law:
+            lines.append(_cross(points, curve.role, (y, y + _PANEL)))
+    begin = laid.begins[laid.lead] - laid.start
+    areas = tuple(
+        Area(
+            _LEFT + (b.start + begin) * per_second,
+            row(high if b.high is None else b.high),
+            (b.end - b.start) * per_second,
+            row(low if b.low is None else b.low) - row(high if b.high is None else b.high),
+            None,
+        )
+        for b in chart.bands
+    )
+    marks = _decades(low, high) if chart.log else _marks(low, high)
+    drawn = tuple(Tick(row(v), text) for v, text in marks)
+    return Panel(chart.title, chart.unit, _LEFT, y, width, _PANEL, tuple(lines), drawn, areas)
+
+
+def _cross(points: Vector, role: str, rows: tuple[float, float]) -> Line:
+    """Marks where the line of a run ends that was cut short; at the edge if that is not in view."""
+    x, y = points[np.isfinite(points).all(axis=1)][-1]
+    y = min(max(y, rows[0] + 5), rows[1] - 5)
+    return Line(f"M{x - 4:.1f},{y - 4:.1f}l8,8m0,-8l-8,8", role, "cross")
+
+
+def _range(chart: Overlaid, cut: Collection[str]) -> tuple[float, float]:
+    """Values in view: those of the runs that came to their end, if there are any."""
+    shown = [c.values for c in chart.curves if c.law not in cut] or [
+        c.values for c in chart.curves
+    ]  # fmt: skip
+    values = _finite(shown)
+    if chart.log:
+        values = np.log10(values)
+    low, high = float(values.min()), float(values.max())
+    room = 0.05 * max(high - low, 1e-6)
+    return low - room, high + room
+
+
+def _finite(columns: Sequence[Vector]) -> Vector:
+    return np.concatenate([c[np.isfinite(c)] for c in columns])
+
+
+def _marks(low: float, high: float) -> list[tuple[float, str]]:
+    found = ticks(low, high, 6)
+    return [(v, tick_text(v, found)) for v in found]
+
+
+def _decades(low: float, high: float) -> list[tuple[float, str]]:
+    """Marks between two logarithms: powers of ten, with 2 and 5 between them where few."""
+    leading = (1, 2, 5) if high - low < _FEW_DECADES else (1,)
+    found = [(n, m) for n in range(math.floor(low), math.ceil(high) + 1) for m in leading]
+    marks = [(n + math.log10(m), f"{m * 10.0**n:.{max(-n, 0)}f}") for n, m in found]
+    return [(at, text) for at, text in marks if low <= at <= high]
+
+
+def _times(laid: Overlay, width: float) -> list[Tick]:
+    per_second = width / max(laid.end - laid.start, 1e-9)
+    found = ticks(laid.start, laid.end, 9)
+    return [Tick(_LEFT + (t - laid.start) * per_second, tick_text(t, found)) for t in found]
+
+
+def _stages(laid: Overlay, width: float) -> list[dict[str, object]]:
+    per_second = width / max(laid.end - laid.start, 1e-9)
+    run, found = laid.leading, []
+    for visit, start, end in laid.visits():
+        name = label(run, visit)
+        fits = 5.8 * len(name) + 4 < (end - start) * per_second
+        found.append(
+            {
+                "x": _LEFT + (start - laid.start) * per_second,
+                "width": (end - start) * per_second,
+                "tint": tints(run)[visit.stage],
+                "name": name if fits else "",
+            }
+        )
+    return found
