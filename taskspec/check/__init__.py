@@ -9,6 +9,7 @@ from __future__ import annotations
 from taskspec.check.axes import check_axes, check_joints
 from taskspec.check.forces import check_forces
 from taskspec.check.frames import check_frame, check_start, check_stiffness
+from taskspec.check.orientation import check_orientation
 from taskspec.check.set_points import check_set_points
 from taskspec.check.signals import check_expectations, check_signals
 from taskspec.program.axes import SkewedAxisError, existing_axes
@@ -57,6 +58,7 @@ def check_stages(context: Context) -> tuple[Diagnostic, ...]:
         check_axes(context, name, axes, found)
         check_signals(context, name, axes, found)
         check_set_points(context, name, axes, rotation, found)
+        check_orientation(context, name, axes, rotation, found)
         try:
             path = path_shape(context, name, rotation)
         except SpecError as error:

@@ -6,10 +6,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-import pinocchio as pin
 from numpy.typing import NDArray
 
 from taskspec.control.state import AXES
+from taskspec.program.orientation import displaced
 from taskspec.program.stage import CompiledStage
 
 Vector = NDArray[np.float64]
@@ -45,7 +45,7 @@ def leave(stage: CompiledStage, outputs: Mapping[str, Vector]) -> Carried:
         error[i] = outputs["error"][i] if tracked else 0.0
         twist[i] = outputs["velocity_ref" if tracked else "velocity"][i]
     offset = outputs["offset"]
-    R_ref = pin.exp3(frame @ error[3:]) @ R
+    R_ref = frame @ displaced(stage.law, frame.T @ R, error[3:])
     spin = frame @ twist[3:]
     return Carried(
         p=outputs["tip"] + offset + frame @ error[:3] - R_ref @ (R.T @ offset),

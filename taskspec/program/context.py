@@ -17,6 +17,8 @@ from taskspec.program.stiffness import Compliance
 from taskspec.robot import RobotModel
 from taskspec.spec import Law, Limits, LoadedTask, Stage
 
+_GEOMETRIC = np.eye(3)
+
 
 @dataclass(frozen=True, slots=True)
 class StartEquation:
@@ -97,7 +99,11 @@ class Context:
         return min(self.start_gaps, key=lambda name: self.start_gaps[name])
 
     def plants(
-        self, axes: tuple[str, ...], rotation: NDArray[np.float64], k: float
+        self,
+        axes: tuple[str, ...],
+        rotation: NDArray[np.float64],
+        k: float,
+        rates: NDArray[np.float64] = _GEOMETRIC,
     ) -> dict[str, gain_design.Plant]:
         """Mass and stiffness of each axis at the start pose, for gain design.
 
@@ -105,9 +111,9 @@ class Context:
             axes: axes of the stage's frame. rotation: (3, 3) that frame at the start pose.
             k: contact stiffness [N/m] along a translation; a rotation feels it at the tool's
                 radius.
+            rates: (3, 3) from angular velocity in the frame to the rates of rotational rows.
         """
-        both = np.kron(np.eye(2), rotation.T)
-        J = both @ self.start_jacobian
+        J = _resolved(self.start_jacobian, rotation, rates)
         rows = [AXES.index(a) for a in axes]
         mobility = (J @ np.linalg.inv(self.start_inertia) @ J.T)[np.ix_(rows, rows)]
         held = np.diag(np.linalg.inv(mobility))
@@ -124,16 +130,21 @@ class Context:
         }
 
     def joint_plants(
-        self, axes: tuple[str, ...], rotation: NDArray[np.float64], stiffness: list[float]
+        self,
+        axes: tuple[str, ...],
+        rotation: NDArray[np.float64],
+        stiffness: list[float],
+        rates: NDArray[np.float64] = _GEOMETRIC,
     ) -> list[gain_design.Plant]:
         """Inertia and stiffness about each joint at the start pose, for gain design.
 
         Args:
             axes: axes of the stage's frame. rotation: (3, 3) that frame at the start pose.
             stiffness: of spring and contact together, on those axes [N/m, N m/rad].
+            rates: as for `plants`.
         """
         rows = [AXES.index(a) for a in axes]
-        J = (np.kron(np.eye(2), rotation.T) @ self.start_jacobian)[rows]
+        J = _resolved(self.start_jacobian, rotation, rates)[rows]
         about = np.einsum("ij,i,ij->j", J, stiffness, J)
         free = 1.0 / np.diag(np.linalg.inv(self.start_inertia))
         held = np.diag(self.start_inertia)
@@ -141,3 +152,10 @@ class Context:
             gain_design.Plant(h=free[j], held=held[j], k=about[j], period=self.period)
             for j in range(len(held))
         ]
+
+
+def _resolved(
+    J: NDArray[np.float64], rotation: NDArray[np.float64], rates: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """(6, n) Jacobian J in the axes of a frame, its angular part as `rates` makes of it."""
+    return np.vstack([rotation.T @ J[:3], rates @ rotation.T @ J[3:]])

@@ -15,6 +15,8 @@ register(
         "TS224": "a signal that this stage cannot evaluate",
         "TS226": "a frame placed in one that follows a surface",
         "TS227": "a path that only turns, at a speed of translation",
+        "TS228": "Euler angles where the task frame turns or a rotation is not held to a motion",
+        "TS229": "Euler angles at their singularity at the start",
         "TS306": "an open-loop force on an axis without a spring",
         "TS414": "values for joints that do not fit the robot",
         "TS308": "a pull on a surface that can only push",

@@ -19,7 +19,7 @@ from taskspec.control.gains import Gains, design, design_joint_damping, has_forc
 from taskspec.control.reference import opposite
 from taskspec.control.state import AXES, task_state
 from taskspec.motion.path import PathShape
-from taskspec.program import kinematics, laws, ports, signals
+from taskspec.program import kinematics, laws, orientation, ports, signals
 from taskspec.program.algebra import CasadiAlgebra, constants
 from taskspec.program.axes import existing_axes
 from taskspec.program.clock import Clock
@@ -124,7 +124,8 @@ def compile_stage(
     normal = None if contact is None else axes_rotation.T @ context.start_normals[contact]
     plans = plan_axes(axes, stage.axes, path, law, normal)
     k = context.compliances[contact].stiffness if contact is not None else 0.0
-    plants = context.plants(axes, axes_rotation, k)
+    rates = orientation.rates_of(law, axes_rotation.T @ context.start_R)
+    plants = context.plants(axes, axes_rotation, k, rates)
     gains = design(law, {a: p.axis for a, p in plans.items()}, plants)
     active = active_equations(law, stage, context.equations)
     for gain, by_name in equation_gains(context, law, active, context.equations).items():
@@ -134,7 +135,7 @@ def compile_stage(
             gains["stiffness"][a].value + (plants[a].k if has_force(plans[a].axis) else 0.0)
             for a in axes
         ]
-        joints = context.joint_plants(axes, axes_rotation, stiffness)
+        joints = context.joint_plants(axes, axes_rotation, stiffness, rates)
         gains["joint_damping"] = design_joint_damping(law, joints)
 
     visits = [f"{s}.visits" for s in task.stages]
@@ -202,6 +203,9 @@ def compile_stage(
         table=table,
         algebra=algebra,
     )
+    stated, references, representable = orientation.restate(
+        law, state, references, at.R.T @ terms.R, table
+    )
     forces = equation_forces(
         names=active,
         set_points=stage.constraints,
@@ -216,7 +220,7 @@ def compile_stage(
     )
     chosen = (
         constraint_set(
-            state=state,
+            state=stated,
             forced=[a for a in axes if plans[a].force],
             named=[*stage.axes, *(path.axes if path is not None else ())],
             rows={name: rows[name] for name in active},
@@ -229,7 +233,7 @@ def compile_stage(
     )
     control = constrain(chosen, forces, references, clock, parameters) if chosen else None
     posture = laws.posture_pull(law.kind, axes, q, v, ca.SX(ca.DM(context.posture)))
-    case = laws.Case(state, references, plans, gains, table, v, posture, control)
+    case = laws.Case(stated, references, plans, gains, table, v, posture, control)
     wanted = laws.joint_torque(law.kind, case, terms)
     limit = ca.DM(robot.torque_limit)
     torque = ca.fmax(ca.fmin(wanted, limit), -limit)
@@ -245,7 +249,9 @@ def compile_stage(
         state=state,
         frame=frame,
         margin=at.margin,
-    ) + stage_conditions(
+    )
+    conditions += representable
+    conditions += stage_conditions(
         stage=stage, parameters=parameters, table=table, algebra=algebra, period=context.period
     )
     index, value, events = code(conditions)

@@ -165,7 +165,8 @@ def test_rigid():
 
 def test_limits():
     limits = "limits: {force: 60 N, torque: 9 N*m, speed: 1 m/s, deviation: 10 mm}\n"
-    found = compile_task(load(completed(limits))).stages[0].events
+    angles = "law: {kind: hybrid, orientation: rpy}\n"
+    found = compile_task(load(completed(limits + angles))).stages[0].events
     names = [e.name for e in found if e.kind == events.LIMIT]
     assert first_words(CONVENTIONS, "table: limits") == list(dict.fromkeys(names))
 
