@@ -7,6 +7,7 @@ axes and its contacts come in.
 from __future__ import annotations
 
 from taskspec.check.axes import check_axes, check_joints
+from taskspec.check.equations import check_constraints, check_equations
 from taskspec.check.forces import check_forces
 from taskspec.check.frames import check_frame, check_start, check_stiffness
 from taskspec.check.orientation import check_orientation
@@ -40,6 +41,7 @@ def check_stages(context: Context) -> tuple[Diagnostic, ...]:
     check_joints(context, found)
     check_stiffness(context, found)
     check_start(context, found)
+    check_equations(context, found)
     axes_of: dict[str, tuple[str, ...]] = {}
     for name, stage in loaded.task.stages.items():
         frame = context.frame_of(stage)
@@ -58,6 +60,7 @@ def check_stages(context: Context) -> tuple[Diagnostic, ...]:
         check_axes(context, name, axes, found)
         check_signals(context, name, axes, found)
         check_set_points(context, name, axes, rotation, found)
+        check_constraints(context, name, axes, rotation, found)
         check_orientation(context, name, axes, rotation, found)
         try:
             path = path_shape(context, name, rotation)

@@ -1,0 +1,94 @@
+"""Constraint equations at the start: regular, kept, and independent of each other (4.80), (4.101)."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taskspec.control.gains import has_force
+from taskspec.control.state import AXES
+from taskspec.program.constraints import active_equations
+from taskspec.program.context import Context
+from taskspec.program.signals import TOUCHING
+from taskspec.spec import LAWS
+from taskspec.text.diagnostic import Diagnostics
+from taskspec.text.show import show
+
+#: Below this length a gradient, in its own units, is none.
+_FLAT = 1e-9
+#: Smallest singular value of unit normals, on joints' rates, that are told apart.
+_DEPENDENT = 1e-3
+
+
+def check_equations(context: Context, found: Diagnostics) -> None:
+    """Reports equations that have no gradient at the start, or that the start does not keep."""
+    loaded = context.loaded
+    for name, at in context.start_equations.items():
+        model = context.equations[name]
+        place = loaded.span(("world", name, "equation"))
+        what = "joints start" if model.joints else "tool starts"
+        if at.scale < _FLAT:
+            found.error(
+                "TS311",
+                f"{name!r} has no gradient where the {what}, so no direction to push in",
+                place,
+                "start elsewhere, or state the same constraint by a regular equation",
+            )
+            continue
+        broken = {"=": True, "<=": at.distance > 0, ">=": at.distance < 0}
+        force = abs(at.distance) * context.compliances[name].stiffness
+        if broken[model.constraint.relation] and force > TOUCHING:
+            unit = "deg" if model.joints else "mm"
+            effort = f"{force:.3g} {'N*m' if model.joints else 'N'}"
+            found.warning(
+                "TS312",
+                f"the {what} {show(abs(at.distance), unit)} off {name!r}: the run begins with "
+                f"{effort} of it",
+                loaded.span(("robot", "start")),
+                "start on the constraint",
+            )
+
+
+def check_constraints(
+    context: Context,
+    name: str,
+    axes: tuple[str, ...],
+    rotation: NDArray[np.float64],
+    found: Diagnostics,
+) -> None:
+    """Reports constraints of stage `name` that say the same as others, or more than the arm has.
+
+    Args:
+        context: the task. name: of the stage. axes: that exist in its frame.
+        rotation: (3, 3) its frame at the start pose. found: where findings go.
+    """
+    loaded = context.loaded
+    stage = loaded.task.stages[name]
+    law = context.law_of(stage)
+    if not LAWS[law.kind].multipliers:
+        return
+    J = np.kron(np.eye(2), rotation.T) @ context.start_jacobian
+    rows: dict[str, NDArray[np.float64]] = {
+        f"axis {a!r}": J[AXES.index(a)]
+        for a, axis in stage.axes.items()
+        if a in axes and has_force(axis)
+    }
+    for equation in active_equations(law, stage, context.equations):
+        rows[repr(equation)] = context.start_equations[equation].normal
+    kept: list[NDArray[np.float64]] = []
+    for row, normal in rows.items():
+        size = float(np.linalg.norm(normal))
+        unit = normal / size if size > 0 else normal
+        if np.linalg.svd(np.array([*kept, unit]), compute_uv=False)[-1] < _DEPENDENT:
+            before = ", ".join(list(rows)[: len(kept)])
+            found.error(
+                "TS313",
+                f"the constraint of {row} follows from those before it ({before}), so their forces "
+                "cannot be told apart"
+                if kept
+                else f"the arm cannot move along the normal of {row}",
+                loaded.span(("stages", name), key=True),
+                "leave one of them out",
+            )
+            return
+        kept.append(unit)
