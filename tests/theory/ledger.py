@@ -8,17 +8,21 @@ from dataclasses import dataclass
 TITLE = """\
 # Predictions and runs
 
-Each row is a number that the theory predicts and a run was measured for: a task file, compiled and
-simulated on the MuJoCo plant as `taskspec run` does it. `tests/theory/` makes them; `make theory`
-writes this page. [Conventions](conventions.md) says what the signs, the contact and one tick are,
+Each row is a number that the theory predicts and that was measured in a run: of a task file,
+compiled and simulated on the MuJoCo plant as `taskspec run` does it. Rows of sections 4.3.1 and
+4.3.2 hold on ideal rigid constraints; there the compiled controller runs on a reference integration
+of (4.78), `tests/theory/rigid.py`. The tests in `tests/theory/` make the rows and fail where one
+misses; `make theory` runs them and writes this page.
+
+[Conventions](conventions.md) says what the signs, the contact and one tick are,
 [the task language](language.md#12-law) what the laws are called. Equation numbers are those of the
 textbook chapter "Motion and force control"; its sections are the ones below.
 
-*Sampled* is a prediction of the discrete-time model in `tests/theory/sampled.py`: the torque is held
-over one period, the force comes one tick late, the plant takes semi-implicit Euler steps, and a
-contact has the virtual mass that MuJoCo gives it. That model is itself held against the chapter's
-continuous formulas in the rows called *limit T → 0*, whose second number is the model's at a period
-of 1 µs and not a run's. Rows that begin *first order in T* are of the same kind.
+*Sampled* is a prediction of the discrete-time model in `tests/theory/sampled.py`: the torque is
+held over one period, the force comes one tick late, the plant takes semi-implicit Euler steps, and
+a contact has the virtual mass that MuJoCo gives it. That model is itself held against the chapter's
+continuous formulas in the rows called *limit T → 0*: their second number is the model's at a period
+of 1 µs or less, and not a run's. Rows that begin *first order in T* are of the same kind.
 
 The difference is relative to the prediction where the tolerance is in %, otherwise absolute. Why a
 tolerance is what it is stands beside each test.

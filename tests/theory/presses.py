@@ -65,7 +65,7 @@ _WALL = "xyz: [{x} mm, 0, 0], rpy: [0, -90 deg, 0]"
 _TABLE = "xyz: [0, 0, 300 mm]"
 
 #: The two-link arm at a right angle: its inertia at the tip is diagonal in the world's x and y, and
-#: the ball of its tool is so small that it meets the wall with its tip also where the arm has turned.
+#: the ball of its tool is so small that the tip meets the wall also where the arm has turned.
 SQUARE = Arm(
     "planar2, tool: {radius: 100 um}, start: {joints: [90 deg, -90 deg]}",
     _WALL.format(x=300), "x", "x y", 1, 0.3,

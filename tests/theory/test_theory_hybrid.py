@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
+import arm as plant
 import numpy as np
 import pytest
-
-import arm as plant
 import sampled
 from identify import poles
 from presses import ARMS, SQUARE

@@ -47,7 +47,7 @@ def offset_posture(simulate, far):
 
 
 def test_pd_draws_the_null_space_to_its_posture(simulate, prediction):
-    """(4.21) leaves the null space alone; the language adds a posture, critically damped at 2 Hz."""
+    """(4.21) leaves the null space alone; the language adds a posture, 2 Hz, critically damped."""
     run = simulate(text(offset_posture(simulate, 0.02), 0.3))
     H, z = null_vector(run, HOME)
     way = np.array([z @ H @ (plant.joints(run, k) - HOME) for k in range(300)])
@@ -75,9 +75,12 @@ def test_pd_draws_the_null_space_to_its_posture(simulate, prediction):
 
 
 def test_joint_damping_stops_the_null_space(simulate, prediction):
-    """(4.31): on the null space the springs do no work, so its momentum z^T H q' is braked alone."""
+    """(4.31): springs do no work on the null space, whose momentum z^T H q' is braked alone."""
     damping = 3.0
-    law = f"{{kind: pd-joint, stiffness: {{linear: 500 N/m, angular: 60 N*m/rad}}, damping: {damping} N*m*s/rad}}"
+    law = (
+        "{kind: pd-joint, stiffness: {linear: 500 N/m, angular: 60 N*m/rad}, "
+        f"damping: {damping} N*m*s/rad}}"
+    )
     posture = offset_posture(simulate, 0.02)
     run = simulate(text(posture, 0.08, f"  stop: {{law: {law}, time: 10 s}}"))
     first = int(np.argmax(run.history.window("stop")))

@@ -215,5 +215,5 @@ def test_friction_is_integrated(simulate, prediction, isotropic):
     else:
         prediction(
             "growth of the lag [mm/s]", "(4.36), friction", case, 0.0, 1e3 * measured,
-            atol=0.01, because="the core cancels friction but for one tick; 1/1600 of the isotropic lag",
+            atol=0.01, because="the core cancels friction but for one tick; 1/1600 of 16 mm/s",
         )  # fmt: skip

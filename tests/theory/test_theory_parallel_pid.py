@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
+import arm as plant
 import numpy as np
 import pinocchio as pin
 import pytest
-
-import arm as plant
 import sampled
 from identify import grows, poles
 from presses import SQUARE
@@ -37,7 +36,7 @@ def run_pid(simulate, k_e, d_m, k_I, seconds):
     )
 
 
-def model(loop, d_m, k_I):
+def model(d_m, k_I):
     return sampled.parallel_pid(np.full(2, K_M), np.full(2, d_m), K_F, k_I)
 
 
@@ -69,7 +68,7 @@ def test_inside_theorem_4_1_it_settles(simulate, prediction):
     d_m = 1.2 * rho * (largest + phi * k_C)
     run = run_pid(simulate, k_e, d_m, k_I, 4)
     loop = plant.loop(run, "x y", "x", -1)
-    s = loop.poles(model(loop, d_m, k_I))
+    s = loop.poles(model(d_m, k_I))
     predicted = sampled.omega_zeta(s)
     seen = poles(run.during("step", "position.x", 0.01, 1.5), 3, T, 25)
     case = (
@@ -93,7 +92,7 @@ def test_scalar_twin(simulate, prediction):
     k_e, d_m = 5e3, 20.0
     loop = plant.loop(run_pid(simulate, k_e, 60, 4, 0.01), "x y", "x", -1)
     case = "parallel-pid, planar2, 20 N·s/m, 400 N/m, k_F 0.5 on 5 kN/m"
-    predicted = sampled.critical(lambda i: loop.radius(model(loop, d_m, i)) < 1, 0.5, 50, 1e-6)
+    predicted = sampled.critical(lambda i: loop.radius(model(d_m, i)) < 1, 0.5, 50, 1e-6)
     measured = sampled.critical(
         lambda i: not grows(run_pid(simulate, k_e, d_m, i, 2).during("step", "force.x", 0.2)),
         0.75 * predicted, 1.3 * predicted, 2e-3,
@@ -106,7 +105,7 @@ def test_scalar_twin(simulate, prediction):
     twin = d_m * (K_M + (1 + K_F) * k_e) / (loop.felt * k_e)
     prediction(
         "limit T → 0: largest stable k_I [1/s]", "scalar twin of (4.61)", case, twin,
-        sampled.critical(lambda i: max(limit.poles(model(limit, d_m, i)).real) < 0, 0.5, 50, 1e-6),
+        sampled.critical(lambda i: max(limit.poles(model(d_m, i)).real) < 0, 0.5, 50, 1e-6),
         rtol=1e-3, because="first order in T = 1 us",
     )  # fmt: skip
 
@@ -116,9 +115,9 @@ def test_decay_and_growth(simulate, prediction, factor):
     """On either side of the boundary, at the rate that the sampled model says."""
     k_e, d_m = 5e3, 20.0
     loop = plant.loop(run_pid(simulate, k_e, 60, 4, 0.01), "x y", "x", -1)
-    k_I = factor * sampled.critical(lambda i: loop.radius(model(loop, d_m, i)) < 1, 0.5, 50, 1e-6)
+    k_I = factor * sampled.critical(lambda i: loop.radius(model(d_m, i)) < 1, 0.5, 50, 1e-6)
     run = run_pid(simulate, k_e, d_m, k_I, 0.6)
-    s = loop.poles(model(loop, d_m, k_I))
+    s = loop.poles(model(d_m, k_I))
     predicted = next(p for p in s if p.imag > 0)
     seen = poles(run.during("step", "position.x", 0.01), 3, T, 8)
     measured = next(p for p in seen if p.imag > 0)

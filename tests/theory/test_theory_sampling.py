@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import numpy as np
-import pytest
-
 import arm as plant
+import pytest
 import sampled
 from identify import grows, poles
 from presses import ARMS, SQUARE
@@ -115,7 +113,10 @@ def test_decay_and_growth(simulate, prediction, factor):
 def ring(simulate, h, d_m, k_m, plant_rate):
     """planar2 at rest in a wall, kicked by a reference that jumps 10 um within one tick."""
     jump = '"305 mm + clamp((t - 300.5 ms) * 10 mm/s, 0, 10 um)"'
-    law = f"{{kind: impedance, mass: {h} kg, damping: {{x: {DAMPING}, y: 40 N*s/m}}, stiffness: {k_m} N/m}}"
+    law = (
+        f"{{kind: impedance, mass: {h} kg, stiffness: {k_m} N/m, "
+        f"damping: {{x: {DAMPING}, y: 40 N*s/m}}}}"
+    )
     settle = law.replace(DAMPING, "60 N*s/m")
     return simulate(
         SQUARE.task(

@@ -6,10 +6,9 @@ a tick: of the tick before, 0.45 % is left, the sampled model's smallest pole.
 
 from __future__ import annotations
 
+import arm as plant
 import numpy as np
 import pytest
-
-import arm as plant
 import sampled
 from identify import grows, ratios
 from presses import SQUARE
@@ -17,7 +16,7 @@ from presses import SQUARE
 SECTION = "What sampling does, on a rigid contact"
 
 T = 1e-3
-SETTLED = "on a contact that keeps 0.45 % of the tick before, K = 1 adds twice that to the ratio"
+SETTLED = "the contact keeps 0.45 % of the tick before, which shifts the ratio by about as much"
 EXACT_MODEL = "the model is exact but for the arm's curvature, over less than 1 um"
 BISECTED = "bisected to 0.2 %; within another 0.2 % of the boundary growth does not show in the run"
 RIGID = "stiffness: rigid"
@@ -76,8 +75,10 @@ def model(loop, kind, k_F, k_I, h):
     return sampled.parallel(loop, h, 20.0, 2e3, 1.0 if kind == "impedance" else k_F, k_I)
 
 
-CASES = [("impedance", 0.7), ("impedance", 1.1), ("parallel", 0.6), ("parallel", 1.1),
-         ("parallel-pid", 0.9), ("parallel-pid", 1.1), ("hybrid", 0.9), ("hybrid", 1.1)]  # fmt: skip
+CASES = [
+    ("impedance", 0.7), ("impedance", 1.1), ("parallel", 0.6), ("parallel", 1.1),
+    ("parallel-pid", 0.9), ("parallel-pid", 1.1), ("hybrid", 0.9), ("hybrid", 1.1),
+]  # fmt: skip
 
 
 def gains_for(kind, K, felt):
