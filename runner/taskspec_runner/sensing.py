@@ -46,7 +46,7 @@ class ForceSensor:
     def __init__(self, plant: Plant, zero: SensorZero, period: float, seed: int) -> None:
         """The sensor of `plant`, whose readings `zero` gets; `period` is that of control [s]."""
         sensor = plant.sensor
-        self._true = plant.wrist if sensor.at == "wrist" else plant.wrench
+        self._true = plant.wrench if plant.wrist is None else plant.wrist
         self._rotation = plant.tip_rotation
         self._to = zero.reading
         self._bias = np.array(sensor.bias)

@@ -8,9 +8,11 @@ from __future__ import annotations
 
 from taskspec.check.axes import check_axes, check_joints
 from taskspec.check.equations import check_constraints, check_equations
+from taskspec.check.felt import check_felt
 from taskspec.check.forces import check_forces
 from taskspec.check.frames import check_frame, check_start, check_stiffness
 from taskspec.check.orientation import check_orientation
+from taskspec.check.sensor import check_sensor
 from taskspec.check.set_points import check_set_points
 from taskspec.check.signals import check_expectations, check_signals
 from taskspec.program.axes import SkewedAxisError, existing_axes
@@ -42,6 +44,8 @@ def check_stages(context: Context) -> tuple[Diagnostic, ...]:
     check_stiffness(context, found)
     check_start(context, found)
     check_equations(context, found)
+    check_felt(context, found)
+    check_sensor(context, found)
     axes_of: dict[str, tuple[str, ...]] = {}
     for name, stage in loaded.task.stages.items():
         frame = context.frame_of(stage)

@@ -16,7 +16,8 @@ _SMALLEST_MASS = {"linear": 1.0, "angular": 0.05}
 _MOTION_BANDWIDTH = 5.0
 _SPRING_FREQUENCY = 2.0
 _SPRING_DAMPING_RATIO = 0.7
-_INTEGRAL_FREQUENCY = 2.0
+#: A designed force loop answers at this frequency [Hz].
+INTEGRAL_FREQUENCY = 2.0
 #: K_F of (4.121), which has no integral to rely on.
 _REACTION_GAIN = 0.5
 
@@ -180,7 +181,7 @@ def _force_loop(law: Law, name: str, plant: Plant, damping: Gain | None = None) 
         damping = _limited(2 * math.sqrt(plant.h * plant.k), plant, "designed: 2 sqrt(h k)")
     integral = _force_given(law, "integral", name)
     if integral is None:
-        fastest = 2 * math.pi * _INTEGRAL_FREQUENCY
+        fastest = 2 * math.pi * INTEGRAL_FREQUENCY
         by_contact = plant.k / (8 * damping.value) if damping.value > 0 else fastest
         integral = (
             Gain(fastest, "designed: 2 pi 2 Hz")

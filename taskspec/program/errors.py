@@ -29,6 +29,11 @@ register(
         "TS304": "an open-loop force that `vary` makes vague",
         "TS305": "a start inside an object",
         "TS303": "a force without a surface to press on",
+        "TS245": "a measured frame that is used before it is measured",
+        "TS246": "a measured frame that may be used before it is measured",
+        "TS430": "a force sensor too slow for a force loop",
+        "TS431": "a sensor's rate that does not divide the controller's",
+        "TS620": "a tare while a force acts",
     }
 )
 

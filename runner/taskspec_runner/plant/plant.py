@@ -29,7 +29,7 @@ class Plant:
         diverged: the last step's contact force is beyond all bounds.
         object_forces: (objects,) magnitude of the contact force with each object [N].
         wrist: (6,) of the last step at the tip, world axes: contact, weight and inertia of the tool
-            together, what it exerts on the flange. Only where the sensor is there, else zero.
+            together, what it exerts on the flange. None unless the sensor is there.
         tip_rotation: (9,) the tip's axes in that step, row by row.
         sensor: the true one.
     """
@@ -59,12 +59,12 @@ class Plant:
         self.diverged = False
         self.sensor = task.robot.sensor
         self.tip_rotation = self.data.body(robot.tip_body).xmat
-        self.wrist: Vector = np.zeros(6)
+        self.wrist = np.zeros(6) if self.sensor.at == "wrist" else None
         self._slices = self.scene.sensors
         self._last_time = self.data.time
         self._read_contact()
         self._wrist = Wrist(self.model, robot.tip_body) if self.sensor.at == "wrist" else None
-        if self._wrist is not None:
+        if self._wrist is not None and self.wrist is not None:
             self._wrist.at_rest(self.tip_rotation, self.wrench, self.wrist)
 
     def step(self, torque: Vector) -> None:
@@ -72,7 +72,7 @@ class Plant:
         self._control[:] = torque
         mujoco.mj_step(self.model, self.data, self._substeps)
         self._read_contact()
-        if self._wrist is not None:
+        if self._wrist is not None and self.wrist is not None:
             self._wrist.read(self.data, self.tip_rotation, self.wrist)
 
     def _read_contact(self) -> None:
