@@ -5,13 +5,16 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
-.PHONY: demo test lint types schema validate bench check clean
+.PHONY: demo test theory lint types schema validate bench check clean
 
 demo: $(READY)  ## run the wiping task and say where its report is
 	$(BIN)/taskspec run tasks/wipe-table.yaml
 
 test: $(READY)  ## run all tests
 	$(BIN)/pytest -n 2
+
+theory: $(READY)  ## hold the laws against their theorems, print the table, keep it in docs/theory.md
+	$(BIN)/pytest tests/theory --theory-table=docs/theory.md
 
 lint: $(READY)
 	$(BIN)/ruff check .

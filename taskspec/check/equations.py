@@ -1,4 +1,4 @@
-"""Constraint equations at the start: regular, kept, and independent of each other (4.80), (4.101)."""
+"""Constraint equations at the start: regular, kept, independent of each other (4.80), (4.101)."""
 
 from __future__ import annotations
 

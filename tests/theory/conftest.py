@@ -21,6 +21,9 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 def pytest_configure(config: pytest.Config) -> None:
     config.stash[_ROWS] = []
+    table = config.getoption("theory_table", default=None)
+    if table is not None and config.getoption("numprocesses", default=None):
+        raise pytest.UsageError(f"{_OPTION} takes all tests in one process: leave out -n")
 
 
 @pytest.fixture
@@ -70,9 +73,9 @@ def pytest_terminal_summary(
     terminalreporter: pytest.TerminalReporter, exitstatus: int, config: pytest.Config
 ) -> None:
     target: Path | None = config.getoption("theory_table", default=None)
-    rows = config.stash.get(_ROWS, [])
     if target is None:
         return
+    rows = config.stash.get(_ROWS, [])
     table = markdown(rows)
     terminalreporter.write_line(table)
     if exitstatus == 0 and rows:
