@@ -9,6 +9,7 @@ from __future__ import annotations
 from taskspec.check.axes import check_axes, check_joints
 from taskspec.check.equations import check_constraints, check_equations
 from taskspec.check.felt import check_felt
+from taskspec.check.following import check_following
 from taskspec.check.forces import check_forces
 from taskspec.check.frames import check_frame, check_start, check_stiffness
 from taskspec.check.orientation import check_orientation
@@ -72,5 +73,6 @@ def check_stages(context: Context) -> tuple[Diagnostic, ...]:
             found.extend(error.diagnostics)
             continue
         check_forces(context, name, axes, rotation, path, found)
+        check_following(context, name, axes, rotation, path, found)
     check_expectations(context, axes_of, found)
     return found.sorted()

@@ -35,7 +35,8 @@ def check_forces(
     if not open_loop:
         return
     place = ("stages", name, "axes", open_loop[0])
-    if contact is None and not all(a.startswith("r") for a in open_loop):
+    gripped = context.gripped(frame)
+    if contact is None and not gripped and not all(a.startswith("r") for a in open_loop):
         found.error(
             "TS303",
             f"under {law.kind!r} a force is reached by pressing below a surface, and the world "
@@ -45,9 +46,10 @@ def check_forces(
             "parallel, parallel-pid",
         )
         return
-    k = context.compliances[contact].stiffness if contact is not None else 0.0
+    k = context.stiffness_of(frame)
+    felt, lever = context.felt_stiffness(frame, axes, rotation), context.lever_of(frame)
     entries = {a: p.axis for a, p in plans.items()}
-    gains = design(law, entries, context.plants(axes, rotation, k))
+    gains = design(law, entries, context.plants(axes, rotation, felt, lever=lever))
     for axis in open_loop:
         own = gains["stiffness"][axis].value
         if own == 0:

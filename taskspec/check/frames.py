@@ -6,7 +6,7 @@ import casadi as ca
 import numpy as np
 
 from taskspec.program.context import Context
-from taskspec.program.prepare import box_face_at, tool_center
+from taskspec.program.prepare import box_face_at, pose_of_carrier, tool_center
 from taskspec.program.signals import TOUCHING
 from taskspec.program.stiffness import RESOLVED_PHASE
 from taskspec.text.diagnostic import Diagnostics
@@ -16,11 +16,15 @@ from taskspec.text.show import show
 def check_frame(context: Context, name: str, found: Diagnostics) -> bool:
     """Whether the frame of stage `name` has axes at the start pose; reports where it has not."""
     loaded = context.loaded
-    frame = context.frame_of(loaded.task.stages[name])
+    stage = loaded.task.stages[name]
+    frame = context.frame_of(stage)
+    if not _turning_fits(context, name, found):
+        return False
     if frame.kind != "following":
         return True
     assert frame.surface is not None
-    center = tool_center(context)
+    A, a = pose_of_carrier(context, frame)
+    center = A.T @ (tool_center(context) - a)
     face = box_face_at(frame.surface, center)
     chart = frame.surface.chart(face)
     normal = np.array(ca.evalf(chart.normal(ca.SX(center)))).ravel()
@@ -48,6 +52,45 @@ def check_frame(context: Context, name: str, found: Diagnostics) -> bool:
         "give a heading that lies in the surface, such as heading: [0, 1, 0]",
     )
     return False
+
+
+def _turning_fits(context: Context, name: str, found: Diagnostics) -> bool:
+    """Whether what stage `name` asks of a turning frame can be; reports what cannot."""
+    loaded = context.loaded
+    stage = loaded.task.stages[name]
+    frame, carrier = context.frame_of(stage), context.carrier_of(context.frame_of(stage))
+    place = loaded.span(("stages", name, "frame") if stage.frame else ("frame",))
+    held = [a for a, entry in stage.axes.items() if entry.hold == "world"]
+    if carrier is not None and carrier.turns and held:
+        found.error(
+            "TS232",
+            f"{carrier.name!r} turns, and {held[0]!r} of a frame on it cannot hold the world's "
+            "orientation",
+            loaded.span(("stages", name, "axes", held[0])),
+            "take a frame that does not turn with the object, or write 'hold'",
+        )
+        return False
+    if frame.mechanism is None:
+        return True
+    if context.held not in ("", frame.mechanism.name):
+        found.error(
+            "TS231",
+            f"frame {frame.name!r} turns with the handle of {frame.mechanism.name!r}, and the "
+            f"robot holds that of {context.held!r}",
+            place,
+            f"take {context.held}.handle",
+        )
+        return False
+    if float(ca.evalf(frame.mechanism.margin(ca.SX(context.start_p)))) < 0:
+        found.error(
+            "TS231",
+            f"the tool starts at the axis of {frame.mechanism.name!r}, where frame "
+            f"{frame.name!r} has no axes",
+            loaded.span(("robot", "start")),
+            f"start at the handle: robot.grasp: {frame.mechanism.name}.handle",
+        )
+        return False
+    return True
 
 
 def check_stiffness(context: Context, found: Diagnostics) -> None:

@@ -33,6 +33,12 @@ def check_signals(context: Context, name: str, axes: tuple[str, ...], found: Dia
             reason = _reason(context, name, axes, node, inside_norm=inside_norm)
             if reason is None and expression in references:
                 reason = _not_in_references(node)
+            if (
+                reason is None
+                and node.path[0] in context.mechanisms
+                and node.path[0] != context.held
+            ):
+                reason = f"the robot does not hold {node.path[0]!r}, so it cannot know"
             if reason is None and node.path[-1] == "force" and node.path[0] in context.surfaces:
                 reason = "the robot does not measure the force of one object; use norm(force)"
             if reason is not None:

@@ -59,6 +59,7 @@ class TermSymbols:
         J: (6, n) geometric Jacobian of the tip in world axes, linear above angular.
         drift: (6,) J' q', the tip's acceleration at zero joint acceleration, world axes.
         twist: (6,) J q'.
+        world: where these are relative to a moving object, the terms against the world.
     """
 
     inputs: tuple[ca.SX, ...]
@@ -70,6 +71,7 @@ class TermSymbols:
     J: ca.SX
     drift: ca.SX
     twist: ca.SX
+    world: TermSymbols | None = None
 
 
 def symbols(robot: RobotModel, v: ca.SX) -> TermSymbols:

@@ -22,7 +22,7 @@ class AxisReference:
     """Coordinate of one axis, r(t), with its rates.
 
     Attributes:
-        mode: hold, position, velocity, move, path or open-loop.
+        mode: hold, position, velocity, move, follows, path or open-loop.
         value, rate, acceleration: r, r', r'' [m or rad, ...].
         own: the mode's own r(t) before blending, and its rate; for the entry.
         integral_rate: d/dt of the memory slot that a velocity fills, else None.
@@ -42,7 +42,7 @@ def mode_of(axis: Axis, *, driven_by_path: bool, open_loop: bool) -> str:
         return "open-loop"
     if driven_by_path:
         return "path"
-    for mode in ("position", "velocity", "move"):
+    for mode in ("position", "velocity", "move", "follows"):
         if getattr(axis, mode) is not None:
             return mode
     return "hold"
@@ -66,6 +66,7 @@ class ReferenceBuilder:
         *,
         path_value: ca.SX | None = None,
         open_loop_value: ca.SX | None = None,
+        coupled: tuple[ca.SX, ca.SX, ca.SX] | None = None,
     ) -> AxisReference:
         """The reference of axis `name`.
 
@@ -73,10 +74,11 @@ class ReferenceBuilder:
             name: axis name. mode: from `mode_of`. axis: its entry in the file.
             path_value: its path coordinate. open_loop_value: the displacement that an open-loop
                 force asks for.
+            coupled: displacement, rate and acceleration that a mechanism's geometry asks for.
         """
         start = self.parameters.add(f"start.{name}")
         own, own_rate, own_acceleration, step = self._own(
-            name, mode, axis, start, path_value, open_loop_value
+            name, mode, axis, start, path_value, open_loop_value, coupled
         )
         offset, slope, time, pressed = (
             self.parameters.add(f"{slot}.{name}")
@@ -106,6 +108,7 @@ class ReferenceBuilder:
         start: ca.SX,
         path_value: ca.SX | None,
         open_loop_value: ca.SX | None,
+        coupled: tuple[ca.SX, ca.SX, ca.SX] | None,
     ) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX | None]:
         """r, r' and r'' of the mode before blending, and what a velocity adds to its memory."""
         if mode == "velocity":
@@ -115,6 +118,9 @@ class ReferenceBuilder:
             travelled = self.memory.add(f"travelled.{name}")
             step = speed * self.period + gain * (self.period**2 / 2)
             return start + travelled, speed, gain, step
+        if mode == "follows":
+            assert coupled is not None
+            return start + coupled[0], coupled[1], coupled[2], None
         if mode == "open-loop":
             assert open_loop_value is not None
             return start + open_loop_value, ca.SX(0), ca.SX(0), None

@@ -23,6 +23,7 @@ class Carried:
         p, R: (3,), (3, 3) reference pose of the tip in the world. Axes that a force set point
             has moved are where they were measured.
         twist: (6,) its velocity, world axes, at the tip.
+        angle: [rad] of the mechanism that the last stage kept track of, `tracked`.
         held: (6,) wrench that the robot applied on axes with a force set point, world [N, N m].
     """
 
@@ -30,10 +31,16 @@ class Carried:
     R: Vector
     twist: Vector
     held: Vector = field(default_factory=lambda: np.zeros(6))
+    angle: float = 0.0
+    tracked: str = ""
 
 
-def leave(stage: CompiledStage, outputs: Mapping[str, Vector]) -> Carried:
-    """The reference that a stage hands on; force axes hand on where they were measured."""
+def leave(stage: CompiledStage, outputs: Mapping[str, Vector], clock: float) -> Carried:
+    """The reference that a stage hands on; force axes hand on where they were measured.
+
+    Args:
+        stage: which. outputs: its last ones, by name. clock: when that was [s].
+    """
     R = outputs["tip_rotation"].reshape(3, 3, order="F")
     frame = outputs["frame"].reshape(3, 3, order="F")
     error, twist, held = np.zeros(6), np.zeros(6), np.zeros(6)
@@ -47,9 +54,14 @@ def leave(stage: CompiledStage, outputs: Mapping[str, Vector]) -> Carried:
     offset = outputs["offset"]
     R_ref = frame @ displaced(stage.law, frame.T @ R, error[3:])
     spin = frame @ twist[3:]
+    own = np.concatenate([frame @ twist[:3] - np.cross(spin, offset), spin])
+    if stage.carrier is not None:
+        own += stage.carrier.twist(clock, outputs["tip"])
     return Carried(
         p=outputs["tip"] + offset + frame @ error[:3] - R_ref @ (R.T @ offset),
         R=R_ref,
-        twist=np.concatenate([frame @ twist[:3] - np.cross(spin, offset), spin]),
+        twist=own,
+        angle=float(outputs["angle"][0]),
+        tracked=stage.tracked,
         held=np.concatenate([frame @ held[:3], frame @ held[3:]]),
     )

@@ -27,6 +27,7 @@ class Clock:
 
     def total_rate(self, expression: ca.SX, terms: TermSymbols) -> ca.SX:
         """Derivative by time along the tool's actual motion, of an expression of time and pose."""
+        terms = terms.world or terms
         joint_p, joint_R = terms.inputs[4], terms.inputs[5]
         w = terms.twist[3:]
         R = ca.reshape(joint_R, 3, 3)

@@ -11,8 +11,12 @@ from numpy.typing import NDArray
 from taskspec.control import gains as gain_design
 from taskspec.control.state import AXES
 from taskspec.geometry.surface import Surface
+from taskspec.program.carriers import Carrier
 from taskspec.program.equations import EquationModel
 from taskspec.program.frames import FrameModel
+from taskspec.program.grip import GRIP
+from taskspec.program.mechanisms import MechanismModel
+from taskspec.program.modes import MOSTLY
 from taskspec.program.stiffness import Compliance
 from taskspec.robot import RobotModel
 from taskspec.spec import Law, Limits, LoadedTask, Stage
@@ -44,6 +48,7 @@ class Context:
         start: (n,) joint configuration of the first tick. posture: (n,) of a redundant arm.
         frames: every frame of the file. surfaces: every object's geometry.
         compliances: believed contact of each object.
+        mechanisms: believed geometry of each. carriers: of the objects that move by themselves.
         equations: every constraint equation. start_equations: where they are at `start`.
         start_jacobian: (6, n) of the tip at `start`, world axes; start_inertia: (n, n) H there.
         start_p, start_R: (3,), (3, 3) tip pose at `start`.
@@ -61,6 +66,8 @@ class Context:
     compliances: Mapping[str, Compliance]
     equations: Mapping[str, EquationModel]
     start_equations: Mapping[str, StartEquation]
+    mechanisms: Mapping[str, MechanismModel]
+    carriers: Mapping[str, Carrier]
     start_jacobian: NDArray[np.float64]
     start_inertia: NDArray[np.float64]
     start_p: NDArray[np.float64]
@@ -89,41 +96,133 @@ class Context:
         """The object that a force in this frame is believed to act on.
 
         The surface that the frame follows, or the object that it is fixed on; in other frames the
-        object nearest to the tool at the
-        start pose.
+        object nearest to the tool at the start pose. None where the grip returns the force, or
+        nothing does.
         """
-        if frame.surface_name or frame.owner:
-            return frame.surface_name or frame.owner
-        if not self.surfaces:
+        owner = frame.surface_name or frame.owner
+        if owner in self.surfaces and owner != self.loaded.task.robot.grasp:
+            return owner
+        if self.gripped(frame):
             return None
-        return min(self.start_gaps, key=lambda name: self.start_gaps[name])
+        return self._nearest()
+
+    def _nearest(self) -> str | None:
+        """The object nearest to the tool at the start, what it holds left out."""
+        held = self.loaded.task.robot.grasp
+        others = [name for name in self.start_gaps if name != held]
+        return min(others, key=lambda name: self.start_gaps[name]) if others else None
+
+    @property
+    def held(self) -> str:
+        """The mechanism whose handle the robot holds; empty for none."""
+        name = (self.loaded.task.robot.grasp or "").removesuffix(".handle")
+        return name if name in self.mechanisms else ""
+
+    def tracked(self, frame: FrameModel) -> MechanismModel | None:
+        """The mechanism whose coordinate a stage in this frame keeps."""
+        return frame.mechanism or self.mechanisms.get(self.held)
+
+    def carrier_of(self, frame: FrameModel) -> Carrier | None:
+        """How the object moves that carries a frame; None where none does."""
+        return self.carriers.get(frame.carrier)
+
+    def gripped(self, frame: FrameModel) -> bool:
+        """Whether a force in this frame is returned by what the robot holds, and both ways.
+
+        A handle returns it in every frame but those of an object; a loose body where the world
+        has no other object.
+        """
+        if self.loaded.task.robot.grasp is None:
+            return False
+        owner = frame.surface_name or frame.owner
+        if owner in self.surfaces and owner != self.loaded.task.robot.grasp:
+            return False
+        return bool(self.held) or self._nearest() is None
+
+    def stiffness_of(self, frame: FrameModel) -> float:
+        """Believed stiffness [N/m] of what a force in this frame acts on, 0 without any."""
+        contact = self.contact_of(frame)
+        if contact is not None:
+            return self.compliances[contact].stiffness
+        return GRIP.stiffness if self.gripped(frame) else 0.0
+
+    def felt_stiffness(
+        self, frame: FrameModel, axes: tuple[str, ...], rotation: NDArray[np.float64]
+    ) -> float | dict[str, float]:
+        """Believed stiffness of the environment, for `plants`: of a grip, axis by axis.
+
+        Along the way that the mechanism leaves open there is none [N/m, N m/rad].
+
+        Args:
+            frame: of the stage. axes: that exist in it. rotation: (3, 3) it at the start pose.
+        """
+        if not self.gripped(frame):
+            return self.stiffness_of(frame)
+        open_ways = np.zeros((2, 3))
+        if self.held:
+            point = frame.origin if frame.at_origin else self.start_p
+            open_ways = np.array(self.mechanisms[self.held].open_ways(point))
+        found = {}
+        lever = self.lever_of(frame)
+        for a in axes:
+            turns = a.startswith("r")
+            axis = rotation[:, AXES.index(a) % 3]
+            free = abs(float(axis @ open_ways[int(turns)])) > MOSTLY
+            k = GRIP.stiffness
+            if turns:
+                k = GRIP.angular_stiffness + k * float(np.sum(np.cross(axis, lever) ** 2))
+            found[a] = 0.0 if free else k
+        return found
+
+    def lever_of(self, frame: FrameModel) -> NDArray[np.float64]:
+        """(3,) from the tip to the control point of a frame at the start, world axes [m]."""
+        if not frame.at_origin:
+            return np.zeros(3)
+        if frame.kind == "tool":
+            return np.asarray(self.start_R @ frame.origin)
+        return np.asarray(self.placed(frame)[1] - self.start_p)
+
+    def placed(self, frame: FrameModel) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """(3, 3), (3,) pose of a fixed frame in the world as the run begins."""
+        carrier = self.carrier_of(frame)
+        if carrier is None:
+            return frame.rotation, frame.origin
+        A, a = carrier.pose(0.0)
+        return A @ frame.rotation, A @ frame.origin + a
 
     def plants(
         self,
         axes: tuple[str, ...],
         rotation: NDArray[np.float64],
-        k: float,
+        k: float | Mapping[str, float],
         rates: NDArray[np.float64] = _GEOMETRIC,
+        lever: NDArray[np.float64] | None = None,
     ) -> dict[str, gain_design.Plant]:
         """Mass and stiffness of each axis at the start pose, for gain design.
 
         Args:
             axes: axes of the stage's frame. rotation: (3, 3) that frame at the start pose.
             k: contact stiffness [N/m] along a translation; a rotation feels it at the tool's
-                radius.
+                radius. Or of every axis [N/m, N m/rad].
             rates: (3, 3) from angular velocity in the frame to the rates of rotational rows.
+            lever: (3,) from the tip to the control point, world axes; None for none.
         """
-        J = _resolved(self.start_jacobian, rotation, rates)
+        J = self.start_jacobian.copy()
+        if lever is not None:
+            J[:3] += np.cross(J[3:], lever, axis=0)
+        J = _resolved(J, rotation, rates)
         rows = [AXES.index(a) for a in axes]
         mobility = (J @ np.linalg.inv(self.start_inertia) @ J.T)[np.ix_(rows, rows)]
         held = np.diag(np.linalg.inv(mobility))
         tool = self.robot.tool
         reach = float(np.max(np.linalg.norm(tool.centers[:, :2], axis=1) + tool.radii))
+        if not isinstance(k, Mapping):
+            k = {a: k * reach**2 if a.startswith("r") else k for a in axes}
         return {
             a: gain_design.Plant(
                 h=1.0 / mobility[i, i],
                 held=held[i],
-                k=k * reach**2 if a.startswith("r") else k,
+                k=k[a],
                 period=self.period,
             )
             for i, a in enumerate(axes)

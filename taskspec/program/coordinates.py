@@ -1,8 +1,9 @@
 """Where the tool is in its frame's coordinates, and the errors and rates of tracking there.
 
-Three kinds of frames count translations differently (docs/language.md):
+Four kinds of frames count translations differently (docs/language.md):
 
 * fixed: the coordinate of the control point;
+* turning with a handle: off its circle, along it from the stage's start, and along the axis;
 * following a surface: x and y in lengths on the surface from the stage's start, z the gap;
 * carried by the tool: the way along the tool's own axes from the stage's start.
 
@@ -22,6 +23,7 @@ from taskspec.control.state import AXES
 from taskspec.geometry import rotation
 from taskspec.program import kinematics
 from taskspec.program.axis_reference import AxisReference
+from taskspec.program.believed import Believed
 from taskspec.program.clock import Clock
 from taskspec.program.frames import FrameModel
 from taskspec.program.layout import Layout
@@ -79,6 +81,8 @@ class Coordinates:
         spin = self._rotations(motions, tracking)
         if self.frame.still:
             self._fixed(motions, normals, tracking)
+        elif self.frame.kind == "turning":
+            self._turning(motions, normals, tracking)
         else:
             self._carried(motions, normals, tracking, spin)
         return tracking
@@ -103,7 +107,8 @@ class Coordinates:
             turn = self.at.R.T @ self.base
             follow, own, own_acceleration = turn @ follow, turn @ own, turn @ own_acceleration
         hold = follow
-        if self.frame.kind == "following" and any(p.world for p in self.plans.values()):
+        turns = self.frame.kind in ("following", "turning")
+        if turns and any(p.world for p in self.plans.values()):
             start = ca.reshape(self.marks["orientation"], 3, 3)
             base = ca.reshape(self.marks["base"], 3, 3)
             goal = base @ rotation.exp(theta) @ start
@@ -113,6 +118,8 @@ class Coordinates:
         if self.frame.kind == "following":
             frame_rate = self.at.turning(self._way(motions))
             frame_acceleration = self.clock.total_rate(frame_rate, self.terms)
+        elif self.frame.kind == "turning":
+            frame_rate, frame_acceleration = self._handle_rate(motions)
         for name in names:
             i = AXES.index(name) - 3
             world = self.plans[name].world
@@ -133,6 +140,44 @@ class Coordinates:
             out.error[name] = motion.value - here if motion else ca.SX(0)
             out.velocity[name] = motion.rate if motion else ca.SX(0)
             out.acceleration[name] = motion.acceleration if motion else ca.SX(0)
+
+    def _turning(
+        self,
+        motions: Mapping[str, AxisReference],
+        normals: Mapping[str, ca.SX],
+        out: Tracking,
+    ) -> None:
+        """Tracking of the coordinates of a handle's circle and thread."""
+        self._fixed(motions, normals, out)
+        rates = ca.vertcat(*(out.velocity.get(a, ca.SX(0)) for a in AXES[:3]))
+        wanted = self._velocity_map() @ rates
+        wanted_rate = self.clock.total_rate(wanted, self.terms)
+        for name in self._translations():
+            i = AXES.index(name)
+            out.velocity[name], out.acceleration[name] = wanted[i], wanted_rate[i]
+
+    def _velocity_map(self) -> ca.SX:
+        mechanism, placed = self.frame.mechanism, ca.DM(self.frame.rotation)
+        assert mechanism is not None
+        return placed.T @ mechanism.velocity_map(self.terms.p) @ placed
+
+    def _handle_rate(self, motions: Mapping[str, AxisReference]) -> tuple[ca.SX, ca.SX]:
+        """Angular velocity (3,) and acceleration (3,) that the references ask of the frame.
+
+        Where nothing commands the way along the circle, the measured rate takes its place, and
+        the acceleration is not known.
+        """
+        mechanism, placed = self.frame.mechanism, ca.DM(self.frame.rotation)
+        assert mechanism is not None
+        actual = self.at.rate_map @ (self.at.R.T @ self.terms.twist[:3])
+        rates = ca.vertcat(
+            *(motions[a].rate if a in motions else actual[i] for i, a in enumerate(AXES[:3]))
+        )
+        bends = ca.vertcat(
+            *(motions[a].acceleration if a in motions else ca.SX(0) for a in AXES[:3])
+        )
+        axis, along = placed[2, :].T, placed[1, :] / mechanism.radius
+        return axis * (along @ rates), axis * (along @ bends)
 
     def _carried(
         self,
@@ -246,12 +291,19 @@ def frame_coordinates(
     memory: Layout,
     parameters: Layout,
     plans: Mapping[str, AxisPlan],
+    believed: Believed | None,
 ) -> Coordinates:
     """Measured coordinates; takes the memory and parameters that the frame's kind needs."""
     marks: dict[str, ca.SX] = {}
     position: dict[str, ca.SX] = {}
     if frame.still:
         local = at.R.T @ (point.p - at.origin)
+        position = {a: local[i] for i, a in enumerate(AXES[:3]) if a in plans}
+    elif frame.kind == "turning":
+        assert frame.mechanism is not None
+        assert believed is not None
+        away = frame.mechanism.deviation(terms.p, believed.angle, believed.since)
+        local = ca.DM(frame.rotation.T) @ (away - ca.DM(frame.origin))
         position = {a: local[i] for i, a in enumerate(AXES[:3]) if a in plans}
     else:
         for name, length in (("reference_point", 3), ("place", 3)):

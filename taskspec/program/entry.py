@@ -83,6 +83,12 @@ class _Entry:
         self.stage, self.carried, self.inputs = stage, carried, inputs
         self.felt_poses = felt_poses
         self.p, self.R = tip
+        self.A, self.a, self.twist = np.eye(3), np.zeros(3), carried.twist
+        if stage.carrier is not None:
+            # From here on the reference's velocity is that against what carries the frame.
+            clock = float(inputs[0][1])
+            self.A, self.a = stage.carrier.pose(clock)
+            self.twist = carried.twist - stage.carrier.twist(clock, self.p)
         self.parameters = np.zeros(stage.parameters.size)
         self.memory = np.zeros(stage.memory.size)
         for slot, value in stage.initial.items():
@@ -92,6 +98,9 @@ class _Entry:
         """Fills parameters and memory in the order in which they depend on each other."""
         self._place(robot)
         self.seen = self._look()
+        if "angle_at_entry" in self.stage.parameters:
+            self._write("angle_at_entry", self.seen["angle"])
+            self.seen = self._look()
         if "place" in self.stage.memory:
             self._remember("place", self.seen["here"])
             self.seen = self._look()
@@ -126,9 +135,13 @@ class _Entry:
         self._write("entry", self.p)
         for name, pose in self.felt_poses.items():
             self._write(name, pose)
-        self._write("lever", self.R.T @ (felt.origin(frame, self.felt_poses) - self.p))
+        if self.carried.tracked == self.stage.tracked and "angle" in self.stage.memory:
+            self._remember("angle", self.carried.angle)
+        origin = self.A @ felt.origin(frame, self.felt_poses) + self.a
+        self._write("lever", self.R.T @ (origin - self.p))
         if frame.surface is not None and frame.surface.kind == "box":
             center = self.p if robot.tool.flat else self.p + self.R @ robot.tool.centers[0]
+            center = self.A.T @ (center - self.a)
             self._write("frame.face", box_face(frame.surface, frame.surface.face(center)))
 
     def _look(self) -> dict[str, Vector]:
@@ -136,7 +149,7 @@ class _Entry:
         lever = np.zeros(3)
         seen: dict[str, Vector] = {}
         for _ in range(2):
-            twist = self.carried.twist
+            twist = self.twist
             way = twist[:3] + np.cross(twist[3:], lever)
             found = self.stage.probe(*self.inputs, self.memory, self.parameters, way)
             numbers = np.array(found).ravel()
@@ -150,12 +163,11 @@ class _Entry:
         carried, frame, seen = self.carried, self.frame, self.seen
         offset = carried.R @ (self.R.T @ seen["offset"])
         away = frame.T @ (carried.p + offset - self.p - seen["offset"])
-        spin = carried.twist[3:]
+        spin = self.twist[3:]
         following = self.stage.frame.kind == "following"
         arm = seen["lever"] if following else offset
-        moving = frame.T @ (carried.twist[:3] + np.cross(spin, arm))
-        if following:
-            moving[:2] = seen["foot_map"].reshape(2, 2, order="F") @ moving[:2]
+        moving = frame.T @ (self.twist[:3] + np.cross(spin, arm))
+        moving = seen["rate_map"].reshape(3, 3, order="F") @ moving
         rates = np.concatenate([moving, frame.T @ spin - seen["turning"]])
         error, start, rate = {}, {}, {}
         for name, plan in self.stage.plans.items():
@@ -204,7 +216,13 @@ class _Entry:
             i, start = AXES.index(name), going.start[name]
             pressed = going.pressed.get(name, 0.0)
             slope, offset, time = going.rate[name] - own_rate[i], 0.0, blend.BLEND_TIME
-            if plan.mode in ("hold", "velocity"):
+            if plan.mode == "follows":
+                leader = self.stage.couplings[name].leader
+                if leader is not None:
+                    self._write(f"begin.{name}", going.start[leader])
+                    own_rate[i] = self.stage.couplings[name].ratio * going.rate[leader]
+                    slope = going.rate[name] - own_rate[i]
+            if plan.mode in ("hold", "velocity", "follows"):
                 offset = -slope * time / 2
                 self._write(f"start.{name}", start - offset)
             elif plan.mode == "move":
@@ -226,7 +244,8 @@ class _Entry:
         away = np.array([going.error.get(a, 0.0) + going.pressed.get(a, 0.0) for a in AXES[:3]])
         if "reference_point" in self.stage.memory:
             along = away * (1.0, 1.0, 0.0) if self.stage.frame.kind == "following" else away
-            self._remember("reference_point", self.seen["here"] + self.frame @ along)
+            along = self.A.T @ self.frame @ along
+            self._remember("reference_point", self.seen["here"] + along)
             for axis in AXES[:3]:
                 self._remember(f"last.{axis}", first.get(axis, 0.0))
         for name, plan in self.stage.plans.items():

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from taskspec.geometry import rotation
 from taskspec.geometry.surface import Surface
+from taskspec.program.mechanisms import MechanismModel, mechanism_models
 from taskspec.spec import Shape, Task
 
 Matrix = NDArray[np.float64]
@@ -21,15 +22,17 @@ class FrameModel:
 
     Attributes:
         name: as in the file.
-        kind: fixed (in the world), tool (carried by the tool), following (a surface), estimated
-            (where it was felt).
-        rotation, origin: (3, 3), (3,) pose in the world, or in the tool for kind tool; of an
-            estimated frame, where it is expected.
+        kind: fixed (in the world, or on an object that moves by itself), tool (carried by the
+            tool), following (a surface), estimated (where it was felt), turning (with a handle
+            that goes around an axis).
+        rotation, origin: (3, 3), (3,) pose in the world as declared, for kind tool in the tool,
+            for kind turning in the axes of the handle; of an estimated frame, where it is expected.
         owner: the object that it is fixed on, through its parents.
         surface: of a following frame; heading: (3,) world direction of its x, or None.
         estimate: the stage that measures it; empty for a frame that is placed in such a one.
         felt: of an estimated frame: the measured frame that it is or is placed in.
         in_felt: (3, 3), (3,) its pose in that one.
+        mechanism: of a turning frame, whose handle it turns with.
         at_origin: the control point is the frame's origin, carried rigidly by the tool.
         described: how it came about, for `explain`.
     """
@@ -45,13 +48,19 @@ class FrameModel:
     estimate: str = ""
     felt: str = ""
     in_felt: tuple[Matrix, Matrix] = field(default_factory=lambda: (np.eye(3), np.zeros(3)))
+    mechanism: MechanismModel | None = None
     at_origin: bool = False
     described: str = ""
 
     @property
     def still(self) -> bool:
-        """Whether it stays where it is in the world while a stage is on."""
+        """Whether it stays where it is on what carries it while a stage is on."""
         return self.kind in ("fixed", "estimated")
+
+    @property
+    def carrier(self) -> str:
+        """The object that carries it along where that moves by itself."""
+        return self.surface_name or self.owner
 
 
 class Posed(Protocol):
@@ -96,6 +105,8 @@ def resolve(task: Task) -> dict[str, FrameModel]:
         R, origin = pose(shape)
         described = f"fixed on {shape.shape}"
         frames[name] = FrameModel(name, "fixed", R, origin, owner=name, described=described)
+    for model in mechanism_models(task).values():
+        frames |= _of_mechanism(model)
     # An equation's frame is the one in which its coordinates count.
     frames |= {name: frames["world"] for name, e in task.equations.items() if e.frame is None}
     pending = dict(task.frames)
@@ -108,6 +119,35 @@ def resolve(task: Task) -> dict[str, FrameModel]:
             frames[name] = _declared(task, name, frames)
     frames |= {name: frames[e.frame] for name, e in task.equations.items() if e.frame is not None}
     return frames
+
+
+def _of_mechanism(model: MechanismModel) -> dict[str, FrameModel]:
+    """The frames of a mechanism's own axes and of its handle."""
+    name, handle = model.name, f"{model.name}.handle"
+    own = FrameModel(
+        name, "fixed", model.rotation, model.origin, owner=name, described=f"fixed on {model.kind}"
+    )
+    if not model.swings:
+        at = FrameModel(
+            handle,
+            "fixed",
+            model.rotation,
+            model.grip,
+            owner=name,
+            described=f"fixed at the handle of {name} where that is at coordinate 0",
+        )
+        return {name: own, handle: at}
+    turning = FrameModel(
+        handle,
+        "turning",
+        np.eye(3),
+        np.zeros(3),
+        owner=name,
+        mechanism=model,
+        described=f"turns with the tool about the axis of {name}: x radial, y tangential, z the "
+        "axis",
+    )
+    return {name: own, handle: turning}
 
 
 def _declared(task: Task, name: str, frames: dict[str, FrameModel]) -> FrameModel:
@@ -151,7 +191,8 @@ def _declared(task: Task, name: str, frames: dict[str, FrameModel]) -> FrameMode
         owner=parent.owner,
         felt=parent.felt,
         in_felt=(felt_R @ R, felt_origin + felt_R @ origin),
+        mechanism=parent.mechanism,
         at_origin=frame.point == "origin",
-        described=f"fixed in {parent.name}"
+        described=f"{'placed' if parent.mechanism else 'fixed'} in {parent.name}"
         + (", control point at its origin" if frame.point == "origin" else ""),
     )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import casadi as ca
 import numpy as np
@@ -14,6 +14,7 @@ from taskspec.geometry.surface import Chart, Surface
 from taskspec.program import felt
 from taskspec.program.frames import FrameModel
 from taskspec.program.layout import Layout
+from taskspec.program.mechanisms import MechanismModel
 from taskspec.robot import RobotModel
 
 
@@ -109,6 +110,7 @@ class FrameState:
         chart: of a following frame.
         foot: (3,) of a following frame: the surface point nearest to the tool.
         foot_map: (2, 2) velocity of the foot per velocity of the tool point, along x and y.
+        rate_map: (3, 3) rates of the coordinates per velocity of the tool point, frame axes.
         margin: positive while the frame is defined.
         turning: angular velocity (3,) of the frame in its own axes when the tool point moves at a
             world velocity (3,); zero for frames that do not turn with the tool's place.
@@ -122,6 +124,7 @@ class FrameState:
     foot: ca.SX | None = None
     foot_map: ca.SX | None = None
     turning: Callable[[ca.SX], ca.SX] = lambda _velocity: ca.SX.zeros(3)
+    rate_map: ca.SX = field(default_factory=lambda: ca.SX.eye(3))
 
 
 def frame_state(
@@ -142,6 +145,8 @@ def frame_state(
     if frame.kind == "tool":
         R = terms.R @ ca.DM(frame.rotation)
         return FrameState(R, ca.skew(terms.twist[3:]) @ R, always)
+    if frame.mechanism is not None:
+        return _handle_state(frame, frame.mechanism, terms)
     assert frame.surface is not None
     chart = frame.surface.chart(face)
     margin = chart.margin(tool.center, frame.heading)
@@ -162,14 +167,32 @@ def frame_state(
     at = ca.Function("at", [c], [R_c, foot_c, ca.jacobian(foot_c, c)])
     moving = ca.Function("moving", [c, direction], [rate_c, turning_c])
     R, foot, slope = at(tool.center)
+    foot_map = R[:, :2].T @ slope @ R[:, :2]
     return FrameState(
         R=R,
         R_rate=moving(tool.center, tool.velocity)[0],
         margin=margin,
         chart=chart,
         foot=foot,
-        foot_map=R[:, :2].T @ slope @ R[:, :2],
+        foot_map=foot_map,
+        rate_map=ca.diagcat(foot_map, 1),
         turning=lambda velocity: moving(tool.center, velocity)[1],
+    )
+
+
+def _handle_state(frame: FrameModel, mechanism: MechanismModel, terms: TermSymbols) -> FrameState:
+    """A frame that turns with a handle: its axes follow from where the tip is about the axis."""
+    p, placed = terms.p, ca.DM(frame.rotation)
+    axis = ca.DM(mechanism.rotation[:, 2])
+    R = mechanism.handle_axes(p) @ placed
+    spin = mechanism.turning(p, terms.twist[:3]) * axis
+    along = placed[2, :].T
+    return FrameState(
+        R=R,
+        R_rate=ca.skew(spin) @ R,
+        margin=mechanism.margin(p),
+        rate_map=placed.T @ mechanism.rate_map(p) @ placed,
+        turning=lambda velocity: along * mechanism.turning(p, velocity),
     )
 
 

@@ -211,7 +211,7 @@ class Machine:
             text = f"{event.text}; stage {to!r} has had its {attempts} attempts"
             self._note(clock, events.Event(event.kind, "attempts", text), value, FAIL)
             return
-        carried = leave(stage, self.named_outputs())
+        carried = leave(stage, self.named_outputs(), clock)
         if self._learns:
             self._learn(stage)
         unknown = (

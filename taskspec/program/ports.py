@@ -9,6 +9,8 @@ import casadi as ca
 
 from taskspec.control.model_terms import TermSymbols
 from taskspec.program import kinematics
+from taskspec.program.believed import Believed
+from taskspec.program.carriers import Instant
 from taskspec.program.references import ReferenceSet
 from taskspec.program.signals import SignalTable, applied
 
@@ -44,6 +46,7 @@ OUTPUTS: Fields = (
     ("speed", 1),
     ("travel", 1),
     ("path_done", 1),
+    ("angle", 1),
     ("conditioning", 1),
 )
 
@@ -59,8 +62,9 @@ PROBE: Fields = (
     ("offset", 3),
     ("lever", 3),
     ("here", 3),
-    ("foot_map", 4),
+    ("rate_map", 9),
     ("turning", 3),
+    ("angle", 1),
     ("coordinate", 6),
     ("measured", 6),
 )
@@ -86,29 +90,44 @@ def probe(
     arguments: list[ca.SX],
     table: SignalTable,
     references: ReferenceSet,
+    believed: Believed | None,
     at: kinematics.FrameState,
     tool: kinematics.ToolPoint,
     point: kinematics.ControlPoint,
     reactions: ca.SX,
+    carrier: Instant | None,
 ) -> ca.Function:
     """Where the tool is in the stage's frame; its last input is the tool point's velocity (3,).
+
+    That is its velocity against what carries the frame. All are in world axes but `here`, which is
+    in the coordinates of the frame's carrier.
 
     Its outputs are the numbers of `PROBE` and the measured reactions (equations,).
     """
     way = ca.SX.sym("way", 3)
     values = {
-        "frame": ca.vec(at.R),
-        "offset": point.offset,
-        "lever": tool.lever,
+        "frame": ca.vec(_world(at.R, carrier)),
+        "offset": _world(point.offset, carrier),
+        "lever": _world(tool.lever if at.foot is not None else ca.SX.zeros(3), carrier),
         "here": point.p if at.foot is None else at.foot,
-        "foot_map": ca.vec(ca.SX.eye(2) if at.foot_map is None else at.foot_map),
-        "turning": at.turning(way),
+        "rate_map": ca.vec(at.rate_map),
+        "turning": at.turning(way if carrier is None else carrier.A.T @ way),
+        "angle": _angle(believed),
         "coordinate": references.six(references.coordinate),
         "measured": references.six(_applied(table)),
     }
     return ca.Function(
         "probe", [*arguments, way], [ca.vertcat(*(values[name] for name, _ in PROBE), reactions)]
     )
+
+
+def _world(local: ca.SX, carrier: Instant | None) -> ca.SX:
+    """Columns given in a carrier's axes, in the world's."""
+    return local if carrier is None else carrier.A @ local
+
+
+def _angle(believed: Believed | None) -> ca.SX:
+    return ca.SX(0) if believed is None else believed.angle
 
 
 def _applied(table: SignalTable) -> dict[str, ca.SX]:
@@ -127,6 +146,8 @@ def outputs(
     references: ReferenceSet,
     conditioning: ca.SX,
     reactions: tuple[ca.SX, ca.SX],
+    believed: Believed | None,
+    carrier: Instant | None,
 ) -> ca.SX:
     """A tick's outputs: the numbers of `fields`.
 
@@ -135,6 +156,7 @@ def outputs(
         point, at: of the tool. table: signals. references: of the axes.
         conditioning: of the choice of reduced coordinates.
         reactions: (equations,) set points, and what was measured.
+        believed: the mechanism that the stage keeps track of. carrier: of the stage's frame.
     """
     terms, scalars = inputs.terms, table.scalars
     six = references.six
@@ -146,8 +168,8 @@ def outputs(
         "health": ca.sumsqr(wanted) + ca.sumsqr(inputs.v) + ca.sumsqr(inputs.q),
         "tip": terms.p,
         "tip_rotation": ca.vec(terms.R),
-        "offset": point.offset,
-        "frame": ca.vec(at.R),
+        "offset": _world(point.offset, carrier),
+        "frame": ca.vec(_world(at.R, carrier)),
         "position": six(references.position),
         "velocity": six({a: scalars[f"velocity.{a}"] for a in table.axes}),
         "error": six(references.error),
@@ -159,6 +181,7 @@ def outputs(
         "speed": scalars["speed"],
         "travel": scalars["travel"],
         "path_done": scalars["path_done"],
+        "angle": _angle(believed),
         "conditioning": conditioning,
     }
     return ca.vertcat(*(values[name] for name, _ in OUTPUTS), *reactions)

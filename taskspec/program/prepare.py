@@ -13,11 +13,14 @@ from taskspec.control.model_terms import ModelTerms
 from taskspec.geometry.surface import Surface, box_face
 from taskspec.program import felt
 from taskspec.program import frames as frame_models
+from taskspec.program.carriers import carriers
 from taskspec.program.context import Context, StartEquation
 from taskspec.program.equations import EquationModel, equation_models
 from taskspec.program.errors import spec_error
 from taskspec.program.frames import FrameModel
-from taskspec.program.signals import gaps
+from taskspec.program.holding import holding_start
+from taskspec.program.mechanisms import MechanismModel, mechanism_models
+from taskspec.program.signals import gaps, normal
 from taskspec.program.stiffness import compliance, equation_compliance
 from taskspec.robot import RobotError, RobotModel, load_robot, solve_start
 from taskspec.spec import LoadedTask
@@ -33,7 +36,8 @@ def prepare(loaded: LoadedTask) -> Context:
     """
     task = loaded.task
     _check_parents(loaded)
-    robot, start = _robot(loaded)
+    models = mechanism_models(task)
+    robot, start = _robot(loaded, models)
     terms = ModelTerms(robot)
     terms.update(start, np.zeros(robot.pin.nv))
     H, _, _, J_world, p, R, _ = terms.arrays
@@ -45,10 +49,13 @@ def prepare(loaded: LoadedTask) -> Context:
     J[:3] -= pin.skew(tip_p) @ J[3:]
     inertia = np.triu(H.reshape(n, n, order="F"))
     surfaces = {name: frame_models.surface(shape) for name, shape in task.shapes.items()}
-    distances = gaps(robot, surfaces, ca.SX(tip_p), ca.SX(tip_R))
+    carried = carriers(task)
+    zero = ca.SX(0)
+    distances = gaps(robot, surfaces, ca.SX(tip_p), ca.SX(tip_R), carried, zero)
     gap_at_start = {name: float(ca.evalf(d)) for name, d in distances.items()}
     normals = {
-        name: np.array(ca.evalf(s.gradient(ca.SX(tip_p)))).ravel() for name, s in surfaces.items()
+        name: np.array(ca.evalf(normal(s, ca.SX(tip_p), carried, name, zero))).ravel()
+        for name, s in surfaces.items()
     }
     posture = task.robot.posture
     frames = frame_models.resolve(task)
@@ -68,6 +75,8 @@ def prepare(loaded: LoadedTask) -> Context:
         frames=felt.with_nominal(frames, _expected_normal(robot, gap_at_start, normals), tip_p),
         surfaces=surfaces,
         compliances=contacts,
+        mechanisms=models,
+        carriers=carried,
         equations=equations,
         start_equations={
             name: _at_start(model, start, tip_p, J) for name, model in equations.items()
@@ -114,13 +123,35 @@ def _check_parents(loaded: LoadedTask) -> None:
                 f"frame {name!r} is placed in {frame.parent!r}, which follows a surface",
                 "follow the surface itself, and turn x with 'heading'",
             )
+        _check_turning(loaded, name)
 
 
-def _robot(loaded: LoadedTask) -> tuple[RobotModel, Vector]:
+def _check_turning(loaded: LoadedTask, name: str) -> None:
+    """Reports a control point at the origin of a frame that turns with a handle."""
+    frames = loaded.task.frames
+    if frames[name].point != "origin":
+        return
+    parent = frames[name].parent
+    while parent in frames:
+        parent = frames[parent].parent
+    handles = {f"{m}.handle" for m, model in mechanism_models(loaded.task).items() if model.swings}
+    if parent in handles:
+        raise spec_error(
+            loaded,
+            ("frames", name, "point"),
+            "TS231",
+            f"frame {name!r} turns with {parent!r}, and keeps the control point at the tool tip",
+            "leave 'point' out, or place the frame in the mechanism's own axes",
+        )
+
+
+def _robot(loaded: LoadedTask, models: Mapping[str, MechanismModel]) -> tuple[RobotModel, Vector]:
     robot = loaded.task.robot
     try:
         model = load_robot(robot, loaded.base)
         start = robot.start
+        if robot.grasp is not None:
+            return model, holding_start(loaded, model, models)
         xyz, rpy, joints = (start.xyz, start.rpy, start.joints) if start else (None, None, None)
         return model, solve_start(model, xyz, rpy, joints)
     except RobotError as error:
@@ -147,10 +178,21 @@ def box_face_at(surface: Surface, center: Vector) -> ca.SX | None:
 def frame_at_start(context: Context, frame: FrameModel) -> Vector:
     """(3, 3) a frame's axes in the world at the start pose."""
     if frame.still:
-        return frame.rotation
+        return context.placed(frame)[0]
+    if frame.mechanism is not None:
+        axes = frame.mechanism.handle_axes(ca.SX(context.start_p))
+        return np.asarray(np.array(ca.evalf(axes)) @ frame.rotation)
     if frame.kind == "tool":
         return context.start_R @ frame.rotation
     assert frame.surface is not None
-    center = tool_center(context)
+    A, a = pose_of_carrier(context, frame)
+    center = A.T @ (tool_center(context) - a)
     chart = frame.surface.chart(box_face_at(frame.surface, center))
-    return np.asarray(ca.evalf(chart.frame(ca.SX(center), frame.heading)), dtype=float)
+    axes = np.array(ca.evalf(chart.frame(ca.SX(center), frame.heading)))
+    return np.asarray(A @ axes)
+
+
+def pose_of_carrier(context: Context, frame: FrameModel) -> tuple[Vector, Vector]:
+    """(3, 3), (3,) where the object that carries a frame has been taken as the run begins."""
+    carrier = context.carrier_of(frame)
+    return (np.eye(3), np.zeros(3)) if carrier is None else carrier.pose(0.0)

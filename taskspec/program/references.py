@@ -16,10 +16,12 @@ from taskspec.motion import blend, polynomial
 from taskspec.motion.path import PathShape
 from taskspec.program import kinematics
 from taskspec.program.algebra import CasadiAlgebra
-from taskspec.program.axis_reference import ReferenceBuilder, Translate
+from taskspec.program.axis_reference import AxisReference, ReferenceBuilder, Translate
+from taskspec.program.believed import Believed
 from taskspec.program.clock import Clock
 from taskspec.program.context import Context
 from taskspec.program.coordinates import frame_coordinates
+from taskspec.program.coupling import Coupling, coupled_motion
 from taskspec.program.frames import FrameModel
 from taskspec.program.layout import Layout
 from taskspec.program.modes import AxisPlan
@@ -81,6 +83,8 @@ def build_references(
     parameters: Layout,
     table: SignalTable,
     algebra: CasadiAlgebra,
+    believed: Believed | None,
+    couplings: Mapping[str, Coupling],
 ) -> ReferenceSet:
     """All references of a stage; adds the signals that depend on them to `table`."""
 
@@ -103,6 +107,7 @@ def build_references(
         memory=memory,
         parameters=parameters,
         plans=plans,
+        believed=believed,
     )
     table.scalars |= {f"position.{a}": x for a, x in coordinates.position.items()}
 
@@ -111,22 +116,28 @@ def build_references(
         for name, plan in plans.items()
         if plan.force or plan.open_loop
     }
-    motions = {
-        name: builder.build(
+    motions: dict[str, AxisReference] = {}
+    # An axis that follows another one comes after it.
+    for name, plan in sorted(plans.items(), key=lambda item: item[0] in couplings):
+        if not plan.motion:
+            continue
+        coupled = None
+        if name in couplings:
+            assert believed is not None
+            coupled = coupled_motion(name, couplings[name], believed, motions, parameters)
+        motions[name] = builder.build(
             name,
             plan.mode,
             plan.axis,
             path_value=path_values.get(name),
             open_loop_value=_displacement(name, plan, forces, gains, stiffness),
+            coupled=coupled,
         )
-        for name, plan in plans.items()
-        if plan.motion
-    }
     normals = _open_loop_normals(plans, at, gap, normal)
     tracked = coordinates.track(motions, normals)
     table.scalars |= {f"error.{a}": e for a, e in tracked.error.items() if plans[a].motion}
 
-    updates = dict(tracked.updates)
+    updates = tracked.updates | (believed.updates() if believed is not None else {})
     for name, motion in motions.items():
         if motion.integral_step is not None:
             slot = f"travelled.{name}"

@@ -12,6 +12,7 @@ from taskspec.control.reference import opposite
 from taskspec.control.state import AXES
 from taskspec.geometry.surface import Surface
 from taskspec.program import felt, kinematics
+from taskspec.program.carriers import Carrier
 from taskspec.program.frames import FrameModel
 from taskspec.program.layout import Layout
 from taskspec.robot import RobotModel
@@ -70,8 +71,10 @@ class Resolver:
     robot: RobotModel
     frames: Mapping[str, FrameModel]
     terms: TermSymbols
-    tool: kinematics.ToolPoint
-    point: kinematics.ControlPoint
+    wrench: ca.SX
+    offset: ca.SX | None
+    carriers: Mapping[str, Carrier]
+    clock: ca.SX
     parameters: Layout
 
     def __call__(self, signal: str, frame_name: str) -> ca.SX:
@@ -83,16 +86,23 @@ class Resolver:
                 "only by the stage's own frame"
             )
         face = felt.symbols(self.parameters, frame) if frame.kind == "estimated" else None
-        at = kinematics.frame_state(frame, self.terms, self.tool, face)
+        carrier = self.carriers.get(frame.carrier)
+        terms, wrench = self.terms, self.wrench
+        if carrier is not None:
+            now = carrier.at(self.clock)
+            terms, wrench = now.relative(terms), now.wrench(wrench)
+        tool = kinematics.tool_point(self.robot, terms)
+        point = kinematics.control_point(terms, wrench, self.offset)
+        at = kinematics.frame_state(frame, terms, tool, face)
         R = at.R
         kind, _, axis = signal.partition(".")
         if kind in ("force", "torque"):
-            wrench = opposite(self.point.wrench)
+            wrench = opposite(point.wrench)
             vector = ca.vertcat(R.T @ wrench[:3], R.T @ wrench[3:])
         elif kind == "velocity":
-            vector = ca.vertcat(R.T @ self.point.twist[:3], R.T @ self.point.twist[3:])
+            vector = ca.vertcat(R.T @ point.twist[:3], R.T @ point.twist[3:])
         elif kind == "position" and frame.still and not axis.startswith("r"):
-            vector = R.T @ (self.point.p - at.origin)
+            vector = R.T @ (point.p - at.origin)
         else:
             raise UnknownSignalError(f"{signal} in {frame_name}")
         if axis:
@@ -101,7 +111,36 @@ class Resolver:
 
 
 def gaps(
-    robot: RobotModel, surfaces: Mapping[str, Surface], p: ca.SX, R: ca.SX
+    robot: RobotModel,
+    surfaces: Mapping[str, Surface],
+    p: ca.SX,
+    R: ca.SX,
+    carriers: Mapping[str, Carrier] | None = None,
+    clock: ca.SX | None = None,
 ) -> dict[str, ca.SX]:
-    """Signed distance [m] of the tool's shape from every object, by object name."""
-    return {name: kinematics.gap(robot, surface, p, R) for name, surface in surfaces.items()}
+    """Signed distance [m] of the tool's shape from every object, by object name.
+
+    Args:
+        robot: for the tool. surfaces: as declared. p, R: (3,), (3, 3) pose of the tip.
+        carriers: of the objects that move; None has all of them where they are declared.
+        clock: [s].
+    """
+    found = {}
+    for name, surface in surfaces.items():
+        if carriers is not None and name in carriers:
+            assert clock is not None
+            now = carriers[name].at(clock)
+            found[name] = kinematics.gap(robot, surface, now.place(p), now.A.T @ R)
+        else:
+            found[name] = kinematics.gap(robot, surface, p, R)
+    return found
+
+
+def normal(
+    surface: Surface, point: ca.SX, carriers: Mapping[str, Carrier], name: str, clock: ca.SX
+) -> ca.SX:
+    """Outward normal (3,) of object `name` at a point (3,), world."""
+    if name not in carriers:
+        return surface.gradient(point)
+    now = carriers[name].at(clock)
+    return now.A @ surface.gradient(now.place(point))

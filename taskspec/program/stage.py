@@ -16,12 +16,15 @@ from numpy.typing import NDArray
 from taskspec.control import model_terms
 from taskspec.control.constrained import eliminate
 from taskspec.control.gains import Gains, design, design_joint_damping, has_force
+from taskspec.control.model_terms import TermSymbols
 from taskspec.control.reference import opposite
 from taskspec.control.state import AXES, task_state
 from taskspec.motion.path import PathShape
 from taskspec.program import kinematics, laws, orientation, ports, signals
 from taskspec.program.algebra import CasadiAlgebra, constants
 from taskspec.program.axes import existing_axes
+from taskspec.program.believed import believe, mechanism_signals
+from taskspec.program.carriers import Carrier, Instant
 from taskspec.program.clock import Clock
 from taskspec.program.conditions import limit_conditions, stage_conditions
 from taskspec.program.constraints import (
@@ -34,6 +37,7 @@ from taskspec.program.constraints import (
     reactions,
 )
 from taskspec.program.context import Context
+from taskspec.program.coupling import Coupling, coupling
 from taskspec.program.events import Event, code
 from taskspec.program.frames import FrameModel
 from taskspec.program.layout import Layout
@@ -72,6 +76,10 @@ class CompiledStage:
         frame: its task frame. axes: that exist in it. plans: who controls each of them.
         gains: with their origins. contact: the object that forces are believed to act on.
         stiffness: believed of that contact [N/m], 0 without one.
+        held: the mechanism whose handle returns forces instead of a contact; empty for none.
+        carrier: how the object that carries the frame moves; None where nothing does.
+        tracked: the mechanism whose angle is kept; empty for none.
+        couplings: of the axes that follow a mechanism.
         equations: names of the world's equations, in the order of their inputs and outputs.
         path: its path, if any.
         memory, parameters: layouts of the two vectors.
@@ -93,6 +101,10 @@ class CompiledStage:
     gains: Gains
     contact: str | None
     stiffness: float
+    held: str
+    carrier: Carrier | None
+    tracked: str
+    couplings: Mapping[str, Coupling]
     equations: tuple[str, ...]
     path: PathShape | None
     memory: Layout
@@ -123,9 +135,15 @@ def compile_stage(
     contact = context.contact_of(frame)
     normal = None if contact is None else axes_rotation.T @ context.start_normals[contact]
     plans = plan_axes(axes, stage.axes, path, law, normal)
-    k = context.compliances[contact].stiffness if contact is not None else 0.0
+    k = context.stiffness_of(frame)
+    felt_k = context.felt_stiffness(frame, axes, axes_rotation)
     rates = orientation.rates_of(law, axes_rotation.T @ context.start_R)
-    plants = context.plants(axes, axes_rotation, k, rates)
+    plants = context.plants(axes, axes_rotation, felt_k, rates, context.lever_of(frame))
+    couplings = {
+        a: coupling(context, frame, axes_rotation, plans, a)
+        for a, plan in plans.items()
+        if plan.mode == "follows"
+    }
     gains = design(law, {a: p.axis for a, p in plans.items()}, plants)
     active = active_equations(law, stage, context.equations)
     for gain, by_name in equation_gains(context, law, active, context.equations).items():
@@ -140,17 +158,23 @@ def compile_stage(
 
     visits = [f"{s}.visits" for s in task.stages]
     now, q, v = ca.SX.sym("now", 2 + len(visits)), ca.SX.sym("q", n), ca.SX.sym("v", n)
-    terms = model_terms.symbols(robot, v)
+    world = model_terms.symbols(robot, v)
     equations = context.equations
     sensed = ca.SX.sym("reactions", len(equations))
-    inputs = ports.Inputs(now, q, v, terms, ca.SX.sym("wrench", 6), sensed)
+    inputs = ports.Inputs(now, q, v, world, ca.SX.sym("wrench", 6), sensed)
     memory, parameters = Layout("memory"), Layout("parameters")
     clock = Clock(now[0], now[1])
     algebra = CasadiAlgebra(memory, context.period)
 
+    carried_by = context.carrier_of(frame)
+    carrier = None if carried_by is None else carried_by.at(clock.clock)
+    # Relative to what carries the frame, in its coordinates; to the world's where nothing does.
+    terms = world if carrier is None else carrier.relative(world)
+    wrench = inputs.wrench if carrier is None else carrier.wrench(inputs.wrench)
+    believed = believe(context, frame, world, clock, memory, parameters)
     tool = kinematics.tool_point(robot, terms)
     offset = _control_offset(frame, parameters)
-    point = kinematics.control_point(terms, inputs.wrench, offset)
+    point = kinematics.control_point(terms, wrench, offset)
     face = kinematics.new_face(parameters, frame, "frame")
     at = kinematics.frame_state(frame, terms, tool, face)
     state = task_state(
@@ -163,9 +187,9 @@ def compile_stage(
         R=at.R,
         R_rate=at.R_rate,
     )
-    rows = equation_rows(equations, terms, q, v, clock.clock)
+    rows = equation_rows(equations, world, q, v, clock.clock)
     measured = reactions(rows, inputs.wrench, sensed)
-    gap = signals.gaps(robot, context.surfaces, terms.p, terms.R)
+    gap = signals.gaps(robot, context.surfaces, world.p, world.R, context.carriers, clock.clock)
     table = SignalTable(
         {
             **constants({p: quantity.value for p, quantity in task.params.items()}),
@@ -173,15 +197,25 @@ def compile_stage(
             **{f"{o}.gap": g for o, g in gap.items()},
             **{f"{name}.gap": row.terms.distance for name, row in rows.items()},
             **{f"{name}.{_effort(rows[name])}": force for name, force in measured.items()},
+            **mechanism_signals(believed, context.held, world, inputs.wrench),
             "t": clock.t,
             "clock": clock.clock,
         },
         axes,
-        signals.Resolver(robot, context.frames, terms, tool, point, parameters),
+        signals.Resolver(
+            robot,
+            context.frames,
+            world,
+            inputs.wrench,
+            offset,
+            context.carriers,
+            clock.clock,
+            parameters,
+        ),
     )
     if contact is not None:
         table.scalars["gap"] = gap[contact]
-    _measured(table, context, inputs, point, at, parameters)
+    _measured(table, context, inputs, terms, point, at, parameters)
 
     references = build_references(
         context=context,
@@ -195,13 +229,15 @@ def compile_stage(
         gains=gains,
         path=path,
         gap=table.scalars.get("gap"),
-        normal=_normal(context, contact, at, tool),
+        normal=_normal(context, contact, at, world, carrier, clock),
         stiffness=k,
         clock=clock,
         memory=memory,
         parameters=parameters,
         table=table,
         algebra=algebra,
+        believed=believed,
+        couplings=couplings,
     )
     stated, references, representable = orientation.restate(
         law, state, references, at.R.T @ terms.R, table
@@ -272,6 +308,8 @@ def compile_stage(
             ca.vertcat(ca.SX(0, 1), *(forces.desired.get(name, nothing) for name in equations)),
             felt,
         ),
+        believed,
+        carrier,
     )
     arguments = [*inputs.symbols(), memory.vector(), parameters.vector()]
     options = {"cse": True}
@@ -286,6 +324,10 @@ def compile_stage(
         gains=gains,
         contact=contact,
         stiffness=k,
+        held=context.held if context.gripped(frame) else "",
+        carrier=carried_by,
+        tracked="" if believed is None else believed.mechanism.name,
+        couplings=couplings,
         equations=tuple(equations),
         path=path,
         memory=memory,
@@ -293,7 +335,7 @@ def compile_stage(
         initial=algebra.initial,
         events=events,
         tick=ca.Function("tick", arguments, [torque, memory.stack(updates), outputs], options),
-        probe=ports.probe(arguments, table, references, at, tool, point, felt),
+        probe=ports.probe(arguments, table, references, believed, at, tool, point, felt, carrier),
         own=ca.Function("own", arguments, [references.own, references.own_rate]),
         choice=_choice(arguments, chosen, control, case) if chosen and control else None,
     )
@@ -322,14 +364,20 @@ def _normal(
     context: Context,
     contact: str | None,
     at: kinematics.FrameState,
-    tool: kinematics.ToolPoint,
+    world: TermSymbols,
+    carrier: Instant | None,
+    clock: Clock,
 ) -> ca.SX | None:
-    """Outward unit normal (3,), world, of the believed contact at the tool."""
+    """Outward unit normal (3,) of the believed contact at the tool, in the axes of the carrier."""
     if at.chart is not None:
         return at.R[:, 2]
     if contact is None:
         return None
-    return context.surfaces[contact].gradient(tool.center)
+    center = kinematics.tool_point(context.robot, world).center
+    normal = signals.normal(
+        context.surfaces[contact], center, context.carriers, contact, clock.clock
+    )
+    return normal if carrier is None else carrier.A.T @ normal
 
 
 def _control_offset(frame: FrameModel, parameters: Layout) -> ca.SX | None:
@@ -344,6 +392,7 @@ def _measured(
     table: SignalTable,
     context: Context,
     inputs: ports.Inputs,
+    terms: TermSymbols,
     point: kinematics.ControlPoint,
     at: kinematics.FrameState,
     parameters: Layout,
@@ -357,7 +406,7 @@ def _measured(
     scalars |= {f"velocity.{a}": twist[AXES.index(a)] for a in table.axes}
     scalars["speed"] = ca.norm_2(inputs.terms.twist[:3])
     scalars["power"] = ca.dot(wrench, point.twist)
-    scalars["tilt"] = ca.acos(ca.fmin(ca.fmax(-ca.dot(inputs.terms.R[:, 2], at.R[:, 2]), -1), 1))
+    scalars["tilt"] = ca.acos(ca.fmin(ca.fmax(-ca.dot(terms.R[:, 2], at.R[:, 2]), -1), 1))
     scalars["touching"] = ca.norm_2(wrench[:3]) > signals.TOUCHING
     scalars["travel"] = ca.norm_2(inputs.terms.p - parameters.add("entry", 3))
     for i in range(context.robot.pin.nv):

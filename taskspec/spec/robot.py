@@ -7,7 +7,7 @@ from typing import Annotated, ClassVar, Literal
 from pydantic import Field
 
 from taskspec.spec.fields import RPY, XYZ
-from taskspec.spec.model import Model, complete, short_form
+from taskspec.spec.model import Model, complete, mapping, short_form
 from taskspec.spec.quantities import Constant, Entries, ForJoints, Series
 from taskspec.spec.reading import Reading
 from taskspec.spec.sizes import check_sizes
@@ -76,7 +76,7 @@ class Start(Model):
     """Where the run begins: a pose of the tool tip in the world, or joint positions.
 
     Attributes:
-        xyz: position of the tip in the world [m].
+        xyz: position of the tip in the world [m]; None for where it takes hold of `grasp`.
         rpy: its orientation [rad]; None for pointing down with any yaw.
         joints: joint positions [rad or m].
     """
@@ -101,7 +101,11 @@ class Start(Model):
                 data.node.key_span("joints"),
                 "keep one of the two",
             )
-        elif not data.keys() & {"joints", "xyz"} and complete(data, reading):
+        elif (
+            not data.keys() & {"joints", "xyz"}
+            and complete(data, reading)
+            and "grasp" not in mapping(reading.data.get("robot"))
+        ):
             reading.error(
                 "TS021", "a start needs 'xyz' or 'joints'", data.node.key_span("rpy"),
                 "leave 'start' out to begin in the robot's home position",
