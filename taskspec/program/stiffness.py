@@ -11,13 +11,16 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from taskspec.program import frames
+from taskspec.program.equations import EquationModel
 from taskspec.robot import RobotModel
-from taskspec.spec import Shape
+from taskspec.spec import EquationObject, Shape
 
 Vector = NDArray[np.float64]
 
 #: `rigid` is a contact that turns half a radian of its own oscillation in one step of the plant.
 RIGID_PHASE = 0.5
+#: The inertia [kg m^2] for which an equation on joints has a tenth of critical damping.
+JOINT_UNIT = 0.05
 #: Beyond this many radians in a step the plant does not resolve the contact any more.
 RESOLVED_PHASE = 1.0
 
@@ -42,12 +45,46 @@ def compliance(shape: Shape, robot: RobotModel, start: Vector, plant_period: flo
         plant_period: step of the plant [s].
     """
     mass = normal_mass(robot, start, shape)
-    rigid = shape.stiffness == "rigid"
-    k = mass * (RIGID_PHASE / plant_period) ** 2 if rigid else float(shape.stiffness)
-    b = shape.damping
+    if shape.mass is not None:
+        mass = 1.0 / (1.0 / mass + 1.0 / shape.mass)
+    return pair_compliance(shape, mass, plant_period)
+
+
+def pair_compliance(shape: Shape, mass: float, plant_period: float) -> Compliance:
+    """The contact of something with an object, `mass` [kg] what moves in it."""
+    return _meant(shape.stiffness, shape.damping, mass, plant_period, unit=1.0)
+
+
+def equation_compliance(
+    model: EquationModel,
+    robot: RobotModel,
+    start: Vector,
+    declared: EquationObject,
+    plant_period: float,
+) -> Compliance:
+    """What an equation's declaration means along its unit gradient.
+
+    Args:
+        model: the equation. robot: the arm. start: (n,) where the run begins.
+        declared: its object. plant_period: step of the plant [s].
+
+    Returns:
+        In N/m and N s/m; for an equation on joints in N m/rad and N m s/rad.
+    """
+    mass = equation_mass(model, robot, start)
+    unit = JOINT_UNIT if model.joints else 1.0
+    return _meant(declared.stiffness, declared.damping, mass, plant_period, unit)
+
+
+def _meant(
+    stiffness: float | str, damping: float | None, mass: float, plant_period: float, unit: float
+) -> Compliance:
+    rigid = stiffness == "rigid"
+    k = mass * (RIGID_PHASE / plant_period) ** 2 if rigid else float(stiffness)
+    b = damping
     if b is None:
-        # A tenth of critical for 1 kg; a rigid contact is critical for the mass that it meets.
-        b = 2 * math.sqrt(k * mass) if rigid else 0.1 * 2 * math.sqrt(k)
+        # A tenth of critical for a unit mass; a rigid contact is critical for the mass it meets.
+        b = 2 * math.sqrt(k * mass) if rigid else 0.1 * 2 * math.sqrt(k * unit)
     return Compliance(k, b, plant_period * math.sqrt(k / mass))
 
 
@@ -56,16 +93,44 @@ def normal_mass(robot: RobotModel, q: Vector, shape: Shape) -> float:
 
     Where the arm cannot move along the normal at all, the mean over what it can.
     """
+    tip, mobility = _tip(robot, q)
+    return _along(np.array(ca.evalf(frames.surface(shape).gradient(ca.SX(tip)))).ravel(), mobility)
+
+
+def equation_mass(model: EquationModel, robot: RobotModel, q: Vector) -> float:
+    """The mass [kg], on joints the inertia [kg m^2], at q (n,) along an equation's unit gradient.
+
+    Where the arm cannot move along it, or where there is none, the mean over what it can.
+    """
+    if model.joints:
+        H = _inertia(robot, robot.pin.createData(), q)
+        place, mobility = q, np.asarray(np.linalg.inv(H), dtype=np.float64)
+    else:
+        place, mobility = _tip(robot, q)
+    x = ca.SX(ca.DM(place))
+    normal = model.terms(x, ca.SX.zeros(x.shape[0]), ca.SX(0)).normal
+    return _along(np.array(ca.evalf(normal)).ravel(), mobility)
+
+
+def _along(a: Vector, mobility: Vector) -> float:
+    """Mass along a unit direction (d,) of a mobility (d, d)."""
+    along = float(a @ mobility @ a)
+    return 1.0 / (along if along > 1e-6 else float(np.trace(mobility)) / len(a))
+
+
+def _tip(robot: RobotModel, q: Vector) -> tuple[Vector, Vector]:
+    """(3,) tip position [m] and its mobility J H^-1 J^T (3, 3) [1/kg] at q (n,), world axes."""
     data = robot.pin.createData()
     frame = robot.pin.getFrameId("tip")
     J = pin.computeFrameJacobian(robot.pin, data, q, frame, pin.LOCAL_WORLD_ALIGNED)[:3]
-    H = np.triu(pin.crba(robot.pin, data, q))
-    mobility = J @ np.linalg.solve(H + np.triu(H, 1).T, J.T)
+    mobility = J @ np.linalg.solve(_inertia(robot, data, q), J.T)
     pin.framesForwardKinematics(robot.pin, data, q)
-    tip = np.array(data.oMf[frame].translation)
-    a = np.array(ca.evalf(frames.surface(shape).gradient(ca.SX(tip)))).ravel()
-    along = float(a @ mobility @ a)
-    return 1.0 / (along if along > 1e-6 else float(np.trace(mobility)) / 3)
+    return np.array(data.oMf[frame].translation), mobility
+
+
+def _inertia(robot: RobotModel, data: pin.Data, q: Vector) -> Vector:
+    H = np.triu(pin.crba(robot.pin, data, q))
+    return np.asarray(H + np.triu(H, 1).T, dtype=np.float64)
 
 
 def virtual_mass_scale(robot: RobotModel) -> float:

@@ -1,0 +1,57 @@
+"""What a force sensor between flange and tool feels: the contact, and the tool that hangs on it."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from taskspec.robot import RobotModel
+from taskspec_runner.plant.names import PREFIX
+
+Vector = NDArray[np.float64]
+
+_LINEAR, _ANGULAR, _TURNING = (f"{PREFIX}wrist/{name}" for name in ("linear", "angular", "turning"))
+
+
+def add_wrist(spec: mujoco.MjSpec, robot: RobotModel) -> None:
+    """Adds sensors of how the tool's own body accelerates."""
+    for name, kind in (
+        (_LINEAR, mujoco.mjtSensor.mjSENS_FRAMELINACC),
+        (_ANGULAR, mujoco.mjtSensor.mjSENS_FRAMEANGACC),
+        (_TURNING, mujoco.mjtSensor.mjSENS_FRAMEANGVEL),
+    ):
+        spec.add_sensor(
+            name=name, type=kind, objtype=mujoco.mjtObj.mjOBJ_BODY, objname=robot.tip_body
+        )
+
+
+class Wrist:
+    """Weight and inertia of the tool, added to what the environment exerts on it.
+
+    Attributes:
+        wrench: (6,) by all that is beyond the flange on the flange, moment about the tip, world
+            axes [N, N m]. The tool's weight is in it also where a counterweight carries the arm:
+            that hangs on the joints, not on the tool.
+    """
+
+    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, robot: RobotModel) -> None:
+        body = model.body(robot.tip_body).id
+        self.wrench = np.zeros(6)
+        self._mass = float(model.body_mass[body])
+        self._moments = np.array(model.body_inertia[body])
+        self._axes = data.ximat[body].reshape(3, 3)
+        self._lever = np.array(model.body_ipos[body])
+        self._rotation = data.xmat[body].reshape(3, 3)
+        addresses = [int(model.sensor(name).adr[0]) for name in (_LINEAR, _ANGULAR, _TURNING)]
+        self._motion = [data.sensordata[at : at + 3] for at in addresses]
+
+    def read(self, contact: Vector) -> None:
+        """Adds the tool's part to the contact wrench (6,) about the tip of the same step."""
+        linear, angular, turning = self._motion
+        # MuJoCo's acceleration of a frame has gravity in it: it is that of a body held still.
+        force = -self._mass * linear
+        inertia = (self._axes * self._moments) @ self._axes.T
+        moment = -(inertia @ angular + np.cross(turning, inertia @ turning))
+        self.wrench[:3] = contact[:3] + force
+        self.wrench[3:] = contact[3:] + moment + np.cross(self._rotation @ self._lever, force)
