@@ -21,9 +21,7 @@ import numpy as np
 
 from taskspec.compiler import compile_task
 from taskspec.spec import load_task
-from taskspec_runner.bus import Bus
-from taskspec_runner.plant.plant import Plant
-from taskspec_runner.record import Recorder
+from taskspec_runner.assembly import assemble
 from taskspec_runner.sensing import Sensing
 
 TASKS = Path(__file__).resolve().parent.parent / "tasks"
@@ -35,20 +33,8 @@ def main(task: Path, stage: str) -> None:
     loaded = load_task(task)
     program = compile_task(loaded)
     robot, period = program.context.robot, program.context.period
-    bus = Bus(robot.pin.nv, len(program.context.surfaces))
-    plant = Plant(
-        robot, loaded.task, program.context.start, (bus.view("wrench"), bus.view("objects"))
-    )
-    machine = program.machine(
-        (
-            bus.view("q"),
-            bus.view("v"),
-            np.zeros(6),
-            np.zeros(len(program.context.equations)),
-            bus.view("torque"),
-            bus.outputs,
-        )
-    )
+    parts = assemble(program)
+    plant, machine = parts.plant, parts.machine
     sensing = Sensing(plant, machine)
     sensing.read()
     machine.start()
@@ -68,9 +54,7 @@ def main(task: Path, stage: str) -> None:
     state = np.zeros(mujoco.mj_stateSize(model, kind))
     mujoco.mj_getState(model, data, state, kind)
     with tempfile.TemporaryDirectory() as folder:
-        recorder = Recorder(
-            Path(folder) / "log.arrow", bus, robot, program.stages, program.context.surfaces
-        )
+        recorder = parts.recorder(Path(folder) / "log.arrow")
 
         def whole() -> None:
             closed_loop_step()

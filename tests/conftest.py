@@ -15,10 +15,8 @@ from taskspec.compiler import Program, compile_task
 from taskspec.program.machine import Transition
 from taskspec.spec import load_task, load_text
 from taskspec_runner import loop
-from taskspec_runner.bus import Bus
+from taskspec_runner.assembly import assemble
 from taskspec_runner.history import History, read_history
-from taskspec_runner.plant.plant import Plant
-from taskspec_runner.record import Recorder
 
 TASKS = Path(__file__).resolve().parent.parent / "tasks"
 
@@ -58,24 +56,13 @@ def simulate(tmp_path: Path) -> Simulate:
         else:
             loaded = load_task(TASKS / f"{task}.yaml", overrides)
         program = compile_task(loaded)
-        context = program.context
-        bus = Bus(context.robot.pin.nv, len(context.surfaces), len(context.equations))
-        contact = (bus.view("wrench"), bus.view("objects"))
-        plant = Plant(context.robot, loaded.task, context.start, contact)
-        machine = program.machine(
-            (
-                bus.view("q"),
-                bus.view("v"),
-                np.zeros(6),
-                np.zeros(len(context.equations)),
-                bus.view("torque"),
-                bus.outputs,
-            )
-        )
+        parts = assemble(program)
         log = tmp_path / "log.arrow"
-        recorder = Recorder(log, bus, context.robot, program.stages, context.surfaces)
+        recorder = parts.recorder(log)
         with closing(recorder):
-            outcome = loop.run(machine, plant, bus, recorder, context.period, seed=seed)
-        return Run(program, outcome, machine.transitions, read_history(log))
+            outcome = loop.run(
+                parts.machine, parts.plant, parts.bus, recorder, program.context.period, seed=seed
+            )
+        return Run(program, outcome, parts.machine.transitions, read_history(log))
 
     return run

@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 
 from taskspec.program.ports import OUTPUTS, slices
 from taskspec.program.ports import fields as fields_of
+from taskspec.spec import Task
+from taskspec_runner.plant.views import PlantViews, view_fields
 
 Vector = NDArray[np.float64]
 
@@ -19,9 +21,11 @@ class Bus:
 
     Attributes:
         array: (size,) the whole tick. slices: by name.
+        truth: the views that the plant fills.
     """
 
-    def __init__(self, joints: int, objects: int, equations: int = 0) -> None:
+    def __init__(self, joints: int, task: Task) -> None:
+        truth = view_fields(task)
         fields = [
             ("clock", 1),
             ("t", 1),
@@ -29,12 +33,12 @@ class Bus:
             ("q", joints),
             ("v", joints),
             ("torque", joints),
-            ("wrench", 6),
-            ("objects", objects),
-            *fields_of(equations),
+            *truth,
+            *fields_of(len(task.equations)),
         ]
         self.slices = slices(fields)
         self.array: Vector = np.zeros(sum(length for _, length in fields))
+        self.truth = PlantViews(*(self.view(name) for name, _ in truth))
 
     def view(self, name: str) -> Vector:
         """A view of one field."""

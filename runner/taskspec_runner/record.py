@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
-import casadi as ca
 import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
 from taskspec.control.state import AXES
-from taskspec.geometry.surface import Surface
 from taskspec.program import signals
 from taskspec.program.stage import CompiledStage
 from taskspec.robot import RobotModel
+from taskspec.spec import Task
+from taskspec.text.expression.signals import OBJECT
+from taskspec.text.units import ANGLE, FORCE, LENGTH, MOMENT
 from taskspec_runner.bus import Bus
+from taskspec_runner.distances import Distances
 
 Vector = NDArray[np.float64]
 
@@ -28,13 +30,14 @@ _KIND_UNITS = {
     "velocity": ("m/s", "rad/s"),
     "error": ("m", "rad"),
 }
+_UNITS = {LENGTH: "m", ANGLE: "rad", FORCE: "N", MOMENT: "N*m"}
 
 
 class Recorder:
     """Collects the bus tick by tick and writes it as named columns in SI units.
 
     Signals are the truth: the wrench is that of the tick's own step, and every `gap` is taken to
-    the true surfaces. What the controller measured stands beside it as `force.*.measured`.
+    the true objects. What the controller measured stands beside it as `force.*.measured`.
     """
 
     def __init__(
@@ -43,15 +46,15 @@ class Recorder:
         bus: Bus,
         robot: RobotModel,
         stages: tuple[CompiledStage, ...],
-        surfaces: Mapping[str, Surface],
+        task: Task,
     ) -> None:
-        self._bus, self._stages, self._objects = bus, stages, tuple(surfaces)
+        self._bus, self._stages, self._task = bus, stages, task
         self._rows: Vector = np.zeros((BATCH, len(bus.array)))
         self._filled = 0
         self._array = bus.array
         self._axes = tuple(a for a in AXES if any(a in s.axes for s in stages))
         self._joints = robot.pin.nv
-        self._gaps = _gap_function(robot, surfaces)
+        self._distances = Distances(robot, task)
         self._schema = pa.schema([])
         self._writer: pa.ipc.RecordBatchStreamWriter | None = None
         self._path = path
@@ -123,7 +126,7 @@ class Recorder:
         six("velocity", field("velocity_ref"), ".ref")
         six("error", field("error"))
         size = np.sqrt(np.sum(field("wrench")[:3] ** 2, axis=0))
-        gaps = self._gap_columns(field("tip"), field("tip_rotation"))
+        gaps = self._distances(field)
         columns["gap"] = (self._contact_gap(field("stage")[0], gaps), "m")
         for name, value, unit in (
             ("tilt", field("tilt")[0], "rad"),
@@ -138,10 +141,30 @@ class Recorder:
             columns[f"joint.{i + 1}.position"] = (field("q")[i], "rad")
             columns[f"joint.{i + 1}.velocity"] = (field("v")[i], "rad/s")
             columns[f"joint.{i + 1}.torque"] = (field("torque")[i], "N*m")
-        for i, name in enumerate(self._objects):
-            columns[f"{name}.gap"] = (gaps[i], "m")
-            columns[f"{name}.force"] = (field("objects")[i], "N")
+        for name, declared in self._task.world.items():
+            values = self._object_signals(name, gaps, field)
+            for signal, dimension in OBJECT[declared.kind].items():
+                columns[f"{name}.{signal}"] = (values[signal], _UNITS[dimension])
         return columns
+
+    def _object_signals(
+        self,
+        name: str,
+        gaps: Mapping[str, Vector],
+        field: Callable[[str], Vector],
+    ) -> dict[str, Vector]:
+        """(ticks,) of every signal that an object of this kind may have."""
+        task = self._task
+        if name in task.shapes:
+            return {"gap": gaps[name], "force": field("objects")[list(task.shapes).index(name)]}
+        if name in task.equations:
+            applied = field("equations")[list(task.equations).index(name)]
+            return {"gap": gaps[name], "force": applied, "torque": applied}
+        mechanism, number = task.mechanisms[name], list(task.mechanisms).index(name)
+        place = field("mechanism_positions")[number]
+        effort = field("mechanism_efforts")[number]
+        way = mechanism.lead * place if mechanism.angular else place
+        return {"angle": place, "travel": way, "torque": effort, "force": effort}
 
     @staticmethod
     def _applied(frame: Vector, offset: Vector, wrench: Vector) -> Vector:
@@ -154,24 +177,14 @@ class Recorder:
         axes = frame.reshape(3, 3, -1)  # axes[i] is the frame's axis i in the world
         return np.concatenate([np.sum(axes * force, axis=1), np.sum(axes * moment, axis=1)])
 
-    def _gap_columns(self, tip: Vector, rotation: Vector) -> Vector:
-        if not self._objects:
-            return np.zeros((0, tip.shape[1]))
-        return np.array(self._gaps(tip, rotation))
-
-    def _contact_gap(self, stage: Vector, gaps: Vector) -> Vector:
+    def _contact_gap(self, stage: Vector, gaps: Mapping[str, Vector]) -> Vector:
         result = np.full(len(stage), np.nan)
         for number, compiled in enumerate(self._stages):
-            if compiled.contact is not None:
+            gap = gaps.get(compiled.contact or "")
+            if gap is not None:
                 here = stage == number
-                result[here] = gaps[self._objects.index(compiled.contact)][here]
+                result[here] = gap[here]
         return result
-
-
-def _gap_function(robot: RobotModel, surfaces: Mapping[str, Surface]) -> ca.Function:
-    p, R = ca.SX.sym("p", 3), ca.SX.sym("R", 9)
-    gaps = signals.gaps(robot, surfaces, p, ca.reshape(R, 3, 3))
-    return ca.Function("gaps", [p, R], [ca.vertcat(ca.SX(0, 1), *gaps.values())])
 
 
 def _stage_array(values: Vector, stages: tuple[CompiledStage, ...]) -> pa.Array:

@@ -20,12 +20,15 @@ class Sensing:
     """Joint state of this instant, and the contact wrench of the step before: one tick late.
 
     The wrench cannot come sooner: on a stiff contact it depends on the torque held when it arose.
+    So do the reactions of constraints on joints.
     """
 
     def __init__(self, plant: Plant, machine: Machine, seed: int = 0) -> None:
         """Connects a plant to a controller; `seed` is that of the sensor's noise."""
         self._from = (plant.q, plant.v, plant.wrench)
         self._to = (machine.q, machine.v, machine.wrench)
+        reactions = plant.views.equations
+        self._reactions = (reactions, machine.reactions) if reactions.size else None
         zero = machine.sensor
         self._sensor = None if zero is None else ForceSensor(plant, zero, machine.period, seed)
 
@@ -34,6 +37,9 @@ class Sensing:
         (q, v, wrench), (seen_q, seen_v, seen_wrench) = self._from, self._to
         seen_q[:] = q
         seen_v[:] = v
+        if self._reactions is not None:
+            felt, seen = self._reactions
+            seen[:] = felt
         if self._sensor is None:
             seen_wrench[:] = wrench
         else:

@@ -9,22 +9,18 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from taskspec.compiler import Program, compile_task
 from taskspec.control.state import AXES
 from taskspec.program.machine import Machine, Transition
 from taskspec.spec import LoadedTask
 from taskspec_runner import folder as folders
 from taskspec_runner import manifest
-from taskspec_runner.bus import Bus
+from taskspec_runner.assembly import assemble
 from taskspec_runner.errors import OutputError, RunCrashedError
 from taskspec_runner.folder import RunFolder, open_folder
 from taskspec_runner.history import History, read_history
 from taskspec_runner.interrupt import BY_SIGNAL, Interrupt, Termination, signal_of
 from taskspec_runner.loop import STOPPED, Outcome, run
-from taskspec_runner.plant.plant import Plant
-from taskspec_runner.record import Recorder
 from taskspec_runner.replay import Replay
 from taskspec_runner.summary import reason_of, summarise
 from taskspec_runner.verdict import Judged, judge
@@ -177,24 +173,12 @@ def _simulate(
 ) -> tuple[Outcome, list[Transition], int]:
     """The outcome, what ended each stage, and the signal that has broken off the run, or 0."""
     context = program.context
-    n = context.robot.pin.nv
-    bus = Bus(n, len(context.surfaces), len(context.equations))
-    contact = (bus.view("wrench"), bus.view("objects"))
-    plant = Plant(context.robot, context.loaded.task, context.start, contact)
-    views = (
-        bus.view("q"),
-        bus.view("v"),
-        np.zeros(6),
-        np.zeros(len(context.equations)),
-        bus.view("torque"),
-        bus.outputs,
-    )
-    machine = program.machine(views)
-    recorder = Recorder(folder.log, bus, context.robot, program.stages, context.surfaces)
+    parts = assemble(program)
+    machine, recorder = parts.machine, parts.recorder(folder.log)
     with contextlib.closing(recorder), Interrupt() as interrupt:
         watch, by_signal = _watch(interrupt, progress), 0
         try:
-            outcome = run(machine, plant, bus, recorder, context.period, watch, seed)
+            outcome = run(machine, parts.plant, parts.bus, recorder, context.period, watch, seed)
         except KeyboardInterrupt as error:
             by_signal = signal_of(error)
             text, reason = str(error) or "interrupted by the user", reason_of(by_signal)

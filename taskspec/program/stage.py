@@ -5,7 +5,6 @@ tick(time, state, model terms, measured wrench, memory, parameters) -> torque, m
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -47,8 +46,9 @@ from taskspec.program.references import build_references
 from taskspec.program.signals import SignalTable
 from taskspec.spec import LAWS, Law, Limits, Stage
 
-#: Coordinates are chosen again when their share falls to this part of what the best one has.
-_WORN = 0.25
+#: Coordinates are chosen again when an exchange would make their minor so many times as large. As
+#: many times is an error of the reference along a normal felt by those that are kept.
+_WORN = 1.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -351,12 +351,10 @@ def _choice(
     wanted = laws.free_motion(case)
     on = control.multipliers
     kept = eliminate(on.J, on.gamma, on.directions, wanted + control.held)
-    m, c = chosen.J.shape[0], chosen.candidates.shape[1]
     return Choice(
         look=ca.Function("look", arguments, [chosen.J @ chosen.candidates, wanted, kept]),
         weights=chosen.weights,
-        # The best of the minors has at least an equal share in the sum of their squares.
-        least=_WORN / math.comb(c, m),
+        least=1 / _WORN,
     )
 
 

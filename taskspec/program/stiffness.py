@@ -45,6 +45,13 @@ def compliance(shape: Shape, robot: RobotModel, start: Vector, plant_period: flo
         plant_period: step of the plant [s].
     """
     mass = normal_mass(robot, start, shape)
+    if shape.mass is not None:
+        mass = 1.0 / (1.0 / mass + 1.0 / shape.mass)
+    return pair_compliance(shape, mass, plant_period)
+
+
+def pair_compliance(shape: Shape, mass: float, plant_period: float) -> Compliance:
+    """The contact of something with an object, `mass` [kg] what moves in it."""
     return _meant(shape.stiffness, shape.damping, mass, plant_period, unit=1.0)
 
 
@@ -96,8 +103,8 @@ def equation_mass(model: EquationModel, robot: RobotModel, q: Vector) -> float:
     Where the arm cannot move along it, or where there is none, the mean over what it can.
     """
     if model.joints:
-        inverse = np.linalg.inv(_inertia(robot, robot.pin.createData(), q))
-        place, mobility = q, np.asarray(inverse, dtype=float)
+        H = _inertia(robot, robot.pin.createData(), q)
+        place, mobility = q, np.asarray(np.linalg.inv(H), dtype=np.float64)
     else:
         place, mobility = _tip(robot, q)
     x = ca.SX(ca.DM(place))
@@ -123,7 +130,7 @@ def _tip(robot: RobotModel, q: Vector) -> tuple[Vector, Vector]:
 
 def _inertia(robot: RobotModel, data: pin.Data, q: Vector) -> Vector:
     H = np.triu(pin.crba(robot.pin, data, q))
-    return np.asarray(H + np.triu(H, 1).T)
+    return np.asarray(H + np.triu(H, 1).T, dtype=np.float64)
 
 
 def virtual_mass_scale(robot: RobotModel) -> float:

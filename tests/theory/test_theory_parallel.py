@@ -16,7 +16,7 @@ T = 1e-3
 # ---- equilibria
 
 FORCE, K_E = 12.0, 10e3
-DECAYED = "the slowest mode, at -1.9 1/s or quicker, has decayed to 1e-8 after 10 s"
+DECAYED = "the slowest mode, at -2.8 1/s or quicker, leaves less than 1e-7 of the press"
 LAWS = {
     "parallel": "{kind: parallel, stiffness: {linear: 500 N/m, angular: 60 N*m/rad}, "
     "force: {integral: 3 /s}}",

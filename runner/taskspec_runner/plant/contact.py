@@ -9,14 +9,8 @@ form (-k (1 - d) A, -b (1 - d) A) makes a press deform f/k; a small d keeps the 
 from __future__ import annotations
 
 import mujoco
-import numpy as np
-from numpy.typing import NDArray
 
-from taskspec.program.stiffness import compliance, virtual_mass_scale
-from taskspec.robot import RobotModel
-from taskspec.spec import Shape
-
-Vector = NDArray[np.float64]
+from taskspec.program.stiffness import Compliance
 
 #: Impedance d of every contact.
 IMPEDANCE = 0.02
@@ -28,23 +22,31 @@ _LEAST_FRICTION = 1e-5
 
 
 def contact_parameters(
-    pair: mujoco.MjsPair, shape: Shape, robot: RobotModel, start: Vector, plant_period: float
+    pair: mujoco.MjsPair,
+    declared: Compliance,
+    friction: float,
+    *,
+    points: int,
+    mobility: float,
+    plant_period: float,
 ) -> None:
-    """Sets a pair so that the whole contact has what `shape` declares.
+    """Sets a pair so that the whole contact has what is declared.
 
-    A flat tool touches with several points; each carries an equal share.
+    Args:
+        pair: of one point. declared: of the whole contact. friction: Coulomb's coefficient.
+        points: with how many it touches; each carries an equal share.
+        mobility: A, the sum of both bodies' inverse masses as MuJoCo counts them [1/kg].
+        plant_period: step of the plant [s].
     """
-    share = 1.0 / len(robot.tool_geoms)
-    scale = (1 - IMPEDANCE) / virtual_mass_scale(robot)
-    declared = compliance(shape, robot, start, plant_period)
-    k, b = declared.stiffness * share, declared.damping * share
+    scale = (1 - IMPEDANCE) * mobility
+    k, b = declared.stiffness / points, declared.damping / points
     pair.solref = [-k * scale, -b * scale]
     # The friction rows would take the contact's damping for their own rate of settling. Past one
     # over the step they overshoot, and the friction force flips between the cone's limits.
     slowest = min(b * scale, IMPEDANCE * SETTLING / plant_period)
     pair.solreffriction = [-_NO_SPRING, -max(slowest, _NO_SPRING)]
     pair.solimp = [IMPEDANCE, IMPEDANCE, 0.001, 0.5, 2.0]
-    sliding = max(shape.friction, _LEAST_FRICTION)
+    sliding = max(friction, _LEAST_FRICTION)
     pair.friction = [sliding, sliding, 0.0, 0.0, 0.0]
-    if shape.friction == 0:
+    if friction == 0:
         pair.condim = 1

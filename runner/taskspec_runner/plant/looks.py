@@ -1,8 +1,19 @@
-"""Light, sky and floor of a scene: nothing that touches or weighs anything."""
+"""Light, sky and floor of a scene, bars and knobs: nothing that touches or weighs anything."""
 
 from __future__ import annotations
 
 import mujoco
+import numpy as np
+
+from taskspec.spec import Mechanism
+from taskspec_runner.plant.names import INERT, KNOB, PREFIX, placed
+
+_BASE = (0.36, 0.40, 0.45, 1.0)
+_BAR = (0.56, 0.60, 0.66, 1.0)
+_KNOB = (0.16, 0.36, 0.56, 1.0)
+#: Radii [m] of axis, bar and knob, and half length of what is seen of an axis.
+_AXIS_RADIUS, _BAR_RADIUS, _KNOB_RADIUS, _HALF_AXIS = 0.014, 0.008, 0.016, 0.03
+_SHORT = 1e-6
 
 
 def dress(spec: mujoco.MjSpec) -> None:
@@ -45,4 +56,40 @@ def dress(spec: mujoco.MjSpec) -> None:
         contype=0,
         conaffinity=0,
         group=1,
+    )
+
+
+def draw_mechanism(spec: mujoco.MjSpec, name: str, declared: Mechanism) -> None:
+    """Draws a mechanism: its axis or rail on the world, a bar to the handle, and a knob."""
+    body = spec.body(PREFIX + name)
+    place = placed(declared)
+    handle = np.array(declared.handle)
+    foot = np.array([0.0, 0.0, handle[2]]) if declared.angular else np.zeros(3)
+    reach = _HALF_AXIS + abs(handle[2]) if declared.angular else 4 * _HALF_AXIS
+    spec.worldbody.add_geom(
+        type=mujoco.mjtGeom.mjGEOM_CYLINDER,
+        size=[_AXIS_RADIUS if declared.angular else _BAR_RADIUS, reach, 0.0],
+        rgba=_BASE,
+        group=1,
+        **place,
+        **INERT,
+    )
+    for a, b in ((foot, handle), (np.zeros(3), foot)):
+        if np.linalg.norm(b - a) > _SHORT:
+            body.add_geom(
+                type=mujoco.mjtGeom.mjGEOM_CAPSULE,
+                fromto=[*a, *b],
+                size=[_BAR_RADIUS, 0.0, 0.0],
+                rgba=_BAR,
+                group=1,
+                **INERT,
+            )
+    free = declared.knob == "free"
+    (spec.body(PREFIX + name + KNOB) if free else body).add_geom(
+        type=mujoco.mjtGeom.mjGEOM_SPHERE,
+        size=[_KNOB_RADIUS, 0.0, 0.0],
+        pos=[0.0, 0.0, 0.0] if free else list(declared.handle),
+        rgba=_KNOB,
+        group=1,
+        **INERT,
     )

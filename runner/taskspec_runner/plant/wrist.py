@@ -1,4 +1,4 @@
-"""The wrist sensor's truth: what the tool exerts on the flange."""
+"""What a force sensor between flange and tool feels: the contact, and the tool that hangs on it."""
 
 from __future__ import annotations
 
@@ -6,36 +6,52 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from taskspec.robot import RobotModel
+from taskspec_runner.plant.names import PREFIX
+
 Vector = NDArray[np.float64]
 
-_NAMES = ("wrist/force", "wrist/torque")
+_LINEAR, _ANGULAR, _TURNING = (f"{PREFIX}wrist/{name}" for name in ("linear", "angular", "turning"))
 
 
-def add(spec: mujoco.MjSpec, tip_body: str) -> None:
-    """Adds a force and a torque sensor at the tip of the tool."""
-    spec.body(tip_body).add_site(name="wrist", pos=[0.0, 0.0, 0.0])
-    types = (mujoco.mjtSensor.mjSENS_FORCE, mujoco.mjtSensor.mjSENS_TORQUE)
-    for name, kind in zip(_NAMES, types, strict=True):
-        spec.add_sensor(name=name, type=kind, objtype=mujoco.mjtObj.mjOBJ_SITE, objname="wrist")
+def add_wrist(spec: mujoco.MjSpec, robot: RobotModel) -> None:
+    """Adds sensors of how the tool's own body accelerates."""
+    for name, kind in (
+        (_LINEAR, mujoco.mjtSensor.mjSENS_FRAMELINACC),
+        (_ANGULAR, mujoco.mjtSensor.mjSENS_FRAMEANGACC),
+        (_TURNING, mujoco.mjtSensor.mjSENS_FRAMEANGVEL),
+    ):
+        spec.add_sensor(
+            name=name, type=kind, objtype=mujoco.mjtObj.mjOBJ_BODY, objname=robot.tip_body
+        )
 
 
 class Wrist:
-    """Reads the sensors of a scene; wrenches are about the tip in world axes."""
+    """Weight and inertia of the tool, added to what the environment exerts on it.
 
-    def __init__(self, model: mujoco.MjModel, tip_body: str) -> None:
-        self._where = [int(model.sensor(name).adr[0]) for name in _NAMES]
-        body = model.body(tip_body)
-        self._mass, self._lever = float(body.mass[0]), np.array(body.ipos)
-        self._gravity = np.array(model.opt.gravity)
+    Attributes:
+        wrench: (6,) by all that is beyond the flange on the flange, moment about the tip, world
+            axes [N, N m]. The tool's weight is in it also where a counterweight carries the arm:
+            that hangs on the joints, not on the tool.
+    """
 
-    def at_rest(self, rotation: Vector, contact: Vector, out: Vector) -> None:
-        """Fills `out` (6,) as long as nothing moves: contact and weight."""
-        force = self._mass * self._gravity
-        out[:3] = contact[:3] + force
-        out[3:] = contact[3:] + np.cross(rotation.reshape(3, 3) @ self._lever, force)
+    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, robot: RobotModel) -> None:
+        body = model.body(robot.tip_body).id
+        self.wrench = np.zeros(6)
+        self._mass = float(model.body_mass[body])
+        self._moments = np.array(model.body_inertia[body])
+        self._axes = data.ximat[body].reshape(3, 3)
+        self._lever = np.array(model.body_ipos[body])
+        self._rotation = data.xmat[body].reshape(3, 3)
+        addresses = [int(model.sensor(name).adr[0]) for name in (_LINEAR, _ANGULAR, _TURNING)]
+        self._motion = [data.sensordata[at : at + 3] for at in addresses]
 
-    def read(self, data: mujoco.MjData, rotation: Vector, out: Vector) -> None:
-        """Fills `out` (6,) from the last step. MuJoCo gives what the flange exerts on the tool."""
-        R = rotation.reshape(3, 3)
-        for i, at in enumerate(self._where):
-            out[3 * i : 3 * i + 3] = -R @ data.sensordata[at : at + 3]
+    def read(self, contact: Vector) -> None:
+        """Adds the tool's part to the contact wrench (6,) about the tip of the same step."""
+        linear, angular, turning = self._motion
+        # MuJoCo's acceleration of a frame has gravity in it: it is that of a body held still.
+        force = -self._mass * linear
+        inertia = (self._axes * self._moments) @ self._axes.T
+        moment = -(inertia @ angular + np.cross(turning, inertia @ turning))
+        self.wrench[:3] = contact[:3] + force
+        self.wrench[3:] = contact[3:] + moment + np.cross(self._rotation @ self._lever, force)

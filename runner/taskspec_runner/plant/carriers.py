@@ -1,0 +1,96 @@
+"""Shapes that move by themselves: driven by the clock, and by nothing that touches them.
+
+A driven body has joints of so much inertia that no contact moves it. Their positions, velocities
+and accelerations are set from the file's expressions before every step, so that a contact sees the
+true relative velocity, along the normal as well as in friction.
+"""
+
+from __future__ import annotations
+
+import casadi as ca
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from taskspec.program.algebra import CasadiAlgebra, constants
+from taskspec.spec import Shape, Task
+from taskspec.spec.world import MOTION
+from taskspec.text.expression.tree import Name
+from taskspec_runner.plant.names import PREFIX, placed
+
+Vector = NDArray[np.float64]
+
+#: Of each driven coordinate [kg, kg m^2]: 100 N move it by 5e-13 m in a step of 1 ms.
+INERTIA = 1e8
+_TURNS = ("rx", "ry", "rz")
+
+
+def moving(task: Task) -> dict[str, Shape]:
+    """The shapes that move by themselves."""
+    return {name: shape for name, shape in task.shapes.items() if shape.motion is not None}
+
+
+def motion(task: Task, shape: Shape, clock: ca.SX) -> dict[str, ca.SX]:
+    """The displacement along each moving axis of a shape [m], or its rotation about it [rad]."""
+    assert shape.motion is not None
+    algebra = CasadiAlgebra(None, 0.0)
+    params = {name: quantity.value for name, quantity in task.params.items()}
+    known = {**constants(params), "clock": clock}
+
+    def lookup(name: Name) -> ca.SX:
+        return known[name.path[0]]
+
+    return {axis: algebra.translate(e, lookup) for axis, e in shape.motion.axes.items()}
+
+
+def add_carrier(spec: mujoco.MjSpec, name: str, shape: Shape) -> mujoco.MjsBody:
+    """Adds the body that carries a moving shape, with a joint for each of its axes."""
+    assert shape.motion is not None
+    body = spec.worldbody.add_body(name=PREFIX + name, **placed(shape))
+    body.explicitinertial = True
+    body.mass, body.inertia = 1.0, [1.0, 1.0, 1.0]
+    for axis in shape.motion.axes:
+        turns = axis in _TURNS
+        body.add_joint(
+            name=f"{PREFIX}{name}/{axis}",
+            type=mujoco.mjtJoint.mjJNT_HINGE if turns else mujoco.mjtJoint.mjJNT_SLIDE,
+            axis=[float(axis[-1] == other) for other in "xyz"],
+            armature=INERTIA,
+        )
+    return body
+
+
+class Carriers:
+    """Drives all moving shapes of a scene."""
+
+    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, task: Task) -> None:
+        self._data, self._clock = data, np.zeros(1)
+        joints, places = [], []
+        clock = ca.SX.sym("clock")
+        for name, shape in moving(task).items():
+            by_axis = motion(task, shape, clock)
+            # Displacements come before the rotation, whatever the file's order.
+            for axis in (a for a in MOTION if a in by_axis):
+                joints.append(model.joint(f"{PREFIX}{name}/{axis}").id)
+                places.append(by_axis[axis])
+        place = ca.vertcat(*places)
+        rate = ca.jacobian(place, clock)
+        function = ca.Function(
+            "motion", [clock], [ca.densify(x) for x in (place, rate, ca.jacobian(rate, clock))]
+        )
+        self._at = np.array(model.jnt_qposadr[joints], dtype=int)
+        self._dof = np.array(model.jnt_dofadr[joints], dtype=int)
+        self._place, self._rate, self._bend = (np.zeros(len(joints)) for _ in range(3))
+        self._buffer, self._evaluate = function.buffer()
+        self._buffer.set_arg(0, self._clock.data)
+        for i, array in enumerate((self._place, self._rate, self._bend)):
+            self._buffer.set_res(i, array.data)
+
+    def drive(self) -> None:
+        """Puts all driven coordinates where they are at the clock, with rate and acceleration."""
+        data = self._data
+        self._clock[0] = data.time
+        self._evaluate()
+        data.qpos[self._at] = self._place
+        data.qvel[self._dof] = self._rate
+        data.qfrc_applied[self._dof] = INERTIA * self._bend

@@ -1,0 +1,96 @@
+"""Constraint equations in the plant: compliant contacts along their gradients.
+
+They are evaluated at the pose at which a step begins, from the functions that the controller has
+too. A pose left over from the step before would cost k T of damping.
+"""
+
+from __future__ import annotations
+
+import casadi as ca
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from taskspec.program.equations import equation_models, reaction
+from taskspec.program.stiffness import equation_compliance
+from taskspec.robot import RobotModel
+from taskspec.spec import Task
+
+Vector = NDArray[np.float64]
+_XBODY = mujoco.mjtObj.mjOBJ_XBODY
+
+
+class Equations:
+    """All equations of a task, as forces on the arm.
+
+    Attributes:
+        on_tip: (3,) what the Cartesian ones exert on the tool tip, world axes [N].
+        applied: (equations,) what the robot applies along each unit gradient [N, N m].
+    """
+
+    def __init__(
+        self,
+        model: mujoco.MjModel,
+        data: mujoco.MjData,
+        robot: RobotModel,
+        task: Task,
+        start: Vector,
+        applied: Vector,
+    ) -> None:
+        self._model, self._data = model, data
+        self._body = model.body(robot.tip_body).id
+        n = robot.pin.nv
+        self.applied, self.on_tip = applied, np.zeros(3)
+        function = reaction_function(robot, task, start)
+        self._clock, self._velocity = np.zeros(1), np.zeros(6)
+        self._on_joints = np.zeros(n)
+        self._q, self._v = data.qpos[:n], data.qvel[:n]
+        self._tip = data.xpos[self._body]
+        self._torque = data.qfrc_applied[:n]
+        self._buffer, self._evaluate = function.buffer()
+        # The buffer keeps addresses, not references: what it sees must outlive it.
+        self._arguments = [self._tip, self._velocity[3:], self._q, self._v, self._clock]
+        self._results = [self.on_tip, self._on_joints, self.applied]
+        for i, array in enumerate(self._arguments):
+            self._buffer.set_arg(i, array.data)
+        for i, array in enumerate(self._results):
+            self._buffer.set_res(i, array.data)
+        self._cartesian = any(not e.equation.joints for e in task.equations.values())
+        self._nothing = np.zeros(3)
+
+    def apply(self) -> None:
+        """Adds the generalised forces at the pose and velocity that `mj_step1` has left."""
+        model, data = self._model, self._data
+        self._clock[0] = data.time
+        if self._cartesian:
+            mujoco.mj_objectVelocity(model, data, _XBODY, self._body, self._velocity, 0)
+        self._evaluate()
+        if self._cartesian:
+            mujoco.mj_applyFT(
+                model, data, self.on_tip, self._nothing, self._tip, self._body, data.qfrc_applied
+            )
+        self._torque += self._on_joints
+
+
+def reaction_function(robot: RobotModel, task: Task, start: Vector) -> ca.Function:
+    """Tip position and velocity (3,), q, q' (n,), clock -> what all equations exert.
+
+    Results are the force on the tip (3,) [N] in the world, the torques on the joints (n,), and the
+    (equations,) that the robot applies along each unit gradient [N, N m].
+    """
+    n, period = robot.pin.nv, 1.0 / task.control.plant_rate
+    p, dp, clock = ca.SX.sym("p", 3), ca.SX.sym("dp", 3), ca.SX.sym("clock")
+    q, v = ca.SX.sym("q", n), ca.SX.sym("v", n)
+    on_tip, on_joints, applied = ca.SX.zeros(3), ca.SX.zeros(n), []
+    for name, model in equation_models(task).items():
+        compliance = equation_compliance(model, robot, start, task.equations[name], period)
+        place, rate = (q, v) if model.joints else (p, dp)
+        terms = model.terms(place, rate, clock)
+        force = reaction(model, terms, rate, compliance.stiffness, compliance.damping)
+        applied.append(force)
+        if model.joints:
+            on_joints -= force * terms.normal.T
+        else:
+            on_tip -= force * terms.normal.T
+    outputs = [on_tip, on_joints, ca.vertcat(*applied)]
+    return ca.Function("equations", [p, dp, q, v, clock], [ca.densify(x) for x in outputs])

@@ -1,0 +1,122 @@
+"""Hinges, slides and screws with their handles: one coordinate each, and what acts on it.
+
+Damping, friction and stops are the joint's own. A detent is applied as a generalised force at the
+coordinate of the step's beginning.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from taskspec.spec import Mechanism
+from taskspec_runner.plant.looks import draw_mechanism
+from taskspec_runner.plant.names import KNOB, PREFIX, placed, weightless
+
+Vector = NDArray[np.float64]
+
+#: Of a free knob; its share of the mechanism's own inertia is not felt.
+KNOB_MASS, KNOB_INERTIA = 1e-6, 1e-6
+#: A body that only turns weighs this [kg], on its axis.
+_TURNING_MASS = 1e-3
+#: Friction is rigid up to its limit: it halves a slip in one step of the plant.
+_FRICTION_IMPEDANCE, _SETTLING = 0.999, 0.5
+#: A stop turns a motion back within a few steps, almost as a rigid wall would.
+_STOP_IMPEDANCE, _STOP_STEPS, _STOP_DAMPING = 0.99, 3.0, 2.0
+#: The thread of a screw: as rigid as MuJoCo makes a constraint.
+_THREAD_IMPEDANCE, _THREAD_STEPS = 0.9999, 2.0
+
+
+def add_mechanism(spec: mujoco.MjSpec, name: str, declared: Mechanism, period: float) -> None:
+    """Adds a mechanism as a body on the world, with a knob of its own where that is free.
+
+    Args:
+        spec: to add to. name: of the object. declared: as the file has it.
+        period: step of the plant [s].
+    """
+    body = spec.worldbody.add_body(name=PREFIX + name, **placed(declared))
+    inertia = getattr(declared, "inertia", 1.0)
+    weightless(body, getattr(declared, "mass", _TURNING_MASS), inertia)
+    kinds = {"hinge": ["turn"], "slide": ["shift"], "screw": ["shift", "turn"]}
+    for way in kinds[declared.mechanism]:
+        _add_joint(body, f"{PREFIX}{name}/{way}", slides=way == "shift")
+    coordinate = spec.joint(coordinate_joint(name, declared))
+    coordinate.damping = [declared.damping, 0.0, 0.0]
+    coordinate.frictionloss = declared.friction
+    coordinate.solimp_friction = [_FRICTION_IMPEDANCE, _FRICTION_IMPEDANCE, 0.001, 0.5, 2.0]
+    coordinate.solref_friction = [-1e-9, -_SETTLING / period * _FRICTION_IMPEDANCE]
+    if declared.stop is not None:
+        coordinate.limited = True
+        coordinate.range = list(declared.stop)
+        coordinate.solimp_limit = [_STOP_IMPEDANCE, _STOP_IMPEDANCE, 0.001, 0.5, 2.0]
+        coordinate.solref_limit = [_STOP_STEPS * period, _STOP_DAMPING]
+    if declared.knob == "free":
+        knob = body.add_body(name=PREFIX + name + KNOB, pos=list(declared.handle))
+        weightless(knob, KNOB_MASS, KNOB_INERTIA)
+        _add_joint(knob, f"{PREFIX}{name}{KNOB}", slides=False)
+    draw_mechanism(spec, name, declared)
+
+
+def _add_joint(body: mujoco.MjsBody, name: str, *, slides: bool) -> None:
+    kind = mujoco.mjtJoint.mjJNT_SLIDE if slides else mujoco.mjtJoint.mjJNT_HINGE
+    body.add_joint(name=name, type=kind, axis=[0.0, 0.0, 1.0])
+
+
+def add_thread(spec: mujoco.MjSpec, name: str, lead: float, period: float) -> None:
+    """Couples a screw's way to its angle: a tendon of way less lead times angle keeps its length.
+
+    A tendon's constraint is as rigid as its true inverse weight makes it; that of two joints adds
+    theirs as if the lead were 1.
+    """
+    tendon = spec.add_tendon(name=f"{PREFIX}{name}/thread")
+    tendon.wrap_joint(f"{PREFIX}{name}/shift", 1.0)
+    tendon.wrap_joint(f"{PREFIX}{name}/turn", -lead)
+    thread = spec.add_equality(
+        name=f"{PREFIX}{name}/thread",
+        type=mujoco.mjtEq.mjEQ_TENDON,
+        objtype=mujoco.mjtObj.mjOBJ_TENDON,
+        name1=f"{PREFIX}{name}/thread",
+    )
+    thread.solimp = [_THREAD_IMPEDANCE, _THREAD_IMPEDANCE, 0.001, 0.5, 2.0]
+    thread.solref = [_THREAD_STEPS * period, 1.0]
+
+
+def coordinate_joint(name: str, declared: Mechanism) -> str:
+    """The joint whose position is the mechanism's coordinate."""
+    return f"{PREFIX}{name}/{'turn' if declared.angular else 'shift'}"
+
+
+class Mechanisms:
+    """Coordinates of all mechanisms of a scene, and the detents that act on them.
+
+    Attributes:
+        detents: whether any mechanism has one.
+    """
+
+    def __init__(
+        self, model: mujoco.MjModel, data: mujoco.MjData, declared: Mapping[str, Mechanism]
+    ) -> None:
+        joints = [model.joint(coordinate_joint(n, m)).id for n, m in declared.items()]
+        self._qpos, self._qvel = data.qpos, data.qvel
+        self._at = np.array(model.jnt_qposadr[joints], dtype=int)
+        self._dof = np.array(model.jnt_dofadr[joints], dtype=int)
+        self._applied = data.qfrc_applied
+        pairs = zip(self._at.tolist(), self._dof.tolist(), declared.values(), strict=True)
+        self._detents = [(at, dof, m.detent) for at, dof, m in pairs if m.detent is not None]
+        self.detents = bool(self._detents)
+
+    def read(self, positions: Vector, rates: Vector) -> None:
+        """Writes all coordinates [rad, m] and their rates, in the order of the file."""
+        positions[:] = self._qpos[self._at]
+        rates[:] = self._qvel[self._dof]
+
+    def apply(self) -> None:
+        """Adds the forces of the detents: F sin(pi (s - at) / width) within its width."""
+        for at, dof, detent in self._detents:
+            away = (float(self._qpos[at]) - detent.at) / detent.width
+            if -1.0 < away < 1.0:
+                self._applied[dof] += detent.force * math.sin(math.pi * away)

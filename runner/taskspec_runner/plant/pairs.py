@@ -1,0 +1,73 @@
+"""Which things of a scene touch, and how stiff they are where they do.
+
+A contact of two things has the values of the declared shape that stands still or is driven; of two
+loose bodies those of the softer one, and with the tool those of the shape that it touches.
+"""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from taskspec.program.stiffness import compliance, pair_compliance, virtual_mass_scale
+from taskspec.robot import RobotModel
+from taskspec.spec import Shape, Task
+from taskspec_runner.plant.contact import contact_parameters
+from taskspec_runner.plant.loose import loose, point_name, points, resting_points
+from taskspec_runner.plant.names import PREFIX
+
+Vector = NDArray[np.float64]
+
+
+def add_pairs(spec: mujoco.MjSpec, robot: RobotModel, task: Task, start: Vector) -> None:
+    """Adds all contact pairs: the tool with every shape, loose bodies with every other shape."""
+    period = 1.0 / task.control.plant_rate
+    held = task.robot.grasp
+    for name, shape in task.shapes.items():
+        if name == held:
+            continue
+        declared = compliance(shape, robot, start, period)
+        mobility = 1.0 / virtual_mass_scale(robot) + _mobility(shape)
+        for geom in robot.tool_geoms:
+            pair = spec.add_pair(geomname1=PREFIX + name, geomname2=geom, condim=3)
+            contact_parameters(
+                pair,
+                declared,
+                shape.friction,
+                points=len(robot.tool_geoms),
+                mobility=mobility,
+                plant_period=period,
+            )
+    _add_loose_pairs(spec, task, period)
+
+
+def _mobility(shape: Shape) -> float:
+    """Inverse mass [1/kg] of a loose body; 0 for what stands still or is driven."""
+    return 1.0 / shape.mass if shape.free and shape.mass else 0.0
+
+
+def _add_loose_pairs(spec: mujoco.MjSpec, task: Task, period: float) -> None:
+    order = list(task.shapes)
+    for name, body in loose(task).items():
+        for other, shape in task.shapes.items():
+            if other == name or (shape.free and order.index(other) > order.index(name)):
+                continue
+            mobility = _mobility(body) + _mobility(shape)
+            # `rigid` is what one step of the plant resolves with this body's mass.
+            declared = pair_compliance(shape, 1.0 / mobility, period)
+            own, friction = pair_compliance(body, 1.0 / mobility, period), shape.friction
+            if shape.free and own.stiffness < declared.stiffness:
+                declared, friction = own, body.friction
+            for number in range(len(points(body)[0])):
+                pair = spec.add_pair(
+                    geomname1=PREFIX + other, geomname2=point_name(name, number), condim=3
+                )
+                contact_parameters(
+                    pair,
+                    declared,
+                    friction,
+                    points=resting_points(body),
+                    mobility=mobility,
+                    plant_period=period,
+                )

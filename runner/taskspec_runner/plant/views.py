@@ -1,0 +1,55 @@
+"""The vectors into which a plant writes what is true."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taskspec.spec import Task
+
+Vector = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class PlantViews:
+    """The truth of a tick: state at its beginning, forces of its (last) step.
+
+    Attributes:
+        wrench: (6,) by the environment on the tool tip, world axes [N, N m].
+        objects: (shapes,) magnitude of the contact force with each shape [N].
+        equations: (equations,) what the robot applies along each unit gradient [N, N m].
+        mechanism_positions: (mechanisms,) coordinates at the tick [rad, m].
+        mechanism_rates: (mechanisms,) their rates at the tick [rad/s, m/s].
+        mechanism_efforts: (mechanisms,) what the robot applies to each coordinate [N m, N].
+        loose: (7 bodies,) position [m] and quaternion (w x y z) of each loose body at the tick.
+    """
+
+    wrench: Vector
+    objects: Vector
+    equations: Vector
+    mechanism_positions: Vector
+    mechanism_rates: Vector
+    mechanism_efforts: Vector
+    loose: Vector
+
+    @classmethod
+    def new(cls, task: Task) -> PlantViews:
+        """Vectors of its own."""
+        return cls(*(np.zeros(length) for _, length in view_fields(task)))
+
+
+def view_fields(task: Task) -> list[tuple[str, int]]:
+    """Name and length of every vector, in order."""
+    mechanisms = len(task.mechanisms)
+    lengths = {
+        "wrench": 6,
+        "objects": len(task.shapes),
+        "equations": len(task.equations),
+        "mechanism_positions": mechanisms,
+        "mechanism_rates": mechanisms,
+        "mechanism_efforts": mechanisms,
+        "loose": 7 * sum(shape.free for shape in task.shapes.values()),
+    }
+    return [(field.name, lengths[field.name]) for field in fields(PlantViews)]
