@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from taskspec.robot import RobotModel
 from taskspec.spec import Task
 from taskspec_runner.plant import grasp
+from taskspec_runner.plant.carriers import moving
 from taskspec_runner.plant.looks import dress
 from taskspec_runner.plant.mechanisms import add_mechanism, add_thread
 from taskspec_runner.plant.names import PREFIX
@@ -64,6 +65,10 @@ def build_scene(robot: RobotModel, task: Task, start: NDArray[np.float64]) -> Sc
         grasp.calibrate(model)
     # The solver's tolerance is relative to this; what is driven has no bounds to its inertia.
     model.stat.meaninertia = robot.model.stat.meaninertia
+    if moving(task):
+        # Cameras go by these; the block that stands for a moving plane has no bounds either.
+        model.stat.extent = robot.model.stat.extent
+        model.stat.center = robot.model.stat.center
     addresses = [int(model.sensor(PREFIX + name).adr[0]) for name in task.shapes]
     sensors = tuple(slice(address, address + 9) for address in addresses)
     return Scene(model, tuple(task.shapes), sensors)
