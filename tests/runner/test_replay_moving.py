@@ -53,13 +53,14 @@ def test_a_handles_frame_is_replayed_as_it_was_logged(simulate, frame, time):
     replay, model = replay_of(run), run.program.context.frames
     place, turning = replay._place(model[frame]), replay._turning(model[frame])
     # The controller counts rotations from the reference that it carries on, the replay from the
-    # tool: they differ by the tracking error at a stage's entry.
+    # tool: they differ by the tracking error at a stage's entry, which a rotation vector near half
+    # a turn shows (pi/2) / sin(pi/2) times as large.
     entry = run.history.window("first").sum()
     late = np.linalg.norm([run[f"error.r{axis}"][entry] for axis in "xyz"])
     assert late < 1e-4
     for i, axis in enumerate("xyz"):
         np.testing.assert_allclose(place[:, i], run[f"position.{axis}"], atol=1e-12)
-        np.testing.assert_allclose(turning[:, i], run[f"position.r{axis}"], atol=1.1 * late)
+        np.testing.assert_allclose(turning[:, i], run[f"position.r{axis}"], atol=1.6 * late)
 
 
 @pytest.mark.parametrize("frame", ["drum", "skin"])
