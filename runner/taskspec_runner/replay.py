@@ -12,19 +12,23 @@ from numpy.typing import NDArray
 from taskspec.control.state import AXES
 from taskspec.geometry.surface import Chart, Surface, box_face
 from taskspec.program import felt
+from taskspec.program.carriers import Carrier
 from taskspec.program.frames import FrameModel
 from taskspec.program.stage import CompiledStage
 from taskspec.robot import RobotModel
 from taskspec_runner.history import History, Visit
+from taskspec_runner.moving import Ride, handle_axes, handle_coordinates, ride
 
 Vector = NDArray[np.float64]
+_PART = (slice(0, 3), slice(3, 6))
 
 
 class Replay:
     """Where the tool was at every tick, and its signals resolved in any believed frame.
 
     Forces, moments, velocities and errors belong to the control point of the stage that logged
-    them; only their axes change. A position in a following frame counts from where the visit of
+    them; only their axes change, and a velocity becomes one against what carries the frame. A
+    position in a following frame counts from where the visit of
     its stage began; on a box, the frame is that of the face nearest there.
     """
 
@@ -34,8 +38,11 @@ class Replay:
         frames: Mapping[str, FrameModel],
         stages: Sequence[CompiledStage],
         history: History,
+        carriers: Mapping[str, Carrier] | None = None,
     ) -> None:
         self._robot, self._frames, self._history = robot, frames, history
+        self._carriers = carriers or {}
+        self._rides: dict[str, Ride] = {}
         self._stages = {stage.name: stage for stage in stages}
         self._visits = tuple(history.visits())
         self._tip: tuple[Vector, Vector] | None = None
@@ -79,8 +86,28 @@ class Replay:
                 if axis in stage.axes:
                     logged[:, i] = self._history.columns[f"{name}.{axis}"][rows]
             own = self._pose(stage.frame)[1][rows]
-            result[rows] = np.einsum("kj,kji,ki->k", R[rows, :, number % 3], own, logged)
+            vector = np.einsum("kji,ki->kj", own, logged)
+            if name == "velocity":
+                vector = vector + self._between(stage.frame, frame, rows)[:, _PART[number // 3]]
+            result[rows] = np.einsum("kj,kj->k", R[rows, :, number % 3], vector)
         return result
+
+    def _between(self, inner: FrameModel, outer: FrameModel, rows: slice) -> Vector:
+        """(k, 6) velocity at the control point of what carries `inner` against that of `outer`."""
+        if inner.carrier not in self._carriers and outer.carrier not in self._carriers:
+            return np.zeros((rows.stop - rows.start, 6))
+        point = self._tip_pose()[0] + self._offset()
+        return np.asarray(
+            self._ride(inner).twist(point)[rows] - self._ride(outer).twist(point)[rows]
+        )
+
+    def _ride(self, frame: FrameModel) -> Ride:
+        """What carries a frame, at every tick."""
+        name = frame.carrier if frame.carrier in self._carriers else ""
+        if name not in self._rides:
+            clock = self._history.columns["clock"]
+            self._rides[name] = ride(self._carriers.get(name), clock)
+        return self._rides[name]
 
     def _place(self, frame: FrameModel) -> Vector:
         """(n, 3) coordinates of the control point in a frame, as docs/language.md counts."""
@@ -88,7 +115,14 @@ class Replay:
         point = self._tip_pose()[0] + self._offset()
         if frame.still:
             return np.asarray(np.einsum("kji,kj->ki", R, point - foot))
-        here = foot if frame.kind == "following" else point
+        if frame.mechanism is not None:
+            away = handle_coordinates(frame.mechanism, point)
+            for visit in self._visits:
+                away[visit.rows, 1] -= away[visit.first, 1]
+            return np.asarray((away - frame.origin) @ frame.rotation)
+        carried = self._ride(frame)
+        here = carried.place(foot if frame.kind == "following" else point)
+        R = np.einsum("kji,kjl->kil", carried.A, R)
         result = np.zeros((len(here), 3))
         for visit in self._visits:
             rows = visit.rows
@@ -149,23 +183,25 @@ class Replay:
 
     def _new_pose(self, frame: FrameModel) -> tuple[Vector, Vector]:
         p, R = self._tip_pose()
+        carried = self._ride(frame)
         if frame.kind == "fixed":
-            shape = (len(p), 3, 3)
-            return np.broadcast_to(frame.origin, p.shape), np.broadcast_to(frame.rotation, shape)
+            return carried.world(np.broadcast_to(frame.origin, p.shape)), carried.A @ frame.rotation
+        if frame.mechanism is not None:
+            return p, handle_axes(frame.mechanism, p) @ frame.rotation
         if frame.kind == "tool":
             return p + R @ frame.origin, R @ frame.rotation
         if frame.kind == "estimated":
             return self._felt_pose(frame)
         assert frame.surface is not None
         tool = self._robot.tool
-        centers = p if tool.flat else p + R @ tool.centers[0]
+        centers = carried.place(p if tool.flat else p + R @ tool.centers[0])
         feet, axes = np.empty_like(p), np.empty_like(R)
         for visit in self._visits:
             rows = visit.rows
             follow = _follower(frame, _chart(frame.surface, centers[visit.first]))
             turned, foot = (np.array(v) for v in follow(centers[rows].T))
             feet[rows], axes[rows] = foot.T, turned.T.reshape(-1, 3, 3).transpose(0, 2, 1)
-        return feet, axes
+        return carried.world(feet), carried.A @ axes
 
     def _felt_pose(self, frame: FrameModel) -> tuple[Vector, Vector]:
         """The pose that was measured last before each row; NaN before the first time."""

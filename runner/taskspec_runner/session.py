@@ -217,7 +217,7 @@ def _as_logged(outcome: Outcome, history: History, period: float) -> Outcome:
 
 def _judge(program: Program, history: History) -> tuple[Judged, ...]:
     context = program.context
-    replay = Replay(context.robot, context.frames, program.stages, history)
+    replay = Replay(context.robot, context.frames, program.stages, history, context.carriers)
     return judge(context.loaded.task, history, replay.signal)
 
 

@@ -157,11 +157,10 @@ def orbit(stages):
 def test_a_tangential_velocity_draws_the_circle(simulate):
     """In free space, through more than a whole turn.
 
-    The law is exact in continuous time; held over T = 1 ms, the torque leaves an error of the order
-    of T times the change of the acceleration in a tick over K_P = (2 pi 5 Hz)^2:
-    v (v/r)^2 T / (2 K_P) = 0.1 (0.83)^2 1e-3 / 2e3 = 35 nm, and the change of the arm's own terms,
-    a hundred times more. Without feed-forward of the centripetal acceleration alone it would be
-    v^2 / r / K_P = 84 um.
+    The law is exact in continuous time. The plant's steps take the velocity at their end, T/2 of
+    the acceleration a = v^2/r late, which the loop turns into T/2 K_D a / K_P = 2.7 um; the arm's
+    own terms change as well. Without feed-forward of the centripetal acceleration the error would
+    be a / K_P = 84 um.
     """
     run = simulate(orbit("  go: {axes: {y: {velocity: 100 mm/s}, rz: {hold: world}}, time: 9 s}"))
     assert run.outcome.status == "done"

@@ -100,6 +100,8 @@ def stage_account(program: Program, stage: CompiledStage) -> StageAccount:
 
 
 def _contact(program: Program, stage: CompiledStage) -> str:
+    if stage.contact is None and stage.held:
+        return f"{stage.held}, held: believed {stiffness(stage.stiffness)} both ways"
     if stage.contact is None:
         return "none: the world has no surface"
     shape = program.context.loaded.task.shapes[stage.contact]
