@@ -79,7 +79,7 @@ def _turns(context: Context, frame: FrameModel) -> bool:
     if frame.kind == "following":
         assert frame.surface is not None
         return frame.surface.kind not in _FLAT
-    return frame.kind != "fixed"
+    return not frame.still
 
 
 def _distance(representation: Representation, R: NDArray[np.float64]) -> float:

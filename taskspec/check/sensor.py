@@ -65,8 +65,7 @@ def _check_tares(context: Context, found: Diagnostics) -> None:
             )
             continue
         previous = before.get(name)
-        nearest = min(context.start_gaps.values(), default=math.inf)
-        if number == 0 and _force(context, nearest) > TOUCHING:
+        if number == 0 and _force_at_start(context) > TOUCHING:
             why = "the tool touches at the start"
         elif previous is not None and _ends_in_contact(stages[previous]):
             why = f"stage {previous!r} before it ends in contact"
@@ -80,10 +79,10 @@ def _check_tares(context: Context, found: Diagnostics) -> None:
         )
 
 
-def _force(context: Context, gap: float) -> float:
-    """What the deepest contact at the start exerts [N]."""
-    stiffness = [c.stiffness for c in context.compliances.values()]
-    return -gap * max(stiffness, default=0.0)
+def _force_at_start(context: Context) -> float:
+    """The largest contact force with an object where the run begins [N]."""
+    gaps = context.start_gaps
+    return max((-gap * context.compliances[o].stiffness for o, gap in gaps.items()), default=0.0)
 
 
 def _ends_in_contact(stage: Stage) -> bool:

@@ -36,6 +36,7 @@ register(
         "TS303": "a force without a surface to press on",
         "TS245": "a measured frame that is used before it is measured",
         "TS246": "a measured frame that may be used before it is measured",
+        "TS247": "an equation in a frame that is not fixed in the world",
         "TS430": "a force sensor too slow for a force loop",
         "TS431": "a sensor's rate that does not divide the controller's",
         "TS620": "a tare while a force acts",

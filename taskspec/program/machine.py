@@ -167,7 +167,9 @@ class Machine:
             0.0 while the current stage goes on; otherwise the event's number has been dealt with:
             the machine has moved to another stage (and computed its first torque) or has ended.
         """
-        self.update_terms()
+        self._terms.update(self.q, self.v)
+        if self.sensor is not None:
+            self.sensor.correct(self._tip()[1], self.wrench)
         now, runner = self._now, self._runner
         now[0] = t = self.t = self._ticks * self.period
         now[1] = clock

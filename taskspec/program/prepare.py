@@ -59,6 +59,7 @@ def prepare(loaded: LoadedTask) -> Context:
     }
     posture = task.robot.posture
     frames = frame_models.resolve(task)
+    _check_equations(loaded, frames)
     equations = equation_models(task, frames)
     plant_period = 1.0 / task.control.plant_rate
     contacts = {
@@ -100,6 +101,27 @@ def _at_start(model: EquationModel, start: Vector, p: Vector, J: Vector) -> Star
         normal=normal if model.joints else normal @ J[:3],
         scale=float(ca.evalf(terms.scale)),
     )
+
+
+_NOT_FIXED = {
+    "tool": "goes with the tool",
+    "following": "follows a surface",
+    "estimated": "is measured only while the task runs",
+}
+
+
+def _check_equations(loaded: LoadedTask, frames: Mapping[str, FrameModel]) -> None:
+    for name, declared in loaded.task.equations.items():
+        frame = frames[declared.frame or "world"]
+        if frame.kind != "fixed":
+            raise spec_error(
+                loaded,
+                ("world", name, "frame"),
+                "TS247",
+                f"equation {name!r} is written in frame {frame.name!r}, which "
+                f"{_NOT_FIXED.get(frame.kind, 'moves')}",
+                "write it in a frame that is fixed in the world",
+            )
 
 
 def _expected_normal(

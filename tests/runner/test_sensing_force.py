@@ -6,6 +6,9 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from taskspec.spec import load_text
+from taskspec_runner.session import execute
+
 PRESS = """
 taskspec: 1
 name: press
@@ -81,6 +84,21 @@ def test_a_seed_means_the_same_run(simulate):
     np.testing.assert_array_equal(forces(noisy, 3), forces(noisy, 3))
     assert not np.array_equal(forces(noisy, 3)[:200], forces(noisy, 4)[:200])
     np.testing.assert_array_equal(forces(quiet, 3), forces(quiet, 4))
+
+
+def test_a_run_keeps_its_seed(tmp_path):
+    """Same file and seed, same bytes; the seed is in the summary."""
+    loaded = load_text(press("{noise: 0.1 N}"), "press.yaml")
+
+    def left(name, seed):
+        folder = execute(loaded, tmp_path / name, seed=seed, report=False).folder
+        return [(folder / part).read_bytes() for part in ("log.arrow", "summary.json")]
+
+    assert left("a", 7) == left("b", 7)
+    assert left("c", 8)[0] != left("d", 7)[0]
+    # With a sensor that draws nothing, only the summary tells the seeds apart.
+    loaded = load_text(press("{}"), "press.yaml")
+    assert left("e", 7)[0] == left("f", 8)[0]
 
 
 WRIST = """
