@@ -1,13 +1,17 @@
-"""Makes the pictures of the README again: a wiping arm, and what its run recorded.
+"""Makes the pictures of the documents again, from runs of the shipped tasks.
 
-    python docs/images/make.py
+    python docs/images/make.py           # all of them
+    python docs/images/make.py press     # the press of each control law only
 
-Needs a headless OpenGL, such as EGL (MUJOCO_GL=egl) or OSMesa.
+A wiping arm and what its run recorded, for the README; and what the press of each control law
+recorded, for docs/laws. The picture of the arm needs a headless OpenGL, such as EGL (MUJOCO_GL=egl)
+or OSMesa; the others do not.
 """
 
 from __future__ import annotations
 
 import os
+import sys
 import tempfile
 from pathlib import Path
 
@@ -17,26 +21,39 @@ import mujoco
 import numpy as np
 from PIL import Image
 
-from taskspec.compiler import compile_task
-from taskspec.spec import load_task
-from taskspec_runner.history import read_history
+from taskspec.compiler import Program, compile_task
+from taskspec.spec import LAWS, load_task
+from taskspec_runner.history import History, read_history
 from taskspec_runner.plant.scene import build_scene
 from taskspec_runner.report import write_overview_svg
 from taskspec_runner.session import execute_program
 
 HERE = Path(__file__).resolve().parent
-TASK = HERE.parent.parent / "tasks" / "wipe-table.yaml"
+TASKS = HERE.parent.parent / "tasks"
 WIDTH, HEIGHT = 1720, 880
 
 
 def main() -> None:
-    """Runs the task once and draws both pictures."""
-    program = compile_task(load_task(TASK))
+    """Makes what the command line names."""
+    if sys.argv[1:] != ["press"]:
+        program, history = record("wipe-table")
+        draw_arm(program, history)
+    for law in LAWS:
+        record(f"press-{law}")
+
+
+def record(task: str) -> tuple[Program, History]:
+    """Runs a shipped task once and draws what it recorded as TASK.svg."""
+    program = compile_task(load_task(TASKS / f"{task}.yaml"))
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder) / "run"
         execute_program(program, out, report=False)
-        write_overview_svg(out, HERE / "wipe-table.svg")
-        history = read_history(out / "log.arrow")
+        write_overview_svg(out, HERE / f"{task}.svg")
+        return program, read_history(out / "log.arrow")
+
+
+def draw_arm(program: Program, history: History) -> None:
+    """Renders the arm in the middle of its wipe as wipe-table.png."""
     row = int(np.argmax(history.window("wipe"))) + 2500
     n = program.context.robot.pin.nv
     q = [history.columns[f"joint.{i + 1}.position"][row] for i in range(n)]

@@ -22,6 +22,7 @@ from taskspec_runner.cli import app
 from taskspec_runner.cli import new as template_command
 from taskspec_runner.summary import told
 
+SHIPPED = Path(__file__).resolve().parent.parent.parent / "tasks"
 COMMAND = [sys.executable, "-c", "from taskspec_runner.cli import main; main()"]
 SPOILED = TAP.replace("velocity: 20 mm/s", "velocity: 20 mm").replace("time: 0.3 s", "tme: 0.3 s")
 
@@ -363,6 +364,20 @@ def test_explain_says_where_a_gain_came_from(tap: Path) -> None:
     lines = call("explain", tap).stdout.splitlines()
     assert any(line.split() == ["bandwidth", "x", "y", "3", "Hz", "file"] for line in lines)
     assert any(line.split()[:5] == ["force.damping", "x", "200", "N*s/m", "file"] for line in lines)
+
+
+@pytest.mark.parametrize(
+    ("task", "row"),
+    [
+        ("press-pd-joint", "joint_damping joint.1"),
+        ("ring", "force.damping rim 269.2 N*s/m"),
+        ("linkage", "force.integral bars"),
+    ],
+)
+def test_explain_gains_of_joints_and_equations(task: str, row: str) -> None:
+    result = call("explain", SHIPPED / f"{task}.yaml")
+    assert result.exit_code == 0, result.stderr
+    assert any(" ".join(line.split()).startswith(row) for line in result.stdout.splitlines())
 
 
 def test_explain_under_overrides(tap: Path) -> None:

@@ -416,3 +416,12 @@ class TestOverview:
     def test_shows_the_path(self, folder: Path, tmp_path: Path) -> None:
         path = write_overview_svg(folder, tmp_path / "run.svg")
         assert "Path in" in path.read_text(encoding="utf-8")
+
+    def test_a_press_without_a_set_point_shows_the_axis_that_bears_the_force(
+        self, folder: Path, tmp_path: Path
+    ) -> None:
+        history = {n: c for n, c in tiny_columns().items() if not n.endswith("force.z.ref")}
+        log(folder, ["a"] * 400, history)
+        text = write_overview_svg(folder, tmp_path / "run.svg").read_text(encoding="utf-8")
+        assert "Force z" in text
+        assert "|force|" not in text

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from taskspec.compiler import Program
+from taskspec.control.state import AXES
 from taskspec.program.modes import AxisPlan
 from taskspec.program.stage import CompiledStage
 from taskspec.spec import LAWS
@@ -94,7 +95,7 @@ def stage_account(program: Program, stage: CompiledStage) -> StageAccount:
         frame=stage.frame.name,
         contact=_contact(program, stage),
         axes=tuple(_axis(stage, axis, plan) for axis, plan in stage.plans.items()),
-        gains=tuple(_gains(stage)),
+        gains=tuple(_gains(program, stage)),
         ends=tuple(_ends(program, stage)),
     )
 
@@ -152,13 +153,22 @@ def _path_kind(path: SpecPath) -> str:
     return next(k for k in ("to", "line", "arc", "lissajous", "file") if getattr(path, k))
 
 
-def _gains(stage: CompiledStage) -> Iterator[GainAccount]:
+def _gains(program: Program, stage: CompiledStage) -> Iterator[GainAccount]:
     for name, by_axis in stage.gains.items():
         groups: dict[tuple[str, str], list[str]] = {}
         for axis, gain in by_axis.items():
-            groups.setdefault((gain_text(name, axis, gain.value), gain.origin), []).append(axis)
+            text = gain_text(name, _is_angular(program, axis), gain.value)
+            groups.setdefault((text, gain.origin), []).append(axis)
         for (value, origin), axes in groups.items():
             yield GainAccount(name, tuple(axes), value, origin)
+
+
+def _is_angular(program: Program, on: str) -> bool:
+    """Whether a gain is on a rotation, on a joint or on an equation of the joints."""
+    equation = program.context.equations.get(on)
+    if equation is not None:
+        return equation.joints
+    return on in AXES[3:] or on.startswith("joint.")
 
 
 def _ends(program: Program, stage: CompiledStage) -> Iterator[tuple[str, str]]:

@@ -19,6 +19,7 @@ _GAIN_UNITS: dict[str, tuple[Sequence[str], Sequence[str]]] = {
     "force.proportional": ((), ()),
     "force.integral": (("1/s",), ("1/s",)),
     "force.damping": (("N*s/m",), ("N*m*s/rad",)),
+    "joint_damping": ((), ("N*m*s/rad",)),
 }
 
 
@@ -30,10 +31,10 @@ def scaled(value: float, units: Sequence[str], digits: int = 4, least: float = 1
     return show(value, next(fits, units[-1]), digits)
 
 
-def gain_text(name: str, axis: str, value: float) -> str:
-    """A gain on an axis with its unit."""
-    linear, angular = _GAIN_UNITS[name]
-    return scaled(value, angular if axis.startswith("r") else linear)
+def gain_text(name: str, angular: bool, value: float) -> str:
+    """A gain with its unit on a translation, or on a rotation or a joint."""
+    units = _GAIN_UNITS[name]
+    return scaled(value, units[angular])
 
 
 def length(value: float, axis: str) -> str:

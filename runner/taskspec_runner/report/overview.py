@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from taskspec_runner.report import decimate, figures
-from taskspec_runner.report.chart import Chart
+from taskspec_runner.report.chart import Chart, size
 from taskspec_runner.report.data import Run, Vector, Visit, read_run
 from taskspec_runner.report.drawing import Area, Line, Panel, Tick, path_data, tick_text, ticks
 from taskspec_runner.report.stages import label, tints
@@ -20,6 +21,8 @@ _LEFT, _RIGHT, _TOP, _BOTTOM = 58.0, 24.0, 92.0, 44.0
 _PANEL, _TITLE = 138.0, 40.0
 #: Edge of the square that shows the path [px]; both directions must span this much [mm].
 _SQUARE, _LEAST_SPAN = 240.0, 5.0
+#: Share of the largest force from which on an axis is worth a line.
+_BORNE = 0.05
 
 
 def write_overview_svg(folder: Path, path: Path) -> Path:
@@ -74,8 +77,20 @@ def _chosen(run: Run) -> list[Chart]:
     charts = {chart.key: chart for part in figures.sections(run) for chart in part.charts}
     controlled = [chart for key, chart in charts.items() if key.endswith(".ref")]
     controlled.sort(key=lambda chart: not chart.bands)
-    first = controlled[0] if controlled else charts.get("force")
+    first = controlled[0] if controlled else _borne(charts.get("force"))
     return [c for c in (first, charts.get("position")) if c is not None]
+
+
+def _borne(forces: Chart | None) -> Chart | None:
+    """A chart of all forces without the axes that bear none, and without their size twice."""
+    if forces is None:
+        return None
+    least = _BORNE * max(size([t.values]) for t in forces.traces)
+    axes = [t for t in forces.traces if t.signal and size([t.values]) >= least]
+    if len(axes) != 1:
+        return forces
+    title = f"Force {axes[0].label}"
+    return replace(forces, title=title, traces=(replace(axes[0], label=axes[0].signal),))
 
 
 def _panel(run: Run, chart: Chart, y: float, width: float) -> Panel:
