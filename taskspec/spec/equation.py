@@ -12,7 +12,7 @@ from taskspec.spec.fields import FrameName
 from taskspec.spec.kinds import Kind
 from taskspec.spec.model import Model
 from taskspec.spec.quantities import Constant
-from taskspec.spec.reading import Reading
+from taskspec.spec.reading import Reading, kind_of, span_of
 from taskspec.text.data import Map, Text
 from taskspec.text.expression import Expression, Problem, ScopeKind, infer, parse
 from taskspec.text.expression.problem import ExpressionError
@@ -54,10 +54,14 @@ class Sides(Kind):
     def read(self, value: object, reading: Reading) -> Constraint:
         """Return the constraint."""
         nothing = Constraint(Expression("", Name(("x",)), NUMBER), "=", joints=False)
-        node = values.parsed(value, "equation", reading, "an equation")
-        if not isinstance(node, Equation):
+        if not isinstance(value, Text):
+            message = f"an equation is needed here, this is {kind_of(value)}"
+            reading.error("TS022", message, span_of(value), "such as x^2 + y^2 = (300 mm)^2")
             return nothing
-        assert isinstance(value, Text)
+        node = values.parsed(value, "equation", reading, "an equation")
+        if node is None:
+            return nothing
+        assert isinstance(node, Equation)
         residual = Binary("-", node.left, node.right, start=node.start, end=node.end)
         kind, problems = infer(residual, reading.scope(ScopeKind.EQUATION))
         reading.problems(value, problems or _coordinates(residual))

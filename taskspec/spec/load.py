@@ -163,7 +163,7 @@ def _keys(root: nodes.Mapping) -> dict[int, Span]:
 
 def _translate(detail: ErrorDetails, root: nodes.Mapping, reading: Reading) -> None:
     """Report an error of pydantic, unless it is already reported."""
-    kind, loc = detail["type"], tuple(detail["loc"])
+    kind, loc = detail["type"], _in_file(detail["loc"])
     if kind == REPORTED:
         return
     if kind == "missing":
@@ -181,6 +181,11 @@ def _translate(detail: ErrorDetails, root: nodes.Mapping, reading: Reading) -> N
     else:
         message, hint = f"this does not fit: {detail['msg']}", ""
     reading.error("TS022", message, nodes.place(root, loc), hint)
+
+
+def _in_file(loc: tuple[int | str, ...]) -> tuple[int | str, ...]:
+    """Return a place of pydantic's as the file has it: without the kind that follows an object."""
+    return (*loc[:2], *loc[3:]) if loc[:1] == ("world",) else tuple(loc)
 
 
 def _name_from(path: Path) -> str:

@@ -10,7 +10,9 @@ from taskspec.spec.fields import RPY, XYZ
 from taskspec.spec.model import Model
 from taskspec.spec.quantities import Constant
 from taskspec.spec.reach import Reach
+from taskspec.spec.reading import Reading
 from taskspec.spec.words import Word
+from taskspec.text.data import Map
 from taskspec.text.units import (
     ANGLE,
     ANGULAR_DAMPING,
@@ -24,6 +26,11 @@ from taskspec.text.units import (
 
 MECHANISMS = ("hinge", "slide", "screw")
 Knob = Literal["free", "fixed"]
+
+
+def _word(kind: str) -> Word:
+    """The word of one kind of mechanism, which knows the other two."""
+    return Word((kind,), "mechanism", others=tuple(k for k in MECHANISMS if k != kind))
 
 
 class Detent(Model):
@@ -98,6 +105,16 @@ class Mechanism(Model):
     stop: tuple[float, float] | None = None
     detent: Detent | None = None
 
+    @classmethod
+    def expand(cls, data: object, reading: Reading) -> object:
+        """Look no further into a mechanism of an unknown kind."""
+        if not isinstance(data, Map) or data.get("mechanism", "") in MECHANISMS:
+            return data
+        reading.quiet.add(id(data.node))
+        rest = Map({key: value for key, value in data.items() if key == "mechanism"})
+        rest.node = data.node
+        return rest
+
     @property
     def lead(self) -> float:
         """Way along z per angle about it [m/rad]; 0 for a hinge or slide."""
@@ -124,16 +141,20 @@ class _Turning(Mechanism):
 class Hinge(_Turning):
     """A mechanism that turns about its z."""
 
-    mechanism: Annotated[Literal["hinge"], Word(("hinge",), "mechanism")] = Field(title="Kind")
+    noun = "a hinge"
+
+    mechanism: Annotated[Literal["hinge"], _word("hinge")] = Field(title="Kind")
     inertia: Annotated[float, Constant(INERTIA, above=0)] = Field(0.01, title="Inertia")
 
 
 class Slide(Mechanism):
     """A mechanism that goes along its z."""
 
+    noun = "a slide"
+
     coordinate: ClassVar[str] = "travel"
 
-    mechanism: Annotated[Literal["slide"], Word(("slide",), "mechanism")] = Field(title="Kind")
+    mechanism: Annotated[Literal["slide"], _word("slide")] = Field(title="Kind")
     knob: Annotated[Knob, Word(("free", "fixed"), "knob")] = Field("fixed", title="Knob")
     mass: Annotated[float, Constant(MASS, above=0)] = Field(1.0, title="Mass")
     damping: Annotated[float, Constant(DAMPING, least=0)] = Field(0.0, title="Damping")
@@ -145,7 +166,10 @@ class Slide(Mechanism):
 class Screw(_Turning):
     """A mechanism that turns about its z and goes along it."""
 
-    mechanism: Annotated[Literal["screw"], Word(("screw",), "mechanism")] = Field(title="Kind")
+    noun = "a screw"
+    example = "bolt: {mechanism: screw, pitch: 2 mm/turn}"
+
+    mechanism: Annotated[Literal["screw"], _word("screw")] = Field(title="Kind")
     inertia: Annotated[float, Constant(INERTIA, above=0)] = Field(0.001, title="Inertia")
     mass: Annotated[float, Constant(MASS, above=0)] = Field(0.1, title="Mass")
     pitch: Annotated[float, Constant(LENGTH / ANGLE)] = Field(

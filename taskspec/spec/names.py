@@ -9,6 +9,7 @@ from taskspec.spec.model import mapping
 from taskspec.spec.objects import kind_of_object
 from taskspec.spec.reading import Reading
 from taskspec.spec.words import ENDS
+from taskspec.spec.world import is_free
 from taskspec.text.data import Map
 from taskspec.text.expression import signals
 from taskspec.text.expression.functions import FUNCTIONS, REDUCERS
@@ -34,10 +35,11 @@ def collect_names(reading: Reading) -> None:
     world = mapping(reading.data.get("world"))
     reading.objects = {name: kind_of_object(world.get(name)) for name in sections["world"]}
     handles = [f"{name}.handle" for name in reading.of_kind(*MECHANISMS)]
-    loose = [name for name, value in world.items() if "free" in mapping(value)]
+    loose = [name for name, value in world.items() if is_free(mapping(value))]
     reading.held = dict.fromkeys((*handles, *loose))
     own = ("world", "tool")
-    reading.frames = dict.fromkeys((*own, *sections["frames"], *reading.objects, *handles))
+    posed = reading.of_kind("shape", *MECHANISMS)
+    reading.frames = dict.fromkeys((*own, *sections["frames"], *posed, *handles))
     _check_unique(sections, reading)
     for key, names in (*sections.items(), ("params", _names(reading.data, "params"))):
         for name, span in names.items():

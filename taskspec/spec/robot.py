@@ -24,6 +24,16 @@ from taskspec.text.units import (
     TIME,
 )
 
+Held = Annotated[
+    str,
+    Reference(
+        lambda r: r.held,
+        "handle or loose body",
+        "TS128",
+        "handles and loose bodies",
+        "'{}' is neither a mechanism's handle nor a loose body",
+    ),
+]
 ToolShape = Literal["sphere", "cylinder", "box"]
 
 
@@ -197,7 +207,7 @@ class Robot(Model):
     joint_damping: Annotated[tuple[float, ...], ForJoints(ANGULAR_DAMPING)] = Field(
         (0.0,), title="Damping of the plant's joints"
     )
-    grasp: Annotated[str, Reference(lambda r: r.held, "handle or loose body", "TS127")] | None = (
-        Field(None, title="What it holds", description="OBJECT.handle, or a loose body")
+    grasp: Held | None = Field(
+        None, title="What it holds", description="OBJECT.handle, or a loose body"
     )
     sensor: Sensor = Field(Sensor(), title="Force sensor")

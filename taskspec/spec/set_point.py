@@ -63,7 +63,7 @@ class SetPoints(Kind):
             if name not in known:
                 span = value.node.key_span(name)
                 hint = suggestion(name, known, "equations")
-                reading.error("TS123", f"unknown equation '{name}'", span, hint)
+                reading.error("TS123", f"'{name}' is no equation", span, hint)
                 continue
             self._check(name, entry, reading)
             found[name] = SetPoint.model_validate(entry, context=reading)
@@ -81,7 +81,9 @@ class SetPoints(Kind):
             reading.error("TS205", message, entry.node.key_span(wrong), f"write '{right}'")
         elif right not in entry and complete(entry, reading):
             message = f"a set point needs a '{right}'"
-            reading.error("TS021", message, pointer(entry.node), SetPoint.example)
+            unit = "N*m" if on_joints else "N"
+            hint = f"such as {{{right}: 20 {unit}}}"
+            reading.error("TS021", message, pointer(entry.node), hint)
 
     def json(self) -> dict[str, Any]:
         """Describe the mapping."""

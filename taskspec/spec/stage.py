@@ -154,18 +154,35 @@ def _check_path_done(data: Map, reading: Reading) -> None:
 
 
 def _check_modes(data: Map, reading: Reading) -> None:
+    """Report what the stage's law cannot do: motion and force, dampers of axes, set points."""
     law = law_of(data.get("law", reading.data.get("law")))
-    if law is None or LAWS[law].shares:
+    if law is None:
         return
-    article = "an" if law[0] in "aeio" else "a"
+    facts, article = LAWS[law], "an" if law[0] in "aeio" else "a"
     for name, axis in mapping(data.get("axes")).items():
         modes = mapping(axis)
         motion = next((key for key in MOTIONS if key in modes), None)
         force = next((key for key in FORCES if key in modes), None)
-        if motion and force:
+        if motion and force and not facts.shares:
             reading.error(
                 "TS203",
                 f"axis '{name}' has both a {motion} and a {force} under {article} {law} law",
                 pointer(modes.node),
                 "one or the other; a parallel law lets force win over position",
             )
+        if "damping" in modes and (facts.damps_joints or facts.bare):
+            reading.error(
+                "TS210",
+                f"a 'damping' of axis '{name}' under the law {law}, which damps no axis",
+                modes.node.key_span("damping"),
+                "its damping is one of the joints" if facts.damps_joints else
+                "damping comes from 'robot.joint_damping'; or take the law pd",
+            )  # fmt: skip
+    if "constraints" in data and not facts.multipliers:
+        having = " or ".join(name for name, facts in LAWS.items() if facts.multipliers)
+        reading.error(
+            "TS211",
+            f"the law {law} has no multipliers, so it cannot reach set points of equations",
+            data.node.key_span("constraints"),
+            f"take {having}; under other laws give the axis a force",
+        )

@@ -10,37 +10,65 @@ from taskspec.spec.kinds import Kind
 from taskspec.spec.model import mapping
 from taskspec.spec.reading import Reading, kind_of, span_of
 from taskspec.spec.sizes import SIZES
-from taskspec.spec.world import Shape
+from taskspec.spec.world import Shape, is_free
 from taskspec.text.data import Items, Map
 from taskspec.text.expression import Problem, ScopeKind, check
 from taskspec.text.expression.tree import Interval, Node, Spread
-from taskspec.text.suggest import suggestion
+from taskspec.text.suggest import closest, suggestion
 from taskspec.text.units import (
     ANGLE,
+    ANGULAR_DAMPING,
+    ANGULAR_STIFFNESS,
     DAMPING,
+    FORCE,
+    FREQUENCY,
+    INERTIA,
     LENGTH,
     MASS,
+    MOMENT,
     NUMBER,
     STIFFNESS,
+    TIME,
     Dimension,
     describe,
 )
 
-Target = tuple[Dimension, int]
-"""Dimension of the components, and how many there are; 0 for a single value."""
+Target = tuple[Dimension, ...]
+"""Dimension of each component."""
 
-_OBJECT: dict[str, Target] = {
-    "stiffness": (STIFFNESS, 0),
-    "damping": (DAMPING, 0),
-    "friction": (NUMBER, 0),
-    "xyz": (LENGTH, 3),
-    "rpy": (ANGLE, 3),
-    "size": (LENGTH, 3),
-    "radius": (LENGTH, 0),
-    "length": (LENGTH, 0),
+_CONTACT: dict[str, Target] = {"stiffness": (STIFFNESS,), "damping": (DAMPING,)}
+_PLACE: dict[str, Target] = {"xyz": (LENGTH,) * 3, "rpy": (ANGLE,) * 3}
+_SIZES: dict[str, Target] = {"size": (LENGTH,) * 3, "radius": (LENGTH,), "length": (LENGTH,)}
+_TURNING: dict[str, Target] = {"damping": (ANGULAR_DAMPING,), "friction": (MOMENT,)}
+_INERTIA: dict[str, Target] = {"inertia": (INERTIA,)}
+_MASS: dict[str, Target] = {"mass": (MASS,)}
+
+OBJECT: dict[str, dict[str, Target]] = {
+    "shape": _CONTACT | {"friction": (NUMBER,)} | _PLACE | _SIZES | _MASS,
+    "equation": _CONTACT,
+    "joint equation": {"stiffness": (ANGULAR_STIFFNESS,), "damping": (ANGULAR_DAMPING,)},
+    "hinge": _PLACE | _TURNING | _INERTIA,
+    "slide": _PLACE | {"damping": (DAMPING,), "friction": (FORCE,)} | _MASS,
+    "screw": _PLACE | _TURNING | _INERTIA | _MASS,
 }
-_ROBOT: dict[str, Target] = {"tool.mass": (MASS, 0)}
-_LATER = ("joint_damping", "sensor")
+"""Values of an object that can vary, by its kind."""
+
+ROBOT: dict[str, Target] = {
+    "tool.mass": (MASS,),
+    "joint_damping": (ANGULAR_DAMPING,),
+    "sensor.delay": (TIME,),
+    "sensor.noise.force": (FORCE,),
+    "sensor.noise.torque": (MOMENT,),
+    "sensor.bias": (FORCE,) * 3 + (MOMENT,) * 3,
+    "sensor.filter": (FREQUENCY,),
+}
+"""Values of the robot that can vary; a joint damping is that of every joint."""
+
+_SUCH_AS = {
+    LENGTH: "such as [+- 2 mm, 0, 0]",
+    ANGLE: "such as [+- 3 deg, 0, 0]",
+    FORCE: "such as [+- 1 N, 0, 0, 0, 0, 0]",
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,7 +94,7 @@ class Variations(Kind):
         for path, entry in value.items():
             target = _target(path, value, reading)
             if target is not None:
-                found[path] = _components(entry, *target, reading)
+                found[path] = _components(entry, target, reading)
         return found
 
     def json(self) -> dict[str, Any]:
@@ -82,57 +110,62 @@ def _target(path: str, data: Map, reading: Reading) -> Target | None:
     owner, _, key = rest.partition(".")
     span = data.node.key_span(path)
     if section == "robot":
-        if rest in _ROBOT:
-            return _ROBOT[rest]
-        if owner in _LATER:
-            reading.unsupported(owner, span)
-            return None
-        options = [f"robot.{name}" for name in _ROBOT]
-    elif section == "world" and owner in reading.objects:
-        shape = mapping(reading.data.get("world")).get(owner)
-        fields = _fields(mapping(shape))
+        if rest in ROBOT:
+            return ROBOT[rest]
+        near = closest(rest, ROBOT)
+        hint = suggestion("", ROBOT, "values of the robot that can vary")
+        hint = hint if near is None else f"did you mean 'robot.{near}'?"
+        reading.error("TS710", f"'{path}' is no value that can vary", span, hint)
+        return None
+    if section == "world" and owner in reading.objects:
+        raw = mapping(mapping(reading.data.get("world")).get(owner))
+        fields = _fields(raw, reading.objects[owner])
         if fields is None or key in fields:
-            return _OBJECT.get(key) if key in _OBJECT else None
+            return OBJECT[reading.objects[owner]].get(key)
         hint = suggestion(key, fields, f"values of '{owner}' that can vary")
         reading.error("TS710", f"'{key}' of '{owner}' is no value that can vary", span, hint)
         return None
-    elif section == "world" and owner:
+    if section == "world" and owner:
         hint = suggestion(owner, reading.objects, "objects")
         reading.error("TS123", f"unknown object '{owner}'", span, hint)
         return None
-    else:
-        options = [f"world.{name}.stiffness" for name in reading.objects]
-        options += [f"robot.{name}" for name in _ROBOT]
+    options = [f"world.{name}.stiffness" for name in reading.objects]
+    options += [f"robot.{name}" for name in ROBOT]
     hint = suggestion(path, options, "values that can vary")
     reading.error("TS710", f"'{path}' is no value that can vary", span, hint)
     return None
 
 
-def _fields(shape: Map) -> list[str] | None:
-    """Return the values of an object that can vary; None if its shape is not known."""
-    name = shape.get("shape")
+def _fields(data: Map, kind: str) -> list[str] | None:
+    """Return the values of a raw object that can vary; None if its shape is not known."""
+    if kind != "shape":
+        return list(OBJECT[kind])
+    name = data.get("shape")
     if not isinstance(name, str) or name not in Shape.sizes:
         return None
     own, further = Shape.sizes[name]
-    return [key for key in _OBJECT if key not in SIZES or key in own + further]
+    missing = {*SIZES} - {*own, *further} | (set() if is_free(data) else {"mass"})
+    return [key for key in OBJECT[kind] if key not in missing]
 
 
-def _components(
-    value: object, dimension: Dimension, count: int, reading: Reading
-) -> tuple[Variation | None, ...]:
-    if not count:
+def _components(value: object, target: Target, reading: Reading) -> tuple[Variation | None, ...]:
+    count = len(target)
+    if count == 1:
         if isinstance(value, Items):
             message = "one interval is needed here, this is a list"
             reading.error("TS023", message, span_of(value))
             return ()
-        return (_variation(value, dimension, reading),)
+        return (_variation(value, target[0], reading),)
     if not isinstance(value, Items) or len(value) != count:
         if not (isinstance(value, Items) and value.node.broken):
-            hint = "such as [+- 2 mm, 0, 0]" if dimension == LENGTH else "such as [+- 3 deg, 0, 0]"
+            hint = _SUCH_AS[target[0]]
             message = f"{count} components are needed here, 0 for one that does not vary"
             reading.error("TS023", message, span_of(value), hint)
         return ()
-    return tuple(_variation(entry, dimension, reading) for entry in value)
+    return tuple(
+        _variation(entry, dimension, reading)
+        for entry, dimension in zip(value, target, strict=True)
+    )
 
 
 def _variation(value: object, dimension: Dimension, reading: Reading) -> Variation | None:

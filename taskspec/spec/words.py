@@ -24,12 +24,14 @@ class Word(Kind):
         what: what they are, in the singular.
         reserved: words of the language that are not supported yet.
         code: of the diagnostic for any other word.
+        others: words that would have led to another model, for the hint.
     """
 
     words: tuple[str, ...]
     what: str
     reserved: tuple[str, ...] = ()
     code: str = "TS025"
+    others: tuple[str, ...] = ()
 
     def read(self, value: object, reading: Reading) -> str:
         """Return the word."""
@@ -45,7 +47,7 @@ class Word(Kind):
         if word in self.reserved:
             reading.unsupported(word, span_of(value))
             return self.words[0]
-        hint = suggestion(word, self.words + self.reserved, f"{self.what}s")
+        hint = suggestion(word, self.words + self.others + self.reserved, f"{self.what}s")
         reading.error(self.code, f"unknown {self.what} '{word}'", span_of(value), hint)
         return self.words[0]
 
@@ -62,11 +64,15 @@ class Reference(Kind):
         names: all names that would do.
         what: what they are, in the singular.
         code: of the diagnostic for an unknown name.
+        plural: what all of them are; `what` and an s if left out.
+        unfit: what to say of any other name, with `{}` for it.
     """
 
     names: Callable[[Reading], dict[str, None]]
     what: str
     code: str
+    plural: str = ""
+    unfit: str = ""
 
     def read(self, value: object, reading: Reading) -> str:
         """Return the name."""
@@ -75,8 +81,9 @@ class Reference(Kind):
             message = f"the name of {article} {self.what} is needed here, this is {kind_of(value)}"
             reading.error("TS022", message, span_of(value))
         elif value not in (names := self.names(reading)):
-            hint = suggestion(value, names, f"{self.what}s")
-            reading.error(self.code, f"unknown {self.what} '{value}'", span_of(value), hint)
+            hint = suggestion(value, names, self.plural or f"{self.what}s")
+            message = self.unfit.format(value) or f"unknown {self.what} '{value}'"
+            reading.error(self.code, message, span_of(value), hint)
         return str(value)
 
     def json(self) -> dict[str, Any]:

@@ -137,18 +137,23 @@ class Shape(Model):
         _check_free(data, reading)
 
 
+def is_free(data: Map) -> bool:
+    """Whether a raw object is a loose body, or is meant as one."""
+    return "free" in data and bool(getattr(data["free"], "value", True))
+
+
 def _check_free(data: Map, reading: Reading) -> None:
-    sure = complete(data, reading)
-    free = "free" in data and getattr(data["free"], "value", True)
+    """Ask for a mass of a loose body, and of a loose body alone."""
+    sure, free = complete(data, reading), is_free(data)
     if free and data.get("shape") == "plane":
-        reading.error("TS302", "a plane is endless and cannot be loose", data.node.key_span("free"),
-                      "take a box")  # fmt: skip
+        message = "a plane is endless and cannot be loose"
+        reading.error("TS302", message, data.node.key_span("free"), "take a box")
     if free and "motion" in data:
-        reading.error("TS026", "a loose body has no 'motion' of its own",
-                      data.node.key_span("motion"), "keep one of the two")  # fmt: skip
+        message, span = "a loose body has no 'motion' of its own", data.node.key_span("motion")
+        reading.error("TS026", message, span, "keep one of the two")
     if free and "mass" not in data and sure:
-        reading.error("TS301", "a loose body needs a 'mass'", data.node.key_span("free"),
-                      "such as mass: 500 g")  # fmt: skip
+        message, span = "a loose body needs a 'mass'", data.node.key_span("free")
+        reading.error("TS301", message, span, "such as mass: 500 g")
     if "mass" in data and not free and sure:
-        reading.error("TS026", "'mass' belongs to a loose body", data.node.key_span("mass"),
-                      "add 'free: true'")  # fmt: skip
+        message, span = "'mass' belongs to a loose body", data.node.key_span("mass")
+        reading.error("TS026", message, span, "add 'free: true'")

@@ -53,6 +53,7 @@ READING: dict[str, str] = {
     "TS125": "a name that cannot be given",
     "TS126": "a name given twice",
     "TS127": "params that define each other in a circle",
+    "TS128": "something that cannot be held",
     # Axes, laws, frames.
     "TS201": "an axis without a mode",
     "TS202": "two motions on one axis",
@@ -63,9 +64,12 @@ READING: dict[str, str] = {
     "TS207": "a gain that the law does not have",
     "TS208": "frames that are placed in each other in a circle",
     "TS209": "a frame that is both fixed and following",
+    "TS210": "a damping of an axis under a law that damps no axis",
+    "TS211": "set points of equations under a law without multipliers",
     # Contact and objects.
     "TS301": "a shape's size is missing",
     "TS302": "a size that the shape does not have",
+    "TS310": "an equation that is no constraint",
     # Stages.
     "TS601": "a guard without a bound",
     "TS602": "a stage that nothing ends",

@@ -139,7 +139,7 @@ def test_a_frame_that_follows_a_plane_does_not_turn():
     assert findings("rpy", extra=DRUM.replace("FRAME", "flat")) == ()
 
 
-@pytest.mark.parametrize("law", ["impedance", "pd", "hybrid", "parallel"])
+@pytest.mark.parametrize("law", ["impedance", "pd", "hybrid", "parallel", "hybrid-multipliers"])
 def test_a_press_is_the_same_press(simulate, law):
     """The translations do not know how orientation is measured."""
     stages = "  press: {axes: {z: {force: -10 N}}, time: 3 s}"

@@ -229,14 +229,14 @@ def test_what_is_not_a_readable_file_is_not_a_diagnostic(tmp_path: Path) -> None
 def test_a_broken_definition_is_told_once_and_not_by_its_users() -> None:
     text = HEAD + (
         "params: {press: 15 newton, twice: 2*press, gone: .nan, none: }\n"
-        "world:\n  table: {shape: hexagon, radius: 3}\n  rim: {equation: x = y}\n"
-        "frames: {task: {surface: table}, on_rim: {surface: rim}, bad: {parent: taks}}\n"
+        "world:\n  table: {shape: hexagon, radius: 3}\n  dent: {shape: groove}\n"
+        "frames: {task: {surface: table}, in_dent: {surface: dent}, bad: {parent: taks}}\n"
         "frame: bad\n"
         "limits: {force: twice, torque: gone * 1 m, speed: none}\n"
         "stages:\n"
         "  press:\n"
         "    axes: {z: {force: -press}, x: {force: gone}}\n"
-        "    until: table.gap < 1 mm and rim.force > twice\n"
+        "    until: table.gap < 1 mm and dent.force > twice\n"
         "    within: {time: 1 s}\n"
         "    next: broken\n"
         "  broken:\n"

@@ -52,12 +52,12 @@ def parse(text: str, start: Start) -> tree.Node:
                 )
             ]
         )
-    if (quick := _plain_quantity(text)) is not None:
+    if start != "equation" and (quick := _plain_quantity(text)) is not None:
         return quick
     try:
         node: tree.Node = _parser().parse(text, start=start)  # type: ignore[assignment]
     except UnexpectedCharacters as error:
-        raise ExpressionError([explain_character(text, error.pos_in_stream or 0)]) from None
+        raise ExpressionError([explain_character(text, error.pos_in_stream or 0, start)]) from None
     except UnexpectedInput as error:
         raise ExpressionError([explain_token(text, error, start)]) from None
     _limit(node, text)

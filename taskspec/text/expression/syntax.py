@@ -48,6 +48,7 @@ UNIT_WORDS = {
 }  # fmt: skip
 """What people write for a unit, and the unit."""
 
+_WRITTEN = "it is written with =, <= or >=, such as x^2 + y^2 = (300 mm)^2"
 _UNFINISHED = re.compile(r"(?:\b(?:and|or|not|for|within|in)|[-+*/<>=(,])$")
 _BARE_NUMBER = re.compile(r"(?<![A-Za-z0-9_.])[0-9.]+(?:[eE][+-]?[0-9]+)?$")
 _RELATIONS = {"LT", "LE", "GT", "GE", "WITHIN"}
@@ -63,12 +64,13 @@ def unknown_unit(word: str) -> str:
     return f"units: {' '.join(UNITS)}"
 
 
-def explain_character(text: str, position: int) -> Problem:
+def explain_character(text: str, position: int, start: str) -> Problem:
     """Say what to write instead of a character that no expression contains."""
     character = text[position]
     hint = _CHARACTERS.get(character, "")
     if text[position : position + 2] == "!=":
         hint = "compare with < or >, or write 'not (x within a +- b)'"
+        hint = _WRITTEN if start == "equation" else hint
     return Problem(
         "TS101", f"'{character}' has no meaning in an expression", position, position + 1, hint
     )
@@ -105,7 +107,7 @@ class _Token:
 def explain_token(text: str, error: UnexpectedInput, start: str) -> Problem:
     """Say what is wrong at the first word that does not fit the grammar."""
     if not isinstance(error, UnexpectedToken) or error.token.type == "$END":
-        return _unfinished(text)
+        return _unfinished(text, start)
     found = error.token
     begin, end = found.start_pos or 0, found.end_pos or len(text)
     expected = frozenset(error.accepts or error.expected)
@@ -124,6 +126,24 @@ def _operand(t: _Token) -> Problem | None:
         return t.problem(f"something is missing before '{t.word}'")
     if t.kind == "TIMES" and t.before.endswith("*"):
         return Problem("TS101", "'**' is written '^'", t.begin - 1, t.end)
+    return None
+
+
+def _equation(t: _Token) -> Problem | None:
+    if t.start != "equation":
+        return None
+    if t.kind == "EQUAL" and t.before.endswith("=") and t.text[t.begin - 1] == "=":
+        return Problem("TS103", "an equation has one '='", t.begin - 1, t.end, _WRITTEN)
+    if t.kind in ("EQUAL", "LE", "GE") and t.before.count("(") > t.before.count(")"):
+        return t.problem(f"'{t.word}' stands inside parentheses", "a ')' is missing before it")
+    if t.kind in _RELATIONS | {"EQUAL"} and re.search("[=<>]", t.before):
+        hint = "state each relation as an object of its own"
+        return t.problem("an equation has two sides", hint, "TS104")
+    if t.kind in _RELATIONS:
+        return t.problem(f"'{t.word}' makes no equation", _WRITTEN)
+    if t.kind in ("AND", "OR", "NOT", "FOR"):
+        hint = "state each relation as an object of its own"
+        return t.problem(f"'{t.word}' has no place in an equation", hint)
     return None
 
 
@@ -176,8 +196,6 @@ def _interval(t: _Token) -> Problem | None:
 
 
 def _condition(t: _Token) -> Problem | None:
-    if t.start == "equation" and t.kind in _RELATIONS:
-        return t.problem("an equation is written with =, <= or >=")
     if t.start != "logic" and t.kind in _RELATIONS | {"AND", "OR", "NOT", "FOR"}:
         message = f"a number is needed here, and '{t.word}' makes a condition"
         return t.problem(message, code="TS114")
@@ -194,15 +212,17 @@ def _order(t: _Token) -> Problem | None:
     return None
 
 
-_SLIPS = (_operand, _equality, _logic, _unit, _interval, _condition, _order)
+_SLIPS = (_operand, _equation, _equality, _logic, _unit, _interval, _condition, _order)
 """What people get wrong, the surest first."""
 
 
-def _unfinished(text: str) -> Problem:
+def _unfinished(text: str, start: str) -> Problem:
     end = len(text.rstrip())
     missing = text.count("(") - text.count(")")
     if not text.strip():
         return Problem("TS101", "an expression is needed here", 0, max(end, 1))
+    if start == "equation" and not re.search("[=<>]", text):
+        return Problem("TS101", "an equation has two sides", 0, end, _WRITTEN)
     message = "the expression ends too early"
     hint = "a ')' is missing" if missing > 0 else ""
     if re.search(r"\bwithin\b(?!.*(\.\.|\+-|±))", text):

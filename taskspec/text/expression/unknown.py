@@ -5,7 +5,7 @@ from __future__ import annotations
 from taskspec.text.expression import signals
 from taskspec.text.expression.functions import FUNCTIONS, REDUCERS
 from taskspec.text.expression.problem import Problem
-from taskspec.text.expression.scope import Scope, ScopeKind
+from taskspec.text.expression.scope import Scope, ScopeKind, coordinate
 from taskspec.text.expression.tree import Name
 from taskspec.text.suggest import closest, suggestion
 from taskspec.text.units import UNITS
@@ -33,13 +33,34 @@ def explain_name(node: Name, scope: Scope) -> Problem:
         code, message, hint = _single(head, scope)
         return Problem(code, message, start, end, hint)
     if not scope.measures and (
-        head in signals.VECTORS or head in scope.objects.keys() | scope.stages
+        head in signals.VECTORS or head in scope.objects.keys() | scope.stages | {"joint"}
     ):
         message = f"'{text}' is not known here"
-        return Problem("TS116", message, start, end, _ONLY_HERE[scope.kind])
+        return Problem("TS116", message, start, end, _instead(path, scope))
     if head in scope.stages:
         return _in_stage(node, scope, end)
     return _signal(path, start, end, scope)
+
+
+def _instead(path: tuple[str, ...], scope: Scope) -> str:
+    """What an expression that measures nothing may use in place of a signal."""
+    if scope.kind is ScopeKind.EQUATION and len(path) > 1:
+        if path[0] == "position" and path[1] in signals.COORDINATES:
+            return f"in an equation the tool tip's is '{path[1]}'"
+        if path[0] == "joint" and path[1].isdigit():
+            return f"in an equation it is 'q{path[1]}'"
+    return _ONLY_HERE[scope.kind]
+
+
+def _axis(word: str, scope: Scope) -> tuple[str, str, str]:
+    """About the bare name of an axis or a joint, which only an equation uses."""
+    joint = word.startswith("q")
+    what = f"'{word}' is {'a joint' if joint else 'an axis'}"
+    if not scope.measures:
+        return "TS116", what, _ONLY_HERE[scope.kind]
+    name = f"joint.{word[1:]}" if joint else ""
+    hint = f"write {name}.position" if joint else f"write position.{word} or velocity.{word}"
+    return "TS120", what, hint
 
 
 def _single(word: str, scope: Scope) -> tuple[str, str, str]:
@@ -53,13 +74,18 @@ def _single(word: str, scope: Scope) -> tuple[str, str, str]:
     if word in scope.stages:
         return "TS120", f"'{word}' is a stage, not a value", f"add a signal: {word}.force.z"
     if word in scope.objects:
-        return "TS120", f"'{word}' is an object, not a value", f"add a signal: {word}.gap"
-    if word in signals.AXES:
-        return "TS120", f"'{word}' is an axis", f"write position.{word} or velocity.{word}"
+        first = next(iter(signals.OBJECT[scope.objects[word]]))
+        return "TS120", f"'{word}' is an object, not a value", f"add a signal: {word}.{first}"
+    if word in signals.AXES or coordinate(word) is not None:
+        return _axis(word, scope)
+    if word[:1] == "q" and word[1:].isdigit():
+        return "TS120", f"there is no joint '{word}'", "joints are counted from 1: q1, q2, ..."
     unknown = f"unknown name '{word}'"
     if word.lower() in _TRUTH:
         return "TS120", unknown, "a condition compares: gap < 1 mm"
     known = {*signals.CLOCKS, *signals.CONSTANTS, *scope.params}
+    if scope.kind is ScopeKind.EQUATION:
+        known |= signals.COORDINATES.keys()
     if scope.measures:
         known |= {*_SIGNALS, *scope.stages, *scope.objects}
     return "TS120", unknown, suggestion(word, known) or _params_hint(scope)
