@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,8 +31,8 @@ def metrics(history: History, axes: Mapping[str, Sequence[str]]) -> dict[str, Me
     Returns:
         Stage to signal to rms_error, max_error, final_error (reference - truth; the last is that
         of the last tick, with its sign), mean, min and max [SI]. The signals are `force.*` and
-        `torque.*` where there is a force reference, `position.*` where there is a motion
-        reference.
+        `torque.*` where there is a force reference, `EQUATION.force` or `.torque` where there is a
+        set point, `position.*` where there is a motion reference.
     """
     found: dict[str, Metrics] = {}
     for stage, names in axes.items():
@@ -52,7 +52,16 @@ def _stage(history: History, window: Mask, axes: Sequence[str]) -> Metrics:
     for axis in axes:
         signal = f"position.{axis}"
         found |= _signal(signal, columns[f"error.{axis}"][window], columns[signal][window])
+    for signal in set_points(columns):
+        error = columns[f"{signal}.ref"] - columns[signal]
+        found |= _signal(signal, error[window], columns[signal][window])
     return found
+
+
+def set_points(columns: Iterable[str]) -> list[str]:
+    """The efforts of equations, `EQUATION.force` or `.torque`, among the columns of a log."""
+    named = [name.removesuffix(".ref") for name in columns if name.endswith(".ref")]
+    return [name for name in named if name.endswith((".force", ".torque"))]
 
 
 def _signal(name: str, error: Vector, values: Vector) -> Metrics:

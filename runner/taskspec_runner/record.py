@@ -145,6 +145,11 @@ class Recorder:
             values = self._object_signals(name, gaps, field)
             for signal, dimension in OBJECT[declared.kind].items():
                 columns[f"{name}.{signal}"] = (values[signal], _UNITS[dimension])
+        for i, (name, equation) in enumerate(self._task.equations.items()):
+            effort = "torque" if equation.equation.joints else "force"
+            unit = columns[f"{name}.{effort}"][1]
+            columns[f"{name}.{effort}.ref"] = (field("reaction_ref")[i], unit)
+            columns[f"{name}.{effort}.measured"] = (field("reaction")[i], unit)
         return columns
 
     def _object_signals(

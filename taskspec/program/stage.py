@@ -81,6 +81,7 @@ class CompiledStage:
         tracked: the mechanism whose angle is kept; empty for none.
         couplings: of the axes that follow a mechanism.
         equations: names of the world's equations, in the order of their inputs and outputs.
+        active: those that constrain it, in this order.
         path: its path, if any.
         memory, parameters: layouts of the two vectors.
         initial: memory slots that do not start at 0.
@@ -106,6 +107,7 @@ class CompiledStage:
     tracked: str
     couplings: Mapping[str, Coupling]
     equations: tuple[str, ...]
+    active: tuple[str, ...]
     path: PathShape | None
     memory: Layout
     parameters: Layout
@@ -329,6 +331,7 @@ def compile_stage(
         tracked="" if believed is None else believed.mechanism.name,
         couplings=couplings,
         equations=tuple(equations),
+        active=active,
         path=path,
         memory=memory,
         parameters=parameters,

@@ -94,7 +94,10 @@ def stage_account(program: Program, stage: CompiledStage) -> StageAccount:
         equations=LAWS[stage.law.kind].equations,
         frame=stage.frame.name,
         contact=_contact(program, stage),
-        axes=tuple(_axis(stage, axis, plan) for axis, plan in stage.plans.items()),
+        axes=(
+            *(_axis(stage, axis, plan) for axis, plan in stage.plans.items()),
+            *(_equation(program, stage, name) for name in stage.active),
+        ),
         gains=tuple(_gains(program, stage)),
         ends=tuple(_ends(program, stage)),
     )
@@ -127,6 +130,15 @@ def _axis(stage: CompiledStage, axis: str, plan: AxisPlan) -> AxisAccount:
     if plan.force or plan.open_loop:
         parts.append(_force(plan))
     return AxisAccount(axis, control, "; ".join(parts))
+
+
+def _equation(program: Program, stage: CompiledStage, name: str) -> AxisAccount:
+    """A constraint: its force, along the unit gradient of its equation."""
+    wanted = stage.spec.constraints.get(name)
+    joints = program.context.equations[name].joints
+    kind = "torque" if joints else "force"
+    reference = f"{kind} 0" if wanted is None else f"{kind} {wanted.wanted}"
+    return AxisAccount(name, f"{kind} along its unit gradient", reference)
 
 
 def _motion(stage: CompiledStage, axis: str, plan: AxisPlan) -> str:

@@ -67,7 +67,8 @@ def _robot(program: Program) -> Iterator[tuple[str, str]]:
         yield "robot.start.rpy", "pointing down"
     if "posture" not in given and model.pin.nv > len(model.axes):
         yield "robot.posture", "the start configuration"
-    yield "robot.sensor", "contact wrench, every tick, one tick late, no noise"
+    if "sensor" not in given:
+        yield "robot.sensor", "contact wrench, every tick, one tick late, no noise"
 
 
 def _world(program: Program) -> Iterator[tuple[str, str]]:

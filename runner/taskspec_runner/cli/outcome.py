@@ -86,11 +86,12 @@ def _metrics(summary: Mapping[str, Any]) -> Table:
 def _worst(
     signals: Mapping[str, Mapping[str, float]], kind: str, to_text: Callable[[float], str]
 ) -> str:
-    """The largest RMS error among the translations of a kind, and on which axis."""
+    """The largest RMS error among the translations of a kind, and on which axis or equation."""
+    equation = f".{kind.rstrip('.')}"
     errors = {
-        name.removeprefix(kind): values["rms_error"]
+        name.removeprefix(kind).removesuffix(equation): values["rms_error"]
         for name, values in signals.items()
-        if name.startswith(kind) and not name.startswith(f"{kind}r")
+        if (name.startswith(kind) and not name.startswith(f"{kind}r")) or name.endswith(equation)
     }
     if not errors:
         return "-"

@@ -70,7 +70,12 @@ def _visits(summary: Json, stage: str) -> dict[str, Any]:
 
 def _worst(signals: Json, kind: str, forces: Sequence[str]) -> dict[str, Any] | None:
     prefix, turning = KINDS[kind]
-    errors = {
+    errors: dict[str, Any] = {
+        name.removesuffix(f".{prefix}"): values
+        for name, values in signals.items()
+        if name.endswith(f".{prefix}")
+    }
+    errors |= {
         axis: values
         for name, values in signals.items()
         if (axis := name.removeprefix(f"{prefix}.")) != name

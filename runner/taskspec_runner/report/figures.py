@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from taskspec_runner.metrics import set_points
 from taskspec_runner.report.chart import (
     Chart,
     Level,
@@ -28,7 +29,9 @@ def sections(run: Run) -> tuple[Section, ...]:
     """The charts of a run, most important first."""
     contact, motion, arm = Section("Contact"), Section("Motion"), Section("Arm")
     for axis in (*LINEAR, *ANGULAR):
-        contact.add(_controlled(run, axis))
+        contact.add(_controlled(run, wrench_name(axis), axis))
+    for number, name in enumerate(set_points(run.columns)):
+        contact.add(_controlled(run, name, f"j{number % 7}"))
     contact.add(_wrench(run, "force", LINEAR, "All forces"))
     contact.add(_wrench(run, "torque", ANGULAR, "Moments"))
     contact.add(_gap(run))
@@ -54,9 +57,8 @@ def differs(truth: Vector, measured: Vector, spread: float) -> bool:
     return len(off) > 0 and bool(np.mean(off) > 0.02)
 
 
-def _controlled(run: Run, axis: str) -> Chart | None:
-    """Force or moment against its reference."""
-    name = wrench_name(axis)
+def _controlled(run: Run, name: str, on: str) -> Chart | None:
+    """Force or moment against its reference, on an axis or along an equation's normal."""
     truth, reference = run.column(name), run.column(f"{name}.ref")
     if truth is None or reference is None:
         return None
@@ -66,10 +68,11 @@ def _controlled(run: Run, axis: str) -> Chart | None:
     if measured is not None and differs(truth, measured, size([truth])):
         label = "measured"
         traces.append(Trace(label, measured * factor, "muted", "faint", f"{name}.measured"))
-    traces.append(Trace(name, truth * factor, _ROLES[axis], "line", name))
+    traces.append(Trace(name, truth * factor, _ROLES.get(on, on), "line", name))
     traces.append(Trace("reference", reference * factor, "ink", "reference", f"{name}.ref"))
-    what = "Moment" if axis in ANGULAR else "Force"
-    title = f"{what} {axis} against its reference"
+    what = "Moment" if "torque" in name else "Force"
+    where = on if on in _ROLES else f"of {name.partition('.')[0]}"
+    title = f"{what} {where} against its reference"
     return Chart(f"{name}.ref", title, unit, tuple(traces), bands=bands(run, [name], factor))
 
 
