@@ -72,7 +72,15 @@ class Sides(Kind):
 
     def json(self) -> dict[str, Any]:
         """Describe the equation."""
-        return {"type": "string", "description": "Such as 'x^2 + y^2 = (300 mm)^2'"}
+        return {
+            "type": "string",
+            "description": "Two sides, related by =, <= or >=",
+            "examples": [
+                "x^2 + y^2 = (300 mm)^2",
+                "z >= 300 mm + 2 mm * sin(2*pi*clock*1 Hz)",
+                "q1 + 2*q2 = 90 deg",
+            ],
+        }
 
 
 def on_joints(residual: Binary) -> bool:

@@ -155,7 +155,6 @@ class Slide(Mechanism):
     coordinate: ClassVar[str] = "travel"
 
     mechanism: Annotated[Literal["slide"], _word("slide")] = Field(title="Kind")
-    knob: Annotated[Knob, Word(("free", "fixed"), "knob")] = Field("fixed", title="Knob")
     mass: Annotated[float, Constant(MASS, above=0)] = Field(1.0, title="Mass")
     damping: Annotated[float, Constant(DAMPING, least=0)] = Field(0.0, title="Damping")
     friction: Annotated[float, Constant(FORCE, least=0)] = Field(0.0, title="Friction")

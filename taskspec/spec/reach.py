@@ -11,7 +11,7 @@ from taskspec.spec.reading import Reading
 from taskspec.text.data import Real, Text, Whole
 from taskspec.text.expression import Problem, ScopeKind, check
 from taskspec.text.expression.tree import Interval, Spread
-from taskspec.text.units import Dimension, describe
+from taskspec.text.units import Dimension, describe, fitting
 
 
 @dataclass(frozen=True)
@@ -49,4 +49,9 @@ class Reach(Kind):
 
     def json(self) -> dict[str, Any]:
         """Describe the interval."""
-        return {"type": "string", "description": "'a..b' or '+- x'"}
+        unit = fitting(self.dimension)[0]
+        return {
+            "type": "string",
+            "description": f"From a least to a greatest value in {unit}: 'a..b' or '+- x'",
+            "examples": [f"0..90 {unit}", f"+- 90 {unit}"],
+        }

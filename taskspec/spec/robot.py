@@ -126,6 +126,7 @@ class Noise(Model):
     """Standard deviations of the sensor's noise: `force` [N] and `torque` [N*m]."""
 
     noun = "noise"
+    short: ClassVar = {"type": ["string", "number"]}
     example = "noise: {force: 0.1 N, torque: 5 mN*m}"
 
     force: Annotated[float, Constant(FORCE, least=0)] = Field(0.0, title="Of each force")
@@ -154,7 +155,9 @@ class Sensor(Model):
     example = "sensor: {at: wrist, delay: 2 ms, noise: 0.1 N}"
 
     at: Annotated[Literal["wrist", "contact"], Word(("wrist", "contact"), "place")] = Field(
-        "contact", title="What it measures"
+        "contact",
+        title="What it measures",
+        description="contact: the contact alone; wrist: also the tool's weight and inertia",
     )
     rate: Annotated[float, Constant(FREQUENCY, least=1.0, most=100e3)] | None = Field(
         None, title="Rate of its samples"

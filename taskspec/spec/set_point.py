@@ -87,10 +87,19 @@ class SetPoints(Kind):
 
     def json(self) -> dict[str, Any]:
         """Describe the mapping."""
-        one = {"type": ["string", "number"]}
         entry = {
             "type": "object",
+            "title": "Set point",
+            "description": "A force of an equation on the tip, a torque of one on joints",
             "additionalProperties": False,
-            "properties": {key: one for key in SetPoint.model_fields},
+            "properties": {
+                key: {
+                    "type": ["string", "number"],
+                    "title": field.title,
+                    "description": field.description or "A time (s), such as '0.5 s'",
+                }
+                for key, field in SetPoint.model_fields.items()
+            },
+            "examples": [{"force": "20 N"}, {"torque": "2 N*m", "ramp": "0.5 s"}],
         }
         return {"type": "object", "additionalProperties": entry}

@@ -178,6 +178,14 @@ def _check_modes(data: Map, reading: Reading) -> None:
                 "its damping is one of the joints" if facts.damps_joints else
                 "damping comes from 'robot.joint_damping'; or take the law pd",
             )  # fmt: skip
+        soft = next((key for key in ("stiffness", "damping") if key in modes), None)
+        if soft is not None and motion and not force and facts.multipliers:
+            reading.error(
+                "TS212",
+                f"a '{soft}' of axis '{name}' under the law {law}, which has no soft axes",
+                modes.node.key_span(soft),
+                "take the law hybrid, or leave it out",
+            )
     if "constraints" in data and not facts.multipliers:
         having = " or ".join(name for name, facts in LAWS.items() if facts.multipliers)
         reading.error(

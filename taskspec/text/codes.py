@@ -66,6 +66,7 @@ READING: dict[str, str] = {
     "TS209": "a frame that is both fixed and following",
     "TS210": "a damping of an axis under a law that damps no axis",
     "TS211": "set points of equations under a law without multipliers",
+    "TS212": "a soft axis under a law that has none",
     # Contact and objects.
     "TS301": "a shape's size is missing",
     "TS302": "a size that the shape does not have",

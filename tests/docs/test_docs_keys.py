@@ -10,18 +10,28 @@ from documents import LANGUAGE, first_words, models_of, table, units_written, va
 from pydantic.json_schema import SkipJsonSchema
 
 from taskspec.spec import Law, Robot, Task
-from taskspec.spec.axis import Axis, Rotation, Translation
+from taskspec.spec.axis import Rotation, Translation
 from taskspec.spec.control import Control
+from taskspec.spec.equation import EquationObject, JointEquation
 from taskspec.spec.frame import Frame
 from taskspec.spec.gains import Gain
 from taskspec.spec.law import ForceGains
 from taskspec.spec.limits import Limits
+from taskspec.spec.mechanism import (
+    AngularDetent,
+    Hinge,
+    LinearDetent,
+    Screw,
+    Slide,
+)
 from taskspec.spec.model import Model
 from taskspec.spec.path import Path
 from taskspec.spec.quantities import Constant, Entries, ForJoints, Formula, Series
-from taskspec.spec.robot import Pose, Start, Tool
+from taskspec.spec.reach import Reach
+from taskspec.spec.robot import Noise, Pose, Sensor, Start, Tool
+from taskspec.spec.set_point import SetPoint
 from taskspec.spec.stage import Stage, Within
-from taskspec.spec.world import Shape
+from taskspec.spec.world import Motion, Shape
 
 KEYS: dict[str, tuple[type[Model], ...]] = {
     "task": (Task,),
@@ -29,7 +39,14 @@ KEYS: dict[str, tuple[type[Model], ...]] = {
     "robot.base": (Pose,),
     "robot.tool": (Tool,),
     "robot.start": (Start,),
+    "robot.sensor": (Sensor,),
+    "robot.sensor.noise": (Noise,),
     "world": (Shape,),
+    "motion": (Motion,),
+    "equation": (EquationObject, JointEquation),
+    "mechanism": (Hinge, Slide, Screw),
+    "mechanism.detent": (AngularDetent, LinearDetent),
+    "constraints": (SetPoint,),
     "frames": (Frame,),
     "stages": (Stage,),
     "within": (Within,),
@@ -45,7 +62,7 @@ KEYS: dict[str, tuple[type[Model], ...]] = {
 def kinds(annotation: object) -> Iterator[object]:
     """What reads a field, wherever it stands in the field's type."""
     for part in get_args(annotation):
-        if isinstance(part, Constant | Entries | Series | ForJoints | Gain | Formula):
+        if isinstance(part, Constant | Entries | Series | ForJoints | Gain | Formula | Reach):
             yield part
         else:
             yield from kinds(part)
@@ -70,7 +87,7 @@ def units_needed(model: type[Model], key: str) -> set[object]:
             found.add(kind.dimension or "condition")
         elif isinstance(kind, Series):
             found.update({kind.dimension, kind.other} - {None})
-        elif isinstance(kind, Constant | ForJoints):
+        elif isinstance(kind, Constant | ForJoints | Reach):
             found.add(kind.dimension)
         elif isinstance(kind, Entries):
             found.update(kind.dimensions)
@@ -89,7 +106,8 @@ def test_keys_are_those_of_the_model(name):
 def test_units_are_those_of_the_model(name):
     for row in table(LANGUAGE, f"keys: {name}"):
         (key,) = words(row[0])
-        needed = {d for model in KEYS[name] for d in units_needed(model, key)}
+        having = [model for model in KEYS[name] if key in model.model_fields]
+        needed = {d for model in having for d in units_needed(model, key)}
         assert units_written(row[1]) == needed, key
 
 
@@ -97,7 +115,7 @@ def test_units_are_those_of_the_model(name):
 def test_defaults_are_those_of_the_model(name):
     for row in table(LANGUAGE, f"keys: {name}"):
         (key,) = words(row[0])
-        field = KEYS[name][0].model_fields[key]
+        field = next(m.model_fields[key] for m in KEYS[name] if key in m.model_fields)
         if field.is_required():
             assert row[2].startswith("required"), key
         elif isinstance(field.default, float):
@@ -107,7 +125,9 @@ def test_defaults_are_those_of_the_model(name):
 
 
 def test_no_model_is_left_out():
-    listed = {model for models in KEYS.values() for model in models} | {Axis}
+    listed = {model for models in KEYS.values() for model in models}
+    # What several of them have in common.
+    listed |= {base for model in listed for base in model.__mro__}
     shown = {m for m in models_of(Model) if m.__module__.startswith("taskspec.spec.")}
     left_out = {model.__name__ for model in shown - listed}
     # Forms of one key, written out in the row of that key; and the six axes.

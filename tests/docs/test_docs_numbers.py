@@ -21,6 +21,7 @@ from taskspec.program.tracks import MOVE_SPEED
 from taskspec.robot.tool import LENGTH, RADIUS
 from taskspec.spec import Axis, Law, Task
 from taskspec.spec.control import Control
+from taskspec.spec.equation import EquationObject
 from taskspec.spec.gains import AxisValues
 from taskspec.spec.law import LAWS
 from taskspec.spec.world import Shape
@@ -43,6 +44,7 @@ def test_defaults():
         "length of a tool": LENGTH,
         "stiffness of an object": shape["stiffness"].default,
         "friction of an object": shape["friction"].default,
+        "stiffness of an equation": EquationObject.model_fields["stiffness"].default,
         "ramp of a force": DEFAULT_RAMP,
         "speed of a move, translations": MOVE_SPEED["linear"],
         "speed of a move, rotations": MOVE_SPEED["angular"],
@@ -87,7 +89,7 @@ def test_designed_gains_follow_the_documented_rules(law, plant):
             continue
         own = {gain: rule for (kind, gain), rule in rules.items() if kind == mode}
         inherited = {gain: rule for (kind, gain), rule in rules.items() if kind == "motion"}
-        if law != "hybrid":
+        if "bandwidth" not in LAWS[law].gains:
             own = inherited | own
         axis = AXES[mode]
         if mode == "soft":
