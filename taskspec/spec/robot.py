@@ -128,6 +128,7 @@ class Noise(Model):
     noun = "noise"
     short: ClassVar = {"type": ["string", "number"]}
     example = "noise: {force: 0.1 N, torque: 5 mN*m}"
+    short: ClassVar = Constant(FORCE, least=0).json()
 
     force: Annotated[float, Constant(FORCE, least=0)] = Field(0.0, title="Of each force")
     torque: Annotated[float, Constant(MOMENT, least=0)] = Field(0.0, title="Of each moment")
