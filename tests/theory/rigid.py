@@ -119,6 +119,8 @@ def run_rigid(
     *,
     disturbance: Disturbance | None = None,
     velocity: Vector | None = None,
+    delay: int = 1,
+    pole: float = 0.0,
     substeps: int = 2,
 ) -> RigidRun:
     """Runs a compiled task whose first stage lasts for `time` [s] on the ideal constraints.
@@ -127,6 +129,7 @@ def run_rigid(
         program: the task; its start is put onto the constraints first.
         time: [s]. disturbance: joint torque (n,) that the controller does not know, of time.
         velocity: (n,) of the joints at the start, put onto the constraints; at rest by default.
+        delay: ticks after which the controller sees a multiplier. pole: of a low-pass before that.
         substeps: of the integration in a control period.
     """
     arm, T = Arm(program), program.context.period
@@ -136,17 +139,20 @@ def run_rigid(
     q, v = arm.onto(program.context.start.copy(), v, 0.0)
     _, J, _, _ = arm.constraint(q, v, 0.0)
     # Before the first tick the arm rests on its constraints without pressing.
-    force = np.zeros(len(J))
+    force = low = np.zeros(len(J))
+    late = [force] * delay
     rows = []
     for k in range(round(time / T)):
         t = k * T
-        _sense(arm, machine, q, v, force, t)
+        _sense(arm, machine, q, v, late[0], t)
         if k == 0:
             machine.start()
         machine.tick(t)
         u = machine.torque.copy()
         total = u if disturbance is None else u + disturbance(t)
         force = -arm.multipliers(q, v, total, t)
+        low = pole * low + (1 - pole) * force
+        late = [*late[1:], low]
         outputs = {name: value.copy() for name, value in machine.named_outputs().items()}
         rows.append((t, q, v, u, force, outputs))
         q, v = _advance(arm, q, v, total, t, T, substeps)
