@@ -8,12 +8,11 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec.geometry import rotation
 from taskspec.program import frames, kinematics
+from taskspec.program.carriers import carriers
 from taskspec.program.equations import equation_models
 from taskspec.robot import RobotModel
 from taskspec.spec import Shape, Task
-from taskspec_runner.plant.carriers import motion
 
 Vector = NDArray[np.float64]
 
@@ -32,6 +31,7 @@ class Distances:
         bodies = [name for name, shape in task.shapes.items() if shape.free]
         poses = ca.SX.sym("poses", 7 * len(bodies))
         axes = ca.reshape(R, 3, 3)
+        carried = carriers(task)
         found: dict[str, ca.SX] = {}
         for name, shape in task.shapes.items():
             place, turned = p, axes
@@ -39,7 +39,8 @@ class Distances:
                 start = 7 * bodies.index(name)
                 place, turned = _seen_from_body(shape, poses[start : start + 7], p, axes)
             elif shape.motion is not None:
-                place, turned = _seen_from_carrier(task, shape, clock, p, axes)
+                now = carried[name].at(clock)
+                place, turned = now.place(p), now.A.T @ axes
             found[name] = kinematics.gap(robot, frames.surface(shape), place, turned)
         for name, model in equation_models(task).items():
             x = q if model.joints else p
@@ -73,15 +74,3 @@ def _seen_from_body(shape: Shape, pose: ca.SX, p: ca.SX, R: ca.SX) -> tuple[ca.S
     declared, origin = (ca.DM(value) for value in frames.pose(shape))
     back = declared @ moved.T
     return origin + back @ (p - pose[:3]), back @ R
-
-
-def _seen_from_carrier(
-    task: Task, shape: Shape, clock: ca.SX, p: ca.SX, R: ca.SX
-) -> tuple[ca.SX, ca.SX]:
-    """The tool's pose if the moving shape were where it is declared."""
-    by_axis = motion(task, shape, clock)
-    shift = ca.vertcat(*(by_axis.get(axis, ca.SX(0)) for axis in "xyz"))
-    turn = ca.vertcat(*(by_axis.get(f"r{axis}", ca.SX(0)) for axis in "xyz"))
-    declared, origin = (ca.DM(value) for value in frames.pose(shape))
-    back = declared @ rotation.exp(turn).T @ declared.T
-    return origin + back @ (p - origin - declared @ shift), back @ R

@@ -7,7 +7,6 @@ follows it is written there as if nothing moved; only the tool's kinematics are 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import casadi as ca
@@ -111,24 +110,29 @@ class Instant:
 
 def carriers(task: Task) -> dict[str, Carrier]:
     """The carriers of all objects that move by themselves, by name."""
-    params = {name: quantity.value for name, quantity in task.params.items()}
     return {
-        name: _carrier(name, shape, params)
+        name: _carrier(task, name, shape)
         for name, shape in task.shapes.items()
         if shape.motion is not None
     }
 
 
-def _carrier(name: str, shape: Shape, params: Mapping[str, float]) -> Carrier:
+def displacements(task: Task, shape: Shape, clock: ca.SX) -> dict[str, ca.SX]:
+    """How far a shape has moved at a time [s]: along its moving axes [m], or about one [rad]."""
     assert shape.motion is not None
-    clock = ca.SX.sym("clock")
+    params = {name: quantity.value for name, quantity in task.params.items()}
     known = {**constants(params), "clock": clock}
     algebra = CasadiAlgebra(None, 0.0)
 
     def lookup(found: Name) -> ca.SX:
         return known[found.path[0]]
 
-    by_axis = {a: algebra.translate(e, lookup) for a, e in shape.motion.axes.items()}
+    return {a: algebra.translate(e, lookup) for a, e in shape.motion.axes.items()}
+
+
+def _carrier(task: Task, name: str, shape: Shape) -> Carrier:
+    clock = ca.SX.sym("clock")
+    by_axis = displacements(task, shape, clock)
     moved = [by_axis.get(axis, ca.SX(0)) for axis in MOTION]
     R = ca.DM(rotation.from_rpy(shape.rpy))
     origin = ca.DM(np.array(shape.xyz, dtype=float))

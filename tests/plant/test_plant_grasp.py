@@ -159,3 +159,17 @@ def test_the_lightest_knob_does_not_ring():
 def test_a_grasp_is_at_rest_before_the_run():
     for pushed in (crank(), crank("knob: fixed")):
         np.testing.assert_allclose(pushed.plant.wrench, 0.0, atol=1e-6)
+
+
+@pytest.mark.parametrize("knob", ["free", "fixed"])
+def test_a_stop_holds_the_whole_arm(knob):
+    """An arm that swings a crank into its stop at some rad/s: within 1 % of the range beyond it."""
+    pushed = crank(f"knob: {knob}, stop: -30 deg .. 60 deg", damping=1.0)
+    way, rates = [], []
+    for _ in range(1500):
+        pushed.push([0.0, 25.0, 0.0], 1e-3)
+        way.append(pushed.plant.views.mechanism_positions[0])
+        rates.append(pushed.plant.views.mechanism_rates[0])
+    assert np.max(rates) > 3.0
+    assert 0.0 < np.max(way) - np.pi / 3 < 0.01 * np.pi / 2
+    assert abs(way[-1] - np.pi / 3) < 1e-3

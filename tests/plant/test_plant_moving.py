@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from plants import Pushed
+from taskspec.geometry.rotation import from_rpy
+from taskspec.program.carriers import carriers
 
 TABLE = "table: {{shape: plane, xyz: [0, 0, 399 mm], stiffness: 20 kN/m, {more}}}"
 
@@ -82,6 +84,11 @@ def test_driven_coordinates_are_where_the_clock_has_them():
     np.testing.assert_allclose(
         data.xmat[body].reshape(3, 3)[:, 2], [0.0, np.sin(turn), np.cos(turn)], atol=1e-12
     )
+    # The controller believes the same motion.
+    A, a = carriers(pushed.task)["table"].pose(clock)
+    np.testing.assert_allclose(data.xpos[body], A @ [0.0, 0.0, 0.399] + a, atol=1e-12)
+    declared = from_rpy((0.0, 0.0, np.pi / 2))
+    np.testing.assert_allclose(data.xmat[body].reshape(3, 3), A @ declared, atol=1e-12)
     # At the step's end it is off by the step's own error, a T^2/2 at the most.
     place = data.qpos[model.joint("world/table/x").qposadr[0]]
     assert place == pytest.approx(0.01 * np.sin(5 * data.time), abs=0.5 * 0.25 * 1e-6)

@@ -40,8 +40,9 @@ def test_every_kind_has_its_signals_in_its_unit(run):
         "crank.angle": "rad", "crank.torque": "N*m",
         "nut.angle": "rad", "nut.travel": "m", "nut.torque": "N*m",
         "drawer.travel": "m", "drawer.force": "N",
-        "ramp.gap": "m", "ramp.force": "N",
+        "ramp.gap": "m", "ramp.force": "N", "ramp.force.ref": "N", "ramp.force.measured": "N",
         "tie.gap": "rad", "tie.torque": "N*m",
+        "tie.torque.ref": "N*m", "tie.torque.measured": "N*m",
         "belt.gap": "m", "belt.force": "N",
         "ball.gap": "m", "ball.force": "N",
     }  # fmt: skip

@@ -12,10 +12,9 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec.program.algebra import CasadiAlgebra, constants
+from taskspec.program.carriers import displacements
 from taskspec.spec import Shape, Task
 from taskspec.spec.world import MOTION
-from taskspec.text.expression.tree import Name
 from taskspec_runner.plant.names import PREFIX, placed
 
 Vector = NDArray[np.float64]
@@ -28,19 +27,6 @@ _TURNS = ("rx", "ry", "rz")
 def moving(task: Task) -> dict[str, Shape]:
     """The shapes that move by themselves."""
     return {name: shape for name, shape in task.shapes.items() if shape.motion is not None}
-
-
-def motion(task: Task, shape: Shape, clock: ca.SX) -> dict[str, ca.SX]:
-    """The displacement along each moving axis of a shape [m], or its rotation about it [rad]."""
-    assert shape.motion is not None
-    algebra = CasadiAlgebra(None, 0.0)
-    params = {name: quantity.value for name, quantity in task.params.items()}
-    known = {**constants(params), "clock": clock}
-
-    def lookup(name: Name) -> ca.SX:
-        return known[name.path[0]]
-
-    return {axis: algebra.translate(e, lookup) for axis, e in shape.motion.axes.items()}
 
 
 def add_carrier(spec: mujoco.MjSpec, name: str, shape: Shape) -> mujoco.MjsBody:
@@ -68,7 +54,7 @@ class Carriers:
         joints, places = [], []
         clock = ca.SX.sym("clock")
         for name, shape in moving(task).items():
-            by_axis = motion(task, shape, clock)
+            by_axis = displacements(task, shape, clock)
             # Displacements come before the rotation, whatever the file's order.
             for axis in (a for a in MOTION if a in by_axis):
                 joints.append(model.joint(f"{PREFIX}{name}/{axis}").id)

@@ -137,11 +137,14 @@ class Grip:
         held = self._mechanism
         if held is None:
             return 0.0
-        force, moment = -self.wrench[:3], -self.wrench[3:]
-        along = float(self._axis @ force)
+        # Scalars: at this size they cost a third of the same in array operations.
+        fx, fy, fz, mx, my, mz = (-self.wrench).tolist()
+        x, y, z = self._axis.tolist()
+        along = x * fx + y * fy + z * fz
         if not held.angular:
-            return along
-        about = float(self._axis @ np.cross(self._point - self._center, force))
+            return float(along)
+        rx, ry, rz = (self._point - self._center).tolist()
+        about = x * (ry * fz - rz * fy) + y * (rz * fx - rx * fz) + z * (rx * fy - ry * fx)
         if held.knob == "fixed":
-            about += float(self._axis @ moment)
-        return about + held.lead * along
+            about += x * mx + y * my + z * mz
+        return float(about + held.lead * along)

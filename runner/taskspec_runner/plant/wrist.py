@@ -51,7 +51,14 @@ class Wrist:
         linear, angular, turning = self._motion
         # MuJoCo's acceleration of a frame has gravity in it: it is that of a body held still.
         force = -self._mass * linear
-        inertia = (self._axes * self._moments) @ self._axes.T
-        moment = -(inertia @ angular + np.cross(turning, inertia @ turning))
+        axes, moments = self._axes, self._moments
+        turned, spin = angular @ axes, turning @ axes
+        moment = axes @ (-moments * turned - _cross(spin, moments * spin))
         self.wrench[:3] = contact[:3] + force
-        self.wrench[3:] = contact[3:] + moment + np.cross(self._rotation @ self._lever, force)
+        self.wrench[3:] = contact[3:] + moment + _cross(self._rotation @ self._lever, force)
+
+
+def _cross(a: Vector, b: Vector) -> Vector:
+    """a x b of (3,) vectors, at a third of what NumPy's takes."""
+    (x, y, z), (u, v, w) = a.tolist(), b.tolist()
+    return np.array([y * w - z * v, z * u - x * w, x * v - y * u])
