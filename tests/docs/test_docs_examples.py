@@ -18,8 +18,7 @@ from taskspec.text.units import parse_unit
 
 def test_the_readme_counts_the_tasks_and_names_the_laws():
     text = (ROOT / "README.md").read_text(encoding="utf-8")
-    assert len(list(TASKS.glob("*.yaml"))) == 14
-    assert "(tasks): fourteen tasks" in text
+    assert f"(tasks): {len(list(TASKS.glob('*.yaml')))} tasks" in text
     (row,) = re.findall(r"^\| laws \|(.*)\|$", text, re.M)
     assert set(words(row)) == LAWS.keys()
 

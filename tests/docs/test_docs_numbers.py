@@ -202,7 +202,13 @@ def test_comparison_folder():
 
 
 def test_columns_of_the_log(simulate):
-    run = simulate(completed("stages: {slide: {time: 5 ms}}\nexpect: []\n"))
+    world = (
+        "world: {table: {shape: plane, xyz: [0, 0, 300 mm]}, floor: {equation: z >= 0},"
+        " bars: {equation: q1 >= -180 deg}, door: {mechanism: hinge},"
+        " drawer: {mechanism: slide}, bolt: {mechanism: screw, pitch: 2 mm/turn}}\n"
+    )
+    run = simulate(completed(world + "stages: {slide: {time: 5 ms}}\nexpect: []\n"))
+    kinds = {name: thing.kind for name, thing in run.program.context.loaded.task.world.items()}
     expected: dict[str, str] = {}
     for row in table(CONVENTIONS, "table: columns"):
         (pattern,), units = words(row[0]), words(row[1])
@@ -211,6 +217,9 @@ def test_columns_of_the_log(simulate):
             unit = units[-1 if axis in signals.ROTATIONS else 0] if units else ""
             for joint in range(1, 8) if "N" in pattern.split(".") else (0,):
                 name = pattern.replace("AXIS", axis).replace(".N.", f".{joint}.")
-                expected[name.replace("OBJECT", "table")] = unit
-    del expected["stage"]
+                expected[name] = unit
+    del expected["stage"], expected["OBJECT.SIGNAL"]
+    for kind, signal, unit, *_ in table(LANGUAGE, "table: object signals"):
+        for thing in (name for name, its in kinds.items() if its == words(kind)[0]):
+            expected[f"{thing}.{words(signal)[0]}"] = words(unit)[0]
     assert {name: run.history.units[name] for name in run.history.columns} == expected
