@@ -126,7 +126,6 @@ class Noise(Model):
     """Standard deviations of the sensor's noise: `force` [N] and `torque` [N*m]."""
 
     noun = "noise"
-    short: ClassVar = {"type": ["string", "number"]}
     example = "noise: {force: 0.1 N, torque: 5 mN*m}"
     short: ClassVar = Constant(FORCE, least=0).json()
 
