@@ -142,8 +142,10 @@ def build_references(
         if motion.integral_step is not None:
             slot = f"travelled.{name}"
             updates[slot] = memory.symbol(slot) + motion.integral_step
+    # What is held is touched, whatever little force passes.
+    touching = ca.SX(1) if context.gripped(frame) else table.scalars["touching"]
     integrals = _integrate(
-        plans, forces, gains, tracked.error, table, memory, updates, context.period
+        plans, forces, gains, tracked.error, table, memory, updates, context.period, touching
     )
     fading = {
         name: _fading(name, clock, parameters)
@@ -259,6 +261,7 @@ def _integrate(
     memory: Layout,
     updates: dict[str, ca.SX],
     period: float,
+    touching: ca.SX,
 ) -> dict[str, ca.SX]:
     """Integrals of f_d - f, as the robot applies it, of the axes whose loop has one.
 
@@ -275,7 +278,7 @@ def _integrate(
             force,
             period * (force - table.scalars[applied(name)]),
             gains["force.integral"][name].value,
-            table.scalars["touching"],
+            touching,
             gains["stiffness"][name].value * errors[name] if motion else ca.SX(0),
         )
     return integrals

@@ -146,3 +146,79 @@ def test_at_its_hinge_a_door_gives_way_to_a_moment_alone():
     leaned = GRIP.angular_stiffness + GRIP.stiffness * 0.12**2
     assert k["rz"] == 0.0
     assert (k["rx"], k["ry"]) == (pytest.approx(GRIP.angular_stiffness), pytest.approx(leaned))
+
+
+CRANK = """
+taskspec: 1
+name: crank
+robot: {model: panda, grasp: crank.handle}
+world:
+  crank: {mechanism: hinge, xyz: [500 mm, 0, 350 mm], handle: [120 mm, 0, 0], knob: free}
+frame: crank.handle
+stages:
+  first:
+    axes: {y: {velocity: 250 mm/s}, rz: {hold: world}}
+    until: crank.angle > 0.9 turn
+    within: {time: 5 s}
+  rest:
+    frame: world
+    axes: {}
+    time: 0.5 s
+  second:
+    axes: {y: {velocity: 250 mm/s}, rz: {hold: world}}
+    until: crank.angle > 1.8 turn
+    within: {time: 5 s}
+  back:
+    axes: {y: {velocity: -250 mm/s}, rz: {hold: world}}
+    until: crank.angle < 1.2 turn
+    within: {time: 5 s}
+"""
+
+
+def test_the_count_of_turns_survives_stages(simulate):
+    """Guards see the true angle to what the grip gives: some newtons over k r = 6 kN/rad."""
+    run = simulate(CRANK)
+    assert run.outcome.status == "done"
+    for stage, angle in (("first", 0.9), ("second", 1.8), ("back", 1.2)):
+        # The tick that ends a stage is the first of the next; at 2.1 rad/s it adds 2 mrad.
+        last = run.during(stage, "crank.angle")[-1]
+        assert last == pytest.approx(angle * 2 * np.pi, abs=5e-3)
+    assert run.during("second", "position.y")[0] == pytest.approx(0.0, abs=1e-3)
+
+
+def test_the_way_down_a_thread_keeps_step_with_the_turn_that_is_commanded(simulate):
+    """Both references come from one: z - lead rz stays what it was at the stage's start."""
+    run = simulate("screw")
+    stage = run.program.stages[0]
+    assert (stage.couplings["z"].leader, stage.couplings["z"].ratio) == (
+        "rz",
+        pytest.approx(0.004 / (2 * np.pi)),
+    )
+    z = run.during("screw_down", "position.z.ref")
+    rz = run.during("screw_down", "position.rz.ref")
+    whole = np.unwrap(rz)
+    # At half a turn a rotation vector has no direction.
+    known = np.abs(rz) < 3.0
+    step = z - z[0] - 0.004 / (2 * np.pi) * (whole - whole[0])
+    np.testing.assert_allclose(step[known], 0.0, atol=1e-9)
+    rates = [run.during("screw_down", f"velocity.{a}.ref") for a in ("z", "rz")]
+    np.testing.assert_allclose(rates[0], 0.004 / (2 * np.pi) * rates[1], atol=1e-12)
+
+
+def test_a_door_is_followed_by_its_angle_in_a_frame_at_rest(simulate):
+    """The measured angle leads: its rate is fed forward, and its acceleration is the lag.
+
+    Where the speed is blended in over 0.2 s, that is at most 1.9 * 0.35 rad/s / 0.2 s = 3.3 rad/s^2
+    over K_P = 987, 3.3 mrad; later nothing.
+    """
+    text = task(HINGE + ", inertia: 0.1 kg*m^2", "", frame="part").replace(
+        "axes: {}",
+        "axes: {x: {position: 120 mm * cos(0.35 rad/s * t)}, y: {position: 120 mm * "
+        "sin(0.35 rad/s * t)}, rz: {follows: part}}",
+    )
+    run = simulate(text)
+    assert run.outcome.status == "done"
+    error = np.abs(run.during("go", "error.rz"))
+    assert error.max() < 4e-3
+    assert error[600:].max() < 2e-4
+    assert run["part.angle"][-1] == pytest.approx(0.35, abs=5e-3)
