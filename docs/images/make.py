@@ -1,11 +1,11 @@
 """Makes the pictures of the documents again, from runs of the shipped tasks.
 
     python docs/images/make.py           # all of them
-    python docs/images/make.py press     # the press of each control law only
+    python docs/images/make.py laws      # those of docs/laws only
 
-A wiping arm and what its run recorded, for the README; and what the press of each control law
-recorded, for docs/laws. The picture of the arm needs a headless OpenGL, such as EGL (MUJOCO_GL=egl)
-or OSMesa; the others do not.
+A wiping arm and what its run recorded, for the README; what the press of each control law and two
+tasks with constraints recorded, for docs/laws. The picture of the arm needs a headless OpenGL, such
+as EGL (MUJOCO_GL=egl) or OSMesa; the others do not.
 """
 
 from __future__ import annotations
@@ -35,11 +35,11 @@ WIDTH, HEIGHT = 1720, 880
 
 def main() -> None:
     """Makes what the command line names."""
-    if sys.argv[1:] != ["press"]:
+    if sys.argv[1:] != ["laws"]:
         program, history = record("wipe-table")
         draw_arm(program, history)
-    for law in LAWS:
-        record(f"press-{law}")
+    for task in (*(f"press-{law}" for law in LAWS), "ring", "linkage"):
+        record(task)
 
 
 def record(task: str) -> tuple[Program, History]:

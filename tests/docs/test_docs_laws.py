@@ -234,5 +234,4 @@ def test_order_in_which_coordinates_give_way():
     text = " ".join(text_of(CONSTRAINTS).split())
     assert f"a radian counts as {ARM_LENGTH:g} m" in text
     assert f"fades over {BLEND_TIME:g} s along a quintic" in text
-    assert stage._WORN == 0.25
-    assert "falls below a quarter of that" in text
+    assert f"be more than {stage._WORN:g} times as large, the choice is made again" in text

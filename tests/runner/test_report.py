@@ -425,3 +425,12 @@ class TestOverview:
         text = write_overview_svg(folder, tmp_path / "run.svg").read_text(encoding="utf-8")
         assert "Force z" in text
         assert "|force|" not in text
+
+    def test_every_colour_is_defined(self, folder: Path, tmp_path: Path) -> None:
+        text = write_overview_svg(folder, tmp_path / "run.svg").read_text(encoding="utf-8")
+        light, dark = text.split("prefers-color-scheme:dark")
+        defined = set(re.findall(r"(--\w+):", light))
+        # Objects and equations have the colours of joints, of which there are seven.
+        assert {f"--j{i}" for i in range(7)} <= defined
+        assert {f"--j{i}" for i in range(7)} <= set(re.findall(r"(--\w+):", dark))
+        assert set(re.findall(r"var\((--\w+)\)", text)) <= defined | {"--mark"}
