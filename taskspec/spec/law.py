@@ -66,10 +66,12 @@ class Law(Model):
         damping_ratio: of motion axes.
         force: gains of the force loop.
         orientation: how orientation errors are measured.
+        solve: how what the law asks for becomes torque: by its own closed form, or by a quadratic
+            program that keeps the limits.
+        solver: of the quadratic program.
     """
 
     noun = "a law"
-    reserved = frozenset({"solve", "solver"})
     short: ClassVar = {"enum": list(LAWS)}
 
     kind: Annotated[str, Word(tuple(LAWS), "law", code="TS206")] = Field(
@@ -95,6 +97,12 @@ class Law(Model):
     orientation: Annotated[
         Literal["so3", "rpy", "zyz"], Word(("so3", "rpy", "zyz"), "orientation error")
     ] = Field("so3", title="Orientation error")
+    solve: Annotated[
+        Literal["closed-form", "qp"], Word(("closed-form", "qp"), "way to the torques")
+    ] = Field("closed-form", title="Way to the torques")
+    solver: Annotated[Literal["daqp", "osqp"], Word(("daqp", "osqp"), "solver")] = Field(
+        "daqp", title="Solver of the quadratic program"
+    )
 
     @classmethod
     def expand(cls, data: object, reading: Reading) -> object:  # noqa: ARG003
@@ -113,6 +121,13 @@ class Law(Model):
         if "joint_damping" in data.node.entries:
             span = data.node.key_span("joint_damping")
             reading.error("TS020", "unknown key 'joint_damping' in a law", span, _SAY_DAMPING)
+        if "solver" in data and data.get("solve") != "qp":
+            reading.error(
+                "TS026",
+                "a solver is of the quadratic program, and this law does not solve one",
+                data.node.key_span("solver"),
+                "add 'solve: qp'",
+            )
         kind = data.get("kind", DEFAULT)
         if not isinstance(kind, str) or kind not in LAWS:
             return

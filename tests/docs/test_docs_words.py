@@ -19,7 +19,7 @@ from documents import (
 )
 
 from taskspec.robot import builtin_robots
-from taskspec.spec import Law, Robot, Task
+from taskspec.spec import Robot, Task
 from taskspec.spec.laws import LAWS
 from taskspec.spec.model import Model
 from taskspec.spec.path import Path
@@ -274,7 +274,6 @@ def test_what_is_not_supported_yet():
         "world": Shape.reserved,
         "shapes": set(shape.reserved),
         "path": Path.reserved,
-        "law": Law.reserved,
     }
     named = {m.__name__ for m in models_of(Model) if vars(m).get("reserved")}
     assert named == {"Task", "Shape", "Path", "Law"}
