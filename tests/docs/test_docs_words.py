@@ -276,4 +276,4 @@ def test_what_is_not_supported_yet():
         "path": Path.reserved,
     }
     named = {m.__name__ for m in models_of(Model) if vars(m).get("reserved")}
-    assert named == {"Task", "Shape", "Path", "Law"}
+    assert named == {"Task", "Shape", "Path"}
