@@ -50,7 +50,8 @@ class Context:
         compliances: believed contact of each object.
         mechanisms: believed geometry of each. carriers: of the objects that move by themselves.
         equations: every constraint equation. start_equations: where they are at `start`.
-        start_jacobian: (6, n) of the tip at `start`, world axes; start_inertia: (n, n) H there.
+        start_jacobian: (6, n) of the tip at `start`, world axes; start_inertia: (n, n) H there;
+            start_gravity: (n,) g there.
         start_p, start_R: (3,), (3, 3) tip pose at `start`.
         start_gaps: distance [m] of the tool from each object there.
         start_normals: (3,) outward normal of each object at the tool, world.
@@ -70,6 +71,7 @@ class Context:
     carriers: Mapping[str, Carrier]
     start_jacobian: NDArray[np.float64]
     start_inertia: NDArray[np.float64]
+    start_gravity: NDArray[np.float64]
     start_p: NDArray[np.float64]
     start_R: NDArray[np.float64]
     start_gaps: Mapping[str, float]

@@ -11,10 +11,12 @@ from numpy.typing import NDArray
 from taskspec.control.model_terms import ModelTerms
 from taskspec.control.state import AXES
 from taskspec.program import entry, events
+from taskspec.program.bound import BoundFunction
 from taskspec.program.carried import Carried, leave
 from taskspec.program.choice import choose_again
 from taskspec.program.felt import Estimates
 from taskspec.program.ports import OUTPUTS, slices
+from taskspec.program.resolver import HELD_TICKS, Resolver
 from taskspec.program.sensor_zero import SensorZero
 from taskspec.program.stage import CompiledStage
 from taskspec.program.tracks import Tracks
@@ -27,6 +29,7 @@ Views = tuple[Vector, Vector, Vector, Vector, Vector, Vector]
 END, FAIL = "end", "fail"
 _FIELDS = slices(OUTPUTS)
 _CONDITIONING = _FIELDS["conditioning"].start
+_HEALTH = _FIELDS["health"].start
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,17 +67,18 @@ class StageRunner:
         self._next_memory = np.zeros(max(stage.memory.size, 1))
         self.tracks = Tracks()
         self.least_conditioning = -np.inf if stage.choice is None else stage.choice.least
-        self._buffer, self.evaluate = stage.tick.buffer()
         memory = self.memory[: stage.memory.size]
         parameters = self.parameters[: stage.parameters.size]
-        # The buffer keeps addresses, not references: everything it sees must outlive it.
-        self._kept = [*inputs, memory, parameters, torque, self._next_memory, outputs]
-        for i, array in enumerate([*inputs, memory, parameters]):
-            self._buffer.set_arg(i, array.data)
         next_memory = self._next_memory[: stage.memory.size]
-        self._kept.append(next_memory)
-        for i, array in enumerate([torque, next_memory, outputs]):
-            self._buffer.set_res(i, array.data)
+        arguments = [*inputs, memory, parameters]
+        self._tick = BoundFunction(stage.tick, arguments, [torque, next_memory, outputs])
+        self.evaluate = self._tick.evaluate
+        self.resolver: Resolver | None = None
+        if stage.resolution is not None:
+            slots = stage.parameters.slots
+            self.resolver = Resolver(
+                stage.resolution, slots, arguments, parameters, torque, outputs
+            )
 
     def load(self, entered: entry.Entered) -> None:
         """Starts the stage with the numbers of its entry."""
@@ -133,7 +137,8 @@ class Machine:
         )
         self._names = [s.name for s in stages]
         self.index, self.t = 0, 0.0
-        self._ticks = 0
+        self._ticks = self._held = 0
+        self._safe = np.zeros(len(self.torque))
         self._runner = self._runners[0]
         self.ended = ""
         self.transitions: list[Transition] = []
@@ -151,6 +156,7 @@ class Machine:
     def start(self) -> None:
         """Enters the first stage from rest at the measured pose."""
         self.update_terms()
+        self.torque[:] = self._gravity
         p, R = self._tip()
         self._enter(0, Carried(p, R, np.zeros(6)), 0.0)
 
@@ -177,9 +183,11 @@ class Machine:
             runner.refresh(t)
         if self.outputs[_CONDITIONING] < runner.least_conditioning:
             choose_again(runner.stage, self._inputs, runner.memory, runner.parameters, t)
-        runner.evaluate()
+        fresh = self._evaluate(runner)
         self._ticks += 1
         event = self.outputs[0]
+        if not (fresh or (event and self._is_limit(event))):
+            return self._hold(runner, clock)
         if event and (self._ticks > 1 or self._is_limit(event)):
             self._change(clock, runner.stage.events[int(event) - 1])
         else:
@@ -187,6 +195,46 @@ class Machine:
             if self._learns:
                 self._collect()
         return float(event)
+
+    def _evaluate(self, runner: StageRunner) -> bool:
+        """Evaluates a tick and keeps its limits; whether there is a torque that may be used."""
+        resolver = runner.resolver
+        if resolver is None:
+            runner.evaluate()
+            return True
+        resolver.remember()
+        runner.evaluate()
+        if not resolver.resolve():
+            return False
+        self._held = 0
+        return True
+
+    def _hold(self, runner: StageRunner, clock: float) -> float:
+        """Lets the last torque that kept its limits fade to what carries the arm, then stops.
+
+        Memory is not committed: the tick did not happen. Returns the number of an event.
+        """
+        assert runner.resolver is not None
+        if self._held == 0:
+            self._safe[:] = runner.resolver.last
+        self._held += 1
+        if self._held > HELD_TICKS:
+            why = runner.resolver.status.value
+            text = f"the program that keeps the limits has had no answer for {HELD_TICKS} ticks"
+            self.ended = FAIL
+            self.torque[:] = self._gravity
+            self._note(clock, events.Event(events.LIMIT, "solver", f"{text}: {why}"), 0.0, "")
+            return 1.0
+        share = 1.0 - self._held / HELD_TICKS
+        self.torque[:] = self._gravity + share * (self._safe - self._gravity)
+        # What the tick could not compute is no reason to stop yet.
+        self.outputs[_HEALTH] = 0.0
+        return 0.0
+
+    @property
+    def _gravity(self) -> Vector:
+        """(n,) torque that carries the arm at the measured joint positions."""
+        return self._terms.arrays[2]
 
     def _is_limit(self, event: float) -> bool:
         """A stage's first tick heeds limits alone: what ends it well takes at least a tick."""
@@ -228,12 +276,15 @@ class Machine:
             return
         self._note(clock, event, value, to)
         self._enter(index, carried, clock)
-        self._runner.evaluate()
         # The new stage's tick at t = 0 is this one.
+        fresh = self._evaluate(self._runner)
         self._ticks = 1
         first = self.outputs[0]
         if first and self._is_limit(first):
             self._change(clock, self.stage.events[int(first) - 1])
+            return
+        if not fresh:
+            self._hold(self._runner, clock)
             return
         self._runner.commit()
         if self._learns:
@@ -277,6 +328,17 @@ class Machine:
         self._runner.load(
             entry.enter(stage, self._robot, carried, self._tip(), self._inputs, poses)
         )
+        self._settle()
+
+    def _settle(self) -> None:
+        """Takes from a new stage what contacts cannot return, before its first tick."""
+        resolver = self._runner.resolver
+        if resolver is None:
+            return
+        before = self.torque.copy()
+        self._runner.evaluate()
+        resolver.settle()
+        self.torque[:] = before
 
     def not_finite(self) -> str:
         """Which reference of the last tick is not a number; empty where none is to blame."""

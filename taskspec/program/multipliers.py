@@ -17,6 +17,7 @@ from taskspec.program.constraints import ConstraintSet
 from taskspec.program.layout import Layout
 from taskspec.program.references import ReferenceSet, risen, wound
 from taskspec.program.signals import SignalTable
+from taskspec.program.unreached import Unreached
 from taskspec.spec import SetPoint
 
 
@@ -63,6 +64,7 @@ def equation_forces(
     table: SignalTable,
     translate: Translate,
     period: float,
+    unreached: Unreached,
 ) -> EquationForces:
     """References of the equations `names`; one without a set point is to bear no force."""
     found = EquationForces({}, {}, {})
@@ -70,7 +72,8 @@ def equation_forces(
         slot = f"equation.{name}"
         point = set_points.get(name)
         wanted = ca.SX(0) if point is None else translate(point.wanted)
-        force = risen(slot, wanted, None if point is None else point.ramp, clock, parameters)
+        ramp = None if point is None else point.ramp
+        force = unreached.reachable(name, risen(slot, wanted, ramp, clock, parameters))
         found.desired[name] = force
         if "force.integral" not in gains:
             continue
@@ -78,7 +81,7 @@ def equation_forces(
         found.integrals[name] = found.updates[memorised] = wound(
             memory.add(memorised),
             force,
-            period * (force - measured[name]),
+            unreached.step(name, period * (force - measured[name])),
             gains["force.integral"][name].value,
             table.scalars["touching"],
             ca.SX(0),

@@ -48,6 +48,12 @@ OUTPUTS: Fields = (
     ("path_done", 1),
     ("angle", 1),
     ("conditioning", 1),
+    ("violation", 1),
+    ("unsettled", 1),
+    ("force_inconsistent", 1),
+    ("limited", 1),
+    ("limits", 1),
+    ("residual", 1),
 )
 
 
@@ -145,6 +151,7 @@ def outputs(
     table: SignalTable,
     references: ReferenceSet,
     conditioning: ca.SX,
+    limited: tuple[ca.SX, ca.SX],
     reactions: tuple[ca.SX, ca.SX],
     believed: Believed | None,
     carrier: Instant | None,
@@ -155,6 +162,8 @@ def outputs(
         index, value: the event. wanted: (n,) torque before saturation. inputs: of the tick.
         point, at: of the tool. table: signals. references: of the axes.
         conditioning: of the choice of reduced coordinates.
+        limited: how far the closed form is beyond its limits, and whether the force set points
+            have to be held against what contacts return; what comes of it is filled in later.
         reactions: (equations,) set points, and what was measured.
         believed: the mechanism that the stage keeps track of. carrier: of the stage's frame.
     """
@@ -183,5 +192,11 @@ def outputs(
         "path_done": scalars["path_done"],
         "angle": _angle(believed),
         "conditioning": conditioning,
+        "violation": limited[0],
+        "unsettled": limited[1],
+        "force_inconsistent": scalars["force_inconsistent"],
+        "limited": ca.SX(0),
+        "limits": ca.SX(0),
+        "residual": ca.SX(0),
     }
     return ca.vertcat(*(values[name] for name, _ in OUTPUTS), *reactions)

@@ -40,7 +40,7 @@ def prepare(loaded: LoadedTask) -> Context:
     robot, start = _robot(loaded, models)
     terms = ModelTerms(robot)
     terms.update(start, np.zeros(robot.pin.nv))
-    H, _, _, J_world, p, R, _ = terms.arrays
+    H, _, gravity, J_world, p, R, _ = terms.arrays
     Rj = R.reshape(3, 3, order="F")
     tip_p = p + Rj @ robot.tip.translation
     tip_R = Rj @ robot.tip.rotation
@@ -84,6 +84,7 @@ def prepare(loaded: LoadedTask) -> Context:
         },
         start_jacobian=J,
         start_inertia=inertia + np.triu(inertia, 1).T,
+        start_gravity=gravity.copy(),
         start_p=tip_p,
         start_R=tip_R,
         start_gaps=gap_at_start,

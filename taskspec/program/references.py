@@ -26,6 +26,7 @@ from taskspec.program.frames import FrameModel
 from taskspec.program.layout import Layout
 from taskspec.program.modes import AxisPlan
 from taskspec.program.signals import SignalTable, applied
+from taskspec.program.unreached import Unreached
 from taskspec.text.expression import Expression
 
 #: A force set point rises from the measured force in this time [s] (docs/language.md).
@@ -85,6 +86,7 @@ def build_references(
     algebra: CasadiAlgebra,
     believed: Believed | None,
     couplings: Mapping[str, Coupling],
+    unreached: Unreached,
 ) -> ReferenceSet:
     """All references of a stage; adds the signals that depend on them to `table`."""
 
@@ -112,7 +114,7 @@ def build_references(
     table.scalars |= {f"position.{a}": x for a, x in coordinates.position.items()}
 
     forces = {
-        name: _force(name, plan, clock, parameters, translate)
+        name: unreached.reachable(name, _force(name, plan, clock, parameters, translate))
         for name, plan in plans.items()
         if plan.force or plan.open_loop
     }
@@ -145,7 +147,16 @@ def build_references(
     # What is held is touched, whatever little force passes.
     touching = ca.SX(1) if context.gripped(frame) else table.scalars["touching"]
     integrals = _integrate(
-        plans, forces, gains, tracked.error, table, memory, updates, context.period, touching
+        plans,
+        forces,
+        gains,
+        tracked.error,
+        table,
+        memory,
+        updates,
+        context.period,
+        touching,
+        unreached,
     )
     fading = {
         name: _fading(name, clock, parameters)
@@ -262,6 +273,7 @@ def _integrate(
     updates: dict[str, ca.SX],
     period: float,
     touching: ca.SX,
+    unreached: Unreached,
 ) -> dict[str, ca.SX]:
     """Integrals of f_d - f, as the robot applies it, of the axes whose loop has one.
 
@@ -276,7 +288,7 @@ def _integrate(
         integrals[name] = updates[slot] = wound(
             memory.add(slot),
             force,
-            period * (force - table.scalars[applied(name)]),
+            unreached.step(name, period * (force - table.scalars[applied(name)])),
             gains["force.integral"][name].value,
             touching,
             gains["stiffness"][name].value * errors[name] if motion else ca.SX(0),

@@ -19,7 +19,7 @@ from taskspec.control.model_terms import TermSymbols
 from taskspec.control.reference import opposite
 from taskspec.control.state import AXES, task_state
 from taskspec.motion.path import PathShape
-from taskspec.program import kinematics, laws, orientation, ports, signals
+from taskspec.program import kinematics, laws, orientation, ports, resolution, signals
 from taskspec.program.algebra import CasadiAlgebra, constants
 from taskspec.program.axes import existing_axes
 from taskspec.program.believed import believe, mechanism_signals
@@ -43,7 +43,9 @@ from taskspec.program.layout import Layout
 from taskspec.program.modes import AxisPlan, plan_axes
 from taskspec.program.multipliers import ConstraintControl, constrain, equation_forces
 from taskspec.program.references import build_references
+from taskspec.program.resolution import Resolution
 from taskspec.program.signals import SignalTable
+from taskspec.program.unreached import requested, unreached_of
 from taskspec.spec import LAWS, Law, Limits, Stage
 
 #: Coordinates are chosen again when an exchange would make their minor so many times as large. As
@@ -90,6 +92,7 @@ class CompiledStage:
         probe: at entry, the tick's inputs and a velocity -> the numbers of `PROBE`.
         own: at entry, the tick's inputs -> own(0) and own'(0) of every axis before blending.
         choice: of the reduced coordinates, under a multiplier law with constraints.
+        resolution: under `solve: qp`.
     """
 
     name: str
@@ -117,6 +120,7 @@ class CompiledStage:
     probe: ca.Function
     own: ca.Function
     choice: Choice | None
+    resolution: Resolution | None
 
 
 def compile_stage(
@@ -165,6 +169,8 @@ def compile_stage(
     sensed = ca.SX.sym("reactions", len(equations))
     inputs = ports.Inputs(now, q, v, world, ca.SX.sym("wrench", 6), sensed)
     memory, parameters = Layout("memory"), Layout("parameters")
+    asked = requested(law, plans, active)
+    unreached = unreached_of(asked, parameters)
     clock = Clock(now[0], now[1])
     algebra = CasadiAlgebra(memory, context.period)
 
@@ -202,6 +208,8 @@ def compile_stage(
             **mechanism_signals(believed, context.held, world, inputs.wrench),
             "t": clock.t,
             "clock": clock.clock,
+            "force_inconsistent": unreached.size(),
+            "limited": parameters.add("limited") if law.solve == "qp" else ca.SX(0),
         },
         axes,
         signals.Resolver(
@@ -240,6 +248,7 @@ def compile_stage(
         algebra=algebra,
         believed=believed,
         couplings=couplings,
+        unreached=unreached,
     )
     stated, references, representable = orientation.restate(
         law, state, references, at.R.T @ terms.R, table
@@ -255,6 +264,7 @@ def compile_stage(
         table=table,
         translate=lambda expression: algebra.translate(expression, table.lookup),
         period=context.period,
+        unreached=unreached,
     )
     chosen = (
         constraint_set(
@@ -273,8 +283,39 @@ def compile_stage(
     posture = laws.posture_pull(law.kind, axes, q, v, ca.SX(ca.DM(context.posture)))
     case = laws.Case(stated, references, plans, gains, table, v, posture, control)
     wanted = laws.joint_torque(law.kind, case, terms)
-    limit = ca.DM(robot.torque_limit)
-    torque = ca.fmax(ca.fmin(wanted, limit), -limit)
+    limited, torque = None, resolution.saturated(robot, wanted)
+    if law.solve == "qp":
+        torque = wanted
+        limited = resolution.resolve(
+            context=context,
+            law=law,
+            limits=limits,
+            plans=plans,
+            seen=resolution.Seen(
+                axes_rotation=axes_rotation,
+                contact=contact,
+                gripped=context.gripped(frame),
+                state=state,
+                world=world,
+                wrench=inputs.wrench,
+                point=point,
+                R=at.R,
+                carrier=carrier,
+                rows={name: rows[name] for name in active},
+                equations=rows,
+                measured=measured,
+            ),
+            asked={
+                name: wish + unreached.unreachable[name]
+                for name, wish in {**references.force_ref, **forces.desired}.items()
+            },
+            gaps=gap,
+            wanted=wanted,
+            clock=clock.clock,
+            q=q,
+            v=v,
+            parameters=parameters,
+        )
     table.scalars |= {f"joint.{i + 1}.torque": torque[i] for i in range(n)}
     conditions = limit_conditions(
         robot=robot,
@@ -306,6 +347,7 @@ def compile_stage(
         table,
         references,
         chosen.conditioning if chosen else ca.SX(1),
+        (limited.limits.violation, limited.unsettled) if limited else (ca.SX(0), ca.SX(0)),
         (
             ca.vertcat(ca.SX(0, 1), *(forces.desired.get(name, nothing) for name in equations)),
             felt,
@@ -341,6 +383,7 @@ def compile_stage(
         probe=ports.probe(arguments, table, references, believed, at, tool, point, felt, carrier),
         own=ca.Function("own", arguments, [references.own, references.own_rate]),
         choice=_choice(arguments, chosen, control, case) if chosen and control else None,
+        resolution=limited.compiled(arguments) if limited else None,
     )
 
 

@@ -38,8 +38,9 @@ SCALARS: dict[str, Dimension] = {
     "speed": VELOCITY,
     "travel": LENGTH,
     "power": POWER,
+    "force_inconsistent": FORCE,
 }
-CONDITIONS = ("touching", "path_done")
+CONDITIONS = ("touching", "path_done", "limited")
 """Signals that are true or false."""
 
 CLOCKS = ("t", "clock")

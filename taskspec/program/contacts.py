@@ -1,0 +1,190 @@
+"""The contacts that a stage is believed to have, as rows on the joints: what limits act on.
+
+A row points the way the robot pushes: into the object. Its multiplier is what the robot applies.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from taskspec.control import linear
+from taskspec.control.model_terms import TermSymbols
+from taskspec.control.state import AXES
+from taskspec.geometry.surface import Surface
+from taskspec.program import kinematics, signals
+from taskspec.program.constraints import EquationRow
+from taskspec.program.context import Context
+from taskspec.program.modes import MOSTLY, AxisPlan
+
+#: Closer than this [m] to the believed object, the tool counts as touching it.
+NEAR = 1e-3
+
+
+@dataclass(frozen=True, slots=True)
+class ContactRow:
+    """One direction in which something of the world bears a force.
+
+    Attributes:
+        name: of the object or equation.
+        J: (1, n) velocity into it per joint velocity. drift: J' q' [m/s^2].
+        closing: velocity into it [m/s].
+        active: whether it is there now, as an expression; 1 for what holds both ways.
+        measured: what the robot applies along it [N, N m].
+        pressed: the stage keeps this contact: its force may not turn into a pull.
+        both_ways: it returns forces of either sign.
+        stiffness: believed [N/m]. joints: whether it is on the joints rather than on the tip.
+    """
+
+    name: str
+    J: ca.SX
+    drift: ca.SX
+    closing: ca.SX
+    active: ca.SX
+    measured: ca.SX
+    pressed: bool
+    both_ways: bool
+    stiffness: float
+    joints: bool = False
+
+
+def touched_objects(
+    context: Context,
+    primary: str | None,
+    plans: Mapping[str, AxisPlan],
+    rotation: NDArray[np.float64],
+) -> tuple[str, ...]:
+    """Objects that a stage touches: the believed contact, and one for each other force axis.
+
+    A force axis that is not along the first contact's normal belongs to the nearest object whose
+    normal it is along, as at the start pose.
+
+    Args:
+        context: of the task. primary: the believed contact. plans: of the stage's axes.
+        rotation: (3, 3) the stage's frame at the start pose.
+    """
+    if primary is None:
+        return ()
+    found = [primary]
+    normals = context.start_normals
+    for name, plan in plans.items():
+        if not (plan.force or plan.open_loop) or name.startswith("r"):
+            continue
+        axis = rotation[:, AXES.index(name)]
+        along = [o for o, n in normals.items() if abs(float(axis @ n)) > MOSTLY]
+        if along and not any(o in found for o in along):
+            found.append(min(along, key=lambda o: context.start_gaps[o]))
+    return tuple(found)
+
+
+def pressed_objects(
+    context: Context,
+    objects: Sequence[str],
+    plans: Mapping[str, AxisPlan],
+    rotation: NDArray[np.float64],
+) -> set[str]:
+    """Those of `objects` that a force axis of the stage is along."""
+    forced = [
+        rotation[:, AXES.index(a)]
+        for a, plan in plans.items()
+        if (plan.force or plan.open_loop) and not a.startswith("r")
+    ]
+    normals = context.start_normals
+    return {o for o in objects if any(abs(float(d @ normals[o])) > MOSTLY for d in forced)}
+
+
+def shape_rows(
+    context: Context,
+    objects: Sequence[str],
+    pressed: set[str],
+    terms: TermSymbols,
+    wrench: ca.SX,
+    gaps: Mapping[str, ca.SX],
+    clock: ca.SX,
+) -> list[ContactRow]:
+    """Rows of the touched shapes, at the point of the tool that is nearest to each.
+
+    Args:
+        context: of the task. objects: touched, the believed contact first. pressed: of them.
+        terms: the tip's kinematics in the world. wrench: (6,) by the environment on the tip.
+        gaps: to every shape [m]. clock: of the run [s].
+    """
+    center = _center(context)
+    found, normals = [], []
+    for name in objects:
+        carrier = context.carriers.get(name)
+        now = carrier.at(clock) if carrier is not None else None
+        seen = terms if now is None else now.relative(terms)
+        at = kinematics.control_point(seen, wrench, center)
+        normal, turning = _normal(context.surfaces[name], at)
+        found.append((at, normal, turning))
+        normals.append(normal if now is None else now.A @ normal)
+    shares = shared_force(normals, wrench[:3])
+    touching = ca.norm_2(wrench[:3]) > signals.TOUCHING
+    rows = []
+    for i, (name, (at, normal, turning)) in enumerate(zip(objects, found, strict=True)):
+        near = gaps[name] < NEAR
+        rows.append(
+            ContactRow(
+                name=name,
+                J=-normal.T @ at.J[:3, :],
+                drift=-ca.dot(normal, at.drift[:3]) - ca.dot(turning, at.twist[:3]),
+                closing=-ca.dot(normal, at.twist[:3]),
+                active=ca.logic_or(near, touching) if i == 0 else near,
+                measured=shares[i],
+                pressed=name in pressed,
+                both_ways=False,
+                stiffness=context.compliances[name].stiffness,
+            )
+        )
+    return rows
+
+
+def _normal(surface: Surface, at: kinematics.ControlPoint) -> tuple[ca.SX, ca.SX]:
+    """Outward normal (3,) at a point of the tool, and its rate as the point moves [1/s]."""
+    p, v = ca.SX.sym("p", 3), ca.SX.sym("v", 3)
+    normal = surface.gradient(p)
+    moving = ca.Function("normal", [p, v], [normal, ca.jtimes(normal, p, v)])
+    found: tuple[ca.SX, ca.SX] = moving(at.p, at.twist[:3])
+    return found
+
+
+def _center(context: Context) -> ca.SX | None:
+    tool = context.robot.tool
+    return None if tool.flat else ca.SX(ca.DM(tool.centers[0]))
+
+
+def shared_force(normals: Sequence[ca.SX], force: ca.SX) -> ca.SX:
+    """What the robot applies along each inward normal (c,), of the force (3,) that it feels."""
+    if not normals:
+        return ca.SX(0, 1)
+    N = ca.horzcat(*normals).T
+    gram = N @ N.T + 1e-9 * ca.SX.eye(len(normals))
+    return linear.solve(linear.cholesky(gram), N @ force)
+
+
+def equation_contact(row: EquationRow, name: str, measured: ca.SX, stiffness: float) -> ContactRow:
+    """The row of an equation that constrains the stage, turned so that it may push.
+
+    Args:
+        row: the equation. name: its name. measured: what the robot applies along its gradient.
+        stiffness: believed [N/m, N m/rad].
+    """
+    relation = row.model.constraint.relation
+    sign = -1.0 if relation == ">=" else 1.0
+    return ContactRow(
+        name=name,
+        J=sign * row.J,
+        drift=sign * row.gamma,
+        closing=sign * row.closing,
+        active=ca.SX(1),
+        measured=sign * measured,
+        pressed=relation != "=",
+        both_ways=relation == "=",
+        stiffness=stiffness,
+        joints=row.model.joints,
+    )

@@ -1,0 +1,231 @@
+"""Solves a stage's programs tick by tick, and holds a safe torque where that does not succeed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taskspec.control.qp import Problem, Solution, Status, make_solver
+from taskspec.program.bound import BoundFunction
+from taskspec.program.limited import PRECEDENCE
+from taskspec.program.ports import OUTPUTS, slices
+from taskspec.program.resolution import Resolution
+
+_FIELDS = slices(OUTPUTS)
+_VIOLATION, _UNSETTLED = _FIELDS["violation"].start, _FIELDS["unsettled"].start
+_LIMITED, _LIMITS = _FIELDS["limited"].start, _FIELDS["limits"].start
+_RESIDUAL = _FIELDS["residual"].start
+
+Vector = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+#: An answer that is further from optimal than this is not used.
+WORST_RESIDUAL = 1e-6
+#: A torque that is held decays to gravity compensation within this many control periods.
+HELD_TICKS = 10
+#: What is left of a request below this share of it is rounding.
+_ROUNDING = 1e-6
+#: Cost of x while the least widening of bounds is looked for, whose own is 1.
+_UNDECIDED = 1e-9
+
+
+@dataclass(slots=True)
+class Account:
+    """What the solver did in a run.
+
+    Attributes:
+        solved: ticks with a program to solve. relaxed: of them, with limits that collided.
+        held: ticks on which no answer was good enough. worst: residual of an answer that was used.
+    """
+
+    solved: int = 0
+    relaxed: int = 0
+    held: int = 0
+    worst: float = 0.0
+
+
+class Resolver:
+    """The programs of one stage on the arrays of a machine.
+
+    Before a tick is evaluated, call `remember`; after it, `resolve`.
+
+    Attributes:
+        status: of the last solve. account: of all of them.
+        last: (n,) the torque of the tick before.
+    """
+
+    def __init__(
+        self,
+        resolution: Resolution,
+        slots: Mapping[str, slice],
+        arguments: Sequence[Vector],
+        parameters: Vector,
+        torque: Vector,
+        outputs: Vector,
+    ) -> None:
+        """Binds the programs.
+
+        Args:
+            resolution: of the stage. slots: of its parameters.
+            arguments: arrays of the tick's arguments. parameters: the last of them.
+            torque: (n,) that the tick writes. outputs: of the tick.
+        """
+        n, m, r = len(torque), len(resolution.rows), len(resolution.requested)
+        self.resolution, self.account = resolution, Account()
+        self.status = Status.SOLVED
+        self.last = np.zeros(n)
+        self._torque, self._outputs = torque, outputs
+        nothing = np.zeros(0)
+        self._limited = parameters[slots["limited"]]
+        self._cut = parameters[slots["cut"]] if r else nothing
+        self._unreachable = parameters[slots["unreachable"]] if r else nothing
+        self._last_torque = parameters[slots["last_torque"]] if "last_torque" in slots else None
+        self._clear = True
+        self._problem = problem = Problem.empty(n, m)
+        self._x, self._dual = np.zeros(n), np.zeros(m)
+        self._accepted, self._residual, self._found_cut = np.zeros(n), np.zeros(1), np.zeros(r)
+        wanted, stretch, requests = np.zeros(n), np.zeros(n * n), np.zeros(r * n)
+        parts = (problem.flat_A, problem.lower, problem.upper, wanted, stretch, requests)
+        self._assemble = BoundFunction(resolution.assemble, arguments, parts)
+        results = (self._accepted, self._residual, self._found_cut)
+        self._accept = BoundFunction(resolution.accept, (*parts, self._x, self._dual), results)
+        self._solver = make_solver(resolution.solver, n, m)
+        self._nearest = _Nearest(resolution, arguments) if resolution.look is not None else None
+        self._bits = 2.0 ** np.arange(m)
+
+    def remember(self) -> None:
+        """Keeps the torque of the tick before, which is about to be overwritten."""
+        self.last[:] = self._torque
+        if self._last_torque is not None:
+            self._last_torque[:] = self.last
+
+    def resolve(self) -> bool:
+        """Replaces the torque where it breaks a limit; whether there is one that may be used."""
+        outputs = self._outputs
+        if outputs[_VIOLATION] <= 0:
+            if not self._clear:
+                self._cut[:], self._limited[:], self._clear = 0.0, 0.0, True
+        elif not self._solve():
+            self.account.held += 1
+            return False
+        self.settle()
+        return True
+
+    def settle(self) -> None:
+        """Has the next tick take from the set points what contacts cannot return of them."""
+        if self._nearest is None:
+            return
+        left = self._nearest.left_over() if self._outputs[_UNSETTLED] else 0.0
+        if left is not None:
+            self._unreachable[:] = left
+
+    def _solve(self) -> bool:
+        self._assemble.evaluate()
+        self.account.solved += 1
+        solution = self._solver.solve(self._problem)
+        if solution.status is Status.INFEASIBLE:
+            self.account.relaxed += 1
+            kinds = [row.kind for row in self.resolution.rows]
+            if relax(self._problem, kinds, self.resolution.solver):
+                solution = self._solver.solve(self._problem)
+        return self._take(solution)
+
+    def _take(self, solution: Solution) -> bool:
+        self.status = solution.status
+        if solution.status is not Status.SOLVED:
+            self._solver.rebuild()
+            return False
+        self._x[:], self._dual[:] = solution.x, solution.dual
+        self._accept.evaluate()
+        residual = float(self._residual[0])
+        if not residual <= WORST_RESIDUAL:
+            self.status = Status.NOT_CONVERGED
+            self._solver.rebuild()
+            return False
+        self.account.worst = max(self.account.worst, residual)
+        self._torque[:] = self._accepted
+        self._cut[:], self._limited[:], self._clear = self._found_cut, 1.0, False
+        self._outputs[_LIMITED] = 1.0
+        self._outputs[_LIMITS] = self._bits @ (self._dual != 0.0)
+        self._outputs[_RESIDUAL] = residual
+        return True
+
+
+class _Nearest:
+    """The program of the forces that contacts can return."""
+
+    def __init__(self, resolution: Resolution, inputs: Sequence[Vector]) -> None:
+        g, m, r = resolution.generators, resolution.conditions, len(resolution.requested)
+        self._problem = Problem.empty(g, m)
+        self._effect, self._values = np.zeros((r, g)), np.zeros(r)
+        problem = self._problem
+        parts = (
+            problem.flat_P,
+            problem.g,
+            problem.flat_A,
+            problem.lower,
+            problem.upper,
+            self._effect.reshape(-1),
+            self._values,
+        )
+        self._look = BoundFunction(resolution.look, inputs, parts)
+        self._solver = make_solver(resolution.solver, g, m)
+
+    def left_over(self) -> Vector | None:
+        self._look.evaluate()
+        solution = self._solver.solve(self._problem)
+        if solution.status is not Status.SOLVED:
+            self._solver.rebuild()
+            return None
+        left = self._values - self._effect @ solution.x
+        if np.linalg.norm(left) <= _ROUNDING * (1 + np.linalg.norm(self._values)):
+            left[:] = 0.0
+        return np.asarray(left)
+
+
+def relax(problem: Problem, kinds: Sequence[str], solver: str) -> bool:
+    """Widens the bounds of limits that collide, as little as it takes, the last of them first.
+
+    Every kind of limit is given, after those before it in `PRECEDENCE`, the smallest equal
+    widening in its own units with which the program has an answer.
+
+    Args:
+        problem: its bounds are rewritten. kinds: of its rows. solver: `daqp` or `osqp`.
+
+    Returns:
+        Whether that succeeded.
+    """
+    level_of = np.array([PRECEDENCE.index(kind) for kind in kinds])
+    for level in range(1, len(PRECEDENCE)):
+        now = level_of == level
+        if now.any():
+            widening = _least_widening(problem, now, level_of > level, solver)
+            if widening is None:
+                return False
+            problem.lower[now] -= widening
+            problem.upper[now] += widening
+    return True
+
+
+def _least_widening(problem: Problem, rows: Mask, ignored: Mask, solver: str) -> float | None:
+    """The least t with which lower - t <= A x <= upper + t on `rows` agrees with all the others.
+
+    Args:
+        problem: the program. rows: (m,) that may be widened. ignored: (m,) that do not count.
+        solver: by name.
+    """
+    m, n = problem.A.shape
+    wide = Problem.empty(n + 1, 2 * m)
+    wide.P[range(n), range(n)] = _UNDECIDED
+    wide.A[:m, :n] = wide.A[m:, :n] = problem.A
+    wide.A[:m, n], wide.A[m:, n] = -rows.astype(float), rows.astype(float)
+    wide.upper[:m] = np.where(ignored, np.inf, problem.upper)
+    wide.lower[m:] = np.where(ignored, -np.inf, problem.lower)
+    solution = make_solver(solver, n + 1, 2 * m).solve(wide)
+    if solution.status is not Status.SOLVED:
+        return None
+    t = max(float(solution.x[n]), 0.0)
+    return t * (1 + _ROUNDING) + 1e-9
