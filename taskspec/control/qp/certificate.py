@@ -1,0 +1,110 @@
+"""Which rows of a set of inequalities contradict each other, and how."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taskspec.control.qp.make import make_solver
+from taskspec.control.qp.osqp import OsqpSolver
+from taskspec.control.qp.problem import Array, Problem, Status
+
+Rows = NDArray[np.intp]
+
+# Rows are scaled to unit length, so both are lengths in the space of x over its own unit.
+_NULL = 1e-7
+_SMALL = 1e-6
+
+
+@dataclass(frozen=True, slots=True)
+class Certificate:
+    """Proof that rows contradict each other (Farkas): A'y = 0, yet upper'y+ + lower'y- < 0.
+
+    Attributes:
+        rows: the rows, ascending. They contradict each other, and no fewer of them do.
+        multipliers: y of each, the largest 1 in absolute value. Positive where the row's upper
+            bound takes part, negative where its lower one does. A single row whose own bounds
+            cross has 1.
+        gap: -(upper'y+ + lower'y-) > 0, by how much they miss each other.
+    """
+
+    rows: tuple[int, ...]
+    multipliers: tuple[float, ...]
+    gap: float
+
+
+def contradiction(A: Array, lower: Array, upper: Array) -> Certificate | None:
+    """Rows of lower <= Ax <= upper that no x satisfies together, None when some x does.
+
+    OSQP's certificate of primal infeasibility names candidates. DAQP then tries, row by row, what
+    is infeasible still without it; the rest is minimal, so its multipliers are the null space of
+    A' restricted to it, which is one-dimensional and known to rounding.
+
+    Args:
+        A: (m, n). lower, upper: (m,), infinite where there is no bound.
+
+    Raises:
+        ValueError: A has a NaN or an infinity, or a bound is NaN.
+    """
+    crossed = np.flatnonzero(lower > upper)
+    if crossed.size:
+        row = int(crossed[0])
+        return Certificate((row,), (1.0,), float(lower[row] - upper[row]))
+    lengths = np.linalg.norm(A, axis=1)
+    scale = np.where(lengths > 0, 1 / np.where(lengths > 0, lengths, 1.0), 1.0)
+    rows = A * scale[:, None]
+    low, high = lower * scale, upper * scale
+    if not Problem(np.eye(A.shape[1]), np.zeros(A.shape[1]), rows, low, high).is_finite():
+        raise ValueError("the rows are not finite")
+    named: Rows = np.arange(len(rows))
+    if not _infeasible(rows, low, high, named):
+        return None
+    named = _candidates(rows, low, high)
+    for candidate in named.tolist():
+        rest = named[named != candidate]
+        if _infeasible(rows, low, high, rest):
+            named = rest
+    return _verified(A, lower, upper, named)
+
+
+def _candidates(A: Array, lower: Array, upper: Array) -> Rows:
+    """Rows in OSQP's certificate; all, when it finds none or they are not enough."""
+    m, n = A.shape
+    everything: Rows = np.arange(m)
+    problem = Problem(np.eye(n), np.zeros(n), A, lower, upper)
+    y = OsqpSolver(n, m).certificate(problem)
+    if y is None:
+        return everything
+    named: Rows = np.flatnonzero(np.abs(y) > _SMALL * np.max(np.abs(y)))
+    return named if _infeasible(A, lower, upper, named) else everything
+
+
+def _infeasible(A: Array, lower: Array, upper: Array, named: Rows) -> bool:
+    """True when no x satisfies the named rows."""
+    if not named.size:
+        return False
+    n = A.shape[1]
+    part = Problem(np.eye(n), np.zeros(n), A[named], lower[named], upper[named])
+    return make_solver("daqp", n, len(named)).solve(part).status is Status.INFEASIBLE
+
+
+def _verified(A: Array, lower: Array, upper: Array, named: Rows) -> Certificate | None:
+    """The certificate of a minimal set of rows, None when its multipliers do not prove it."""
+    lengths = np.maximum(np.linalg.norm(A[named], axis=1), np.finfo(float).tiny)
+    # The last right singular vector of A' spans the null space.
+    y = np.linalg.svd((A[named] / lengths[:, None]).T)[2][-1] / lengths
+    y = y / np.max(np.abs(y))
+    for candidate in (y, -y):
+        up, down = candidate > 0, candidate < 0
+        bound = np.where(up, upper[named], np.where(down, lower[named], 0.0))
+        gap = -float(np.dot(bound, candidate))
+        closes = np.linalg.norm(A[named].T @ candidate) <= _NULL * np.max(
+            lengths * np.abs(candidate)
+        )
+        if closes and np.isfinite(gap) and gap > 0:
+            return Certificate(
+                tuple(int(row) for row in named), tuple(float(v) for v in candidate), gap
+            )
+    return None
