@@ -54,6 +54,8 @@ class Recorder:
         self._array = bus.array
         self._axes = tuple(a for a in AXES if any(a in s.axes for s in stages))
         self._joints = robot.pin.nv
+        solved = any(s.resolution is not None for s in stages)
+        self._solved = ("limits", "residual") if solved else ()
         self._distances = Distances(robot, task)
         self._schema = pa.schema([])
         self._writer: pa.ipc.RecordBatchStreamWriter | None = None
@@ -135,6 +137,9 @@ class Recorder:
             ("touching", (size > signals.TOUCHING).astype(float), ""),
             ("power", np.sum(applied * velocity, axis=0, where=~np.isnan(velocity)), "W"),
             ("path_done", field("path_done")[0], ""),
+            ("force_inconsistent", field("force_inconsistent")[0], "N"),
+            ("limited", field("limited")[0], ""),
+            *((name, field(name)[0], "") for name in self._solved),
         ):
             columns[name] = (value, unit)
         for i in range(self._joints):

@@ -13,6 +13,7 @@ from taskspec.program.machine import FAIL, Transition
 from taskspec.program.stage import CompiledStage
 from taskspec.robot import RobotModel
 from taskspec.text.show import show
+from taskspec_runner.given_up import given_up
 from taskspec_runner.history import History
 from taskspec_runner.interrupt import BY_SIGNAL
 from taskspec_runner.loop import DONE, Outcome
@@ -77,6 +78,7 @@ def summarise(
         "stages": visits,
         "expectations": [_expectation(j) for j in judged],
         "metrics": metrics(history, {s.name: s.axes for s in program.stages}),
+        "given_up": given_up(history, program.stages),
         "peaks": peaks(history, [s.name for s in program.stages]),
         "limits": {k: v for k, v in task.limits.model_dump().items() if v is not None},
         "stage_limits": {

@@ -1,10 +1,10 @@
 """What a stage under `solve: qp` may not do: limits as rows of one quadratic program.
 
-The torque of the law's closed form is u*. The program looks for the torque u = u* + L S x with the
-least |x|^2, where H = L L^T. With S = 1 this is Gauss's principle of least constraint: the joint
+The torque of the law's closed form is u*. The program looks for the torque u = u* + L x with the
+least x^T P x, where H = L L^T. With P = 1 this is Gauss's principle of least constraint: the joint
 accelerations change as little as they can, each measured by the inertia that it moves, so newtons,
-metres and radians need no weights of their own. S lets motion give way before the contact's force,
-and the null space before both.
+metres and radians need no weights of their own. P has the null space give way before the motion on
+the task axes, and that before the forces of contacts.
 
 Joint accelerations and contact multipliers follow from the torque, (4.77) and (4.78), and x = 0
 is the closed form itself: as long as it keeps every limit there is nothing to solve.
@@ -35,8 +35,8 @@ from taskspec.text.show import show
 TORQUE, JOINT, FORCE, SPEED = "torque", "joint", "force", "speed"
 PRECEDENCE = (TORQUE, JOINT, FORCE, SPEED)
 
-#: How readily each part gives way; a cost is the square of the inverse.
-GIVES_WAY = {"force": 0.1, "motion": 1.0, "null space": 10.0}
+#: What a change of each part costs, in the metric of the inertia that it moves.
+COST = {"force": 1e2, "motion": 1.0, "null space": 1e-2}
 
 #: A limit that would stop the run is kept at this share, or this far inside.
 FORCE_SHARE, SPEED_SHARE, VELOCITY_SHARE = 0.95, 0.98, 0.99
@@ -57,16 +57,16 @@ class LimitRows:
 
     Attributes:
         rows: what each of the m rows is. A: (m, n). lower, upper: (m,); x = 0 is u*.
-        torque: (n,) u*. stretch: (n, n) L S. task: (r, n) what x adds to the force along each
-            of the requested directions.
+        P: (n, n) what x costs. factor: (n, n) L. requests: (r, n) what x adds to the force along
+            each of the requested directions.
     """
 
     rows: tuple[Row, ...]
     A: ca.SX
     lower: ca.SX
     upper: ca.SX
-    torque: ca.SX
-    stretch: ca.SX
+    P: ca.SX
+    factor: ca.SX
     requests: ca.SX
 
     @property
@@ -156,17 +156,16 @@ def limit_rows(
     if limits.speed is not None:
         _add_speed(add, SPEED_SHARE * limits.speed, terms, acceleration, from_joints, context)
 
-    S = _gives_way(state, on)
     rates = linear.forward(L, requests.T)
     weight = ca.vertcat(ca.SX(0, 1), *(ca.sumsqr(rates[:, k]) for k in range(rates.shape[1])))
     return LimitRows(
         rows=tuple(rows),
-        A=ca.densify(ca.vertcat(ca.SX(0, n), *A) @ S),
-        lower=ca.densify(ca.vertcat(ca.SX(0, 1), *(low for low, _ in bounds))),
-        upper=ca.densify(ca.vertcat(ca.SX(0, 1), *(high for _, high in bounds))),
-        torque=wanted,
-        stretch=ca.densify(L @ S),
-        requests=ca.densify((rates.T @ S) / weight),
+        A=ca.vertcat(ca.SX(0, n), *A),
+        lower=ca.vertcat(ca.SX(0, 1), *(low for low, _ in bounds)),
+        upper=ca.vertcat(ca.SX(0, 1), *(high for _, high in bounds)),
+        P=_cost(state, on),
+        factor=L,
+        requests=rates.T / weight,
     )
 
 
@@ -196,7 +195,7 @@ class _Contacts:
         self.C = linear.forward(L, self.J.T) @ ca.diag(active) if c else ca.SX(n, 0)
         mobility = self.C.T @ self.C + ca.diag(1 - active)
         self.inertia = linear.solve(linear.cholesky(mobility), ca.SX.eye(c)) if c else mobility
-        #: (c, n) what y = S x adds to the multipliers.
+        #: (c, n) what x adds to the multipliers.
         self.map = self.inertia @ self.C.T
 
     def multipliers(self, acceleration: ca.SX) -> ca.SX:
@@ -259,16 +258,15 @@ def _add_speed(
             )
 
 
-def _gives_way(state: TaskState, on: _Contacts) -> ca.SX:
-    """S (n, n): what x stretches, by the parts of the arm's motion."""
+def _cost(state: TaskState, on: _Contacts) -> ca.SX:
+    """P (n, n), by the orthogonal parts of x: null space, motion, contact force."""
     n = state.H_factor.shape[0]
-    null, motion, force = (GIVES_WAY[part] for part in ("null space", "motion", "force"))
-    eye = ca.SX.eye(n)
-    S = motion * eye
+    null, motion, force = (COST[part] for part in ("null space", "motion", "force"))
+    P = motion * ca.SX.eye(n)
     if n > len(state.axes):
         T = linear.forward(state.H_factor, state.J.T)
-        onto_task = T @ linear.solve(linear.cholesky(state.mobility), T.T)
-        S = null * (eye - onto_task) + motion * onto_task
+        Y = linear.forward(linear.cholesky(state.mobility), T.T)
+        P = null * ca.SX.eye(n) + (motion - null) * (Y.T @ Y)
     if on.contacts:
-        S = S + (force - motion) * on.C @ on.map
-    return S
+        P = P + (force - motion) * on.C @ on.map
+    return P

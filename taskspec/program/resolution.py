@@ -37,7 +37,7 @@ from taskspec.robot import RobotModel
 from taskspec.spec import LAWS, Law, Limits
 
 #: Outputs of `assemble`, in order; matrices are given by rows.
-ASSEMBLED = ("A", "lower", "upper", "torque", "stretch", "requests")
+ASSEMBLED = ("P", "A", "lower", "upper", "factor", "requests")
 #: Outputs of `look`, in order; matrices are given by rows.
 LOOKED = ("P", "g", "A", "lower", "upper", "effect", "values")
 
@@ -48,9 +48,9 @@ class Resolution:
 
     Attributes:
         solver: `daqp` or `osqp`. rows: the m limits. requested: names of the r force set points.
-        assemble: the tick's inputs -> `ASSEMBLED`.
-        accept: A, lower, upper, torque, stretch, requests, x (n,), dual (m,) ->
-            torque (n,), KKT residual, what limits take from each request (r,).
+        assemble: the tick's inputs, u* (n,) -> `ASSEMBLED`.
+        accept: `ASSEMBLED`, u* (n,), x (n,), dual (m,) -> torque (n,), KKT residual, sum of 2^i
+            over the limits i that bind, what limits take from each request (r,).
         look: the tick's inputs -> `LOOKED`; None where nothing is requested of a contact.
         generators: how many of them there are. conditions: on their sizes.
     """
@@ -98,13 +98,20 @@ class Resolved:
 
     Attributes:
         solver: by name. requests: the stage's force set points. limits: what binds the torque.
+        torque: (n,) symbol of the torque u* around which they are.
         nearest: the forces that contacts return; None where nothing is asked of one.
     """
 
     solver: str
     requests: Requests
     limits: LimitRows
+    torque: ca.SX
     nearest: Consistency | None
+
+    def violation(self, wanted: ca.SX) -> ca.SX:
+        """How far the torque (n,) that a law asks for is beyond its limits; 0 where it is not."""
+        beyond: ca.SX = ca.substitute(self.limits.violation, self.torque, wanted)
+        return beyond
 
     @property
     def unsettled(self) -> ca.SX:
@@ -115,7 +122,7 @@ class Resolved:
         """The programs as functions of the tick's inputs."""
         limits, nearest, look = self.limits, self.nearest, None
         if nearest is not None:
-            parts = (
+            asked = (
                 nearest.P,
                 nearest.g,
                 nearest.A.T,
@@ -124,13 +131,13 @@ class Resolved:
                 nearest.effect.T,
                 self.requests.values,
             )
-            look = _flat("look", arguments, parts)
-        assemble = (
+            look = _flat("look", arguments, asked)
+        parts = (
+            limits.P,
             limits.A.T,
             limits.lower,
             limits.upper,
-            limits.torque,
-            limits.stretch.T,
+            limits.factor.T,
             limits.requests.T,
         )
         m, n = limits.A.shape
@@ -138,7 +145,8 @@ class Resolved:
             solver=self.solver,
             rows=limits.rows,
             requested=self.requests.names,
-            assemble=_flat("assemble", arguments, assemble),
+            # The law need not be evaluated twice: its torque is an argument.
+            assemble=_flat("assemble", [*arguments, self.torque], parts),
             accept=_accept(n, m, len(self.requests.names)),
             look=look,
             generators=0 if nearest is None else nearest.g.shape[0],
@@ -160,7 +168,6 @@ def resolve(
     seen: Seen,
     asked: Mapping[str, ca.SX],
     gaps: Mapping[str, ca.SX],
-    wanted: ca.SX,
     clock: ca.SX,
     q: ca.SX,
     v: ca.SX,
@@ -171,13 +178,14 @@ def resolve(
     Args:
         context, law, limits, plans: of the stage. seen: its expressions.
         asked: force set points by name, before anything is taken from them.
-        gaps: to every shape. wanted: (n,) torque of the closed form. clock: of the run [s].
+        gaps: to every shape. clock: of the run [s].
         q, v: (n,) measured. parameters: where the last torque takes its slot.
     """
     names = tuple(asked)
     objects = touched_objects(context, seen.contact, plans, seen.axes_rotation)
     pressed = pressed_objects(context, objects, plans, seen.axes_rotation)
     n = q.shape[0]
+    torque = ca.SX.sym("u", n)
     contacts = shape_rows(context, objects, pressed, seen.world, seen.wrench, gaps, clock)
     on_equations = [
         equation_contact(row, name, seen.measured[name], context.compliances[name].stiffness)
@@ -201,7 +209,7 @@ def resolve(
         terms=seen.world,
         contacts=[*contacts, *on_equations],
         requests=requests.rows,
-        wanted=wanted,
+        wanted=torque,
         last=last,
         q=q,
         v=v,
@@ -209,7 +217,7 @@ def resolve(
     )
     generators = _generators(context, law, seen, requests, axes, objects, on_equations, clock)
     nearest = consistency(context, limits, requests, generators, seen.world.gravity)
-    return Resolved(law.solver, requests, limited, nearest)
+    return Resolved(law.solver, requests, limited, torque, nearest)
 
 
 def _environment(context: Context, seen: Seen, v: ca.SX) -> ca.SX:
@@ -283,37 +291,35 @@ def _turned(seen: Seen, contact: ContactRow) -> bool:
 def _accept(n: int, m: int, r: int) -> ca.Function:
     """What an answer x with its multipliers y means, and how far it is from optimal.
 
-    The residual is the largest of stationarity |x + A'y| over max(1, |x|), of violation
-    |A x beyond its bounds| over max(1, |A x|) and of complementarity over max(1, |x|^2).
+    The residual is the largest of stationarity |P x + A'y| over max(1, |P x|), of violation
+    |A x beyond its bounds| over max(1, |A x|), and of complementarity |y (A x - bound)| over
+    max(1, x'P x).
     """
-    A_flat, lower, upper = ca.SX.sym("A", m * n), ca.SX.sym("l", m), ca.SX.sym("u", m)
-    torque, stretch = ca.SX.sym("torque", n), ca.SX.sym("stretch", n * n)
-    requests = ca.SX.sym("requests", r * n)
-    x, y = ca.SX.sym("x", n), ca.SX.sym("y", m)
-    A = ca.reshape(A_flat, n, m).T
-    at = A @ x
-    none = ca.SX.zeros(m)
+    P, A_rows = ca.SX.sym("P", n, n), ca.SX.sym("A", n, m)
+    lower, upper = ca.SX.sym("l", m), ca.SX.sym("u", m)
+    factor, requests = ca.SX.sym("L", n, n), ca.SX.sym("requests", n, r)
+    torque, x, y = ca.SX.sym("torque", n), ca.SX.sym("x", n), ca.SX.sym("y", m)
+    Px, at, zero = P @ x, A_rows.T @ x, ca.SX(0)
     above, below = at - upper, lower - at
-    slack = ca.vertcat(
-        *(
-            ca.if_else(y[i] > 0, y[i] * above[i], ca.if_else(y[i] < 0, y[i] * below[i], 0))
-            for i in range(m)
-        )
+    slack = [
+        ca.if_else(y[i] > 0, y[i] * above[i], ca.if_else(y[i] < 0, y[i] * below[i], 0))
+        for i in range(m)
+    ]
+    largest = [
+        ca.mmax(ca.fabs(ca.vertcat(zero, part)))
+        for part in (Px, at, Px + A_rows @ y, ca.vertcat(*slack))
+    ]
+    beyond = ca.mmax(ca.vertcat(zero, above, below))
+    residual = ca.fmax(
+        ca.fmax(largest[2] / ca.fmax(1, largest[0]), beyond / ca.fmax(1, largest[1])),
+        largest[3] / ca.fmax(1, ca.dot(x, Px)),
     )
-    scale = ca.fmax(1, ca.mmax(ca.fabs(x)))
-    errors = (
-        ca.mmax(ca.fabs(x + A.T @ y)) / scale,
-        ca.mmax(ca.vertcat(0, ca.fmax(ca.fmax(above, below), none)))
-        / ca.fmax(1, ca.mmax(ca.vertcat(0, ca.fabs(at)))),
-        ca.mmax(ca.vertcat(0, ca.fabs(slack))) / scale**2,
-    )
-    residual = ca.fmax(ca.fmax(errors[0], errors[1]), errors[2])
-    u = torque + ca.reshape(stretch, n, n).T @ x
-    cut = ca.reshape(requests, n, r).T @ x if r else ca.SX(0, 1)
+    binding = ca.sum1(ca.vertcat(zero, *(2**i * (y[i] != 0) for i in range(m))))
+    given = (P, A_rows, lower, upper, factor, requests)
     return ca.Function(
         "accept",
-        [A_flat, lower, upper, torque, stretch, requests, x, y],
-        [u, residual, ca.densify(cut)],
+        [*(ca.vec(part) for part in given), torque, x, y],
+        [torque + factor.T @ x, residual, binding, ca.densify(requests.T @ x)],
         {"cse": True},
     )
 

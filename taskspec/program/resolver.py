@@ -86,15 +86,20 @@ class Resolver:
         self._clear = True
         self._problem = problem = Problem.empty(n, m)
         self._x, self._dual = np.zeros(n), np.zeros(m)
-        self._accepted, self._residual, self._found_cut = np.zeros(n), np.zeros(1), np.zeros(r)
-        wanted, stretch, requests = np.zeros(n), np.zeros(n * n), np.zeros(r * n)
-        parts = (problem.flat_A, problem.lower, problem.upper, wanted, stretch, requests)
-        self._assemble = BoundFunction(resolution.assemble, arguments, parts)
-        results = (self._accepted, self._residual, self._found_cut)
-        self._accept = BoundFunction(resolution.accept, (*parts, self._x, self._dual), results)
+        self._accepted, self._found_cut = np.zeros(n), np.zeros(r)
+        self._residual, self._binding = np.zeros(1), np.zeros(1)
+        factor, requests = np.zeros(n * n), np.zeros(r * n)
+        parts = (
+            *(problem.flat_P, problem.flat_A, problem.lower, problem.upper),
+            *(factor, requests),
+        )
+        self._assemble = BoundFunction(resolution.assemble, (*arguments, torque), parts)
+        results = (self._accepted, self._residual, self._binding, self._found_cut)
+        self._accept = BoundFunction(
+            resolution.accept, (*parts, torque, self._x, self._dual), results
+        )
         self._solver = make_solver(resolution.solver, n, m)
         self._nearest = _Nearest(resolution, arguments) if resolution.look is not None else None
-        self._bits = 2.0 ** np.arange(m)
 
     def remember(self) -> None:
         """Keeps the torque of the tick before, which is about to be overwritten."""
@@ -149,7 +154,7 @@ class Resolver:
         self._torque[:] = self._accepted
         self._cut[:], self._limited[:], self._clear = self._found_cut, 1.0, False
         self._outputs[_LIMITED] = 1.0
-        self._outputs[_LIMITS] = self._bits @ (self._dual != 0.0)
+        self._outputs[_LIMITS] = self._binding[0]
         self._outputs[_RESIDUAL] = residual
         return True
 

@@ -310,7 +310,6 @@ def compile_stage(
                 for name, wish in {**references.force_ref, **forces.desired}.items()
             },
             gaps=gap,
-            wanted=wanted,
             clock=clock.clock,
             q=q,
             v=v,
@@ -347,7 +346,7 @@ def compile_stage(
         table,
         references,
         chosen.conditioning if chosen else ca.SX(1),
-        (limited.limits.violation, limited.unsettled) if limited else (ca.SX(0), ca.SX(0)),
+        (limited.violation(wanted), limited.unsettled) if limited else (ca.SX(0), ca.SX(0)),
         (
             ca.vertcat(ca.SX(0, 1), *(forces.desired.get(name, nothing) for name in equations)),
             felt,

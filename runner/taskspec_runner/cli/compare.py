@@ -125,7 +125,8 @@ def _notes(file: Path, sets: Sequence[str], loaded: LoadedTask | None) -> list[s
         own = load(file, sets).task.law
     except SpecError:
         own = None
-    if own is not None and own.model_dump(exclude={"kind", "orientation"}, exclude_none=True):
+    kept = {"kind", "orientation", "solve", "solver"}
+    if own is not None and own.model_dump(exclude=kept, exclude_none=True):
         notes.append(
             f"every law has designed gains; those that the file gives {own.kind} are left out"
         )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
 import typer
@@ -14,6 +14,8 @@ from taskspec_runner.session import RunResult
 if TYPE_CHECKING:
     from rich.table import Table
 
+#: Limits that are named in a line.
+_FEW = 3
 _STYLES = {
     0: "bold green",
     1: "bold red",
@@ -32,6 +34,9 @@ def show_outcome(result: RunResult, *, quiet: bool) -> None:
         show(_expectations(expectations, whole=result.summary["status"] == "done"))
     if result.summary["metrics"] and not quiet:
         show(*[""] * bool(expectations), _metrics(result.summary), "")
+    if not quiet:
+        for line in given_up(result.summary):
+            show(Text(line, style="yellow"))
     if not quiet or result.exit_code:
         show(Text(ending(result), style=_STYLES.get(result.exit_code, "")))
     if not quiet:
@@ -54,6 +59,26 @@ def ending(result: RunResult) -> str:
             told = f"so far: {told} until it {summary['status']}"
         text += f"; {told}"
     return f"{text}; {result.real_time_factor:.3g} x real time"
+
+
+def given_up(summary: Mapping[str, Any]) -> Iterator[str]:
+    """What limits and contacts took from each stage, a line each; nothing where it is nothing."""
+    for stage, found in summary["given_up"].items():
+        if found["force_inconsistent"]:
+            yield (
+                f"{stage}: {force(found['force_inconsistent'])} of its set points cannot be "
+                "returned, and the nearest force that can was applied"
+            )
+        if found["limited"]:
+            most = list(found["limits"].items())
+            named = ", ".join(f"{name} {percent(share)}" for name, share in most[:_FEW])
+            more = f" and {len(most) - _FEW} more" if len(most) > _FEW else ""
+            yield f"{stage}: limits changed {percent(found['limited'])} of the ticks: {named}{more}"
+
+
+def percent(share: float) -> str:
+    """A share, never rounded to nothing or to everything."""
+    return "< 1 %" if share < 0.01 else f"{min(100 * share, 99 if share < 1 else 100):.0f} %"
 
 
 def _expectations(expectations: list[Mapping[str, Any]], *, whole: bool) -> Table:
