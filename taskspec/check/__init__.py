@@ -12,6 +12,7 @@ from taskspec.check.felt import check_felt
 from taskspec.check.following import check_following
 from taskspec.check.forces import check_forces
 from taskspec.check.frames import check_frame, check_start, check_stiffness
+from taskspec.check.limits import check_limits
 from taskspec.check.orientation import check_orientation
 from taskspec.check.sensor import check_sensor
 from taskspec.check.set_points import check_set_points
@@ -63,6 +64,7 @@ def check_stages(context: Context) -> tuple[Diagnostic, ...]:
             continue
         axes_of[name] = axes
         check_axes(context, name, axes, found)
+        check_limits(context, name, found)
         check_signals(context, name, axes, found)
         check_set_points(context, name, axes, rotation, found)
         check_constraints(context, name, axes, rotation, found)

@@ -16,6 +16,7 @@ register(
         "TS226": "a frame placed in one that follows a surface",
         "TS227": "a path that only turns, at a speed of translation",
         "TS228": "Euler angles where the task frame turns or a rotation is not held to a motion",
+        "TS214": "a limit that nothing keeps",
         "TS229": "Euler angles at their singularity at the start",
         "TS311": "an equation without a gradient",
         "TS312": "a start off a constraint",

@@ -213,6 +213,8 @@ _TURN = "path: {line: {by: [0, 0, 0, 0, 0, 20 deg]}, %s}"
         ("TS228", "law: {kind: hybrid, orientation: rpy}\n" + _SLIDE % "axes: {rx: {torque: 0}}"),
         ("TS229", "law: {kind: hybrid, orientation: zyz}\n" + _SLIDE % "axes: {}"),
         ("", "law: {kind: hybrid, orientation: rpy}\n" + _SLIDE % "axes: {}"),
+        ("TS214", "limits: {torque_rate: 100 N*m/s}\n" + _SLIDE % "axes: {}"),
+        ("", "law: {kind: pd, solve: qp}\nlimits: {torque_rate: 9 W}\n" + _SLIDE % "axes: {}"),
     ],
 )
 def test_errors_that_the_reference_names(code, text):

@@ -85,17 +85,26 @@ def _traced(found: Diagnostic, lines: Mapping[int, str]) -> Diagnostic:
 
 
 def _laws(path: Path, law: str) -> dict[str, str]:
-    """Overrides of every `law` in a file; a file that cannot be parsed has none to replace."""
+    """Overrides of every `law` in a file; a file that cannot be parsed has none to replace.
+
+    How the torques follow from a law is not part of it: `solve` and `solver` stay.
+    """
     with path.open("rb") as file:
         # A file that is too long or not UTF-8 is found out when it is loaded.
         text = normal(file.read(MAX_BYTES).decode("utf-8", "replace"))
     root = read(Source(str(path), text), Diagnostics(str(path)))
     stages = root.get("stages") if isinstance(root, nodes.Mapping) else None
-    own = [
-        f"stages.{name}.law"
-        for name, (_, stage) in (
-            stages.entries if isinstance(stages, nodes.Mapping) else {}
-        ).items()
-        if isinstance(stage, nodes.Mapping) and stage.get("law") is not None
-    ]
-    return dict.fromkeys(["law", *own], law)
+    owners = {"law": root}
+    if isinstance(stages, nodes.Mapping):
+        owners |= {f"stages.{name}.law": stage for name, (_, stage) in stages.entries.items()}
+    found = {}
+    for place, owner in owners.items():
+        own = owner.get("law") if isinstance(owner, nodes.Mapping) else None
+        if own is None and place != "law":
+            continue
+        found[place] = law
+        for key in ("solve", "solver"):
+            kept = own.get(key) if isinstance(own, nodes.Mapping) else None
+            if isinstance(kept, nodes.Scalar):
+                found[f"{place}.{key}"] = kept.value
+    return found

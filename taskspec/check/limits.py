@@ -1,0 +1,22 @@
+"""Limits that nothing keeps."""
+
+from __future__ import annotations
+
+from taskspec.program.context import Context
+from taskspec.text.diagnostic import Diagnostics
+
+
+def check_limits(context: Context, name: str, found: Diagnostics) -> None:
+    """Reports a limit on the torques' rate in a stage whose torques are a closed form's."""
+    task = context.loaded.task
+    stage = task.stages[name]
+    if context.law_of(stage).solve == "qp" or context.limits_of(stage).torque_rate is None:
+        return
+    own = stage.limits is not None and stage.limits.torque_rate is not None
+    owner = ("stages", name, "limits") if own else ("limits",)
+    found.error(
+        "TS214",
+        f"nothing keeps 'torque_rate' in stage {name!r}: its torques are those of a closed form",
+        context.loaded.span((*owner, "torque_rate"), key=True),
+        "solve the law by a program that keeps it, as in 'law: {kind: hybrid, solve: qp}'",
+    )
