@@ -12,6 +12,7 @@ from taskspec.check.felt import check_felt
 from taskspec.check.following import check_following
 from taskspec.check.forces import check_forces
 from taskspec.check.frames import check_frame, check_start, check_stiffness
+from taskspec.check.null_space import check_null_space
 from taskspec.check.orientation import check_orientation
 from taskspec.check.sensor import check_sensor
 from taskspec.check.set_points import check_set_points
@@ -66,6 +67,7 @@ def check_stages(context: Context) -> tuple[Diagnostic, ...]:
         check_signals(context, name, axes, found)
         check_set_points(context, name, axes, rotation, found)
         check_constraints(context, name, axes, rotation, found)
+        check_null_space(context, name, axes, found)
         check_orientation(context, name, axes, rotation, found)
         try:
             path = path_shape(context, name, rotation)

@@ -11,10 +11,10 @@ from documents import CONVENTIONS, LANGUAGE, completed, first_words, load, table
 
 from taskspec.compiler import Program, compile_task
 from taskspec.control.gains import Plant, design, design_joint_damping
+from taskspec.control.null_space import FREQUENCY
 from taskspec.motion.blend import BLEND_TIME
 from taskspec.motion.profile import RISE_TIME
 from taskspec.program import events
-from taskspec.program.laws import POSTURE_FREQUENCY
 from taskspec.program.references import DEFAULT_RAMP
 from taskspec.program.signals import TOUCHING
 from taskspec.program.tracks import MOVE_SPEED
@@ -53,7 +53,7 @@ def test_defaults():
         "touching": TOUCHING,
         "rate of the controller": control["rate"].default,
         "rate of the plant": control["plant_rate"].default,
-        "posture of a redundant arm": POSTURE_FREQUENCY,
+        "posture of a redundant arm": FREQUENCY,
     }
     assert rows.keys() - plain == expected.keys()
     for what, number in expected.items():
