@@ -37,8 +37,10 @@ LIMIT_WIDTH = 0.5
 GAIN = 0.5
 #: and the most that it gets to [rad].
 MOST = 0.25
-#: Singular values of J that are well below this do not count [m/rad].
+#: Singular values of J that are well below this do not count in w [m/rad],
 LEAST = 1e-3
+#: nor those below this among the directions that the task takes from the null space [m/rad].
+NONE = 1e-6
 
 
 def acceleration(pull: ca.SX, v: ca.SX) -> ca.SX:
@@ -126,7 +128,7 @@ def log_gradient(J: ca.SX, axes: Sequence[str], units: Vector) -> ca.SX:
     rows = [AXES.index(a) for a in axes]
     n = J.shape[1]
     scaled = scale(J[rows, :], axes, units)
-    weighted = linear.solve(_factor(scaled), scaled)
+    weighted = linear.solve(_factor(scaled, LEAST), scaled)
     F = ca.SX.zeros(6, n)
     F[rows, :] = scale(weighted, axes, units)
     columns = [(J[:3, i], J[3:, i], F[:3, i], F[3:, i]) for i in range(n)]
@@ -141,8 +143,8 @@ def log_gradient(J: ca.SX, axes: Sequence[str], units: Vector) -> ca.SX:
 
 
 def along_null_space(g: ca.SX, J: ca.SX) -> ca.SX:
-    """P g (n,) with P = I - J^T (J J^T + LEAST^2 I)^-1 J, for J (m, n) and g scaled."""
-    return g - J.T @ linear.solve(_factor(J), J @ g)
+    """P g (n,) with P = I - J^T (J J^T + NONE^2 I)^-1 J, for J (m, n) and g scaled."""
+    return g - J.T @ linear.solve(_factor(J, NONE), J @ g)
 
 
 def scale(J: ca.SX, axes: Sequence[str], units: Vector) -> ca.SX:
@@ -156,5 +158,5 @@ def joint_units(turns: Sequence[bool]) -> Vector:
     return np.array([1.0 if hinge else ARM_LENGTH for hinge in turns])
 
 
-def _factor(J: ca.SX) -> ca.SX:
-    return linear.cholesky(J @ J.T + LEAST**2 * ca.SX.eye(J.shape[0]))
+def _factor(J: ca.SX, least: float) -> ca.SX:
+    return linear.cholesky(J @ J.T + least**2 * ca.SX.eye(J.shape[0]))
