@@ -75,7 +75,9 @@ class Words(Kind):
         for entry in entries:
             before = len(reading.diagnostics)
             word = self.word.read(entry, reading)
-            if word in found and len(reading.diagnostics) == before:
+            if len(reading.diagnostics) > before:
+                continue
+            if word in found:
                 reading.error("TS023", f"'{word}' stands in this list twice", span_of(entry))
             found[word] = None
         return tuple(found)
