@@ -21,12 +21,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.control import linear
-from taskspec.control.state import AXES
+from taskspec.control.state import ARM_LENGTH, AXES
 
 Vector = NDArray[np.float64]
 
-#: Characteristic length [m]: a rotation by 1 rad counts as this way.
-ARM_LENGTH = 0.3
 #: The goals pull at this frequency [Hz], critically damped about a posture.
 FREQUENCY = 2.0
 #: A joint is drawn away from a limit within this part of its range,

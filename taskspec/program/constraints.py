@@ -16,10 +16,9 @@ from numpy.typing import NDArray
 from taskspec.control import linear
 from taskspec.control.gains import Gains, Plant, design_constraint
 from taskspec.control.model_terms import TermSymbols
-from taskspec.control.null_space import ARM_LENGTH
 from taskspec.control.reference import Reference, opposite
 from taskspec.control.resolution import inverse_directions
-from taskspec.control.state import TaskState
+from taskspec.control.state import ARM_LENGTH, TaskState
 from taskspec.program.context import Context
 from taskspec.program.equations import EquationModel, EquationTerms
 from taskspec.program.layout import Layout

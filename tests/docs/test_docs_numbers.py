@@ -12,6 +12,7 @@ from documents import CONVENTIONS, LANGUAGE, completed, first_words, load, table
 from taskspec.compiler import Program, compile_task
 from taskspec.control import null_space
 from taskspec.control.gains import Plant, design, design_joint_damping
+from taskspec.control.state import ARM_LENGTH
 from taskspec.motion.blend import BLEND_TIME
 from taskspec.motion.profile import RISE_TIME
 from taskspec.program import events
@@ -74,7 +75,7 @@ def test_numbers_of_the_null_space():
     assert value(most) == pytest.approx(null_space.MOST, rel=1e-12)
     text = LANGUAGE.read_text(encoding="utf-8").partition("### Null space")[2]
     assert f"ω = 2π `{null_space.FREQUENCY:g} Hz`" in text
-    assert f"a length of `{null_space.ARM_LENGTH:g} m`" in text
+    assert f"a length of `{ARM_LENGTH:g} m`" in text
 
 
 AXES = {

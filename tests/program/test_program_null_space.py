@@ -9,7 +9,7 @@ import pinocchio as pin
 import pytest
 
 from measures import rms
-from taskspec.control import null_space
+from taskspec.control.state import ARM_LENGTH
 from taskspec.program.machine import Machine
 from taskspec.program.ports import fields
 from taskspec.program.prepare import frame_at_start, prepare
@@ -56,7 +56,7 @@ class Arm:
 
     def w(self, q):
         J = self.jacobian(q)
-        J[3:] *= null_space.ARM_LENGTH
+        J[3:] *= ARM_LENGTH
         return float(np.sqrt(np.linalg.det(J @ J.T)))
 
     def moved(self, q, way, sense):
@@ -190,6 +190,28 @@ def test_manipulability_rises_all_the_way(simulate, panda):
     assert np.min(np.diff(w)) > -1e-12 * w[0]
     assert w[-1] > 1.5 * w[0]
     assert error < HELD
+
+
+def test_the_quadratic_program_moves_the_arm_alike(simulate):
+    """No limit is active on the way: torques agree to 1e-9 N m, and so do the joints."""
+    q = np.array([0.0, 0.3, 1.2, -1.5, 0.3, 1.2, 0.0])
+    ways = [
+        at_rest(simulate, f"[joint-limits, manipulability], solve: {solve}", q)[0]
+        for solve in ("closed-form", "qp")
+    ]
+    assert np.max(np.ptp(ways[0], axis=0)) > 0.5
+    np.testing.assert_allclose(ways[1], ways[0], atol=1e-9)
+
+
+def test_the_null_space_gives_way_to_limits_before_the_task(simulate, panda):
+    """A posture so far that the joints' velocity limits are in the way."""
+    far = panda.moved(MIDDLE, 1.0, 2)
+    text = REST.format(q=joints(MIDDLE), posture=joints(far), goals="posture")
+    assert simulate(text).outcome.reason == "joint_velocity"
+    Q, error = at_rest(simulate, "posture, solve: qp", MIDDLE, far)
+    # As `HELD`, at the 2.2 rad/s that the limits leave.
+    assert error < 2 * HELD
+    np.testing.assert_allclose(Q[-1], far, atol=1e-6)
 
 
 def test_goals_add_up(simulate, panda):
