@@ -15,6 +15,7 @@ rotation is `ARM_LENGTH` metres a radian.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import accumulate
 
 import casadi as ca
 import numpy as np
@@ -130,11 +131,10 @@ def log_gradient(J: ca.SX, axes: Sequence[str], units: Vector) -> ca.SX:
     F = ca.SX.zeros(6, n)
     F[rows, :] = scale(weighted, axes, units)
     columns = [(J[:3, i], J[3:, i], F[:3, i], F[3:, i]) for i in range(n)]
-    carried = [ca.cross(v, a) + ca.cross(w, b) for v, w, a, b in columns]
-    levers = [ca.cross(a, w) for _, w, a, _ in columns]
+    behind = list(accumulate(ca.cross(v, a) + ca.cross(w, b) for v, w, a, b in reversed(columns)))
+    before = list(accumulate((ca.cross(a, w) for _, w, a, _ in columns), initial=ca.SX.zeros(3)))
     gradient = [
-        ca.dot(w, sum(carried[j:], start=ca.SX.zeros(3)))
-        + ca.dot(v, sum(levers[:j], start=ca.SX.zeros(3)))
+        ca.dot(w, behind[n - 1 - j]) + ca.dot(v, before[j])
         for j, (v, w, _, _) in enumerate(columns)
     ]
     return ca.vertcat(*gradient)
