@@ -13,6 +13,7 @@ from taskspec.check.following import check_following
 from taskspec.check.forces import check_forces
 from taskspec.check.frames import check_frame, check_start, check_stiffness
 from taskspec.check.limits import check_limits
+from taskspec.check.null_space import check_null_space
 from taskspec.check.orientation import check_orientation
 from taskspec.check.sensor import check_sensor
 from taskspec.check.set_points import check_set_points
@@ -68,6 +69,7 @@ def check_stages(context: Context) -> tuple[Diagnostic, ...]:
         check_signals(context, name, axes, found)
         check_set_points(context, name, axes, rotation, found)
         check_constraints(context, name, axes, rotation, found)
+        check_null_space(context, name, axes, found)
         check_orientation(context, name, axes, rotation, found)
         try:
             path = path_shape(context, name, rotation)

@@ -93,9 +93,3 @@ def inverse_directions(state: TaskState) -> ca.SX:
     """J^bar = H^-1 J^T Lambda (n, m): joint accelerations of each task axis; J^-1 for n = m."""
     weighted = linear.solve(linear.cholesky(state.mobility), state.J)
     return linear.solve(state.H_factor, weighted.T)
-
-
-def posture_acceleration(q: ca.SX, v: ca.SX, target: ca.SX, frequency: float) -> ca.SX:
-    """Critically damped acceleration (n,) towards the posture `target` (n,); frequency in Hz."""
-    w = 2 * ca.pi * frequency
-    return w**2 * (target - q) - 2 * w * v

@@ -10,6 +10,8 @@ import casadi as ca
 from taskspec.control import linear
 
 AXES = ("x", "y", "z", "rx", "ry", "rz")
+#: Characteristic length [m]: where ways and angles are compared, 1 rad counts as this way.
+ARM_LENGTH = 0.3
 
 
 @dataclass(frozen=True, slots=True)

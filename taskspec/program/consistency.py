@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.control import linear
-from taskspec.program.constraints import ARM_LENGTH
+from taskspec.control.state import ARM_LENGTH
 from taskspec.program.contacts import ContactRow
 from taskspec.program.context import Context
 from taskspec.program.limited import FORCE_SHARE

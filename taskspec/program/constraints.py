@@ -18,7 +18,7 @@ from taskspec.control.gains import Gains, Plant, design_constraint
 from taskspec.control.model_terms import TermSymbols
 from taskspec.control.reference import Reference, opposite
 from taskspec.control.resolution import inverse_directions
-from taskspec.control.state import TaskState
+from taskspec.control.state import ARM_LENGTH, TaskState
 from taskspec.program.context import Context
 from taskspec.program.equations import EquationModel, EquationTerms
 from taskspec.program.layout import Layout
@@ -155,8 +155,6 @@ class ConstraintSet:
 FORCED, UNNAMED, NAMED = 100.0, 10.0, 1.0
 #: More exchanges than this are rounding.
 _EXCHANGES = 50
-#: A rotation counts as this length in metres when conditioning is compared.
-ARM_LENGTH = 0.3
 
 
 def choose(gradient: NDArray[np.float64], weights: NDArray[np.float64]) -> NDArray[np.float64]:

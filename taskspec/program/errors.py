@@ -24,6 +24,7 @@ register(
         "TS230": "an axis that does not follow from the mechanism's geometry",
         "TS231": "a frame that turns with a handle, and cannot be as the file says",
         "TS232": "a rotation held against the world on an object that turns",
+        "TS233": "a goal in the null space that has no effect on this arm",
         "TS415": "a start away from the handle that the robot is to hold",
         "TS416": "a knob that the robot cannot turn",
         "TS306": "an open-loop force on an axis without a spring",

@@ -14,21 +14,12 @@ from taskspec.control.laws import multipliers as multiplier_laws
 from taskspec.control.laws.parallel import parallel, parallel_pid
 from taskspec.control.model_terms import TermSymbols
 from taskspec.control.reference import opposite
-from taskspec.control.resolution import (
-    Command,
-    full_acceleration,
-    posture_acceleration,
-    torque,
-)
+from taskspec.control.resolution import Command, full_acceleration, torque
 from taskspec.control.state import TaskState
 from taskspec.program.modes import AxisPlan
 from taskspec.program.multipliers import ConstraintControl
 from taskspec.program.references import ReferenceSet
 from taskspec.program.signals import SignalTable, applied
-from taskspec.spec import LAWS
-
-#: A redundant arm holds its posture in the null space at this frequency [Hz], critically damped.
-POSTURE_FREQUENCY = 2.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -193,19 +184,6 @@ _LAWS: dict[str, Callable[[Case], Command]] = {
     "hybrid-multipliers": _hybrid_multipliers,
     "hybrid-reaction": _hybrid_reaction,
 }
-
-
-def posture_pull(
-    kind: str, axes: tuple[str, ...], q: ca.SX, v: ca.SX, posture: ca.SX
-) -> ca.SX | None:
-    """Acceleration (n,) that holds the posture (n,) in the null space of a redundant arm.
-
-    None where there is no null space, and under the laws that leave it alone.
-    """
-    facts = LAWS[kind]
-    if q.shape[0] == len(axes) or facts.bare or facts.damps_joints:
-        return None
-    return posture_acceleration(q, v, posture, POSTURE_FREQUENCY)
 
 
 def joint_torque(kind: str, case: Case, terms: TermSymbols) -> ca.SX:

@@ -42,6 +42,7 @@ from taskspec.program.frames import FrameModel
 from taskspec.program.layout import Layout
 from taskspec.program.modes import AxisPlan, plan_axes
 from taskspec.program.multipliers import ConstraintControl, constrain, equation_forces
+from taskspec.program.null_space import null_space_acceleration
 from taskspec.program.references import build_references
 from taskspec.program.resolution import Resolution
 from taskspec.program.signals import SignalTable
@@ -280,7 +281,7 @@ def compile_stage(
         else None
     )
     control = constrain(chosen, forces, references, clock, parameters) if chosen else None
-    posture = laws.posture_pull(law.kind, axes, q, v, ca.SX(ca.DM(context.posture)))
+    posture = null_space_acceleration(law, context, state, world, q, v)
     case = laws.Case(stated, references, plans, gains, table, v, posture, control)
     wanted = laws.joint_torque(law.kind, case, terms)
     limited, torque = None, resolution.saturated(robot, wanted)

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from taskspec.control.state import AXES
-from taskspec.program.constraints import ARM_LENGTH
+from taskspec.control.state import ARM_LENGTH, AXES
 from taskspec.program.layout import Layout
 from taskspec.program.modes import AxisPlan
 from taskspec.spec import Law

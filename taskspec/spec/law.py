@@ -12,7 +12,7 @@ from taskspec.spec.laws import LAWS
 from taskspec.spec.model import Model, mapping, short_form
 from taskspec.spec.quantities import ForJoints
 from taskspec.spec.reading import Reading
-from taskspec.spec.words import Word
+from taskspec.spec.words import Word, Words
 from taskspec.text.data import Map, Text
 from taskspec.text.units import (
     ANGULAR_DAMPING,
@@ -27,6 +27,7 @@ from taskspec.text.units import (
 
 _GAINS = ("mass", "stiffness", "damping", "bandwidth", "damping_ratio")
 DEFAULT = "hybrid"
+NULL_SPACE_GOALS = ("posture", "joint-limits", "manipulability")
 _SAY_DAMPING = "the law pd-joint calls it 'damping'"
 
 Damping = Annotated[AxisValues, Gain(DAMPING, ANGULAR_DAMPING, least=0)]
@@ -66,6 +67,8 @@ class Law(Model):
         damping_ratio: of motion axes.
         force: gains of the force loop.
         orientation: how orientation errors are measured.
+        null_space: what a redundant arm does with the joints that the task leaves free; these
+            goals are added up.
         solve: how what the law asks for becomes torque: by its own closed form, or by a quadratic
             program that keeps the limits.
         solver: of the quadratic program.
@@ -97,6 +100,9 @@ class Law(Model):
     orientation: Annotated[
         Literal["so3", "rpy", "zyz"], Word(("so3", "rpy", "zyz"), "orientation error")
     ] = Field("so3", title="Orientation error")
+    null_space: Annotated[tuple[str, ...], Words(Word(NULL_SPACE_GOALS, "null-space goal"))] = (
+        Field(("posture",), title="Goals in the null space")
+    )
     solve: Annotated[
         Literal["closed-form", "qp"], Word(("closed-form", "qp"), "way to the torques")
     ] = Field("closed-form", title="Way to the torques")
@@ -117,7 +123,7 @@ class Law(Model):
 
     @classmethod
     def rules(cls, data: Map, reading: Reading) -> None:
-        """Report gains that the named law does not have."""
+        """Report gains, and goals of the null space, that the named law does not have."""
         if "joint_damping" in data.node.entries:
             span = data.node.key_span("joint_damping")
             reading.error("TS020", "unknown key 'joint_damping' in a law", span, _SAY_DAMPING)
@@ -131,6 +137,13 @@ class Law(Model):
         kind = data.get("kind", DEFAULT)
         if not isinstance(kind, str) or kind not in LAWS:
             return
+        if "null_space" in data and not LAWS[kind].holds_null_space:
+            reading.error(
+                "TS213",
+                f"the law '{kind}' leaves the null space alone",
+                data.node.key_span("null_space"),
+                f"laws that do not: {', '.join(k for k, f in LAWS.items() if f.holds_null_space)}",
+            )
         has = LAWS[kind].gains
         force = mapping(data.get("force"))
         given = [(key, data) for key in _GAINS if key in data]

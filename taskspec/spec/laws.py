@@ -17,7 +17,7 @@ class LawFacts:
         shares: a motion and a force may stand on one axis.
         damps_joints: its damping is one of the joints.
         natural: it leaves the arm its own inertia, and the springs of the axes hold each other.
-        bare: it compensates nothing, not even gravity, and holds no posture in the null space.
+        bare: it compensates nothing, not even gravity, and follows no goal in the null space.
         multipliers: its forces are multipliers of constraints: force axes and equations alike.
     """
 
@@ -29,6 +29,11 @@ class LawFacts:
     damps_joints: bool = False
     bare: bool = False
     multipliers: bool = False
+
+    @property
+    def holds_null_space(self) -> bool:
+        """It follows a goal in the null space of a redundant arm."""
+        return not (self.bare or self.damps_joints)
 
 
 LAWS: dict[str, LawFacts] = {

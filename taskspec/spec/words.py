@@ -8,7 +8,7 @@ from typing import Any
 
 from taskspec.spec.kinds import Kind
 from taskspec.spec.reading import Reading, kind_of, span_of
-from taskspec.text.data import Text, Truth, Whole
+from taskspec.text.data import Items, Text, Truth, Whole
 from taskspec.text.suggest import suggestion
 
 ENDS = ("end", "fail")
@@ -54,6 +54,39 @@ class Word(Kind):
     def json(self) -> dict[str, Any]:
         """List the words."""
         return {"enum": list(self.words)}
+
+
+@dataclass(frozen=True)
+class Words(Kind):
+    """One of a few words, or a list of some of them.
+
+    Attributes:
+        word: what each of them can be.
+    """
+
+    word: Word
+
+    def read(self, value: object, reading: Reading) -> tuple[str, ...]:
+        """Return the words in the order of the file."""
+        entries = value if isinstance(value, Items) else [value]
+        if isinstance(value, Items) and not value and not value.node.broken:
+            reading.error("TS023", "this list is empty", span_of(value))
+        found: dict[str, None] = {}
+        for entry in entries:
+            before = len(reading.diagnostics)
+            word = self.word.read(entry, reading)
+            if len(reading.diagnostics) > before:
+                continue
+            if word in found:
+                reading.error("TS023", f"'{word}' stands in this list twice", span_of(entry))
+            found[word] = None
+        return tuple(found)
+
+    def json(self) -> dict[str, Any]:
+        """Describe both forms."""
+        items = self.word.json()
+        listed = {"type": "array", "minItems": 1, "uniqueItems": True, "items": items}
+        return {"anyOf": [items, listed]}
 
 
 @dataclass(frozen=True)

@@ -67,6 +67,7 @@ READING: dict[str, str] = {
     "TS210": "a damping of an axis under a law that damps no axis",
     "TS211": "set points of equations under a law without multipliers",
     "TS212": "a soft axis under a law that has none",
+    "TS213": "a goal in the null space under a law that leaves it alone",
     # Contact and objects.
     "TS301": "a shape's size is missing",
     "TS302": "a size that the shape does not have",

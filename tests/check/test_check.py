@@ -95,6 +95,7 @@ PLANAR = "model: planar3, start: {xyz: [450 mm, 100 mm, 0]}"
         }),
         ("TS414", {"LAW": "{kind: pd-joint, damping: [1 N*m*s/rad, 2 N*m*s/rad]}"}),
         ("TS414", {"ROBOT": "model: panda, joint_damping: [1 N*m*s/rad, 0]"}),
+        ("TS233", {"ROBOT": "model: ur5e", "LAW": "{kind: pd, null_space: joint-limits}"}),
         ("TS307", {"CONTACT": "stiffness: 50000 kN/m"}),
     ],
 )  # fmt: skip

@@ -22,10 +22,10 @@ from documents import (
 from test_docs_keys import units_needed
 
 from taskspec.control.gains import Plant, design, design_joint_damping
-from taskspec.control.state import AXES
+from taskspec.control.state import ARM_LENGTH, AXES
 from taskspec.motion.blend import BLEND_TIME
 from taskspec.program import stage
-from taskspec.program.constraints import ARM_LENGTH, FORCED, NAMED, UNNAMED, weigh
+from taskspec.program.constraints import FORCED, NAMED, UNNAMED, weigh
 from taskspec.spec import LAWS, Axis, Law
 from taskspec.spec.law import ForceGains
 from taskspec.text.expression import Expression, parse

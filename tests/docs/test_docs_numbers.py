@@ -10,11 +10,12 @@ import pytest
 from documents import CONVENTIONS, LANGUAGE, completed, first_words, load, table, value, words
 
 from taskspec.compiler import Program, compile_task
+from taskspec.control import null_space
 from taskspec.control.gains import Plant, design, design_joint_damping
+from taskspec.control.state import ARM_LENGTH
 from taskspec.motion.blend import BLEND_TIME
 from taskspec.motion.profile import RISE_TIME
 from taskspec.program import events
-from taskspec.program.laws import POSTURE_FREQUENCY
 from taskspec.program.references import DEFAULT_RAMP
 from taskspec.program.signals import TOUCHING
 from taskspec.program.tracks import MOVE_SPEED
@@ -23,7 +24,7 @@ from taskspec.spec import Axis, Law, Task
 from taskspec.spec.control import Control
 from taskspec.spec.equation import EquationObject
 from taskspec.spec.gains import AxisValues
-from taskspec.spec.law import LAWS
+from taskspec.spec.law import LAWS, NULL_SPACE_GOALS
 from taskspec.spec.world import Shape
 from taskspec.text.expression import Expression, parse, signals
 from taskspec.text.units import FORCE, split_quantity, to_si
@@ -53,7 +54,7 @@ def test_defaults():
         "touching": TOUCHING,
         "rate of the controller": control["rate"].default,
         "rate of the plant": control["plant_rate"].default,
-        "posture of a redundant arm": POSTURE_FREQUENCY,
+        "posture of a redundant arm": null_space.FREQUENCY,
     }
     assert rows.keys() - plain == expected.keys()
     for what, number in expected.items():
@@ -61,6 +62,20 @@ def test_defaults():
         assert parts is not None
         assert to_si(*parts).value == pytest.approx(number, rel=1e-12), what
     assert rows["`law`, `frame`"] == [Law().kind, Task.model_fields["frame"].default]
+
+
+def test_numbers_of_the_null_space():
+    rows = {words(row[0])[0]: words(row[2]) for row in table(LANGUAGE, "table: null space")}
+    assert tuple(rows) == NULL_SPACE_GOALS
+    share, width = rows["joint-limits"]
+    assert value(share) == pytest.approx(null_space.LIMIT_SHARE, rel=1e-12)
+    assert value(width) == pytest.approx(null_space.LIMIT_WIDTH, rel=1e-12)
+    gain, most = rows["manipulability"]
+    assert value(gain) == pytest.approx(null_space.GAIN**2, rel=1e-12)
+    assert value(most) == pytest.approx(null_space.MOST, rel=1e-12)
+    text = LANGUAGE.read_text(encoding="utf-8").partition("### Null space")[2]
+    assert f"ω = 2π `{null_space.FREQUENCY:g} Hz`" in text
+    assert f"a length of `{ARM_LENGTH:g} m`" in text
 
 
 AXES = {

@@ -209,6 +209,7 @@ _TURN = "path: {line: {by: [0, 0, 0, 0, 0, 20 deg]}, %s}"
         ("TS211", _RIM + _SLIDE % "constraints: {rim: {force: 3 N}}"),
         ("", "law: hybrid-reaction\n" + _RIM + _SLIDE % "constraints: {rim: {force: 3 N}}"),
         ("TS212", "law: hybrid-reaction\n" + _SLIDE % "axes: {x: {hold: start, damping: 3 N*s/m}}"),
+        ("TS213", "law: {kind: stiffness, null_space: posture}\n" + _SLIDE % "axes: {}"),
         ("TS104", _RIM.replace("x = 500 mm", "0 <= x <= 30 mm") + _SLIDE % "axes: {}"),
         ("TS228", "law: {kind: hybrid, orientation: rpy}\n" + _SLIDE % "axes: {rx: {torque: 0}}"),
         ("TS229", "law: {kind: hybrid, orientation: zyz}\n" + _SLIDE % "axes: {}"),

@@ -380,6 +380,30 @@ def test_explain_gains_of_joints_and_equations(task: str, row: str) -> None:
     assert any(" ".join(line.split()).startswith(row) for line in result.stdout.splitlines())
 
 
+@pytest.mark.parametrize(
+    ("law", "says", "default"),
+    [
+        ("pd", "posture", True),
+        (
+            "{kind: pd, null_space: [joint-limits, manipulability]}",
+            "joint-limits, manipulability",
+            False,
+        ),
+        ("pd-joint", "free: the law leaves it alone", False),
+    ],
+)
+def test_explain_the_null_space(tmp_path: Path, law: str, says: str, default: bool) -> None:
+    task = tmp_path / "rest.yaml"
+    task.write_text(
+        f"taskspec: 1\nrobot: {{model: panda}}\nlaw: {law}\nstages: {{a: {{time: 1 s}}}}\n"
+    )
+    lines = [" ".join(line.split()) for line in call("explain", task).stdout.splitlines()]
+    assert f"null space {says}" in lines
+    assert ("robot.posture the start configuration" in lines) == default
+    task.write_text(task.read_text().replace("panda", "ur5e"))
+    assert "null space" not in call("explain", task).stdout
+
+
 def test_explain_under_overrides(tap: Path) -> None:
     text = call(
         "explain", tap, "--set", "stages.hold.axes.x.ramp=70 ms", "--law", "parallel"

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from taskspec.compiler import Program
 from taskspec.control.state import AXES
 from taskspec.program.modes import AxisPlan
+from taskspec.program.null_space import goals
 from taskspec.program.stage import CompiledStage
 from taskspec.spec import LAWS
 from taskspec.spec import Path as SpecPath
@@ -46,6 +47,7 @@ class StageAccount:
     equations: str
     frame: str
     contact: str
+    null_space: str
     axes: tuple[AxisAccount, ...]
     gains: tuple[GainAccount, ...]
     ends: tuple[tuple[str, str], ...]
@@ -94,6 +96,7 @@ def stage_account(program: Program, stage: CompiledStage) -> StageAccount:
         equations=LAWS[stage.law.kind].equations,
         frame=stage.frame.name,
         contact=_contact(program, stage),
+        null_space=_null_space(program, stage),
         axes=(
             *(_axis(stage, axis, plan) for axis, plan in stage.plans.items()),
             *(_equation(program, stage, name) for name in stage.active),
@@ -112,6 +115,13 @@ def _contact(program: Program, stage: CompiledStage) -> str:
     rigid = " (rigid)" if shape.stiffness == "rigid" else ""
     friction = f", friction {shape.friction:.3g}" if shape.friction else ", frictionless"
     return f"{stage.contact}, believed {stiffness(stage.stiffness)}{rigid}{friction}"
+
+
+def _null_space(program: Program, stage: CompiledStage) -> str:
+    robot = program.context.robot
+    if robot.pin.nv == len(stage.axes):
+        return ""
+    return ", ".join(goals(stage.law, robot, stage.axes)) or "free: the law leaves it alone"
 
 
 def _axis(stage: CompiledStage, axis: str, plan: AxisPlan) -> AxisAccount:

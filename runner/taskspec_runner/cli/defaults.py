@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from taskspec.compiler import Program
+from taskspec.program.null_space import goals
 from taskspec.program.references import DEFAULT_RAMP
 from taskspec.program.stage import CompiledStage
 from taskspec.program.tracks import move_speed
@@ -65,7 +66,8 @@ def _robot(program: Program) -> Iterator[tuple[str, str]]:
         yield "robot.start", "the model's home position"
     elif robot.start.joints is None and robot.start.rpy is None and "z" in model.axes:
         yield "robot.start.rpy", "pointing down"
-    if "posture" not in given and model.pin.nv > len(model.axes):
+    laws = [program.context.law_of(stage) for stage in program.context.loaded.task.stages.values()]
+    if "posture" not in given and any("posture" in goals(a, model, model.axes) for a in laws):
         yield "robot.posture", "the start configuration"
     if "sensor" not in given:
         yield "robot.sensor", "contact wrench, every tick, one tick late, no noise"

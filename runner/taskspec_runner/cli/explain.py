@@ -66,6 +66,7 @@ def _show_stage(stage: StageAccount) -> None:
         ("law", f"{stage.law}, equations {stage.equations}"),
         ("frame", stage.frame),
         ("contact", stage.contact),
+        *([("null space", stage.null_space)] if stage.null_space else []),
         *stage.ends,
     )
     axes = table("axis", "controlled by", "reference")
