@@ -67,6 +67,10 @@ def example(path: Path = LANGUAGE, name: str = EXAMPLE) -> str:
     raise LookupError(f"{path.name} has no task {name!r}")
 
 
+def text_of(path: Path) -> str:
+    return path.read_text(encoding="utf-8")
+
+
 def completed(text: str, path: Path = LANGUAGE, name: str = EXAMPLE) -> str:
     return "".join((sections(example(path, name)) | sections(text)).values())
 

@@ -15,6 +15,7 @@ from documents import (
     completed,
     load,
     table,
+    text_of,
     units_written,
     value,
     words,
@@ -41,10 +42,6 @@ law_pages = pytest.mark.parametrize("law", LAWS)
 
 def page(law: str) -> Path:
     return PAGES / f"{law}.md"
-
-
-def text_of(path: Path) -> str:
-    return path.read_text(encoding="utf-8")
 
 
 def shown(path: Path) -> list[str]:
