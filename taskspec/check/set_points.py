@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from taskspec.check.known import known_value
 from taskspec.control.state import AXES
+from taskspec.program.consistency import SET_POINT_SHARE
 from taskspec.program.context import Context
 from taskspec.program.modes import MOSTLY
 from taskspec.spec import Axis
@@ -45,9 +46,15 @@ def check_set_points(
                     "forces are what the robot applies: pressing goes against the outward normal",
                 )
         if most is not None and abs(wanted) > most:
+            kept = context.law_of(stage).solve == "qp"
+            effect = (
+                f"keeps this stage at {SET_POINT_SHARE * most:g} N instead of {abs(wanted):g} N"
+                if kept
+                else f"stops this stage before its {abs(wanted):g} N"
+            )
             found.warning(
                 "TS610",
-                f"the limit on force, {most:g} N, stops this stage before its {abs(wanted):g} N",
+                f"the limit on force, {most:g} N, {effect}",
                 place,
                 "raise the limit, for this stage by its own `limits`, or lower the force",
             )

@@ -19,10 +19,11 @@ from taskspec.control import linear
 from taskspec.control.state import ARM_LENGTH
 from taskspec.program.contacts import ContactRow
 from taskspec.program.context import Context
-from taskspec.program.limited import FORCE_SHARE
 from taskspec.program.unreached import is_moment
 from taskspec.spec import Limits
 
+#: Share of the limit on force that a set point may take; the rest is for transients.
+SET_POINT_SHARE = 0.95
 #: Share of the motors' torque that static forces may take; the rest is for motion.
 STATIC_SHARE = 0.9
 #: Share of its friction that a contact is asked to hold: at the edge of the cone it creeps.
@@ -97,7 +98,7 @@ def consistency(
     conditions = _Conditions(len(generators))
     conditions.add_contacts(generators)
     if limits.force is not None:
-        conditions.add_caps(generators, FORCE_SHARE * limits.force)
+        conditions.add_caps(generators, SET_POINT_SHARE * limits.force)
     conditions.add_torques(generators, STATIC_SHARE * context.robot.torque_limit, gravity)
     return _program(
         requests,

@@ -39,7 +39,7 @@ PRECEDENCE = (TORQUE, JOINT, FORCE, SPEED)
 COST = {"force": 1e2, "motion": 1.0, "null space": 1e-2}
 
 #: A limit that would stop the run is kept at this share, or this far inside.
-FORCE_SHARE, SPEED_SHARE, VELOCITY_SHARE = 0.95, 0.98, 0.99
+FORCE_SHARE, SPEED_SHARE, VELOCITY_SHARE = 0.97, 0.98, 0.99
 POSITION_MARGIN = 1e-3
 
 

@@ -32,6 +32,7 @@ def test_constants_in_the_text():
     assert BRAKING == 0.5
     assert "a is half of what its motor has" in text
     assert f"up to {consistency.FRICTION_SHARE:g} μ times" in text
+    assert f"no more than {consistency.SET_POINT_SHARE:g} of `limits.force`" in text
     assert f"static torques of {consistency.STATIC_SHARE:g} of the motors' limits" in text
     assert f"moments divided by {ARM_LENGTH:g} m" in text
     assert f"within {resolver.HELD_TICKS} control periods" in text
