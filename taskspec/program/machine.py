@@ -149,6 +149,11 @@ class Machine:
         return self._runner.stage
 
     @property
+    def resolver(self) -> Resolver | None:
+        """What keeps the limits of the current stage; None without a program."""
+        return self._runner.resolver
+
+    @property
     def visits(self) -> Mapping[str, int]:
         """How often each stage has been entered."""
         return {name: int(self._now[2 + i]) for i, name in enumerate(self._names)}

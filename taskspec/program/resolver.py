@@ -113,7 +113,7 @@ class Resolver:
         if outputs[_VIOLATION] <= 0:
             if not self._clear:
                 self._cut[:], self._limited[:], self._clear = 0.0, 0.0, True
-        elif not self._solve():
+        elif not self.solve():
             self.account.held += 1
             return False
         self.settle()
@@ -127,7 +127,8 @@ class Resolver:
         if left is not None:
             self._unreachable[:] = left
 
-    def _solve(self) -> bool:
+    def solve(self) -> bool:
+        """Solves the program of the last tick, and takes its answer if it is good enough."""
         self._assemble.evaluate()
         self.account.solved += 1
         solution = self._solver.solve(self._problem)

@@ -1,0 +1,117 @@
+"""What keeping limits costs: closed loops side by side with bare `mj_step`, in one process.
+
+A press while sliding on its plant, recording included, as a multiple of a bare step in contact: by
+the closed form, by the program where no limit is in the way, and with the program solved in every
+tick, as where one binds, by both solvers. Rounds alternate, so that a machine that slows down slows
+all of them.
+
+    python benchmarks/bench_limits.py
+"""
+
+from __future__ import annotations
+
+import statistics
+import tempfile
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+from taskspec.compiler import compile_task
+from taskspec.program.resolver import Resolver
+from taskspec.spec import load_task
+from taskspec_runner.assembly import assemble
+from taskspec_runner.sensing import Sensing
+
+TASK = Path(__file__).resolve().parent.parent / "tasks" / "press-qp.yaml"
+STAGE, AFTER = "slide", 0.5
+ROUNDS, STEPS = 10, 300
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """A way to the torques of the task, and whether its program is solved in every tick."""
+
+    name: str
+    overrides: Mapping[str, str]
+    always: bool
+
+
+CASES = (
+    Case("closed form", {"law.solve": "closed-form", "limits": "{force: 40 N}"}, always=False),
+    Case("program, no limit in the way", {}, always=False),
+    Case("program solved in every tick, DAQP", {}, always=True),
+    Case("program solved in every tick, OSQP", {"law.solver": "osqp"}, always=True),
+)
+
+
+class Loop:
+    """The closed loop of the task, and the bare step of its scene."""
+
+    def __init__(self, case: Case, folder: Path) -> None:
+        program = compile_task(load_task(TASK, case.overrides))
+        self._parts = assemble(program)
+        self._period = program.context.period
+        self._sensing = Sensing(self._parts.plant, self._parts.machine)
+        self._recorder = self._parts.recorder(folder / f"{case.name}.arrow")
+        self._resolver: Resolver | None = None
+        self._sensing.read()
+        machine = self._parts.machine
+        machine.start()
+        self._ticks = 0
+        while machine.stage.name != STAGE or machine.t < AFTER:
+            self.step()
+        if case.always:
+            self._resolver = machine.resolver
+        plant = self._parts.plant
+        self._model, self._data = plant.model, plant.data
+        self._kind = mujoco.mjtState.mjSTATE_INTEGRATION
+        self._state = np.zeros(mujoco.mj_stateSize(self._model, self._kind))
+
+    def step(self) -> None:
+        """One control period."""
+        parts = self._parts
+        self._sensing.read()
+        parts.machine.tick(self._ticks * self._period)
+        if self._resolver is not None:
+            # Where no limit is in the way this gives the same torque again.
+            self._resolver.solve()
+        parts.plant.step(parts.machine.torque)
+        self._recorder.add()
+        self._ticks += 1
+
+    def bare(self, steps: int) -> float:
+        """Seconds of a step without control; the state is put back."""
+        mujoco.mj_getState(self._model, self._data, self._state, self._kind)
+        taken = _time(lambda: mujoco.mj_step(self._model, self._data), steps)
+        mujoco.mj_setState(self._model, self._data, self._state, self._kind)
+        mujoco.mj_forward(self._model, self._data)
+        return taken
+
+
+def main() -> None:
+    """Measures all cases in turns and prints the medians."""
+    with tempfile.TemporaryDirectory() as folder:
+        loops = {case: Loop(case, Path(folder)) for case in CASES}
+        measured: dict[Case, list[tuple[float, float]]] = {case: [] for case in CASES}
+        for _ in range(ROUNDS):
+            for case, loop in loops.items():
+                measured[case].append((loop.bare(200), _time(loop.step, STEPS)))
+    for case, pairs in measured.items():
+        ratio = statistics.median(whole / bare for bare, whole in pairs)
+        whole = statistics.median(whole for _, whole in pairs)
+        print(f"{case.name:36} {whole * 1e6:8.2f} us {ratio:6.2f} x bare mj_step")
+
+
+def _time(function: Callable[[], object], steps: int) -> float:
+    begin = time.perf_counter()
+    for _ in range(steps):
+        function()
+    return (time.perf_counter() - begin) / steps
+
+
+if __name__ == "__main__":
+    main()
