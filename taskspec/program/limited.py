@@ -13,7 +13,7 @@ is the closed form itself: as long as it keeps every limit there is nothing to s
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import casadi as ca
 import numpy as np
@@ -41,6 +41,8 @@ COST = {"force": 1e2, "motion": 1.0, "null space": 1e-2}
 #: A limit that would stop the run is kept at this share, or this far inside.
 FORCE_SHARE, SPEED_SHARE, VELOCITY_SHARE = 0.97, 0.98, 0.99
 POSITION_MARGIN = 1e-3
+#: Carries a NaN over, and nothing else.
+_NOTHING = 1e-300
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,27 +54,121 @@ class Row:
 
 
 @dataclass(frozen=True, slots=True)
+class Pieces:
+    """What a tick has worked out anyway and the matrices of its program are made of.
+
+    Attributes:
+        L: (n, n) Cholesky factor of H. T: (n, t) L^-1 J^T of the t task axes; M: (t, t) Cholesky
+            factor of J H^-1 J^T; both empty where the arm is not redundant.
+        C: (n, c) L^-1 J_c^T of the contacts, 0 for those that are not there.
+        inertia: (c, c) Lambda_c. active: (c,) whether each is there.
+        J: (3, n) of the tip, along: (3,) unit vector of its velocity; world axes.
+        requests: (r, n) rows along which forces are asked for.
+    """
+
+    L: ca.SX
+    T: ca.SX
+    M: ca.SX
+    C: ca.SX
+    inertia: ca.SX
+    active: ca.SX
+    J: ca.SX
+    along: ca.SX
+    requests: ca.SX
+
+    def parts(self) -> list[ca.SX]:
+        """All of them, in order, without the zeros that they always have."""
+        return [ca.sparsify(getattr(self, part.name)) for part in fields(self)]
+
+    def flat(self) -> ca.SX:
+        """Their entries as one vector."""
+        return ca.vertcat(ca.SX(0, 1), *(x for part in self.parts() for x in part.nonzeros()))
+
+    def symbols(self) -> Pieces:
+        """Symbols of the same shapes, with the same zeros."""
+        names = [part.name for part in fields(self)]
+        shapes = [part.sparsity() for part in self.parts()]
+        return Pieces(*(ca.SX.sym(n, shape) for n, shape in zip(names, shapes, strict=True)))
+
+
+#: Where a row of A comes from: of which piece, and which of its rows.
+Source = tuple[str, int]
+
+
+@dataclass(frozen=True, slots=True)
 class LimitRows:
     """lower <= A x <= upper, as expressions.
 
     Attributes:
-        rows: what each of the m rows is. A: (m, n). lower, upper: (m,); x = 0 is u*.
-        P: (n, n) what x costs. factor: (n, n) L. requests: (r, n) what x adds to the force along
-            each of the requested directions.
+        rows: what each of the m rows is. sources: where the rows of A come from.
+        lower, upper: (m,); x = 0 is u*. pieces: what A is made of.
+        finite: a number that is finite only if everything in here is.
     """
 
     rows: tuple[Row, ...]
-    A: ca.SX
+    sources: tuple[Source, ...]
     lower: ca.SX
     upper: ca.SX
-    P: ca.SX
-    factor: ca.SX
-    requests: ca.SX
+    pieces: Pieces
+    finite: ca.SX
 
     @property
     def violation(self) -> ca.SX:
-        """How far u* is beyond its limits: not above 0 where it keeps all of them."""
-        return ca.mmax(ca.vertcat(self.lower, -self.upper))
+        """How far u* is beyond its limits: not above 0 where it keeps all of them.
+
+        NaN where a number is not finite, which the larger of two numbers would hide.
+        """
+        beyond = ca.mmax(ca.vertcat(self.lower, -self.upper))
+        return beyond + _NOTHING * self.finite
+
+
+@dataclass(frozen=True, slots=True)
+class Matrices:
+    """The program's matrices.
+
+    Attributes:
+        P: (n, n) what x costs. A: (m, n) the limits.
+        requests: (r, n) what x adds to the force along each of the requested directions.
+    """
+
+    P: ca.SX
+    A: ca.SX
+    requests: ca.SX
+
+
+def matrices(sources: Sequence[Source], pieces: Pieces) -> Matrices:
+    """The matrices of a program from the pieces that its tick hands over."""
+    n = pieces.L.shape[0]
+    from_joints = linear.backward(pieces.L, ca.SX.eye(n))
+    multipliers = pieces.inertia @ pieces.C.T
+    onto = pieces.J @ from_joints
+    made = {
+        TORQUE: pieces.L,
+        JOINT: from_joints,
+        FORCE: ca.diag(pieces.active) @ multipliers if multipliers.shape[0] else multipliers,
+        SPEED: ca.vertcat(pieces.along.T @ onto, onto),
+    }
+    rates = linear.forward(pieces.L, pieces.requests.T)
+    r = pieces.requests.shape[0]
+    weight = ca.vertcat(ca.SX(0, 1), *(ca.sumsqr(rates[:, k]) for k in range(r)))
+    return Matrices(
+        P=_cost(pieces, multipliers),
+        A=ca.vertcat(ca.SX(0, n), *(made[kind][i, :] for kind, i in sources)),
+        requests=rates.T / weight if r else ca.SX(0, n),
+    )
+
+
+def _cost(pieces: Pieces, multipliers: ca.SX) -> ca.SX:
+    """P (n, n), by the orthogonal parts of x: null space, motion, contact force."""
+    n = pieces.L.shape[0]
+    null, motion, force = (COST[part] for part in ("null space", "motion", "force"))
+    P = motion * ca.SX.eye(n)
+    if pieces.T.shape[1]:
+        Y = linear.forward(pieces.M, pieces.T.T)
+        P = null * ca.SX.eye(n) + (motion - null) * (Y.T @ Y)
+    if multipliers.shape[0]:
+        P = P + (force - motion) * pieces.C @ multipliers
+    return P
 
 
 def limit_rows(
@@ -98,81 +194,73 @@ def limit_rows(
         wanted: (n,) u* [N m]. last: (n,) the torque before, None without a limit on its rate.
         q, v: (n,) measured. environment: (n,) torque that the environment exerts [N m].
     """
-    robot, n = context.robot, wanted.shape[0]
     L = state.H_factor
     acceleration = linear.solve(L, wanted + environment - terms.bias)
-    from_joints = linear.backward(L, ca.SX.eye(n))
     on = _Contacts(contacts, L)
-    rows: list[Row] = []
-    A: list[ca.SX] = []
-    bounds: list[tuple[ca.SX, ca.SX]] = []
+    along = terms.twist[:3] / ca.fmax(ca.norm_2(terms.twist[:3]), 1e-6)
+    found = _Bounds()
+    _add_torques(found, context, limits, wanted, last)
+    _add_joints(found, context, q, v, acceleration)
+    _add_forces(found, context, limits, on, acceleration)
+    if limits.speed is not None:
+        _add_speed(found, context, SPEED_SHARE * limits.speed, terms, acceleration, along)
+    n, t = L.shape[0], len(state.axes)
+    redundant = n > t
+    return LimitRows(
+        rows=tuple(found.rows),
+        sources=tuple(found.sources),
+        lower=ca.vertcat(ca.SX(0, 1), *found.lower),
+        upper=ca.vertcat(ca.SX(0, 1), *found.upper),
+        pieces=Pieces(
+            L=L,
+            T=linear.forward(L, state.J.T) if redundant else ca.SX(n, 0),
+            M=linear.cholesky(state.mobility) if redundant else ca.SX(0, 0),
+            C=on.C,
+            inertia=on.inertia,
+            active=on.active,
+            J=terms.J[:3, :],
+            along=along,
+            requests=requests,
+        ),
+        finite=ca.sumsqr(acceleration) + ca.sumsqr(on.multipliers(acceleration)) + ca.sumsqr(v),
+    )
 
-    def add(kind: str, text: str, row: ca.SX, lower: ca.SX, upper: ca.SX) -> None:
-        rows.append(Row(kind, text))
-        A.append(row)
-        bounds.append((lower, upper))
 
-    most = ca.SX(ca.DM(robot.torque_limit))
-    lowest, highest = -most, most
+class _Bounds:
+    """Rows with their bounds, one after the other."""
+
+    def __init__(self) -> None:
+        self.rows: list[Row] = []
+        self.sources: list[Source] = []
+        self.lower: list[ca.SX] = []
+        self.upper: list[ca.SX] = []
+
+    def add(self, kind: str, number: int, text: str, lower: ca.SX, upper: ca.SX) -> None:
+        self.rows.append(Row(kind, text))
+        self.sources.append((kind, number))
+        self.lower.append(lower)
+        self.upper.append(upper)
+
+
+def _add_torques(
+    found: _Bounds, context: Context, limits: Limits, wanted: ca.SX, last: ca.SX | None
+) -> None:
+    most = context.robot.torque_limit
+    lowest, highest = ca.SX(ca.DM(-most)), ca.SX(ca.DM(most))
     if last is not None:
         assert limits.torque_rate is not None
         step = limits.torque_rate * context.period
         lowest, highest = ca.fmax(lowest, last - step), ca.fmin(highest, last + step)
-    for i in range(n):
-        if np.isfinite(robot.torque_limit[i]) or last is not None:
-            add(
-                TORQUE,
-                f"torque of joint {i + 1}",
-                L[i, :],
-                (lowest - wanted)[i],
-                (highest - wanted)[i],
-            )
-    least, greatest = _joint_bounds(context, q, v)
-    for i in range(n):
-        low, high, fastest = robot.lower[i], robot.upper[i], robot.velocity_limit[i]
-        if np.isfinite([low, high, fastest]).any():
-            add(
-                JOINT,
-                f"position and velocity of joint {i + 1}",
-                from_joints[i, :],
-                least[i] - acceleration[i],
-                greatest[i] - acceleration[i],
-            )
-    push = on.multipliers(acceleration)
-    cap = None if limits.force is None else FORCE_SHARE * limits.force
-    for i, contact in enumerate(contacts):
-        bound = _push_bounds(contact, cap, on.inertia[i, i], context.period)
-        if bound is None:
-            continue
-        inactive = ca.logic_not(contact.active)
-        text = f"force on {contact.name}"
-        add(
-            FORCE,
-            text,
-            contact.active * on.map[i, :],
-            ca.if_else(inactive, -ca.inf, bound[0] - push[i]),
-            ca.if_else(inactive, ca.inf, bound[1] - push[i]),
-        )
-    if limits.speed is not None:
-        _add_speed(add, SPEED_SHARE * limits.speed, terms, acceleration, from_joints, context)
-
-    rates = linear.forward(L, requests.T)
-    weight = ca.vertcat(ca.SX(0, 1), *(ca.sumsqr(rates[:, k]) for k in range(rates.shape[1])))
-    return LimitRows(
-        rows=tuple(rows),
-        A=ca.vertcat(ca.SX(0, n), *A),
-        lower=ca.vertcat(ca.SX(0, 1), *(low for low, _ in bounds)),
-        upper=ca.vertcat(ca.SX(0, 1), *(high for _, high in bounds)),
-        P=_cost(state, on),
-        factor=L,
-        requests=rates.T / weight,
-    )
+    for i in range(len(most)):
+        if np.isfinite(most[i]) or last is not None:
+            text = f"torque of joint {i + 1}"
+            found.add(TORQUE, i, text, lowest[i] - wanted[i], highest[i] - wanted[i])
 
 
-def _joint_bounds(context: Context, q: ca.SX, v: ca.SX) -> tuple[ca.SX, ca.SX]:
+def _add_joints(found: _Bounds, context: Context, q: ca.SX, v: ca.SX, acceleration: ca.SX) -> None:
     robot = context.robot
     braking = braking_deceleration(robot.torque_limit, context.start_gravity, context.start_inertia)
-    return joint_accelerations(
+    least, greatest = joint_accelerations(
         q,
         v,
         (ca.DM(robot.lower + POSITION_MARGIN), ca.DM(robot.upper - POSITION_MARGIN)),
@@ -180,6 +268,29 @@ def _joint_bounds(context: Context, q: ca.SX, v: ca.SX) -> tuple[ca.SX, ca.SX]:
         ca.DM(np.maximum(braking, 1e-3)),
         context.period,
     )
+    for i, ends in enumerate(zip(robot.lower, robot.upper, robot.velocity_limit, strict=True)):
+        if np.isfinite(ends).any():
+            text = f"position and velocity of joint {i + 1}"
+            found.add(JOINT, i, text, least[i] - acceleration[i], greatest[i] - acceleration[i])
+
+
+def _add_forces(
+    found: _Bounds, context: Context, limits: Limits, on: _Contacts, acceleration: ca.SX
+) -> None:
+    push = on.multipliers(acceleration)
+    cap = None if limits.force is None else FORCE_SHARE * limits.force
+    for i, contact in enumerate(on.contacts):
+        bounds = _push_bounds(contact, cap, on.inertia[i, i], context.period)
+        if bounds is None:
+            continue
+        absent = ca.logic_not(contact.active)
+        found.add(
+            FORCE,
+            i,
+            f"force on {contact.name}",
+            ca.if_else(absent, -ca.inf, bounds[0] - push[i]),
+            ca.if_else(absent, ca.inf, bounds[1] - push[i]),
+        )
 
 
 class _Contacts:
@@ -190,13 +301,11 @@ class _Contacts:
         self.contacts = contacts
         self.drift = ca.vertcat(ca.SX(0, 1), *(row.drift for row in contacts))
         self.measured = ca.vertcat(ca.SX(0, 1), *(row.measured for row in contacts))
-        active = ca.vertcat(ca.SX(0, 1), *(row.active for row in contacts))
+        self.active = ca.vertcat(ca.SX(0, 1), *(row.active for row in contacts))
         self.J = ca.vertcat(ca.SX(0, n), *(row.J for row in contacts))
-        self.C = linear.forward(L, self.J.T) @ ca.diag(active) if c else ca.SX(n, 0)
-        mobility = self.C.T @ self.C + ca.diag(1 - active)
+        self.C = linear.forward(L, self.J.T) @ ca.diag(self.active) if c else ca.SX(n, 0)
+        mobility = self.C.T @ self.C + ca.diag(1 - self.active)
         self.inertia = linear.solve(linear.cholesky(mobility), ca.SX.eye(c)) if c else mobility
-        #: (c, n) what x adds to the multipliers.
-        self.map = self.inertia @ self.C.T
 
     def multipliers(self, acceleration: ca.SX) -> ca.SX:
         """What a rigid contact would return (c,), (4.77), as the robot applies it."""
@@ -226,47 +335,19 @@ def _push_bounds(
 
 
 def _add_speed(
-    add: object,
+    found: _Bounds,
+    context: Context,
     fastest: float,
     terms: TermSymbols,
     acceleration: ca.SX,
-    from_joints: ca.SX,
-    context: Context,
+    along: ca.SX,
 ) -> None:
     """Rows that keep the tip's speed: along the way it goes, and along the world's axes."""
-    assert callable(add)
-    J, v = terms.J[:3, :], terms.twist[:3]
-    rate = J @ acceleration + terms.drift[:3]
-    onto = J @ from_joints
-    size = ca.norm_2(v)
-    along = v / ca.fmax(size, 1e-6)
-    add(
-        SPEED,
-        f"speed {show(fastest, 'mm/s')}",
-        along.T @ onto,
-        ca.SX(-ca.inf),
-        (fastest - size) / context.period - ca.dot(along, rate),
-    )
+    v, T = terms.twist[:3], context.period
+    rate = terms.J[:3, :] @ acceleration + terms.drift[:3]
+    ahead = (fastest - ca.norm_2(v)) / T - ca.dot(along, rate)
+    found.add(SPEED, 0, f"speed {show(fastest, 'mm/s')}", ca.SX(-ca.inf), ahead)
     for i, axis in enumerate("xyz"):
         if axis in context.robot.axes:
-            add(
-                SPEED,
-                f"speed along {axis}",
-                onto[i, :],
-                (-fastest - v[i]) / context.period - rate[i],
-                (fastest - v[i]) / context.period - rate[i],
-            )
-
-
-def _cost(state: TaskState, on: _Contacts) -> ca.SX:
-    """P (n, n), by the orthogonal parts of x: null space, motion, contact force."""
-    n = state.H_factor.shape[0]
-    null, motion, force = (COST[part] for part in ("null space", "motion", "force"))
-    P = motion * ca.SX.eye(n)
-    if n > len(state.axes):
-        T = linear.forward(state.H_factor, state.J.T)
-        Y = linear.forward(linear.cholesky(state.mobility), T.T)
-        P = null * ca.SX.eye(n) + (motion - null) * (Y.T @ Y)
-    if on.contacts:
-        P = P + (force - motion) * on.C @ on.map
-    return P
+            low, high = (-fastest - v[i]) / T - rate[i], (fastest - v[i]) / T - rate[i]
+            found.add(SPEED, i + 1, f"speed along {axis}", low, high)

@@ -71,13 +71,15 @@ class StageRunner:
         parameters = self.parameters[: stage.parameters.size]
         next_memory = self._next_memory[: stage.memory.size]
         arguments = [*inputs, memory, parameters]
-        self._tick = BoundFunction(stage.tick, arguments, [torque, next_memory, outputs])
+        handed_over = np.zeros(stage.tick.numel_out(3))
+        results = [torque, next_memory, outputs, handed_over]
+        self._tick = BoundFunction(stage.tick, arguments, results)
         self.evaluate = self._tick.evaluate
         self.resolver: Resolver | None = None
         if stage.resolution is not None:
             slots = stage.parameters.slots
             self.resolver = Resolver(
-                stage.resolution, slots, arguments, parameters, torque, outputs
+                stage.resolution, slots, arguments, parameters, handed_over, torque, outputs
             )
 
     def load(self, entered: entry.Entered) -> None:

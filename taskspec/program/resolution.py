@@ -31,13 +31,13 @@ from taskspec.program.contacts import (
 )
 from taskspec.program.context import Context
 from taskspec.program.layout import Layout
-from taskspec.program.limited import LimitRows, Row, limit_rows
+from taskspec.program.limited import LimitRows, Row, limit_rows, matrices
 from taskspec.program.modes import AxisPlan
 from taskspec.robot import RobotModel
 from taskspec.spec import LAWS, Law, Limits
 
 #: Outputs of `assemble`, in order; matrices are given by rows.
-ASSEMBLED = ("P", "A", "lower", "upper", "factor", "requests")
+ASSEMBLED = ("P", "A", "factor", "requests")
 #: Outputs of `look`, in order; matrices are given by rows.
 LOOKED = ("P", "g", "A", "lower", "upper", "effect", "values")
 
@@ -48,9 +48,10 @@ class Resolution:
 
     Attributes:
         solver: `daqp` or `osqp`. rows: the m limits. requested: names of the r force set points.
-        assemble: the tick's inputs, u* (n,) -> `ASSEMBLED`.
-        accept: `ASSEMBLED`, u* (n,), x (n,), dual (m,) -> torque (n,), KKT residual, sum of 2^i
-            over the limits i that bind, what limits take from each request (r,).
+        handed: length of the pieces that the tick hands over, before lower and upper.
+        assemble: these pieces -> `ASSEMBLED`.
+        accept: `ASSEMBLED`, lower, upper, u* (n,), x (n,), dual (m,) -> torque (n,), KKT residual,
+            sum of 2^i over the limits i that bind, what limits take from each request (r,).
         look: the tick's inputs -> `LOOKED`; None where nothing is requested of a contact.
         generators: how many of them there are. conditions: on their sizes.
     """
@@ -58,6 +59,7 @@ class Resolution:
     solver: str
     rows: tuple[Row, ...]
     requested: tuple[str, ...]
+    handed: int
     assemble: ca.Function
     accept: ca.Function
     look: ca.Function | None
@@ -98,20 +100,19 @@ class Resolved:
 
     Attributes:
         solver: by name. requests: the stage's force set points. limits: what binds the torque.
-        torque: (n,) symbol of the torque u* around which they are.
         nearest: the forces that contacts return; None where nothing is asked of one.
     """
 
     solver: str
     requests: Requests
     limits: LimitRows
-    torque: ca.SX
     nearest: Consistency | None
 
-    def violation(self, wanted: ca.SX) -> ca.SX:
-        """How far the torque (n,) that a law asks for is beyond its limits; 0 where it is not."""
-        beyond: ca.SX = ca.substitute(self.limits.violation, self.torque, wanted)
-        return beyond
+    @property
+    def handed_over(self) -> ca.SX:
+        """What the tick hands over to its program: pieces, lower and upper."""
+        limits = self.limits
+        return ca.densify(ca.vertcat(limits.pieces.flat(), limits.lower, limits.upper))
 
     @property
     def unsettled(self) -> ca.SX:
@@ -132,21 +133,16 @@ class Resolved:
                 self.requests.values,
             )
             look = _flat("look", arguments, asked)
-        parts = (
-            limits.P,
-            limits.A.T,
-            limits.lower,
-            limits.upper,
-            limits.factor.T,
-            limits.requests.T,
-        )
-        m, n = limits.A.shape
+        pieces = limits.pieces.symbols()
+        made = matrices(limits.sources, pieces)
+        handed = pieces.flat()
+        m, n = made.A.shape
         return Resolution(
             solver=self.solver,
             rows=limits.rows,
             requested=self.requests.names,
-            # The law need not be evaluated twice: its torque is an argument.
-            assemble=_flat("assemble", [*arguments, self.torque], parts),
+            handed=handed.shape[0],
+            assemble=_flat("assemble", [handed], (made.P, made.A.T, pieces.L.T, made.requests.T)),
             accept=_accept(n, m, len(self.requests.names)),
             look=look,
             generators=0 if nearest is None else nearest.g.shape[0],
@@ -168,6 +164,7 @@ def resolve(
     seen: Seen,
     asked: Mapping[str, ca.SX],
     gaps: Mapping[str, ca.SX],
+    wanted: ca.SX,
     clock: ca.SX,
     q: ca.SX,
     v: ca.SX,
@@ -178,14 +175,13 @@ def resolve(
     Args:
         context, law, limits, plans: of the stage. seen: its expressions.
         asked: force set points by name, before anything is taken from them.
-        gaps: to every shape. clock: of the run [s].
+        gaps: to every shape. wanted: (n,) torque of the closed form. clock: of the run [s].
         q, v: (n,) measured. parameters: where the last torque takes its slot.
     """
     names = tuple(asked)
     objects = touched_objects(context, seen.contact, plans, seen.axes_rotation)
     pressed = pressed_objects(context, objects, plans, seen.axes_rotation)
     n = q.shape[0]
-    torque = ca.SX.sym("u", n)
     contacts = shape_rows(context, objects, pressed, seen.world, seen.wrench, gaps, clock)
     on_equations = [
         equation_contact(row, name, seen.measured[name], context.compliances[name].stiffness)
@@ -209,7 +205,7 @@ def resolve(
         terms=seen.world,
         contacts=[*contacts, *on_equations],
         requests=requests.rows,
-        wanted=torque,
+        wanted=wanted,
         last=last,
         q=q,
         v=v,
@@ -217,7 +213,7 @@ def resolve(
     )
     generators = _generators(context, law, seen, requests, axes, objects, on_equations, clock)
     nearest = consistency(context, limits, requests, generators, seen.world.gravity)
-    return Resolved(law.solver, requests, limited, torque, nearest)
+    return Resolved(law.solver, requests, limited, nearest)
 
 
 def _environment(context: Context, seen: Seen, v: ca.SX) -> ca.SX:
@@ -315,7 +311,7 @@ def _accept(n: int, m: int, r: int) -> ca.Function:
         largest[3] / ca.fmax(1, ca.dot(x, Px)),
     )
     binding = ca.sum1(ca.vertcat(zero, *(2**i * (y[i] != 0) for i in range(m))))
-    given = (P, A_rows, lower, upper, factor, requests)
+    given = (P, A_rows, factor, requests, lower, upper)
     return ca.Function(
         "accept",
         [*(ca.vec(part) for part in given), torque, x, y],

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -63,6 +64,7 @@ class Resolver:
         slots: Mapping[str, slice],
         arguments: Sequence[Vector],
         parameters: Vector,
+        handed_over: Vector,
         torque: Vector,
         outputs: Vector,
     ) -> None:
@@ -71,7 +73,7 @@ class Resolver:
         Args:
             resolution: of the stage. slots: of its parameters.
             arguments: arrays of the tick's arguments. parameters: the last of them.
-            torque: (n,) that the tick writes. outputs: of the tick.
+            handed_over: what the tick hands over. torque: (n,) that it writes. outputs: of it.
         """
         n, m, r = len(torque), len(resolution.rows), len(resolution.requested)
         self.resolution, self.account = resolution, Account()
@@ -84,19 +86,18 @@ class Resolver:
         self._unreachable = parameters[slots["unreachable"]] if r else nothing
         self._last_torque = parameters[slots["last_torque"]] if "last_torque" in slots else None
         self._clear = True
-        self._problem = problem = Problem.empty(n, m)
+        pieces, bounds = np.split(handed_over, [resolution.handed])
+        lower, upper = bounds[:m], bounds[m:]
+        self._problem = problem = Problem(np.eye(n), np.zeros(n), np.zeros((m, n)), lower, upper)
         self._x, self._dual = np.zeros(n), np.zeros(m)
         self._accepted, self._found_cut = np.zeros(n), np.zeros(r)
         self._residual, self._binding = np.zeros(1), np.zeros(1)
         factor, requests = np.zeros(n * n), np.zeros(r * n)
-        parts = (
-            *(problem.flat_P, problem.flat_A, problem.lower, problem.upper),
-            *(factor, requests),
-        )
-        self._assemble = BoundFunction(resolution.assemble, (*arguments, torque), parts)
+        parts = (problem.flat_P, problem.flat_A, factor, requests)
+        self._assemble = BoundFunction(resolution.assemble, (pieces,), parts)
         results = (self._accepted, self._residual, self._binding, self._found_cut)
         self._accept = BoundFunction(
-            resolution.accept, (*parts, torque, self._x, self._dual), results
+            resolution.accept, (*parts, lower, upper, torque, self._x, self._dual), results
         )
         self._solver = make_solver(resolution.solver, n, m)
         self._nearest = _Nearest(resolution, arguments) if resolution.look is not None else None
@@ -128,10 +129,12 @@ class Resolver:
             self._unreachable[:] = left
 
     def solve(self) -> bool:
-        """Solves the program of the last tick, and takes its answer if it is good enough."""
-        self._assemble.evaluate()
+        """Solves the program of the last tick, once, and takes its answer if it is good enough."""
         self.account.solved += 1
-        solution = self._solver.solve(self._problem)
+        if not math.isfinite(self._outputs[_VIOLATION]):
+            return self._take(Solution(self._x, self._dual, Status.NOT_FINITE, 0))
+        self._assemble.evaluate()
+        solution = self._solver.solve(self._problem, finite=True)
         if solution.status is Status.INFEASIBLE:
             self.account.relaxed += 1
             kinds = [row.kind for row in self.resolution.rows]

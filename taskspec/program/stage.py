@@ -311,6 +311,7 @@ def compile_stage(
                 for name, wish in {**references.force_ref, **forces.desired}.items()
             },
             gaps=gap,
+            wanted=wanted,
             clock=clock.clock,
             q=q,
             v=v,
@@ -347,7 +348,7 @@ def compile_stage(
         table,
         references,
         chosen.conditioning if chosen else ca.SX(1),
-        (limited.violation(wanted), limited.unsettled) if limited else (ca.SX(0), ca.SX(0)),
+        (limited.limits.violation, limited.unsettled) if limited else (ca.SX(0), ca.SX(0)),
         (
             ca.vertcat(ca.SX(0, 1), *(forces.desired.get(name, nothing) for name in equations)),
             felt,
@@ -357,6 +358,8 @@ def compile_stage(
     )
     arguments = [*inputs.symbols(), memory.vector(), parameters.vector()]
     options = {"cse": True}
+    handed_over = limited.handed_over if limited else ca.SX(0, 1)
+    results = [torque, memory.stack(updates), outputs, handed_over]
     return CompiledStage(
         name=name,
         spec=stage,
@@ -379,7 +382,7 @@ def compile_stage(
         parameters=parameters,
         initial=algebra.initial,
         events=events,
-        tick=ca.Function("tick", arguments, [torque, memory.stack(updates), outputs], options),
+        tick=ca.Function("tick", arguments, results, options),
         probe=ports.probe(arguments, table, references, believed, at, tool, point, felt, carrier),
         own=ca.Function("own", arguments, [references.own, references.own_rate]),
         choice=_choice(arguments, chosen, control, case) if chosen and control else None,

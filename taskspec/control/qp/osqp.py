@@ -64,9 +64,9 @@ class OsqpSolver:
         """Forgets everything about earlier problems, the warm start included."""
         self._solver = None
 
-    def solve(self, problem: Problem) -> Solution:
+    def solve(self, problem: Problem, *, finite: bool = False) -> Solution:
         """Solves the problem to 1e-8, or says why not."""
-        if not problem.is_finite():
+        if not (finite or problem.is_finite()):
             self._solver = None
             return Solution(*self._nothing, Status.NOT_FINITE, 0)
         if _contradicts_itself(problem):

@@ -101,8 +101,12 @@ class Solution(NamedTuple):
 class Solver(Protocol):
     """Solves problems of one size; keeps memory between solves, never the problem."""
 
-    def solve(self, problem: Problem) -> Solution:
-        """Solves a problem of the size that the solver was made for."""
+    def solve(self, problem: Problem, *, finite: bool = False) -> Solution:
+        """Solves a problem of the size that the solver was made for.
+
+        Args:
+            problem: the problem. finite: its numbers are known to be finite, bounds apart.
+        """
 
     def rebuild(self) -> None:
         """Forgets everything about earlier problems."""
