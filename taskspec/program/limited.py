@@ -7,7 +7,9 @@ metres and radians need no weights of their own. P has the null space give way b
 the task axes, and that before the forces of contacts.
 
 Joint accelerations and contact multipliers follow from the torque, (4.77) and (4.78), and x = 0
-is the closed form itself: as long as it keeps every limit there is nothing to solve.
+is the closed form itself: as long as it keeps every limit there is nothing to solve. Before that
+the pushes on contacts are brought within their bounds along the normals alone, through the same
+inverse dynamics as the law's forces, so that a capped force does not shake the other axes.
 """
 
 from __future__ import annotations
@@ -102,6 +104,9 @@ class LimitRows:
     Attributes:
         rows: what each of the m rows is. sources: where the rows of A come from.
         lower, upper: (m,); x = 0 is u*. pieces: what A is made of.
+        torque: (n,) u*, with the pushes on contacts within their bounds.
+        clamped: sum of 2^i over the rows i of pushes that were not. cut: (r,) what that took from
+            each of the requested forces.
         finite: a number that is finite only if everything in here is.
     """
 
@@ -110,6 +115,9 @@ class LimitRows:
     lower: ca.SX
     upper: ca.SX
     pieces: Pieces
+    torque: ca.SX
+    clamped: ca.SX
+    cut: ca.SX
     finite: ca.SX
 
     @property
@@ -148,14 +156,20 @@ def matrices(sources: Sequence[Source], pieces: Pieces) -> Matrices:
         FORCE: ca.diag(pieces.active) @ multipliers if multipliers.shape[0] else multipliers,
         SPEED: ca.vertcat(pieces.along.T @ onto, onto),
     }
-    rates = linear.forward(pieces.L, pieces.requests.T)
-    r = pieces.requests.shape[0]
-    weight = ca.vertcat(ca.SX(0, 1), *(ca.sumsqr(rates[:, k]) for k in range(r)))
     return Matrices(
         P=_cost(pieces, multipliers),
         A=ca.vertcat(ca.SX(0, n), *(made[kind][i, :] for kind, i in sources)),
-        requests=rates.T / weight if r else ca.SX(0, n),
+        requests=_onto(pieces.requests, pieces.L).T,
     )
+
+
+def _onto(requests: ca.SX, L: ca.SX) -> ca.SX:
+    """(n, r) what x adds to the force along each of the requested rows (r, n)."""
+    columns = []
+    for k in range(requests.shape[0]):
+        rate = linear.forward(L, requests[k, :].T)
+        columns.append(rate / ca.sumsqr(rate))
+    return ca.horzcat(ca.SX(L.shape[0], 0), *columns)
 
 
 def _cost(pieces: Pieces, multipliers: ca.SX) -> ca.SX:
@@ -197,11 +211,16 @@ def limit_rows(
     L = state.H_factor
     acceleration = linear.solve(L, wanted + environment - terms.bias)
     on = _Contacts(contacts, L)
+    pushes = _pushes(context, limits, on, acceleration)
+    T, M = linear.forward(L, state.J.T), linear.cholesky(state.mobility)
+    x = on.along_normals(T, M, pushes.shift())
+    wanted = wanted + L @ x
+    acceleration = acceleration + linear.backward(L, x)
     along = terms.twist[:3] / ca.fmax(ca.norm_2(terms.twist[:3]), 1e-6)
     found = _Bounds()
     _add_torques(found, context, limits, wanted, last)
     _add_joints(found, context, q, v, acceleration)
-    _add_forces(found, context, limits, on, acceleration)
+    clamped = _add_pushes(found, pushes)
     if limits.speed is not None:
         _add_speed(found, context, SPEED_SHARE * limits.speed, terms, acceleration, along)
     n, t = L.shape[0], len(state.axes)
@@ -213,8 +232,8 @@ def limit_rows(
         upper=ca.vertcat(ca.SX(0, 1), *found.upper),
         pieces=Pieces(
             L=L,
-            T=linear.forward(L, state.J.T) if redundant else ca.SX(n, 0),
-            M=linear.cholesky(state.mobility) if redundant else ca.SX(0, 0),
+            T=T if redundant else ca.SX(n, 0),
+            M=M if redundant else ca.SX(0, 0),
             C=on.C,
             inertia=on.inertia,
             active=on.active,
@@ -222,7 +241,10 @@ def limit_rows(
             along=along,
             requests=requests,
         ),
-        finite=ca.sumsqr(acceleration) + ca.sumsqr(on.multipliers(acceleration)) + ca.sumsqr(v),
+        torque=wanted,
+        clamped=clamped,
+        cut=_onto(requests, L).T @ x,
+        finite=ca.sumsqr(acceleration) + ca.sumsqr(pushes.wanted) + ca.sumsqr(v),
     )
 
 
@@ -274,23 +296,53 @@ def _add_joints(found: _Bounds, context: Context, q: ca.SX, v: ca.SX, accelerati
             found.add(JOINT, i, text, least[i] - acceleration[i], greatest[i] - acceleration[i])
 
 
-def _add_forces(
-    found: _Bounds, context: Context, limits: Limits, on: _Contacts, acceleration: ca.SX
-) -> None:
-    push = on.multipliers(acceleration)
+@dataclass(frozen=True, slots=True)
+class _Pushes:
+    """What a law pushes with on each contact, and how much it may.
+
+    Attributes:
+        contacts: all of them. wanted: (c,) by (4.77). lower, upper: of those that have bounds.
+    """
+
+    contacts: Sequence[ContactRow]
+    wanted: ca.SX
+    lower: dict[int, ca.SX]
+    upper: dict[int, ca.SX]
+
+    def shift(self) -> ca.SX:
+        """(c,) what brings each push within its bounds; 0 for contacts that are not there."""
+        shift = ca.SX.zeros(len(self.contacts))
+        for i in self.lower:
+            within = ca.fmin(ca.fmax(self.wanted[i], self.lower[i]), self.upper[i])
+            shift[i] = ca.if_else(self.contacts[i].active, within - self.wanted[i], 0)
+        return shift
+
+
+def _pushes(context: Context, limits: Limits, on: _Contacts, acceleration: ca.SX) -> _Pushes:
     cap = None if limits.force is None else FORCE_SHARE * limits.force
+    lower, upper = {}, {}
     for i, contact in enumerate(on.contacts):
         bounds = _push_bounds(contact, cap, on.inertia[i, i], context.period)
-        if bounds is None:
-            continue
+        if bounds is not None:
+            lower[i], upper[i] = bounds
+    return _Pushes(on.contacts, on.multipliers(acceleration), lower, upper)
+
+
+def _add_pushes(found: _Bounds, pushes: _Pushes) -> ca.SX:
+    """Adds the rows of the pushes; the sum of 2^i over those that have been shifted."""
+    shift, clamped = pushes.shift(), ca.SX(0)
+    for i, low in pushes.lower.items():
+        contact, now = pushes.contacts[i], pushes.wanted[i] + shift[i]
+        clamped += 2 ** len(found.rows) * (shift[i] != 0)
         absent = ca.logic_not(contact.active)
         found.add(
             FORCE,
             i,
             f"force on {contact.name}",
-            ca.if_else(absent, -ca.inf, bounds[0] - push[i]),
-            ca.if_else(absent, ca.inf, bounds[1] - push[i]),
+            ca.if_else(absent, -ca.inf, ca.fmin(low - now, 0)),
+            ca.if_else(absent, ca.inf, ca.fmax(pushes.upper[i] - now, 0)),
         )
+    return clamped
 
 
 class _Contacts:
@@ -306,6 +358,23 @@ class _Contacts:
         self.C = linear.forward(L, self.J.T) @ ca.diag(self.active) if c else ca.SX(n, 0)
         mobility = self.C.T @ self.C + ca.diag(1 - self.active)
         self.inertia = linear.solve(linear.cholesky(mobility), ca.SX.eye(c)) if c else mobility
+
+    def along_normals(self, T: ca.SX, M: ca.SX, shift: ca.SX) -> ca.SX:
+        """x (n,) that adds `shift` (c,) to the multipliers by accelerating along normals alone.
+
+        The other accelerations on the task axes stay: with the contacts' rows S = C^T T Lambda on
+        the task axes, the task accelerates by S^T (S S^T)^-1 of what the contacts have to.
+
+        Args:
+            T: (n, t) L^-1 J^T. M: (t, t) Cholesky factor of J H^-1 J^T.
+        """
+        if not self.contacts:
+            return ca.SX.zeros(T.shape[0])
+        S = linear.solve(M, T.T @ self.C).T
+        gram = S @ S.T + ca.diag(1 - self.active)
+        along = linear.solve(linear.cholesky(gram), (self.C.T @ self.C) @ shift)
+        found: ca.SX = T @ linear.solve(M, S.T @ along)
+        return found
 
     def multipliers(self, acceleration: ca.SX) -> ca.SX:
         """What a rigid contact would return (c,), (4.77), as the robot applies it."""

@@ -49,6 +49,7 @@ OUTPUTS: Fields = (
     ("angle", 1),
     ("conditioning", 1),
     ("violation", 1),
+    ("clamped", 1),
     ("unsettled", 1),
     ("force_inconsistent", 1),
     ("limited", 1),
@@ -151,7 +152,7 @@ def outputs(
     table: SignalTable,
     references: ReferenceSet,
     conditioning: ca.SX,
-    limited: tuple[ca.SX, ca.SX],
+    limited: tuple[ca.SX, ca.SX, ca.SX],
     reactions: tuple[ca.SX, ca.SX],
     believed: Believed | None,
     carrier: Instant | None,
@@ -162,8 +163,9 @@ def outputs(
         index, value: the event. wanted: (n,) torque before saturation. inputs: of the tick.
         point, at: of the tool. table: signals. references: of the axes.
         conditioning: of the choice of reduced coordinates.
-        limited: how far the closed form is beyond its limits, and whether the force set points
-            have to be held against what contacts return; what comes of it is filled in later.
+        limited: how far the closed form is beyond its limits, which pushes have been clamped, and
+            whether the force set points have to be held against what contacts return; what comes
+            of it is filled in later.
         reactions: (equations,) set points, and what was measured.
         believed: the mechanism that the stage keeps track of. carrier: of the stage's frame.
     """
@@ -193,7 +195,8 @@ def outputs(
         "angle": _angle(believed),
         "conditioning": conditioning,
         "violation": limited[0],
-        "unsettled": limited[1],
+        "clamped": limited[1],
+        "unsettled": limited[2],
         "force_inconsistent": scalars["force_inconsistent"],
         "limited": ca.SX(0),
         "limits": ca.SX(0),

@@ -110,9 +110,14 @@ class Resolved:
 
     @property
     def handed_over(self) -> ca.SX:
-        """What the tick hands over to its program: pieces, lower and upper."""
+        """What the tick hands over to its program: pieces, lower, upper, and the cut of pushes."""
         limits = self.limits
-        return ca.densify(ca.vertcat(limits.pieces.flat(), limits.lower, limits.upper))
+        return ca.densify(ca.vertcat(limits.pieces.flat(), limits.lower, limits.upper, limits.cut))
+
+    @property
+    def told(self) -> tuple[ca.SX, ca.SX, ca.SX]:
+        """How far the torque is beyond its limits, the clamped pushes, and `unsettled`."""
+        return self.limits.violation, self.limits.clamped, self.unsettled
 
     @property
     def unsettled(self) -> ca.SX:

@@ -18,7 +18,7 @@ from taskspec.program.resolution import Resolution
 _FIELDS = slices(OUTPUTS)
 _VIOLATION, _UNSETTLED = _FIELDS["violation"].start, _FIELDS["unsettled"].start
 _LIMITED, _LIMITS = _FIELDS["limited"].start, _FIELDS["limits"].start
-_RESIDUAL = _FIELDS["residual"].start
+_RESIDUAL, _CLAMPED = _FIELDS["residual"].start, _FIELDS["clamped"].start
 
 Vector = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -87,7 +87,7 @@ class Resolver:
         self._last_torque = parameters[slots["last_torque"]] if "last_torque" in slots else None
         self._clear = True
         pieces, bounds = np.split(handed_over, [resolution.handed])
-        lower, upper = bounds[:m], bounds[m:]
+        lower, upper, self._clamped_cut = np.split(bounds, [m, 2 * m])
         self._problem = problem = Problem(np.eye(n), np.zeros(n), np.zeros((m, n)), lower, upper)
         self._x, self._dual = np.zeros(n), np.zeros(m)
         self._accepted, self._found_cut = np.zeros(n), np.zeros(r)
@@ -112,7 +112,9 @@ class Resolver:
         """Replaces the torque where it breaks a limit; whether there is one that may be used."""
         outputs = self._outputs
         if outputs[_VIOLATION] <= 0:
-            if not self._clear:
+            if outputs[_CLAMPED]:
+                self._tell(self._clamped_cut, outputs[_CLAMPED])
+            elif not self._clear:
                 self._cut[:], self._limited[:], self._clear = 0.0, 0.0, True
         elif not self.solve():
             self.account.held += 1
@@ -156,11 +158,15 @@ class Resolver:
             return False
         self.account.worst = max(self.account.worst, residual)
         self._torque[:] = self._accepted
-        self._cut[:], self._limited[:], self._clear = self._found_cut, 1.0, False
-        self._outputs[_LIMITED] = 1.0
-        self._outputs[_LIMITS] = self._binding[0]
         self._outputs[_RESIDUAL] = residual
+        # A push that was clamped and binds in the program too is told once.
+        binding = int(self._binding[0]) | int(self._outputs[_CLAMPED])
+        self._tell(self._found_cut + self._clamped_cut, binding)
         return True
+
+    def _tell(self, cut: Vector, binding: float) -> None:
+        self._cut[:], self._limited[:], self._clear = cut, 1.0, False
+        self._outputs[_LIMITED], self._outputs[_LIMITS] = 1.0, binding
 
 
 class _Nearest:

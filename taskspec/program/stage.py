@@ -286,7 +286,6 @@ def compile_stage(
     wanted = laws.joint_torque(law.kind, case, terms)
     limited, torque = None, resolution.saturated(robot, wanted)
     if law.solve == "qp":
-        torque = wanted
         limited = resolution.resolve(
             context=context,
             law=law,
@@ -317,6 +316,7 @@ def compile_stage(
             v=v,
             parameters=parameters,
         )
+        torque = limited.limits.torque
     table.scalars |= {f"joint.{i + 1}.torque": torque[i] for i in range(n)}
     conditions = limit_conditions(
         robot=robot,
@@ -348,7 +348,7 @@ def compile_stage(
         table,
         references,
         chosen.conditioning if chosen else ca.SX(1),
-        (limited.limits.violation, limited.unsettled) if limited else (ca.SX(0), ca.SX(0)),
+        limited.told if limited else (ca.SX(0), ca.SX(0), ca.SX(0)),
         (
             ca.vertcat(ca.SX(0, 1), *(forces.desired.get(name, nothing) for name in equations)),
             felt,
