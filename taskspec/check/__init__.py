@@ -59,8 +59,8 @@ def check_stages(context: Context) -> tuple[Diagnostic, ...]:
             axes = existing_axes(context.robot.axes, rotation)
         except SkewedAxisError as error:
             place = ("stages", name, "frame") if stage.frame else ("frame",)
-            message = f"{error} in frame {frame.name!r}"
-            hint = "align the frame with the plane in which the arm moves"
+            message = f"in frame {frame.name!r} {error}"
+            hint = "align the frame with that plane"
             found.error("TS221", message, loaded.span(place), hint)
             continue
         axes_of[name] = axes

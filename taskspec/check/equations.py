@@ -43,7 +43,7 @@ def check_equations(context: Context, found: Diagnostics) -> None:
         force = abs(at.distance) * context.compliances[name].stiffness
         if broken[model.constraint.relation] and force > TOUCHING:
             unit = "deg" if model.joints else "mm"
-            effort = f"{force:.3g} {'N*m' if model.joints else 'N'}"
+            effort = show(force, "N*m" if model.joints else "N", 3)
             found.warning(
                 "TS312",
                 f"the {what} {show(abs(at.distance), unit)} off {name!r}: the run begins with "

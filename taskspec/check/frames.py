@@ -139,7 +139,7 @@ def check_start(context: Context, found: Diagnostics) -> None:
             found.warning(
                 "TS305",
                 f"the tool starts {show(-gap, 'mm')} inside {name!r}: the run begins with "
-                f"{force:.3g} N of contact",
+                f"{show(force, 'N', 3)} of contact",
                 loaded.span(("robot", "start")),
                 "start above the surface, and approach it with a guarded stage",
             )
