@@ -78,7 +78,10 @@ def check_constraints(
         if a in axes and has_force(axis)
     }
     for equation in active_equations(law, stage, context.equations):
-        rows[repr(equation)] = context.start_equations[equation].normal
+        at = context.start_equations[equation]
+        if at.scale < _FLAT:
+            return  # Told of the equation itself.
+        rows[repr(equation)] = at.normal
     kept: list[NDArray[np.float64]] = []
     for row, normal in rows.items():
         size = float(np.linalg.norm(normal))

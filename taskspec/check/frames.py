@@ -133,7 +133,7 @@ def check_stiffness(context: Context, found: Diagnostics) -> None:
 def check_start(context: Context, found: Diagnostics) -> None:
     """Reports objects that the tool is inside of at the start."""
     loaded = context.loaded
-    for name, gap in context.start_gaps.items():
+    for name, gap in context.touchable_gaps.items():
         force = -gap * context.compliances[name].stiffness
         if force > TOUCHING:
             found.warning(

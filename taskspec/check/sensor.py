@@ -81,7 +81,7 @@ def _check_tares(context: Context, found: Diagnostics) -> None:
 
 def _force_at_start(context: Context) -> float:
     """The largest contact force with an object where the run begins [N]."""
-    gaps = context.start_gaps
+    gaps = context.touchable_gaps
     return max((-gap * context.compliances[o].stiffness for o, gap in gaps.items()), default=0.0)
 
 
