@@ -87,7 +87,7 @@ def summarise(
         },
         "joint_limits": robot.torque_limit.tolist(),
         "robot": {"name": robot.name, "joints": list(robot.joint_names), "source": robot.source},
-        "objects": list(task.shapes),
+        "objects": list(task.world),
     }
 
 

@@ -21,6 +21,7 @@ Sides = Sequence[tuple[tree.Node, Series]]
 _FLIPPED = {"<": ">", "<=": ">=", ">": "<", ">=": "<="}
 _GAPS_SHOWN = 3
 _DIGITS = 4
+_LONG = 10_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -188,7 +189,8 @@ class Wording:
                 if isinstance(number, tree.Number) and number.dimension == dimension
             ]
             if any(units):
-                return max(filter(None, units), key=lambda unit: to_si(1.0, unit).value)
+                unit = max(filter(None, units), key=lambda unit: to_si(1.0, unit).value)
+                return _handy(unit, fitting(dimension), [bound for _, bound in sides[1:]])
         usual = fitting(dimension)
         return usual[0] if usual else ""
 
@@ -197,6 +199,17 @@ class Wording:
             return ""
         rows = np.flatnonzero(truth.window & mask)
         return f", first at {self._clock[rows[0]]:.4g} s" if len(rows) else ""
+
+
+def _handy(unit: str, usual: Sequence[str], bounds: Sequence[Series]) -> str:
+    """A coarser unit where bounds have more than four digits before the point, as of 5 mN at 20 N.
+
+    Args:
+        unit: that of a part of the bounds. usual: those of their dimension. bounds: themselves.
+    """
+    size = max((float(np.nanmax(np.abs(b.values), initial=0.0)) for b in bounds), default=0.0)
+    fits = (u for u in usual if 1 <= abs(_in(size, u)) < _LONG)
+    return unit if abs(_in(size, unit)) < _LONG else next(fits, unit)
 
 
 def _in(value: float, unit: str) -> float:

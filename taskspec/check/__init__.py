@@ -7,6 +7,7 @@ axes and its contacts come in.
 from __future__ import annotations
 
 from taskspec.check.axes import check_axes, check_joints
+from taskspec.check.bodies import check_bodies
 from taskspec.check.equations import check_constraints, check_equations
 from taskspec.check.felt import check_felt
 from taskspec.check.following import check_following
@@ -46,6 +47,7 @@ def check_stages(context: Context) -> tuple[Diagnostic, ...]:
     check_joints(context, found)
     check_stiffness(context, found)
     check_start(context, found)
+    check_bodies(context, found)
     check_equations(context, found)
     check_felt(context, found)
     check_sensor(context, found)
@@ -59,8 +61,8 @@ def check_stages(context: Context) -> tuple[Diagnostic, ...]:
             axes = existing_axes(context.robot.axes, rotation)
         except SkewedAxisError as error:
             place = ("stages", name, "frame") if stage.frame else ("frame",)
-            message = f"{error} in frame {frame.name!r}"
-            hint = "align the frame with the plane in which the arm moves"
+            message = f"in frame {frame.name!r} {error}"
+            hint = "align the frame with that plane"
             found.error("TS221", message, loaded.span(place), hint)
             continue
         axes_of[name] = axes

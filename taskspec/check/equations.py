@@ -13,6 +13,7 @@ from taskspec.program.signals import TOUCHING
 from taskspec.spec import LAWS
 from taskspec.text.diagnostic import Diagnostics
 from taskspec.text.show import show
+from taskspec.text.source import Span
 
 #: Below this length a gradient, in its own units, is none.
 _FLAT = 1e-9
@@ -27,6 +28,9 @@ def check_equations(context: Context, found: Diagnostics) -> None:
         model = context.equations[name]
         place = loaded.span(("world", name, "equation"))
         what = "joints start" if model.joints else "tool starts"
+        if not (np.isfinite(at.distance) and np.isfinite(at.normal).all()):
+            found.error("TS117", f"this has no finite value where the {what}", place)
+            continue
         if at.scale < _FLAT:
             found.error(
                 "TS311",
@@ -39,7 +43,7 @@ def check_equations(context: Context, found: Diagnostics) -> None:
         force = abs(at.distance) * context.compliances[name].stiffness
         if broken[model.constraint.relation] and force > TOUCHING:
             unit = "deg" if model.joints else "mm"
-            effort = f"{force:.3g} {'N*m' if model.joints else 'N'}"
+            effort = show(force, "N*m" if model.joints else "N", 3)
             found.warning(
                 "TS312",
                 f"the {what} {show(abs(at.distance), unit)} off {name!r}: the run begins with "
@@ -74,21 +78,37 @@ def check_constraints(
         if a in axes and has_force(axis)
     }
     for equation in active_equations(law, stage, context.equations):
-        rows[repr(equation)] = context.start_equations[equation].normal
+        at = context.start_equations[equation]
+        if at.scale < _FLAT:
+            return  # Told of the equation itself.
+        rows[repr(equation)] = at.normal
     kept: list[NDArray[np.float64]] = []
     for row, normal in rows.items():
         size = float(np.linalg.norm(normal))
-        unit = normal / size if size > 0 else normal
+        if size < _FLAT:
+            message = f"the arm cannot move along the normal of {row}, so no force can be set there"
+            found.error("TS313", message, _place(context, name, row), "leave it out")
+            return
+        unit = normal / size
         if np.linalg.svd(np.array([*kept, unit]), compute_uv=False)[-1] < _DEPENDENT:
             before = ", ".join(list(rows)[: len(kept)])
             found.error(
                 "TS313",
                 f"the constraint of {row} follows from those before it ({before}), so their forces "
-                "cannot be told apart"
-                if kept
-                else f"the arm cannot move along the normal of {row}",
-                loaded.span(("stages", name), key=True),
+                "cannot be told apart",
+                _place(context, name, row),
                 "leave one of them out",
             )
             return
         kept.append(unit)
+
+
+def _place(context: Context, stage: str, row: str) -> Span | None:
+    """Where a stage states a constraint, or else where the world does."""
+    name, span = row.removeprefix("axis ").strip("'"), context.loaded.span
+    declared = context.loaded.task.stages[stage]
+    if row.startswith("axis "):
+        return span(("stages", stage, "axes", name), key=True)
+    if name in declared.constraints:
+        return span(("stages", stage, "constraints", name), key=True)
+    return span(("stages", stage), key=True)

@@ -5,7 +5,9 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
+from taskspec.control.state import AXES
 from taskspec.program.context import Context
+from taskspec.program.modes import MOSTLY
 from taskspec.program.prepare import box_face_at, pose_of_carrier, tool_center
 from taskspec.program.signals import TOUCHING
 from taskspec.program.stiffness import RESOLVED_PHASE
@@ -72,6 +74,7 @@ def _turning_fits(context: Context, name: str, found: Diagnostics) -> bool:
         return False
     if frame.mechanism is None:
         return True
+    _check_knob(context, name, held, found)
     if context.held not in ("", frame.mechanism.name):
         found.error(
             "TS231",
@@ -93,6 +96,25 @@ def _turning_fits(context: Context, name: str, found: Diagnostics) -> bool:
     return True
 
 
+def _check_knob(context: Context, name: str, held: list[str], found: Diagnostics) -> None:
+    """Reports rotations held against the world about the axis of a handle with a fixed knob."""
+    loaded = context.loaded
+    frame = context.frame_of(loaded.task.stages[name])
+    mechanism = frame.mechanism
+    assert mechanism is not None
+    if mechanism.free or mechanism.name != context.held:
+        return
+    for axis in held:
+        if abs(frame.rotation[2, AXES.index(axis) % 3]) > MOSTLY:
+            found.warning(
+                "TS232",
+                f"the knob of {mechanism.name!r} is fixed, so the tool turns with it, and {axis!r} "
+                "holds against that",
+                loaded.span(("stages", name, "axes", axis)),
+                f"write {axis}: {{follows: {mechanism.name}}}, or knob: free",
+            )
+
+
 def check_stiffness(context: Context, found: Diagnostics) -> None:
     """Reports contacts that the plant's steps do not resolve."""
     loaded = context.loaded
@@ -111,13 +133,13 @@ def check_stiffness(context: Context, found: Diagnostics) -> None:
 def check_start(context: Context, found: Diagnostics) -> None:
     """Reports objects that the tool is inside of at the start."""
     loaded = context.loaded
-    for name, gap in context.start_gaps.items():
+    for name, gap in context.touchable_gaps.items():
         force = -gap * context.compliances[name].stiffness
         if force > TOUCHING:
             found.warning(
                 "TS305",
                 f"the tool starts {show(-gap, 'mm')} inside {name!r}: the run begins with "
-                f"{force:.3g} N of contact",
+                f"{show(force, 'N', 3)} of contact",
                 loaded.span(("robot", "start")),
                 "start above the surface, and approach it with a guarded stage",
             )

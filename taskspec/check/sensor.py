@@ -38,11 +38,11 @@ def _check_times(context: Context, found: Diagnostics) -> None:
     lag, slowest = model.lag(period), 1.0 / (2 * math.pi * INTEGRAL_FREQUENCY)
     uses = any(has_force(a) for s in loaded.task.stages.values() for a in s.axes.values())
     if lag > slowest and uses:
+        late = show(lag, "ms" if lag < 1 else "s", 3)
         found.warning(
             "TS430",
-            f"the controller sees a force {show(lag, 'ms', 3)} late, by delay, sampling and "
-            f"filter; a designed force loop answers within {show(slowest, 'ms', 2)} and is not "
-            "made for that",
+            f"the controller sees a force {late} late, by delay, sampling and filter; a designed "
+            f"force loop answers within {show(slowest, 'ms', 2)} and is not made for that",
             loaded.span(("robot", "sensor")),
             "shorten the delay, raise rate or filter, or give the law a lower force.integral",
         )
@@ -81,7 +81,7 @@ def _check_tares(context: Context, found: Diagnostics) -> None:
 
 def _force_at_start(context: Context) -> float:
     """The largest contact force with an object where the run begins [N]."""
-    gaps = context.start_gaps
+    gaps = context.touchable_gaps
     return max((-gap * context.compliances[o].stiffness for o, gap in gaps.items()), default=0.0)
 
 

@@ -10,8 +10,9 @@ from taskspec.control.state import AXES
 from taskspec.program.consistency import SET_POINT_SHARE
 from taskspec.program.context import Context
 from taskspec.program.modes import MOSTLY
-from taskspec.spec import Axis
+from taskspec.spec import Axis, Stage
 from taskspec.text.diagnostic import Diagnostics
+from taskspec.text.source import Span
 
 
 def check_set_points(
@@ -46,18 +47,53 @@ def check_set_points(
                     "forces are what the robot applies: pressing goes against the outward normal",
                 )
         if most is not None and abs(wanted) > most:
-            kept = context.law_of(stage).solve == "qp"
-            effect = (
-                f"keeps this stage at {SET_POINT_SHARE * most:g} N instead of {abs(wanted):g} N"
-                if kept
-                else f"stops this stage before its {abs(wanted):g} N"
-            )
-            found.warning(
-                "TS610",
-                f"the limit on force, {most:g} N, {effect}",
-                place,
-                "raise the limit, for this stage by its own `limits`, or lower the force",
-            )
+            _beyond(context, stage, wanted, place, found)
+    _check_constraints(context, name, found)
+
+
+def _beyond(
+    context: Context, stage: Stage, wanted: float, place: Span | None, found: Diagnostics
+) -> None:
+    """Reports a force [N] that is more than the limit of its stage."""
+    most = context.limits_of(stage).force
+    assert most is not None
+    effect = (
+        f"keeps this stage at {SET_POINT_SHARE * most:g} N instead of {abs(wanted):g} N"
+        if context.law_of(stage).solve == "qp"
+        else f"stops this stage before its {abs(wanted):g} N"
+    )
+    found.warning(
+        "TS610",
+        f"the limit on force, {most:g} N, {effect}",
+        place,
+        "raise the limit, for this stage by its own `limits`, or lower the force",
+    )
+
+
+def _check_constraints(context: Context, name: str, found: Diagnostics) -> None:
+    """Reports constant set points that an equation can never return, or that a limit stops."""
+    loaded = context.loaded
+    stage = loaded.task.stages[name]
+    most = context.limits_of(stage).force
+    for equation, entry in stage.constraints.items():
+        model = context.equations[equation]
+        relation, wanted = model.constraint.relation, known_value(context, entry.wanted)
+        presses = {"<=": 1, ">=": -1}.get(relation, 0)
+        if wanted is None:
+            continue
+        kind, unit = ("torque", "N*m") if model.joints else ("force", "N")
+        place = loaded.span(("stages", name, "constraints", equation, kind))
+        if most is not None and abs(wanted) > most and not model.joints:
+            _beyond(context, stage, wanted, place, found)
+        if presses * wanted >= 0:
+            continue
+        found.warning(
+            "TS308",
+            f"{wanted:g} {unit} pulls on {equation!r}, which can only push back",
+            place,
+            f"under {relation} pressing is {'positive' if presses > 0 else 'negative'}: it goes "
+            "along the gradient of left minus right",
+        )
 
 
 def steady_force(context: Context, axis: Axis) -> float | None:

@@ -30,6 +30,7 @@ def check_signals(context: Context, name: str, axes: tuple[str, ...], found: Dia
         if expression in references and not _finite_at_start(context, expression):
             found.error("TS117", "this has no finite value at t = 0 s", expression.span)
         for node, inside_norm in _names(expression.tree, False):
+            hint = ""
             reason = _reason(context, name, axes, node, inside_norm=inside_norm)
             if reason is None and expression in references:
                 reason = _not_in_references(node)
@@ -39,10 +40,11 @@ def check_signals(context: Context, name: str, axes: tuple[str, ...], found: Dia
                 and node.path[0] != context.held
             ):
                 reason = f"the robot does not hold {node.path[0]!r}, so it cannot know"
+                hint = f"let it: robot: {{grasp: {node.path[0]}.handle}}"
             if reason is None and node.path[-1] == "force" and node.path[0] in context.surfaces:
                 reason = "the robot does not measure the force of one object; use norm(force)"
             if reason is not None:
-                found.error("TS224", f"{node}: {reason}", expression.where(node))
+                found.error("TS224", f"{node}: {reason}", expression.where(node), hint)
 
 
 def check_expectations(

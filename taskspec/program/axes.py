@@ -14,7 +14,7 @@ class SkewedAxisError(ValueError):
     """A frame's axis is neither within the arm's motions nor free of them."""
 
     def __init__(self, axis: str) -> None:
-        super().__init__(f"axis {axis!r} leaves the directions that the arm can move in")
+        super().__init__(f"axis {axis!r} is askew to the plane in which the arm moves")
         self.axis = axis
 
 

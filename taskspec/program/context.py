@@ -110,9 +110,14 @@ class Context:
 
     def _nearest(self) -> str | None:
         """The object nearest to the tool at the start, what it holds left out."""
+        gaps = self.touchable_gaps
+        return min(gaps, key=lambda name: gaps[name]) if gaps else None
+
+    @property
+    def touchable_gaps(self) -> dict[str, float]:
+        """Distance [m] at the start from each object but a loose body that the tool holds."""
         held = self.loaded.task.robot.grasp
-        others = [name for name in self.start_gaps if name != held]
-        return min(others, key=lambda name: self.start_gaps[name]) if others else None
+        return {name: gap for name, gap in self.start_gaps.items() if name != held}
 
     @property
     def held(self) -> str:

@@ -21,6 +21,7 @@ register(
         "TS311": "an equation without a gradient",
         "TS312": "a start off a constraint",
         "TS313": "constraints that depend on each other",
+        "TS314": "an equation on a joint that the arm does not have",
         "TS230": "an axis that does not follow from the mechanism's geometry",
         "TS231": "a frame that turns with a handle, and cannot be as the file says",
         "TS232": "a rotation held against the world on an object that turns",

@@ -104,6 +104,10 @@ def resolve(task: Task) -> dict[str, FrameModel]:
     for name, shape in task.shapes.items():
         R, origin = pose(shape)
         described = f"fixed on {shape.shape}"
+        if shape.motion is not None:
+            described = f"moves with {shape.shape}"
+        elif shape.free:
+            described = f"where the {shape.shape} lies as the run begins"
         frames[name] = FrameModel(name, "fixed", R, origin, owner=name, described=described)
     for model in mechanism_models(task).values():
         frames |= _of_mechanism(model)
@@ -125,7 +129,12 @@ def _of_mechanism(model: MechanismModel) -> dict[str, FrameModel]:
     """The frames of a mechanism's own axes and of its handle."""
     name, handle = model.name, f"{model.name}.handle"
     own = FrameModel(
-        name, "fixed", model.rotation, model.origin, owner=name, described=f"fixed on {model.kind}"
+        name,
+        "fixed",
+        model.rotation,
+        model.origin,
+        owner=name,
+        described=f"axes of the {model.kind} as declared; they do not turn with it",
     )
     if not model.swings:
         at = FrameModel(

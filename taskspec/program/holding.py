@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from taskspec.program.errors import spec_error
 from taskspec.program.mechanisms import MechanismModel
-from taskspec.robot import RobotModel, solve_start
+from taskspec.robot import RobotError, RobotModel, solve_start
 from taskspec.spec import LoadedTask, Robot
 from taskspec.text.diagnostic import SpecError
 from taskspec.text.show import show
@@ -54,11 +54,21 @@ def holding_start(
         )
     point = grip_point(robot, loaded, models)
     if start is None or (start.xyz is None and start.joints is None):
-        return solve_start(model, point.tolist(), start.rpy if start else None, None)
+        return _start_at(robot, model, point)
     q = solve_start(model, start.xyz, start.rpy, start.joints)
     if name in models:
         _check_at_handle(loaded, model, q, point)
     return q
+
+
+def _start_at(robot: Robot, model: RobotModel, point: Vector) -> Vector:
+    rpy = robot.start.rpy if robot.start else None
+    try:
+        return solve_start(model, point.tolist(), rpy, None)
+    except RobotError as error:
+        message = f"{robot.grasp!r} is to be held from the start, and {error.message}"
+        field = error.field if rpy is not None and "rpy" in error.field else ("grasp",)
+        raise RobotError(error.code, message, error.hint, field) from error
 
 
 def _check_at_handle(loaded: LoadedTask, model: RobotModel, q: Vector, point: Vector) -> None:

@@ -13,7 +13,7 @@ from taskspec.control.model_terms import ModelTerms
 from taskspec.geometry.surface import Surface, box_face
 from taskspec.program import felt
 from taskspec.program import frames as frame_models
-from taskspec.program.carriers import carriers
+from taskspec.program.carriers import Carrier, carriers
 from taskspec.program.context import Context, StartEquation
 from taskspec.program.equations import EquationModel, equation_models
 from taskspec.program.errors import spec_error
@@ -24,6 +24,8 @@ from taskspec.program.signals import gaps, normal
 from taskspec.program.stiffness import compliance, equation_compliance
 from taskspec.robot import RobotError, RobotModel, load_robot, solve_start
 from taskspec.spec import LoadedTask
+from taskspec.text.diagnostic import Diagnostics, SpecError
+from taskspec.text.expression.tree import Name, walk
 
 Vector = NDArray[np.float64]
 
@@ -50,6 +52,7 @@ def prepare(loaded: LoadedTask) -> Context:
     inertia = np.triu(H.reshape(n, n, order="F"))
     surfaces = {name: frame_models.surface(shape) for name, shape in task.shapes.items()}
     carried = carriers(task)
+    _check_motions(loaded, carried)
     zero = ca.SX(0)
     distances = gaps(robot, surfaces, ca.SX(tip_p), ca.SX(tip_R), carried, zero)
     gap_at_start = {name: float(ca.evalf(d)) for name, d in distances.items()}
@@ -59,7 +62,7 @@ def prepare(loaded: LoadedTask) -> Context:
     }
     posture = task.robot.posture
     frames = frame_models.resolve(task)
-    _check_equations(loaded, frames)
+    _check_equations(loaded, frames, robot)
     equations = equation_models(task, frames)
     plant_period = 1.0 / task.control.plant_rate
     contacts = {
@@ -111,18 +114,49 @@ _NOT_FIXED = {
 }
 
 
-def _check_equations(loaded: LoadedTask, frames: Mapping[str, FrameModel]) -> None:
+def _check_equations(
+    loaded: LoadedTask, frames: Mapping[str, FrameModel], robot: RobotModel
+) -> None:
+    found = Diagnostics(loaded.source.name)
     for name, declared in loaded.task.equations.items():
         frame = frames[declared.frame or "world"]
         if frame.kind != "fixed":
-            raise spec_error(
-                loaded,
-                ("world", name, "frame"),
+            found.error(
                 "TS247",
                 f"equation {name!r} is written in frame {frame.name!r}, which "
                 f"{_NOT_FIXED.get(frame.kind, 'moves')}",
+                loaded.span(("world", name, "frame")),
                 "write it in a frame that is fixed in the world",
             )
+        if not declared.equation.joints:
+            continue
+        residual, joints = declared.equation.residual, robot.pin.nv
+        for node in walk(residual.tree):
+            if isinstance(node, Name) and _joint_of(node) > joints:
+                message = f"{robot.name!r} has {joints} joints, q1 to q{joints}"
+                found.error("TS314", message, residual.where(node))
+    if found.has_errors:
+        raise SpecError(found.sorted(), loaded.sources)
+
+
+def _joint_of(node: Name) -> int:
+    """The joint, counted from 1, that a coordinate of an equation is of; 0 for any other name."""
+    number = node.path[0].removeprefix("q")
+    return int(number) if node.path[0].startswith("q") and number.isdigit() else 0
+
+
+def _check_motions(loaded: LoadedTask, carried: Mapping[str, Carrier]) -> None:
+    """Reports objects that are nowhere, or infinitely fast, as the run begins."""
+    found = Diagnostics(loaded.source.name)
+    for name, carrier in carried.items():
+        if not all(np.isfinite(np.array(value)).all() for value in carrier.numbers(0.0)):
+            found.error(
+                "TS117",
+                "this motion has no finite place, velocity and acceleration at clock = 0 s",
+                loaded.span(("world", name, "motion")),
+            )
+    if found.has_errors:
+        raise SpecError(found.sorted(), loaded.sources)
 
 
 def _expected_normal(

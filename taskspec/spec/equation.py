@@ -100,7 +100,8 @@ def _coordinates(residual: Binary) -> tuple[Problem, ...]:
     joints = [node for name, node in mine.items() if name.startswith("q")]
     if joints and len(joints) < len(mine):
         message = "an equation is on the tool tip or on joints, not on both"
-        return (Problem("TS310", message, joints[0].start, joints[0].end),)
+        hint = "state them as two objects, or write the tip's place by the joints"
+        return (Problem("TS310", message, joints[0].start, joints[0].end, hint),)
     return ()
 
 
@@ -146,18 +147,30 @@ class JointEquation(EquationObject):
     @classmethod
     def rules(cls, data: Map, reading: Reading) -> None:
         """Report a frame, which joints do not have."""
-        if "frame" in data:
+        if "frame" in data and not _mixed(data.get("equation")):
             message = "an equation on joints has no 'frame'"
             reading.error("TS310", message, data.node.key_span("frame"), "leave it out")
 
 
 def kind_of_text(text: object) -> str:
     """The kind of the equation that a raw text states, `equation` where it cannot be told."""
+    residual = _residual(text)
+    return "joint equation" if residual is not None and on_joints(residual) else "equation"
+
+
+def _mixed(text: object) -> bool:
+    """Whether a raw text has coordinates of the tip among those of joints."""
+    residual = _residual(text)
+    return residual is not None and bool(_coordinates(residual))
+
+
+def _residual(text: object) -> Binary | None:
+    """Left minus right of a raw text; None where it is no equation."""
     if not isinstance(text, Text):
-        return "equation"
+        return None
     try:
         node = parse(text, "equation")
     except ExpressionError:
-        return "equation"
+        return None
     assert isinstance(node, Equation)
-    return "joint equation" if on_joints(Binary("-", node.left, node.right)) else "equation"
+    return Binary("-", node.left, node.right)

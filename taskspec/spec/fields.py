@@ -5,12 +5,35 @@ from __future__ import annotations
 from typing import Annotated
 
 from taskspec.spec.quantities import Entries
+from taskspec.spec.reading import Reading
 from taskspec.spec.words import Reference
 from taskspec.text.units import ANGLE, LENGTH
 
+MECHANISMS = ("hinge", "slide", "screw")
+"""Kinds of objects that the robot moves by a handle."""
+
 XYZ = Annotated[tuple[float, float, float], Entries((LENGTH,) * 3)]
 RPY = Annotated[tuple[float, float, float], Entries((ANGLE,) * 3)]
-FrameName = Annotated[str, Reference(lambda r: r.frames, "frame", "TS122")]
+
+
+def _other_than_a_frame(name: str, reading: Reading) -> str:
+    """What to write instead of the name of an object that is no frame."""
+    if name in reading.of_kind("equation", "joint equation"):
+        return f"{name!r} is an equation, which has no axes; name a frame"
+    return ""
+
+
+def _other_than_a_surface(name: str, reading: Reading) -> str:
+    """What to write instead of the name of an object that has no surface."""
+    kind = reading.objects.get(name)
+    if kind in MECHANISMS:
+        return f"it is a {kind}; a stage's frame may be {name!r} or '{name}.handle'"
+    return "an equation is no surface; write a shape" if kind is not None else ""
+
+
+FrameName = Annotated[
+    str, Reference(lambda r: r.frames, "frame", "TS122", instead=_other_than_a_frame)
+]
 SurfaceName = Annotated[
     str,
     Reference(
@@ -19,12 +42,13 @@ SurfaceName = Annotated[
         "TS123",
         "objects with a surface",
         "'{}' is no object with a surface",
+        _other_than_a_surface,
     ),
 ]
 MechanismName = Annotated[
     str,
     Reference(
-        lambda r: r.of_kind("hinge", "slide", "screw"),
+        lambda r: r.of_kind(*MECHANISMS),
         "mechanism",
         "TS123",
         unfit="'{}' is no mechanism",

@@ -29,6 +29,7 @@ _EXAMPLES = {
     "robot": "such as robot: {model: panda}",
     "stages": "such as stages: {wait: {time: 1 s}}",
 }
+_INNER_EXAMPLES = {"pitch": "the way along z in one turn, such as pitch: 2 mm/turn"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -172,7 +173,7 @@ def _translate(detail: ErrorDetails, root: nodes.Mapping, reading: Reading) -> N
         if quiet or id(owner) in reading.quiet:
             return
         where = f"'{loc[-2]}'" if len(loc) > 1 else "the task"
-        hint = _EXAMPLES.get(str(loc[-1]), "") if len(loc) == 1 else ""
+        hint = (_EXAMPLES if len(loc) == 1 else _INNER_EXAMPLES).get(str(loc[-1]), "")
         span = nodes.place(root, loc[:depth])
         reading.error("TS021", f"{where} needs the key '{loc[-1]}'", span, hint)
         return

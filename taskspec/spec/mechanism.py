@@ -6,7 +6,7 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
 
-from taskspec.spec.fields import RPY, XYZ
+from taskspec.spec.fields import MECHANISMS, RPY, XYZ
 from taskspec.spec.model import Model
 from taskspec.spec.quantities import Constant
 from taskspec.spec.reach import Reach
@@ -24,7 +24,6 @@ from taskspec.text.units import (
     MOMENT,
 )
 
-MECHANISMS = ("hinge", "slide", "screw")
 Knob = Literal["free", "fixed"]
 
 

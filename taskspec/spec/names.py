@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from taskspec.spec.mechanism import MECHANISMS
+from taskspec.spec.fields import MECHANISMS
 from taskspec.spec.model import mapping
 from taskspec.spec.objects import kind_of_object
 from taskspec.spec.reading import Reading

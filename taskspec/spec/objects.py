@@ -9,7 +9,8 @@ from pydantic import BaseModel, GetCoreSchemaHandler, GetJsonSchemaHandler
 from pydantic_core import CoreSchema, core_schema
 
 from taskspec.spec.equation import EquationObject, JointEquation, kind_of_text
-from taskspec.spec.mechanism import MECHANISMS, OF_KIND, Hinge, Mechanism, Screw, Slide
+from taskspec.spec.fields import MECHANISMS
+from taskspec.spec.mechanism import OF_KIND, Hinge, Mechanism, Screw, Slide
 from taskspec.spec.model import mapping
 from taskspec.spec.world import Shape
 from taskspec.text.data import Map

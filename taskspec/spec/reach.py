@@ -1,4 +1,4 @@
-"""Fields that hold an interval of constants: `0..90 deg` or `+- 90 deg`."""
+"""Fields that hold an interval of constants around 0: `0..90 deg` or `+- 90 deg`."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from taskspec.text.units import Dimension, describe, fitting
 
 @dataclass(frozen=True)
 class Reach(Kind):
-    """From a least to a greatest value."""
+    """From a least to a greatest value, 0 between them."""
 
     dimension: Dimension
 
@@ -45,6 +45,10 @@ class Reach(Kind):
             message = "this interval ends before it begins"
             problem = Problem("TS711", message, node.start, node.end, "write the smaller first")
             reading.problems(value, (problem,))
+        elif not low <= 0 <= high:
+            message = "this leaves out 0, where the mechanism is as it is declared"
+            hint = "count from there: the run begins at 0"
+            reading.problems(value, (Problem("TS118", message, node.start, node.end, hint),))
         return low, high
 
     def json(self) -> dict[str, Any]:

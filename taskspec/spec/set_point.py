@@ -47,6 +47,9 @@ class SetPoint(Model):
         return wanted
 
 
+_AXIS = "to press on it, give an axis of the stage's frame a force: axes: {z: {force: -10 N}}"
+
+
 @dataclass(frozen=True)
 class SetPoints(Kind):
     """A mapping of equations to their set points."""
@@ -62,7 +65,7 @@ class SetPoints(Kind):
         for name, entry in value.items():
             if name not in known:
                 span = value.node.key_span(name)
-                hint = suggestion(name, known, "equations")
+                hint = _AXIS if name in reading.objects else suggestion(name, known, "equations")
                 reading.error("TS123", f"'{name}' is no equation", span, hint)
                 continue
             self._check(name, entry, reading)

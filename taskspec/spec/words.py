@@ -14,6 +14,8 @@ from taskspec.text.suggest import suggestion
 ENDS = ("end", "fail")
 """Where a run may go instead of to a stage."""
 
+_MEANT = {"yes": "true", "on": "true", "no": "false", "off": "false"}
+
 
 @dataclass(frozen=True)
 class Word(Kind):
@@ -99,6 +101,7 @@ class Reference(Kind):
         code: of the diagnostic for an unknown name.
         plural: what all of them are; `what` and an s if left out.
         unfit: what to say of any other name, with `{}` for it.
+        instead: what to do about a name that exists but does not fit; empty for no advice.
     """
 
     names: Callable[[Reading], dict[str, None]]
@@ -106,6 +109,7 @@ class Reference(Kind):
     code: str
     plural: str = ""
     unfit: str = ""
+    instead: Callable[[str, Reading], str] = lambda _name, _reading: ""
 
     def read(self, value: object, reading: Reading) -> str:
         """Return the name."""
@@ -114,7 +118,9 @@ class Reference(Kind):
             message = f"the name of {article} {self.what} is needed here, this is {kind_of(value)}"
             reading.error("TS022", message, span_of(value))
         elif value not in (names := self.names(reading)):
-            hint = suggestion(value, names, self.plural or f"{self.what}s")
+            hint = self.instead(value, reading) or suggestion(
+                value, names, self.plural or f"{self.what}s"
+            )
             message = self.unfit.format(value) or f"unknown {self.what} '{value}'"
             reading.error(self.code, message, span_of(value), hint)
         return str(value)
@@ -185,7 +191,8 @@ class Switch(Kind):
         if isinstance(value, Truth):
             return value.value
         message = f"true or false is needed here, this is {kind_of(value)}"
-        reading.error("TS022", message, span_of(value))
+        hint = f"write '{_MEANT[value]}'" if isinstance(value, Text) and value in _MEANT else ""
+        reading.error("TS022", message, span_of(value), hint)
         return False
 
     def json(self) -> dict[str, Any]:

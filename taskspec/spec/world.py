@@ -15,9 +15,13 @@ from taskspec.spec.words import Switch, Word
 from taskspec.text.data import Map
 from taskspec.text.expression import Expression, ScopeKind
 from taskspec.text.nodes import pointer
+from taskspec.text.suggest import closest
 from taskspec.text.units import ANGLE, DAMPING, LENGTH, MASS, NUMBER, STIFFNESS
 
 ShapeName = Literal["plane", "box", "cylinder", "sphere"]
+
+KIND_KEYS = ("shape", "equation", "mechanism")
+"""The keys of which one says what an object is."""
 
 MOTION = {axis: LENGTH for axis in ("x", "y", "z")} | {a: ANGLE for a in ("rx", "ry", "rz")}
 """How an object may move by itself, and what each axis measures."""
@@ -120,9 +124,11 @@ class Shape(Model):
 
     @classmethod
     def expand(cls, data: object, reading: Reading) -> object:
-        """Report an object of a kind that comes later, and look no further into it."""
+        """Report an object of a kind that comes later or of none, and look no further into it."""
         if not isinstance(data, Map):
             return data
+        if "shape" not in data:
+            return _of_no_kind(data, reading, [*cls.model_fields, *cls.reserved])
         if data.get("shape") not in ("groove", "hole"):
             return data
         reading.quiet.add(id(data.node))
@@ -135,6 +141,21 @@ class Shape(Model):
         """Ask for the sizes of the shape."""
         check_sizes("object", data.get("shape"), cls.sizes, data, reading)
         _check_free(data, reading)
+
+
+def _of_no_kind(data: Map, reading: Reading, keys: list[str]) -> Map:
+    """Report an object that none of the three keys gives a kind; return what can be checked."""
+    slips = {key: near for key in data if key not in keys and (near := closest(key, KIND_KEYS))}
+    for key, near in slips.items():
+        hint = f"did you mean '{near}'?"
+        reading.error("TS020", f"unknown key '{key}' in an object", data.node.key_span(key), hint)
+    if not slips and complete(data, reading):
+        message = "an object needs a 'shape', an 'equation' or a 'mechanism'"
+        reading.error("TS021", message, pointer(data.node), f"such as {Shape.example}")
+    reading.quiet.add(id(data.node))
+    rest = Map({key: value for key, value in data.items() if key in keys})
+    rest.node = data.node
+    return rest
 
 
 def is_free(data: Map) -> bool:

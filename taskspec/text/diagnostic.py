@@ -66,6 +66,10 @@ class Diagnostics:
         self.source = source
         self._found: dict[Diagnostic, None] = {}
 
+    def says(self, code: str, span: Span | None) -> bool:
+        """Whether a finding of this code is already there at this place."""
+        return span is not None and any(d.code == code and d.span == span for d in self._found)
+
     def error(
         self,
         code: str,

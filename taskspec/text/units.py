@@ -127,7 +127,7 @@ _WORDS: dict[Dimension, tuple[str, str, tuple[str, ...]]] = {
     LENGTH**2: ("an area", "m^2", ("mm^2", "m^2")),
     LENGTH / TIME**2: ("an acceleration", "m/s^2", ("m/s^2",)),
     ANGLE / TIME**2: ("an angular acceleration", "rad/s^2", ("rad/s^2", "deg/s^2")),
-    LENGTH / ANGLE: ("a lever arm", "m/rad", ("mm/rad", "m/rad", "mm/turn")),
+    LENGTH / ANGLE: ("a length per angle", "m/rad", ("mm/rad", "m/rad", "mm/turn")),
 }
 
 

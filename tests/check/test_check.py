@@ -130,3 +130,21 @@ def test_an_open_loop_force_is_bounded_by_the_corners():
     worst = (depth + 1e-3) * 1000 * 20_000 / 21_000
     least = (depth - 1e-3) * 1000 * 5_000 / 6_000
     assert f"{-worst:.3g} to {-least:.3g} N" in found.message
+
+
+def test_what_is_held_is_not_touched():
+    """The tip is inside a body that it holds by its middle, and that lies on a table."""
+    text = """
+taskspec: 1
+name: lift
+robot: {model: panda, grasp: cube}
+world:
+  table: {shape: plane, xyz: [0, 0, 300 mm]}
+  cube:
+    {shape: box, size: [40 mm, 40 mm, 40 mm], xyz: [500 mm, 0, 320 mm], free: true, mass: 500 g}
+frame: table
+stages: {lift: {axes: {z: {move: 50 mm}}}}
+"""
+    assert check_task(load_text(text, "t")) == ()
+    loose = text.replace("grasp: cube", "start: {xyz: [500 mm, 0, 320 mm]}")
+    assert [d.code for d in check_task(load_text(loose, "t"))] == ["TS305"]

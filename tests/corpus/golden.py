@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from taskspec.check import check_task
 from taskspec.spec import load_task
 from taskspec.text.diagnostic import Diagnostic, SpecError
 from taskspec.text.render import render
@@ -18,12 +19,20 @@ GOOD = sorted((FOLDER / "ok").glob("*.yaml"))
 
 
 def diagnostics_of(path: Path) -> tuple[tuple[Diagnostic, ...], dict[str, Source]]:
-    """Return everything that is found in a file, and the texts it refers to."""
+    """Return everything that is found about a task, and the texts it refers to.
+
+    What needs robot and start is found only in a file that reads without an error.
+    """
     try:
         loaded = load_task(path, overrides_of(path))
     except SpecError as error:
         return error.diagnostics, dict(error.sources)
-    return loaded.warnings, dict(loaded.sources)
+    return check_task(loaded), dict(loaded.sources)
+
+
+def reading_of(path: Path) -> tuple[Diagnostic, ...]:
+    """Return what is found in the text of a file alone."""
+    return load_task(path, overrides_of(path)).warnings
 
 
 def overrides_of(path: Path) -> dict[str, str]:

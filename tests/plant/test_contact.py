@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from taskspec.program.stiffness import normal_mass
+from taskspec_runner.plant.contact import most_creep
 
 PRESS = """
 taskspec: 1
@@ -82,6 +83,34 @@ def test_sliding_friction_is_coulombs(simulate, speed):
     run = simulate(text.replace("time: 4 s", "time: 2 s"))
     ratio = run.during("press", "force.x", 1.5) / -run.during("press", "force.z", 1.5)
     np.testing.assert_allclose(ratio, 0.3, rtol=0.01)
+
+
+@pytest.mark.parametrize("damping", [10, 30])
+def test_friction_creeps_below_its_limit(simulate, damping):
+    """Force over slip: 100 times the damping, but at most what halves a slip in one step."""
+    text = press("plane", f"stiffness: 20 kN/m, damping: {damping} N*s/m, friction: 0.9")
+    slide = "    axes: {x: {velocity: 1 mm/s}, z: {force: -20 N, ramp: 0.5 s}}"
+    text = text.replace("    axes: {z: {force: -20 N, ramp: 0.5 s}}", slide)
+    run = simulate(text.replace("time: 4 s", "time: 2 s"))
+    robot = run.program.context.robot
+    expected = min(100.0 * damping, most_creep(robot, 1e-3))
+    force, slip = (run.during("press", name, 1.5) for name in ("force.x", "velocity.x"))
+    np.testing.assert_allclose(force / slip, expected, rtol=5e-3)
+
+
+@pytest.mark.parametrize("times", [1, 4])
+def test_a_force_is_seen_one_plant_step_late(simulate, times):
+    """Driven into a spring at v, what is seen lacks k v T / N of the force of the present pose."""
+    text = press("plane", "stiffness: 5 kN/m, damping: 0 N*s/m")
+    drive = "    axes: {z: {velocity: -20 mm/s}}"
+    text = text.replace("    axes: {z: {force: -20 N, ramp: 0.5 s}}", drive)
+    text = text.replace("time: 4 s", f"time: 0.5 s\ncontrol: {{plant_rate: {times} kHz}}")
+    run = simulate(text)
+    deep = run["gap"] < -1e-3
+    assert np.count_nonzero(deep) > 100
+    lag = (-run["force.z.measured"] - 5e3 * -run["gap"])[deep] / (5e3 * run["velocity.z"][deep])
+    # The contact's virtual mass, 0.05 kg braked at 0.022 m/s^2, makes 1.1 mN, and k v is 40 N/s.
+    np.testing.assert_allclose(lag, 1e-3 / times, atol=5e-5)
 
 
 def test_rigid_is_as_stiff_as_the_steps_allow(simulate):

@@ -404,6 +404,86 @@ def test_explain_the_null_space(tmp_path: Path, law: str, says: str, default: bo
     assert "null space" not in call("explain", task).stdout
 
 
+@pytest.mark.parametrize(
+    ("task", "rows"),
+    [
+        (
+            "ring",
+            [
+                "rim x^2 + y^2 = (90 mm)^2 in rail, holds both ways, 50 kN/m, 100 N*s/m",
+                "contact constraints rim, level",
+                "stages.round.constraints.rim.ramp 0.2 s",
+                "control.plant_rate 1 kHz",
+            ],
+        ),
+        (
+            "linkage",
+            ["bars q1 + q2 + q3 = 0 on joints, holds both ways, 2000 N*m/rad, 5 N*m*s/rad"],
+        ),
+        (
+            "crank",
+            [
+                "holds crank.handle, by a grip of 50 kN/m and 500 N*m/rad",
+                "crank hinge, inertia 0.05 kg*m^2, damping 0.2 N*m*s/rad, free knob",
+                "crank axes of the hinge as declared; they do not turn with it",
+                "robot.start.xyz where the tip takes hold of crank.handle",
+                "world.crank.friction 0",
+                "world.crank.stop none",
+            ],
+        ),
+        (
+            "screw",
+            [
+                "cap screw, pitch 4 mm/turn, inertia 0.001 kg*m^2, mass 0.2 kg, damping 0.05 "
+                "N*m*s/rad, friction 0.1 N*m, stops at -5 deg and 200 deg, fixed knob",
+                "world.cap.handle at the origin of its axes",
+            ],
+        ),
+        ("vibrating-table", ["table moves with plane"]),
+        ("wrist-sensor", ["tare what the sensor shows here on average becomes its zero"]),
+    ],
+)
+def test_explain_tells_equations_mechanisms_and_sensing(task: str, rows: list[str]) -> None:
+    result = call("explain", SHIPPED / f"{task}.yaml")
+    lines = [" ".join(line.split()) for line in result.stdout.splitlines()]
+    for row in rows:
+        assert any(line.startswith(row) for line in lines), result.stdout
+    # A frame is told once, also where an equation is written in it.
+    frames = lines[lines.index("frames") + 1 : lines.index("", lines.index("frames"))]
+    assert len({line.split()[0] for line in frames}) == len(frames)
+
+
+def test_explain_tells_the_defaults_of_equations_and_mechanisms(tap: Path) -> None:
+    tap.write_text(
+        """taskspec: 1
+robot: {model: panda, start: {xyz: [500 mm, 0, 350 mm]}, sensor: {delay: 2 ms}}
+world:
+  rim: {equation: x^2 + y^2 <= (600 mm)^2, stiffness: rigid}
+  bars: {equation: q1 + q2 <= 90 deg}
+  cap: {mechanism: screw, pitch: 2 mm/turn, detent: {at: 2 deg, force: 3 N*m, width: 1 deg}}
+stages: {go: {time: 1 s}}
+"""
+    )
+    lines = [" ".join(line.split()) for line in call("explain", tap).stdout.splitlines()]
+    told = lines[lines.index("defaults taken") + 1 :]
+    for row in (
+        "robot.sensor.rate that of the controller",
+        "world.rim.frame world",
+        # As docs/language.md has them: 20 kN/m, on joints 2 kN m/rad, and 0.1 * 2 sqrt(k h) with
+        # 1 kg and 0.05 kg m^2.
+        "world.bars.stiffness 2000 N*m/rad",
+        "world.bars.damping 2 N*m*s/rad",
+        "world.cap.knob fixed",
+        "world.cap.inertia 0.001 kg*m^2",
+        "world.cap.mass 0.1 kg",
+        "world.cap.damping 0",
+        "world.cap.stop none",
+    ):
+        assert row in told, told
+    assert not any(row.startswith(("world.rim.stiffness", "world.cap.detent")) for row in told)
+    assert any("snaps at 2 deg +- 1 deg with 3 N*m" in line for line in lines)
+
+
 def test_explain_under_overrides(tap: Path) -> None:
     text = call(
         "explain", tap, "--set", "stages.hold.axes.x.ramp=70 ms", "--law", "parallel"

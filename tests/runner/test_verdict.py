@@ -103,7 +103,7 @@ def judged(expectation: str, history: History = HISTORY) -> Judged:
         (
             "mean(wipe.force.z) within -press +- 1 mN",
             True,
-            "mean(wipe.force.z) = -15000 mN (needs -15001 mN to -14999 mN)",
+            "mean(wipe.force.z) = -15 N (needs -15.001 N to -14.999 N)",
         ),
         ("rms(wipe.error.x) <= 2 mm", True, "rms(wipe.error.x) = 2 mm (needs <= 2 mm)"),
         ("std(wipe.error.x) < 3 mm", True, "std(wipe.error.x) = 2 mm (needs < 3 mm)"),

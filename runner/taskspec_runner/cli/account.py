@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from taskspec.compiler import Program
 from taskspec.control.state import AXES
+from taskspec.program.grip import GRIP
 from taskspec.program.modes import AxisPlan
 from taskspec.program.null_space import goals
 from taskspec.program.stage import CompiledStage
@@ -40,7 +41,7 @@ class GainAccount:
 
 @dataclass(frozen=True, slots=True)
 class StageAccount:
-    """A stage: its law and frame, its axes and gains, and what ends it."""
+    """A stage: its law and frame, its axes and gains, what ends it, and whether it tares."""
 
     name: str
     law: str
@@ -51,6 +52,7 @@ class StageAccount:
     axes: tuple[AxisAccount, ...]
     gains: tuple[GainAccount, ...]
     ends: tuple[tuple[str, str], ...]
+    tare: bool
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,9 +73,16 @@ def robot_account(program: Program) -> tuple[tuple[str, str], ...]:
     return (
         ("robot", f"{robot.name}, {len(robot.joint_names)} joints: {robot.source}"),
         ("tool", ", ".join([f"{tool.shape} {' x '.join(sizes)}".rstrip(), show(tool.mass, "g")])),
+        *_holds(context.loaded.task.robot.grasp),
         ("start", f"tool tip at [{position}] mm in the world"),
         *(("note", note) for note in robot.notes),
     )
+
+
+def _holds(grasp: str | None) -> Iterator[tuple[str, str]]:
+    if grasp is not None:
+        grip = f"{stiffness(GRIP.stiffness)} and {show(GRIP.angular_stiffness, 'N*m/rad')}"
+        yield "holds", f"{grasp}, by a grip of {grip}"
 
 
 def frame_accounts(program: Program) -> tuple[FrameAccount, ...]:
@@ -84,7 +93,8 @@ def frame_accounts(program: Program) -> tuple[FrameAccount, ...]:
             frame.described,
             tuple(stage.name for stage in program.stages if stage.frame is frame),
         )
-        for frame in program.context.frames.values()
+        for name, frame in program.context.frames.items()
+        if name == frame.name  # An equation's name leads to the frame that it is written in.
     )
 
 
@@ -103,12 +113,15 @@ def stage_account(program: Program, stage: CompiledStage) -> StageAccount:
         ),
         gains=tuple(_gains(program, stage)),
         ends=tuple(_ends(program, stage)),
+        tare=stage.spec.tare,
     )
 
 
 def _contact(program: Program, stage: CompiledStage) -> str:
     if stage.contact is None and stage.held:
         return f"{stage.held}, held: believed {stiffness(stage.stiffness)} both ways"
+    if stage.contact is None and stage.active:
+        return f"constraints {', '.join(stage.active)}"
     if stage.contact is None:
         return "none: the world has no surface"
     shape = program.context.loaded.task.shapes[stage.contact]

@@ -125,8 +125,8 @@ def _notes(file: Path, sets: Sequence[str], loaded: LoadedTask | None) -> list[s
         own = load(file, sets).task.law
     except SpecError:
         own = None
-    kept = {"kind", "orientation", "solve", "solver"}
-    if own is not None and own.model_dump(exclude=kept, exclude_none=True):
+    gains = {gain.partition(".")[0] for facts in LAWS.values() for gain in facts.gains}
+    if own is not None and own.model_dump(include={*gains, "joint_damping"}, exclude_none=True):
         notes.append(
             f"every law has designed gains; those that the file gives {own.kind} are left out"
         )

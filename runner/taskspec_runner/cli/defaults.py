@@ -8,10 +8,22 @@ from taskspec.compiler import Program
 from taskspec.program.null_space import goals
 from taskspec.program.references import DEFAULT_RAMP
 from taskspec.program.stage import CompiledStage
+from taskspec.program.stiffness import Compliance
 from taskspec.program.tracks import move_speed
-from taskspec.spec import Axis, Task
+from taskspec.robot.tool import LENGTH
+from taskspec.spec import Axis, EquationObject, Mechanism, Robot, Shape, Task
+from taskspec.text.nodes import find
 from taskspec.text.show import show
 from taskspec_runner.cli.measures import speed, stiffness
+
+_SENSOR = {
+    "at": "contact: neither weight nor inertia of the tool",
+    "rate": "that of the controller",
+    "delay": "0 s beyond the one tick",
+    "noise": "none",
+    "bias": "none",
+    "filter": "none",
+}
 
 
 def speed_of(axis: str, entry: Axis) -> str:
@@ -28,6 +40,7 @@ def defaults_taken(program: Program) -> Iterator[tuple[str, str]]:
     """What the file leaves out, and what stands in its place."""
     task = program.context.loaded.task
     yield from _sections(task)
+    yield from _rates(program)
     yield from _robot(program)
     yield from _world(program)
     for stage in program.stages:
@@ -42,9 +55,14 @@ def _sections(task: Task) -> Iterator[tuple[str, str]]:
             yield key, value
     if "limits" not in given:
         yield "limits", "the robot's own joint limits only"
+
+
+def _rates(program: Program) -> Iterator[tuple[str, str]]:
+    loaded = program.context.loaded
     for key in ("rate", "plant_rate"):
-        if key not in task.control.model_fields_set:
-            yield f"control.{key}", show(getattr(task.control, key), "kHz")
+        _, found = find(loaded.root, ("control", key))
+        if found < len(("control", key)):
+            yield f"control.{key}", show(getattr(loaded.task.control, key), "kHz")
 
 
 def _robot(program: Program) -> Iterator[tuple[str, str]]:
@@ -56,41 +74,86 @@ def _robot(program: Program) -> Iterator[tuple[str, str]]:
         yield "robot.tool", f"a massless sphere of radius 10 mm, its tip {end}"
     else:
         own = robot.tool.model_fields_set
+        if "shape" not in own:
+            yield "robot.tool.shape", "sphere"
+        if "length" not in own:
+            yield "robot.tool.length", show(LENGTH if "z" in model.axes else 0.0, "mm")
         if robot.tool.shape == "sphere" and "radius" not in own:
             yield "robot.tool.radius", show(float(model.tool.radii[0]), "mm")
         if "mass" not in own:
             yield "robot.tool.mass", "0 kg"
     if "base" not in given:
         yield "robot.base", "the world's origin"
-    if robot.start is None:
-        yield "robot.start", "the model's home position"
-    elif robot.start.joints is None and robot.start.rpy is None and "z" in model.axes:
-        yield "robot.start.rpy", "pointing down"
+    yield from _start(robot, vertical="z" in model.axes)
     laws = [program.context.law_of(stage) for stage in program.context.loaded.task.stages.values()]
     if "posture" not in given and any("posture" in goals(a, model, model.axes) for a in laws):
         yield "robot.posture", "the start configuration"
     if "sensor" not in given:
         yield "robot.sensor", "contact wrench, every tick, one tick late, no noise"
+    else:
+        own = robot.sensor.model_fields_set
+        yield from ((f"robot.sensor.{k}", v) for k, v in _SENSOR.items() if k not in own)
+
+
+def _start(robot: Robot, *, vertical: bool) -> Iterator[tuple[str, str]]:
+    start = robot.start
+    if start is None and robot.grasp is None:
+        yield "robot.start", "the model's home position"
+    elif start is None or start.joints is None:
+        if start is None or start.xyz is None:
+            yield "robot.start.xyz", f"where the tip takes hold of {robot.grasp}"
+        if vertical and (start is None or start.rpy is None):
+            yield "robot.start.rpy", "pointing down"
 
 
 def _world(program: Program) -> Iterator[tuple[str, str]]:
     context = program.context
-    task = context.loaded.task
-    for name, shape in task.shapes.items():
-        given = shape.model_fields_set
-        if "stiffness" not in given:
-            yield f"world.{name}.stiffness", stiffness(float(shape.stiffness))
-        if "damping" not in given:
-            damping = context.compliances[name].damping
-            yield f"world.{name}.damping", show(damping, "N*s/m")
-        if "friction" not in given:
-            yield f"world.{name}.friction", "0"
+    for name, declared in context.loaded.task.world.items():
+        if not isinstance(declared, EquationObject):
+            left_out = (key for key in ("xyz", "rpy") if key not in declared.model_fields_set)
+            yield from ((f"world.{name}.{key}", "[0, 0, 0]") for key in left_out)
+        if isinstance(declared, Mechanism):
+            found = _mechanism(declared)
+        else:
+            found = _compliant(declared, context.compliances[name])
+        yield from ((f"world.{name}.{key}", value) for key, value in found)
+
+
+def _compliant(declared: Shape | EquationObject, contact: Compliance) -> Iterator[tuple[str, str]]:
+    """Of something that is touched, or of an equation."""
+    given = declared.model_fields_set
+    joints = isinstance(declared, EquationObject) and declared.equation.joints
+    if isinstance(declared, EquationObject) and not joints and "frame" not in given:
+        yield "frame", "world"
+    if "stiffness" not in given:
+        k = contact.stiffness
+        yield "stiffness", show(k, "N*m/rad") if joints else stiffness(k)
+    if "damping" not in given:
+        yield "damping", show(contact.damping, "N*m*s/rad" if joints else "N*s/m")
+    if isinstance(declared, Shape) and "friction" not in given:
+        yield "friction", "0"
+
+
+def _mechanism(declared: Mechanism) -> Iterator[tuple[str, str]]:
+    given = declared.model_fields_set
+    if "handle" not in given:
+        yield "handle", "at the origin of its axes"
+    if "knob" not in given:
+        yield "knob", declared.knob
+    for key, unit in (("inertia", "kg*m^2"), ("mass", "kg")):
+        if key in type(declared).model_fields and key not in given:
+            yield key, show(getattr(declared, key), unit)
+    yield from ((key, "0") for key in ("damping", "friction") if key not in given)
+    yield from ((key, "none") for key in ("stop", "detent") if key not in given)
 
 
 def _stage(stage: CompiledStage) -> Iterator[tuple[str, str]]:
     holding = [a for a in stage.plans if a not in stage.spec.axes and stage.plans[a].mode == "hold"]
     if holding:
         yield f"stages.{stage.name}.axes: {' '.join(holding)}", "hold"
+    for name, wanted in stage.spec.constraints.items():
+        if wanted.ramp is None:
+            yield f"stages.{stage.name}.constraints.{name}.ramp", show(DEFAULT_RAMP, "s")
     for axis, entry in stage.spec.axes.items():
         place = f"stages.{stage.name}.axes.{axis}"
         if (entry.force is not None or entry.torque is not None) and entry.ramp is None:

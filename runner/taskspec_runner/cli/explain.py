@@ -19,6 +19,7 @@ from taskspec_runner.cli.console import show, table
 from taskspec_runner.cli.defaults import defaults_taken
 from taskspec_runner.cli.findings import show_findings
 from taskspec_runner.cli.loading import load
+from taskspec_runner.cli.objects import object_accounts
 from taskspec_runner.errors import InputError
 
 _CODE = re.compile(r"TS\d{3}\Z", re.IGNORECASE)
@@ -49,7 +50,10 @@ def _explain_file(path: Path, sets: Sequence[str], law: str | None) -> None:
     program = compile_task(load(path, sets, law))
     show_findings(program.warnings, program.context.loaded.sources, err=True)
     task = program.context.loaded.task
-    show(Text(task.name, style="bold"), Text(task.about or ""), _pairs(robot_account(program)))
+    about = [Text(task.about)] if task.about else []
+    show(Text(task.name, style="bold"), *about, _pairs(robot_account(program)))
+    if task.world:
+        _section("world", _pairs(object_accounts(program)))
     frames = table("frame", "is", "task frame of")
     for frame in frame_accounts(program):
         frames.add_row(*_cells(frame.name, frame.described, ", ".join(frame.stages)))
@@ -67,6 +71,7 @@ def _show_stage(stage: StageAccount) -> None:
         ("frame", stage.frame),
         ("contact", stage.contact),
         *([("null space", stage.null_space)] if stage.null_space else []),
+        *([("tare", "what the sensor shows here on average becomes its zero")] * stage.tare),
         *stage.ends,
     )
     axes = table("axis", "controlled by", "reference")

@@ -10,12 +10,15 @@ from __future__ import annotations
 
 import mujoco
 
-from taskspec.program.stiffness import Compliance
+from taskspec.program.stiffness import Compliance, virtual_mass_scale
+from taskspec.robot import RobotModel
 
 #: Impedance d of every contact.
 IMPEDANCE = 0.02
 #: Share of a sticking contact's slip that friction may take away in one step of the plant.
 SETTLING = 0.5
+#: How much stiffer friction is against a slip than the contact is damped along its normal.
+IMPRATIO = 100.0
 _NO_SPRING = 1e-9
 #: A friction of exactly zero would leave MuJoCo's elliptic cone without a size.
 _LEAST_FRICTION = 1e-5
@@ -50,3 +53,13 @@ def contact_parameters(
     pair.friction = [sliding, sliding, 0.0, 0.0, 0.0]
     if friction == 0:
         pair.condim = 1
+
+
+def most_creep(robot: RobotModel, plant_period: float) -> float:
+    """The largest force over slip [N s/m] of friction below its limit, at one point of the tool.
+
+    What halves a slip of the contact's mean mass 1/A in one step, as MuJoCo counts it: IMPRATIO
+    divides the friction rows' (1 - d)/d.
+    """
+    slowest = IMPEDANCE * SETTLING / plant_period
+    return IMPRATIO * slowest * virtual_mass_scale(robot) / (1 - IMPEDANCE)

@@ -12,6 +12,7 @@ from taskspec.robot import RobotModel
 from taskspec.spec import Task
 from taskspec_runner.plant import grasp
 from taskspec_runner.plant.carriers import moving
+from taskspec_runner.plant.contact import IMPRATIO
 from taskspec_runner.plant.looks import dress
 from taskspec_runner.plant.mechanisms import add_mechanism, add_thread
 from taskspec_runner.plant.names import PREFIX
@@ -79,7 +80,7 @@ def _set_options(option: mujoco.MjOption, period: float) -> None:
     # A pyramidal cone makes the same contact several times too stiff; at impratio 1 friction is
     # viscous down to a few centimetres per second.
     option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
-    option.impratio = 100.0
+    option.impratio = IMPRATIO
     option.solver = mujoco.mjtSolver.mjSOL_NEWTON
     option.tolerance = 1e-14
     option.integrator = mujoco.mjtIntegrator.mjINT_EULER

@@ -18,6 +18,8 @@ from taskspec_runner.report.chart import (
     size,
 )
 from taskspec_runner.report.data import Run, Vector
+from taskspec_runner.report.gaps import gap_charts
+from taskspec_runner.report.mechanisms import coordinate_charts, effort_charts
 from taskspec_runner.report.quantities import figure, plain_scale, quantity, scale
 
 LINEAR, ANGULAR = ("x", "y", "z"), ("rx", "ry", "rz")
@@ -32,9 +34,14 @@ def sections(run: Run) -> tuple[Section, ...]:
         contact.add(_controlled(run, wrench_name(axis), axis))
     for number, name in enumerate(set_points(run.columns)):
         contact.add(_controlled(run, name, f"j{number % 7}"))
+    for chart in effort_charts(run):
+        contact.add(chart)
     contact.add(_wrench(run, "force", LINEAR, "All forces"))
     contact.add(_wrench(run, "torque", ANGULAR, "Moments"))
-    contact.add(_gap(run))
+    for chart in gap_charts(run):
+        contact.add(chart)
+    for chart in coordinate_charts(run):
+        motion.add(chart)
     motion.add(_pose(run, LINEAR, "Position"))
     motion.add(_errors(run, LINEAR, "Position error"))
     motion.add(_velocity(run))
@@ -98,26 +105,6 @@ def _wrench(run: Run, kind: str, axes: Sequence[str], title: str) -> Chart | Non
     unbounded = [n for n in names if run.column(f"{n}.ref") is None]
     limits = levels(run, kind, factor, (1, -1))
     return Chart(kind, title, unit, tuple(traces), note, bands(run, unbounded, factor), limits)
-
-
-def _gap(run: Run) -> Chart | None:
-    names = [n for n in run.columns if n.endswith(".gap") and run.column(n) is not None]
-    if not names and run.column("gap") is not None:
-        names = ["gap"]
-    if not names:
-        return None
-    columns = [run.columns[n] for n in names]
-    factor, unit = scale("m", size(columns))
-    traces = [
-        Trace(n.removesuffix(".gap"), c * factor, f"j{i % 7}", "line", n, True)
-        for i, (n, c) in enumerate(zip(names, columns, strict=True))
-    ]
-    deepest = min(float(np.nanmin(c)) for c in columns)
-    note = ""
-    if deepest < 0:
-        note = f"deepest {' '.join(quantity(-deepest, 'm'))} inside"
-    bounds = bands(run, ["gap", *names], factor)
-    return Chart("gap", "Gap to the surface", unit, tuple(traces), note, bounds, always=(0.0,))
 
 
 def _pose(run: Run, axes: Sequence[str], title: str) -> Chart | None:

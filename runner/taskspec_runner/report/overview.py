@@ -76,9 +76,15 @@ def _chosen(run: Run) -> list[Chart]:
     """Force against reference, else all forces; and the position."""
     charts = {chart.key: chart for part in figures.sections(run) for chart in part.charts}
     controlled = [chart for key, chart in charts.items() if key.endswith(".ref")]
-    controlled.sort(key=lambda chart: not chart.bands)
+    controlled.sort(key=_interest)
     first = controlled[0] if controlled else _borne(charts.get("force"))
     return [c for c in (first, charts.get("position")) if c is not None]
+
+
+def _interest(chart: Chart) -> tuple[bool, bool, float]:
+    """Sorts what an expectation is about first, then forces, then the largest set point."""
+    wanted = [t.values for t in chart.traces if t.style == "reference"]
+    return not chart.bands, "torque" in chart.key, -size(wanted)
 
 
 def _borne(forces: Chart | None) -> Chart | None:

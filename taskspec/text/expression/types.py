@@ -40,8 +40,9 @@ def ends(low: tree.Node, high: tree.Node) -> list[tree.Node]:
 
 
 def is_bare(node: tree.Node) -> bool:
-    """Whether a node is a number without a unit."""
+    """Whether a node is a number without a unit, or a power of one."""
     number = node.x if isinstance(node, tree.Negate) else node
+    number = number.base if isinstance(number, tree.Power) else number
     return isinstance(number, tree.Number) and not number.unit
 
 

@@ -1,0 +1,74 @@
+"""Loose bodies as the run begins: those that lie inside of other objects are thrown out."""
+
+from __future__ import annotations
+
+from itertools import product
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from taskspec.geometry import rotation
+from taskspec.program.context import Context
+from taskspec.spec import Shape
+from taskspec.text.diagnostic import Diagnostics
+from taskspec.text.show import show
+
+_GRAVITY = 9.81
+#: A contact that pushes with this many times a body's weight lifts it off.
+_LIFTS = 2.0
+_RIM_POINTS = 8
+
+
+def check_bodies(context: Context, found: Diagnostics) -> None:
+    """Reports loose bodies that begin so deep in another object that it throws them."""
+    loaded = context.loaded
+    shapes = loaded.task.shapes
+    seen: set[frozenset[str]] = set()
+    for name, body in shapes.items():
+        if not body.free or body.mass is None:
+            continue
+        points, radius = _points(body)
+        for other in shapes:
+            pair = frozenset((name, other))
+            if other == name or pair in seen:
+                continue
+            depth = radius - min(_distance(context, other, point) for point in points)
+            stiffness = context.compliances[other].stiffness
+            if shapes[other].free:
+                stiffness = min(stiffness, context.compliances[name].stiffness)
+            if depth * stiffness > _LIFTS * body.mass * _GRAVITY:
+                seen.add(pair)
+                found.warning(
+                    "TS305",
+                    f"{name!r} starts {show(depth, 'mm', 3)} inside {other!r}: the run begins with "
+                    f"{show(depth * stiffness, 'N', 3)} between them",
+                    loaded.span(("world", name), key=True),
+                    "let the body lie on it: the contact gives way by weight / stiffness",
+                )
+
+
+def _points(body: Shape) -> tuple[NDArray[np.float64], float]:
+    """World points (k, 3) that a body reaches furthest with [m], and a radius about them."""
+    R, origin = rotation.from_rpy(body.rpy), np.array(body.xyz, dtype=float)
+    radius = body.radius or 0.0
+    if body.shape == "sphere":
+        return origin[None], radius
+    if body.size is not None:
+        own = np.array(list(product((-0.5, 0.5), repeat=3))) * body.size
+    else:
+        angles = 2 * np.pi * np.arange(_RIM_POINTS) / _RIM_POINTS
+        half = (body.length or 0.0) / 2
+        own = np.array(
+            [(radius * np.cos(a), radius * np.sin(a), z) for a in angles for z in (-half, half)]
+        )
+    return origin + own @ R.T, 0.0
+
+
+def _distance(context: Context, name: str, point: NDArray[np.float64]) -> float:
+    """Signed distance [m] of a world point (3,) from an object as the run begins."""
+    carrier = context.carriers.get(name)
+    if carrier is not None:
+        A, a = carrier.pose(0.0)
+        point = A.T @ (point - a)
+    return float(ca.evalf(context.surfaces[name].distance(ca.SX(point))))
