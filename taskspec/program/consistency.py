@@ -30,6 +30,7 @@ STATIC_SHARE = 0.9
 FRICTION_SHARE = 0.9
 #: A sum of generators that differs from the request by this share of it counts as equal.
 EQUAL = 1e-6
+_CAP = "the limit on force"
 #: Weight of a generator's own size, so that equal sums are told apart.
 _LEAST = 1e-8
 
@@ -41,13 +42,14 @@ class Generator:
     Attributes:
         effect: (r,) what it contributes to each requested force. torque: (n,) that it takes.
         friction: of the contact; for a normal, with its two tangents following.
-        kind: `normal`, `tangent` or `free`.
+        kind: `normal`, `tangent` or `free`. of: the object, the equation or the grip.
     """
 
     effect: ca.SX
     torque: ca.SX
     friction: float
     kind: str
+    of: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,6 +76,7 @@ class Consistency:
     Attributes:
         needed: 1 where a plain least-squares s does not already do.
         P: (g, g). g: (g,). A: (m, g). lower, upper: (m,). effect: (r, g) E.
+        texts: what each of the m conditions is.
     """
 
     needed: ca.SX
@@ -83,6 +86,7 @@ class Consistency:
     lower: ca.SX
     upper: ca.SX
     effect: ca.SX
+    texts: tuple[str, ...]
 
 
 def consistency(
@@ -100,13 +104,7 @@ def consistency(
     if limits.force is not None:
         conditions.add_caps(generators, SET_POINT_SHARE * limits.force)
     conditions.add_torques(generators, STATIC_SHARE * context.robot.torque_limit, gravity)
-    return _program(
-        requests,
-        ca.horzcat(*(made.effect for made in generators)),
-        ca.vertcat(*conditions.rows),
-        ca.vertcat(*conditions.lower),
-        ca.vertcat(*conditions.upper),
-    )
+    return _program(requests, ca.horzcat(*(made.effect for made in generators)), conditions)
 
 
 class _Conditions:
@@ -117,8 +115,10 @@ class _Conditions:
         self.rows: list[ca.SX] = []
         self.lower: list[ca.SX] = []
         self.upper: list[ca.SX] = []
+        self.texts: list[str] = []
 
-    def add(self, row: ca.SX, lower: ca.SX, upper: ca.SX) -> None:
+    def add(self, text: str, row: ca.SX, lower: ca.SX, upper: ca.SX) -> None:
+        self.texts.append(text)
         self.rows.append(row)
         self.lower.append(lower)
         self.upper.append(upper)
@@ -129,21 +129,22 @@ class _Conditions:
             if made.kind != "normal":
                 continue
             push = self._eye[i, :]
-            self.add(push, ca.SX(0), ca.SX(ca.inf))
+            self.add(f"{made.of} only pushes back", push, ca.SX(0), ca.SX(ca.inf))
             if made.friction > 0:
                 along, across = self._eye[i + 1, :], self._eye[i + 2, :]
                 for face in (along + across, along - across, across - along, -along - across):
-                    self.add(made.friction * push + face, ca.SX(0), ca.SX(ca.inf))
+                    row = made.friction * push + face
+                    self.add(f"friction of {made.of}", row, ca.SX(0), ca.SX(ca.inf))
 
     def add_caps(self, generators: Sequence[Generator], cap: float) -> None:
         """All pushes together, and each force of either sign, stay below the cap [N]."""
         pushes = [i for i, made in enumerate(generators) if made.kind == "normal"]
         if pushes:
             total = ca.sum1(self._eye[pushes, :])
-            self.add(total, ca.SX(-ca.inf), ca.SX(cap))
+            self.add(_CAP, total, ca.SX(-ca.inf), ca.SX(cap))
         for i, made in enumerate(generators):
             if made.kind == "free":
-                self.add(self._eye[i, :], ca.SX(-cap), ca.SX(cap))
+                self.add(_CAP, self._eye[i, :], ca.SX(-cap), ca.SX(cap))
 
     def add_torques(
         self, generators: Sequence[Generator], most: NDArray[np.float64], gravity: ca.SX
@@ -153,11 +154,13 @@ class _Conditions:
         for j, limit in enumerate(most):
             if np.isfinite(limit):
                 low, high = -limit - gravity[j], limit - gravity[j]
-                self.add(torque[j, :], ca.fmin(low, 0), ca.fmax(high, 0))
+                low, high = ca.fmin(low, 0), ca.fmax(high, 0)
+                self.add(f"static torque of joint {j + 1}", torque[j, :], low, high)
 
 
-def _program(requests: Requests, E: ca.SX, A: ca.SX, lower: ca.SX, upper: ca.SX) -> Consistency:
-    f = requests.values
+def _program(requests: Requests, E: ca.SX, conditions: _Conditions) -> Consistency:
+    f, A = requests.values, ca.vertcat(*conditions.rows)
+    lower, upper = ca.vertcat(*conditions.lower), ca.vertcat(*conditions.upper)
     scales = [1 / ARM_LENGTH if is_moment(name) else 1.0 for name in requests.names]
     W = ca.diag(ca.DM(scales) ** 2)
     gram = E @ E.T + _LEAST * ca.SX.eye(len(requests.names))
@@ -172,6 +175,7 @@ def _program(requests: Requests, E: ca.SX, A: ca.SX, lower: ca.SX, upper: ca.SX)
         lower=ca.densify(lower),
         upper=ca.densify(upper),
         effect=ca.densify(E),
+        texts=tuple(conditions.texts),
     )
 
 
@@ -206,7 +210,7 @@ def wrench_generators(
             for direction, kind in directions:
                 wrench = ca.vertcat(direction, ca.cross(p - about, direction))
                 at_tip = ca.vertcat(direction, ca.cross(p - tip, direction))
-                found.append(Generator(resolve @ wrench, J.T @ at_tip, friction, kind))
+                found.append(Generator(resolve @ wrench, J.T @ at_tip, friction, kind, name))
     return found
 
 
@@ -229,9 +233,9 @@ def tangents(normal: ca.SX, towards: ca.SX) -> tuple[ca.SX, ca.SX]:
 def equation_generator(contact: ContactRow, effect: ca.SX) -> Generator:
     """The generator of an equation: of either sign where it holds both ways."""
     kind = "free" if contact.both_ways else "normal"
-    return Generator(effect, contact.J.T, 0.0, kind)
+    return Generator(effect, contact.J.T, 0.0, kind, contact.name)
 
 
 def grip_generators(resolve: ca.SX, J: ca.SX) -> list[Generator]:
     """What a grip returns: any force and moment at the control point, `J` (6, n) there."""
-    return [Generator(resolve[:, i], J[i, :].T, 0.0, "free") for i in range(6)]
+    return [Generator(resolve[:, i], J[i, :].T, 0.0, "free", "the grip") for i in range(6)]

@@ -16,7 +16,7 @@ from taskspec.program.carried import Carried, leave
 from taskspec.program.choice import choose_again
 from taskspec.program.felt import Estimates
 from taskspec.program.ports import OUTPUTS, slices
-from taskspec.program.resolver import HELD_TICKS, Resolver
+from taskspec.program.resolver import HELD_TICKS, Asked, Resolver
 from taskspec.program.sensor_zero import SensorZero
 from taskspec.program.stage import CompiledStage
 from taskspec.program.tracks import Tracks
@@ -166,6 +166,25 @@ class Machine:
         self.torque[:] = self._gravity
         p, R = self._tip()
         self._enter(0, Carried(p, R, np.zeros(6)), 0.0)
+
+    def asked(self, index: int, t: float) -> Asked | None:
+        """What stage `index` asks of contacts at its time t [s], were it entered at rest here.
+
+        None for a stage that solves no program, asks for no force, or begins in a frame that is
+        yet to be felt.
+        """
+        runner = self._runners[index]
+        parameters = runner.stage.parameters
+        if runner.resolver is None or (
+            self._estimates is not None and self._estimates.missing(parameters)
+        ):
+            return None
+        self.update_terms()
+        p, R = self._tip()
+        self._enter(index, Carried(p, R, np.zeros(6)), 0.0)
+        self._now[0] = t
+        runner.evaluate()
+        return runner.resolver.asked()
 
     def update_terms(self) -> None:
         """Evaluates the model terms and the contact wrench at the measured joint state."""

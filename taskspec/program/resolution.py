@@ -53,7 +53,7 @@ class Resolution:
         accept: `ASSEMBLED`, lower, upper, u* (n,), x (n,), dual (m,) -> torque (n,), KKT residual,
             sum of 2^i over the limits i that bind, what limits take from each request (r,).
         look: the tick's inputs -> `LOOKED`; None where nothing is requested of a contact.
-        generators: how many of them there are. conditions: on their sizes.
+        generators: how many of them there are. conditions: on their sizes, in words.
     """
 
     solver: str
@@ -64,7 +64,7 @@ class Resolution:
     accept: ca.Function
     look: ca.Function | None
     generators: int
-    conditions: int
+    conditions: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,7 +151,7 @@ class Resolved:
             accept=_accept(n, m, len(self.requests.names)),
             look=look,
             generators=0 if nearest is None else nearest.g.shape[0],
-            conditions=0 if nearest is None else nearest.lower.shape[0],
+            conditions=() if nearest is None else nearest.texts,
         )
 
 

@@ -130,6 +130,20 @@ class Resolver:
         if left is not None:
             self._unreachable[:] = left
 
+    def asked(self) -> Asked | None:
+        """What the inputs of the last tick ask of contacts; None where nothing is, or is known."""
+        if self._nearest is None:
+            return None
+        left = self._nearest.left_over()
+        if left is None:
+            return None
+        names, values = self.resolution.requested, self._nearest.values
+        return Asked(
+            dict(zip(names, values.tolist(), strict=True)),
+            dict(zip(names, left.tolist(), strict=True)),
+            self._nearest.because(),
+        )
+
     def solve(self) -> bool:
         """Solves the program of the last tick, once, and takes its answer if it is good enough."""
         self.account.solved += 1
@@ -169,13 +183,29 @@ class Resolver:
         self._outputs[_LIMITED], self._outputs[_LIMITS] = 1.0, binding
 
 
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """What a stage asks of its contacts, and what they cannot return of it.
+
+    Attributes:
+        forces: (r,) as the robot would apply them, by name. left: (r,) that cannot be returned.
+        because: the conditions that bind, in words.
+    """
+
+    forces: Mapping[str, float]
+    left: Mapping[str, float]
+    because: tuple[str, ...]
+
+
 class _Nearest:
     """The program of the forces that contacts can return."""
 
     def __init__(self, resolution: Resolution, inputs: Sequence[Vector]) -> None:
-        g, m, r = resolution.generators, resolution.conditions, len(resolution.requested)
+        g, r = resolution.generators, len(resolution.requested)
+        m = len(resolution.conditions)
         self._problem = Problem.empty(g, m)
-        self._effect, self._values = np.zeros((r, g)), np.zeros(r)
+        self._effect, self.values = np.zeros((r, g)), np.zeros(r)
+        self._texts, self._dual = resolution.conditions, np.zeros(m)
         problem = self._problem
         parts = (
             problem.flat_P,
@@ -184,7 +214,7 @@ class _Nearest:
             problem.lower,
             problem.upper,
             self._effect.reshape(-1),
-            self._values,
+            self.values,
         )
         self._look = BoundFunction(resolution.look, inputs, parts)
         self._solver = make_solver(resolution.solver, g, m)
@@ -195,10 +225,16 @@ class _Nearest:
         if solution.status is not Status.SOLVED:
             self._solver.rebuild()
             return None
-        left = self._values - self._effect @ solution.x
-        if np.linalg.norm(left) <= _ROUNDING * (1 + np.linalg.norm(self._values)):
+        self._dual[:] = solution.dual
+        left = self.values - self._effect @ solution.x
+        if np.linalg.norm(left) <= _ROUNDING * (1 + np.linalg.norm(self.values)):
             left[:] = 0.0
         return np.asarray(left)
+
+    def because(self) -> tuple[str, ...]:
+        """The conditions that bound the last answer, in words."""
+        binding = np.abs(self._dual) > _ROUNDING * np.max(np.abs(self._dual), initial=1.0)
+        return tuple(dict.fromkeys(t for t, b in zip(self._texts, binding, strict=True) if b))
 
 
 def relax(problem: Problem, kinds: Sequence[str], solver: str) -> bool:

@@ -15,6 +15,7 @@ from taskspec.spec import LAWS
 from taskspec.spec import Path as SpecPath
 from taskspec.text.show import show
 from taskspec_runner.cli.defaults import ramp_of, speed_of
+from taskspec_runner.cli.kept import kept_account
 from taskspec_runner.cli.measures import gain_text, length, stiffness
 
 _LIMIT = "limit on "
@@ -49,6 +50,7 @@ class StageAccount:
     frame: str
     contact: str
     null_space: str
+    kept: tuple[tuple[str, str], ...]
     axes: tuple[AxisAccount, ...]
     gains: tuple[GainAccount, ...]
     ends: tuple[tuple[str, str], ...]
@@ -107,6 +109,7 @@ def stage_account(program: Program, stage: CompiledStage) -> StageAccount:
         frame=stage.frame.name,
         contact=_contact(program, stage),
         null_space=_null_space(program, stage),
+        kept=tuple(kept_account(program, stage)),
         axes=(
             *(_axis(stage, axis, plan) for axis, plan in stage.plans.items()),
             *(_equation(program, stage, name) for name in stage.active),

@@ -71,6 +71,7 @@ def _show_stage(stage: StageAccount) -> None:
         ("frame", stage.frame),
         ("contact", stage.contact),
         *([("null space", stage.null_space)] if stage.null_space else []),
+        *stage.kept,
         *([("tare", "what the sensor shows here on average becomes its zero")] * stage.tare),
         *stage.ends,
     )

@@ -60,3 +60,8 @@ def small_length(value: float) -> str:
 def force(value: float) -> str:
     """A force [N] that may be very small."""
     return scaled(value, ("N", "mN"), 3, least=0.1)
+
+
+def moment(value: float) -> str:
+    """A moment [N m]."""
+    return show(value, "N*m", 3)

@@ -1,0 +1,64 @@
+"""What a stage under `solve: qp` keeps, and what of its forces contacts return, for `explain`."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from itertools import groupby
+
+import numpy as np
+
+from taskspec.compiler import Program
+from taskspec.program.references import DEFAULT_RAMP
+from taskspec.program.resolver import Asked
+from taskspec.program.stage import CompiledStage
+from taskspec_runner.cli.measures import force, moment
+
+_JOINT = re.compile(r"(.*) of joint (\d+)\Z")
+
+
+def kept_account(program: Program, stage: CompiledStage) -> Iterator[tuple[str, str]]:
+    """Pairs of what and how; none for a closed form."""
+    if stage.resolution is None:
+        return
+    solver = stage.resolution.solver.upper()
+    kept = "; ".join(joined([row.text for row in stage.resolution.rows]))
+    yield "keeps", f"by a quadratic program ({solver}): {kept}"
+    asked = _asked(program, stage)
+    if asked is None or not asked.forces:
+        return
+    lost = {name: left for name, left in asked.left.items() if left}
+    if not lost:
+        yield "returned", "all that it asks for, at the start pose"
+        return
+    because = ", ".join(asked.because) or "nothing there returns a force in this direction"
+    for name, left in lost.items():
+        text = moment if name.startswith("r") and len(name) == 2 else force
+        wanted = asked.forces[name]
+        yield "nearest", f"{text(wanted - left)} on {name} where {text(wanted)} is asked: {because}"
+
+
+def joined(texts: Sequence[str]) -> list[str]:
+    """Limits in words, with those that all joints have put together."""
+
+    def kind(text: str) -> str:
+        found = _JOINT.match(text)
+        return text if found is None else found[1]
+
+    made = []
+    for name, group in groupby(texts, kind):
+        members = list(group)
+        joints = [found[2] for text in members if (found := _JOINT.match(text))]
+        if len(joints) > 1:
+            made.append(f"{name} of joints {joints[0]} to {joints[-1]}")
+        else:
+            made.extend(members)
+    return [text for text in made if not text.startswith("speed along")]
+
+
+def _asked(program: Program, stage: CompiledStage) -> Asked | None:
+    """Once the ramps are over, at the start pose."""
+    machine = program.machine()
+    machine.q[:] = np.asarray(program.context.start)
+    ramps = [plan.axis.ramp for plan in stage.plans.values() if plan.axis.ramp is not None]
+    return machine.asked(program.stages.index(stage), max([DEFAULT_RAMP, *ramps]))
