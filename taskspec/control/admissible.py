@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 #: Share of what a motor has beside gravity that braking before a joint limit may take.
 BRAKING = 0.5
+_DECELERATIONS = (1e-3, 1e6)
 #: A joint beyond its limit is led back with this time constant, in control periods.
 _RETURN = 10.0
 #: Nearer to its cap than this share, a contact force counts as this near.
@@ -23,14 +24,14 @@ def braking_deceleration(
 ) -> NDArray[np.float64]:
     """Deceleration (n,) that each joint is trusted to have [rad/s^2, m/s^2].
 
-    Half of what its motor has beside gravity moves at its diagonal inertia. Infinite without a
-    torque limit, zero where gravity takes everything.
+    Half of what its motor has beside gravity moves at its diagonal inertia; a number even where
+    gravity takes everything, or nothing limits the torque.
 
     Args:
         torque_limit: (n,) [N m, N]. gravity: (n,) g. H: (n, n), both at the start pose.
     """
     spare = np.maximum(torque_limit - np.abs(gravity), 0.0)
-    return np.asarray(BRAKING * spare / np.diag(H))
+    return np.asarray(np.clip(BRAKING * spare / np.diag(H), *_DECELERATIONS))
 
 
 def joint_accelerations(

@@ -287,7 +287,7 @@ def _add_joints(found: _Bounds, context: Context, q: ca.SX, v: ca.SX, accelerati
         v,
         (ca.DM(robot.lower + POSITION_MARGIN), ca.DM(robot.upper - POSITION_MARGIN)),
         ca.DM(VELOCITY_SHARE * robot.velocity_limit),
-        ca.DM(np.maximum(braking, 1e-3)),
+        ca.DM(braking),
         context.period,
     )
     for i, ends in enumerate(zip(robot.lower, robot.upper, robot.velocity_limit, strict=True)):
