@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.control.qp.make import make_solver
-from taskspec.control.qp.osqp import OsqpSolver
 from taskspec.control.qp.problem import Array, Problem, Status
 
 Rows = NDArray[np.intp]
@@ -52,10 +51,7 @@ def contradiction(A: Array, lower: Array, upper: Array) -> Certificate | None:
     if crossed.size:
         row = int(crossed[0])
         return Certificate((row,), (1.0,), float(lower[row] - upper[row]))
-    lengths = np.linalg.norm(A, axis=1)
-    scale = np.where(lengths > 0, 1 / np.where(lengths > 0, lengths, 1.0), 1.0)
-    rows = A * scale[:, None]
-    low, high = lower * scale, upper * scale
+    rows, low, high = _scaled(A, lower, upper)
     if not Problem(np.eye(A.shape[1]), np.zeros(A.shape[1]), rows, low, high).is_finite():
         raise ValueError("the rows are not finite")
     named: Rows = np.arange(len(rows))
@@ -71,6 +67,9 @@ def contradiction(A: Array, lower: Array, upper: Array) -> Certificate | None:
 
 def _candidates(A: Array, lower: Array, upper: Array) -> Rows:
     """Rows in OSQP's certificate; all, when it finds none or they are not enough."""
+    # Imported here: most systems can be met, and osqp takes a while to load.
+    from taskspec.control.qp.osqp import OsqpSolver
+
     m, n = A.shape
     everything: Rows = np.arange(m)
     problem = Problem(np.eye(n), np.zeros(n), A, lower, upper)
@@ -79,6 +78,19 @@ def _candidates(A: Array, lower: Array, upper: Array) -> Rows:
         return everything
     named: Rows = np.flatnonzero(np.abs(y) > _SMALL * np.max(np.abs(y)))
     return named if _infeasible(A, lower, upper, named) else everything
+
+
+def feasible(A: Array, lower: Array, upper: Array) -> bool:
+    """Whether some x satisfies lower <= Ax <= upper, to 1e-9 of rows scaled to unit length."""
+    rows, low, high = _scaled(A, lower, upper)
+    return not _infeasible(rows, low, high, np.arange(len(rows)))
+
+
+def _scaled(A: Array, lower: Array, upper: Array) -> tuple[Array, Array, Array]:
+    """Rows of unit length, those of zeros left alone."""
+    lengths = np.linalg.norm(A, axis=1)
+    scale = 1.0 / np.where(lengths > 0, lengths, 1.0)
+    return A * scale[:, None], lower * scale, upper * scale
 
 
 def _infeasible(A: Array, lower: Array, upper: Array, named: Rows) -> bool:
