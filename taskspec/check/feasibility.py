@@ -15,6 +15,7 @@ from taskspec.control.qp.certificate import Certificate, contradiction, feasible
 from taskspec.control.state import AXES
 from taskspec.program.context import Context
 from taskspec.program.modes import MOSTLY
+from taskspec.spec import LAWS
 from taskspec.text.diagnostic import Diagnostics, Severity
 from taskspec.text.show import show
 
@@ -80,7 +81,7 @@ def _report(model: Model, context: Context, asked: Asked, place: Place, found: D
     first, *rest = wanted
     other = (*rest, *(line for line in lines if line.kind not in _ASKED))
     found.add(
-        severity(context, asked.name),
+        _severity(context, asked.name, against),
         "TS420",
         message,
         first.span,
@@ -92,9 +93,10 @@ def _report(model: Model, context: Context, asked: Asked, place: Place, found: D
 
 def _report_reach(context: Context, name: str, place: Place, found: Diagnostics) -> None:
     stage = context.loaded.task.stages[name]
-    guarded = stage.until is not None
+    law = context.law_of(stage)
+    possible = law.solve == "qp" or stage.until is not None
     found.add(
-        Severity.WARNING if guarded else severity(context, name),
+        Severity.WARNING if possible else Severity.ERROR,
         "TS421",
         f"in stage {name!r}, {place.words}, the arm cannot be where the motion leads: it misses "
         f"that by {place.missed}",
@@ -103,10 +105,17 @@ def _report_reach(context: Context, name: str, place: Place, found: Diagnostics)
     )
 
 
-def severity(context: Context, name: str) -> Severity:
-    """A quadratic program gives the closest that is possible; a closed form knows no limits."""
+def _severity(context: Context, name: str, against: Sequence[Line]) -> Severity:
+    """An error is what arm or contact cannot give to a closed form that counts on it.
+
+    Limits stop the run when it gets there, a quadratic program gives the closest that is
+    possible, and under a law on which force wins over motion the tool drifts, (4.49).
+    """
     law = context.law_of(context.loaded.task.stages[name])
-    return Severity.WARNING if law.solve == "qp" else Severity.ERROR
+    kinds = {line.kind for line in against}
+    torque, contact = TORQUE in kinds, bool(kinds & {"contact", "face"})
+    refused = torque or (contact and not LAWS[law.kind].shares)
+    return Severity.ERROR if refused and law.solve == "closed-form" else Severity.WARNING
 
 
 def _lines(system: System, certificate: Certificate) -> list[Line]:

@@ -59,7 +59,8 @@ def _line(context: Context, name: str, axis: str, rates: Mapping[str, float]) ->
     entry, turns = stage.axes.get(axis), axis.startswith("r")
     unit = "deg/s" if turns else "mm/s"
     if entry is not None and entry.hold is None:
-        key = next(k for k in ("velocity", "position", "speed") if getattr(entry, k) is not None)
+        keys = ("velocity", "position", "speed", "move")
+        key = next(k for k in keys if getattr(entry, k) is not None)
         words = f"{show(rates[axis], unit, 3)} {'about' if turns else 'along'} {axis!r}"
         span = context.loaded.span(("stages", name, "axes", axis, key))
         return Line("velocity", words, span, "move slower", rates[axis], unit)
