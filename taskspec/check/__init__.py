@@ -15,8 +15,8 @@ from taskspec.check.following import check_following
 from taskspec.check.forces import check_forces
 from taskspec.check.frames import check_frame, check_start, check_stiffness
 from taskspec.check.limits import check_limits
-from taskspec.check.null_space import check_null_space
 from taskspec.check.nominal import Walk
+from taskspec.check.null_space import check_null_space
 from taskspec.check.orientation import check_orientation
 from taskspec.check.sensor import check_sensor
 from taskspec.check.set_points import check_set_points

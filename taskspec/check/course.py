@@ -83,7 +83,8 @@ def _formula(context: Context, entry: Axis, start: float) -> Way | None:
         rate = known_value(context, entry.velocity)
         return None if rate is None else lambda time: rate * time
     position = entry.position
-    if position is None or known_value(context, position, {"t": 0.0}) is None:
+    begins = None if position is None else known_value(context, position, {"t": 0.0})
+    if position is None or begins is None or not math.isfinite(begins):
         return None
 
     def way(time: float) -> float:

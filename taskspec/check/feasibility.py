@@ -23,10 +23,12 @@ Vector = NDArray[np.float64]
 Model = Callable[[Context, Asked, Place], tuple[System, Vector]]
 
 _ASKED = ("set point", "velocity")
+_GIVEN = ("hold", "contact", "face")
 #: Relative to the row, below which a bound counts as met.
 _MET = 1e-9
 _HALVINGS = 20
 _NONE = 1e-3
+_FEW = 2
 
 
 def check_feasibility(
@@ -63,7 +65,7 @@ def _report(model: Model, context: Context, asked: Asked, place: Place, found: D
     room = _MET * (1.0 + np.abs(A) @ np.abs(guess))
     if np.all(reached >= lower - room) and np.all(reached <= upper + room):
         return False
-    certificate = contradiction(A, lower, upper)
+    certificate = contradiction(A, lower, upper, _kept(system, reached))
     if certificate is None:
         return False
     lines = _lines(system, certificate)
@@ -71,11 +73,12 @@ def _report(model: Model, context: Context, asked: Asked, place: Place, found: D
     against, given = _opponents(lines)
     if not wanted or not against:
         return False
-    held = _listed([line.words for line in lines if line.kind == "hold"])
+    held = [line.words for line in lines if line.kind == "hold"]
+    others = "the other axes" if len(held) > _FEW else _listed(held)
     message = (
         f"in stage {asked.name!r}, {place.words}, {_listed([line.words for line in wanted])} "
         f"{'does' if len(wanted) == 1 else 'do'} not go with {_opposed(against)}"
-        f"{f', with {held} held' if held else ''}"
+        f"{f', with {others} held' if held else ''}"
         f"{f', given {_listed(given)}' if given else ''}"
     )
     first, *rest = wanted
@@ -89,6 +92,20 @@ def _report(model: Model, context: Context, asked: Asked, place: Place, found: D
         tuple((line.words, line.span) for line in other if line.span is not None),
     )
     return True
+
+
+def _kept(system: System, reached: Vector) -> list[int]:
+    """Rows that stay in a certificate when others can go.
+
+    Those are the joints' limits, the tightest last, and after them how contacts and held axes are.
+    """
+    _, lower, upper = system.arrays()
+    bound = np.where(reached > 0, upper, -lower)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        used = np.where(bound > 0, np.abs(reached) / bound, np.inf)
+    joints = [i for i, line in enumerate(system.lines) if line.kind in (TORQUE, VELOCITY)]
+    joints.sort(key=lambda i: used[i])
+    return joints + [i for i, line in enumerate(system.lines) if line.kind in _GIVEN]
 
 
 def _report_reach(context: Context, name: str, place: Place, found: Diagnostics) -> None:

@@ -34,7 +34,7 @@ from taskspec.text.show import show
 Vector = NDArray[np.float64]
 
 TORQUE = "torque limit"
-NEARER = "work nearer to the base"
+OTHERWISE = "work in another posture"
 _FACES = 8
 #: Directions in which a magnitude is bounded: faces, edges and corners of a cube.
 _AROUND = np.array(
@@ -144,8 +144,10 @@ def _add_contacts(
             row[own] = tangent
             system.add(row - friction * push, -np.inf, 0.0, line)
         lean += moments_too * np.hypot(1.0, friction) * push
-    words = "what contact at the tool can bear"
-    line = Line("face", words, None, "press harder")
+    words, mend = "the size of the tool's face", "press harder"
+    if not moments_too:
+        words, mend = "a ball, which touches in one point and bears no moment", "take a flat tool"
+    line = Line("face", words, None, mend)
     for row in (*moments, *-moments):
         system.add(row - lean, -np.inf, 0.0, line)
 
@@ -158,7 +160,7 @@ def _add_torques(context: Context, q: Vector, whole: Vector, system: System) -> 
         if not np.isfinite(most):
             continue
         unit = "N*m" if turns_at(robot, i) else "N"
-        line = Line(TORQUE, f"joint {i + 1} ({show(float(most), unit)})", None, NEARER)
+        line = Line(TORQUE, f"joint {i + 1} ({show(float(most), unit)})", None, OTHERWISE)
         system.add(J[:, i] @ whole, -most - gravity[i], most - gravity[i], line)
 
 

@@ -11,7 +11,6 @@ from taskspec.check import check_task
 from taskspec.program.prepare import prepare
 from taskspec.spec import load_text
 from taskspec.text.diagnostic import Diagnostic, Severity
-from taskspec.text.render import render
 
 TASK = """\
 taskspec: 1
@@ -48,68 +47,6 @@ def only(stage: str, **changes: str) -> Diagnostic:
 
 
 PRESS = "axes: {z: {force: -15 N}}\n    time: 1 s"
-
-GOLDEN = {
-    "friction": (
-        {"stage": "axes: {x: {force: 5 N}, z: {force: -15 N}}\n    time: 1 s"},
-        """\
-task.yaml:16:23: error[TS420]: in stage 'go', where it begins, 5 N along 'x' and -15 N along 'z' \
-do not go with the friction of 'table', 0.2
-   |
-16 |     axes: {x: {force: 5 N}, z: {force: -15 N}}
-   |                       ^^^ lower the force or press harder
-task.yaml:16:40: note: -15 N along 'z'
-   |
-16 |     axes: {x: {force: 5 N}, z: {force: -15 N}}
-   |                                        ^^^^^
-task.yaml:5:56: note: the friction of 'table', 0.2
-  |
-5 |   table: {shape: plane, xyz: [0, 0, 300 mm], friction: 0.2}
-  |                                                        ^^^
-""",
-    ),
-    "three lines": (
-        {"stage": "axes: {x: {force: 30 N}}\n    time: 1 s", "mu": "0.5", "limit": "60 N"},
-        """\
-task.yaml:16:23: warning[TS420]: in stage 'go', where it begins, 30 N along 'x' does not go with \
-limits.force, 60 N, given the friction of 'table', 0.5
-   |
-16 |     axes: {x: {force: 30 N}}
-   |                       ^^^^ lower the force or raise the limit; no more than \
-28.3 N is possible here
-task.yaml:5:56: note: the friction of 'table', 0.5
-  |
-5 |   table: {shape: plane, xyz: [0, 0, 300 mm], friction: 0.5}
-  |                                                        ^^^
-task.yaml:9:17: note: limits.force, 60 N
-  |
-9 | limits: {force: 60 N, speed: 250 mm/s}
-  |                 ^^^^
-""",
-    ),
-    "speed": (
-        {"stage": "axes: {z: {force: -15 N}}\n    path: {line: {by: [0.2 m]}, speed: 0.4 m/s}"},
-        """\
-task.yaml:17:40: warning[TS420]: in stage 'go', at t = 0.259 s, the path's 400 mm/s does not go \
-with limits.speed, 250 mm/s
-   |
-17 |     path: {line: {by: [0.2 m]}, speed: 0.4 m/s}
-   |                                        ^^^^^^^ move slower or raise the limit; no more than \
-250 mm/s is possible here
-task.yaml:9:30: note: limits.speed, 250 mm/s
-  |
-9 | limits: {force: 1 kN, speed: 250 mm/s}
-  |                              ^^^^^^^^
-""",
-    ),
-}
-
-
-@pytest.mark.parametrize("name", GOLDEN)
-def test_as_it_is_shown(name: str) -> None:
-    changes, expected = GOLDEN[name]
-    found, loaded = check(**changes)
-    assert render(found, loaded.sources) + "\n" == expected
 
 
 @pytest.mark.parametrize(
@@ -177,7 +114,7 @@ def test_several_surfaces_return_what_one_does_not() -> None:
 def test_moment_about_the_normal_of_a_ball() -> None:
     found = only("axes: {rz: {torque: 5 N*m}, z: {force: -15 N}}\n    time: 1 s")
     assert found.code == "TS420"
-    assert "what contact at the tool can bear" in found.message
+    assert "bears no moment" in found.message
 
 
 @pytest.mark.parametrize("share", [0.999, 1.001])
@@ -211,7 +148,7 @@ stages: {{press: {{axes: {{x: {{force: {force} N}}}}, time: 1 s}}}}
 
 
 def test_joint_velocity_by_hand() -> None:
-    """About the vertical the hand turns with one joint alone when the others hold the tip."""
+    """Joint 7 alone turns a tool that points straight down; the others help little."""
     found = only("axes: {rz: {velocity: 200 deg/s}, z: {force: -15 N}}\n    time: 1 s")
     assert found.code == "TS420"
     assert "joint 7 (150 deg/s)" in found.message

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -34,7 +35,9 @@ class Certificate:
     gap: float
 
 
-def contradiction(A: Array, lower: Array, upper: Array) -> Certificate | None:
+def contradiction(
+    A: Array, lower: Array, upper: Array, given: Sequence[int] = ()
+) -> Certificate | None:
     """Rows of lower <= Ax <= upper that no x satisfies together, None when some x does.
 
     OSQP's certificate of primal infeasibility names candidates. DAQP then tries, row by row, what
@@ -43,6 +46,8 @@ def contradiction(A: Array, lower: Array, upper: Array) -> Certificate | None:
 
     Args:
         A: (m, n). lower, upper: (m,), infinite where there is no bound.
+        given: rows that others are tried to do without before them. Of the many minimal sets that
+            there may be, one with few others is found.
 
     Raises:
         ValueError: A has a NaN or an infinity, or a bound is NaN.
@@ -57,27 +62,30 @@ def contradiction(A: Array, lower: Array, upper: Array) -> Certificate | None:
     named: Rows = np.arange(len(rows))
     if not _infeasible(rows, low, high, named):
         return None
-    named = _candidates(rows, low, high)
+    named = _candidates(rows, low, high, np.array(given, dtype=np.intp))
     for candidate in named.tolist():
         rest = named[named != candidate]
         if _infeasible(rows, low, high, rest):
             named = rest
-    return _verified(A, lower, upper, named)
+    return _verified(A, lower, upper, np.sort(named))
 
 
-def _candidates(A: Array, lower: Array, upper: Array) -> Rows:
-    """Rows in OSQP's certificate; all, when it finds none or they are not enough."""
+def _candidates(A: Array, lower: Array, upper: Array, given: Rows) -> Rows:
+    """Rows in OSQP's certificate, lightest first, then those given.
+
+    All rows, when it finds none or they are not enough.
+    """
     # Imported here: most systems can be met, and osqp takes a while to load.
     from taskspec.control.qp.osqp import OsqpSolver
 
     m, n = A.shape
-    everything: Rows = np.arange(m)
     problem = Problem(np.eye(n), np.zeros(n), A, lower, upper)
     y = OsqpSolver(n, m).certificate(problem)
-    if y is None:
-        return everything
-    named: Rows = np.flatnonzero(np.abs(y) > _SMALL * np.max(np.abs(y)))
-    return named if _infeasible(A, lower, upper, named) else everything
+    weights = np.zeros(m) if y is None else np.abs(y)
+    order: Rows = np.argsort(weights, kind="stable")
+    order = np.concatenate([order[~np.isin(order, given)], given])
+    named = order[(weights[order] > _SMALL * np.max(weights)) | np.isin(order, given)]
+    return named if _infeasible(A, lower, upper, named) else order
 
 
 def feasible(A: Array, lower: Array, upper: Array) -> bool:
