@@ -9,11 +9,13 @@ from __future__ import annotations
 from taskspec.check.axes import check_axes, check_joints
 from taskspec.check.bodies import check_bodies
 from taskspec.check.equations import check_constraints, check_equations
+from taskspec.check.feasibility import check_feasibility
 from taskspec.check.felt import check_felt
 from taskspec.check.following import check_following
 from taskspec.check.forces import check_forces
 from taskspec.check.frames import check_frame, check_start, check_stiffness
 from taskspec.check.limits import check_limits
+from taskspec.check.nominal import Walk
 from taskspec.check.null_space import check_null_space
 from taskspec.check.orientation import check_orientation
 from taskspec.check.sensor import check_sensor
@@ -52,6 +54,7 @@ def check_stages(context: Context) -> tuple[Diagnostic, ...]:
     check_felt(context, found)
     check_sensor(context, found)
     axes_of: dict[str, tuple[str, ...]] = {}
+    walk = Walk(context)
     for name, stage in loaded.task.stages.items():
         frame = context.frame_of(stage)
         if not check_frame(context, name, found):
@@ -80,5 +83,6 @@ def check_stages(context: Context) -> tuple[Diagnostic, ...]:
             continue
         check_forces(context, name, axes, rotation, path, found)
         check_following(context, name, axes, rotation, path, found)
+        check_feasibility(context, name, axes, walk.places(name, axes, rotation, path), found)
     check_expectations(context, axes_of, found)
     return found.sorted()

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.control.qp.make import make_solver
-from taskspec.control.qp.osqp import OsqpSolver
 from taskspec.control.qp.problem import Array, Problem, Status
 
 Rows = NDArray[np.intp]
@@ -35,7 +35,9 @@ class Certificate:
     gap: float
 
 
-def contradiction(A: Array, lower: Array, upper: Array) -> Certificate | None:
+def contradiction(
+    A: Array, lower: Array, upper: Array, given: Sequence[int] = ()
+) -> Certificate | None:
     """Rows of lower <= Ax <= upper that no x satisfies together, None when some x does.
 
     OSQP's certificate of primal infeasibility names candidates. DAQP then tries, row by row, what
@@ -44,6 +46,8 @@ def contradiction(A: Array, lower: Array, upper: Array) -> Certificate | None:
 
     Args:
         A: (m, n). lower, upper: (m,), infinite where there is no bound.
+        given: rows that others are tried to do without before them. Of the many minimal sets that
+            there may be, one with few others is found.
 
     Raises:
         ValueError: A has a NaN or an infinity, or a bound is NaN.
@@ -52,33 +56,49 @@ def contradiction(A: Array, lower: Array, upper: Array) -> Certificate | None:
     if crossed.size:
         row = int(crossed[0])
         return Certificate((row,), (1.0,), float(lower[row] - upper[row]))
-    lengths = np.linalg.norm(A, axis=1)
-    scale = np.where(lengths > 0, 1 / np.where(lengths > 0, lengths, 1.0), 1.0)
-    rows = A * scale[:, None]
-    low, high = lower * scale, upper * scale
+    rows, low, high = _scaled(A, lower, upper)
     if not Problem(np.eye(A.shape[1]), np.zeros(A.shape[1]), rows, low, high).is_finite():
         raise ValueError("the rows are not finite")
     named: Rows = np.arange(len(rows))
     if not _infeasible(rows, low, high, named):
         return None
-    named = _candidates(rows, low, high)
+    named = _candidates(rows, low, high, np.array(given, dtype=np.intp))
     for candidate in named.tolist():
         rest = named[named != candidate]
         if _infeasible(rows, low, high, rest):
             named = rest
-    return _verified(A, lower, upper, named)
+    return _verified(A, lower, upper, np.sort(named))
 
 
-def _candidates(A: Array, lower: Array, upper: Array) -> Rows:
-    """Rows in OSQP's certificate; all, when it finds none or they are not enough."""
+def _candidates(A: Array, lower: Array, upper: Array, given: Rows) -> Rows:
+    """Rows in OSQP's certificate, lightest first, then those given.
+
+    All rows, when it finds none or they are not enough.
+    """
+    # Imported here: most systems can be met, and osqp takes a while to load.
+    from taskspec.control.qp.osqp import OsqpSolver
+
     m, n = A.shape
-    everything: Rows = np.arange(m)
     problem = Problem(np.eye(n), np.zeros(n), A, lower, upper)
     y = OsqpSolver(n, m).certificate(problem)
-    if y is None:
-        return everything
-    named: Rows = np.flatnonzero(np.abs(y) > _SMALL * np.max(np.abs(y)))
-    return named if _infeasible(A, lower, upper, named) else everything
+    weights = np.zeros(m) if y is None else np.abs(y)
+    order: Rows = np.argsort(weights, kind="stable")
+    order = np.concatenate([order[~np.isin(order, given)], given])
+    named = order[(weights[order] > _SMALL * np.max(weights)) | np.isin(order, given)]
+    return named if _infeasible(A, lower, upper, named) else order
+
+
+def feasible(A: Array, lower: Array, upper: Array) -> bool:
+    """Whether some x satisfies lower <= Ax <= upper, to 1e-9 of rows scaled to unit length."""
+    rows, low, high = _scaled(A, lower, upper)
+    return not _infeasible(rows, low, high, np.arange(len(rows)))
+
+
+def _scaled(A: Array, lower: Array, upper: Array) -> tuple[Array, Array, Array]:
+    """Rows of unit length, those of zeros left alone."""
+    lengths = np.linalg.norm(A, axis=1)
+    scale = 1.0 / np.where(lengths > 0, lengths, 1.0)
+    return A * scale[:, None], lower * scale, upper * scale
 
 
 def _infeasible(A: Array, lower: Array, upper: Array, named: Rows) -> bool:

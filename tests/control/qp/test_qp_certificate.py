@@ -115,3 +115,13 @@ def test_nothing_is_printed(capfd: pytest.CaptureFixture[str]) -> None:
     contradiction(*rows(([1.0], 5, 6), ([1.0], -INF, 3)))
     contradiction(*rows(([1.0], 5, 4)))
     assert capfd.readouterr() == ("", "")
+
+
+def test_what_is_given_stays_when_others_can_go() -> None:
+    # x >= 5 is against x <= 3 as well as against x <= 4: one of the two is named.
+    A, lower, upper = rows(([1.0], 5, INF), ([1.0], -INF, 3), ([1.0], -INF, 4))
+    for given, named in (((1,), (0, 1)), ((2,), (0, 2)), ((2, 1), (0, 1))):
+        found = contradiction(A, lower, upper, given)
+        assert found is not None
+        assert found.rows == named
+        check(A, lower, upper, found)
