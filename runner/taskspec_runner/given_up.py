@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from taskspec.program.stage import CompiledStage
 from taskspec_runner.history import History
+
+#: Limits that are named in a line.
+_FEW = 3
 
 
 def given_up(history: History, stages: Sequence[CompiledStage]) -> dict[str, dict[str, Any]]:
@@ -38,3 +41,24 @@ def given_up(history: History, stages: Sequence[CompiledStage]) -> dict[str, dic
             "residual": float(np.max(history.columns["residual"][window])),
         }
     return found
+
+
+def told(summary: Mapping[str, Any]) -> Iterator[str]:
+    """What limits and contacts took from each stage, a line each; nothing where it is nothing."""
+    for stage, found in summary.get("given_up", {}).items():
+        if found["force_inconsistent"]:
+            left = f"{found['force_inconsistent']:.3g} N"
+            yield (
+                f"{stage}: {left} of its set points cannot be returned, and the nearest force "
+                "that can was applied"
+            )
+        if found["limited"]:
+            most = list(found["limits"].items())
+            named = ", ".join(f"{name} {percent(share)}" for name, share in most[:_FEW])
+            more = f" and {len(most) - _FEW} more" if len(most) > _FEW else ""
+            yield f"{stage}: limits changed {percent(found['limited'])} of the ticks: {named}{more}"
+
+
+def percent(share: float) -> str:
+    """A share, never rounded to nothing or to everything."""
+    return "< 1 %" if share < 0.01 else f"{min(100 * share, 99 if share < 1 else 100):.0f} %"

@@ -7,6 +7,8 @@ import signal
 from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
+
 from taskspec.compiler import Program
 from taskspec.program import events
 from taskspec.program.machine import FAIL, Transition
@@ -86,6 +88,7 @@ def summarise(
             for s in program.stages
         },
         "joint_limits": robot.torque_limit.tolist(),
+        "joint_ranges": np.transpose([robot.lower, robot.upper]).tolist(),
         "robot": {"name": robot.name, "joints": list(robot.joint_names), "source": robot.source},
         "objects": list(task.world),
     }

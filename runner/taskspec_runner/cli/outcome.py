@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
 import typer
 
 from taskspec_runner.cli.console import show, table
 from taskspec_runner.cli.measures import force, small_length
+from taskspec_runner.given_up import told
 from taskspec_runner.session import RunResult
 
 if TYPE_CHECKING:
     from rich.table import Table
 
-#: Limits that are named in a line.
-_FEW = 3
 _STYLES = {
     0: "bold green",
     1: "bold red",
@@ -35,7 +34,7 @@ def show_outcome(result: RunResult, *, quiet: bool) -> None:
     if result.summary["metrics"] and not quiet:
         show(*[""] * bool(expectations), _metrics(result.summary), "")
     if not quiet:
-        for line in given_up(result.summary):
+        for line in told(result.summary):
             show(Text(line, style="yellow"))
     if not quiet or result.exit_code:
         show(Text(ending(result), style=_STYLES.get(result.exit_code, "")))
@@ -59,26 +58,6 @@ def ending(result: RunResult) -> str:
             told = f"so far: {told} until it {summary['status']}"
         text += f"; {told}"
     return f"{text}; {result.real_time_factor:.3g} x real time"
-
-
-def given_up(summary: Mapping[str, Any]) -> Iterator[str]:
-    """What limits and contacts took from each stage, a line each; nothing where it is nothing."""
-    for stage, found in summary["given_up"].items():
-        if found["force_inconsistent"]:
-            yield (
-                f"{stage}: {force(found['force_inconsistent'])} of its set points cannot be "
-                "returned, and the nearest force that can was applied"
-            )
-        if found["limited"]:
-            most = list(found["limits"].items())
-            named = ", ".join(f"{name} {percent(share)}" for name, share in most[:_FEW])
-            more = f" and {len(most) - _FEW} more" if len(most) > _FEW else ""
-            yield f"{stage}: limits changed {percent(found['limited'])} of the ticks: {named}{more}"
-
-
-def percent(share: float) -> str:
-    """A share, never rounded to nothing or to everything."""
-    return "< 1 %" if share < 0.01 else f"{min(100 * share, 99 if share < 1 else 100):.0f} %"
 
 
 def _expectations(expectations: list[Mapping[str, Any]], *, whole: bool) -> Table:

@@ -9,7 +9,6 @@ import numpy as np
 from taskspec_runner.metrics import set_points
 from taskspec_runner.report.chart import (
     Chart,
-    Level,
     Section,
     Trace,
     bands,
@@ -19,8 +18,9 @@ from taskspec_runner.report.chart import (
 )
 from taskspec_runner.report.data import Run, Vector
 from taskspec_runner.report.gaps import gap_charts
+from taskspec_runner.report.joints import joint_positions, joint_torques
 from taskspec_runner.report.mechanisms import coordinate_charts, effort_charts
-from taskspec_runner.report.quantities import figure, plain_scale, quantity, scale
+from taskspec_runner.report.quantities import plain_scale, quantity, scale
 
 LINEAR, ANGULAR = ("x", "y", "z"), ("rx", "ry", "rz")
 #: Colour roles of the axes; a rotation has the colour of its axis.
@@ -36,6 +36,7 @@ def sections(run: Run) -> tuple[Section, ...]:
         contact.add(_controlled(run, name, f"j{number % 7}"))
     for chart in effort_charts(run):
         contact.add(chart)
+    contact.add(_inconsistent(run))
     contact.add(_wrench(run, "force", LINEAR, "All forces"))
     contact.add(_wrench(run, "torque", ANGULAR, "Moments"))
     for chart in gap_charts(run):
@@ -47,8 +48,8 @@ def sections(run: Run) -> tuple[Section, ...]:
     motion.add(_velocity(run))
     motion.add(_pose(run, ANGULAR, "Orientation"))
     motion.add(_errors(run, ANGULAR, "Orientation error"))
-    arm.add(_joint_torques(run))
-    arm.add(_joint_positions(run))
+    arm.add(joint_torques(run))
+    arm.add(joint_positions(run))
     arm.add(_power(run))
     return tuple(s for s in (contact, motion, arm) if s.charts or s.silent)
 
@@ -107,6 +108,17 @@ def _wrench(run: Run, kind: str, axes: Sequence[str], title: str) -> Chart | Non
     return Chart(kind, title, unit, tuple(traces), note, bands(run, unbounded, factor), limits)
 
 
+def _inconsistent(run: Run) -> Chart | None:
+    """What of the force set points contacts cannot return, where there is any."""
+    left = run.column("force_inconsistent")
+    if left is None or not np.any(left > 0):
+        return None
+    factor, unit = scale("N", size([left]))
+    trace = Trace("set points - nearest", left * factor, "ink", "line", "force_inconsistent")
+    title, note = "Beyond what contacts return", "set points minus the nearest forces that they can"
+    return Chart("force_inconsistent", title, unit, (trace,), note, always=(0.0,))
+
+
 def _pose(run: Run, axes: Sequence[str], title: str) -> Chart | None:
     names = [f"position.{a}" for a in axes if run.column(f"position.{a}") is not None]
     if not names:
@@ -148,38 +160,6 @@ def _velocity(run: Run) -> Chart | None:
     return Chart("velocity", "Tool velocity", unit, tuple(traces), note, bounds, limits)
 
 
-def _joint_torques(run: Run) -> Chart | None:
-    names = _joints(run, "torque")
-    limits = run.summary.get("joint_limits")
-    known = limits if isinstance(limits, list) else []
-    bounds = [v if isinstance(v, int | float) and 0 < v < np.inf else None for v in known]
-    bounds += [None] * (len(names) - len(bounds))
-    if not names:
-        return None
-    if all(b is None for b in bounds):
-        factor, unit = scale("N*m", size([run.columns[n] for n in names]))
-        traces = _joint_traces(run, names, [factor] * len(names))
-        return Chart("joint torques", "Joint torques", unit, traces)
-    bounded = [(n, 100 / b) for n, b in zip(names, bounds, strict=False) if b is not None]
-    traces = _joint_traces(run, [n for n, _ in bounded], [f for _, f in bounded])
-    peaks = [float(np.nanmax(np.abs(t.values))) for t in traces]
-    worst = int(np.argmax(peaks))
-    note = f"highest: {traces[worst].label} at {figure(peaks[worst])} % of its limit"
-    title = "Joint torques, share of their limits"
-    full = tuple(Level(run.start, run.end, share) for share in (100.0, -100.0))
-    always = tuple(level.value for level in full)
-    return Chart("joint torques", title, "%", traces, note, limits=full, always=always)
-
-
-def _joint_positions(run: Run) -> Chart | None:
-    names = _joints(run, "position")
-    if not names:
-        return None
-    factor, unit = plain_scale(run.units[names[0]], 1.0)
-    traces = _joint_traces(run, names, [factor] * len(names))
-    return Chart("joint positions", "Joint positions", unit, traces)
-
-
 def _power(run: Run) -> Chart | None:
     power = run.column("power")
     if power is None:
@@ -203,17 +183,4 @@ def _tracked(run: Run, names: Sequence[str], factor: float) -> tuple[Trace, ...]
     for name in names:
         axis = name.rpartition(".")[2]
         traces.append(Trace(axis, run.columns[name] * factor, _ROLES[axis], "line", name))
-    return tuple(traces)
-
-
-def _joints(run: Run, kind: str) -> list[str]:
-    names = [n for n in run.columns if n.startswith("joint.") and n.endswith(f".{kind}")]
-    return [n for n in names if run.column(n) is not None]
-
-
-def _joint_traces(run: Run, names: Sequence[str], factors: Sequence[float]) -> tuple[Trace, ...]:
-    traces = []
-    for i, (name, factor) in enumerate(zip(names, factors, strict=True)):
-        values = run.columns[name] * factor
-        traces.append(Trace(f"J{name.split('.')[1]}", values, f"j{i % 7}", "line", name, True))
     return tuple(traces)

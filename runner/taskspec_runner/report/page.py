@@ -11,6 +11,7 @@ from typing import Any
 
 from markupsafe import Markup
 
+from taskspec_runner.given_up import told
 from taskspec_runner.report import decimate, figures
 from taskspec_runner.report.chart import Chart, Section, Trace
 from taskspec_runner.report.data import Json, Run, Visit, number, read_run
@@ -55,6 +56,7 @@ def render(run: Run) -> str:
         so_far=so_far(run),
         visits=[_visit_row(run, v) for v in run.visits],
         metrics=list(_metrics(run)),
+        given_up=_given_up(run),
         sections=shown,
         data=_data(run, shown),
         drawn=_drawn(run),
@@ -175,6 +177,14 @@ def _metrics(run: Run) -> Iterator[Json]:
                 for name, s in rows.items()
             ],
         }
+
+
+def _given_up(run: Run) -> list[str]:
+    """What limits and contacts took, in sentences; a summary of another version has none."""
+    try:
+        return list(told(run.summary))
+    except (AttributeError, KeyError, TypeError, ValueError):
+        return []
 
 
 def _unit(run: Run, signal: str) -> str:
