@@ -31,6 +31,7 @@ validate: $(READY)
 
 bench: $(READY)  ## what control costs, as multiples of bare mj_step
 	$(BIN)/python benchmarks/bench_loop.py
+	$(BIN)/python benchmarks/bench_limits.py
 
 check: lint types schema validate test
 

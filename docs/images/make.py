@@ -3,9 +3,9 @@
     python docs/images/make.py           # all of them
     python docs/images/make.py laws      # those of docs/laws only
 
-A wiping arm and what its run recorded, for the README; what the press of each control law and two
-tasks with constraints recorded, for docs/laws. The picture of the arm needs a headless OpenGL, such
-as EGL (MUJOCO_GL=egl) or OSMesa; the others do not.
+A wiping arm and what its run recorded, for the README; what the press of each control law and tasks
+with constraints and limits recorded, for docs/laws. The picture of the arm needs a headless
+OpenGL, such as EGL (MUJOCO_GL=egl) or OSMesa; the others do not.
 """
 
 from __future__ import annotations
@@ -30,6 +30,7 @@ from taskspec_runner.session import execute_program
 
 HERE = Path(__file__).resolve().parent
 TASKS = HERE.parent.parent / "tasks"
+LIMITS = ("wipe-friction", "reach-limits")
 WIDTH, HEIGHT = 1720, 880
 
 
@@ -38,7 +39,7 @@ def main() -> None:
     if sys.argv[1:] != ["laws"]:
         program, history = record("wipe-table")
         draw_arm(program, history)
-    for task in (*(f"press-{law}" for law in LAWS), "ring", "linkage"):
+    for task in (*(f"press-{law}" for law in LAWS), "ring", "linkage", *LIMITS):
         record(task)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
@@ -12,6 +13,9 @@ from taskspec_runner.history import History
 
 #: Limits that are named in a line.
 _FEW = 3
+#: Share of a stage that is no more than a moment.
+_MOMENT = 0.05
+_JOINT = re.compile(r"position and velocity of joint (\d+)\Z")
 
 
 def given_up(history: History, stages: Sequence[CompiledStage]) -> dict[str, dict[str, Any]]:
@@ -62,3 +66,10 @@ def told(summary: Mapping[str, Any]) -> Iterator[str]:
 def percent(share: float) -> str:
     """A share, never rounded to nothing or to everything."""
     return "< 1 %" if share < 0.01 else f"{min(100 * share, 99 if share < 1 else 100):.0f} %"
+
+
+def held_joints(found: Mapping[str, Any]) -> list[int]:
+    """Joints that a stage has held at their limits for more than a moment, counted from 1."""
+    limits = found.get("limits", {}).items()
+    held = (_JOINT.match(name) for name, share in limits if share > _MOMENT)
+    return [int(joint[1]) for joint in held if joint is not None]

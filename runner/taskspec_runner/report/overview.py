@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from taskspec_runner.given_up import held_joints
 from taskspec_runner.report import decimate, figures
 from taskspec_runner.report.chart import Chart, size
 from taskspec_runner.report.data import Run, Vector, Visit, read_run
@@ -73,12 +74,25 @@ def overview_svg(run: Run) -> str:
 
 
 def _chosen(run: Run) -> list[Chart]:
-    """Force against reference, else all forces; and the position."""
+    """Force against reference, else all forces; what limits were about; and the position."""
     charts = {chart.key: chart for part in figures.sections(run) for chart in part.charts}
     controlled = [chart for key, chart in charts.items() if key.endswith(".ref")]
     controlled.sort(key=_interest)
+    left = charts.get("force_inconsistent")
+    if left is not None:
+        return [*sorted(controlled, key=lambda chart: chart.key)[:2], left]
     first = controlled[0] if controlled else _borne(charts.get("force"))
-    return [c for c in (first, charts.get("position")) if c is not None]
+    stopped = _at_their_limits(run, charts.get("joint positions"))
+    return [c for c in (first, stopped, charts.get("position")) if c is not None]
+
+
+def _at_their_limits(run: Run, joints: Chart | None) -> Chart | None:
+    """A chart of those joints that a program has held at their limits; None without any."""
+    given_up = run.summary.get("given_up")
+    stages = given_up.values() if isinstance(given_up, dict) else ()
+    held = {f"J{j}" for stage in stages for j in held_joints(stage)}
+    traces = tuple(t for t in joints.traces if t.label in held) if joints is not None else ()
+    return replace(joints, traces=traces) if joints is not None and traces else None
 
 
 def _interest(chart: Chart) -> tuple[bool, bool, float]:
