@@ -127,7 +127,7 @@ class Law(Model):
         if "joint_damping" in data.node.entries:
             span = data.node.key_span("joint_damping")
             reading.error("TS020", "unknown key 'joint_damping' in a law", span, _SAY_DAMPING)
-        if "solver" in data and data.get("solve") != "qp":
+        if "solver" in data and data.get("solve", "closed-form") == "closed-form":
             reading.error(
                 "TS026",
                 "a solver is of the quadratic program, and this law does not solve one",

@@ -118,7 +118,7 @@ _WORDS: dict[Dimension, tuple[str, str, tuple[str, ...]]] = {
     ANGULAR_VELOCITY: ("a rate of turn", "rad/s", ("deg/s", "rad/s", "rpm")),
     FORCE: ("a force", "N", ("N", "mN", "kN")),
     MOMENT: ("a moment", "N*m", ("N*m", "Nm")),
-    POWER: ("a power", "W", ("W",)),
+    POWER: ("a power or a rate of torque", "W", ("W", "N*m/s")),
     INERTIA: ("a moment of inertia", "kg*m^2", ("kg*m^2",)),
     STIFFNESS: ("a stiffness", "N/m", ("N/m", "N/mm", "kN/m")),
     ANGULAR_STIFFNESS: ("a stiffness against rotation", "N*m/rad", ("N*m/rad", "N*m/deg")),
