@@ -110,11 +110,22 @@ def validate(
     form: Annotated[
         FindingFormat, typer.Option("--format", help="Of the findings.")
     ] = FindingFormat.FULL,
+    strict: Annotated[bool, typer.Option("--strict", help="Warnings fail as errors do.")] = False,
+    select: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="CODES", help="Only codes that begin so, such as TS2,TS301; may be repeated."
+        ),
+    ] = None,
+    ignore: Annotated[
+        list[str] | None,
+        typer.Option(metavar="CODES", help="Leave these out, such as TS304 or TS3; as --select."),
+    ] = None,
 ) -> int:
     """Find what would fail before anything moves."""
     from taskspec_runner.cli.validate import validate_paths
 
-    return validate_paths(paths, form)
+    return validate_paths(paths, form, strict=strict, select=select or (), ignore=ignore or ())
 
 
 @app.command()

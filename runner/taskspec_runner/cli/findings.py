@@ -27,11 +27,19 @@ def show_findings(
     err: bool = False,
 ) -> None:
     """Prints diagnostics, in full or one line each."""
-    lines = map(headline, diagnostics)
-    text = "\n".join(lines) if concise else render(diagnostics, sources)
+    text = text_of(diagnostics, sources, concise=concise)
     if text:
         stream = sys.stderr if err else sys.stdout
         typer.echo(painted(text) if is_colored(stream) else text, err=err)
+
+
+def text_of(
+    diagnostics: Iterable[Diagnostic], sources: Mapping[str, Source], *, concise: bool = False
+) -> str:
+    """Diagnostics in full or one line each, without colours."""
+    if concise:
+        return "\n".join(map(headline, diagnostics))
+    return render(diagnostics, sources)
 
 
 def is_colored(stream: TextIO) -> bool:

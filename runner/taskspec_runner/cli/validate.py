@@ -2,84 +2,56 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import typer
 
-from taskspec.text.diagnostic import Diagnostic, Severity, SpecError
+from taskspec.text.diagnostic import Diagnostic, SpecError
 from taskspec.text.source import Source
-from taskspec_runner.cli.findings import record, show_findings
+from taskspec_runner.cli.chosen import choice
+from taskspec_runner.cli.examined import Failure, Findings
 from taskspec_runner.cli.formats import FindingFormat
 from taskspec_runner.cli.guard import keep_trace
 from taskspec_runner.cli.loading import load
+from taskspec_runner.cli.reporters import REPORTERS
 from taskspec_runner.errors import InputError
 from taskspec_runner.folder import MANIFEST
 
 _SUFFIXES = (".yaml", ".yml")
 
 
-@dataclass(slots=True)
-class Findings:
-    """What was found about a number of files.
+def validate_paths(
+    paths: Sequence[Path],
+    form: FindingFormat,
+    *,
+    strict: bool = False,
+    select: Sequence[str] = (),
+    ignore: Sequence[str] = (),
+) -> int:
+    """Validates files and folders and says what was found.
 
-    Attributes:
-        files: how many were looked at.
-        diagnostics: by file, in the order of the files, sorted within each.
-        sources: the texts of each file that places refer to.
-        unreadable: messages about files that could not be read.
-        broken: messages about files at which the validation itself failed.
+    Args:
+        paths: files, and folders of them.
+        form: how it is told.
+        strict: whether warnings count as errors.
+        select: prefixes of the codes that count, all of them if there are none.
+        ignore: prefixes of codes that do not count.
+
+    Raises:
+        InputError: no code begins with one of the prefixes, or a folder has no task file.
     """
-
-    files: int = 0
-    diagnostics: dict[str, tuple[Diagnostic, ...]] = field(default_factory=dict)
-    sources: dict[str, dict[str, Source]] = field(default_factory=dict)
-    unreadable: list[str] = field(default_factory=list)
-    broken: list[str] = field(default_factory=list)
-
-    def count(self, severity: Severity) -> int:
-        """How many findings are of a severity."""
-        return sum(d.severity is severity for found in self.diagnostics.values() for d in found)
-
-    @property
-    def exit_code(self) -> int:
-        """3 after an internal error, 2 if a file could not be read, 1 if one is wrong, else 0."""
-        if self.broken:
-            return 3
-        if self.unreadable:
-            return 2
-        return 1 if self.count(Severity.ERROR) else 0
-
-    @property
-    def headline(self) -> str:
-        """The whole in one line, such as `3 errors, 1 warning in 2 of 14 files`."""
-        counts = [(self.count(s), str(s)) for s in (Severity.ERROR, Severity.WARNING)]
-        found = ", ".join(_plural(n, what) for n, what in counts if n)
-        files = _plural(self.files, "file")
-        if self.unreadable and not self.diagnostics and not self.broken:
-            return f"{_plural(len(self.unreadable), 'file')} unreadable"
-        if not found:
-            text = f"no errors in {files}"
-        elif self.files == 1:
-            text = f"{found} in 1 file"
-        else:
-            wrong = sum(any(d.severity is not Severity.INFO for d in found)
-                        for found in self.diagnostics.values())  # fmt: skip
-            text = f"{found} in {wrong} of {files}"
-        if self.unreadable:
-            text += f", {len(self.unreadable)} unreadable"
-        if self.broken:
-            text += f", {len(self.broken)} not validated for an internal error"
-        return text
-
-
-def validate_paths(paths: Sequence[Path], form: FindingFormat) -> int:
-    """Validates files and folders and says what was found."""
-    found = examine(list(task_files(paths)))
-    _show(found, form)
+    chosen = choice(select, ignore)
+    found = examine(list(task_files(paths)), strict=strict).only(chosen)
+    for failure in found.unreadable:
+        typer.echo(f"taskspec: {failure.message}", err=True)
+    for failure in found.broken:
+        typer.echo(failure.message, err=True)
+    reporter = REPORTERS[form]
+    text = reporter.report(found)
+    if text:
+        typer.echo(text)
+    typer.echo(found.headline, err=reporter.for_programs)
     return found.exit_code
 
 
@@ -89,7 +61,7 @@ def task_files(paths: Sequence[Path]) -> Iterator[Path]:
     Hidden folders are passed over, and so are folders of runs: what they hold is a copy.
 
     Raises:
-        InputError: a folder has none.
+        InputError: a folder has none, or cannot be listed.
     """
     seen: set[Path] = set()
     for path in paths:
@@ -105,7 +77,11 @@ def task_files(paths: Sequence[Path]) -> Iterator[Path]:
 def _below(folder: Path) -> Iterator[Path]:
     if (folder / MANIFEST).is_file():
         return
-    for entry in sorted(folder.iterdir()):
+    try:
+        entries = sorted(folder.iterdir())
+    except OSError as error:
+        raise InputError(f"cannot read {folder}: {error.strerror or error}") from error
+    for entry in entries:
         if entry.name.startswith("."):
             continue
         if entry.is_dir():
@@ -114,24 +90,26 @@ def _below(folder: Path) -> Iterator[Path]:
             yield entry
 
 
-def examine(files: Sequence[Path]) -> Findings:
+def examine(files: Sequence[Path], *, strict: bool = False) -> Findings:
     """Everything that is found about the files."""
-    found = Findings(files=len(files))
+    diagnostics: dict[str, tuple[Diagnostic, ...]] = {}
+    sources: dict[str, dict[str, Source]] = {}
+    unreadable: list[Failure] = []
+    broken: list[Failure] = []
     for path in files:
+        name = str(path)
         try:
-            diagnostics, sources = _examine(path)
+            diagnostics[name], sources[name] = _examine(path)
         except InputError as error:
-            found.unreadable.append(str(error))
-            continue
+            unreadable.append(Failure(name, str(error)))
         except Exception as error:
             # One file must not hide what is found about the others.
             trace = keep_trace(error)
             told = f"internal error: {type(error).__name__}: {' '.join(str(error).split())}"
-            found.broken.append(f"{path}: {told}; please report this with {trace}")
-            continue
-        found.diagnostics[str(path)] = diagnostics
-        found.sources[str(path)] = sources
-    return found
+            message = f"{path}: {told}; please report this with {trace}"
+            broken.append(Failure(name, message))
+    named = tuple(map(str, files))
+    return Findings(named, diagnostics, sources, tuple(unreadable), tuple(broken), strict)
 
 
 def _examine(path: Path) -> tuple[tuple[Diagnostic, ...], dict[str, Source]]:
@@ -143,37 +121,3 @@ def _examine(path: Path) -> tuple[tuple[Diagnostic, ...], dict[str, Source]]:
     from taskspec.check import check_task
 
     return check_task(loaded), dict(loaded.sources)
-
-
-def _show(found: Findings, form: FindingFormat) -> None:
-    for message in found.unreadable:
-        typer.echo(f"taskspec: {message}", err=True)
-    for message in found.broken:
-        typer.echo(message, err=True)
-    if form is FindingFormat.JSON:
-        typer.echo(json.dumps(_data(found), indent=2, ensure_ascii=False))
-        return
-    concise = form is FindingFormat.CONCISE
-    for path, diagnostics in found.diagnostics.items():
-        show_findings(diagnostics, found.sources[path], concise=concise)
-        if diagnostics and not concise:
-            typer.echo()
-    typer.echo(found.headline)
-
-
-def _data(found: Findings) -> dict[str, Any]:
-    return {
-        "files": found.files,
-        "errors": found.count(Severity.ERROR),
-        "warnings": found.count(Severity.WARNING),
-        "unreadable": found.unreadable,
-        "internal_errors": found.broken,
-        "exit_code": found.exit_code,
-        "diagnostics": [
-            record(d) for diagnostics in found.diagnostics.values() for d in diagnostics
-        ],
-    }
-
-
-def _plural(number: int, what: str) -> str:
-    return f"{number} {what}{'' if number == 1 else 's'}"

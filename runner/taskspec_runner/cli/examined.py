@@ -1,0 +1,97 @@
+"""What `validate` finds in many files, which of them could not be examined, and the verdict."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+
+from taskspec.text.diagnostic import Diagnostic, Severity
+from taskspec.text.source import Source
+
+
+@dataclass(frozen=True, slots=True)
+class Failure:
+    """A file that could not be examined.
+
+    Attributes:
+        path: the file as it was named.
+        message: what is told about it, the path included.
+    """
+
+    path: str
+    message: str
+
+
+@dataclass(frozen=True, slots=True)
+class Findings:
+    """What was found about a number of files.
+
+    Attributes:
+        files: the files that were looked at, in order.
+        diagnostics: by file, in the order of the files, sorted within each.
+        sources: the texts of each file that places refer to.
+        unreadable: files that could not be read.
+        broken: files at which the validation itself failed.
+        strict: whether warnings count as errors.
+    """
+
+    files: tuple[str, ...] = ()
+    diagnostics: dict[str, tuple[Diagnostic, ...]] = field(default_factory=dict)
+    sources: dict[str, dict[str, Source]] = field(default_factory=dict)
+    unreadable: tuple[Failure, ...] = ()
+    broken: tuple[Failure, ...] = ()
+    strict: bool = False
+
+    def only(self, chosen: Callable[[str], bool]) -> Findings:
+        """The same with the findings whose codes are chosen."""
+        kept = {
+            path: tuple(d for d in found if chosen(d.code))
+            for path, found in self.diagnostics.items()
+        }
+        return replace(self, diagnostics=kept)
+
+    def count(self, severity: Severity) -> int:
+        """How many findings are of a severity."""
+        return sum(d.severity is severity for found in self.diagnostics.values() for d in found)
+
+    def fails(self, diagnostic: Diagnostic) -> bool:
+        """Whether a finding is one that lets a file fail."""
+        counted = (Severity.ERROR, Severity.WARNING) if self.strict else (Severity.ERROR,)
+        return diagnostic.severity in counted
+
+    @property
+    def exit_code(self) -> int:
+        """3 after an internal error, 2 if a file could not be read, 1 if one is wrong, else 0."""
+        if self.broken:
+            return 3
+        if self.unreadable:
+            return 2
+        return int(any(self.fails(d) for found in self.diagnostics.values() for d in found))
+
+    @property
+    def headline(self) -> str:
+        """The whole in one line, such as `3 errors, 1 warning in 2 of 14 files`."""
+        counts = [(self.count(s), str(s)) for s in (Severity.ERROR, Severity.WARNING)]
+        found = ", ".join(_plural(n, what) for n, what in counts if n)
+        files = _plural(len(self.files), "file")
+        if self.unreadable and not self.diagnostics and not self.broken:
+            return f"{_plural(len(self.unreadable), 'file')} unreadable"
+        if not found:
+            text = f"no errors in {files}"
+        elif len(self.files) == 1:
+            text = f"{found} in 1 file"
+        else:
+            wrong = sum(
+                any(d.severity is not Severity.INFO for d in found)
+                for found in self.diagnostics.values()
+            )
+            text = f"{found} in {wrong} of {files}"
+        if self.unreadable:
+            text += f", {len(self.unreadable)} unreadable"
+        if self.broken:
+            text += f", {len(self.broken)} not validated for an internal error"
+        return text
+
+
+def _plural(number: int, what: str) -> str:
+    return f"{number} {what}{'' if number == 1 else 's'}"
