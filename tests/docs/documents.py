@@ -38,6 +38,8 @@ def blocks(kind: str) -> list[Any]:
     """Every block of one kind, as (document, name of the task that it completes, its text)."""
     found = []
     for path in DOCUMENTS:
+        if path.parent.name == "diagnostics":
+            continue  # their files are wrong on purpose, and have a test of their own
         text = path.read_text(encoding="utf-8")
         for match in BLOCK.finditer(text):
             if match["kind"] == kind:

@@ -37,6 +37,14 @@ def test_tasks_and_schema_are_inside(names):
     assert "schemas/taskspec-1.schema.json" in inside
 
 
+def test_pages_of_the_codes_are_inside(names):
+    pages = {
+        f"taskspec/data/diagnostics/{p.name}" for p in (ROOT / "docs/diagnostics").glob("*.md")
+    }
+    assert "taskspec/data/diagnostics/TS203.md" in pages
+    assert pages <= set(names)
+
+
 def test_data_of_the_packages_is_inside(names):
     for name in (
         "taskspec/py.typed",

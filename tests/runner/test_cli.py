@@ -7,9 +7,11 @@ import signal
 import subprocess
 import sys
 import time
+from io import StringIO
 from pathlib import Path
 
 import pytest
+from rich.console import Console
 from short_tasks import TAP
 from typer.testing import CliRunner, Result
 
@@ -494,9 +496,17 @@ def test_explain_under_overrides(tap: Path) -> None:
     assert "100 mm" not in text.split("defaults taken")[1]
 
 
-def test_explain_a_code() -> None:
-    assert call("explain", "ts203").stdout == "TS203: a motion and a force on one axis\n"
+def test_explain_a_code(monkeypatch: pytest.MonkeyPatch) -> None:
+    page = (SHIPPED.parent / "docs" / "diagnostics" / "TS203.md").read_text(encoding="utf-8")
+    assert page.startswith("# TS203: a motion and a force on one axis\n")
+    assert call("explain", "ts203").stdout == page
     assert call("explain", "TS221").exit_code == 0
+    screen = StringIO()
+    terminal = Console(file=screen, force_terminal=True, width=80)
+    monkeypatch.setattr("taskspec_runner.cli.explain.console", lambda: terminal)
+    assert call("explain", "TS203").stdout == ""
+    assert "TS203: a motion and a force on one axis" in screen.getvalue()
+    assert "##" not in screen.getvalue(), "laid out"
     result = call("explain", "TS999")
     assert result.exit_code == 2
     assert "there is no diagnostic TS999" in result.stderr

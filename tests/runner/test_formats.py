@@ -165,6 +165,7 @@ def test_sarif_of_every_kind_of_file(here: Path) -> None:
     assert [rule["id"] for rule in rules] == ["TS004", "TS010"]
     assert rules[0]["shortDescription"]["text"] == CODES["TS004"]
     assert rules[0]["name"] == "AKeyIsGivenTwice"
+    assert rules[0]["help"]["markdown"].startswith("# TS004: ")
     twice, empty = run["results"]
     assert (twice["ruleId"], twice["ruleIndex"], twice["level"]) == ("TS004", 0, "error")
     place = twice["locations"][0]["physicalLocation"]
@@ -207,7 +208,15 @@ def test_sarif_levels(severity: Severity) -> None:
     run = sarif_of(told("sarif", found(finding(severity))))
     level = {"error": "error", "warning": "warning", "info": "note"}[severity]
     assert run["results"][0]["level"] == level
-    assert run["tool"]["driver"]["rules"][0]["defaultConfiguration"]["level"] == level
+    assert run["tool"]["driver"]["rules"][0]["defaultConfiguration"]["level"] == "error", "by page"
+
+
+def test_sarif_of_a_code_without_a_page(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("taskspec_runner.cli.reporters.sarif.page", lambda _: None)
+    found_ = found(finding(Severity.INFO), finding(Severity.WARNING))
+    (rule,) = sarif_of(told("sarif", found_))["tool"]["driver"]["rules"]
+    assert rule["defaultConfiguration"]["level"] == "warning"
+    assert rule["help"] == {"text": "taskspec explain TS203"}
 
 
 def test_sarif_of_an_internal_error() -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import typer
 from rich.console import RenderableType
+from rich.markdown import Markdown
 from rich.table import Table
 from rich.text import Text
 
@@ -15,11 +16,12 @@ from taskspec.compiler import compile_task
 from taskspec.text.codes import CODES
 from taskspec.text.suggest import suggestion
 from taskspec_runner.cli.account import StageAccount, frame_accounts, robot_account, stage_account
-from taskspec_runner.cli.console import show, table
+from taskspec_runner.cli.console import console, show, table
 from taskspec_runner.cli.defaults import defaults_taken
 from taskspec_runner.cli.findings import show_findings
 from taskspec_runner.cli.loading import load
 from taskspec_runner.cli.objects import object_accounts
+from taskspec_runner.cli.pages import page
 from taskspec_runner.errors import InputError
 
 _CODE = re.compile(r"TS\d{3}\Z", re.IGNORECASE)
@@ -28,22 +30,23 @@ _CODE = re.compile(r"TS\d{3}\Z", re.IGNORECASE)
 def explain_what(what: str, sets: Sequence[str] = (), law: str | None = None) -> int:
     """Explains a task file under overrides, or a code if there is no such file."""
     if not Path(what).exists() and _CODE.match(what):
-        typer.echo(title_of(what.upper()))
+        _explain_code(what.upper())
     else:
         _explain_file(Path(what), sets, law)
     return 0
 
 
-def title_of(code: str) -> str:
-    """What a diagnostic code means, in one line.
-
-    Raises:
-        InputError: there is no such code.
-    """
+def _explain_code(code: str) -> None:
+    """Shows the page of a diagnostic code: laid out on a terminal, as it is written elsewhere."""
     # By now the compiler's layers are imported, which register codes of their own.
     if code not in CODES:
         raise InputError(f"there is no diagnostic {code}; {suggestion(code, CODES)}".rstrip("; "))
-    return f"{code}: {CODES[code]}"
+    text = page(code) or f"# {code}: {CODES[code]}\n"
+    out = console()
+    if out.is_terminal:
+        out.print(Markdown(text, code_theme="ansi_dark"))
+    else:
+        typer.echo(text, nl=False)
 
 
 def _explain_file(path: Path, sets: Sequence[str], law: str | None) -> None:

@@ -14,6 +14,7 @@ from taskspec.text.codes import CODES
 from taskspec.text.diagnostic import Diagnostic, Severity
 from taskspec.text.source import Source, Span
 from taskspec_runner.cli.examined import Failure, Findings
+from taskspec_runner.cli.pages import page, severities_of
 from taskspec_runner.cli.reporters.paths import uri
 
 SCHEMA = (
@@ -50,12 +51,16 @@ def report(found: Findings) -> str:
 
 def _rule(code: str, diagnostics: list[Diagnostic]) -> dict[str, Any]:
     title = CODES[code]
-    levels = [_LEVELS[d.severity] for d in diagnostics if d.code == code]
+    text = page(code)
+    found = {d.severity for d in diagnostics if d.code == code}
+    severities = severities_of(text) if text else sorted(found, key=list(_LEVELS).index)
+    told = {"text": f"taskspec explain {code}"} | ({"markdown": text} if text else {})
     return {
         "id": code,
         "name": "".join(word.capitalize() for word in re.findall(r"[A-Za-z0-9]+", title)),
         "shortDescription": {"text": title},
-        "defaultConfiguration": {"level": min(levels, key=list(_LEVELS.values()).index)},
+        "help": told,
+        "defaultConfiguration": {"level": _LEVELS[severities[0]]},
     }
 
 
