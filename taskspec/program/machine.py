@@ -140,7 +140,7 @@ class Machine:
         self._names = [s.name for s in stages]
         self.index, self.t = 0, 0.0
         self._ticks = self._held = 0
-        self._safe = np.zeros(len(self.torque))
+        self._safe, self._applied = np.zeros(len(self.torque)), np.zeros(len(self.torque))
         self._runner = self._runners[0]
         self.ended = ""
         self.transitions: list[Transition] = []
@@ -203,6 +203,7 @@ class Machine:
         if self.sensor is not None:
             self.sensor.correct(self._tip()[1], self.wrench)
         now, runner = self._now, self._runner
+        self._applied[:] = self.torque
         now[0] = t = self.t = self._ticks * self.period
         now[1] = clock
         if t >= runner.next_knot:
@@ -212,8 +213,10 @@ class Machine:
         fresh = self._evaluate(runner)
         self._ticks += 1
         event = self.outputs[0]
-        if not (fresh or (event and self._is_limit(event))):
-            return self._hold(runner, clock)
+        if not fresh:
+            stopped = self._hold(runner, clock)
+            if stopped or not (event and self._is_limit(event)):
+                return stopped
         if event and (self._ticks > 1 or self._is_limit(event)):
             self._change(clock, runner.stage.events[int(event) - 1])
         else:
@@ -302,15 +305,17 @@ class Machine:
             return
         self._note(clock, event, value, to)
         self._enter(index, carried, clock)
-        # The new stage's tick at t = 0 is this one.
+        # The new stage's tick at t = 0 is this one; what the old one made of it was not applied.
+        self.torque[:] = self._applied
         fresh = self._evaluate(self._runner)
         self._ticks = 1
         first = self.outputs[0]
+        if not fresh:
+            self._hold(self._runner, clock)
         if first and self._is_limit(first):
             self._change(clock, self.stage.events[int(first) - 1])
             return
         if not fresh:
-            self._hold(self._runner, clock)
             return
         self._runner.commit()
         if self._learns:
