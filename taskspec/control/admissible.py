@@ -15,8 +15,10 @@ BRAKING = 0.5
 _DECELERATIONS = (1e-3, 1e6)
 #: A joint beyond its limit is led back with this time constant, in control periods.
 _RETURN = 10.0
-#: Nearer to its cap than this share, a contact force counts as this near.
-_NEAREST = 1e-3
+#: Nearer to its cap than this share nu, a contact force counts as this near, so that a push that is
+#: at its cap does not turn into a blow for closing a little more. The force may then exceed its cap
+#: by 3 nu; see `highest_push`.
+NEAREST = 1e-2
 
 
 def braking_deceleration(
@@ -41,6 +43,7 @@ def joint_accelerations(
     fastest: ca.DM,
     braking: ca.DM,
     period: float,
+    jerk: ca.DM | None = None,
 ) -> tuple[ca.SX, ca.SX]:
     """Least and greatest q'' (n,) after which the joints can still keep their limits.
 
@@ -48,22 +51,56 @@ def joint_accelerations(
     T w + w^2 / (2 a) <= x with the room x, so w <= a (sqrt(T^2 + 2 x / a) - T). A joint that keeps
     to it needs no more than a to keep to it again, for the period's position step is T w.
 
+    Where torques change at a limited rate, the joint goes on for half of the time a / j that
+    braking takes to set in, w^2 / (2 a) + w (T + a / (2 j)) <= x; and the acceleration itself has
+    to be such that it can be taken back before w is there, by the same formula.
+
     Args:
         q, v: (n,) measured [rad, m], [rad/s, m/s]. room: (n,) lower and upper position limit.
         fastest: (n,) velocity limit. braking: (n,) a. period: T [s].
+        jerk: (n,) j, how fast accelerations can be changed; None for at once.
     """
     lower, upper = room
-    rise = _viable(upper - q, fastest, braking, period)
-    fall = _viable(q - lower, fastest, braking, period)
-    return (-fall - v) / period, (rise - v) / period
+    rise = _towards(upper - q, v, fastest, braking, period, jerk)
+    fall = _towards(q - lower, -v, fastest, braking, period, jerk)
+    # Beyond one limit, the way back is as fast as the other one allows.
+    rise = ca.fmax(rise, -fall)
+    return -ca.fmax(fall, -rise), rise
 
 
-def _viable(room: ca.SX, fastest: ca.DM, braking: ca.DM, period: float) -> ca.SX:
-    """Greatest velocity towards a limit after this period (n,); negative beyond the limit."""
+def _towards(
+    room: ca.SX, v: ca.SX, fastest: ca.DM, braking: ca.DM, period: float, jerk: ca.DM | None
+) -> ca.SX:
+    """Greatest acceleration (n,) towards a limit that is `room` (n,) away; negative beyond it."""
     inside = ca.fmax(room, 0)
-    # a (sqrt(T^2 + 2 x / a) - T) without the difference of two large numbers for a great a.
-    stopping = 2 * inside / (period + ca.sqrt(period**2 + 2 * inside / braking))
-    return ca.fmin(stopping, fastest) + ca.fmin(room, 0) / (_RETURN * period)
+    back = ca.fmax(ca.fmin(room, 0) / (_RETURN * period), -fastest)
+    if jerk is None:
+        return (ca.fmin(reach(inside, braking, period), fastest) + back - v) / period
+    lag = period + braking / (2 * jerk)
+    viable = reach(inside, braking, lag)
+    # What is viable falls as the joint goes on.
+    falling = braking * ca.fmax(v, 0) / (viable + braking * lag)
+    return ca.fmin(
+        approach(fastest - v, jerk, period), approach(viable + back - v, jerk, period) - falling
+    )
+
+
+def reach(room: ca.SX, slowing: ca.SX | ca.DM, lag: float | ca.DM) -> ca.SX:
+    """The greatest w >= 0 with lag w + w^2 / (2 slowing) <= room."""
+    # slowing (sqrt(lag^2 + 2 x / slowing) - lag), without the difference of two large numbers.
+    return 2 * room / (lag + ca.sqrt(lag**2 + 2 * room / slowing))
+
+
+def approach(room: ca.SX, jerk: ca.SX | ca.DM | None, period: float) -> ca.SX:
+    """Greatest rate at which `room` may be used up over this period so that it is never exceeded.
+
+    Args:
+        room: left, negative beyond it. jerk: how fast the rate can be changed; None for at once.
+        period: T [s].
+    """
+    if jerk is None:
+        return room / period
+    return ca.sign(room) * reach(ca.fabs(room), jerk, period)
 
 
 def highest_push(cap: float, force: ca.SX, closing: ca.SX, mass: ca.SX, stiffness: float) -> ca.SX:
@@ -74,12 +111,17 @@ def highest_push(cap: float, force: ca.SX, closing: ca.SX, mass: ca.SX, stiffnes
 
         u = (cap + f) / 2 - h k s^2 / (2 (cap - f)).
 
+    Followed all the time, it closes the distance e = cap - f at h k s^2 = e (C - e), with C = 2 cap
+    at most. Within e < nu cap the denominator stays, and h k s^2 fades like
+    exp(-(nu cap - e) / (nu cap)). With y = (f - cap) / (nu cap) it is used up where
+    C / (nu cap) exp(-1 - y) = 2 (y - 1): at y = 2.9 for nu = 0.01.
+
     Free of damping, so the true contact stays below.
 
     Args:
         cap: [N]. force: f, contact force now [N]. closing: s, velocity into the object [m/s].
         mass: h along the normal [kg]. stiffness: k believed of the contact [N/m].
     """
-    left = ca.fmax(cap - force, _NEAREST * cap)
+    left = ca.fmax(cap - force, NEAREST * cap)
     into = ca.fmax(closing, 0)
     return ca.fmin((cap + force) / 2, cap) - mass * stiffness * into**2 / (2 * left)

@@ -42,7 +42,7 @@ class Generator:
     Attributes:
         effect: (r,) what it contributes to each requested force. torque: (n,) that it takes.
         friction: of the contact; for a normal, with its two tangents following.
-        kind: `normal`, `tangent` or `free`. of: the object, the equation or the grip.
+        kind: `normal`, `tangent`, `free`, or `moment`, which no limit on force caps.
     """
 
     effect: ca.SX
@@ -137,10 +137,11 @@ class _Conditions:
                     self.add(f"friction of {made.of}", row, ca.SX(0), ca.SX(ca.inf))
 
     def add_caps(self, generators: Sequence[Generator], cap: float) -> None:
-        """All pushes together, and each force of either sign, stay below the cap [N]."""
+        """All pushes with their friction, and each force of either sign, stay below the cap [N]."""
         pushes = [i for i, made in enumerate(generators) if made.kind == "normal"]
         if pushes:
-            total = ca.sum1(self._eye[pushes, :])
+            sizes = [np.hypot(1, generators[i].friction / FRICTION_SHARE) for i in pushes]
+            total = ca.DM(sizes).T @ self._eye[pushes, :]
             self.add(_CAP, total, ca.SX(-ca.inf), ca.SX(cap))
         for i, made in enumerate(generators):
             if made.kind == "free":
@@ -232,10 +233,14 @@ def tangents(normal: ca.SX, towards: ca.SX) -> tuple[ca.SX, ca.SX]:
 
 def equation_generator(contact: ContactRow, effect: ca.SX) -> Generator:
     """The generator of an equation: of either sign where it holds both ways."""
-    kind = "free" if contact.both_ways else "normal"
+    both_ways = "moment" if contact.joints else "free"
+    kind = both_ways if contact.both_ways else "normal"
     return Generator(effect, contact.J.T, 0.0, kind, contact.name)
 
 
 def grip_generators(resolve: ca.SX, J: ca.SX) -> list[Generator]:
     """What a grip returns: any force and moment at the control point, `J` (6, n) there."""
-    return [Generator(resolve[:, i], J[i, :].T, 0.0, "free", "the grip") for i in range(6)]
+    kinds = ("free",) * 3 + ("moment",) * 3
+    return [
+        Generator(resolve[:, i], J[i, :].T, 0.0, kind, "the grip") for i, kind in enumerate(kinds)
+    ]

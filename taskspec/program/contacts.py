@@ -23,6 +23,8 @@ from taskspec.program.modes import MOSTLY, AxisPlan
 
 #: Closer than this [m] to the believed object, the tool counts as touching it.
 NEAR = 1e-3
+#: However much other contacts bear, this share of a cap is left for each.
+_CROWDED = 0.1
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,6 +40,8 @@ class ContactRow:
         pressed: the stage keeps this contact: its force may not turn into a pull.
         both_ways: it returns forces of either sign.
         stiffness: believed [N/m]. joints: whether it is on the joints rather than on the tip.
+        friction: its coefficient. others: what the tip bears beside it, friction included: the
+            part along this row, and the size [N].
     """
 
     name: str
@@ -50,6 +54,22 @@ class ContactRow:
     both_ways: bool
     stiffness: float
     joints: bool = False
+    friction: float = 0.0
+    others: tuple[ca.SX, ca.SX] = (ca.SX(0), ca.SX(0))
+
+    def highest(self, cap: float) -> ca.SX:
+        """The push [N] with which all that the tip bears, friction included, is the cap.
+
+        With friction forces are within phi = atan mu of the normals, so that this contact's, of the
+        size p sqrt(1 + mu^2), and the others' F are no closer to each other than their normals are,
+        less 2 phi: p^2 (1 + mu^2) + 2 p sqrt(1 + mu^2) |F| cos(angle - 2 phi) + |F|^2 = cap^2.
+        """
+        along, size = self.others
+        turn = 2 * np.arctan(self.friction)
+        across = ca.sqrt(ca.fmax(size**2 - along**2, 0))
+        along = np.cos(turn) * along + np.sin(turn) * across
+        left = ca.sqrt(ca.fmax(along**2 + cap**2 - size**2, 0)) - along
+        return ca.fmax(left, _CROWDED * cap) / np.sqrt(1 + self.friction**2)
 
 
 def touched_objects(
@@ -79,6 +99,14 @@ def touched_objects(
         if along and not any(o in found for o in along):
             found.append(min(along, key=lambda o: context.start_gaps[o]))
     return tuple(found)
+
+
+def all_objects(context: Context, first: Sequence[str]) -> tuple[str, ...]:
+    """Objects `first`, then the others that the tool may touch; none where there is no first."""
+    held = context.loaded.task.robot.grasp
+    if not first:
+        return ()
+    return (*first, *(o for o in context.surfaces if o not in first and o != held))
 
 
 def pressed_objects(
@@ -123,22 +151,31 @@ def shape_rows(
         normal, turning = _normal(context.surfaces[name], at)
         found.append((at, normal, turning))
         normals.append(normal if now is None else now.A @ normal)
-    shares = shared_force(normals, wrench[:3])
     touching = ca.norm_2(wrench[:3]) > signals.TOUCHING
+    active = [gaps[name] < NEAR for name in objects]
+    active[:1] = [ca.logic_or(near, touching) for near in active[:1]]
+    # What does not touch takes no share of what is felt.
+    shares = shared_force([n * on for n, on in zip(normals, active, strict=True)], wrench[:3])
+    rubs = [context.loaded.task.shapes[name].friction for name in objects]
     rows = []
     for i, (name, (at, normal, turning)) in enumerate(zip(objects, found, strict=True)):
-        near = gaps[name] < NEAR
+        other = ca.SX.zeros(3)
+        for j, (n, mu) in enumerate(zip(normals, rubs, strict=True)):
+            if j != i:
+                other += n * np.hypot(1, mu) * ca.fmax(shares[j], 0)
         rows.append(
             ContactRow(
                 name=name,
                 J=-normal.T @ at.J[:3, :],
                 drift=-ca.dot(normal, at.drift[:3]) - ca.dot(turning, at.twist[:3]),
                 closing=-ca.dot(normal, at.twist[:3]),
-                active=ca.logic_or(near, touching) if i == 0 else near,
+                active=active[i],
                 measured=shares[i],
                 pressed=name in pressed,
                 both_ways=False,
                 stiffness=context.compliances[name].stiffness,
+                friction=max(rubs),
+                others=(ca.dot(normals[i], other), ca.norm_2(other)),
             )
         )
     return rows

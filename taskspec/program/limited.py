@@ -22,12 +22,15 @@ import numpy as np
 
 from taskspec.control import linear
 from taskspec.control.admissible import (
+    BRAKING,
+    approach,
     braking_deceleration,
     highest_push,
     joint_accelerations,
 )
 from taskspec.control.model_terms import TermSymbols
 from taskspec.control.state import TaskState
+from taskspec.program.consistency import tangents
 from taskspec.program.contacts import ContactRow
 from taskspec.program.context import Context
 from taskspec.spec import Limits
@@ -43,6 +46,9 @@ COST = {"force": 1e2, "motion": 1.0, "null space": 1e-2}
 #: A limit that would stop the run is kept at this share, or this far inside.
 FORCE_SHARE, SPEED_SHARE, VELOCITY_SHARE = 0.97, 0.98, 0.99
 POSITION_MARGIN = 1e-3
+#: The tip's speed may turn aside by this share of its limit in one control period. With it
+#: sqrt(1 + 2 * 0.1^2) * 0.98 = 0.99 of the limit are the most there is.
+TURN_SHARE = 0.1
 #: Carries a NaN over, and nothing else.
 _NOTHING = 1e-300
 
@@ -64,7 +70,7 @@ class Pieces:
             factor of J H^-1 J^T; both empty where the arm is not redundant.
         C: (n, c) L^-1 J_c^T of the contacts, 0 for those that are not there.
         inertia: (c, c) Lambda_c. active: (c,) whether each is there.
-        J: (3, n) of the tip, along: (3,) unit vector of its velocity; world axes.
+        J: (3, n) of the tip. ways: (3, k) unit vectors along which its speed is kept; world axes.
         requests: (r, n) rows along which forces are asked for.
     """
 
@@ -75,7 +81,7 @@ class Pieces:
     inertia: ca.SX
     active: ca.SX
     J: ca.SX
-    along: ca.SX
+    ways: ca.SX
     requests: ca.SX
 
     def parts(self) -> list[ca.SX]:
@@ -154,7 +160,7 @@ def matrices(sources: Sequence[Source], pieces: Pieces) -> Matrices:
         TORQUE: pieces.L,
         JOINT: from_joints,
         FORCE: ca.diag(pieces.active) @ multipliers if multipliers.shape[0] else multipliers,
-        SPEED: ca.vertcat(pieces.along.T @ onto, onto),
+        SPEED: pieces.ways.T @ onto,
     }
     return Matrices(
         P=_cost(pieces, multipliers),
@@ -216,13 +222,13 @@ def limit_rows(
     x = on.along_normals(T, M, pushes.shift())
     wanted = wanted + L @ x
     acceleration = acceleration + linear.backward(L, x)
-    along = terms.twist[:3] / ca.fmax(ca.norm_2(terms.twist[:3]), 1e-6)
+    ways = ca.SX(3, 0)
     found = _Bounds()
     _add_torques(found, context, limits, wanted, last)
-    _add_joints(found, context, q, v, acceleration)
+    _add_joints(found, context, limits, q, v, acceleration)
     clamped = _add_pushes(found, pushes)
     if limits.speed is not None:
-        _add_speed(found, context, SPEED_SHARE * limits.speed, terms, acceleration, along)
+        ways = _add_speed(found, context, limits, terms, L, acceleration)
     n, t = L.shape[0], len(state.axes)
     redundant = n > t
     return LimitRows(
@@ -238,7 +244,7 @@ def limit_rows(
             inertia=on.inertia,
             active=on.active,
             J=terms.J[:3, :],
-            along=along,
+            ways=ways,
             requests=requests,
         ),
         torque=wanted,
@@ -272,15 +278,24 @@ def _add_torques(
     if last is not None:
         assert limits.torque_rate is not None
         step = limits.torque_rate * context.period
-        lowest, highest = ca.fmax(lowest, last - step), ca.fmin(highest, last + step)
+        # A torque that is beyond its limit comes back at once.
+        lowest, highest = (
+            ca.fmin(ca.fmax(lowest, last - step), ca.DM(most)),
+            ca.fmax(ca.fmin(highest, last + step), ca.DM(-most)),
+        )
     for i in range(len(most)):
         if np.isfinite(most[i]) or last is not None:
             text = f"torque of joint {i + 1}"
             found.add(TORQUE, i, text, lowest[i] - wanted[i], highest[i] - wanted[i])
 
 
-def _add_joints(found: _Bounds, context: Context, q: ca.SX, v: ca.SX, acceleration: ca.SX) -> None:
-    robot = context.robot
+def _add_joints(
+    found: _Bounds, context: Context, limits: Limits, q: ca.SX, v: ca.SX, acceleration: ca.SX
+) -> None:
+    robot, jerk = context.robot, None
+    if limits.torque_rate is not None:
+        # As with braking, the other half is for what the other joints do.
+        jerk = ca.DM(BRAKING * limits.torque_rate / np.diag(context.start_inertia))
     braking = braking_deceleration(robot.torque_limit, context.start_gravity, context.start_inertia)
     least, greatest = joint_accelerations(
         q,
@@ -289,6 +304,7 @@ def _add_joints(found: _Bounds, context: Context, q: ca.SX, v: ca.SX, accelerati
         ca.DM(VELOCITY_SHARE * robot.velocity_limit),
         ca.DM(braking),
         context.period,
+        jerk,
     )
     for i, ends in enumerate(zip(robot.lower, robot.upper, robot.velocity_limit, strict=True)):
         if np.isfinite(ends).any():
@@ -392,7 +408,7 @@ def _push_bounds(
     upper = ca.SX(ca.inf)
     if not free:
         assert cap is not None
-        k = contact.stiffness
+        k, cap = contact.stiffness, contact.highest(cap)
         # What is measured is a period old.
         now = contact.measured + k * period * ca.fmax(contact.closing, 0)
         upper = highest_push(cap, now, contact.closing, mass, k)
@@ -406,17 +422,69 @@ def _push_bounds(
 def _add_speed(
     found: _Bounds,
     context: Context,
-    fastest: float,
+    limits: Limits,
     terms: TermSymbols,
+    L: ca.SX,
     acceleration: ca.SX,
-    along: ca.SX,
-) -> None:
-    """Rows that keep the tip's speed: along the way it goes, and along the world's axes."""
-    v, T = terms.twist[:3], context.period
-    rate = terms.J[:3, :] @ acceleration + terms.drift[:3]
-    ahead = (fastest - ca.norm_2(v)) / T - ca.dot(along, rate)
-    found.add(SPEED, 0, f"speed {show(fastest, 'mm/s')}", ca.SX(-ca.inf), ahead)
-    for i, axis in enumerate("xyz"):
-        if axis in context.robot.axes:
-            low, high = (-fastest - v[i]) / T - rate[i], (fastest - v[i]) / T - rate[i]
-            found.add(SPEED, i + 1, f"speed along {axis}", low, high)
+) -> ca.SX:
+    """Rows that keep the tip's speed: along the way that it takes, and aside from it.
+
+    The velocity after this period lies in a box inside the ball of the limit, whose axis turns
+    towards what the law asks for. A plane across the way alone lets the tip escape sideways: where
+    the law asks for T a > v aside, faster than it turns.
+
+    Returns:
+        (3, k) the unit vectors of the rows.
+    """
+    assert limits.speed is not None
+    v, J, T = terms.twist[:3], terms.J[:3, :], context.period
+    fastest = SPEED_SHARE * limits.speed
+    aside, change = TURN_SHARE * fastest, T * (J @ acceleration + terms.drift[:3])
+    ahead = _heading(v, v + change, aside)
+    jerk = None
+    if limits.torque_rate is not None:
+        # The most that torques of size 1 do along the way.
+        most = ca.sum1(ca.fabs(linear.solve(L, J.T @ ahead)))
+        jerk = BRAKING * limits.torque_rate * most
+    rate, along = ca.dot(ahead, change) / T, ca.dot(ahead, v)
+    found.add(
+        SPEED,
+        0,
+        f"speed {show(fastest, 'mm/s')}",
+        -approach(fastest + along, jerk, T) - rate,
+        approach(fastest - along, jerk, T) - rate,
+    )
+    inside = ca.norm_2(v + change) < fastest
+    sides = _sides(ahead, "z" in context.robot.axes)
+    for i, side in enumerate(sides):
+        rate, across = ca.dot(side, change) / T, ca.dot(side, v)
+        low, high = (-aside - across) / T - rate, (aside - across) / T - rate
+        found.add(
+            SPEED,
+            i + 1,
+            f"speed aside, {i + 1}",
+            ca.if_else(inside, ca.fmin(low, 0), low),
+            ca.if_else(inside, ca.fmax(high, 0), high),
+        )
+    return ca.horzcat(ahead, *sides)
+
+
+def _heading(v: ca.SX, wanted: ca.SX, aside: float) -> ca.SX:
+    """Unit vector along `wanted`, turned back until v (3,) is no more than `aside` beside it."""
+    size = ca.fmax(ca.norm_2(v), 1e-9)
+    now, then = v / size, wanted / ca.fmax(ca.norm_2(wanted), 1e-9)
+    turned = then - now * ca.dot(now, then)
+    sine = ca.norm_2(turned)
+    free = ca.logic_or(size <= aside, ca.logic_and(ca.dot(now, then) > 0, size * sine <= aside))
+    least = ca.fmin(aside / size, 1)
+    held = now * ca.sqrt(1 - least**2) + turned / ca.fmax(sine, 1e-9) * least
+    found = ca.if_else(free, then, held)
+    # Neither moving nor about to: any direction will do.
+    return ca.if_else(ca.norm_2(found) > 0.5, found, ca.SX(ca.DM([1.0, 0.0, 0.0])))
+
+
+def _sides(ahead: ca.SX, spatial: bool) -> tuple[ca.SX, ...]:
+    """Unit vectors (3,) across `ahead`: the one in the plane of a planar arm, else two."""
+    if not spatial:
+        return (ca.vertcat(-ahead[1], ahead[0], 0),)
+    return tangents(ahead, ca.SX.zeros(3))

@@ -24,6 +24,7 @@ from taskspec.program.consistency import (
 from taskspec.program.constraints import EquationRow
 from taskspec.program.contacts import (
     ContactRow,
+    all_objects,
     equation_contact,
     pressed_objects,
     shape_rows,
@@ -187,7 +188,9 @@ def resolve(
     objects = touched_objects(context, seen.contact, plans, seen.axes_rotation)
     pressed = pressed_objects(context, objects, plans, seen.axes_rotation)
     n = q.shape[0]
-    contacts = shape_rows(context, objects, pressed, seen.world, seen.wrench, gaps, clock)
+    # A limit on the contact force is one on that of every object that the tool may touch.
+    capped = objects if limits.force is None else all_objects(context, objects)
+    contacts = shape_rows(context, capped, pressed, seen.world, seen.wrench, gaps, clock)
     on_equations = [
         equation_contact(row, name, seen.measured[name], context.compliances[name].stiffness)
         for name, row in seen.rows.items()

@@ -23,7 +23,7 @@ def run(*arguments: str) -> str:
 def test_joints_are_put_together():
     texts = ["torque of joint 1", "torque of joint 2", "force on table", "speed 1 mm/s"]
     together = ["torque of joints 1 to 2", "force on table", "speed 1 mm/s"]
-    assert joined([*texts, "speed along x"]) == together
+    assert joined([*texts, "speed aside, 1"]) == together
     assert joined(["torque of joint 3"]) == ["torque of joint 3"]
 
 

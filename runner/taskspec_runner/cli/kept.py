@@ -53,7 +53,7 @@ def joined(texts: Sequence[str]) -> list[str]:
             made.append(f"{name} of joints {joints[0]} to {joints[-1]}")
         else:
             made.extend(members)
-    return [text for text in made if not text.startswith("speed along")]
+    return [text for text in made if not text.startswith("speed aside")]
 
 
 def _asked(program: Program, stage: CompiledStage) -> Asked | None:
