@@ -5,7 +5,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
-.PHONY: demo test theory lint types schema validate bench check clean
+.PHONY: demo test theory proof lint types schema validate bench check clean
 
 demo: $(READY)  ## run the wiping task and say where its report is
 	$(BIN)/taskspec run tasks/wipe-table.yaml
@@ -15,6 +15,9 @@ test: $(READY)  ## run all tests
 
 theory: $(READY)  ## hold the laws against their theorems, print the table, keep it in docs/theory.md
 	$(BIN)/pytest tests/theory --theory-table=docs/theory.md
+
+proof: $(READY)  ## 1000 random tasks with random limits, and how near to them each came
+	$(BIN)/pytest tests/runner/test_runner_qp_random.py --random-tasks=1000
 
 lint: $(READY)
 	$(BIN)/ruff check .

@@ -6,6 +6,10 @@ import pytest
 from short_tasks import TAP
 
 
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--random-tasks", type=int, help="how many random tasks keep their limits")
+
+
 @pytest.fixture
 def tap(tmp_path: Path) -> Path:
     path = tmp_path / "tap.yaml"
