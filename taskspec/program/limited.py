@@ -49,6 +49,10 @@ POSITION_MARGIN = 1e-3
 #: The tip's speed may turn aside by this share of its limit in one control period. With it
 #: sqrt(1 + 2 * 0.1^2) * 0.98 = 0.99 of the limit are the most there is.
 TURN_SHARE = 0.1
+#: A push this far [N] beyond its bounds is within them but for rounding.
+_ROUNDING = 1e-6
+#: Square of the share of a contact's normal that the task's axes have to have.
+_UNREACHED = 1e-9
 #: Carries a NaN over, and nothing else.
 _NOTHING = 1e-300
 
@@ -226,7 +230,7 @@ def limit_rows(
     found = _Bounds()
     _add_torques(found, context, limits, wanted, last)
     _add_joints(found, context, limits, q, v, acceleration)
-    clamped = _add_pushes(found, pushes)
+    clamped = _add_pushes(found, pushes, on.inertia @ (on.C.T @ x))
     if limits.speed is not None:
         ways = _add_speed(found, context, limits, terms, L, acceleration)
     n, t = L.shape[0], len(state.axes)
@@ -344,19 +348,24 @@ def _pushes(context: Context, limits: Limits, on: _Contacts, acceleration: ca.SX
     return _Pushes(on.contacts, on.multipliers(acceleration), lower, upper)
 
 
-def _add_pushes(found: _Bounds, pushes: _Pushes) -> ca.SX:
-    """Adds the rows of the pushes; the sum of 2^i over those that have been shifted."""
+def _add_pushes(found: _Bounds, pushes: _Pushes, added: ca.SX) -> ca.SX:
+    """Adds the rows of the pushes; the sum of 2^i over those that have been shifted.
+
+    Args:
+        found: where to. pushes: as the law wants them. added: (c,) what has been added to them.
+    """
     shift, clamped = pushes.shift(), ca.SX(0)
-    for i, low in pushes.lower.items():
-        contact, now = pushes.contacts[i], pushes.wanted[i] + shift[i]
+    for i, lower in pushes.lower.items():
+        contact, now = pushes.contacts[i], pushes.wanted[i] + added[i]
+        low, high = lower - now, pushes.upper[i] - now
         clamped += 2 ** len(found.rows) * (shift[i] != 0)
         absent = ca.logic_not(contact.active)
         found.add(
             FORCE,
             i,
             f"force on {contact.name}",
-            ca.if_else(absent, -ca.inf, ca.fmin(low - now, 0)),
-            ca.if_else(absent, ca.inf, ca.fmax(pushes.upper[i] - now, 0)),
+            ca.if_else(absent, -ca.inf, ca.if_else(low > _ROUNDING, low, ca.fmin(low, 0))),
+            ca.if_else(absent, ca.inf, ca.if_else(high < -_ROUNDING, high, ca.fmax(high, 0))),
         )
     return clamped
 
@@ -387,7 +396,8 @@ class _Contacts:
         if not self.contacts:
             return ca.SX.zeros(T.shape[0])
         S = linear.solve(M, T.T @ self.C).T
-        gram = S @ S.T + ca.diag(1 - self.active)
+        # A contact that the task's axes do not reach is left to the program.
+        gram = S @ S.T + ca.diag(1 - self.active) + _UNREACHED * ca.SX.eye(len(self.contacts))
         along = linear.solve(linear.cholesky(gram), (self.C.T @ self.C) @ shift)
         found: ca.SX = T @ linear.solve(M, S.T @ along)
         return found
