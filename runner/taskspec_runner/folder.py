@@ -16,6 +16,8 @@ from taskspec_runner.errors import OutputError
 TASK, MANIFEST, LOG = "task.yaml", "manifest.json", "log.arrow"
 SUMMARY, REPORT, CRASH = "summary.json", "report.html", "crash.txt"
 _OWN = (TASK, MANIFEST, LOG, SUMMARY, REPORT, CRASH)
+#: What `export` puts beside them.
+EXPORTS = ("log.csv", "log.parquet", "log.mcap", "log.rrd")
 
 #: Where runs go that are not told where to go.
 RUNS = Path("runs")
@@ -141,7 +143,7 @@ def clear(path: Path) -> None:
     held = {entry.name for entry in path.iterdir()}
     if held and MANIFEST not in held:
         raise OutputError(path, "the folder is not empty and holds no run")
-    for name in _OWN:
+    for name in (*_OWN, *EXPORTS):
         (path / name).unlink(missing_ok=True)
 
 

@@ -63,26 +63,38 @@ class History:
             yield Visit(str(self.stages[first]), first, last)
 
 
+def stream_log(path: Path) -> Iterator[pa.RecordBatch]:
+    """The batches of a log one by one; of one that was cut short, up to its last complete batch.
+
+    Raises:
+        OSError: the file cannot be opened.
+    """
+    with path.open("rb") as file:
+        reader = None
+        while True:
+            try:
+                reader = reader or pa.ipc.open_stream(file)
+                batch = reader.read_next_batch()
+            except (StopIteration, pa.ArrowInvalid, OSError):
+                # The end of the stream, or of what a killed run has left of it.
+                return
+            yield batch
+
+
 def read_history(path: Path) -> History:
     """Reads a log back; one that was cut short, up to its last complete batch.
 
     Raises:
         OSError: the file cannot be opened.
     """
-    batches = []
-    with path.open("rb") as file:
-        try:
-            reader = pa.ipc.open_stream(file)
-            while True:
-                batches.append(reader.read_next_batch())
-        except (StopIteration, pa.ArrowInvalid, OSError):
-            # The end of the stream, or of what a killed run has left of it.
-            pass
+    batches = list(stream_log(path))
     if not batches:
         return History({}, np.array([], dtype=np.str_))
     table = pa.Table.from_batches(batches)
-    columns = {
-        name: table[name].to_numpy() for name in table.column_names if name != "stage"
-    }  # fmt: skip
-    units = {f.name: (f.metadata or {}).get(b"unit", b"").decode() for f in table.schema}
-    return History(columns, np.array(table["stage"].to_pylist(), dtype=np.str_), units)
+    columns = {name: table[name].to_numpy() for name in table.column_names if name != "stage"}
+    return History(columns, np.array(table["stage"].to_pylist(), dtype=np.str_), units_of(table))
+
+
+def units_of(table: pa.Table | pa.RecordBatch) -> dict[str, str]:
+    """The unit of each column, as the log states it."""
+    return {f.name: (f.metadata or {}).get(b"unit", b"").decode() for f in table.schema}

@@ -224,7 +224,7 @@ class Replay:
         """(3,) mean force by the environment that the controller measured at a visit's end."""
         stage, columns = self._stages[visit.stage], self._history.columns
         clock = columns["clock"]
-        period = (clock[-1] - clock[0]) / (len(clock) - 1)
+        period = float(np.median(np.diff(clock)))
         first = max(visit.first, visit.last + 1 - felt.window(period))
         rows = slice(first, visit.last + 1)
         seen = np.zeros((visit.last + 1 - first, 3))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 import re
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 from documents import CONVENTIONS, LANGUAGE, completed, first_words, load, table, value, words
@@ -31,6 +32,10 @@ from taskspec.text.units import FORCE, split_quantity, to_si
 from taskspec_runner import folder, loop
 from taskspec_runner.cli import guard
 from taskspec_runner.compare import folder as compared
+from taskspec_runner.export import FORMATS
+from taskspec_runner.export.mcap import POSES, SCALARS, TOPICS
+from taskspec_runner.export.messages import SIGNALS
+from taskspec_runner.export.source import ROWS
 from taskspec_runner.plant.plant import Plant as SimulatedPlant
 from taskspec_runner.record import BATCH
 from taskspec_runner.summary import BY_SIGNAL, EXIT_GOOD, EXIT_MISSED, EXIT_STOPPED
@@ -209,6 +214,16 @@ def test_run_folder():
     later = (folder.SUMMARY, folder.REPORT, folder.CRASH)
     assert tuple(first_words(CONVENTIONS, "table: folder")) == files + later
     assert f"batches of {BATCH} rows" in CONVENTIONS.read_text(encoding="utf-8")
+
+
+def test_topics_of_an_export():
+    rows = {words(row[0])[0]: words(row[1])[0] for row in table(CONVENTIONS, "table: topics")}
+    assert rows == {**TOPICS, **POSES, SCALARS: SIGNALS}
+    assert tuple(FORMATS.values()) == tuple(Path(name).suffix for name in folder.EXPORTS)
+    text = CONVENTIONS.read_text(encoding="utf-8")
+    assert f"{ROWS // 1000} 000 rows at a time" in text
+    for form, name in zip(FORMATS, folder.EXPORTS, strict=True):
+        assert f"| `--{form}` | `{name}` |" in text
 
 
 def test_comparison_folder():

@@ -197,6 +197,28 @@ def report(
     return render_report(folder)
 
 
+@app.command()
+@guarded
+def export(
+    folder: Annotated[Path, typer.Argument(metavar="RUN", help="The folder of a run.")],
+    path: Annotated[
+        Path | None,
+        typer.Argument(metavar="PATH", help="The file.", show_default="RUN/log.FORMAT"),
+    ] = None,
+    csv: Annotated[bool, typer.Option("--csv", help="Text, units in the header.")] = False,
+    parquet: Annotated[bool, typer.Option("--parquet", help="Columns, units as metadata.")] = False,
+    mcap: Annotated[
+        bool, typer.Option("--mcap", help="ROS 2 messages for Foxglove and PlotJuggler.")
+    ] = False,
+    rerun: Annotated[bool, typer.Option("--rerun", help="A Rerun recording.")] = False,
+) -> int:
+    """Write the log of a run for other tools; of a killed run, what there is."""
+    from taskspec_runner.cli.export import export_log
+
+    asked = {"csv": csv, "parquet": parquet, "mcap": mcap, "rerun": rerun}
+    return export_log(folder, path, [form for form, wanted in asked.items() if wanted])
+
+
 def main() -> None:
     """The command line."""
     # Python has no stream where the shell has closed it; what is written there is lost anyway.

@@ -1,0 +1,190 @@
+"""MCAP with the messages of ROS 2, which Foxglove, PlotJuggler and `ros2 bag` read directly."""
+
+from __future__ import annotations
+
+import heapq
+import json
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from itertools import groupby
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+from numpy.typing import NDArray
+
+from taskspec.control.state import AXES
+from taskspec_runner.export.cdr import Layout, stamps
+from taskspec_runner.export.messages import SIGNALS, definition, signals_message
+from taskspec_runner.export.missing import library
+from taskspec_runner.export.poses import Poses, PoseStream
+from taskspec_runner.export.source import Source, columns_of
+from taskspec_runner.export.tables import run_metadata
+from taskspec_runner.folder import SUMMARY, TASK
+from taskspec_runner.history import History
+
+WORLD, TOOL, TASK_FRAME = "world", "tool", "task"
+#: Topic to message.
+TOPICS = {
+    "/joint_states": "sensor_msgs/msg/JointState",
+    "/wrench": "geometry_msgs/msg/WrenchStamped",
+    "/wrench_measured": "geometry_msgs/msg/WrenchStamped",
+    "/stage": "std_msgs/msg/String",
+}
+#: Topics that need the program of the run.
+POSES = {
+    "/tool": "geometry_msgs/msg/PoseStamped",
+    "/task_frame": "geometry_msgs/msg/PoseStamped",
+    "/tf": "tf2_msgs/msg/TFMessage",
+}
+SCALARS = "/signals"
+#: What a reader of an unfinished file may lose [bytes].
+_CHUNK = 256 * 1024
+
+Messages = Iterator[tuple[str, int, bytes]]
+
+
+@dataclass(slots=True)
+class _Seen:
+    """The stage of the last row so far."""
+
+    stage: str = ""
+
+
+def write_mcap(
+    source: Source, chunks: Iterable[pa.RecordBatch], path: Path, poses: PoseStream | None
+) -> None:
+    """Writes a log as messages, stamped with the simulated time.
+
+    Args:
+        source: the run. chunks: its log. path: the file.
+        poses: gives those of tool and task frame; without, there are none.
+
+    Raises:
+        MissingLibraryError: the library mcap is not installed.
+    """
+    Writer = library("mcap.writer", "MCAP", "mcap").Writer
+    encoder = _Encoder(source, poses)
+    with path.open("wb") as file:
+        writer = Writer(file, chunk_size=_CHUNK)
+        writer.start("ros2", "taskspec")
+        channels = _register(writer, encoder, with_poses=poses is not None)
+        ticks = 0
+        for chunk in chunks:
+            for topic, time, data in encoder.encode(columns_of(chunk)):
+                writer.add_message(channels[topic], time, data, time)
+            ticks += chunk.num_rows
+        writer.add_metadata("taskspec", run_metadata(source, ticks))
+        for name, kind in ((TASK, "application/yaml"), (SUMMARY, "application/json")):
+            if (source.folder / name).is_file():
+                writer.add_attachment(0, 0, name, kind, (source.folder / name).read_bytes())
+        writer.finish()
+
+
+def _register(writer: Any, encoder: _Encoder, *, with_poses: bool) -> dict[str, int]:
+    schemas: dict[str, int] = {}
+    channels: dict[str, int] = {}
+    for topic, message in (TOPICS | (POSES if with_poses else {})).items():
+        if message not in schemas:
+            text = definition(message).encode()
+            schemas[message] = writer.register_schema(message, "ros2msg", text)
+        channels[topic] = writer.register_channel(topic, "cdr", schemas[message])
+    signals = encoder.signals
+    scalars = writer.register_schema(SIGNALS, "ros2msg", signals.definition.encode())
+    units = {"units": json.dumps(signals.units)}
+    channels[SCALARS] = writer.register_channel(SCALARS, "cdr", scalars, units)
+    return channels
+
+
+class _Encoder:
+    """Rows of a log as messages, in the order of time."""
+
+    def __init__(self, source: Source, poses: PoseStream | None) -> None:
+        self.signals = signals_message(source.schema.names, source.units)
+        self._poses, self._last = poses, _Seen()
+        self._joints = sum(name.endswith(".position") and name.startswith("joint.")
+                           for name in source.schema.names)  # fmt: skip
+        robot = source.summary.get("robot") or {}
+        names = list(robot.get("joints", ())) if isinstance(robot, dict) else []
+        if len(names) != self._joints:
+            names = [f"joint{i + 1}" for i in range(self._joints)]
+        self._joint_state = _joint_state(names)
+        self._wrench = Layout().header(TASK_FRAME).numbers(6)
+
+    def encode(self, rows: History) -> Messages:
+        """Topic, time [ns] and bytes of every message of some rows."""
+        times, when = stamps(rows.columns["clock"])
+        found = [
+            ("/joint_states", times, self._joint_state.messages(when, *self._joint_values(rows))),
+            ("/wrench", times, self._wrench.messages(when, _wrench(rows, ""))),
+            ("/wrench_measured", times, self._wrench.messages(when, _wrench(rows, ".measured"))),
+            (SCALARS, times, self._scalars(rows, when)),
+            *self._posed(rows, times, when),
+        ]
+        streams = [_stream(topic, at, messages) for topic, at, messages in found]
+        yield from heapq.merge(self._stages(rows, times), *streams, key=lambda entry: entry[1])
+
+    def _joint_values(self, rows: History) -> list[NDArray[np.float64]]:
+        return [
+            np.column_stack([rows.columns[f"joint.{i + 1}.{k}"] for i in range(self._joints)])
+            for k in ("position", "velocity", "torque")
+        ]
+
+    def _scalars(self, rows: History, when: NDArray[np.uint32]) -> Iterator[bytes]:
+        values = np.column_stack([rows.columns[name] for name in self.signals.columns])
+        start = 0
+        for stage, run in groupby(rows.stages.tolist()):
+            here = slice(start, start := start + len(list(run)))
+            layout = Layout().header(WORLD).numbers(values.shape[1]).text(stage)
+            yield from layout.messages(when[here], values[here])
+
+    def _stages(self, rows: History, times: NDArray[np.int64]) -> Messages:
+        """The name of a stage, when it is entered."""
+        for visit in rows.visits():
+            if visit.first or visit.stage != self._last.stage:
+                yield "/stage", int(times[visit.first]), Layout().text(visit.stage).message()
+            self._last.stage = visit.stage
+
+    def _posed(
+        self, rows: History, times: NDArray[np.int64], when: NDArray[np.uint32]
+    ) -> Iterator[tuple[str, NDArray[np.int64], Iterator[bytes]]]:
+        if self._poses is None:
+            return
+        tool, frame = self._poses.add(rows)
+        layout = Layout().header(WORLD).numbers(7)
+        for topic, poses in (("/tool", tool), ("/task_frame", frame)):
+            known = poses.known
+            values = (when[known], poses.places[known], poses.turns[known])
+            yield topic, times[known], layout.messages(values[0], np.hstack(values[1:]))
+        for poses, known in ((tool, tool.known), (frame, frame.known)):
+            child = TOOL if poses is tool else TASK_FRAME
+            yield "/tf", times[known], _transforms(child, poses, when, known)
+
+
+def _stream(topic: str, times: NDArray[np.int64], messages: Iterator[bytes]) -> Messages:
+    for time, message in zip(times.tolist(), messages, strict=True):
+        yield topic, time, message
+
+
+def _joint_state(names: list[str]) -> Layout:
+    layout = Layout().header("").count(len(names))
+    for name in names:
+        layout.text(name)
+    for _ in ("position", "velocity", "effort"):
+        layout.count(len(names)).numbers(len(names))
+    return layout
+
+
+def _wrench(rows: History, suffix: str) -> NDArray[np.float64]:
+    """(n, 6) what the robot applies; zero along what the arm cannot feel."""
+    none = np.zeros(len(rows))
+    names = [f"{'torque' if axis.startswith('r') else 'force'}.{axis}{suffix}" for axis in AXES]
+    return np.column_stack([rows.columns.get(name, none) for name in names])
+
+
+def _transforms(
+    child: str, poses: Poses, when: NDArray[np.uint32], known: NDArray[np.bool_]
+) -> Iterator[bytes]:
+    layout = Layout().count(1).header(WORLD).text(child).numbers(7)
+    return layout.messages(when[known], np.hstack([poses.places[known], poses.turns[known]]))

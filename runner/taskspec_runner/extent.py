@@ -1,0 +1,58 @@
+"""How much of a run its log holds, and whether the run came to its end."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from taskspec_runner.manifest import RUNNING
+
+#: Statuses of a run whose log is complete.
+ENDED = ("done", "failed", "stopped")
+_WHY = {
+    RUNNING: f"its manifest says {RUNNING}, so it was killed or still goes on",
+    "crashed": "it crashed",
+    "": "its manifest is missing",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Extent:
+    """What a log holds.
+
+    Attributes:
+        status: of the run, as its manifest says; empty without one.
+        ticks: rows of the log. until: run time at the end of the last one [s].
+    """
+
+    status: str
+    ticks: int
+    until: float
+
+    @property
+    def partial(self) -> bool:
+        """Whether the run did not come to its end."""
+        return self.status not in ENDED
+
+    @property
+    def why(self) -> str:
+        """What is known of why a run is partial."""
+        return _WHY.get(self.status, f"its manifest says {self.status}")
+
+    @property
+    def told(self) -> str:
+        """A partial run in one line."""
+        return f"the run is partial: {self.why}; {self.holds}"
+
+    @property
+    def holds(self) -> str:
+        """How far the log goes."""
+        if not self.ticks:
+            return "its log holds no tick"
+        return f"its log holds {self.ticks} ticks, until {self.until:.3f} s"
+
+
+def status_of(manifest: Mapping[str, Any]) -> str:
+    """The status that a manifest states, empty where it states none."""
+    return str(manifest.get("status") or "")
