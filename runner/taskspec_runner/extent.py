@@ -13,7 +13,7 @@ ENDED = ("done", "failed", "stopped")
 _WHY = {
     RUNNING: f"its manifest says {RUNNING}, so it was killed or still goes on",
     "crashed": "it crashed",
-    "": "its manifest is missing",
+    "": "its manifest is missing or says nothing",
 }
 
 
@@ -53,6 +53,6 @@ class Extent:
         return f"its log holds {self.ticks} ticks, until {self.until:.3f} s"
 
 
-def status_of(manifest: Mapping[str, Any]) -> str:
-    """The status that a manifest states, empty where it states none."""
-    return str(manifest.get("status") or "")
+def status_of(manifest: Mapping[str, Any], summary: Mapping[str, Any]) -> str:
+    """The status of a run, empty if it has none; a summary is written when the log is whole."""
+    return str(summary.get("status") or manifest.get("status") or "")

@@ -213,7 +213,9 @@ def test_run_folder():
     files = (folder.TASK, folder.MANIFEST, folder.LOG)
     later = (folder.SUMMARY, folder.REPORT, folder.CRASH)
     assert tuple(first_words(CONVENTIONS, "table: folder")) == files + later
-    assert f"batches of {BATCH} rows" in CONVENTIONS.read_text(encoding="utf-8")
+    text = CONVENTIONS.read_text(encoding="utf-8")
+    assert f"batches of {BATCH} rows" in text
+    assert f"at most the last {BATCH - 1} rows are lost" in text
 
 
 def test_topics_of_an_export():

@@ -65,6 +65,7 @@ def render_report(folder: Path) -> int:
     if not any((folder / name).is_file() for name in (LOG, MANIFEST)):
         raise InputError(f"cannot read {folder}: it is not the folder of a run")
     from taskspec_runner.report import damage, write_report
+    from taskspec_runner.report.data import read_run
 
     try:
         path = write_report(folder)
@@ -74,6 +75,9 @@ def render_report(folder: Path) -> int:
     if wrong := damage(folder):
         typer.echo(f"taskspec: {wrong}; the report is no evidence of the run", err=True)
         return 1
+    extent = read_run(folder).extent
+    if extent.partial:
+        typer.echo(f"taskspec: {extent.told}", err=True)
     return 0
 
 

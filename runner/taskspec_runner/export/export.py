@@ -16,7 +16,7 @@ from taskspec_runner.export.poses import PoseStream
 from taskspec_runner.export.rerun import write_rerun
 from taskspec_runner.export.source import Source, open_source
 from taskspec_runner.export.tables import write_csv, write_parquet
-from taskspec_runner.extent import Extent, status_of
+from taskspec_runner.extent import Extent
 from taskspec_runner.folder import LOG
 from taskspec_runner.rebuild import RebuildError, rebuild
 
@@ -97,7 +97,7 @@ def export_run(folder: Path, form: str, path: Path | None = None) -> Exported:
     finally:
         with contextlib.suppress(OSError):
             partial.unlink(missing_ok=True)
-    return Exported(path, Extent(status_of(source.manifest), counted.ticks, counted.until), note)
+    return Exported(path, source.extent(counted.ticks, counted.until), note)
 
 
 def _poses(folder: Path) -> tuple[PoseStream | None, str]:

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
+from taskspec_runner.extent import Extent, status_of
 from taskspec_runner.folder import LOG, MANIFEST, SUMMARY
 from taskspec_runner.history import History, stream_log, units_of
 
@@ -37,6 +38,10 @@ class Source:
     def units(self) -> dict[str, str]:
         """The unit of each column, empty where it has none."""
         return units_of(self.schema.empty_table())
+
+    def extent(self, ticks: int, until: float) -> Extent:
+        """How much of the run there is in a log of so many ticks that ends at `until` [s]."""
+        return Extent(status_of(self.manifest, self.summary), ticks, until)
 
     def chunks(self) -> Iterator[pa.RecordBatch]:
         """The log in order, up to some `ROWS` rows at a time."""

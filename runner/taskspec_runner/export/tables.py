@@ -12,7 +12,6 @@ import pyarrow.csv
 import pyarrow.parquet as pq
 
 from taskspec_runner.export.source import Source
-from taskspec_runner.extent import Extent
 
 
 def write_csv(source: Source, chunks: Iterable[pa.RecordBatch], path: Path) -> None:
@@ -46,7 +45,7 @@ def write_parquet(source: Source, chunks: Iterable[pa.RecordBatch], path: Path) 
 def run_metadata(source: Source, ticks: int) -> dict[str, str]:
     """What a reader of the log alone must know of the run, as texts."""
     manifest = source.manifest
-    extent = Extent(str(manifest.get("status") or ""), ticks, 0.0)
+    extent = source.extent(ticks, 0.0)
     return {
         "taskspec.task": str(manifest.get("task") or ""),
         "taskspec.status": extent.status,

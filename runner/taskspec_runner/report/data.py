@@ -12,14 +12,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from taskspec_runner.extent import ENDED, Extent, status_of
 from taskspec_runner.folder import LOG, MANIFEST, SUMMARY, TASK, RunFolder
 from taskspec_runner.history import History, read_history
 
 Vector = NDArray[np.float64]
 Json = Mapping[str, Any]
-
-#: Statuses of a run whose log is complete.
-_ENDED = ("done", "failed", "stopped")
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,6 +102,11 @@ class Run:
         return values if values is not None and bool(np.isfinite(values).any()) else None
 
     @property
+    def extent(self) -> Extent:
+        """How much of the run there is."""
+        return Extent(status_of(self.manifest, self.summary), len(self.clock), self.end)
+
+    @property
     def robot(self) -> str:
         """Name of the robot, empty where unknown."""
         robot = self.summary.get("robot")
@@ -146,7 +149,7 @@ def damage(folder: Path) -> str:
         folder: of the run.
     """
     manifest = _read_json(folder / MANIFEST)
-    if manifest.get("status") not in _ENDED:
+    if manifest.get("status") not in ENDED:
         return ""
     written = mapping(manifest.get("sha256")).get(LOG)
     try:

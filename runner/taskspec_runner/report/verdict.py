@@ -24,15 +24,12 @@ class Verdict:
 
 def verdict(run: Run) -> Verdict:
     """The verdict on a run, from its summary; without one, the run did not finish."""
-    status = str(run.summary.get("status") or run.manifest.get("status") or "")
+    status = run.extent.status
     if run.damage:
         told = f"{run.damage}. What this page shows is not evidence of the run"
         return Verdict("damaged", f"{told}, which said of itself that it was {status}.")
     if not run.summary or status in ("", "running", "crashed"):
-        told = "The run crashed" if status == "crashed" else "The run did not finish"
-        reason = run.manifest.get("reason")
-        why = f": {reason}" if reason else ""
-        return Verdict("unfinished", f"{told}{why}. Its log ends at {run.end:.3f} s.")
+        return Verdict("unfinished", _unfinished(run, status))
     ending = run.summary.get("ending")
     ending = ending if isinstance(ending, Mapping) else {}
     if status in ("stopped", "failed"):
@@ -41,6 +38,15 @@ def verdict(run: Run) -> Verdict:
     if missed:
         return Verdict("missed", _missed(len(missed), len(run.expectations)))
     return Verdict("passed", _passed(len(run.expectations)) + f" {_reached_end(run)}")
+
+
+def _unfinished(run: Run, status: str) -> str:
+    holds = run.extent.holds
+    holds = f"{holds[0].upper()}{holds[1:]}."
+    if status == "crashed":
+        reason = run.manifest.get("reason")
+        return f"The run crashed{f': {reason}' if reason else ''}. {holds}"
+    return f"The run did not finish: {run.extent.why}. {holds}"
 
 
 def so_far(run: Run) -> str:
