@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Protocol
 
 from taskspec.program import events
 from taskspec.program.machine import END, Machine, Transition
 from taskspec_runner.bus import Bus
 from taskspec_runner.plant.plant import Plant
-from taskspec_runner.record import Recorder
 from taskspec_runner.sensing import Sensing
 
 #: Squared joint torques, velocities and positions of a sane run stay far below this.
@@ -40,6 +40,13 @@ class Outcome:
     ticks: int
 
 
+class Rows(Protocol):
+    """What takes every tick."""
+
+    def add(self) -> None:
+        """Takes the bus as it is now."""
+
+
 #: Called now and then with the machine and the simulated time.
 Progress = Callable[[Machine, float], None]
 
@@ -48,7 +55,7 @@ def run(
     machine: Machine,
     plant: Plant,
     bus: Bus,
-    recorder: Recorder,
+    recorder: Rows,
     period: float,
     progress: Progress | None = None,
     seed: int = 0,

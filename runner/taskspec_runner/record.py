@@ -70,6 +70,14 @@ class Recorder:
         if filled == BATCH:
             self.flush()
 
+    def latest(self) -> dict[str, float | str]:
+        """The bus as it is now, by column name."""
+        columns = self._columns(self._array[:, np.newaxis])
+        return {
+            name: float(values[0]) if unit != "stage" else self._stages[int(values[0])].name
+            for name, (values, unit) in columns.items()
+        }
+
     def flush(self) -> None:
         """Writes the rows collected so far as one batch."""
         if self._filled == 0 or self._file is None:

@@ -20,9 +20,10 @@ from taskspec_runner.errors import OutputError, RunCrashedError
 from taskspec_runner.folder import RunFolder, open_folder
 from taskspec_runner.history import History, read_history
 from taskspec_runner.interrupt import BY_SIGNAL, Interrupt, Termination, signal_of
-from taskspec_runner.loop import STOPPED, Outcome, run
+from taskspec_runner.loop import STOPPED, Outcome, Rows, run
 from taskspec_runner.replay import Replay
 from taskspec_runner.summary import reason_of, summarise
+from taskspec_runner.telemetry import Tap, Telemetry
 from taskspec_runner.verdict import Judged, judge
 
 
@@ -77,6 +78,7 @@ def execute(
     seed: int = 0,
     progress: Progress | None = None,
     report: bool = True,
+    telemetry: Telemetry | None = None,
 ) -> RunResult:
     """Compiles a task, runs it and leaves the run's folder; see `execute_program`.
 
@@ -84,7 +86,9 @@ def execute(
         SpecError: the task cannot be compiled; no folder is made.
     """
     program = compile_task(loaded)
-    return execute_program(program, out, seed=seed, progress=progress, report=report)
+    return execute_program(
+        program, out, seed=seed, progress=progress, report=report, telemetry=telemetry
+    )
 
 
 def execute_program(
@@ -94,6 +98,7 @@ def execute_program(
     seed: int = 0,
     progress: Progress | None = None,
     report: bool = True,
+    telemetry: Telemetry | None = None,
 ) -> RunResult:
     """Runs a compiled task and leaves the run's folder.
 
@@ -103,6 +108,7 @@ def execute_program(
         seed: of everything random in the run.
         progress: called now and then during the simulation.
         report: whether to render `report.html`.
+        telemetry: gets the signals as the run goes on.
 
     Raises:
         OutputError: the folder cannot be written.
@@ -110,19 +116,27 @@ def execute_program(
         KeyboardInterrupt: interrupted outside the simulation itself; `Terminated` unless by SIGINT.
     """
     with Termination():
-        return _execute(program, out, seed, progress, report)
+        return _execute(program, out, _Manner(seed, progress, report, telemetry))
 
 
-def _execute(
-    program: Program, out: Path | None, seed: int, progress: Progress | None, report: bool
-) -> RunResult:
+@dataclass(frozen=True, slots=True)
+class _Manner:
+    """How a program is run, as `execute_program` has it."""
+
+    seed: int
+    progress: Progress | None
+    report: bool
+    telemetry: Telemetry | None
+
+
+def _execute(program: Program, out: Path | None, manner: _Manner) -> RunResult:
     loaded = program.context.loaded
     content = manifest.task_bytes(loaded)
     folder = open_folder(out, loaded.task.name)
     try:
-        folder.note(**manifest.opening(loaded, content, seed))
+        folder.note(**manifest.opening(loaded, content, manner.seed))
         folder.write_bytes(folders.TASK, content)
-        return _run(program, folder, seed, progress, report)
+        return _run(program, folder, manner)
     except KeyboardInterrupt as error:
         # Once a run has been judged its outcome stands, even if its report does not.
         if folder.manifest.get("status", manifest.RUNNING) == manifest.RUNNING:
@@ -141,17 +155,15 @@ def _execute(
         raise RunCrashedError(folder.path, trace, error) from error
 
 
-def _run(
-    program: Program, folder: RunFolder, seed: int, progress: Progress | None, report: bool
-) -> RunResult:
+def _run(program: Program, folder: RunFolder, manner: _Manner) -> RunResult:
     began = time.perf_counter()
-    outcome, transitions, by_signal = _simulate(program, folder, seed, progress)
+    outcome, transitions, by_signal = _simulate(program, folder, manner)
     wall = time.perf_counter() - began
     history = read_history(folder.log)
     if by_signal:
         outcome = _as_logged(outcome, history, program.context.period)
     judged = _judge(program, history)
-    summary = summarise(program, transitions, outcome, history, judged, seed, by_signal)
+    summary = summarise(program, transitions, outcome, history, judged, manner.seed, by_signal)
     factor = outcome.clock / wall
     folder.write_json(folders.SUMMARY, summary)
     _close(
@@ -162,23 +174,30 @@ def _run(
         wall_seconds=wall,
         real_time_factor=factor,
     )
-    page = _report(folder.path) if report else None
+    page = None
+    if manner.report:  # It needs plotly and jinja2, which a run does not.
+        from taskspec_runner.report import write_report
+
+        page = write_report(folder.path)
     return RunResult(
         folder.path, page, summary["exit_code"], folders.plain(summary), judged, wall, factor
     )
 
 
 def _simulate(
-    program: Program, folder: RunFolder, seed: int, progress: Progress | None
+    program: Program, folder: RunFolder, manner: _Manner
 ) -> tuple[Outcome, list[Transition], int]:
     """The outcome, what ended each stage, and the signal that has broken off the run, or 0."""
     context = program.context
     parts = assemble(program)
     machine, recorder = parts.machine, parts.recorder(folder.log)
+    rows: Rows = recorder
+    if manner.telemetry is not None:
+        rows = Tap(recorder, manner.telemetry, context.period)
     with contextlib.closing(recorder), Interrupt() as interrupt:
-        watch, by_signal = _watch(interrupt, progress), 0
+        watch, by_signal = _watch(interrupt, manner.progress), 0
         try:
-            outcome = run(machine, parts.plant, parts.bus, recorder, context.period, watch, seed)
+            outcome = run(machine, parts.plant, parts.bus, rows, context.period, watch, manner.seed)
         except KeyboardInterrupt as error:
             by_signal = signal_of(error)
             text, reason = str(error) or "interrupted by the user", reason_of(by_signal)
@@ -229,10 +248,3 @@ def _close(folder: RunFolder, status: str, reason: str, **entries: Any) -> None:
         sha256={name: folder.digest(name) for name in (folders.TASK, folders.LOG)},
         **entries,
     )
-
-
-def _report(path: Path) -> Path:
-    # The report needs plotly and jinja2, which a run does not.
-    from taskspec_runner.report import write_report
-
-    return write_report(path)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import json
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -39,6 +40,7 @@ from taskspec_runner.export.source import ROWS
 from taskspec_runner.plant.plant import Plant as SimulatedPlant
 from taskspec_runner.record import BATCH
 from taskspec_runner.summary import BY_SIGNAL, EXIT_GOOD, EXIT_MISSED, EXIT_STOPPED
+from taskspec_runner.telemetry import RATE, message
 
 
 def test_defaults():
@@ -226,6 +228,16 @@ def test_topics_of_an_export():
     assert f"{ROWS // 1000} 000 rows at a time" in text
     for form, name in zip(FORMATS, folder.EXPORTS, strict=True):
         assert f"| `--{form}` | `{name}` |" in text
+
+
+def test_telemetry():
+    text = " ".join(CONVENTIONS.read_text(encoding="utf-8").split())
+    assert f"{RATE:.0f} a second of simulated time" in text
+    for told in re.findall(r"`[^`]*` is `(\{[^`]*\})`", text):
+        (name,) = re.findall(r"`([\w.]+)` is `" + re.escape(told), text)
+        leaf = float(re.findall(r"-?[\d.]+(?=\})", told)[0])
+        sent = json.loads(message({"clock": 0.0, name: leaf}))
+        assert sent == {"timestamp": 0.0, **json.loads(told)}
 
 
 def test_comparison_folder():

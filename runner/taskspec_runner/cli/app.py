@@ -64,13 +64,20 @@ def run(
             help="The run's folder; an earlier run in it is replaced.", show_default="runs/NAME"
         ),
     ] = None,
+    telemetry: Annotated[
+        str | None,
+        typer.Option(
+            metavar="udp://HOST:PORT",
+            help="Send signals as JSON while it runs, 100 times a simulated second or ?rate=HZ.",
+        ),
+    ] = None,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Say only what failed.")] = False,
     form: Annotated[RunFormat, typer.Option("--format", help="Of the outcome.")] = RunFormat.TEXT,
 ) -> int:
     """Run a task in simulation, record it and judge what it expects."""
     from taskspec_runner.cli.run import run_task
 
-    return run_task(file, set_ or [], law, seed, out, quiet=quiet, form=form)
+    return run_task(file, set_ or [], law, seed, out, telemetry, quiet=quiet, form=form)
 
 
 @app.command()

@@ -2,15 +2,57 @@
 
 from __future__ import annotations
 
+import math
 import time
-from collections.abc import Callable, Iterator
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass, field
 
 from taskspec_runner.cli.console import console
 from taskspec_runner.session import Glimpse, Progress
 
 #: Seconds between two looks at a run.
 _PAUSE = 0.1
+_BLOCKS = "▁▂▃▄▅▆▇█"
+#: Simulated time between two blocks, and that of all of them [s].
+_STEP, _SPAN = 0.1, 3.0
+#: A line with less room than this has no blocks at all [columns].
+_LEAST = 8
+
+
+@dataclass(slots=True)
+class Trail:
+    """The force on the axis with a set point over the last seconds of simulated time."""
+
+    axis: str = ""
+    _values: deque[float] = field(default_factory=lambda: deque(maxlen=round(_SPAN / _STEP)))
+    _next: float = 0.0
+
+    def add(self, glimpse: Glimpse) -> None:
+        """Takes a glimpse; what is not on the same axis as before begins anew."""
+        if glimpse.axis != self.axis:
+            self.axis = glimpse.axis
+            self._values.clear()
+            self._next = glimpse.clock
+        if glimpse.axis and glimpse.clock >= self._next - 1e-9:
+            # Upwards is the way in which the force is wanted.
+            self._values.append(math.copysign(1.0, glimpse.reference) * glimpse.force)
+            self._next += _STEP
+
+    def drawn(self, glimpse: Glimpse, room: int) -> str:
+        """The newest blocks that there is room for, against the larger of force and reference."""
+        if room < _LEAST:
+            return ""
+        top = max([abs(glimpse.reference), *self._values])
+        return sparkline(list(self._values)[-room:], top)
+
+
+def sparkline(values: Sequence[float], top: float) -> str:
+    """Numbers as blocks: the lowest at or below 0, the highest at `top`."""
+    highest = len(_BLOCKS) - 1
+    shares = (value / top if top > 0 else 0.0 for value in values)
+    return "".join(_BLOCKS[min(max(round(highest * s), 0), highest)] for s in shares)
 
 
 @contextmanager
@@ -22,15 +64,20 @@ def progress_line(*, shown: bool, before: str = "") -> Iterator[Progress | None]
     from rich.live import Live
     from rich.text import Text
 
-    last = 0.0
-    with Live(console=console(err=True), auto_refresh=False, transient=True) as live:
+    last, trail, screen = 0.0, Trail(), console(err=True)
+    blocks = screen.encoding.startswith("utf")
+    with Live(console=screen, auto_refresh=False, transient=True) as live:
 
         def progress(look: Callable[[], Glimpse]) -> None:
             nonlocal last
-            now = time.monotonic()
+            now, glimpse = time.monotonic(), look()
+            trail.add(glimpse)
             if now - last >= _PAUSE:
                 last = now
-                live.update(Text(before + describe(look()), no_wrap=True), refresh=True)
+                line = before + describe(glimpse)
+                if blocks:
+                    line += f"  {trail.drawn(glimpse, screen.width - len(line) - 2)}"
+                live.update(Text(line.rstrip(), no_wrap=True), refresh=True)
 
         yield progress
 

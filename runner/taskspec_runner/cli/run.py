@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
@@ -15,6 +16,9 @@ from taskspec_runner.cli.findings import record, show_findings
 from taskspec_runner.cli.formats import RunFormat
 from taskspec_runner.cli.loading import load
 
+if TYPE_CHECKING:
+    from taskspec_runner.telemetry import Address, Telemetry
+
 
 def run_task(
     file: Path,
@@ -22,6 +26,7 @@ def run_task(
     law: str | None,
     seed: int,
     out: Path | None,
+    telemetry: str | None,
     *,
     quiet: bool,
     form: RunFormat,
@@ -31,8 +36,10 @@ def run_task(
     from taskspec_runner.cli.outcome import show_outcome
     from taskspec_runner.cli.progress import progress_line
     from taskspec_runner.session import execute_program
+    from taskspec_runner.telemetry import read_address
 
     as_data = form is RunFormat.JSON
+    address = read_address(telemetry) if telemetry is not None else None
     try:
         program = compile_task(load(file, sets, law))
     except SpecError as error:
@@ -44,8 +51,11 @@ def run_task(
     loaded = program.context.loaded
     if program.warnings and not quiet:
         show_findings(program.warnings, loaded.sources, err=True)
-    with progress_line(shown=not quiet and sys.stderr.isatty()) as progress:
-        result = execute_program(program, out, seed=seed, progress=progress)
+    with (
+        _sending(address) as sink,
+        progress_line(shown=not quiet and sys.stderr.isatty()) as progress,
+    ):
+        result = execute_program(program, out, seed=seed, progress=progress, telemetry=sink)
     if as_data:
         where = {
             "folder": str(result.folder),
@@ -58,6 +68,26 @@ def run_task(
     else:
         show_outcome(result, quiet=quiet)
     return result.exit_code
+
+
+@contextmanager
+def _sending(address: Address | None) -> Iterator[Telemetry | None]:
+    """Telemetry for the time of a run; that it does not get through is said once."""
+    from taskspec_runner.telemetry import Telemetry
+
+    if address is None:
+        yield None
+        return
+    telemetry = Telemetry(address)
+    said = telemetry.trouble
+    try:
+        if said:
+            typer.echo(f"taskspec: {said}", err=True)
+        yield telemetry
+    finally:
+        telemetry.close()
+        if telemetry.trouble != said:
+            typer.echo(f"taskspec: {telemetry.trouble}", err=True)
 
 
 def _print(data: dict[str, Any]) -> None:

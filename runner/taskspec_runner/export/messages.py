@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from taskspec_runner.nested import path_of
+
 _RULE = "\n" + 80 * "=" + "\n"
 _PARTS = {
     "builtin_interfaces/Time": "int32 sec\nuint32 nanosec\n",
@@ -32,8 +34,6 @@ _MESSAGES = {
     "std_msgs/msg/String": "string data\n",
 }
 SIGNALS = "taskspec_msgs/msg/Signals"
-#: What `force.z.ref` and the like say beside `force.z`; there they are `force.z_ref`.
-_BESIDE = ("ref", "measured")
 
 
 def definition(message: str) -> str:
@@ -87,13 +87,8 @@ def signals_message(names: Sequence[str], units: Mapping[str, str]) -> Signals:
 
 def _place(column: str) -> tuple[str, str]:
     """Group, or none, and field of a column: `force.z.ref` is `z_ref` of `force`."""
-    group, _, rest = column.partition(".")
-    if not rest:
-        return "", group
-    parts = rest.split(".")
-    if parts[-1] in _BESIDE:
-        parts[-2:] = ["_".join(parts[-2:])]
-    return group, "_".join(parts)
+    *groups, field = path_of(column)
+    return (groups[0], "_".join([*groups[1:], field])) if groups else ("", field)
 
 
 def _fields(fields: Mapping[str, str], units: Mapping[str, str]) -> list[str]:
