@@ -53,5 +53,7 @@ def test_data_of_the_packages_is_inside(names):
         "taskspec_runner/report/report.html.j2",
         "taskspec_runner/compare/compare.html.j2",
         "taskspec_runner/compare/compare.css",
+        "taskspec_runner/diff/diff.html.j2",
+        "taskspec_runner/diff/diff.css",
     ):
         assert name in names

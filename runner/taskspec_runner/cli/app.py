@@ -226,6 +226,24 @@ def export(
     return export_log(folder, path, [form for form, wanted in asked.items() if wanted])
 
 
+@app.command()
+@guarded
+def diff(
+    a: Annotated[Path, typer.Argument(metavar="RUN_A", help="The folder of a run.")],
+    b: Annotated[Path, typer.Argument(metavar="RUN_B", help="The run that is held against it.")],
+    html: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Also write a page with both in its charts.")
+    ] = None,
+    form: Annotated[
+        RunFormat, typer.Option("--format", help="Of the difference.")
+    ] = RunFormat.TEXT,
+) -> int:
+    """Say how two runs differ, and the first tick at which their logs part; exit 1 if they do."""
+    from taskspec_runner.cli.diff import diff_folders
+
+    return diff_folders(a, b, html, form)
+
+
 def main() -> None:
     """The command line."""
     # Python has no stream where the shell has closed it; what is written there is lost anyway.

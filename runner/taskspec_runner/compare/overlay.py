@@ -18,6 +18,8 @@ from taskspec_runner.report.figures import ANGULAR, LINEAR
 
 #: Colours there are for laws.
 COLOURS = 10
+#: Runs that are compared by other names than that of a law, and their colours.
+RUN_ROLES = {"A": "law0", "B": "law2"}
 #: Outcomes, from the one that is most worth leading.
 _RANK = ("passed", "missed", "failed", "stopped")
 
@@ -109,6 +111,8 @@ def overlay(comparison: Comparison) -> Overlay | None:
 def role(law: str) -> str:
     """The colour of a law; it has the same in every picture."""
     names = list(LAWS)
+    if law in RUN_ROLES:
+        return RUN_ROLES[law]
     return f"law{names.index(law) % COLOURS if law in names else 0}"
 
 

@@ -67,19 +67,20 @@ def render(comparison: Comparison) -> str:
         notes=summary["notes"],
         lead=laid.lead if laid else "",
         time=time_of(laid) if laid else "",
-        visits=_visits(laid) if laid else [],
+        visits=visits_of(laid) if laid else [],
         charts=shown,
-        data=_data(laid, shown) if laid else {},
+        data=page_data(laid, shown) if laid else {},
         task=highlighted(laid.leading.task) if laid else "",
         facts=list(_facts(summary)),
         picture=Markup(picture_svg(comparison)),
         style=part("report.css") + part("compare.css", HERE),
         script=part("report.js"),
-        plotly=Markup(_plotly()),
+        plotly=Markup(plotly_bundle()),
     )
 
 
-def _plotly() -> str:
+def plotly_bundle() -> str:
+    """The script that draws the charts."""
     bundle = resources.files("plotly") / "package_data" / "plotly.min.js"
     return bundle.read_text(encoding="utf-8")
 
@@ -129,7 +130,8 @@ def _cell(row: Json | None, column: tuple[str, str], least: bool) -> Json:
     return {"value": value, "unit": unit, "axis": found["axis"] if found else "", "least": least}
 
 
-def _visits(laid: Overlay) -> list[Json]:
+def visits_of(laid: Overlay) -> list[Json]:
+    """The leading run's visits of stages, on the common time."""
     run = laid.leading
     return [
         {"label": label(run, v), "tint": tints(run)[v.stage], "start": start, "end": end}
@@ -137,9 +139,9 @@ def _visits(laid: Overlay) -> list[Json]:
     ]
 
 
-def _data(laid: Overlay, shown: list[Overlaid]) -> Json:
+def page_data(laid: Overlay, shown: list[Overlaid]) -> Json:
     """What the page's script draws, as in the report of a run."""
-    visits = _visits(laid)
+    visits = visits_of(laid)
     return {
         "start": laid.start,
         "period": laid.leading.period,

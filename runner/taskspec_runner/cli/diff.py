@@ -1,0 +1,142 @@
+"""`taskspec diff`: how a run differs from another, as tables, as data or as a page."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import typer
+
+from taskspec_runner.cli.console import show, table
+from taskspec_runner.cli.formats import RunFormat
+from taskspec_runner.diff.difference import NAMES, Difference, diff_runs
+from taskspec_runner.diff.page import headline, share, write_difference
+from taskspec_runner.diff.wording import largest_text, parting
+from taskspec_runner.errors import InputError
+from taskspec_runner.folder import plain
+from taskspec_runner.report.quantities import quantity
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+_SAME, _DIFFERENT = 0, 1
+#: Metrics that a terminal shows; the page and the data have all.
+_STATISTICS = ("rms_error", "peak")
+#: Columns that a terminal lists.
+_COLUMNS = 6
+#: What the page writes with, as a terminal of any kind shows it.
+_PLAIN = str.maketrans({"−": "-", "µ": "u", "·": "*", "–": "-"})
+_STYLES = {"+": "green", "-": "red", "@": "cyan"}
+
+
+def diff_folders(a: Path, b: Path, page: Path | None, form: RunFormat) -> int:
+    """Tells how run B differs from run A; 0 if it does not, else 1."""
+    if page is not None and page.suffix not in (".html", ".htm"):
+        raise InputError(f"--html needs a file that ends in .html, not {page}")
+    difference = diff_runs(a, b)
+    # First, as a reader of the text may go away before its end.
+    written = write_difference(difference, page) if page is not None else None
+    if form is RunFormat.JSON:
+        typer.echo(json.dumps(plain(difference.data), indent=2, ensure_ascii=False))
+    else:
+        _show(difference)
+    if written is not None:
+        typer.echo(f"page: {written}", err=form is RunFormat.JSON)
+    for name, run in zip(NAMES, difference.runs, strict=True):
+        if run.extent.partial:
+            typer.echo(f"taskspec: {name}: {run.extent.told}", err=True)
+        if run.damage:
+            typer.echo(f"taskspec: {name}: {run.damage}", err=True)
+    return _SAME if difference.equal else _DIFFERENT
+
+
+def _show(difference: Difference) -> None:
+    from rich.text import Text
+
+    data = difference.data
+    for name in NAMES:
+        run = data["runs"][name]
+        show(Text(f"{name}  {run['folder']}: {run['verdict']}. {run['sentence']}"))
+    show("", Text(headline(difference), "bold green" if difference.equal else "bold red"))
+    if difference.equal:
+        _section("versions", _pairs(data["versions"]), len(data["versions"]))
+        return
+    rows = [row for row in (*data["inputs"], *data["outcome"]) if not row["same"]]
+    _section("inputs and outcome", _pairs(rows), len(rows))
+    _section("versions", _pairs(data["versions"]), len(data["versions"]))
+    told = [row for row in data["expectations"] if not row["same"]]
+    _section("expectations", _expectations(told), len(told))
+    metrics = [m for m in data["metrics"] if not m["same"]]
+    both = [m for m in metrics if m["change"] is not None]
+    main = [m for m in both if m["statistic"] in _STATISTICS]
+    _section("metrics", _metrics(main), len(main))
+    if len(metrics) > len(main):
+        left = len(metrics) - len(main)
+        show(Text(f"and {left} more; --html and --format json have them", "dim"))
+    apart = difference.logs.apart
+    show("", Text("log", "bold"), Text(parting(difference.logs)))
+    if apart:
+        made = table("column", "first differs at", "largest difference", "at", indent=0,
+                     right=("first differs at", "largest difference", "at"))  # fmt: skip
+        for each in apart[:_COLUMNS]:
+            at = "-" if each.at != each.at else f"{each.at:.3f} s"
+            largest = largest_text(each).translate(_PLAIN)
+            made.add_row(*map(Text, (each.name, f"{each.clock:.3f} s", largest, at)))
+        show(made)
+        if len(apart) > _COLUMNS:
+            show(Text(f"and {len(apart) - _COLUMNS} more columns", "dim"))
+    if data["task"]:
+        show("", Text("task files", "bold"))
+        show(*(Text(line, _STYLES.get(line[:1], "")) for line in data["task"]))
+
+
+def _section(title: str, made: Table, rows: int) -> None:
+    from rich.text import Text
+
+    if rows:
+        show("", Text(title, "bold"), made)
+
+
+def _pairs(rows: list[Mapping[str, Any]]) -> Table:
+    from rich.text import Text
+
+    made = table("", *NAMES, indent=0)
+    for row in rows:
+        made.add_row(
+            Text(row["name"]), *(Text(_value(row[k], row.get("unit", ""))) for k in ("a", "b"))
+        )
+    return made
+
+
+def _value(value: Any, unit: str) -> str:
+    if value in (None, ""):
+        return "-"
+    return f"{value:.6g} {unit}".rstrip() if isinstance(value, float) else str(value)
+
+
+def _expectations(rows: list[Mapping[str, Any]]) -> Table:
+    from rich.text import Text
+
+    made = table("expected", *NAMES, indent=0)
+    for row in rows:
+        cells = [row["text"]]
+        for told in (row["a"], row["b"]):
+            mark = "" if told is None else "pass" if told["passed"] else "FAIL"
+            cells.append("not judged" if told is None else f"{mark}  {told['explanation']}")
+        made.add_row(*map(Text, cells))
+    return made
+
+
+def _metrics(rows: list[Mapping[str, Any]]) -> Table:
+    from rich.text import Text
+
+    made = table("stage", "signal", "metric", *NAMES, "change", "", indent=0,
+                 right=(*NAMES, "change", ""))  # fmt: skip
+    for row in rows:
+        numbers = [" ".join(quantity(row[k], row["unit"])).rstrip() for k in ("a", "b", "change")]
+        words = (row["stage"], row["signal"], row["statistic"].replace("_", " "))
+        told = (text.translate(_PLAIN) for text in (*numbers, share(row)))
+        made.add_row(*map(Text, (*words, *told)))
+    return made
