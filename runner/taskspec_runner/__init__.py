@@ -1,1 +1,67 @@
-"""Execution of compiled tasks on a MuJoCo plant."""
+"""Execution of compiled tasks on a MuJoCo plant: `run` a task, or `read` a run that was made."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import os
+
+    from taskspec.spec import LoadedTask
+    from taskspec_runner.result import Result
+
+__all__ = ["read", "run"]
+
+
+def run(
+    task: LoadedTask,
+    out: str | os.PathLike[str] | None = None,
+    *,
+    seed: int = 0,
+    report: bool = True,
+    telemetry: str | None = None,
+) -> Result:
+    """Runs a task in simulation, as `taskspec run` does, and reads the run back.
+
+    Args:
+        task: from `taskspec.load`.
+        out: the run's folder; an earlier run in it is replaced. None for `runs/NAME`, with -2, -3,
+            ... where that exists.
+        seed: of everything random in the run.
+        report: whether to render `report.html`.
+        telemetry: where to send signals while it runs, such as `udp://127.0.0.1:9870`.
+
+    Raises:
+        SpecError: the task cannot be compiled; it carries everything that was found.
+        InputError: `telemetry` is no address.
+        OutputError: the folder cannot be written.
+        RunCrashedError: an internal error.
+        KeyboardInterrupt: interrupted outside the simulation itself. Within it, the run ends as
+            one that was stopped, and its result tells what there is.
+    """
+    from pathlib import Path
+
+    from taskspec_runner.result import read_result
+    from taskspec_runner.session import execute
+    from taskspec_runner.telemetry import sending
+
+    folder = None if out is None else Path(out)
+    with sending(telemetry) as sink:
+        done = execute(task, folder, seed=seed, report=report, telemetry=sink)
+    return read_result(done.folder)
+
+
+def read(folder: str | os.PathLike[str]) -> Result:
+    """Reads a run that was made; of one that was killed, what there is.
+
+    Args:
+        folder: of the run.
+
+    Raises:
+        InputError: it is not the folder of a run.
+    """
+    from pathlib import Path
+
+    from taskspec_runner.result import read_result
+
+    return read_result(Path(folder))

@@ -6,10 +6,12 @@ import json
 import math
 import socket
 import threading
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
 from urllib.parse import parse_qs, urlsplit
+from warnings import warn
 
 from taskspec_runner.errors import InputError
 from taskspec_runner.nested import path_of
@@ -118,6 +120,31 @@ class Telemetry:
         if not self.trouble:
             to = f"{self.address.host}:{self.address.port}"
             self.trouble = f"telemetry to {to} does not get through: {reason}"
+
+
+@contextmanager
+def sending(address: str | None, say: Callable[[str], None] = warn) -> Iterator[Telemetry | None]:
+    """Telemetry for the time of a run, or none; that it does not get through is said once.
+
+    Args:
+        address: where to, None for none. say: tells what goes wrong.
+
+    Raises:
+        InputError: the address is none.
+    """
+    if address is None:
+        yield None
+        return
+    telemetry = Telemetry(read_address(address))
+    said = telemetry.trouble
+    try:
+        if said:
+            say(said)
+        yield telemetry
+    finally:
+        telemetry.close()
+        if telemetry.trouble != said:
+            say(telemetry.trouble)
 
 
 class Tap:

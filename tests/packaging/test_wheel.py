@@ -50,6 +50,7 @@ def test_data_of_the_packages_is_inside(names):
         "taskspec/py.typed",
         "taskspec/text/expression/grammar.lark",
         "taskspec/robot/models/panda.xml",
+        "taskspec_runner/report/notebook.html.j2",
         "taskspec_runner/report/report.html.j2",
         "taskspec_runner/compare/compare.html.j2",
         "taskspec_runner/compare/compare.css",

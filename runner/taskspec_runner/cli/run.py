@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import typer
 
@@ -15,9 +14,6 @@ from taskspec.text.diagnostic import SpecError
 from taskspec_runner.cli.findings import record, show_findings
 from taskspec_runner.cli.formats import RunFormat
 from taskspec_runner.cli.loading import load
-
-if TYPE_CHECKING:
-    from taskspec_runner.telemetry import Address, Telemetry
 
 
 def run_task(
@@ -36,10 +32,12 @@ def run_task(
     from taskspec_runner.cli.outcome import show_outcome
     from taskspec_runner.cli.progress import progress_line
     from taskspec_runner.session import execute_program
-    from taskspec_runner.telemetry import read_address
+    from taskspec_runner.telemetry import read_address, sending
 
     as_data = form is RunFormat.JSON
-    address = read_address(telemetry) if telemetry is not None else None
+    if telemetry is not None:
+        # Before anything is read or compiled.
+        read_address(telemetry)
     try:
         program = compile_task(load(file, sets, law))
     except SpecError as error:
@@ -52,7 +50,7 @@ def run_task(
     if program.warnings and not quiet:
         show_findings(program.warnings, loaded.sources, err=True)
     with (
-        _sending(address) as sink,
+        sending(telemetry, _say) as sink,
         progress_line(shown=not quiet and sys.stderr.isatty()) as progress,
     ):
         result = execute_program(program, out, seed=seed, progress=progress, telemetry=sink)
@@ -70,24 +68,8 @@ def run_task(
     return result.exit_code
 
 
-@contextmanager
-def _sending(address: Address | None) -> Iterator[Telemetry | None]:
-    """Telemetry for the time of a run; that it does not get through is said once."""
-    from taskspec_runner.telemetry import Telemetry
-
-    if address is None:
-        yield None
-        return
-    telemetry = Telemetry(address)
-    said = telemetry.trouble
-    try:
-        if said:
-            typer.echo(f"taskspec: {said}", err=True)
-        yield telemetry
-    finally:
-        telemetry.close()
-        if telemetry.trouble != said:
-            typer.echo(f"taskspec: {telemetry.trouble}", err=True)
+def _say(text: str) -> None:
+    typer.echo(f"taskspec: {text}", err=True)
 
 
 def _print(data: dict[str, Any]) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -43,10 +44,10 @@ def write_overview_svg(folder: Path, path: Path) -> Path:
     return path
 
 
-def overview_svg(run: Run) -> str:
-    """The same picture as text."""
-    charts = _chosen(run)
-    square = _path_square(run)
+def overview_svg(run: Run, wanted: Sequence[Chart] | None = None) -> str:
+    """The same picture as text, or one of other charts, without the path."""
+    charts = _chosen(run) if wanted is None else wanted
+    square = _path_square(run) if wanted is None else None
     width = WIDTH - _LEFT - _RIGHT - (0.0 if square is None else _SQUARE + 70)
     panels = [
         _panel(run, chart, _TOP + i * (_PANEL + _TITLE), width) for i, chart in enumerate(charts)
