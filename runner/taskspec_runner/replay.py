@@ -58,8 +58,8 @@ class Replay:
         """
         frame = self._frames[frame_name]
         if axis is None:
-            R = self._tip_pose()[1]
-            along = np.einsum("ki,ki->k", R[:, :, 2], self._pose(frame)[1][:, :, 2])
+            R = self.tip_pose()[1]
+            along = np.einsum("ki,ki->k", R[:, :, 2], self.pose(frame)[1][:, :, 2])
             return np.asarray(np.arccos(np.clip(-along, -1.0, 1.0)))
         number = AXES.index(axis)
         if name != "position":
@@ -77,7 +77,7 @@ class Replay:
         """One component of a logged vector, from the stage's axes to those of a frame."""
         axes = AXES[3:] if number > 2 else AXES[:3]
         result = np.empty(len(self._history))
-        R = self._pose(frame)[1]
+        R = self.pose(frame)[1]
         for visit in self._visits:
             stage, rows = self._stages[visit.stage], visit.rows
             logged = np.zeros((visit.last + 1 - visit.first, 3))
@@ -85,7 +85,7 @@ class Replay:
                 # An axis that the arm does not have is one along which nothing happens.
                 if axis in stage.axes:
                     logged[:, i] = self._history.columns[f"{name}.{axis}"][rows]
-            own = self._pose(stage.frame)[1][rows]
+            own = self.pose(stage.frame)[1][rows]
             vector = np.einsum("kji,ki->kj", own, logged)
             if name == "velocity":
                 vector = vector + self._between(stage.frame, frame, rows)[:, _PART[number // 3]]
@@ -96,7 +96,7 @@ class Replay:
         """(k, 6) velocity at the control point of what carries `inner` against that of `outer`."""
         if inner.carrier not in self._carriers and outer.carrier not in self._carriers:
             return np.zeros((rows.stop - rows.start, 6))
-        point = self._tip_pose()[0] + self._offset()
+        point = self.tip_pose()[0] + self.offset()
         return np.asarray(
             self._ride(inner).twist(point)[rows] - self._ride(outer).twist(point)[rows]
         )
@@ -111,8 +111,8 @@ class Replay:
 
     def _place(self, frame: FrameModel) -> Vector:
         """(n, 3) coordinates of the control point in a frame, as docs/language.md counts."""
-        foot, R = self._pose(frame)
-        point = self._tip_pose()[0] + self._offset()
+        foot, R = self.pose(frame)
+        point = self.tip_pose()[0] + self.offset()
         if frame.still:
             return np.asarray(np.einsum("kji,kj->ki", R, point - foot))
         if frame.mechanism is not None:
@@ -134,7 +134,7 @@ class Replay:
 
     def _turning(self, frame: FrameModel) -> Vector:
         """(n, 3) rotation vector of the tool since its visit began, in a frame's axes."""
-        tool, R = self._tip_pose()[1], self._pose(frame)[1]
+        tool, R = self.tip_pose()[1], self.pose(frame)[1]
         result = np.zeros((len(tool), 3))
         for visit in self._visits:
             base = R[visit.rows]
@@ -145,9 +145,9 @@ class Replay:
             result[visit.rows] = [pin.log3(rotation) for rotation in away]
         return result
 
-    def _offset(self) -> Vector:
+    def offset(self) -> Vector:
         """(n, 3) from the tip to the control point of each row's stage, world axes [m]."""
-        p, R = self._tip_pose()
+        p, R = self.tip_pose()
         result = np.zeros_like(p)
         for visit in self._visits:
             frame = self._stages[visit.stage].frame
@@ -155,12 +155,12 @@ class Replay:
                 continue
             lever = frame.origin
             if frame.kind != "tool":
-                origin = self._pose(frame)[0][visit.first]
+                origin = self.pose(frame)[0][visit.first]
                 lever = R[visit.first].T @ (origin - p[visit.first])
             result[visit.rows] = R[visit.rows] @ lever
         return result
 
-    def _tip_pose(self) -> tuple[Vector, Vector]:
+    def tip_pose(self) -> tuple[Vector, Vector]:
         """(n, 3), (n, 3, 3) pose of the tip in the world, from the logged joint positions."""
         if self._tip is None:
             model, tip = self._robot.pin, self._robot.tip
@@ -175,14 +175,14 @@ class Replay:
             self._tip = p, R
         return self._tip
 
-    def _pose(self, frame: FrameModel) -> tuple[Vector, Vector]:
+    def pose(self, frame: FrameModel) -> tuple[Vector, Vector]:
         """(n, 3), (n, 3, 3) origin (of a following frame: the foot) and axes in the world."""
         if frame.name not in self._posed:
             self._posed[frame.name] = self._new_pose(frame)
         return self._posed[frame.name]
 
     def _new_pose(self, frame: FrameModel) -> tuple[Vector, Vector]:
-        p, R = self._tip_pose()
+        p, R = self.tip_pose()
         carried = self._ride(frame)
         if frame.kind == "fixed":
             return carried.world(np.broadcast_to(frame.origin, p.shape)), carried.A @ frame.rotation
@@ -206,7 +206,7 @@ class Replay:
     def _felt_pose(self, frame: FrameModel) -> tuple[Vector, Vector]:
         """The pose that was measured last before each row; NaN before the first time."""
         measured = self._frames[frame.felt]
-        p = self._tip_pose()[0]
+        p = self.tip_pose()[0]
         origins, axes = np.full((len(p), 3), np.nan), np.full((len(p), 3, 3), np.nan)
         for visit in self._visits:
             following = slice(visit.last + 1, None)
@@ -231,7 +231,7 @@ class Replay:
         for i, axis in enumerate(AXES[:3]):
             if axis in stage.axes:
                 seen[:, i] = columns[f"force.{axis}.measured"][rows]
-        R = self._pose(stage.frame)[1][rows]
+        R = self.pose(stage.frame)[1][rows]
         return -np.asarray(np.einsum("kij,kj->ki", R, seen).mean(axis=0))
 
 

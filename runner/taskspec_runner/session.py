@@ -178,7 +178,7 @@ def _run(program: Program, folder: RunFolder, manner: _Manner) -> RunResult:
     if manner.report:  # It needs plotly and jinja2, which a run does not.
         from taskspec_runner.report import write_report
 
-        page = write_report(folder.path)
+        page = write_report(folder.path, program)
     return RunResult(
         folder.path, page, summary["exit_code"], folders.plain(summary), judged, wall, factor
     )

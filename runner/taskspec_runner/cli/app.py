@@ -10,6 +10,7 @@ from typing import Annotated
 
 import typer
 
+from taskspec_runner import headless
 from taskspec_runner.cli.formats import FindingFormat, RunFormat
 from taskspec_runner.cli.guard import guarded, is_lost, lost
 
@@ -73,11 +74,17 @@ def run(
     ] = None,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Say only what failed.")] = False,
     form: Annotated[RunFormat, typer.Option("--format", help="Of the outcome.")] = RunFormat.TEXT,
+    video: Annotated[
+        Path | None,
+        typer.Option(metavar="OUT.MP4", help="Draw the run as a video when it has ended."),
+    ] = None,
 ) -> int:
     """Run a task in simulation, record it and judge what it expects."""
     from taskspec_runner.cli.run import run_task
 
-    return run_task(file, set_ or [], law, seed, out, telemetry, quiet=quiet, form=form)
+    return run_task(
+        file, set_ or [], law, seed, out, telemetry, quiet=quiet, form=form, video=video
+    )
 
 
 @app.command()
@@ -244,8 +251,45 @@ def diff(
     return diff_folders(a, b, html, form)
 
 
+@app.command()
+@guarded
+def replay(
+    folder: Annotated[Path, typer.Argument(metavar="RUN", help="The folder of a run.")],
+    video: Annotated[
+        Path | None, typer.Option(metavar="OUT.MP4", help="Write a video; no screen is needed.")
+    ] = None,
+    view: Annotated[bool, typer.Option("--view", help="Open a window, also the default.")] = False,
+    speed: Annotated[
+        float, typer.Option(help="1 is real time, 2 twice as fast, 0.25 a quarter.")
+    ] = 1.0,
+    start: Annotated[
+        float | None, typer.Option("--from", metavar="S", help="Begin at this run time in seconds.")
+    ] = None,
+    end: Annotated[
+        float | None, typer.Option("--to", metavar="S", help="End at this run time in seconds.")
+    ] = None,
+    size: Annotated[str, typer.Option(metavar="WxH", help="Of the video, in pixels.")] = "1280x720",
+    fps: Annotated[float, typer.Option(help="Frames in a second of the video.")] = 25.0,
+    camera: Annotated[
+        str | None,
+        typer.Option(
+            metavar="AZIMUTH,ELEVATION,DISTANCE",
+            help="Look at the arm from here, in degrees and metres, such as 120,-20,1.2.",
+            show_default="found for each run",
+        ),
+    ] = None,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Show no progress.")] = False,
+) -> int:
+    """Look at a run again: robot, forces, frame and paths, as a video or in a window."""
+    from taskspec_runner.cli.replay import replay_run
+
+    cut = (speed, start, end, size, fps, camera)
+    return replay_run(folder, video, cut, view=view, quiet=quiet)
+
+
 def main() -> None:
     """The command line."""
+    headless.set_aside()
     # Python has no stream where the shell has closed it; what is written there is lost anyway.
     sys.stdout = sys.stdout or os.fdopen(os.open(os.devnull, os.O_WRONLY), "w")
     sys.stderr = sys.stderr or os.fdopen(os.open(os.devnull, os.O_WRONLY), "w")

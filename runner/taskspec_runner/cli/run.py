@@ -14,6 +14,7 @@ from taskspec.text.diagnostic import SpecError
 from taskspec_runner.cli.findings import record, show_findings
 from taskspec_runner.cli.formats import RunFormat
 from taskspec_runner.cli.loading import load
+from taskspec_runner.interrupt import BY_SIGNAL
 
 
 def run_task(
@@ -26,8 +27,9 @@ def run_task(
     *,
     quiet: bool,
     form: RunFormat,
+    video: Path | None = None,
 ) -> int:
-    """Runs a task file and tells how it went."""
+    """Runs a task file and tells how it went; afterwards draws it as a video."""
     from taskspec.compiler import compile_task
     from taskspec_runner.cli.outcome import show_outcome
     from taskspec_runner.cli.progress import progress_line
@@ -38,6 +40,10 @@ def run_task(
     if telemetry is not None:
         # Before anything is read or compiled.
         read_address(telemetry)
+    if video is not None:
+        from taskspec_runner.video.film import check_video
+
+        check_video(video)
     try:
         program = compile_task(load(file, sets, law))
     except SpecError as error:
@@ -54,6 +60,11 @@ def run_task(
         progress_line(shown=not quiet and sys.stderr.isatty()) as progress,
     ):
         result = execute_program(program, out, seed=seed, progress=progress, telemetry=sink)
+    # Who breaks off a run does not wait for its video.
+    if video is not None and result.exit_code < BY_SIGNAL:
+        from taskspec_runner.cli.replay import film
+
+        film(result.folder, video, program=program, quiet=quiet)
     if as_data:
         where = {
             "folder": str(result.folder),
@@ -62,9 +73,13 @@ def run_task(
             "real_time_factor": result.real_time_factor,
             "diagnostics": [record(d) for d in program.warnings],
         }
+        if video is not None:
+            where["video"] = str(video)
         _print({**result.summary, **where})
     else:
         show_outcome(result, quiet=quiet)
+        if video is not None and not quiet and video.is_file():
+            typer.echo(f"video: {video}")
     return result.exit_code
 
 

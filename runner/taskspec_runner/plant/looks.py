@@ -19,10 +19,14 @@ _SHORT = 1e-6
 def dress(spec: mujoco.MjSpec) -> None:
     """Adds what makes a scene good to look at."""
     spec.worldbody.add_light(
-        pos=[0.6, -1.2, 2.6], dir=[-0.1, 0.4, -1.0], diffuse=[0.65] * 3, castshadow=True
+        pos=[0.6, -1.2, 2.6],
+        dir=[-0.1, 0.4, -1.0],
+        type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL,
+        diffuse=[0.4] * 3,
+        castshadow=True,
     )
-    spec.visual.headlight.ambient = [0.38] * 3
-    spec.visual.headlight.diffuse = [0.38] * 3
+    spec.visual.headlight.ambient = [0.5] * 3
+    spec.visual.headlight.diffuse = [0.32] * 3
     spec.visual.headlight.specular = [0.1] * 3
     spec.visual.quality.shadowsize = 4096
     spec.add_texture(
@@ -45,9 +49,7 @@ def dress(spec: mujoco.MjSpec) -> None:
     )
     textures = [""] * int(mujoco.mjtTextureRole.mjNTEXROLE)
     textures[int(mujoco.mjtTextureRole.mjTEXROLE_RGB)] = "world/floor"
-    spec.add_material(
-        name="world/floor", textures=textures, texrepeat=[4, 4], texuniform=True, reflectance=0.05
-    )
+    spec.add_material(name="world/floor", textures=textures, texrepeat=[4, 4], texuniform=True)
     spec.worldbody.add_geom(
         type=mujoco.mjtGeom.mjGEOM_PLANE,
         size=[0.0, 0.0, 0.1],

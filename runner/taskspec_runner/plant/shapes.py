@@ -45,7 +45,7 @@ def add_shape(
     if shape.shape == "plane":
         # The plane itself is endless; what is seen is a slab of it where the tool starts.
         visible[3] = 0.0
-        _add_slab(body, shape, near, color)
+        _add_slab(body, name, shape, near, color)
         if shape.motion is not None:
             kind = mujoco.mjtGeom.mjGEOM_BOX
             size = [_BLOCK, _BLOCK, _BLOCK_THICKNESS]
@@ -64,7 +64,14 @@ def _solid(shape: Shape) -> tuple[mujoco.mjtGeom, list[float]]:
     return mujoco.mjtGeom.mjGEOM_SPHERE, [radius, 0.0, 0.0]
 
 
-def _add_slab(body: mujoco.MjsBody, shape: Shape, near: Vector | None, color: Color) -> None:
+def slab_name(name: str) -> str:
+    """Of what is seen of a plane."""
+    return f"{PREFIX}{name}/slab"
+
+
+def _add_slab(
+    body: mujoco.MjsBody, name: str, shape: Shape, near: Vector | None, color: Color
+) -> None:
     R, origin = from_rpy(shape.rpy), np.array(shape.xyz)
     middle = np.zeros(3)
     if near is not None:
@@ -75,6 +82,7 @@ def _add_slab(body: mujoco.MjsBody, shape: Shape, near: Vector | None, color: Co
     if shape.motion is None:
         place = {"pos": (origin + R @ middle).tolist(), "quat": quaternion(R)}
     body.add_geom(
+        name=slab_name(name),
         type=mujoco.mjtGeom.mjGEOM_BOX,
         size=[_SLAB, _SLAB, _SLAB_THICKNESS],
         rgba=list(color),

@@ -11,6 +11,7 @@ from typing import Any
 
 from markupsafe import Markup
 
+from taskspec.compiler import Program
 from taskspec_runner.given_up import told
 from taskspec_runner.report import decimate, figures
 from taskspec_runner.report.chart import Chart, Section, Trace
@@ -21,16 +22,18 @@ from taskspec_runner.report.quantities import figure, quantity
 from taskspec_runner.report.stages import label, tints
 from taskspec_runner.report.template import part, template
 from taskspec_runner.report.verdict import so_far, verdict
+from taskspec_runner.video.still import still_for_report
 
 _STATISTICS = ("mean", "min", "max", "rms", "std", "rms_error", "max_error", "final_error")
 
 
-def write_report(folder: Path) -> Path:
+def write_report(folder: Path, program: Program | None = None) -> Path:
     """Writes `report.html` into a run folder.
 
     Args:
         folder: with log.arrow, summary.json, manifest.json and task.yaml; what is missing is
             left out of the report.
+        program: the compiled task of the run, where that is at hand.
 
     Returns:
         The path of the report.
@@ -39,12 +42,13 @@ def write_report(folder: Path) -> Path:
         OSError: the folder cannot be written.
     """
     path = folder / "report.html"
-    path.write_text(render(read_run(folder)), encoding="utf-8")
+    still = still_for_report(folder, program)
+    path.write_text(render(read_run(folder), still), encoding="utf-8")
     return path
 
 
-def render(run: Run) -> str:
-    """The page of a run."""
+def render(run: Run, still: tuple[str, float] | None = None) -> str:
+    """The page of a run, with a picture of the arm at a run time [s] where there is one."""
     shown = figures.sections(run)
     return template("report.html.j2").render(
         title=_text(run.summary.get("task") or run.manifest.get("task")) or "run",
@@ -63,6 +67,7 @@ def render(run: Run) -> str:
         task=highlighted(run.task),
         manifest=list(_flat(run.manifest)),
         picture=Markup(overview_svg(run)),
+        still=still,
         style=part("report.css"),
         script=part("report.js"),
         plotly=Markup(_plotly()),

@@ -1,0 +1,133 @@
+"""`taskspec replay`: a recorded run as a video or in a window."""
+
+from __future__ import annotations
+
+import math
+import re
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import typer
+
+from taskspec_runner.errors import InputError
+from taskspec_runner.folder import LOG
+
+if TYPE_CHECKING:
+    from taskspec.compiler import Program
+    from taskspec_runner.video.film import Cut
+
+#: Speed, start and end, size, frames a second and camera, as the command line has them.
+Asked = tuple[float, float | None, float | None, str, float, str | None]
+
+_SMALLEST, _LARGEST = (320, 180), (3840, 2160)
+
+
+def replay_run(folder: Path, video: Path | None, asked: Asked, *, view: bool, quiet: bool) -> int:
+    """Shows the run of a folder, as a video or else in a window."""
+    if video is not None and view:
+        raise InputError("give --video or --view, not both")
+    if not (folder / LOG).is_file():
+        raise InputError(f"cannot read {folder}: it is not the folder of a run")
+    cut = read_cut(*asked)
+    if video is not None:
+        film(folder, video, cut, quiet=quiet)
+        typer.echo(str(video))
+        return 0
+    from taskspec_runner.video import viewer
+    from taskspec_runner.video.recording import read_recording
+
+    viewer.check_display()
+    viewer.view(read_recording(folder), cut)
+    return 0
+
+
+def film(
+    folder: Path,
+    video: Path,
+    cut: Cut | None = None,
+    *,
+    program: Program | None = None,
+    quiet: bool = False,
+) -> None:
+    """Writes the run of a folder as a video, with a line that tells how far it is."""
+    from taskspec_runner.video.film import Cut, check_video, write_video
+    from taskspec_runner.video.recording import read_recording
+
+    check_video(video)
+    recording = read_recording(folder, program)
+    with _frames_line(shown=not quiet and sys.stderr.isatty()) as progress:
+        write_video(recording, video, cut or Cut(), progress)
+
+
+def read_cut(
+    speed: float,
+    start: float | None,
+    end: float | None,
+    size: str,
+    fps: float,
+    camera: str | None,
+) -> Cut:
+    """What of a run is shown, and how, from the command line.
+
+    Raises:
+        InputError: a number makes no sense.
+    """
+    from taskspec_runner.video.film import Cut
+
+    if not 0.001 <= speed <= 1000:
+        raise InputError(f"--speed is from 0.001 to 1000, not {speed:g}")
+    if not 1 <= fps <= 240:
+        raise InputError(f"--fps is from 1 to 240, not {fps:g}")
+    for name, value in (("--from", start), ("--to", end)):
+        if value is not None and not math.isfinite(value):
+            raise InputError(f"{name} needs a time in seconds, not {value:g}")
+    width, height = _size(size)
+    return Cut(start, end, speed, width, height, fps, None if camera is None else _camera(camera))
+
+
+def _size(text: str) -> tuple[int, int]:
+    found = re.fullmatch(r"(\d{1,5})x(\d{1,5})", text.strip())
+    width, height = (int(found[1]), int(found[2])) if found else (0, 0)
+    good = _SMALLEST[0] <= width <= _LARGEST[0] and _SMALLEST[1] <= height <= _LARGEST[1]
+    if not good or width % 2 or height % 2:
+        limits = " to ".join("x".join(map(str, each)) for each in (_SMALLEST, _LARGEST))
+        raise InputError(
+            f"--size needs two even numbers of pixels, {limits}, such as 1280x720, not {text!r}"
+        )
+    return width, height
+
+
+def _camera(text: str) -> tuple[float, float, float]:
+    try:
+        azimuth, elevation, distance = (float(part) for part in text.split(","))
+    except ValueError:
+        azimuth = elevation = distance = math.nan
+    if not (math.isfinite(azimuth) and abs(elevation) <= 90 and 0.05 <= distance <= 100):
+        raise InputError(
+            "--camera needs azimuth and elevation in degrees and a distance in metres, such as "
+            f"120,-20,1.2, not {text!r}"
+        )
+    return azimuth, elevation, distance
+
+
+@contextmanager
+def _frames_line(*, shown: bool) -> Iterator[Callable[[int, int], None] | None]:
+    """Shows on standard error how many frames are drawn."""
+    if not shown:
+        yield None
+        return
+    from rich.live import Live
+    from rich.text import Text
+
+    from taskspec_runner.cli.console import console
+
+    with Live(console=console(err=True), transient=True) as live:
+
+        def progress(done: int, frames: int) -> None:
+            share = 100 * done // frames
+            live.update(Text(f"video: frame {done} of {frames}, {share} %", no_wrap=True))
+
+        yield progress

@@ -1,0 +1,185 @@
+"""Where a run is looked at from: all of it in the picture, the tool in sight."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from taskspec_runner.video.world import World
+
+Vector = NDArray[np.float64]
+
+#: Candidates, in degrees, and the one that is taken where all see alike.
+_AZIMUTHS = range(0, 360, 15)
+_ELEVATIONS = (-14.0, -24.0, -36.0)
+_FAVOURITE = 125.0
+_LOOKS = 12
+#: Nearer to the tip than this [m], what hides it is the tool itself.
+_TOOL = 0.035
+_FAR = 2.5
+#: Share of a picture that what is shown fills.
+_FILL = 0.92
+#: Links are about so thick [m].
+_GIRTH = 0.07 * np.vstack([np.eye(3), -np.eye(3)])
+#: Of the close view: what it shows around the tool's way [m], how far away it may be [m], and over
+#: how long its way is smoothed [s].
+_AROUND, _FARTHEST, _SMOOTH = 0.07, 0.5, 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class View:
+    """A camera: azimuth and elevation [deg], distance [m] from the point (3,) it looks at."""
+
+    azimuth: float
+    elevation: float
+    distance: float
+    lookat: tuple[float, float, float]
+
+    def camera(self) -> mujoco.MjvCamera:
+        """The same for MuJoCo."""
+        camera = mujoco.MjvCamera()
+        camera.azimuth, camera.elevation = self.azimuth, self.elevation
+        camera.distance = self.distance
+        camera.lookat[:] = self.lookat
+        return camera
+
+
+def axes_of(azimuth: float, elevation: float) -> Vector:
+    """(3, 3) right, up and backward of a camera, in rows."""
+    a, e = np.radians([azimuth, elevation])
+    forward = np.array([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)])
+    right = np.array([np.sin(a), -np.cos(a), 0.0])
+    return np.array([right, np.cross(right, forward), -forward])
+
+
+def frame_run(world: World, aspect: float) -> View:
+    """A view of a whole run: of the tool's way, the arm and its base.
+
+    Args:
+        world: with the run. aspect: width over height of the picture.
+    """
+    rows, points, samples = _looked_at(world)
+    best = max(
+        ((a, e) for e in _ELEVATIONS for a in _AZIMUTHS),
+        key=lambda angles: _score(world, rows, points, samples, angles),
+    )
+    return fit(world.model, points, (float(best[0]), best[1]), aspect)
+
+
+def fit(model: mujoco.MjModel, points: Vector, angles: tuple[float, float], aspect: float) -> View:
+    """The nearest view under two angles that has all points (k, 3) in the picture."""
+    axes = axes_of(*angles)
+    seen = points @ axes.T
+    low, high = seen.min(axis=0), seen.max(axis=0)
+    tangent = np.tan(np.radians(model.vis.global_.fovy) / 2)
+    half = np.maximum((high - low) / 2, 0.05)
+    depth = float(high[2] - low[2])
+    room = np.array([aspect, 1.0]) * tangent * _FILL
+    # Points in front of the middle are nearer to the eye, and need more room.
+    distance = float((half[:2] / room).max()) + 0.3 * depth
+    middle = (low + high) / 2
+    x, y, z = (middle @ axes).tolist()
+    return View(angles[0], angles[1], distance, (x, y, z))
+
+
+def seen_from(view: View, azimuth: float, elevation: float, distance: float) -> View:
+    """A view of the same point from elsewhere: two angles [deg] and a distance [m]."""
+    return View(azimuth, elevation, distance, view.lookat)
+
+
+@dataclass(frozen=True, slots=True)
+class CloseView:
+    """A camera near the tool, that goes along where its way is long.
+
+    Attributes:
+        view: of the first row. way: (n, 3) what it looks at at each row [m].
+    """
+
+    view: View
+    way: Vector
+
+    def at(self, row: int) -> View:
+        """The camera at a row."""
+        x, y, z = self.way[row].tolist()
+        return replace(self.view, lookat=(x, y, z))
+
+
+def close_view(world: World, view: View, aspect: float) -> CloseView:
+    """A view of the control point, from where `view` looks.
+
+    It stands still over a way that fits in, otherwise it follows the mean over `_SMOOTH` seconds.
+    """
+    recording = world.recording
+    point = recording.point
+    room = np.vstack([point - _AROUND, point + _AROUND])
+    fitted = fit(world.model, room, (view.azimuth, view.elevation), aspect)
+    if fitted.distance <= _FARTHEST:
+        return CloseView(fitted, np.broadcast_to(np.array(fitted.lookat), point.shape))
+    width = 2 * (round(_SMOOTH / recording.period) // 2) + 1
+    padded = np.pad(point, ((width // 2, width // 2), (0, 0)), mode="edge")
+    sums = np.cumsum(np.vstack([np.zeros((1, 3)), padded]), axis=0)
+    return CloseView(replace(fitted, distance=_FARTHEST), (sums[width:] - sums[:-width]) / width)
+
+
+def _looked_at(world: World) -> tuple[NDArray[np.int64], Vector, Vector]:
+    """Rows that stand for a run, the points that should be in the picture, and bodies' places."""
+    recording, model = world.recording, world.model
+    rows = np.unique(np.linspace(0, len(recording) - 1, _LOOKS).astype(int))
+    tip_body = model.body(recording.program.context.robot.tip_body).id
+    arm = [tip_body]
+    while model.body_parentid[arm[-1]] > 0:
+        arm.append(int(model.body_parentid[arm[-1]]))
+    bodies, samples = [], []
+    for row in rows:
+        data = world.show(int(row))
+        bodies += [data.xpos[arm] + offset for offset in _GIRTH]
+        samples.append(data.xpos[tip_body].copy())
+    points = np.vstack([*bodies, recording.point[:: max(1, len(recording) // 200)]])
+    return rows, points, np.array(samples)
+
+
+def _score(
+    world: World,
+    rows: NDArray[np.int64],
+    points: Vector,
+    samples: Vector,
+    angles: tuple[float, float],
+) -> float:
+    """How well a view shows a run: the tip in sight, forces and path across, the arm apart."""
+    recording = world.recording
+    axes = axes_of(*angles)
+    eye = _FAR * axes[2]
+    visible = []
+    for row, tip in zip(rows[::3], samples[::3], strict=True):
+        data = world.show(int(row))
+        visible.append(_sees(world.model, data, tip + eye, tip))
+    force = recording.force[rows].mean(axis=0)
+    size = float(np.linalg.norm(force))
+    across = 1.0 if size < 0.2 else float(np.hypot(*(axes[:2] @ force))) / size
+    spread = np.ptp(samples @ axes[:2].T, axis=0)
+    whole = float(np.linalg.norm(np.ptp(samples, axis=0))) + 1e-3
+    reach = points[0] - points.mean(axis=0)
+    apart = float(np.hypot(*(axes[:2] @ reach))) / (float(np.linalg.norm(reach)) + 1e-3)
+    away = abs((angles[0] - _FAVOURITE + 180.0) % 360.0 - 180.0) / 180.0
+    usual = abs(angles[1] - _ELEVATIONS[1]) / 30.0
+    return (
+        3.0 * float(np.mean(visible))
+        + across
+        + 0.6 * float(np.linalg.norm(spread)) / whole
+        + 0.8 * apart
+        - 0.6 * away
+        - 0.2 * usual
+    )
+
+
+def _sees(model: mujoco.MjModel, data: mujoco.MjData, eye: Vector, tip: Vector) -> bool:
+    """Whether nothing but the tool is between an eye and the tip."""
+    hit = np.zeros(1, dtype=np.int32)
+    way = tip - eye
+    length = float(np.linalg.norm(way))
+    shown = np.array([1, 1, 1, 0, 0, 0], dtype=np.uint8)
+    at = mujoco.mj_ray(model, data, eye, way / length, shown, 1, -1, hit, None)
+    return bool(at < 0 or at > length - _TOOL)

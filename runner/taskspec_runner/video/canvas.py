@@ -1,0 +1,155 @@
+"""Drawing without a window: an OpenGL context of EGL or OSMesa, and MuJoCo's renderer in it.
+
+MuJoCo picks its context when it is imported, and on a Linux machine without a screen it picks one
+that needs a screen. Here the first that works is taken: the one that MUJOCO_GL names, else EGL,
+else OSMesa.
+"""
+
+from __future__ import annotations
+
+import importlib
+import os
+import platform
+import sys
+from typing import Any
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from taskspec_runner import headless
+from taskspec_runner.errors import InputError
+
+Image = NDArray[np.uint8]
+
+_OFF = ("disable", "disabled", "off", "false", "0")
+_HEADLESS = ("egl", "osmesa")
+_HELP = (
+    "install a headless OpenGL: EGL (on Debian and Ubuntu apt-get install libegl1 "
+    "libgl1-mesa-dri) or OSMesa (libosmesa6)"
+)
+#: Geoms that a scene holds at most.
+MOST_GEOMS = 8000
+_BACKGROUND = (mujoco.mjtRndFlag.mjRND_SKYBOX, mujoco.mjtRndFlag.mjRND_SHADOW)
+
+
+class NoCanvasError(InputError):
+    """There is no OpenGL to draw with; the message says what was tried and what to install."""
+
+
+def backends() -> tuple[str, ...]:
+    """Names of the kinds of context to try, in order; empty if MUJOCO_GL switches drawing off."""
+    asked = (headless.asked() or os.environ.get("MUJOCO_GL", "")).lower().strip()
+    if asked in _OFF:
+        return ()
+    if platform.system() != "Linux":
+        return ("",)
+    return (asked,) if asked in _HEADLESS else _HEADLESS
+
+
+def new_context(width: int, height: int) -> Any:
+    """An OpenGL context, made current.
+
+    Raises:
+        NoCanvasError: none of the kinds works.
+    """
+    tried = []
+    for name in (names := backends()):
+        before = os.environ.get("PYOPENGL_PLATFORM")
+        try:
+            context = _context_class(name)(width, height)
+            context.make_current()
+        # Missing libraries show as whatever their first call raises.
+        except Exception as error:
+            tried.append(f"{name.upper() or 'OpenGL'}: {_first_line(error)}")
+            _forget(name, before)
+        else:
+            return context
+    if not names:
+        raise NoCanvasError("cannot draw: MUJOCO_GL switches drawing off; unset it")
+    raise NoCanvasError(f"cannot draw without a screen ({'; '.join(tried)}); {_HELP}")
+
+
+def _context_class(name: str) -> Any:
+    if not name:
+        return mujoco.GLContext
+    return importlib.import_module(f"mujoco.{name}").GLContext
+
+
+def _first_line(error: Exception) -> str:
+    return (str(error).strip().splitlines() or [type(error).__name__])[0]
+
+
+def _forget(name: str, platform_before: str | None) -> None:
+    """Undoes what a context's module has set on import, so that another kind can be tried."""
+    os.environ.pop("PYOPENGL_PLATFORM", None)
+    if platform_before is not None:
+        os.environ["PYOPENGL_PLATFORM"] = platform_before
+    for module in list(sys.modules):
+        if module == f"mujoco.{name}" or module.partition(".")[0] == "OpenGL":
+            del sys.modules[module]
+
+
+class Canvas:
+    """Pictures of one size of a model.
+
+    Attributes:
+        width, height: [px]. scene: what is drawn; geoms may be added to it after `update`.
+    """
+
+    def __init__(self, model: mujoco.MjModel, width: int, height: int) -> None:
+        """Prepares drawing.
+
+        Raises:
+            NoCanvasError: there is nothing to draw with.
+        """
+        self.width, self.height = width, height
+        self._model = model
+        model.vis.global_.offwidth = max(width, model.vis.global_.offwidth)
+        model.vis.global_.offheight = max(height, model.vis.global_.offheight)
+        self._context = new_context(width, height)
+        self._renderer = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100.value)
+        mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN.value, self._renderer)
+        self.scene = mujoco.MjvScene(model, maxgeom=MOST_GEOMS)
+        self._options = mujoco.MjvOption()
+
+    def __enter__(self) -> Canvas:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Gives the context back."""
+        if self._context is not None:
+            self._context.make_current()
+            self._renderer.free()
+            self._context.free()
+            self._context = None
+
+    def update(self, data: mujoco.MjData, camera: mujoco.MjvCamera) -> None:
+        """Puts the model as `data` has it into the scene, and nothing else."""
+        self._flag(_BACKGROUND, 1)
+        everything = mujoco.mjtCatBit.mjCAT_ALL.value
+        mujoco.mjv_updateScene(
+            self._model, data, self._options, None, camera, everything, self.scene
+        )
+
+    def clear(self) -> None:
+        """Takes everything but the camera out of the scene, sky and shadows too."""
+        self.scene.ngeom = 0
+        self._flag(_BACKGROUND, 0)
+
+    def _flag(self, flags: tuple[mujoco.mjtRndFlag, ...], value: int) -> None:
+        for flag in flags:
+            self.scene.flags[flag] = value
+
+    def render(self, width: int | None = None, height: int | None = None) -> Image:
+        """(height, width, 3) the scene as it is now, of the canvas's size or smaller."""
+        width, height = width or self.width, height or self.height
+        self._context.make_current()
+        rectangle = mujoco.MjrRect(0, 0, width, height)
+        mujoco.mjr_render(rectangle, self.scene, self._renderer)
+        pixels = np.empty((height, width, 3), dtype=np.uint8)
+        mujoco.mjr_readPixels(pixels, None, rectangle, self._renderer)
+        return np.ascontiguousarray(pixels[::-1])

@@ -1,0 +1,176 @@
+"""A run as it is drawn: the task and the log of its folder, in world coordinates."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taskspec.compiler import Program, compile_task
+from taskspec.program.stage import CompiledStage
+from taskspec.spec import LoadedTask, load_text
+from taskspec.text.diagnostic import SpecError
+from taskspec_runner.errors import InputError
+from taskspec_runner.folder import LOG, MANIFEST, TASK
+from taskspec_runner.history import History, Visit, read_history
+from taskspec_runner.replay import Replay
+
+Vector = NDArray[np.float64]
+
+#: A smaller force is no contact [N]; a share of the largest that is as good as it.
+_TOUCHING, _NEARLY = 0.5, 0.9
+
+
+@dataclass(frozen=True, slots=True)
+class Recording:
+    """Where everything of a run was, tick by tick.
+
+    Attributes:
+        program: the task of the folder, compiled. history: its log. visits: in order.
+        q: (n, joints) [rad or m].
+        tip: (n, 3) the tool's tip in the world [m]. point: (n, 3) the control point of the stage.
+        axes: (n, 3, 3) the axes of the stage's frame; NaN where it is not known.
+        force: (n, 3) what the robot applies, world axes [N].
+        wanted: (n, 3) the reference of the control point [m].
+    """
+
+    program: Program
+    history: History
+    visits: tuple[Visit, ...]
+    q: Vector
+    tip: Vector
+    point: Vector
+    axes: Vector
+    force: Vector
+    wanted: Vector
+
+    def __len__(self) -> int:
+        return len(self.history)
+
+    @property
+    def clock(self) -> Vector:
+        """(n,) run time [s]."""
+        return self.history.columns["clock"]
+
+    @property
+    def period(self) -> float:
+        """Of the control [s]."""
+        return self.program.context.period
+
+    @property
+    def end(self) -> float:
+        """Run time at the end of the last tick [s]."""
+        return float(self.clock[-1]) + self.period
+
+    def row(self, clock: float) -> int:
+        """The tick that holds at a time [s]; before the first and after the last the nearest."""
+        found = int(np.searchsorted(self.clock, clock + 1e-9, side="right")) - 1
+        return min(max(found, 0), len(self) - 1)
+
+    def visit(self, row: int) -> Visit:
+        """The visit that a row belongs to."""
+        return next(v for v in self.visits if v.first <= row <= v.last)
+
+    def stage(self, visit: Visit) -> CompiledStage:
+        """The stage of a visit."""
+        return next(s for s in self.program.stages if s.name == visit.stage)
+
+
+def read_recording(folder: Path, program: Program | None = None) -> Recording:
+    """Reads a run back; one that was cut short up to where its log ends.
+
+    Args:
+        folder: of the run. program: its compiled task, where that is at hand.
+
+    Raises:
+        InputError: the folder holds no run, no tick, or a task that cannot be read any more.
+    """
+    try:
+        history = read_history(folder / LOG)
+        program = compile_task(_task(folder)) if program is None else program
+    except SpecError as error:
+        told = next(iter(error.diagnostics))
+        raise InputError(f"cannot compile {folder / TASK} any more: {told.message}") from error
+    except (OSError, ValueError) as error:
+        raise InputError(f"cannot read the run in {folder}: {error}") from error
+    if not len(history):
+        raise InputError(f"cannot draw {folder}: its log holds no complete batch of ticks")
+    try:
+        return _recording(program, history)
+    except KeyError as error:
+        message = f"cannot draw {folder}: its log has no column {error}; another version wrote it"
+        raise InputError(message) from error
+
+
+def _task(folder: Path) -> LoadedTask:
+    """The task of a run as it was run, with its overrides."""
+    manifest: Mapping[str, object] = {}
+    path = folder / MANIFEST
+    if path.is_file():
+        manifest = json.loads(path.read_text(encoding="utf-8"))
+    overrides, origin = manifest.get("overrides"), manifest.get("file")
+    given = dict(overrides) if isinstance(overrides, Mapping) else {}
+    # What the file names, such as a robot of one's own, is beside the original.
+    base = Path(origin).parent if isinstance(origin, str) else folder
+    text = (folder / TASK).read_text(encoding="utf-8")
+    return load_text(text, str(folder / TASK), given, base)
+
+
+def _recording(program: Program, history: History) -> Recording:
+    context, columns = program.context, history.columns
+    replay = Replay(context.robot, context.frames, program.stages, history, context.carriers)
+    tip = replay.tip_pose()[0]
+    point = tip + replay.offset()
+    axes, error = np.empty((len(tip), 3, 3)), np.zeros_like(tip)
+    visits = tuple(history.visits())
+    stages = {stage.name: stage for stage in program.stages}
+    for visit in visits:
+        axes[visit.rows] = replay.pose(stages[visit.stage].frame)[1][visit.rows]
+        for i, axis in enumerate("xyz"):
+            if f"error.{axis}" in columns:
+                error[visit.rows, i] = np.nan_to_num(columns[f"error.{axis}"][visit.rows])
+    force = [replay.signal("force", axis, "world") for axis in "xyz"]
+    return Recording(
+        program=program,
+        history=history,
+        visits=visits,
+        q=np.column_stack(
+            [columns[f"joint.{i + 1}.position"] for i in range(context.robot.pin.nv)]
+        ),
+        tip=tip,
+        point=point,
+        axes=axes,
+        force=np.nan_to_num(np.column_stack(force)),
+        wanted=point + np.nan_to_num(np.einsum("kij,kj->ki", axes, error)),
+    )
+
+
+def steadiest_contact(recording: Recording, span: float = 0.2) -> int:
+    """A row of a large force that stays: by its mean over a while less twice its spread.
+
+    Args:
+        recording: of the run. span: the while [s].
+
+    Returns:
+        The middle one of the rows where that is nearly as large as anywhere; of a run without
+        contact, the row where the tool has gone half of its way.
+    """
+    size = np.linalg.norm(recording.force, axis=1)
+    width = max(1, min(len(size), round(span / recording.period)))
+
+    def mean(values: Vector) -> Vector:
+        sums = np.cumsum(np.concatenate([[0.0], values]))
+        return np.asarray((sums[width:] - sums[:-width]) / width)
+
+    average = mean(size)
+    lasting = average - 2 * np.sqrt(np.maximum(mean(size**2) - average**2, 0.0))
+    if lasting.max() < _TOUCHING:
+        steps = np.diff(recording.tip, axis=0, prepend=recording.tip[:1])
+        way = np.cumsum(np.linalg.norm(steps, axis=1))
+        return min(int(np.searchsorted(way, way[-1] / 2)), len(size) - 1)
+    good = np.flatnonzero(lasting >= _NEARLY * lasting.max())
+    return int(good[len(good) // 2]) + width // 2

@@ -1,0 +1,131 @@
+"""The scene of a recorded run, and the state of everything in it at any of its ticks."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from taskspec.geometry.rotation import from_rpy
+from taskspec.spec import Shape, Task
+from taskspec_runner.plant.carriers import Carriers, moving
+from taskspec_runner.plant.loose import loose
+from taskspec_runner.plant.mechanisms import coordinate_joint
+from taskspec_runner.plant.names import PREFIX
+from taskspec_runner.plant.plant import Plant
+from taskspec_runner.plant.scene import build_scene
+from taskspec_runner.plant.shapes import slab_name
+from taskspec_runner.video.recording import Recording
+
+Vector = NDArray[np.float64]
+
+#: What is seen of a plane goes beyond the tool's way over it by this much [m].
+_MARGIN = 0.14
+#: Samples that multisampling takes of a pixel.
+_SAMPLES = 4
+#: Edge of the map of the shadows [px].
+_SHADOW = 2048
+
+
+class World:
+    """The robot in its world.
+
+    Attributes:
+        recording: of the run. model, data: MuJoCo's, as far as looks go.
+        links: pairs of bodies of the arm between which nothing is drawn by the robot's file.
+    """
+
+    def __init__(self, recording: Recording) -> None:
+        self.recording = recording
+        context = recording.program.context
+        task = context.loaded.task
+        model = build_scene(context.robot, task, context.start).model
+        self.model, self.data = model, mujoco.MjData(model)
+        model.vis.quality.offsamples = _SAMPLES
+        model.vis.quality.shadowsize = _SHADOW
+        for name, shape in task.shapes.items():
+            if shape.shape == "plane":
+                self._patch(model.geom(slab_name(name)).id, shape)
+        self.links = _bare_links(model, context.robot.tip_body)
+        self._n = recording.q.shape[1]
+        self._carriers = Carriers(model, self.data, task) if moving(task) else None
+        self._coordinates = _coordinates(model, task, recording)
+        self._loose_at = np.array(
+            [int(model.joint(PREFIX + name).qposadr[0]) for name in loose(task)], dtype=int
+        )
+        self._loose = _loose_poses(recording) if len(self._loose_at) else np.zeros((0, 0))
+
+    def show(self, row: int) -> mujoco.MjData:
+        """Puts everything where it was at a row of the log."""
+        data, recording = self.data, self.recording
+        data.time = float(recording.clock[row])
+        data.qpos[: self._n] = recording.q[row]
+        for at, values in self._coordinates:
+            data.qpos[at] = values[row]
+        for i, at in enumerate(self._loose_at):
+            data.qpos[at : at + 7] = self._loose[row, 7 * i : 7 * i + 7]
+        if self._carriers is not None:
+            self._carriers.drive()
+        mujoco.mj_kinematics(self.model, data)
+        mujoco.mj_comPos(self.model, data)
+        mujoco.mj_camlight(self.model, data)
+        return data
+
+    def _patch(self, geom: int, shape: Shape) -> None:
+        """Lets a plane be seen where the tool goes over it."""
+        R, origin = from_rpy(shape.rpy), np.array(shape.xyz)
+        over = (self.recording.tip - origin) @ R
+        low, high = over.min(axis=0) - _MARGIN, over.max(axis=0) + _MARGIN
+        size, middle = self.model.geom_size[geom], np.zeros(3)
+        size[:2] = (high - low)[:2] / 2
+        middle[:2] = (high + low)[:2] / 2
+        middle[2] = -size[2]
+        place = middle if shape.motion is not None else origin + R @ middle
+        self.model.geom_pos[geom] = place
+        self.model.geom_rbound[geom] = float(np.linalg.norm(size))
+
+
+def _bare_links(model: mujoco.MjModel, tip_body: str) -> tuple[tuple[int, int], ...]:
+    """Bodies from the tip to the base of which the upper one has no shape of its own."""
+    found = []
+    body = model.body(tip_body).id
+    while body > 0:
+        parent = int(model.body_parentid[body])
+        if parent > 0 and model.body_geomnum[parent] == 0:
+            found.append((parent, body))
+        body = parent
+    return tuple(found)
+
+
+def _coordinates(
+    model: mujoco.MjModel, task: Task, recording: Recording
+) -> list[tuple[int, Vector]]:
+    """Of every mechanism's joint: its place in qpos, and its position at every row."""
+    columns, found = recording.history.columns, []
+    for name, declared in task.mechanisms.items():
+        joint = coordinate_joint(name, declared)
+        signal = "angle" if declared.angular else "travel"
+        found.append((int(model.joint(joint).qposadr[0]), columns[f"{name}.{signal}"]))
+        if declared.mechanism == "screw":
+            shift = model.joint(f"{PREFIX}{name}/shift")
+            found.append((int(shift.qposadr[0]), columns[f"{name}.travel"]))
+    return found
+
+
+def _loose_poses(recording: Recording) -> Vector:
+    """(n, 7 bodies) where loose bodies were, which the log does not hold.
+
+    The plant goes through the run once more under the logged torques; the arm is put to where the
+    log has it at every tick, so that only what lies about follows from the plant alone.
+    """
+    context, columns = recording.program.context, recording.history.columns
+    plant = Plant(context.robot, context.loaded.task, context.start)
+    joints = range(1, recording.q.shape[1] + 1)
+    v = np.column_stack([columns[f"joint.{i}.velocity"] for i in joints])
+    torque = np.column_stack([columns[f"joint.{i}.torque"] for i in joints])
+    poses = np.empty((len(recording), len(plant.views.loose)))
+    for row in range(len(recording)):
+        plant.q[:], plant.v[:] = recording.q[row], v[row]
+        plant.step(torque[row])
+        poses[row] = plant.views.loose
+    return poses
