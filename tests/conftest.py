@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Mapping
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
+
+# Reports of test runs go without a still: drawing takes longer than most runs do.
+os.environ.setdefault("MUJOCO_GL", "disable")
 
 import numpy as np
 import pytest

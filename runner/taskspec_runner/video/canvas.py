@@ -24,10 +24,12 @@ Image = NDArray[np.uint8]
 
 _OFF = ("disable", "disabled", "off", "false", "0")
 _HEADLESS = ("egl", "osmesa")
+_NAMES = {"": "OpenGL", "egl": "EGL", "osmesa": "OSMesa"}
 _HELP = (
     "install a headless OpenGL: EGL (on Debian and Ubuntu apt-get install libegl1 "
     "libgl1-mesa-dri) or OSMesa (libosmesa6)"
 )
+_PLATFORM = "PYOPENGL_PLATFORM"
 #: Geoms that a scene holds at most.
 MOST_GEOMS = 8000
 _BACKGROUND = (mujoco.mjtRndFlag.mjRND_SKYBOX, mujoco.mjtRndFlag.mjRND_SHADOW)
@@ -55,14 +57,14 @@ def new_context(width: int, height: int) -> Any:
     """
     tried = []
     for name in (names := backends()):
-        before = os.environ.get("PYOPENGL_PLATFORM")
+        before = os.environ.get(_PLATFORM), set(sys.modules)
         try:
             context = _context_class(name)(width, height)
             context.make_current()
         # Missing libraries show as whatever their first call raises.
         except Exception as error:
-            tried.append(f"{name.upper() or 'OpenGL'}: {_first_line(error)}")
-            _forget(name, before)
+            tried.append(f"{_NAMES[name]}: {_why(error)}")
+            _forget(*before)
         else:
             return context
     if not names:
@@ -76,18 +78,21 @@ def _context_class(name: str) -> Any:
     return importlib.import_module(f"mujoco.{name}").GLContext
 
 
-def _first_line(error: Exception) -> str:
+def _why(error: Exception) -> str:
+    # PyOpenGL finds no library and goes on without one.
+    if isinstance(error, AttributeError):
+        return "its library is not there"
     return (str(error).strip().splitlines() or [type(error).__name__])[0]
 
 
-def _forget(name: str, platform_before: str | None) -> None:
-    """Undoes what a context's module has set on import, so that another kind can be tried."""
-    os.environ.pop("PYOPENGL_PLATFORM", None)
+def _forget(platform_before: str | None, modules_before: set[str]) -> None:
+    """Undoes what the modules of a context have set on import, so that another can be tried."""
+    os.environ.pop(_PLATFORM, None)
     if platform_before is not None:
-        os.environ["PYOPENGL_PLATFORM"] = platform_before
-    for module in list(sys.modules):
-        if module == f"mujoco.{name}" or module.partition(".")[0] == "OpenGL":
-            del sys.modules[module]
+        os.environ[_PLATFORM] = platform_before
+    for name in set(sys.modules) - modules_before:
+        if name.partition(".")[0] == "OpenGL" or name.startswith("mujoco."):
+            del sys.modules[name]
 
 
 class Canvas:

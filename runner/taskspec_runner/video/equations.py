@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import casadi as ca
@@ -10,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.program.equations import EquationModel
-from taskspec_runner.video.recording import Recording
 
 Vector = NDArray[np.float64]
 
@@ -30,10 +30,13 @@ class Surface:
     rotation: Vector
 
 
-def equation_surfaces(recording: Recording) -> list[Surface]:
-    """The surfaces of a run's equations that are simple; the others are left out."""
-    models = recording.program.context.equations.values()
-    found = [_surface(model, recording.tip) for model in models if not model.joints]
+def equation_surfaces(models: Iterable[EquationModel], tip: Vector) -> list[Surface]:
+    """The surfaces of the equations that are simple; the others are left out.
+
+    Args:
+        models: the equations. tip: (n, 3) the tool's way [m], around which a surface is shown.
+    """
+    found = [_surface(model, tip) for model in models if not model.joints]
     return [surface for surface in found if surface is not None]
 
 

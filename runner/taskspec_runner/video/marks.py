@@ -92,7 +92,8 @@ class Marks:
         jumps = [visit.first for visit in recording.visits]
         self._wanted = _bars(recording.wanted, jumps)
         self._traced = _bars(recording.point, jumps)
-        self._surfaces = equation_surfaces(recording)
+        equations = recording.program.context.equations.values()
+        self._surfaces = equation_surfaces(equations, recording.tip)
 
     def arms(self, row: int) -> list[Arm]:
         """The arrows at a row: the frame's axes that are known, and the force."""

@@ -31,7 +31,8 @@ class Pictures:
     """Draws any row of a run.
 
     Attributes:
-        view, close: the cameras of the two halves.
+        view, close: the cameras of the two halves. marks: drawn in each of them.
+        canvas: holds the scene that was drawn last, that of the right half.
     """
 
     def __init__(self, world: World, width: int, height: int, view: View | None = None) -> None:
@@ -45,28 +46,28 @@ class Pictures:
         self._width, self._height = width, height
         self.view = view or frame_run(world, self._sizes[0] / height)
         self.close = close_view(world, self.view, self._sizes[1] / height)
-        self._marks = Marks(world), Marks(world, _CLOSE_SIZE)
-        self._canvas = Canvas(world.model, max(self._sizes), height)
+        self.marks = Marks(world), Marks(world, _CLOSE_SIZE)
+        self.canvas = Canvas(world.model, max(self._sizes), height)
         self._pen = Pen(height / 560)
 
     def close_canvas(self) -> None:
         """Gives the canvas back."""
-        self._canvas.close()
+        self.canvas.close()
 
     def draw(self, row: int) -> Image:
         """(height, width, 3) the run at a row."""
         picture = np.full((self._height, self._width, 3), 255, dtype=np.uint8)
         left, right = self._sizes
         data = self._world.show(row)
-        picture[:, :left] = self._half(row, data, self.view.camera(), self._marks[0], left)
+        picture[:, :left] = self._half(row, data, self.view.camera(), self.marks[0], left)
         near = self.close.at(row).camera()
-        picture[:, -right:] = self._half(row, data, near, self._marks[1], right)
+        picture[:, -right:] = self._half(row, data, near, self.marks[1], right)
         return picture
 
     def _half(
         self, row: int, data: mujoco.MjData, camera: mujoco.MjvCamera, marks: Marks, width: int
     ) -> Image:
-        canvas = self._canvas
+        canvas = self.canvas
         canvas.update(data, camera)
         marks.draw_bodies(canvas.scene)
         marks.draw(canvas.scene, row)

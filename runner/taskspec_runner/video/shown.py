@@ -74,7 +74,9 @@ def _largest(recording: Recording, visit: Visit) -> str:
     columns, best, name = recording.history.columns, _LEAST, ""
     for each in _set_points(recording, visit):
         wanted = columns[f"{each}.ref"][visit.rows]
-        size = float(np.max(np.abs(wanted), initial=0.0, where=np.isfinite(wanted)))
+        good = np.isfinite(wanted)
+        # A ramp from the touch to zero is not a set point to look at.
+        size = float(np.median(np.abs(wanted[good]))) if good.any() else 0.0
         # Forces come first: 1 N m and 1 N do not compare.
         if size > best and not ("torque" in each and best > _LEAST):
             best, name = size, each
