@@ -75,7 +75,7 @@ def test_a_frame_that_rides_along_is_replayed_as_it_was_logged(simulate, frame):
             np.testing.assert_allclose(place[:, i], run[f"position.{axis}"][rows], atol=1e-12)
         np.testing.assert_allclose(turning[:, i], run[f"position.r{axis}"][rows], atol=1e-11)
     # Against the world, and back again: the later stage's world velocity against the drum.
-    tip = replay._tip_pose()[0]
+    tip = replay.tip_pose()[0]
     moved = np.gradient(tip, 1e-3, axis=0)
     for i, axis in enumerate("xyz"):
         seen = replay.signal("velocity", axis, "world")

@@ -36,13 +36,13 @@ class Poses:
 class _Replay(Replay):
     def tool(self) -> tuple[Vector, Vector]:
         """(n, 3), (n, 3, 3) the tip."""
-        return self._tip_pose()
+        return self.tip_pose()
 
     def task_frame(self) -> tuple[Vector, Vector]:
         """(n, 3), (n, 3, 3) the frame of each row's stage; of a following one at the foot."""
-        p, R = (np.empty_like(part) for part in self._tip_pose())
+        p, R = (np.empty_like(part) for part in self.tip_pose())
         for visit in self._visits:
-            origin, axes = self._pose(self._stages[visit.stage].frame)
+            origin, axes = self.pose(self._stages[visit.stage].frame)
             p[visit.rows], R[visit.rows] = origin[visit.rows], axes[visit.rows]
         return p, R
 
