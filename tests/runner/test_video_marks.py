@@ -121,6 +121,19 @@ def test_a_set_point_of_zero_is_nothing_to_look_at(record: Record) -> None:
     assert [each.name for each in shown] == ["norm(force)", "norm(force)"]
 
 
+def test_of_a_held_mechanism_its_effort_is_shown(record: Record) -> None:
+    text = """\
+taskspec: 1
+name: turn
+robot: {model: panda, grasp: crank.handle}
+world: {crank: {mechanism: hinge, xyz: [500 mm, 0, 350 mm], handle: [120 mm, 0, 0]}}
+frame: crank.handle
+stages: {rotate: {axes: {y: {velocity: 50 mm/s}, rz: {follows: crank}}, time: 0.1 s}}
+"""
+    (shown,) = shown_forces(record(text))
+    assert (shown.name, shown.unit, shown.wanted) == ("crank.torque", "N m", None)
+
+
 def test_the_reference_is_a_point_of_the_world(record: Record) -> None:
     recording = record(DRUM)
     stage = recording.visits[0]

@@ -88,8 +88,9 @@ class Panel:
                 self._curve(draw, shown, shown.wanted, rgb(WANTED), pen(4))
         for shown in self._shown:
             self._curve(draw, shown, shown.values, dark(APPLIED), max(1, pen(1.6)))
-        unit = next((s.unit for s in self._shown if s.wanted is not None), "N")
-        self._text(draw, _CHART[0], _CHART[3] + 6, f"force in {unit}, over time", 13, _SOFT)
+        units = sorted({shown.unit for shown in self._shown})
+        told = f"{' and '.join(units)}, over the time of the run"
+        self._text(draw, _CHART[0], _CHART[3] + 6, told, 13, _SOFT)
         self._legend(draw)
         return image
 

@@ -47,15 +47,16 @@ def shown_forces(recording: Recording) -> tuple[Shown, ...]:
     """For each visit the force with the largest set point that is not zero.
 
     A visit without one shows that of the next visit with one in the same frame, or of the last;
-    where there is none either, how large the force is.
+    where there is none either, what the robot applies to the mechanism that it holds, or how large
+    the force is.
     """
     visits = recording.visits
     wanted = [_largest(recording, visit) for visit in visits]
     frames = [recording.stage(visit).frame.name for visit in visits]
-    found = []
+    held, found = _held(recording), []
     for i, visit in enumerate(visits):
         others = [*range(i, len(visits)), *range(i - 1, -1, -1)]
-        name = next((wanted[k] for k in others if wanted[k] and frames[k] == frames[i]), "")
+        name = next((wanted[k] for k in others if wanted[k] and frames[k] == frames[i]), held)
         found.append(_shown(recording, visit, name, has_reference=bool(wanted[i])))
     return tuple(found)
 
@@ -67,6 +68,16 @@ def _shown(recording: Recording, visit: Visit, name: str, *, has_reference: bool
         wanted = columns[f"{name}.ref"][rows] if has_reference else None
         return Shown(visit, name, unit, columns[name][rows], wanted)
     return Shown(visit, "norm(force)", "N", np.linalg.norm(recording.force[rows], axis=1), None)
+
+
+def _held(recording: Recording) -> str:
+    """The signal of what acts on the mechanism that the robot holds; empty for none."""
+    task = recording.program.context.loaded.task
+    name = (task.robot.grasp or "").partition(".")[0]
+    mechanism = task.mechanisms.get(name)
+    if mechanism is None:
+        return ""
+    return f"{name}.{'torque' if mechanism.angular else 'force'}"
 
 
 def _largest(recording: Recording, visit: Visit) -> str:
