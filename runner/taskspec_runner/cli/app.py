@@ -11,6 +11,7 @@ from typing import Annotated
 import typer
 
 from taskspec_runner import headless
+from taskspec_runner.cli import options
 from taskspec_runner.cli.formats import FindingFormat, RunFormat
 from taskspec_runner.cli.guard import guarded, is_lost, lost
 
@@ -255,29 +256,14 @@ def diff(
 @guarded
 def replay(
     folder: Annotated[Path, typer.Argument(metavar="RUN", help="The folder of a run.")],
-    video: Annotated[
-        Path | None, typer.Option(metavar="OUT.MP4", help="Write a video; no screen is needed.")
-    ] = None,
-    view: Annotated[bool, typer.Option("--view", help="Open a window, also the default.")] = False,
-    speed: Annotated[
-        float, typer.Option(help="1 is real time, 2 twice as fast, 0.25 a quarter.")
-    ] = 1.0,
-    start: Annotated[
-        float | None, typer.Option("--from", metavar="S", help="Begin at this run time in seconds.")
-    ] = None,
-    end: Annotated[
-        float | None, typer.Option("--to", metavar="S", help="End at this run time in seconds.")
-    ] = None,
-    size: Annotated[str, typer.Option(metavar="WxH", help="Of the video, in pixels.")] = "1280x720",
-    fps: Annotated[float, typer.Option(help="Frames in a second of the video.")] = 25.0,
-    camera: Annotated[
-        str | None,
-        typer.Option(
-            metavar="AZIMUTH,ELEVATION,DISTANCE",
-            help="Look at the arm from here, in degrees and metres, such as 120,-20,1.2.",
-            show_default="found for each run",
-        ),
-    ] = None,
+    video: options.Video = None,
+    view: options.View = False,
+    speed: options.Speed = 1.0,
+    start: options.From = None,
+    end: options.To = None,
+    size: options.Size = "1280x720",
+    fps: options.Fps = 25.0,
+    camera: options.Camera = None,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Show no progress.")] = False,
 ) -> int:
     """Look at a run again: robot, forces, frame and paths, as a video or in a window."""
