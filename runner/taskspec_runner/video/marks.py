@@ -32,7 +32,7 @@ _LONGEST, _LEAST_FORCE = 0.16, 0.2
 _TRIAD, _TRIAD_WIDTH, _ARROW_WIDTH = 0.085, 0.0035, 0.0075
 _WANTED_WIDTH, _TRACE_WIDTH, _LINK_RADIUS = 0.0022, 0.0026, 0.035
 #: Most pieces of a path; nearer than this [m] two of its points are one; further, a jump.
-_PIECES, _NEAR, _JUMP = 200, 5e-4, 0.03
+_PIECES, _NEAR, _JUMP = 150, 5e-4, 0.03
 _EMISSION = 0.25
 
 
