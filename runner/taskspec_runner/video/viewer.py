@@ -22,6 +22,8 @@ from taskspec_runner.video.world import World
 #: Of a window, about.
 _ASPECT = 16 / 9
 _PAUSE = 1 / 60
+#: Opacity of what stands still in the world.
+_SOLID = 0.45
 
 
 def check_display() -> None:
@@ -93,7 +95,7 @@ class Show:
         # A window cannot let hidden marks shine through, as pictures do.
         model = self.world.model
         solids = (model.geom_bodyid == 0) & (model.geom_matid < 0)
-        model.geom_rgba[solids, 3] *= 0.7
+        model.geom_rgba[solids, 3] *= _SOLID
 
     def camera(self) -> mujoco.MjvCamera:
         """Where it is looked at from at first."""
