@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-import os
-import sys
-from io import TextIOWrapper
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from taskspec_runner import headless
 from taskspec_runner.cli import options
 from taskspec_runner.cli.formats import FindingFormat, RunFormat
-from taskspec_runner.cli.guard import guarded, is_lost, lost
+from taskspec_runner.cli.guard import guarded
 
 app = typer.Typer(
     name="taskspec",
@@ -22,18 +18,6 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
-
-
-TaskFile = Annotated[Path, typer.Argument(metavar="FILE", help="The task file.")]
-Overrides = Annotated[
-    list[str] | None,
-    typer.Option("--set", metavar="KEY=VALUE", help="Override a value; may be repeated."),
-]
-Law = Annotated[
-    str | None, typer.Option(help="Put every stage under this law, its gains designed.")
-]
-
-Seed = Annotated[int, typer.Option(min=0, help="Of everything random.")]
 
 
 def _version(asked: bool) -> None:
@@ -56,29 +40,20 @@ def _taskspec(
 @app.command()
 @guarded
 def run(
-    file: TaskFile,
-    set_: Overrides = None,
-    law: Law = None,
-    seed: Seed = 0,
+    file: options.TaskFile,
+    set_: options.Overrides = None,
+    law: options.Law = None,
+    seed: options.Seed = 0,
     out: Annotated[
         Path | None,
         typer.Option(
             help="The run's folder; an earlier run in it is replaced.", show_default="runs/NAME"
         ),
     ] = None,
-    telemetry: Annotated[
-        str | None,
-        typer.Option(
-            metavar="udp://HOST:PORT",
-            help="Send signals as JSON while it runs, 100 times a simulated second or ?rate=HZ.",
-        ),
-    ] = None,
+    telemetry: options.Telemetry = None,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Say only what failed.")] = False,
     form: Annotated[RunFormat, typer.Option("--format", help="Of the outcome.")] = RunFormat.TEXT,
-    video: Annotated[
-        Path | None,
-        typer.Option(metavar="OUT.MP4", help="Draw the run as a video when it has ended."),
-    ] = None,
+    video: options.RunVideo = None,
 ) -> int:
     """Run a task in simulation, record it and judge what it expects."""
     from taskspec_runner.cli.run import run_task
@@ -91,15 +66,15 @@ def run(
 @app.command()
 @guarded
 def compare(
-    file: TaskFile,
+    file: options.TaskFile,
     law: Annotated[
         list[str] | None,
         typer.Option(
             help="A law to compare, its gains designed; may be repeated.", show_default="every law"
         ),
     ] = None,
-    set_: Overrides = None,
-    seed: Seed = 0,
+    set_: options.Overrides = None,
+    seed: options.Seed = 0,
     out: Annotated[
         Path | None,
         typer.Option(
@@ -149,8 +124,8 @@ def explain(
     what: Annotated[
         str, typer.Argument(metavar="FILE|CODE", help="A task file, or a code such as TS203.")
     ],
-    set_: Overrides = None,
-    law: Law = None,
+    set_: options.Overrides = None,
+    law: options.Law = None,
 ) -> int:
     """Say what a task makes of itself: frames, axes, laws, gains; or what a code means."""
     from taskspec_runner.cli.explain import explain_what
@@ -271,24 +246,3 @@ def replay(
 
     cut = (speed, start, end, size, fps, camera)
     return replay_run(folder, video, cut, view=view, quiet=quiet)
-
-
-def main() -> None:
-    """The command line."""
-    headless.set_aside()
-    # Python has no stream where the shell has closed it; what is written there is lost anyway.
-    sys.stdout = sys.stdout or os.fdopen(os.open(os.devnull, os.O_WRONLY), "w")
-    sys.stderr = sys.stderr or os.fdopen(os.open(os.devnull, os.O_WRONLY), "w")
-    for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, TextIOWrapper) and stream.errors == "strict":
-            stream.reconfigure(errors="backslashreplace")
-    try:
-        try:
-            app()
-        finally:
-            sys.stdout.flush()
-    except OSError as error:
-        # The help is printed where no command guards it.
-        if not is_lost(error):
-            raise
-        sys.exit(lost(error))

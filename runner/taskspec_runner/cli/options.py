@@ -1,4 +1,4 @@
-"""Options of `taskspec replay`."""
+"""Options of commands, where several have them or one has many."""
 
 from __future__ import annotations
 
@@ -7,6 +7,30 @@ from typing import Annotated
 
 import typer
 
+TaskFile = Annotated[Path, typer.Argument(metavar="FILE", help="The task file.")]
+Overrides = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="KEY=VALUE", help="Override a value; may be repeated."),
+]
+Law = Annotated[
+    str | None, typer.Option(help="Put every stage under this law, its gains designed.")
+]
+Seed = Annotated[int, typer.Option(min=0, help="Of everything random.")]
+
+# run
+Telemetry = Annotated[
+    str | None,
+    typer.Option(
+        metavar="udp://HOST:PORT",
+        help="Send signals as JSON while it runs, 100 times a simulated second or ?rate=HZ.",
+    ),
+]
+RunVideo = Annotated[
+    Path | None,
+    typer.Option(metavar="OUT.MP4", help="Draw the run as a video when it has ended."),
+]
+
+# replay
 Video = Annotated[
     Path | None, typer.Option(metavar="OUT.MP4", help="Write a video; no screen is needed.")
 ]

@@ -1,0 +1,32 @@
+"""How the command line begins and ends as a process."""
+
+from __future__ import annotations
+
+import os
+import sys
+from io import TextIOWrapper
+
+from taskspec_runner import headless
+from taskspec_runner.cli.app import app
+from taskspec_runner.cli.guard import is_lost, lost
+
+
+def main() -> None:
+    """The command line."""
+    headless.set_aside()
+    # Python has no stream where the shell has closed it; what is written there is lost anyway.
+    sys.stdout = sys.stdout or os.fdopen(os.open(os.devnull, os.O_WRONLY), "w")
+    sys.stderr = sys.stderr or os.fdopen(os.open(os.devnull, os.O_WRONLY), "w")
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, TextIOWrapper) and stream.errors == "strict":
+            stream.reconfigure(errors="backslashreplace")
+    try:
+        try:
+            app()
+        finally:
+            sys.stdout.flush()
+    except OSError as error:
+        # The help is printed where no command guards it.
+        if not is_lost(error):
+            raise
+        sys.exit(lost(error))
