@@ -5,7 +5,7 @@ tick(time, state, model terms, measured wrench, memory, parameters) -> torque, m
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import casadi as ca
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from taskspec.control import model_terms
 from taskspec.control.constrained import eliminate
-from taskspec.control.gains import Gains, design, design_joint_damping, has_force
+from taskspec.control.gains import Gains, Plant, design, design_joint_damping, has_force
 from taskspec.control.model_terms import TermSymbols
 from taskspec.control.reference import opposite
 from taskspec.control.state import AXES, task_state
@@ -125,7 +125,11 @@ class CompiledStage:
 
 
 def compile_stage(
-    context: Context, name: str, path: PathShape | None, axes_rotation: NDArray[np.float64]
+    context: Context,
+    name: str,
+    path: PathShape | None,
+    axes_rotation: NDArray[np.float64],
+    gains: Gains | None = None,
 ) -> CompiledStage:
     """Compiles one stage.
 
@@ -134,6 +138,7 @@ def compile_stage(
         name: the stage's name.
         path: its path in SI units, already restricted to the axes that it drives.
         axes_rotation: (3, 3) the stage's frame at the start pose.
+        gains: in place of those of the file and of the design.
     """
     task, robot = context.loaded.task, context.robot
     stage, n = task.stages[name], robot.pin.nv
@@ -151,17 +156,9 @@ def compile_stage(
         for a, plan in plans.items()
         if plan.mode == "follows"
     }
-    gains = design(law, {a: p.axis for a, p in plans.items()}, plants)
     active = active_equations(law, stage, context.equations)
-    for gain, by_name in equation_gains(context, law, active, context.equations).items():
-        gains.setdefault(gain, {}).update(by_name)
-    if LAWS[law.kind].damps_joints:
-        stiffness = [
-            gains["stiffness"][a].value + (plants[a].k if has_force(plans[a].axis) else 0.0)
-            for a in axes
-        ]
-        joints = context.joint_plants(axes, axes_rotation, stiffness, rates)
-        gains["joint_damping"] = design_joint_damping(law, joints)
+    if gains is None:
+        gains = _design(context, law, plans, plants, active, axes_rotation, rates)
 
     visits = [f"{s}.visits" for s in task.stages]
     now, q, v = ca.SX.sym("now", 2 + len(visits)), ca.SX.sym("q", n), ca.SX.sym("v", n)
@@ -388,6 +385,29 @@ def compile_stage(
         choice=_choice(arguments, chosen, control, case) if chosen and control else None,
         resolution=limited.compiled(arguments) if limited else None,
     )
+
+
+def _design(
+    context: Context,
+    law: Law,
+    plans: Mapping[str, AxisPlan],
+    plants: Mapping[str, Plant],
+    active: Sequence[str],
+    axes_rotation: NDArray[np.float64],
+    rates: NDArray[np.float64],
+) -> Gains:
+    """Gains of the axes, of the equations `active` and of the joints."""
+    gains = design(law, {a: p.axis for a, p in plans.items()}, plants)
+    for gain, by_name in equation_gains(context, law, active, context.equations).items():
+        gains.setdefault(gain, {}).update(by_name)
+    if LAWS[law.kind].damps_joints:
+        stiffness = [
+            gains["stiffness"][a].value + (plants[a].k if has_force(plans[a].axis) else 0.0)
+            for a in plans
+        ]
+        joints = context.joint_plants(tuple(plans), axes_rotation, stiffness, rates)
+        gains["joint_damping"] = design_joint_damping(law, joints)
+    return gains
 
 
 def _effort(row: EquationRow) -> str:

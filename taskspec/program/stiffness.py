@@ -17,6 +17,8 @@ from taskspec.spec import EquationObject, Shape
 
 Vector = NDArray[np.float64]
 
+#: Impedance d with which the simulator makes every contact.
+IMPEDANCE = 0.02
 #: `rigid` is a contact that turns half a radian of its own oscillation in one step of the plant.
 RIGID_PHASE = 0.5
 #: The inertia [kg m^2] for which an equation on joints has a tenth of critical damping.
@@ -137,3 +139,11 @@ def virtual_mass_scale(robot: RobotModel) -> float:
     """Mean mass [kg] that a contact at the tool feels, as MuJoCo counts it (1/invweight0)."""
     body = robot.model.body(robot.tip_body).id
     return 1.0 / float(robot.model.body_invweight0[body, 0])
+
+
+def added_mass(mobility: float) -> float:
+    """d/((1 - d) A) [kg]: what the simulator adds to a contact between bodies of mobility A [1/kg].
+
+    A is the sum of their translational `invweight0`.
+    """
+    return IMPEDANCE / ((1 - IMPEDANCE) * mobility)

@@ -10,11 +10,9 @@ from __future__ import annotations
 
 import mujoco
 
-from taskspec.program.stiffness import Compliance, virtual_mass_scale
+from taskspec.program.stiffness import IMPEDANCE, Compliance, virtual_mass_scale
 from taskspec.robot import RobotModel
 
-#: Impedance d of every contact.
-IMPEDANCE = 0.02
 #: Share of a sticking contact's slip that friction may take away in one step of the plant.
 SETTLING = 0.5
 #: How much stiffer friction is against a slip than the contact is damped along its normal.

@@ -1,0 +1,1 @@
+"""Compiled stages as sampled linear systems: poles, margins and the textbook's own conditions."""

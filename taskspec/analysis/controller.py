@@ -1,0 +1,211 @@
+"""A stage's tick about an equilibrium: the compiled function itself, differentiated by CasADi.
+
+The derivative is taken along directions of the joints, the measured wrench, the measured reactions
+and the memory. A direction of the joints moves what Pinocchio hands the tick as it moves in truth
+to first order at rest, but for H, C q' + g, g and the tip's Jacobian, which stay as they are.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import casadi as ca
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from taskspec.control.model_terms import ModelTerms
+from taskspec.control.state import AXES
+from taskspec.program import entry, felt
+from taskspec.program.carried import Carried
+from taskspec.program.context import Context
+from taskspec.program.ports import fields, slices
+from taskspec.program.stage import CompiledStage
+
+Matrix = NDArray[np.float64]
+
+#: A blending that is to keep what it adds lasts this long [s].
+_FOR_EVER = 1e9
+#: Ramps and blendings are over this long after they should be [s].
+_AFTER = 1.0
+_DEFAULT_RAMP = 0.2
+
+
+@dataclass(frozen=True, slots=True)
+class LinearController:
+    """u and memory' per q, q', measured wrench, measured reactions and memory.
+
+    Attributes:
+        torque: (n, 2n + 6 + e + m). memory: (m, 2n + 6 + e + m); m slots of memory on which a
+            later torque depends. slots: their numbers.
+        finite: whether the torque has a derivative.
+    """
+
+    torque: Matrix
+    memory: Matrix
+    slots: tuple[int, ...]
+
+    @property
+    def finite(self) -> bool:
+        """Whether the torque has a derivative at all."""
+        return bool(np.isfinite(self.torque).all() and np.isfinite(self.memory).all())
+
+
+class Operating:
+    """A stage entered at the start pose, long after its ramps, with its references where it is."""
+
+    def __init__(self, context: Context, stage: CompiledStage) -> None:
+        self.context, self.stage = context, stage
+        n = context.robot.pin.nv
+        self._terms = ModelTerms(context.robot)
+        self._now = np.zeros(2 + len(context.loaded.task.stages))
+        self._now[2 + list(context.loaded.task.stages).index(stage.name)] = 1.0
+        self._wrench, self._reactions = np.zeros(6), np.zeros(len(context.equations))
+        self._terms.update(context.start, np.zeros(n))
+        self._arguments = [
+            self._now,
+            context.start,
+            np.zeros(n),
+            *self._terms.arrays,
+            self._wrench,
+            self._reactions,
+        ]
+        self._fields = slices(fields(len(context.equations)))
+        self._enter()
+
+    def press(self, wrench: Matrix, reactions: Matrix) -> None:
+        """Enters again with what is measured at the equilibrium."""
+        self._wrench[:], self._reactions[:] = wrench, reactions
+        self._enter()
+
+    def _enter(self) -> None:
+        context, stage = self.context, self.stage
+        self._now[0] = 0.0
+        poses = {
+            felt.slot(f): np.concatenate([g.rotation.ravel(order="F"), g.origin])
+            for f in context.frames.values()
+            if f.kind == "estimated"
+            for g in (context.frames[f.felt],)
+        }
+        entered = entry.enter(
+            stage,
+            context.robot,
+            Carried(context.start_p, context.start_R, np.zeros(6)),
+            (context.start_p, context.start_R),
+            self._arguments,
+            poses,
+        )
+        self.memory, self.parameters = entered.memory, entered.parameters
+        ramps = [p.axis.ramp for p in stage.plans.values()]
+        ramps += [point.ramp for point in stage.spec.constraints.values()]
+        longest = max([_DEFAULT_RAMP, *(r for r in ramps if r is not None)])
+        self._now[0] = max(longest, entered.tracks.duration) + _AFTER
+        entered.tracks.refresh(stage, self.parameters, float(self._now[0]))
+        self._bring_references()
+
+    def _bring_references(self) -> None:
+        """Moves each motion reference to where the arm is, for good."""
+        stage, write = self.stage, self.stage.parameters.write
+        moving = [a for a, p in stage.plans.items() if p.motion and not p.open_loop]
+        for name in moving:
+            for slot, value in (("offset", 0.0), ("slope", 0.0), ("pressed", 0.0), ("blend", 1.0)):
+                write(self.parameters, f"{slot}.{name}", value)
+        own = np.array(stage.own(*self._arguments, self.memory, self.parameters)[0]).ravel()
+        error = self.outputs()["error"]
+        for name in moving:
+            i, last = AXES.index(name), f"last.{name}"
+            carried = last in stage.memory and not self._by_gap(name)
+            if carried:
+                offset = float(self.memory[stage.memory.slots[last]][0]) - own[i]
+            else:
+                offset = -own[i] if name.startswith("r") else -error[i]
+            write(self.parameters, f"offset.{name}", float(offset))
+            write(self.parameters, f"blend.{name}", _FOR_EVER)
+
+    def _by_gap(self, name: str) -> bool:
+        return name == "z" and self.stage.frame.kind == "following"
+
+    def outputs(self) -> dict[str, Matrix]:
+        """What the tick puts out, by name."""
+        found = self.stage.tick(*self._arguments, self.memory, self.parameters)
+        numbers = np.array(found[2]).ravel()
+        return {name: numbers[where] for name, where in self._fields.items()}
+
+    def linear(self) -> LinearController:
+        """The derivative of torque and memory, one direction after the other."""
+        n, size = self.context.robot.pin.nv, self.stage.memory.size
+        count = 2 * n + 6 + len(self._reactions)
+        seeds = [*self._joint_seeds(), *(self._seed(i) for i in range(count - 2 * n))]
+        columns = [self._along(seed, np.zeros(size)) for seed in seeds]
+        columns += [self._along(self._seed(None), unit) for unit in np.eye(size)]
+        whole = np.column_stack(columns) if columns else np.zeros((n + size, 0))
+        torque, memory = whole[:n], whole[n:]
+        slots = _felt_slots(torque[:, count:], memory[:, count:])
+        kept = [*range(count), *(count + s for s in slots)]
+        return LinearController(torque[:, kept], memory[np.ix_(slots, kept)], tuple(slots))
+
+    @cached_property
+    def _forward(self) -> ca.Function:
+        return self.stage.tick.forward(1)
+
+    def _along(self, seed: list[Matrix], memory: Matrix) -> Matrix:
+        given = [*self._arguments, self.memory, self.parameters]
+        results = self._results
+        found = self._forward(*given, *results, *seed, memory, np.zeros(len(self.parameters)))
+        return np.concatenate([np.array(found[0]).ravel(), np.array(found[1]).ravel()])
+
+    @cached_property
+    def _results(self) -> list[ca.DM]:
+        return list(self.stage.tick(*self._arguments, self.memory, self.parameters))
+
+    def _seed(self, measured: int | None) -> list[Matrix]:
+        """No direction but one of the measured wrench and reactions."""
+        seed = [np.zeros(len(a)) for a in self._arguments]
+        if measured is not None:
+            seed[-2 if measured < 6 else -1][measured % 6 if measured < 6 else measured - 6] = 1.0
+        return seed
+
+    def _joint_seeds(self) -> list[list[Matrix]]:
+        """Directions of q, then of q'."""
+        context, n = self.context, self.context.robot.pin.nv
+        J, tip = context.start_jacobian, context.robot.tip
+        p_joint, R_joint = self._arguments[7], self._arguments[8].reshape(3, 3, order="F")
+        gravity = context.robot.pin.gravity.linear
+        seeds = []
+        for i in range(n):
+            seed = self._seed(None)
+            turn = pin.skew(J[3:, i])
+            seed[1][i] = 1.0
+            # The tip's own Jacobian stays; Pinocchio's is of the point at the world's origin.
+            moved = np.zeros((6, n))
+            moved[:3] = pin.skew(J[:3, i]) @ J[3:]
+            seed[6] = moved.ravel(order="F")
+            seed[7] = J[:3, i] - turn @ (R_joint @ tip.translation)
+            seed[8] = (turn @ R_joint).ravel(order="F")
+            seed[9][:3] = -(turn @ R_joint).T @ gravity
+            seeds.append(seed)
+        for i in range(n):
+            seed = self._seed(None)
+            seed[2][i] = 1.0
+            seeds.append(seed)
+        assert len(p_joint) == 3
+        return seeds
+
+
+def _felt_slots(torque: Matrix, memory: Matrix) -> list[int]:
+    """Slots of the memory on which this torque depends, or a later one through other slots."""
+    found = {int(i) for i in np.flatnonzero(_any(torque))}
+    waiting = list(found)
+    while waiting:
+        row = memory[waiting.pop()]
+        for i in np.flatnonzero(_any(row[None, :])):
+            if int(i) not in found:
+                found.add(int(i))
+                waiting.append(int(i))
+    return sorted(found)
+
+
+def _any(part: Matrix) -> Matrix:
+    """Columns with anything but zeros."""
+    return np.asarray(np.any((part != 0) | ~np.isfinite(part), axis=0))

@@ -1,0 +1,198 @@
+"""The environment of a stage as springs: contacts, equations and the grip, with their true values."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import casadi as ca
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from taskspec.analysis.plant import LinearPlant, Rows
+from taskspec.program import frames
+from taskspec.program.context import Context
+from taskspec.program.grip import GRIP
+from taskspec.program.stiffness import (
+    added_mass,
+    compliance,
+    equation_compliance,
+    virtual_mass_scale,
+)
+from taskspec.spec import Mechanism, Task
+
+Matrix = NDArray[np.float64]
+
+
+def linear_plant(context: Context, task: Task, pressed: Mapping[str, float]) -> LinearPlant:
+    """The plant at the start pose.
+
+    Args:
+        context: of the task that is believed. task: whose world and robot are the true ones.
+        pressed: what the robot applies to each contact that is there [N]: into a shape, along the
+            unit gradient of an equation.
+    """
+    robot, n = context.robot, context.robot.pin.nv
+    held = task.mechanisms.get(context.held)
+    c = n if held is None else n + 1
+    H = np.zeros((c, c))
+    H[:n, :n] = context.start_inertia
+    damping = np.zeros(c)
+    damping[:n] = np.broadcast_to(np.array(task.robot.joint_damping, dtype=float), n)
+    rows = []
+    for name, force in pressed.items():
+        if name in context.equations:
+            rows.append(_equation(context, task, name, force, c))
+        elif name in context.surfaces:
+            rows.append(_contact(context, task, name, force, c))
+    if held is not None:
+        H[n, n], damping[n] = _inertia(held), held.damping
+        rows.append(_grip(context, task, held))
+    control = task.control
+    return LinearPlant(
+        n=n,
+        H=H,
+        damping=damping,
+        J=context.start_jacobian,
+        rows=tuple(rows),
+        period=1.0 / control.plant_rate,
+        steps=round(control.plant_rate / control.rate),
+        tool=_tool(context) if task.robot.sensor.at == "wrist" else None,
+        equations=len(context.equations),
+    )
+
+
+def _contact(context: Context, task: Task, name: str, force: float, c: int) -> Rows:
+    """A shape under every sphere of the tool; each bears its share."""
+    robot, n, shape = context.robot, context.robot.pin.nv, task.shapes[name]
+    declared = compliance(shape, robot, context.start, 1.0 / task.control.plant_rate)
+    mobility = 1.0 / virtual_mass_scale(robot) + (1.0 / shape.mass if shape.mass else 0.0)
+    centers = robot.tool.centers
+    r = len(centers)
+    G, W, turning = np.zeros((r, c)), np.zeros((6, r)), np.zeros((6, c))
+    for i, (center, radius) in enumerate(zip(centers, robot.tool.radii, strict=True)):
+        lever = context.start_R @ center
+        normal, bend = _normal(context, task, name, context.start_p + lever, float(radius))
+        at = context.start_jacobian[:3] - _skew(lever) @ context.start_jacobian[3:]
+        turned = -_skew(lever) @ context.start_jacobian[3:]
+        G[i, :n] = normal @ at
+        W[:3, i], W[3:, i] = normal, np.cross(lever, normal)
+        turning[:3, :n] += force / r * bend @ at
+        moment = _skew(lever) @ bend @ at - _skew(normal) @ turned
+        turning[3:, :n] += force / r * moment
+    bending = np.zeros((c, c))
+    bending[:n] = context.start_jacobian.T @ turning
+    each = np.eye(r)
+    return Rows(
+        name=name,
+        G=G,
+        W=W,
+        K=declared.stiffness / r * each,
+        B=declared.damping / r * each,
+        M=added_mass(mobility) * each,
+        turning=turning,
+        bending=bending,
+    )
+
+
+def _normal(
+    context: Context, task: Task, name: str, center: Matrix, radius: float
+) -> tuple[Matrix, Matrix]:
+    """Outward normal (3,) at a sphere of the tool that touches, and its change (3, 3) [1/m]."""
+    surface = frames.surface(task.shapes[name])
+    x = ca.SX.sym("x", 3)
+    gradient = surface.gradient(x)
+    function = ca.Function("normal", [x], [gradient, ca.jacobian(gradient, x), surface.distance(x)])
+    A, a = np.eye(3), np.zeros(3)
+    if name in context.carriers:
+        A, a = context.carriers[name].pose(0.0)
+    local = A.T @ (center - a)
+    normal, _, distance = (np.array(part) for part in function(local))
+    # The normal's change is that of the tool brought to the surface.
+    touching = local - (float(distance[0, 0]) - radius) * normal.ravel()
+    normal, bend, _ = (np.array(part) for part in function(touching))
+    return A @ normal.ravel(), A @ bend @ A.T
+
+
+def _equation(context: Context, task: Task, name: str, force: float, c: int) -> Rows:
+    model, n = context.equations[name], context.robot.pin.nv
+    period = 1.0 / task.control.plant_rate
+    declared = equation_compliance(
+        model, context.robot, context.start, task.equations[name], period
+    )
+    place = context.start if model.joints else context.start_p
+    x = ca.SX.sym("x", len(place))
+    unit = model.terms(x, ca.SX.zeros(len(place)), ca.SX(0)).normal.T
+    normal, bend = (
+        np.array(part) for part in ca.Function("unit", [x], [unit, ca.jacobian(unit, x)])(place)
+    )
+    on = np.eye(n) if model.joints else context.start_jacobian[:3]
+    G, W, turning = np.zeros((1, c)), np.zeros((6, 1)), np.zeros((6, c))
+    bending = np.zeros((c, c))
+    G[0, :n] = normal.ravel() @ on
+    bending[:n, :n] = -force * on.T @ bend @ on
+    if not model.joints:
+        W[:3] = normal
+        turning[:3, :n] = -force * bend @ on
+    return Rows(
+        name=name,
+        G=G,
+        W=W,
+        K=np.array([[declared.stiffness]]),
+        B=np.array([[declared.damping]]),
+        M=np.zeros((1, 1)),
+        turning=turning,
+        bending=bending,
+        equation=list(context.equations).index(name),
+    )
+
+
+def _grip(context: Context, task: Task, held: Mechanism) -> Rows:
+    """The coupling of the tool and a handle; a free knob turns in it."""
+    n, model = context.robot.pin.nv, context.mechanisms[context.held]
+    axis = model.rotation[:, 2]
+    moves = model.lead * axis if model.angular else axis
+    if model.angular:
+        moves = moves + np.cross(axis, model.grip - model.origin)
+    turns = axis if model.angular else np.zeros(3)
+    G = np.zeros((6, n + 1))
+    G[:, :n], G[:, n] = context.start_jacobian, -np.concatenate([moves, turns])
+    ways = np.eye(6)
+    if held.knob == "free":
+        across = np.linalg.svd(axis[None, :])[2][1:]
+        ways = np.vstack([ways[:3], np.hstack([np.zeros((2, 3)), across])])
+    turning = len(ways) - 3
+    stiffness = [GRIP.stiffness] * 3 + [GRIP.angular_stiffness] * turning
+    damping = np.diag([GRIP.damping] * 3 + [GRIP.angular_damping] * turning)
+    return Rows(
+        name=context.held,
+        G=ways @ G,
+        W=ways.T,
+        K=np.diag(stiffness),
+        B=damping,
+        # The simulator takes the grip's damping at the step's end.
+        M=damping / task.control.plant_rate,
+        turning=np.zeros((6, n + 1)),
+        bending=np.zeros((n + 1, n + 1)),
+    )
+
+
+def _inertia(held: Mechanism) -> float:
+    """Of a mechanism along its coordinate [kg m^2, kg]."""
+    if not held.angular:
+        return float(getattr(held, "mass", 1.0))
+    return float(getattr(held, "inertia", 0.0)) + float(getattr(held, "mass", 0.0)) * held.lead**2
+
+
+def _tool(context: Context) -> Matrix:
+    """(6, 6) inertia of the tool's body about the tip, world axes."""
+    body = context.robot.model.body(context.robot.tip_body)
+    R, mass = context.start_R, float(body.mass[0])
+    lever = _skew(R @ np.array(body.ipos))
+    own = R @ pin.Quaternion(*(float(part) for part in body.iquat)).matrix()
+    about = own @ np.diag(np.array(body.inertia)) @ own.T - mass * lever @ lever
+    return np.block([[mass * np.eye(3), -mass * lever], [mass * lever, about]])
+
+
+def _skew(v: Matrix) -> Matrix:
+    return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])

@@ -1,0 +1,145 @@
+"""The closed loop over one period: controller, sensor and plant as one matrix, and its modes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+import scipy.linalg
+from numpy.typing import NDArray
+
+from taskspec.analysis.controller import LinearController
+from taskspec.analysis.plant import LinearPlant
+from taskspec.control.sensor import SensorModel
+
+Matrix = NDArray[np.float64]
+
+#: An eigenvalue nearer to 1 than this is one that rounding has moved off it.
+_ROUNDING = 1e-9
+#: How much of rounding, as its own sensitivity tells, may move an eigenvalue off 1.
+_TRUSTED = 1e3
+#: More states than this are not looked at.
+MOST_STATES = 400
+
+
+class TooLargeError(ValueError):
+    """The closed loop has more states than are looked at: a very long delay."""
+
+
+@dataclass(frozen=True, slots=True)
+class Mode:
+    """One eigenvalue of the closed loop.
+
+    Attributes:
+        z: over one period of control. s: ln(z)/T [1/s].
+        shape: (n,) amplitudes of the joints.
+    """
+
+    z: complex
+    s: complex
+    shape: NDArray[np.complex128]
+
+    @property
+    def damping_ratio(self) -> float:
+        """-Re s / |s|; 1 at the origin."""
+        return -self.s.real / abs(self.s) if self.s else 1.0
+
+    @property
+    def frequency(self) -> float:
+        """Of the oscillation [Hz]."""
+        return abs(self.s.imag) / (2 * np.pi)
+
+
+def one_step(
+    controller: LinearController, plant: LinearPlant, sensor: SensorModel, *, samples: bool
+) -> Matrix:
+    """F of x[k+1] = F x[k] over one period of control.
+
+    x holds coordinates and rates (2c), the wrench of the plant's last step in the directions in
+    which it can be (r), reactions (e), what the sensor remembers of the former, and memory (m).
+
+    Args:
+        controller: the stage. plant: what it drives. sensor: between them.
+        samples: whether a sensor that holds takes a new sample in this period.
+
+    Raises:
+        TooLargeError: it would have more than `MOST_STATES` states.
+    """
+    A, B = plant.step()
+    n, c, e, m = plant.n, plant.size, plant.equations, len(controller.slots)
+    basis = _span(np.hstack([A[2 * c : 2 * c + 6], B[2 * c : 2 * c + 6]]))
+    r = basis.shape[1]
+    kept = r * sensor.order
+    size = 2 * c + r + e + kept + m
+    if size > MOST_STATES:
+        raise TooLargeError(f"{size} states")
+    at_w, at_e = 2 * c, 2 * c + r
+    at_s, at_m = at_e + e, at_e + e + kept
+
+    update, reading = _sensor(sensor, r, samples)
+    measured = np.zeros((r, size))
+    measured[:, at_s:at_m], measured[:, at_w:at_e] = reading[:, :kept], reading[:, kept:]
+
+    seen = np.zeros((2 * n + 6 + e + m, size))
+    seen[:n, :n], seen[n : 2 * n, c : c + n] = np.eye(n), np.eye(n)
+    seen[2 * n : 2 * n + 6] = basis @ measured
+    seen[2 * n + 6 : 2 * n + 6 + e, at_e:at_s] = np.eye(e)
+    seen[2 * n + 6 + e :, at_m:] = np.eye(m)
+
+    torque = controller.torque @ seen
+    out = B @ torque
+    out[:, : 2 * c] += A
+    F = np.zeros((size, size))
+    F[: 2 * c] = out[: 2 * c]
+    F[at_w:at_e] = basis.T @ out[2 * c : 2 * c + 6]
+    F[at_e:at_s] = out[2 * c + 6 :]
+    F[at_s:at_m, at_s:at_m], F[at_s:at_m, at_w:at_e] = update[:, :kept], update[:, kept:]
+    F[at_m:] = controller.memory @ seen
+    return F
+
+
+def modes(
+    controller: LinearController, plant: LinearPlant, sensor: SensorModel, period: float
+) -> tuple[Mode, ...]:
+    """All modes but the neutral ones, the least stable first.
+
+    Neutral are eigenvalues 1, alone or in chains: references that are carried along, an arm's
+    inner motion that nothing holds, coordinates that a force alone decides.
+
+    Args:
+        controller: the stage. plant: what it drives. sensor: between them. period: T [s].
+    """
+    F = one_step(controller, plant, sensor, samples=True)
+    if sensor.hold_ticks > 1:
+        held = one_step(controller, plant, sensor, samples=False)
+        F = np.linalg.matrix_power(held, sensor.hold_ticks - 1) @ F
+    span = sensor.hold_ticks * period
+    balanced, scale = scipy.linalg.matrix_balance(F, permute=False)
+    values, left, right = scipy.linalg.eig(balanced, left=True)
+    overlap = np.abs(np.sum(left.conj() * right, axis=0))
+    uncertain = np.finfo(float).eps * np.linalg.norm(balanced) / np.maximum(overlap, 1e-300)
+    found = []
+    for z, doubt, shape in zip(values, uncertain, (scale @ right).T, strict=True):
+        if abs(z - 1) < max(_ROUNDING, _TRUSTED * doubt) or z.imag < 0 or abs(z) < 1e-12:
+            continue
+        s = np.log(complex(z)) / span
+        found.append(Mode(complex(np.exp(s * period)), s, shape[: plant.n]))
+    return tuple(sorted(found, key=lambda mode: -mode.s.real))
+
+
+def _span(wrenches: Matrix) -> Matrix:
+    """(6, r) orthonormal basis of the wrenches that can be."""
+    scaled = wrenches / max(float(np.abs(wrenches).max()), 1e-300)
+    U, sizes, _ = np.linalg.svd(scaled)
+    return U[:, : int(np.sum(sizes > 1e-12))]
+
+
+def _sensor(model: SensorModel, r: int, samples: bool) -> tuple[Matrix, Matrix]:
+    """The sensor's update (r order, r order + r) and reading (r, r order + r) of r channels."""
+    memory, wrench = ca.SX.sym("memory", r, model.order), ca.SX.sym("wrench", r)
+    kept, value = model.update(memory, wrench, ca.SX(float(samples)))
+    given = ca.vertcat(ca.vec(memory), wrench)
+    both = ca.jacobian(ca.vertcat(ca.vec(kept), value), given)
+    found = np.array(ca.evalf(both)).reshape(r * model.order + r, r * model.order + r)
+    return found[: r * model.order], found[r * model.order :]

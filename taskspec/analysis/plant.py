@@ -1,0 +1,133 @@
+"""The plant about an equilibrium, stepped as the simulator steps it.
+
+Arm and held mechanism have coordinates y = (q, s). The environment is a set of springs and dampers
+along rows G y, each with the mass that the simulator's constraint adds,
+
+    f = -(K G y + B G y' + M G y''),    wrench on the tool tip = W f + (dW/dy f_0) y,
+
+and a plant step of length h is semi-implicit Euler, with the joints' own damping D taken at its
+end:
+
+    H a = tau - D y' + G^T f + (d(G^T f_0)/dy) y,    y' += h (H + h D)^-1 H a,    y += h y'.
+
+H, G and the tip's Jacobian stay as they are at the equilibrium; so do C and g, which the arm's own
+model cancels.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Matrix = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Rows:
+    """Some of the environment's springs, r of them.
+
+    Attributes:
+        name: of the object, the equation or the grip.
+        G: (r, n + c) rate of their deformations per rate of the coordinates.
+        W: (6, r) wrench on the tip, world axes, per force along them.
+        K, B, M: (r, r) stiffness, damping, added mass.
+        turning: (6, n + c) how the wrench at the equilibrium turns with the pose.
+        bending: (n + c, n + c) the same for what it does to the coordinates.
+        equation: number of the equation that they are, whose reaction is measured; else None.
+    """
+
+    name: str
+    G: Matrix
+    W: Matrix
+    K: Matrix
+    B: Matrix
+    M: Matrix
+    turning: Matrix
+    bending: Matrix
+    equation: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class LinearPlant:
+    """Arm, held mechanism and environment.
+
+    Attributes:
+        n: joints of the arm. H: (n + c, n + c) inertia. damping: (n + c,) of the joints.
+        J: (6, n) of the tip, world axes. rows: the environment.
+        period: step of the plant [s]. steps: of them in one period of control.
+        tool: (6, 6) inertia of the tool about the tip, where the sensor feels it; else None.
+        equations: how many the task has.
+    """
+
+    n: int
+    H: Matrix
+    damping: Matrix
+    J: Matrix
+    rows: tuple[Rows, ...]
+    period: float
+    steps: int
+    tool: Matrix | None
+    equations: int
+
+    @property
+    def size(self) -> int:
+        """Coordinates, those of a mechanism included."""
+        return len(self.H)
+
+    def step(self) -> tuple[Matrix, Matrix]:
+        """One period of control with the torque held.
+
+        Returns:
+            A (2c + 6 + e, 2c) and B (2c + 6 + e, n): from coordinates and rates (2c) and from
+            the torque (n,) to the next ones, the wrench that a sensor at the tip has in the last
+            step of the plant, and what the robot applies along each of the e equations.
+        """
+        c, h = self.size, self.period
+        G = np.vstack([np.zeros((0, c)), *(r.G for r in self.rows)])
+        K, B, M = (_blocks([getattr(r, k) for r in self.rows]) for k in "KBM")
+        turning = sum((r.turning for r in self.rows), np.zeros((6, c)))
+        bending = sum((r.bending for r in self.rows), np.zeros((c, c)))
+        now = np.eye(2 * c + self.n)
+        position, rate, torque = now[:c], now[c : 2 * c], now[2 * c :]
+        on_joints = np.vstack([torque, np.zeros((c - self.n, now.shape[1]))])
+        felt = self.H + G.T @ M @ G
+        implicit = self.H + h * np.diag(self.damping)
+        y, v = position, rate
+        for _ in range(self.steps):
+            spring = K @ G @ y + B @ G @ v
+            free = on_joints - self.damping[:, None] * v + bending @ y
+            a = np.linalg.solve(felt, free - G.T @ spring)
+            f = -(spring + M @ G @ a)
+            wrench = turning @ y
+            a = np.linalg.solve(implicit, self.H @ a)
+            v = v + h * a
+            y = y + h * v
+        wrench = wrench + self._wrench(f)
+        if self.tool is not None:
+            wrench = wrench - self.tool @ self.J @ a[: self.n]
+        out = np.vstack([y, v, wrench, self._reactions(f)])
+        return out[:, : 2 * c], out[:, 2 * c :]
+
+    def _wrench(self, f: Matrix) -> Matrix:
+        W = np.hstack([np.zeros((6, 0)), *(r.W for r in self.rows)])
+        return W @ f
+
+    def _reactions(self, f: Matrix) -> Matrix:
+        """What the robot applies along equations, the opposite of what they exert."""
+        found, at = np.zeros((self.equations, f.shape[1])), 0
+        for row in self.rows:
+            if row.equation is not None:
+                found[row.equation] = -f[at]
+            at += len(row.G)
+        return found
+
+
+def _blocks(parts: list[Matrix]) -> Matrix:
+    size = sum(len(part) for part in parts)
+    found, at = np.zeros((size, size)), 0
+    for part in parts:
+        found[at : at + len(part), at : at + len(part)] = part
+        at += len(part)
+    return found

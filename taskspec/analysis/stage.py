@@ -1,0 +1,161 @@
+"""A stage of a task about its predicted equilibrium."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taskspec.analysis.controller import LinearController, Operating
+from taskspec.analysis.environment import linear_plant
+from taskspec.analysis.loop import Mode, modes
+from taskspec.analysis.plant import LinearPlant
+from taskspec.control.gains import Gains
+from taskspec.control.sensor import SensorModel
+from taskspec.control.state import AXES
+from taskspec.program.contacts import pressed_objects, touched_objects
+from taskspec.program.context import Context
+from taskspec.program.modes import MOSTLY
+from taskspec.program.paths import path_shape
+from taskspec.program.prepare import frame_at_start
+from taskspec.program.stage import CompiledStage, compile_stage
+from taskspec.spec import Task
+
+Matrix = NDArray[np.float64]
+
+#: A contact that a stage meets, or presses on without force, is looked at under this force [N].
+LEAST_PRESS = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class Analysed:
+    """A stage as a sampled linear system.
+
+    Attributes:
+        context: what is believed. stage: the compiled one, without limits and guards.
+        rotation: (3, 3) its frame at the start pose.
+        pressed: what the robot applies to each contact at the equilibrium [N, N m].
+        meets: the contact is one that the stage may come to, not one that it is in.
+        controller: its law.
+    """
+
+    context: Context
+    stage: CompiledStage
+    rotation: Matrix
+    pressed: Mapping[str, float]
+    meets: bool
+    controller: LinearController
+
+    def plant(self, task: Task | None = None) -> LinearPlant:
+        """What it drives; `task` is the one whose world and robot are true."""
+        task = self.context.loaded.task if task is None else task
+        return linear_plant(self.context, task, self.pressed)
+
+    def modes(self, task: Task | None = None) -> tuple[Mode, ...]:
+        """Modes of the closed loop, the least stable first."""
+        task = self.context.loaded.task if task is None else task
+        sensor = SensorModel.of(task.robot.sensor, self.context.period)
+        return modes(self.controller, self.plant(task), sensor, self.context.period)
+
+    def axis(self, mode: Mode) -> str:
+        """The task axis that moves most in a mode, by its energy; `null space` if none does."""
+        context = self.context
+        both = np.kron(np.eye(2), self.rotation.T)
+        J = both @ context.start_jacobian
+        H = context.start_inertia
+        rows = [AXES.index(a) for a in self.stage.axes]
+        mobility = J[rows] @ np.linalg.solve(H, J[rows].T)
+        motion = J[rows] @ mode.shape
+        whole = float(np.real(mode.shape.conj() @ H @ mode.shape))
+        inside = float(np.real(motion.conj() @ np.linalg.solve(mobility, motion)))
+        if inside < 0.1 * whole:
+            return "null space"
+        energy = np.abs(motion) ** 2 / np.diag(mobility)
+        return self.stage.axes[int(np.argmax(energy))]
+
+
+def bare(context: Context, name: str) -> Context:
+    """The context with stage `name` reduced to its control: no limits, guards or program.
+
+    What is left is the closed form, which the limits do not change while none of them binds.
+    """
+    loaded = context.loaded
+    task, stage = loaded.task, loaded.task.stages[name]
+    law = context.law_of(stage).model_copy(update={"solve": "closed-form"})
+    reduced = stage.model_copy(
+        update={"law": law, "limits": None, "until": None, "within": None, "fail_if": None}
+    )
+    limits = type(task.limits)()
+    task = task.model_copy(update={"stages": {**task.stages, name: reduced}, "limits": limits})
+    free = np.full_like(context.robot.torque_limit, np.inf)
+    return replace(
+        context,
+        loaded=replace(loaded, task=task),
+        robot=replace(context.robot, torque_limit=free),
+    )
+
+
+def analyse(
+    context: Context, name: str, *, in_contact: bool = True, gains: Gains | None = None
+) -> Analysed | None:
+    """Stage `name` at its equilibrium; None where its torque has no derivative there.
+
+    Args:
+        context: the task. name: of the stage.
+        in_contact: whether the contacts that it presses on or may meet are there.
+        gains: in place of those that the stage has.
+    """
+    reduced = bare(context, name)
+    rotation = frame_at_start(context, context.frame_of(context.loaded.task.stages[name]))
+    path = path_shape(reduced, name, rotation)
+    ready = path.ready() if path is not None else None
+    stage = compile_stage(reduced, name, ready, rotation, gains)
+    at = Operating(reduced, stage)
+    pressed, meets = _pressed(reduced, stage, rotation, at) if in_contact else ({}, False)
+    wrench, reactions = np.zeros(6), np.zeros(len(context.equations))
+    for row in linear_plant(reduced, reduced.loaded.task, pressed).rows:
+        if row.equation is not None:
+            reactions[row.equation] = pressed[row.name]
+            wrench += row.W @ [-pressed[row.name]]
+        elif row.name in pressed:
+            wrench += row.W @ np.full(len(row.G), pressed[row.name] / len(row.G))
+    at.press(wrench, reactions)
+    controller = at.linear()
+    if not controller.finite:
+        return None
+    return Analysed(reduced, stage, rotation, pressed, meets, controller)
+
+
+def _pressed(
+    context: Context, stage: CompiledStage, rotation: Matrix, at: Operating
+) -> tuple[dict[str, float], bool]:
+    """What the robot applies to each contact, and whether these are only met."""
+    outputs = at.outputs()
+    found: dict[str, float] = {}
+    for i, name in enumerate(context.equations):
+        relation = context.equations[name].constraint.relation
+        if name in stage.active or relation == "=":
+            wanted = float(outputs["reaction_ref"][i])
+            found[name] = wanted if np.isfinite(wanted) else 0.0
+    objects = touched_objects(context, stage.contact, stage.plans, rotation)
+    pressed = pressed_objects(context, objects, stage.plans, rotation)
+    local = np.nan_to_num(outputs["force_ref"][:3])
+    applied = rotation @ local
+    for name in objects:
+        if name in pressed:
+            found[name] = max(-float(context.start_normals[name] @ applied), LEAST_PRESS)
+    if found or stage.held:
+        return found, False
+    if stage.contact is not None and any(p.yields for p in stage.plans.values()):
+        return {stage.contact: LEAST_PRESS}, True
+    return found, False
+
+
+def along(context: Context, rotation: Matrix, name: str, axis: str) -> bool:
+    """Whether an axis of a stage is along the normal of object `name`."""
+    if axis.startswith("r"):
+        return False
+    normal = context.start_normals[name]
+    return abs(float(rotation[:, AXES.index(axis)] @ normal)) > MOSTLY
