@@ -1,4 +1,4 @@
-"""The environment of a stage as springs: contacts, equations and the grip, with their true values."""
+"""The environment of a stage as springs: contacts, equations, the grip; with their true values."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def linear_plant(context: Context, task: Task, pressed: Mapping[str, float]) -> 
         pressed: what the robot applies to each contact that is there [N]: into a shape, along the
             unit gradient of an equation.
     """
-    robot, n = context.robot, context.robot.pin.nv
+    n = context.robot.pin.nv
     held = task.mechanisms.get(context.held)
     c = n if held is None else n + 1
     H = np.zeros((c, c))

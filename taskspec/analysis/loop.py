@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import casadi as ca
 import numpy as np
@@ -23,8 +24,8 @@ _TRUSTED = 1e3
 MOST_STATES = 400
 
 
-class TooLargeError(ValueError):
-    """The closed loop has more states than are looked at: a very long delay."""
+class UnfitError(ValueError):
+    """The closed loop cannot be looked at: it has too many states, or numbers without bounds."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,7 +65,7 @@ def one_step(
         samples: whether a sensor that holds takes a new sample in this period.
 
     Raises:
-        TooLargeError: it would have more than `MOST_STATES` states.
+        UnfitError: it would have more than `MOST_STATES` states.
     """
     A, B = plant.step()
     n, c, e, m = plant.n, plant.size, plant.equations, len(controller.slots)
@@ -73,7 +74,7 @@ def one_step(
     kept = r * sensor.order
     size = 2 * c + r + e + kept + m
     if size > MOST_STATES:
-        raise TooLargeError(f"{size} states")
+        raise UnfitError(f"{size} states")
     at_w, at_e = 2 * c, 2 * c + r
     at_s, at_m = at_e + e, at_e + e + kept
 
@@ -109,18 +110,23 @@ def modes(
 
     Args:
         controller: the stage. plant: what it drives. sensor: between them. period: T [s].
+
+    Raises:
+        UnfitError: the loop is too large, or has numbers without bounds.
     """
     F = one_step(controller, plant, sensor, samples=True)
     if sensor.hold_ticks > 1:
         held = one_step(controller, plant, sensor, samples=False)
         F = np.linalg.matrix_power(held, sensor.hold_ticks - 1) @ F
+    if not np.isfinite(F).all():
+        raise UnfitError("numbers without bounds")
     span = sensor.hold_ticks * period
-    balanced, scale = scipy.linalg.matrix_balance(F, permute=False)
+    balanced, (scale, _) = scipy.linalg.matrix_balance(F, permute=False, separate=True)
     values, left, right = scipy.linalg.eig(balanced, left=True)
     overlap = np.abs(np.sum(left.conj() * right, axis=0))
     uncertain = np.finfo(float).eps * np.linalg.norm(balanced) / np.maximum(overlap, 1e-300)
     found = []
-    for z, doubt, shape in zip(values, uncertain, (scale @ right).T, strict=True):
+    for z, doubt, shape in zip(values, uncertain, (scale[:, None] * right).T, strict=True):
         if abs(z - 1) < max(_ROUNDING, _TRUSTED * doubt) or z.imag < 0 or abs(z) < 1e-12:
             continue
         s = np.log(complex(z)) / span
@@ -135,6 +141,7 @@ def _span(wrenches: Matrix) -> Matrix:
     return U[:, : int(np.sum(sizes > 1e-12))]
 
 
+@lru_cache(maxsize=64)
 def _sensor(model: SensorModel, r: int, samples: bool) -> tuple[Matrix, Matrix]:
     """The sensor's update (r order, r order + r) and reading (r, r order + r) of r channels."""
     memory, wrench = ca.SX.sym("memory", r, model.order), ca.SX.sym("wrench", r)

@@ -59,8 +59,15 @@ class Analysed:
         sensor = SensorModel.of(task.robot.sensor, self.context.period)
         return modes(self.controller, self.plant(task), sensor, self.context.period)
 
+    def free(self) -> Analysed:
+        """The same stage before it meets its contact."""
+        return replace(self, pressed={}, meets=False)
+
     def axis(self, mode: Mode) -> str:
-        """The task axis that moves most in a mode, by its energy; `null space` if none does."""
+        """The equation or task axis that moves most in a mode, by its energy.
+
+        `null space` if none does.
+        """
         context = self.context
         both = np.kron(np.eye(2), self.rotation.T)
         J = both @ context.start_jacobian
@@ -69,6 +76,10 @@ class Analysed:
         mobility = J[rows] @ np.linalg.solve(H, J[rows].T)
         motion = J[rows] @ mode.shape
         whole = float(np.real(mode.shape.conj() @ H @ mode.shape))
+        for name in self.stage.active:
+            normal = context.start_equations[name].normal
+            if abs(normal @ mode.shape) ** 2 > whole / 2 * (normal @ np.linalg.solve(H, normal)):
+                return name
         inside = float(np.real(motion.conj() @ np.linalg.solve(mobility, motion)))
         if inside < 0.1 * whole:
             return "null space"

@@ -21,6 +21,7 @@ from taskspec.check.orientation import check_orientation
 from taskspec.check.sensor import check_sensor
 from taskspec.check.set_points import check_set_points
 from taskspec.check.signals import check_expectations, check_signals
+from taskspec.check.stability import check_stability
 from taskspec.program.axes import SkewedAxisError, existing_axes
 from taskspec.program.context import Context
 from taskspec.program.paths import path_shape
@@ -39,6 +40,8 @@ def check_task(loaded: LoadedTask) -> tuple[Diagnostic, ...]:
         found.extend(error.diagnostics)
     else:
         found.extend(check_stages(context))
+        if not found.has_errors:
+            check_stability(context, found)
     return found.sorted()
 
 

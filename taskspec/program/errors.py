@@ -44,6 +44,11 @@ register(
         "TS247": "an equation in a frame that is not fixed in the world",
         "TS430": "a force sensor too slow for a force loop",
         "TS431": "a sensor's rate that does not divide the controller's",
+        "TS501": "a stage that is predicted to be unstable",
+        "TS502": "a stage that is predicted to ring",
+        "TS503": "a stage that is unstable in a world that `vary` allows",
+        "TS504": "a stage that rings in a world that `vary` allows",
+        "TS505": "a contact in which a motion would be unstable",
         "TS620": "a tare while a force acts",
     }
 )

@@ -1,0 +1,127 @@
+"""Predicted stability as findings: which stages are told about, where, and what would mend them."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from taskspec.check import check_task
+from taskspec.spec import load_task, load_text
+from taskspec.text.diagnostic import Severity
+
+TASKS = Path(__file__).resolve().parents[2] / "tasks"
+
+PRESS = """
+taskspec: 1
+name: press
+robot: {{model: planar2, start: {{joints: [90 deg, -90 deg]}}, tool: {{radius: 100 um}}{robot}}}
+world: {{wall: {{shape: plane, xyz: [300 mm, 0, 0], rpy: [0, -90 deg, 0], {contact}}}}}
+law: {law}
+stages:
+  press: {{axes: {{x: {{force: 15 N}}}}, time: 1 s}}
+{rest}
+"""
+PARALLEL = (
+    "{{kind: parallel, mass: 1 kg, stiffness: 500 N/m, damping: 90 N*s/m, "
+    "force: {{proportional: 1, integral: {} /s}}}}"
+)
+STIFF = "stiffness: 80 kN/m, damping: 0"
+SOFT = "stiffness: 5 kN/m, damping: 20 N*s/m"
+
+
+def findings(text, code="TS5"):
+    return [d for d in check_task(load_text(text, "task.yaml")) if d.code.startswith(code)]
+
+
+def press(law, *, contact=STIFF, robot="", rest=""):
+    return PRESS.format(law=law, contact=contact, robot=robot, rest=rest)
+
+
+@pytest.mark.parametrize("path", sorted(TASKS.glob("*.yaml")), ids=lambda p: p.stem)
+def test_no_shipped_task_is_called_unstable(path):
+    """All of them run and pass, so any error here is a false one."""
+    assert [d for d in check_task(load_task(path)) if d.severity is Severity.ERROR] == []
+
+
+def test_a_door_from_its_hinge_is_unstable_under_hybrid():
+    """Seen from a hinge 0.4 m away, the forces of the axes turn the arm: the run diverges."""
+    found = check_task(load_task(TASKS / "door-hinge.yaml", {"law": "hybrid"}))
+    assert [d.code for d in found if d.severity is Severity.ERROR] == ["TS501"]
+
+
+@pytest.mark.parametrize(
+    ("integral", "contact", "codes"),
+    [(8, SOFT, []), (36, STIFF, ["TS502"]), (42, STIFF, ["TS501"])],
+)
+def test_error_warning_or_nothing(integral, contact, codes):
+    """On either side of the largest stable gain, 38.8 1/s on the stiff wall."""
+    assert [d.code for d in findings(press(PARALLEL.format(integral), contact=contact))] == codes
+
+
+def test_what_is_proposed_is_the_boundary():
+    """The gain in the hint is stable, one a percent higher is not."""
+    [found] = findings(press(PARALLEL.format(60)))
+    assert found.severity is Severity.ERROR
+    proposed = float(re.search(r"force\.integral up to ([\d.]+) 1/s", found.hint)[1])
+    # A boundary that is passed by a percent grows too slowly to be an error, but it rings.
+    assert [d.code for d in findings(press(PARALLEL.format(proposed)))] == ["TS502"]
+    assert proposed == pytest.approx(38.78, rel=5e-3)
+    stiffness = float(re.search(r"a contact of up to ([\d.]+) kN/m", found.hint)[1])
+    contact = f"stiffness: {1.03 * stiffness} kN/m, damping: 0"
+    assert findings(press(PARALLEL.format(60), contact=contact))[0].code in ("TS501", "TS502")
+    contact = f"stiffness: {0.3 * stiffness} kN/m, damping: 0"
+    assert findings(press(PARALLEL.format(60), contact=contact), "TS501") == []
+
+
+def test_it_points_at_the_gain_of_the_file():
+    text = press(PARALLEL.format(60))
+    [found] = findings(text)
+    assert text.splitlines()[found.span.line - 1][found.span.column - 1 :].startswith("60 /s")
+
+
+def test_it_points_at_the_law_where_no_gain_stands_in_the_file():
+    text = press("hybrid", robot=", sensor: {delay: 150 ms}")
+    [found] = findings(text)
+    assert text.splitlines()[found.span.line - 1][found.span.column - 1 :].startswith("hybrid")
+
+
+def test_stages_with_the_same_control_are_told_once():
+    rest = "  again: {axes: {x: {force: 20 N}, y: {velocity: 10 mm/s}}, time: 1 s}"
+    assert len(findings(press(PARALLEL.format(60), rest=rest))) == 1
+
+
+def test_a_program_that_binds_nothing_changes_nothing():
+    law = PARALLEL.format(60)
+    plain, program = findings(press(law)), findings(press(law.replace("}}", "}, solve: qp}")))
+    assert [d.message for d in plain] == [d.message for d in program]
+
+
+def test_the_worst_of_vary_is_named():
+    """The stiff end is the worst for the integral, whatever else varies."""
+    law = PARALLEL.format(42)
+    rest = "vary: {world.wall.damping: 0..5 N*s/m, world.wall.stiffness: 1..80 kN/m}"
+    [found] = findings(press(law, contact="stiffness: 1 kN/m, damping: 0", rest=rest))
+    assert found.code == "TS503"
+    assert "world.wall.stiffness = 80 kN/m" in found.message
+
+
+@pytest.mark.parametrize(
+    ("vary", "code"),
+    [("robot.sensor.delay: 0..120 ms", "TS503"), ("robot.sensor.filter: 2..200 Hz", "TS504")],
+)
+def test_a_sensor_that_varies(vary, code):
+    """What only the run's sensor does is found too."""
+    rest = f"vary: {{{vary}}}"
+    law = PARALLEL.format(8)
+    assert findings(press(law, contact=SOFT)) == []
+    assert [d.code for d in findings(press(law, contact=SOFT, rest=rest))] == [code]
+
+
+def test_a_motion_is_looked_at_free_and_in_contact():
+    """A light impedance that meets a stiff wall: free it is sound."""
+    text = press("{kind: impedance, mass: 0.3 kg, stiffness: 100 N/m, damping: 8 N*s/m}")
+    text = text.replace("x: {force: 15 N}", "x: {velocity: 10 mm/s}")
+    [found] = findings(text)
+    assert (found.code, found.severity) == ("TS505", Severity.WARNING)
