@@ -21,7 +21,7 @@ _ROUNDING = 1e-9
 #: How much of rounding, as its own sensitivity tells, may move an eigenvalue off 1.
 _TRUSTED = 1e3
 #: More states than this are not looked at.
-MOST_STATES = 400
+MOST_STATES = 200
 
 
 class UnfitError(ValueError):
@@ -69,7 +69,7 @@ def one_step(
     """
     A, B = plant.step()
     n, c, e, m = plant.n, plant.size, plant.equations, len(controller.slots)
-    basis = _span(np.hstack([A[2 * c : 2 * c + 6], B[2 * c : 2 * c + 6]]))
+    basis = _channels(controller, np.hstack([A[2 * c : 2 * c + 6], B[2 * c : 2 * c + 6]]))
     r = basis.shape[1]
     kept = r * sensor.order
     size = 2 * c + r + e + kept + m
@@ -98,6 +98,13 @@ def one_step(
     F[at_s:at_m, at_s:at_m], F[at_s:at_m, at_w:at_e] = update[:, :kept], update[:, kept:]
     F[at_m:] = controller.memory @ seen
     return F
+
+
+def states(controller: LinearController, plant: LinearPlant, sensor: SensorModel) -> int:
+    """How many states the closed loop has, at most six channels of the wrench."""
+    channels = min(6, sum(len(row.G) for row in plant.rows))
+    own = 2 * plant.size + plant.equations + len(controller.slots)
+    return own + channels * (1 + sensor.order)
 
 
 def modes(
@@ -134,10 +141,17 @@ def modes(
     return tuple(sorted(found, key=lambda mode: -mode.s.real))
 
 
-def _span(wrenches: Matrix) -> Matrix:
-    """(6, r) orthonormal basis of the wrenches that can be."""
-    scaled = wrenches / max(float(np.abs(wrenches).max()), 1e-300)
-    U, sizes, _ = np.linalg.svd(scaled)
+def _channels(controller: LinearController, wrenches: Matrix) -> Matrix:
+    """(6, r) orthonormal basis of the wrenches that can be and that the controller heeds."""
+    n = len(controller.torque)
+    first = 2 * n
+    heeded = _span(np.vstack([controller.torque, controller.memory])[:, first : first + 6].T)
+    return heeded @ _span(heeded.T @ wrenches)
+
+
+def _span(columns: Matrix) -> Matrix:
+    """(d, r) orthonormal basis of the columns' span, to rounding."""
+    U, sizes, _ = np.linalg.svd(columns / max(float(np.abs(columns).max(initial=0.0)), 1e-300))
     return U[:, : int(np.sum(sizes > 1e-12))]
 
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from taskspec.analysis.controller import LinearController
-from taskspec.analysis.loop import Mode, modes
+from taskspec.analysis.loop import Mode, modes, states
 from taskspec.analysis.stage import Analysed, analyse
 from taskspec.control.gains import Gain, Gains
 from taskspec.control.sensor import SensorModel
@@ -23,9 +23,11 @@ LEAST_GROWTH, LEAST_NEGATIVE_DAMPING = 0.1, 2e-3
 #: [1/s]: it takes more than seven swings to a hundredth of what began it, and longer than 0.2 s.
 LEAST_DAMPING_RATIO, QUICK = 0.1, 20.0
 #: How far from its value a gain is looked for, either way, and in which steps.
-_REACH, _STEP = 1e3, 10 ** (1 / 6)
+_REACH, _STEP = 1e3, 10 ** (1 / 3)
+#: Systems with more states than this are not searched for boundaries: it would take a second.
+_MOST_SEARCHED = 100
 #: A boundary is found to this part of its value.
-_FOUND = 1e-4
+_FOUND = 5e-4
 #: Gains that move the boundary, in the order in which they are proposed.
 PROPOSED = (
     "force.integral",
@@ -128,6 +130,8 @@ class Search:
         task = self.seen.context.loaded.task if self.task is None else self.task
         plant, period = self.seen.plant(task), self.context.period
         sensor = SensorModel.of(task.robot.sensor, period)
+        if states(self.seen.controller, plant, sensor) > _MOST_SEARCHED:
+            return None
         found = _boundary(lambda factor: self.good(modes(family.at(factor), plant, sensor, period)))
         if found is None:
             return None
@@ -138,6 +142,9 @@ class Search:
         """The boundary of a contact's stiffness nearest to its value; None where it has none."""
         seen, compliance = self.seen, self.seen.context.compliances[name]
         task = seen.context.loaded.task if self.task is None else self.task
+        sensor = SensorModel.of(task.robot.sensor, self.context.period)
+        if states(seen.controller, seen.plant(task), sensor) > _MOST_SEARCHED:
+            return None
         found = _boundary(lambda factor: self.good(seen.modes(_stiffer(task, name, factor, seen))))
         if found is None:
             return None
