@@ -7,10 +7,9 @@ to first order at rest, but for H, C q' + g, g and the tip's Jacobian, which sta
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
 
-import casadi as ca
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
@@ -18,6 +17,7 @@ from numpy.typing import NDArray
 from taskspec.control.model_terms import ModelTerms
 from taskspec.control.state import AXES
 from taskspec.program import entry, felt
+from taskspec.program.bound import BoundFunction
 from taskspec.program.carried import Carried
 from taskspec.program.context import Context
 from taskspec.program.ports import fields, slices
@@ -75,9 +75,8 @@ class Operating:
         self._enter()
 
     def press(self, wrench: Matrix, reactions: Matrix) -> None:
-        """Enters again with what is measured at the equilibrium."""
+        """What is measured at the equilibrium; long after the entry it changes nothing else."""
         self._wrench[:], self._reactions[:] = wrench, reactions
-        self._enter()
 
     def _enter(self) -> None:
         context, stage = self.context, self.stage
@@ -136,28 +135,34 @@ class Operating:
         """The derivative of torque and memory, one direction after the other."""
         n, size = self.context.robot.pin.nv, self.stage.memory.size
         count = 2 * n + 6 + len(self._reactions)
+        along = self._forward()
         seeds = [*self._joint_seeds(), *(self._seed(i) for i in range(count - 2 * n))]
-        columns = [self._along(seed, np.zeros(size)) for seed in seeds]
-        columns += [self._along(self._seed(None), unit) for unit in np.eye(size)]
-        whole = np.column_stack(columns) if columns else np.zeros((n + size, 0))
+        columns = [along(seed, np.zeros(size)) for seed in seeds]
+        columns += [along(self._seed(None), unit) for unit in np.eye(size)]
+        whole = np.column_stack(columns)
         torque, memory = whole[:n], whole[n:]
         slots = _felt_slots(torque[:, count:], memory[:, count:])
         kept = [*range(count), *(count + s for s in slots)]
         return LinearController(torque[:, kept], memory[np.ix_(slots, kept)], tuple(slots))
 
-    @cached_property
-    def _forward(self) -> ca.Function:
-        return self.stage.tick.forward(1)
-
-    def _along(self, seed: list[Matrix], memory: Matrix) -> Matrix:
+    def _forward(self) -> Callable[[list[Matrix], Matrix], Matrix]:
+        """The tick's derivative along a direction of its inputs and of the memory."""
+        tick = self.stage.tick
         given = [*self._arguments, self.memory, self.parameters]
-        results = self._results
-        found = self._forward(*given, *results, *seed, memory, np.zeros(len(self.parameters)))
-        return np.concatenate([np.array(found[0]).ravel(), np.array(found[1]).ravel()])
+        results = [np.array(part).ravel() for part in tick(*given)]
+        seeds = [np.zeros(len(argument)) for argument in given]
+        found = [np.zeros(len(result)) for result in results]
+        function = tick.forward(1)
+        assert all(function.sparsity_out(i).is_dense() for i in range(2))
+        bound = BoundFunction(function, [*given, *results, *seeds], found)
 
-    @cached_property
-    def _results(self) -> list[ca.DM]:
-        return list(self.stage.tick(*self._arguments, self.memory, self.parameters))
+        def along(seed: list[Matrix], memory: Matrix) -> Matrix:
+            for place, value in zip(seeds, [*seed, memory], strict=False):
+                place[:] = value
+            bound.evaluate()
+            return np.concatenate(found[:2])
+
+        return along
 
     def _seed(self, measured: int | None) -> list[Matrix]:
         """No direction but one of the measured wrench and reactions."""
