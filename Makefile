@@ -5,7 +5,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
-.PHONY: demo test theory proof lint types schema validate bench check clean
+.PHONY: demo test theory proof stability lint types schema validate bench check clean
 
 demo: $(READY)  ## run the wiping task and say where its report is
 	$(BIN)/taskspec run tasks/wipe-table.yaml
@@ -18,6 +18,9 @@ theory: $(READY)  ## hold the laws against their theorems, print the table, keep
 
 proof: $(READY)  ## 1000 random tasks with random limits, and how near to them each came
 	$(BIN)/pytest tests/runner/test_runner_qp_random.py --random-tasks=1000
+
+stability: $(READY)  ## hold predicted stability against runs, keep the table in docs/stability.md
+	$(BIN)/pytest tests/stability --stability-table=docs/stability.md
 
 lint: $(READY)
 	$(BIN)/ruff check .

@@ -22,6 +22,7 @@ from taskspec_runner.cli.findings import show_findings
 from taskspec_runner.cli.loading import load
 from taskspec_runner.cli.objects import object_accounts
 from taskspec_runner.cli.pages import page
+from taskspec_runner.cli.poles import StabilityAccount, stability_account
 from taskspec_runner.errors import InputError
 
 _CODE = re.compile(r"TS\d{3}\Z", re.IGNORECASE)
@@ -63,6 +64,9 @@ def _explain_file(path: Path, sets: Sequence[str], law: str | None) -> None:
     _section("frames", frames)
     for stage in program.stages:
         _show_stage(stage_account(program, stage))
+        stability = stability_account(program, stage)
+        if stability is not None:
+            _show_stability(stability)
     if task.expect:
         _section("expected", *(Text(f"  {expectation.text}") for expectation in task.expect))
     _section("defaults taken", _pairs(defaults_taken(program)))
@@ -85,6 +89,18 @@ def _show_stage(stage: StageAccount) -> None:
     for gain in stage.gains:
         gains.add_row(*_cells(gain.gain, " ".join(gain.axes), gain.value, gain.origin))
     _section(f"stage {stage.name}", _pairs(facts), "", axes, "", gains)
+
+
+def _show_stability(stability: StabilityAccount) -> None:
+    poles = table("poles of", "frequency", "damping", "time constant", "", right=("time constant",))
+    for pole in stability.poles:
+        poles.add_row(*_cells(pole.axis, pole.frequency, pole.damping, pole.time, pole.verdict))
+    bounds = table("stable for", "is", "bound", "by", right=("is",))
+    for bound in stability.bounds:
+        bounds.add_row(*_cells(bound.what, bound.now, bound.bound, bound.source))
+    show("", Text(f"  predicted with {stability.where}"), poles)
+    if stability.bounds:
+        show("", bounds)
 
 
 def _section(heading: str, *things: RenderableType) -> None:

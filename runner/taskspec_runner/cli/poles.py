@@ -1,0 +1,144 @@
+"""Predicted poles, margins and the textbook's conditions of a stage, as data for `explain`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from taskspec.analysis.loop import Mode, UnfitError
+from taskspec.analysis.margin import Limit, Search, grows, rings
+from taskspec.analysis.stage import Analysed, analyse
+from taskspec.analysis.textbook import Condition, conditions
+from taskspec.compiler import Program
+from taskspec.control.state import AXES
+from taskspec.program.stage import CompiledStage
+from taskspec.text.show import number, show
+from taskspec_runner.cli.measures import gain_text, stiffness
+
+#: Poles that are shown, the least stable ones.
+_MOST = 6
+
+
+@dataclass(frozen=True, slots=True)
+class PoleAccount:
+    """A mode: the axis that moves most, its frequency, damping ratio and time constant."""
+
+    axis: str
+    frequency: str
+    damping: str
+    time: str
+    verdict: str
+
+
+@dataclass(frozen=True, slots=True)
+class BoundAccount:
+    """A value that bounds a gain or a contact: where it comes from, and whether it is kept."""
+
+    what: str
+    now: str
+    bound: str
+    source: str
+
+
+@dataclass(frozen=True, slots=True)
+class StabilityAccount:
+    """The sampled closed loop of a stage: where it is looked at, its poles and its bounds."""
+
+    where: str
+    poles: tuple[PoleAccount, ...]
+    bounds: tuple[BoundAccount, ...]
+
+
+def stability_account(program: Program, stage: CompiledStage) -> StabilityAccount | None:
+    """One stage; None where it touches and holds nothing, or cannot be looked at."""
+    try:
+        seen = analyse(program.context, stage.name)
+        if seen is None or not (seen.pressed or seen.stage.held):
+            return None
+        modes = seen.modes()
+        bounds = tuple(_bounds(program, seen))
+    except (UnfitError, np.linalg.LinAlgError):
+        return None
+    return StabilityAccount(_where(seen), tuple(_poles(seen, modes)), bounds)
+
+
+def _where(seen: Analysed) -> str:
+    parts = [
+        f"{number(force, 3)} {'N*m' if _on_joints(seen, name) else 'N'} on {name}"
+        for name, force in seen.pressed.items()
+    ]
+    parts += [f"{seen.stage.held} held"] if seen.stage.held else []
+    return f"{'in contact, ' if seen.meets else ''}{', '.join(parts)}, at the start pose"
+
+
+def _on_joints(seen: Analysed, name: str) -> bool:
+    return name in seen.context.equations and seen.context.equations[name].joints
+
+
+def _poles(seen: Analysed, modes: tuple[Mode, ...]) -> Iterator[PoleAccount]:
+    """The least stable modes; of equal ones the axes together."""
+    found: dict[tuple[str, str, str, str], list[str]] = {}
+    for mode in modes:
+        cells = _cells(mode)
+        axes = found.setdefault(cells, [])
+        axis = seen.axis(mode)
+        axes += [] if axis in axes else [axis]
+    for cells, axes in list(found.items())[:_MOST]:
+        yield PoleAccount(" ".join(axes), *cells)
+
+
+def _cells(mode: Mode) -> tuple[str, str, str, str]:
+    rate = mode.s.real
+    time = abs(1 / rate) if rate else float("inf")
+    said = "unstable" if grows(mode) else "rings" if rings(mode) else ""
+    return (
+        show(mode.frequency, "Hz", 3) if mode.frequency > 0 else "-",
+        number(mode.damping_ratio, 2) if mode.frequency > 0 else "-",
+        show(time, "ms" if time < 1 else "s", 3),
+        said,
+    )
+
+
+def _bounds(program: Program, seen: Analysed) -> Iterator[BoundAccount]:
+    """What the sampled model allows, and beside it what the textbook does."""
+    search = Search(program.context, seen)
+    forced = [a for a, p in seen.stage.plans.items() if p.force] + list(seen.stage.active)
+    for limit in search.gains(forced):
+        yield BoundAccount(*_limit(seen, limit), "this stage as it is sampled")
+    for name in seen.pressed:
+        if name in seen.context.surfaces:
+            found = search.stiffness(name)
+            if found is not None:
+                yield BoundAccount(
+                    f"stiffness of {name}",
+                    stiffness(found.now),
+                    f"{'<' if found.upper else '>'} {stiffness(found.value)}",
+                    "this stage as it is sampled",
+                )
+    for condition in conditions(seen):
+        yield _condition(condition)
+
+
+def _limit(seen: Analysed, limit: Limit) -> tuple[str, str, str]:
+    angular = limit.on in AXES[3:] or limit.on.startswith("joint.")
+    if limit.on in seen.context.equations:
+        angular = seen.context.equations[limit.on].joints
+    way = "<" if limit.upper else ">"
+    return (
+        f"{limit.what} on {limit.on}",
+        gain_text(limit.what, angular, limit.now),
+        f"{way} {gain_text(limit.what, angular, limit.value)}",
+    )
+
+
+def _condition(condition: Condition) -> BoundAccount:
+    way = "<" if condition.upper else ">"
+    kept = "" if condition.holds else ", not kept"
+    return BoundAccount(
+        f"{condition.gain} on {condition.axis}",
+        gain_text(condition.gain, False, condition.now),
+        f"{way} {gain_text(condition.gain, False, condition.bound)}",
+        f"{condition.equation}: {condition.text}{kept}",
+    )

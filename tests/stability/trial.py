@@ -1,0 +1,199 @@
+"""One case of the grid: what the sampled model predicts, and what becomes of a small push."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from stability.cases import FACTORS, Family
+from taskspec.analysis.loop import Mode
+from taskspec.analysis.margin import Search
+from taskspec.analysis.stage import Analysed, analyse
+from taskspec.compiler import compile_task
+from taskspec.program.prepare import prepare
+from taskspec.spec import load_text
+from taskspec_runner import loop
+from taskspec_runner.assembly import Assembly, assemble
+
+#: A run lasts so many predicted time constants, and at most so long [s].
+CONSTANTS, LONGEST = 10.0, 60.0
+#: Where that is too short for the factors next to the boundary, these take their place.
+WIDER = {0.975: 0.95, 1.025: 1.05}
+#: At least so many ticks are looked at.
+FEWEST = 60
+#: The push makes about so much force along the normal [N] of the 10 N, and so much joint velocity.
+PUSH, SHAKE = 0.2, 1e-5
+SEED = 7
+#: What is left of a motion [part of its first third] is rounding.
+NOTHING = 1e-5
+
+
+@dataclass(frozen=True)
+class Boundary:
+    """The critical value of a family's gain.
+
+    Attributes:
+        value: [SI]. upper: the loop is stable below it. settled: a value that is well inside.
+        settling: time that the loop takes to come to rest there [s].
+    """
+
+    value: float
+    upper: bool
+    settled: float
+    settling: float
+
+
+@dataclass(frozen=True)
+class Case:
+    """A case of the grid.
+
+    Attributes:
+        family: law, arm, contact. boundary: of its gain. factor: of the critical value, above 1
+            on the unstable side.
+    """
+
+    family: Family
+    boundary: Boundary
+    factor: float
+
+    @property
+    def gain(self) -> float:
+        factor = self.factor if self.boundary.upper else 1 / self.factor
+        return self.boundary.value * factor
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What was predicted for a case, and what came.
+
+    Attributes:
+        case: which. mode: the least stable one that is predicted. seconds: of the run.
+        growth: of the motion, measured [1/s]. rings: whether it grew.
+    """
+
+    case: Case
+    mode: Mode
+    seconds: float
+    growth: float
+    rings: bool
+
+    @property
+    def holds(self) -> bool:
+        """Whether the run did what the case's side of the boundary says."""
+        return self.rings == (self.case.factor > 1) == (self.mode.s.real > 0)
+
+
+def analysed(family: Family, value: float) -> Analysed:
+    text = family.task(value, value, 1.0, 1.0)
+    found = analyse(prepare(load_text(text, "grid.yaml")), "try")
+    assert found is not None
+    return found
+
+
+#: Where the search for a boundary sets out.
+BEGIN = {
+    "force.integral": 2.0,
+    "force.proportional": 0.5,
+    "damping": 30.0,
+    "mass": 4.0,
+    "bandwidth": 5.0,
+    "joint_damping": 1.0,
+    "stiffness": 500.0,
+}
+
+
+def boundary(family: Family) -> Boundary:
+    """The critical value of the family's gain, on the sampled model."""
+    seen = analysed(family, BEGIN[family.swept])
+    joints = seen.stage.gains.get("joint_damping", {})
+    on = [*joints] if family.swept == "joint_damping" else [family.on]
+    limit = Search(prepare(seen.context.loaded), seen).gain(family.swept, on)
+    assert limit is not None, family
+    for part in (0.3, 0.5, 0.15, 0.7, 0.05):
+        settled = limit.value * (part if limit.upper else 1 / part)
+        modes = analysed(family, settled).modes()
+        if modes[0].s.real < -0.5:
+            return Boundary(limit.value, limit.upper, settled, min(0.3 + 16 / -modes[0].s.real, 12))
+    raise AssertionError(f"{family}: nothing settles")
+
+
+def cases(family: Family) -> list[Case]:
+    found = boundary(family)
+    return [Case(family, found, _told(family, found, factor)) for factor in FACTORS]
+
+
+def _told(family: Family, found: Boundary, factor: float) -> float:
+    """The factor, or the wider one where runs would be too short."""
+    if factor not in WIDER:
+        return factor
+    case = Case(family, found, factor)
+    slow = abs(analysed(family, case.gain).modes()[0].s.real)
+    return factor if CONSTANTS / slow <= LONGEST else WIDER[factor]
+
+
+def judge(case: Case) -> Verdict:
+    """Runs a case."""
+    mode = analysed(case.family, case.gain).modes()[0]
+    seconds = min(max(CONSTANTS / abs(mode.s.real), FEWEST * 1e-3), LONGEST)
+    settling = case.boundary.settling
+    text = case.family.task(case.boundary.settled, case.gain, settling, seconds + 0.02)
+    parts = assemble(compile_task(load_text(text, "grid.yaml")))
+    kept = Kept(parts, round(settling * 1e3) + 10)
+    loop.run(parts.machine, parts.plant, parts.bus, kept, parts.program.context.period)
+    joint = int(np.argmax(np.abs(mode.shape)))
+    growth, rings = kept.growth(joint, round(seconds * 1e3))
+    return Verdict(case, mode, seconds, growth, rings)
+
+
+class Kept:
+    """In a recorder's place: keeps joint velocities, and pushes the arm once."""
+
+    def __init__(self, parts: Assembly, when: int) -> None:
+        self.parts, self.when = parts, when
+        self.velocities: list[np.ndarray] = []
+        self.lost = False
+
+    def add(self) -> None:
+        if len(self.velocities) == self.when:
+            self._push()
+        self.velocities.append(self.parts.plant.v.copy())
+        if len(self.velocities) > self.when:
+            self.lost |= not np.any(self.parts.plant.wrench[:3])
+
+    def _push(self) -> None:
+        """A small velocity along the normal of the contact, and a smaller one of every joint."""
+        context = self.parts.program.context
+        name = next(iter(context.compliances))
+        J = context.start_normals[name] @ context.start_jacobian[:3]
+        along = np.linalg.solve(context.start_inertia, J)
+        felt = 1 / float(J @ along)
+        speed = PUSH / math.sqrt(context.compliances[name].stiffness * felt)
+        shake = np.random.default_rng(SEED).uniform(-SHAKE, SHAKE, len(J))
+        self.parts.plant.v[:] += -along * felt * speed + shake
+
+    def growth(self, joint: int, ticks: int) -> tuple[float, bool]:
+        """Rate [1/s] at which a joint's motion grows, and whether it does.
+
+        The last third of the run is held against the third before, each through a Hann window. A
+        run that was stopped, or in which the tool has left the surface, has grown. Where next to
+        nothing is left of the motion, it has settled, and its rate is not a number.
+        """
+        seen = np.array(self.velocities)[self.when + 1 :, joint]
+        stopped = len(seen) < 0.9 * ticks
+        end = len(seen) if not self.lost else _first_large(seen)
+        third = max(end // 3, 2)
+        window = np.hanning(third + 2)[1:-1]
+        parts = (seen[end - third : end], seen[end - 2 * third : end - third], seen[:third])
+        last, before, first = (float(np.sqrt(np.mean(window * part**2))) for part in parts)
+        if last < NOTHING * first and not (stopped or self.lost):
+            return math.nan, False
+        growth = math.log(last / before) / (third * 1e-3)
+        return growth, growth > 0 or stopped or self.lost
+
+
+def _first_large(seen: np.ndarray) -> int:
+    """Where a motion has come to a third of its largest: before that it is linear."""
+    large = np.abs(seen) > np.abs(seen).max() / 3
+    return max(int(np.argmax(large)), 6)
