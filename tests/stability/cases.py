@@ -176,14 +176,16 @@ def _multipliers() -> Iterator[Family]:
 
 def _springs() -> Iterator[Family]:
     for mass, delay in ((0.6, 0), (1, 0), (1, 2), (0.6, 4)):
-        yield Family("impedance", "planar2", {"mass": mass, "stiffness": 500}, "damping", 10, delay)
+        given = {"mass": mass, "stiffness": 500, "damping": 60}
+        yield Family("impedance", "planar2", given, "damping", 10, delay)
     for delay in (0, 2):
-        given = {"damping": 30, "stiffness": 300}
+        given = {"damping": 30, "stiffness": 300, "mass": 4}
         yield Family("impedance", "panda", given, "mass", 20, delay)
     for law in ("impedance-natural", "pd"):
-        yield Family(law, "planar2", {"stiffness": 500}, "damping", 10)
-        yield Family(law, "planar3", {"stiffness": 500}, "damping", 5, angular=LIGHT)
+        given = {"stiffness": 500, "damping": 60}
+        yield Family(law, "planar2", given, "damping", 10)
+        yield Family(law, "planar3", given, "damping", 5, angular=LIGHT)
     yield Family("pd-joint", "planar2", {"stiffness": 800}, "joint_damping", 10)
     yield Family("pd-joint", "panda", {"stiffness": 2000}, "joint_damping", 10)
     damped = "joint_damping: 2 N*m*s/rad"
-    yield Family("stiffness", "planar2", {}, "stiffness", 10, more=damped)
+    yield Family("stiffness", "planar2", {"stiffness": 500}, "stiffness", 10, more=damped)

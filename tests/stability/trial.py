@@ -26,8 +26,11 @@ FEWEST = 60
 #: The push makes about so much force along the normal [N] of the 10 N, and so much joint velocity.
 PUSH, SHAKE = 0.2, 1e-5
 SEED = 7
-#: What is left of a motion [part of its first third] is rounding.
-NOTHING = 1e-5
+#: What is left of a motion is rounding: as part of its first third, and in rad/s.
+NOTHING, ROUNDING = 1e-5, 1e-10
+#: A motion has grown if it becomes so many times as large as right after the push. Torque limits
+#: may hold it there: then it grows no more.
+LARGE = 10.0
 
 
 @dataclass(frozen=True)
@@ -100,7 +103,7 @@ BEGIN = {
     "mass": 4.0,
     "bandwidth": 5.0,
     "joint_damping": 1.0,
-    "stiffness": 500.0,
+    "stiffness": 1e5,
 }
 
 
@@ -176,21 +179,23 @@ class Kept:
     def growth(self, joint: int, ticks: int) -> tuple[float, bool]:
         """Rate [1/s] at which a joint's motion grows, and whether it does.
 
-        The last third of the run is held against the third before, each through a Hann window. A
-        run that was stopped, or in which the tool has left the surface, has grown. Where next to
-        nothing is left of the motion, it has settled, and its rate is not a number.
+        The last third of the run is held against the third before, each through a Hann window; of
+        a run in which the motion becomes large, what comes before that. A run that was stopped, or
+        in which the tool has left the surface, has grown. Where next to nothing is left of the
+        motion, it has settled, and its rate is not a number.
         """
         seen = np.array(self.velocities)[self.when + 1 :, joint]
         stopped = len(seen) < 0.9 * ticks
-        end = len(seen) if not self.lost else _first_large(seen)
+        large = np.abs(seen).max() > LARGE * np.abs(seen[:2]).max()
+        end = _first_large(seen) if large or self.lost else len(seen)
         third = max(end // 3, 2)
         window = np.hanning(third + 2)[1:-1]
         parts = (seen[end - third : end], seen[end - 2 * third : end - third], seen[:third])
         last, before, first = (float(np.sqrt(np.mean(window * part**2))) for part in parts)
-        if last < NOTHING * first and not (stopped or self.lost):
+        if last < max(NOTHING * first, ROUNDING) and not (stopped or self.lost):
             return math.nan, False
         growth = math.log(last / before) / (third * 1e-3)
-        return growth, growth > 0 or stopped or self.lost
+        return growth, growth > 0 or large or stopped or self.lost
 
 
 def _first_large(seen: np.ndarray) -> int:
