@@ -26,10 +26,11 @@ is left out.
 **A case.** An arm presses with 10 N on a plane without damping, under gains that settle. Then one
 gain becomes a multiple of its critical value, the arm gets a small push (about 0.2 N), and the
 motion of the joint that moves most is watched for ten predicted time constants, at most 60 s. It
-rings if it is larger in the last third of that time than in the third before, if the tool leaves
-the surface, or if the run is stopped. The innermost factors are 2.5 % from the boundary, or 5 %
-where ten time constants would be longer than 60 s. For a gain that has a least value the factor
-divides.
+rings if it is larger in the last third of that time than in the third before, if it becomes ten
+times as large as right after the push, if the tool leaves the surface, or if the run is stopped.
+Less than 1e-5 of its first third, or 1e-10 rad/s, counts as nothing. The innermost factors are
+2.5 % from the boundary, or 5 % where ten time constants would be longer than 60 s. For a gain that
+has a least value the factor divides.
 
 Growth is the real part of the least stable pole [1/s], negative where it settles. The measured one
 is that of the joint's motion between the two thirds; far past the boundary torque limits and the
