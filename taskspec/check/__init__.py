@@ -14,6 +14,7 @@ from taskspec.check.felt import check_felt
 from taskspec.check.following import check_following
 from taskspec.check.forces import check_forces
 from taskspec.check.frames import check_frame, check_start, check_stiffness
+from taskspec.check.guards import check_guards
 from taskspec.check.limits import check_limits
 from taskspec.check.nominal import Walk
 from taskspec.check.null_space import check_null_space
@@ -83,6 +84,8 @@ def check_stages(context: Context) -> tuple[Diagnostic, ...]:
             continue
         check_forces(context, name, axes, rotation, path, found)
         check_following(context, name, axes, rotation, path, found)
-        check_feasibility(context, name, axes, walk.places(name, axes, rotation, path), found)
+        places = walk.places(name, axes, rotation, path)
+        check_feasibility(context, name, axes, places, found)
+        check_guards(context, name, axes, rotation, walk.gap, found)
     check_expectations(context, axes_of, found)
     return found.sorted()

@@ -72,6 +72,12 @@ class Walk:
         self._p, self._R, self._q = context.start_p, context.start_R, context.start
         self._at = (context.start_p, context.start_R)
         self._known = True
+        #: How far the last stage begins from its believed contact [m]; None where that is unknown.
+        self.gap: float | None = None
+        #: Where the tip of the last stage is as it begins (3,); None where that is unknown.
+        self.begin: Vector | None = None
+        #: How the last stage moves from there; None where that is not planned.
+        self.course: Course | None = None
 
     def places(
         self, name: str, axes: tuple[str, ...], rotation: Vector, path: PathShape | None
@@ -86,7 +92,9 @@ class Walk:
         frame = self._context.frame_of(stage)
         if frame.kind == "tool":
             rotation = self._R @ frame.rotation
+        self.gap = self._gap_of(frame)
         self._touch(stage, frame, rotation)
+        self.begin = self._p if self._known else None
         begin = self._p, self._R
         straight = self._straight(frame)
         rates = self._rates(stage, axes) if straight else {}
@@ -95,6 +103,7 @@ class Walk:
         course = None
         if straight and self._known:
             course = course_of(self._context, stage, self._start_coordinates(frame), path)
+        self.course = course
         if course is not None and course.bends:
             places += self._along(course, frame, rotation, rates)
         self._leave(name, stage, frame, rotation, path, course)
@@ -163,6 +172,13 @@ class Walk:
         along = max((abs(rotation[:, AXES.index(a) % 3] @ normal), a) for a in stage.axes)
         if gap > 0 and has_force(stage.axes[along[1]]):
             self._p = self._p - gap * normal
+
+    def _gap_of(self, frame: FrameModel) -> float | None:
+        """Distance [m] from the contact of a frame as a stage begins; None where unknown."""
+        contact = self._context.contact_of(frame)
+        if contact is None or not self._known or contact in self._context.carriers:
+            return None
+        return self._gap(contact)
 
     def _gap(self, contact: str) -> float:
         """Distance [m] from a contact here, its surface taken as flat."""

@@ -44,6 +44,9 @@ register(
         "TS247": "an equation in a frame that is not fixed in the world",
         "TS430": "a force sensor too slow for a force loop",
         "TS431": "a sensor's rate that does not divide the controller's",
+        "TS611": "a guard that can never hold",
+        "TS612": "a guard whose force has the wrong sign",
+        "TS613": "a guard that holds before anything is touched",
         "TS620": "a tare while a force acts",
     }
 )
