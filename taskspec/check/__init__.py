@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from taskspec.check.axes import check_axes, check_joints
 from taskspec.check.bodies import check_bodies
+from taskspec.check.entering import check_entering
 from taskspec.check.equations import check_constraints, check_equations
 from taskspec.check.feasibility import check_feasibility
 from taskspec.check.felt import check_felt
@@ -15,6 +16,7 @@ from taskspec.check.following import check_following
 from taskspec.check.forces import check_forces
 from taskspec.check.frames import check_frame, check_start, check_stiffness
 from taskspec.check.guards import check_guards
+from taskspec.check.impact import check_impact
 from taskspec.check.limits import check_limits
 from taskspec.check.nominal import Walk
 from taskspec.check.null_space import check_null_space
@@ -87,5 +89,7 @@ def check_stages(context: Context) -> tuple[Diagnostic, ...]:
         places = walk.places(name, axes, rotation, path)
         check_feasibility(context, name, axes, places, found)
         check_guards(context, name, axes, rotation, walk.gap, found)
+        check_impact(context, name, axes, rotation, walk.gap, found)
+        check_entering(context, name, axes, rotation, walk.gap, found)
     check_expectations(context, axes_of, found)
     return found.sorted()

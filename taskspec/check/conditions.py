@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 
 from taskspec.check.interval import ANY, NEVER, Interval, IntervalAlgebra
 from taskspec.text.expression import evaluate, tree
-from taskspec.text.expression.tree import Compare, Held, Logic, Name, Node, Within
+from taskspec.text.expression.tree import Compare, Held, Logic, Name, Node, Reduce, Within
 
 Lookup = Callable[[Name], Interval]
 Bounds = Mapping[Node, Interval]
@@ -59,9 +59,12 @@ def value_of(
     inner = node.x if isinstance(node, Held) else node
     asked = bounds_of([inner], algebra, lookup)
     known = dict(bounds or {})
+    # What holds now says nothing of what a reducer has seen.
+    past = {n for reduced in tree.walk(node) if isinstance(reduced, Reduce) for n in names(reduced)}
+    now = {name: interval for name, interval in asked.items() if name not in past}
 
     def narrowed(name: Name) -> Interval:
-        return lookup(name).meet(known.get(name, ANY)).meet(asked.get(name, ANY))
+        return lookup(name).meet(known.get(name, ANY)).meet(now.get(name, ANY))
 
     if any(narrowed(name).empty for name in names(node)):
         return NEVER

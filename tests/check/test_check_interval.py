@@ -79,6 +79,7 @@ RANGES = {"x": Interval(0.0, 3.0), "y": ANY, "b": MAYBE}
         ("(b and y > 2) for 3 s", True),
         ("1 / x > 4", False),
         ("y > 2 and x / y > 2", True),
+        ("max(y) > 2 and y < 0", False),
     ],
 )
 def test_conditions_that_never_hold(text, never):
