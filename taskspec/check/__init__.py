@@ -17,6 +17,7 @@ from taskspec.check.forces import check_forces
 from taskspec.check.frames import check_frame, check_start, check_stiffness
 from taskspec.check.guards import check_guards
 from taskspec.check.impact import check_impact
+from taskspec.check.judging import check_judging
 from taskspec.check.limits import check_limits
 from taskspec.check.nominal import Walk
 from taskspec.check.null_space import check_null_space
@@ -92,4 +93,5 @@ def check_stages(context: Context) -> tuple[Diagnostic, ...]:
         check_impact(context, name, axes, rotation, walk.gap, found)
         check_entering(context, name, axes, rotation, walk.gap, found)
     check_expectations(context, axes_of, found)
+    check_judging(context, axes_of, found)
     return found.sorted()

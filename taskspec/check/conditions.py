@@ -6,7 +6,17 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 
 from taskspec.check.interval import ANY, NEVER, Interval, IntervalAlgebra
 from taskspec.text.expression import evaluate, tree
-from taskspec.text.expression.tree import Compare, Held, Logic, Name, Node, Reduce, Within
+from taskspec.text.expression.tree import (
+    Call,
+    Compare,
+    Held,
+    Logic,
+    Name,
+    Negate,
+    Node,
+    Reduce,
+    Within,
+)
 
 Lookup = Callable[[Name], Interval]
 Bounds = Mapping[Node, Interval]
@@ -34,6 +44,17 @@ def bounds_of(
 
     def add(quantity: Node, interval: Interval) -> None:
         found[quantity] = found.get(quantity, ANY).meet(interval)
+        match quantity:
+            case Reduce("max", arg):
+                add(arg, Interval(ANY.low, interval.high))
+            case Reduce("min", arg):
+                add(arg, Interval(interval.low, ANY.high))
+            case Call("abs", (arg,)):
+                add(arg, Interval(-interval.high, interval.high))
+            case Negate(arg):
+                add(arg, algebra.negate(interval))
+            case _:
+                pass
 
     for condition in conditions:
         for part in parts(condition):

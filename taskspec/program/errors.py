@@ -51,6 +51,11 @@ register(
         "TS616": "an impact beyond the limit on force",
         "TS617": "a bound that ends a stage before it comes to its surface",
         "TS620": "a tare while a force acts",
+        "TS720": "an expectation of a stage that is not entered",
+        "TS721": "an expectation of a signal that a stage does not have",
+        "TS722": "an expectation that can never hold",
+        "TS723": "an expectation that a set point contradicts",
+        "TS724": "an expectation of a time finer than a tick",
     }
 )
 
