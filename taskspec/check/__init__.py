@@ -22,6 +22,7 @@ from taskspec.check.limits import check_limits
 from taskspec.check.nominal import Walk
 from taskspec.check.null_space import check_null_space
 from taskspec.check.orientation import check_orientation
+from taskspec.check.resisting import check_resisting
 from taskspec.check.sensor import check_sensor
 from taskspec.check.set_points import check_set_points
 from taskspec.check.signals import check_expectations, check_signals
@@ -89,6 +90,7 @@ def check_stages(context: Context) -> tuple[Diagnostic, ...]:
         check_following(context, name, axes, rotation, path, found)
         places = walk.places(name, axes, rotation, path)
         check_feasibility(context, name, axes, places, found)
+        check_resisting(context, name, axes, rotation, found)
         check_guards(context, name, axes, rotation, walk.gap, found)
         check_impact(context, name, axes, rotation, walk.gap, found)
         check_entering(context, name, axes, rotation, walk.gap, found)

@@ -29,6 +29,7 @@ register(
         "TS415": "a start away from the handle that the robot is to hold",
         "TS416": "a knob that the robot cannot turn",
         "TS306": "an open-loop force on an axis without a spring",
+        "TS320": "a force that nothing resists",
         "TS420": "lines that contradict each other",
         "TS421": "a motion that leads out of reach",
         "TS414": "values for joints that do not fit the robot",
