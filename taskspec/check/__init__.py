@@ -18,6 +18,7 @@ from taskspec.check.frames import check_frame, check_start, check_stiffness
 from taskspec.check.guards import check_guards
 from taskspec.check.impact import check_impact
 from taskspec.check.judging import check_judging
+from taskspec.check.leaving import check_leaving
 from taskspec.check.limits import check_limits
 from taskspec.check.nominal import Walk
 from taskspec.check.null_space import check_null_space
@@ -90,6 +91,7 @@ def check_stages(context: Context) -> tuple[Diagnostic, ...]:
         check_following(context, name, axes, rotation, path, found)
         places = walk.places(name, axes, rotation, path)
         check_feasibility(context, name, axes, places, found)
+        check_leaving(context, name, axes, path, walk, found)
         check_resisting(context, name, axes, rotation, found)
         check_guards(context, name, axes, rotation, walk.gap, found)
         check_impact(context, name, axes, rotation, walk.gap, found)

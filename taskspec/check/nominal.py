@@ -78,6 +78,8 @@ class Walk:
         self.begin: Vector | None = None
         #: How the last stage moves from there; None where that is not planned.
         self.course: Course | None = None
+        #: Its frame as it begins (3, 3).
+        self.rotation: Vector = np.eye(3)
 
     def places(
         self, name: str, axes: tuple[str, ...], rotation: Vector, path: PathShape | None
@@ -92,6 +94,7 @@ class Walk:
         frame = self._context.frame_of(stage)
         if frame.kind == "tool":
             rotation = self._R @ frame.rotation
+        self.rotation = rotation
         self.gap = self._gap_of(frame)
         self._touch(stage, frame, rotation)
         self.begin = self._p if self._known else None
@@ -185,6 +188,15 @@ class Walk:
         context = self._context
         way = float(context.start_normals[contact] @ (self._p - context.start_p))
         return context.start_gaps[contact] + way
+
+    def way(self) -> list[tuple[float, Vector]]:
+        """Times [s] and places of the tip (3,) on the planned way of the last stage."""
+        if self.course is None or self.begin is None:
+            return []
+        times = [share * self.course.duration for share in (0.0, *_SAMPLES)]
+        moved = [(time, self.course.moved(time)) for time in times]
+        steps = [(time, np.array([m.get(a, 0.0) for a in AXES[:3]])) for time, m in moved]
+        return [(t, self.begin + self.rotation @ d) for t, d in steps if np.isfinite(d).all()]
 
     def _along(
         self, course: Course, frame: FrameModel, rotation: Vector, rates: Mapping[str, float]
