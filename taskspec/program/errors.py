@@ -31,6 +31,7 @@ register(
         "TS306": "an open-loop force on an axis without a spring",
         "TS320": "a force that nothing resists",
         "TS321": "a motion into a surface",
+        "TS322": "a motion that the mechanism does not allow",
         "TS323": "a motion that leaves a constraint",
         "TS324": "a motion to where a constraint has no gradient",
         "TS420": "lines that contradict each other",
