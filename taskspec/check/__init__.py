@@ -27,6 +27,7 @@ from taskspec.check.resisting import check_resisting
 from taskspec.check.sensor import check_sensor
 from taskspec.check.set_points import check_set_points
 from taskspec.check.signals import check_expectations, check_signals
+from taskspec.check.singular import check_singular
 from taskspec.check.yielding import check_yielding
 from taskspec.program.axes import SkewedAxisError, existing_axes
 from taskspec.program.context import Context
@@ -92,6 +93,7 @@ def check_stages(context: Context) -> tuple[Diagnostic, ...]:
         check_following(context, name, axes, rotation, path, found)
         places = walk.places(name, axes, rotation, path)
         check_feasibility(context, name, axes, places, found)
+        check_singular(context, name, axes, places, found)
         check_yielding(context, name, axes, rotation, path, found)
         check_leaving(context, name, axes, path, walk, found)
         check_resisting(context, name, axes, rotation, found)

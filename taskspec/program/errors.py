@@ -36,6 +36,7 @@ register(
         "TS324": "a motion to where a constraint has no gradient",
         "TS420": "lines that contradict each other",
         "TS421": "a motion that leads out of reach",
+        "TS422": "a place close to a singularity",
         "TS414": "values for joints that do not fit the robot",
         "TS308": "a pull on a surface that can only push",
         "TS610": "a limit below a set point",
