@@ -20,6 +20,7 @@ from taskspec.check.impact import check_impact
 from taskspec.check.judging import check_judging
 from taskspec.check.leaving import check_leaving
 from taskspec.check.limits import check_limits
+from taskspec.check.noise import check_noise
 from taskspec.check.nominal import Walk
 from taskspec.check.null_space import check_null_space
 from taskspec.check.orientation import check_orientation
@@ -98,6 +99,7 @@ def check_stages(context: Context) -> tuple[Diagnostic, ...]:
         check_leaving(context, name, axes, path, walk, found)
         check_resisting(context, name, axes, rotation, found)
         check_guards(context, name, axes, rotation, walk.gap, found)
+        check_noise(context, name, rotation, walk.gap, found)
         check_impact(context, name, axes, rotation, walk.gap, found)
         check_entering(context, name, axes, rotation, walk.gap, found)
     check_expectations(context, axes_of, found)

@@ -53,6 +53,7 @@ register(
         "TS611": "a guard that can never hold",
         "TS612": "a guard whose force has the wrong sign",
         "TS613": "a guard that holds before anything is touched",
+        "TS614": "a guard finer than the sensor's noise",
         "TS615": "force control that begins off the surface",
         "TS616": "an impact beyond the limit on force",
         "TS617": "a bound that ends a stage before it comes to its surface",
