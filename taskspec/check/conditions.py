@@ -76,7 +76,10 @@ def bounds_of(
 def value_of(
     node: Node, algebra: IntervalAlgebra, lookup: Lookup, bounds: Bounds | None = None
 ) -> Interval:
-    """What a condition can be: its parts may exclude each other, or what is known by `bounds`."""
+    """Whether a condition never holds: its parts, and what is known, may exclude each other.
+
+    That it always holds is not to be told from the answer: parts are taken to hold for others.
+    """
     inner = node.x if isinstance(node, Held) else node
     asked = bounds_of([inner], algebra, lookup)
     known = dict(bounds or {})

@@ -17,7 +17,7 @@ from taskspec.program.context import Context
 from taskspec.program.modes import MOSTLY
 from taskspec.spec import Axis
 from taskspec.text.diagnostic import Diagnostics, Severity
-from taskspec.text.expression import Expression
+from taskspec.text.expression import Expression, evaluate
 from taskspec.text.expression.tree import Compare, Held, Name, Node, walk
 from taskspec.text.show import show
 
@@ -199,4 +199,4 @@ def _holds_untouched(
     felt = {str(n): point(0.0) for n in names(guard.tree) if n.path[0] in ("force", "torque")}
     felt |= {"touching": point(0.0), "power": point(0.0)}
     inner = guard.tree.x if isinstance(guard.tree, Held) else guard.tree
-    return value_of(inner, algebra, Ranges(context, name, felt)).always
+    return evaluate(inner, algebra, Ranges(context, name, felt)).always

@@ -45,6 +45,7 @@ def codes(until, axes="z: {velocity: -20 mm/s}", world=TABLE):
         ("force.z > 2 N or t > 3 s", []),
         ("force.z > -2 N", ["TS613"]),
         ("not touching", ["TS613"]),
+        ("gap within 3 mm +- 0.1 mm", []),
         ("gap > 1 mm or force.z < -2 N", []),
     ],
 )
