@@ -28,6 +28,8 @@ Vector = NDArray[np.float64]
 _SAMPLES = (0.13, 0.37, 0.61, 0.83, 1.0)
 #: Drawn configurations from which a place that seems out of reach is looked for once more.
 _RESTARTS = 10
+#: Places of one task that are looked for so; the time that a task takes to check is bounded by it.
+_SEARCHES = 8
 #: Of a difference quotient, as a share of the duration.
 _STEP = 1e-4
 
@@ -80,6 +82,7 @@ class Walk:
         self.course: Course | None = None
         #: Its frame as it begins (3, 3).
         self.rotation: Vector = np.eye(3)
+        self._searches = _SEARCHES
 
     def places(
         self, name: str, axes: tuple[str, ...], rotation: Vector, path: PathShape | None
@@ -137,6 +140,10 @@ class Walk:
             target = Target(p, R if turns else None)
             q, size = self._solver.descend(self._q, target)
             if size > SOLVED:
+                if not self._searches:
+                    self._known = False
+                    return None, ""
+                self._searches -= 1
                 q, size = self._solver.nearest_home(target, _RESTARTS)
             if size > SOLVED:
                 return None, _missed(self._solver.error(q, target))
@@ -201,6 +208,8 @@ class Walk:
     def _along(
         self, course: Course, frame: FrameModel, rotation: Vector, rates: Mapping[str, float]
     ) -> Iterator[Place]:
+        if not course.duration > 0:
+            return
         step = _STEP * course.duration
         for share in _SAMPLES:
             time = share * course.duration
@@ -213,6 +222,8 @@ class Walk:
             words = f"at t = {show(time, 's', 3)}"
             q, missed = self._joints(p, R)
             yield Place(words, turned, q, dict(rates) | speeds, missed)
+            if missed:
+                return
 
     def _start_coordinates(self, frame: FrameModel) -> dict[str, float]:
         """Coordinates of the tip in a frame as a stage begins; rotations count from there."""

@@ -14,6 +14,8 @@ from taskspec.motion.polynomial import PiecewiseCubic
 
 #: Columns that a table may have.
 COLUMNS = ("t", "x", "y", "z", "rx", "ry", "rz")
+SUFFIX = ".csv"
+"""What the name of a table ends with, that of a file behind a link too."""
 _MOST_ROWS = 100_000
 _MOST_TEXT = 16 << 20
 
@@ -81,6 +83,8 @@ def read_table(path: Path, unit_of: Callable[[str, str], float]) -> Table:
     """
     if path.exists() and not path.is_file():
         raise TableError(f"{path.name} is not a regular file")
+    if {path.suffix.lower(), path.resolve().suffix.lower()} != {SUFFIX}:
+        raise TableError(f"{path.name} is no CSV file by its ending, {SUFFIX}")
     try:
         with path.open(encoding="utf-8-sig") as file:
             text = file.read(_MOST_TEXT + 1)

@@ -9,6 +9,7 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 
+from taskspec.robot.bounds import MOST_JOINTS
 from taskspec.robot.errors import RobotError
 from taskspec.robot.poses import pose
 
@@ -63,6 +64,13 @@ def find_chain(m: mujoco.MjModel, flange: str | None) -> Chain:
             "TS406" if flange else "TS405",
             f"no joint moves '{label}'" if flange else "the file has no hinge or slide joint",
             "name the body at the end of the arm as `flange`" if flange else "",
+            ("flange",) if flange else ("model",),
+        )
+    if len(joints) > MOST_JOINTS:
+        raise RobotError(
+            "TS405",
+            f"{len(joints)} joints move the end of the arm, more than {MOST_JOINTS}",
+            "name the body at the end of one arm as `flange`",
             ("flange",) if flange else ("model",),
         )
     for j in joints:

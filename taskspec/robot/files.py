@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import re
 import stat
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from xml.etree import ElementTree
 
+from taskspec.robot.bounds import MOST_DEPTH, MOST_ELEMENTS, check_text, too_large
 from taskspec.robot.errors import RobotError
 
 SUFFIXES = (".xml", ".mjcf", ".urdf")
@@ -15,8 +17,7 @@ MESH_SUFFIXES = (".stl", ".obj", ".msh")
 
 _MODEL_BYTES = 8 * 2**20
 _MESH_BYTES = 64 * 2**20
-_ELEMENTS = 20_000
-_DEPTH = 200
+_ALL_MESHES = 256 * 2**20
 _PARENTS = 8
 _NAN = re.compile(r"(?:^|\s)[+-]?nan(?:\s|$)", re.IGNORECASE)
 _NAMES = frozenset(
@@ -42,6 +43,14 @@ class Roots:
         return any(real.is_relative_to(root.resolve()) for root in (self.model, self.task))
 
 
+def is_regular(path: Path) -> bool:
+    """Whether there is a regular file; a path that no system can have names none."""
+    try:
+        return path.is_file()
+    except (OSError, ValueError):
+        return False
+
+
 def looks_like_path(model: str) -> bool:
     """Whether `robot.model` means a file rather than a built-in robot."""
     return any(mark in model for mark in "/\\.")
@@ -58,7 +67,7 @@ def read_model(path: Path, shown: str) -> str:
         RobotError: TS401 when there is none, TS402 when it is not a regular text file of a known
             kind.
     """
-    if path.suffix.lower() not in SUFFIXES:
+    if not {path.suffix.lower(), _real_suffix(path)} <= set(SUFFIXES):
         hint = (
             "expand it first: xacro arm.urdf.xacro > arm.urdf" if ".xacro" in path.suffixes else ""
         )
@@ -80,12 +89,24 @@ def read_model(path: Path, shown: str) -> str:
         ) from None
 
 
-def read_mesh(path: Path) -> bytes | None:
-    """The bytes of a mesh; None where it is absent, too large or of a kind that is not drawn."""
+def _real_suffix(path: Path) -> str:
+    """The ending of the file that a link leads to; that of the path where it leads nowhere."""
+    real = path.resolve() if is_regular(path) else path
+    return real.suffix.lower()
+
+
+def read_mesh(path: Path, others: Mapping[str, bytes]) -> bytes | None:
+    """The bytes of a mesh; None where it is absent, too large or of a kind that is not drawn.
+
+    Args:
+        path: Where it is.
+        others: What has been read before, with which it may not come to too much.
+    """
     if path.suffix.lower() not in MESH_SUFFIXES:
         return None
     try:
-        return _read(path, path.name, _MESH_BYTES)
+        room = _ALL_MESHES - sum(map(len, others.values()))
+        return _read(path, path.name, min(_MESH_BYTES, room))
     except RobotError:
         return None
 
@@ -110,11 +131,11 @@ def find_mesh(uri: str, folder: Path, roots: Roots) -> Path | None:
         above_model = roots.model.resolve().parents[:-1]
         for above in (roots.model, *above_model[:_PARENTS]):
             for relative in (parts, parts[1:]):
-                if relative and above.joinpath(*relative).is_file():
+                if relative and is_regular(above.joinpath(*relative)):
                     return above.joinpath(*relative)
         return None
     path = folder / rest
-    return path if path.is_file() and roots.hold(path) else None
+    return path if is_regular(path) and roots.hold(path) else None
 
 
 def parse_xml(text: str, shown: str) -> ElementTree.Element:
@@ -126,6 +147,7 @@ def parse_xml(text: str, shown: str) -> ElementTree.Element:
     """
     if "<!DOCTYPE" in text or "<!ENTITY" in text:
         raise RobotError("TS403", f"'{shown}' defines a document type", "remove the <!DOCTYPE …>")
+    check_text(text, shown)
     try:
         root = ElementTree.fromstring(text)
     except ElementTree.ParseError as error:
@@ -153,15 +175,8 @@ def check_size(root: ElementTree.Element, shown: str) -> None:
     level, depth, count = [root], 0, 0
     while level:
         depth, count = depth + 1, count + len(level)
-        if depth > _DEPTH or count > _ELEMENTS:
-            what = (
-                f"nested deeper than {_DEPTH}"
-                if depth > _DEPTH
-                else f"more than {_ELEMENTS} elements"
-            )
-            raise RobotError(
-                "TS403", f"'{shown}' is too large: {what}", "leave the arm alone in it"
-            )
+        if depth > MOST_DEPTH or count > MOST_ELEMENTS:
+            raise too_large(shown, count, depth)
         for element in level:
             for key, value in element.attrib.items():
                 if key not in _NAMES and _NAN.search(value):

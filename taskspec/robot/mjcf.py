@@ -7,12 +7,14 @@ from xml.etree import ElementTree
 
 import mujoco
 
+from taskspec.robot.bounds import check_growth
 from taskspec.robot.chain import FRAME_SITE
 from taskspec.robot.errors import RobotError
 from taskspec.robot.files import (
     Roots,
     check_size,
     find_mesh,
+    is_regular,
     on_one_line,
     parse_xml,
     read_mesh,
@@ -20,7 +22,6 @@ from taskspec.robot.files import (
 )
 
 _INCLUDES = 20
-_COPIES = 200
 _REFUSED = {
     "extension": "plugins are programs",
     "plugin": "plugins are programs",
@@ -63,7 +64,7 @@ def _read_include(
     """The elements of an included file, in which further includes are absolute paths."""
     name = include.get("file", "")
     path = roots.model / name
-    if not path.is_file():
+    if not is_regular(path):
         raise RobotError("TS402", f"'{shown}' includes '{name}', which is not there")
     if not roots.hold(path):
         raise RobotError(
@@ -79,22 +80,19 @@ def _read_include(
         beside_model, beside_file = (
             folder / further.get("file", "") for folder in (roots.model, path.parent)
         )
-        further.set("file", str(beside_model if beside_model.is_file() else beside_file.absolute()))
+        further.set(
+            "file", str(beside_model if is_regular(beside_model) else beside_file.absolute())
+        )
     return included
 
 
 def _refuse(root: ElementTree.Element, shown: str) -> None:
-    copies = 1
     for element in root.iter():
         if element.tag in _REFUSED:
             raise RobotError(
                 "TS403", f"'{shown}' has a <{element.tag}>, which is refused", _REFUSED[element.tag]
             )
-        if element.tag == "replicate":
-            count = element.get("count", "1")
-            copies *= int(count) if count.isdigit() and len(count) < 6 else _COPIES + 1
-    if copies > _COPIES:
-        raise RobotError("TS403", f"'{shown}' replicates more than {_COPIES} times")
+    check_growth(root, shown)
 
 
 def mjcf_spec(text: str, roots: Roots, *, meshes: bool) -> tuple[mujoco.MjSpec, list[str]]:
@@ -134,7 +132,7 @@ def _take_meshes(spec: mujoco.MjSpec, roots: Roots, keep: bool) -> dict[str, str
         mesh.name = mesh.name or Path(mesh.file).stem
         name = Path(mesh.file).name if spec.strippath else mesh.file
         path = find_mesh(name, folder, roots) if keep else None
-        data = read_mesh(path) if path else None
+        data = read_mesh(path, assets) if path else None
         if path is None or data is None:
             absent[mesh.name] = Path(mesh.file).name
             spec.delete(mesh)

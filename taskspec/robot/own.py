@@ -7,8 +7,8 @@ from collections.abc import Callable
 from pathlib import Path
 
 import mujoco
-import numpy as np
 
+from taskspec.robot.bounds import check_growth, check_numbers
 from taskspec.robot.description import (
     BOUND_INERTIA,
     BOUND_MASS,
@@ -22,10 +22,6 @@ from taskspec.robot.mjcf import mjcf_spec, mjcf_text
 from taskspec.robot.urdf import check_urdf, urdf_mimics, urdf_spec, urdf_velocities
 
 MakeSpec = Callable[[bool], tuple[mujoco.MjSpec, list[str]]]
-
-_HEAVIEST = 1e5
-_FARTHEST = 100.0
-_BODIES = 500
 
 
 def read_own(shown: str, folder: Path) -> Description:
@@ -43,6 +39,7 @@ def read_own(shown: str, folder: Path) -> Description:
     text = read_model(path, shown)
     root = parse_xml(text, shown)
     if root.tag == "robot":
+        check_growth(root, shown)
         notes = check_urdf(root, shown)
         m = _compile(shown, lambda meshes: urdf_spec(root, roots, meshes=meshes), notes)
         ids = {m.joint(j).name: j for j in range(m.njnt)}
@@ -60,7 +57,7 @@ def read_own(shown: str, folder: Path) -> Description:
             f"'{shown}' is neither MJCF nor URDF: it begins with <{root.tag}>",
             "MJCF begins with <mujoco>, URDF with <robot>",
         )
-    _check(m, shown)
+    check_numbers(m, shown)
     return Description(path.stem, m, shown, velocity, mimics, tuple(notes))
 
 
@@ -101,7 +98,7 @@ def _compile(shown: str, make: MakeSpec, notes: list[str]) -> mujoco.MjModel:
 
 def _settle(spec: mujoco.MjSpec, balance: bool) -> None:
     """Set what every file is compiled with."""
-    spec.memory = -1
+    spec.memory = spec.njmax = spec.nconmax = spec.nstack = -1
     spec.compiler.fusestatic = False
     spec.compiler.boundmass = max(spec.compiler.boundmass, BOUND_MASS)
     spec.compiler.boundinertia = max(spec.compiler.boundinertia, BOUND_INERTIA)
@@ -118,33 +115,3 @@ def _reason(error: Exception) -> str:
     text = ", ".join(lines) or type(error).__name__
     # A file that was put together for MuJoCo stands on one line.
     return re.sub(r"(XML )?Error: |,? \(?line 1\b\)?", "", text)
-
-
-def _check(m: mujoco.MjModel, shown: str) -> None:
-    """Refuse numbers with which no simulation goes well."""
-    fields = {
-        name: getattr(m, name)
-        for name in (
-            *("body_mass", "body_inertia", "body_pos", "body_quat", "body_ipos", "body_iquat"),
-            *("jnt_pos", "jnt_axis", "jnt_range", "qpos0", "dof_armature", "key_qpos"),
-            *("geom_pos", "geom_quat", "geom_size", "site_pos", "site_quat"),
-        )
-    }
-    for name, values in fields.items():
-        if not np.isfinite(values).all():
-            raise RobotError("TS405", f"'{shown}' has a number in {name} that is not finite")
-    if m.nbody > _BODIES:
-        raise RobotError("TS405", f"'{shown}' has {m.nbody} bodies, more than {_BODIES}")
-    for i in range(1, m.nbody):
-        if m.body_mass[i] > _HEAVIEST:
-            raise RobotError(
-                "TS405",
-                f"body '{m.body(i).name}' has a mass of {m.body_mass[i]:g} kg",
-                "masses are in kg",
-            )
-        if np.abs(m.body_pos[i]).max() > _FARTHEST:
-            raise RobotError(
-                "TS405",
-                f"body '{m.body(i).name}' is {np.abs(m.body_pos[i]).max():g} m from its parent",
-                "lengths are in m",
-            )

@@ -140,7 +140,7 @@ def _drawable(
             if mesh is not None:
                 uri = mesh.get("filename", "")
                 path = find_mesh(uri, roots.model, roots) if meshes else None
-                data = read_mesh(path) if path else None
+                data = read_mesh(path, assets) if path else None
                 if path is None or data is None:
                     absent.add(Path(uri).name)
                     continue

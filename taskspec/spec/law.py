@@ -114,8 +114,10 @@ class Law(Model):
     def expand(cls, data: object, reading: Reading) -> object:  # noqa: ARG003
         """Read a bare name as a law with designed gains, and damping in the joints as such."""
         full = short_form(data, "kind")
-        kind = full.get("kind") if isinstance(full, Map) else None
-        if isinstance(full, Map) and kind in LAWS and LAWS[str(kind)].damps_joints:
+        if not isinstance(full, Map):
+            return full
+        kind = full.get("kind")
+        if isinstance(kind, str) and kind in LAWS and LAWS[kind].damps_joints:
             renamed = Map({"joint_damping" if k == "damping" else k: v for k, v in full.items()})
             renamed.node = full.node
             return renamed

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -74,9 +75,12 @@ def load_task(path: Path, overrides: Mapping[str, str] | None = None) -> LoadedT
 
     Raises:
         SpecError: the task is wrong; it carries everything that was found.
-        OSError: the file cannot be opened.
+        OSError: the file cannot be opened, or is a pipe.
         UnicodeDecodeError: it is not UTF-8.
     """
+    if path.is_fifo() and not path.is_relative_to("/dev"):
+        # Nothing may ever be written into it; a shell's own pipes have a writer.
+        raise OSError(errno.EINVAL, "it is a pipe, not a regular file", str(path))
     with path.open("rb") as file:
         # Read no more than is needed to know that it is too much: the path may be a device.
         content = file.read(MAX_BYTES + 4)

@@ -13,6 +13,7 @@ from taskspec.text.expression import Expression, ScopeKind
 from taskspec.text.expression.tree import Number
 from taskspec.text.units import (
     NUMBER,
+    SMALLEST,
     Dimension,
     alternatives,
     describe,
@@ -52,6 +53,8 @@ class Constant(Kind):
             return 0.0
         if self.above is not None and result <= self.above:
             self._report(value, "more than", self.above, reading)
+        elif self.above is not None and result < self.above + SMALLEST:
+            self._report(value, "at least", self.above + SMALLEST, reading)
         elif self.least is not None and result < self.least:
             self._report(value, "at least", self.least, reading)
         elif self.most is not None and result > self.most:

@@ -20,7 +20,7 @@ from taskspec.text.expression import (
 from taskspec.text.expression.parse import Start
 from taskspec.text.expression.signals import CONSTANTS
 from taskspec.text.expression.tree import Name, Node, Number, walk
-from taskspec.text.units import NUMBER, Dimension, Quantity, describe
+from taskspec.text.units import LARGEST, NUMBER, Dimension, Quantity, describe
 
 _FLOATS = FloatAlgebra()
 
@@ -111,9 +111,12 @@ def number(value: object, node: Node, reading: Reading) -> float | None:
     if any(name in reading.broken for name in names):
         return None
     result = evaluate(node, _FLOATS, lambda name: _lookup(name, reading))
-    if math.isfinite(result):
+    if abs(result) <= LARGEST:
         return result
     problem = Problem("TS117", "this has no finite value", node.start, node.end)
+    if math.isfinite(result):
+        message = f"this comes to {result:g} in SI units, where numbers go up to {LARGEST:g}"
+        problem = Problem("TS118", message, node.start, node.end)
     reading.problems(value, (problem,))
     return None
 

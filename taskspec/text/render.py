@@ -29,7 +29,7 @@ def render_one(
     lines = [headline(diagnostic)]
     if source is None or diagnostic.span is None:
         if diagnostic.hint:
-            lines.append(f"   = {visible(diagnostic.hint)}")
+            lines.append("   = " + visible(diagnostic.hint).replace("\n", "\n   | "))
     else:
         lines += _snippet(source, diagnostic.span, diagnostic.hint)
     for note in diagnostic.notes:
@@ -41,7 +41,7 @@ def headline(diagnostic: Diagnostic) -> str:
     """Return `file:line:column: severity[code]: message`."""
     return (
         f"{_place(diagnostic.source, diagnostic.span)}: "
-        f"{diagnostic.severity}[{diagnostic.code}]: {visible(diagnostic.message)}"
+        f"{diagnostic.severity}[{diagnostic.code}]: {_on_one_line(diagnostic.message)}"
     )
 
 
@@ -54,13 +54,18 @@ def visible(text: str) -> str:
     )
 
 
+def _on_one_line(text: str) -> str:
+    # A line that begins with what a file says may be a command to whoever reads the log of a CI.
+    return visible(text).replace("\n", "\\n")
+
+
 def _place(source: str, span: Span | None) -> str:
-    name = visible(source).replace("\n", "\\n")
+    name = _on_one_line(source)
     return f"{name}:{span.line}:{span.column}" if span else name
 
 
 def _note(note: Note, source: Source | None) -> list[str]:
-    lines = [f"{_place(note.source, note.span)}: note: {visible(note.message)}"]
+    lines = [f"{_place(note.source, note.span)}: note: {_on_one_line(note.message)}"]
     return lines + (_snippet(source, note.span, "") if source else [])
 
 

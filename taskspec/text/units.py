@@ -11,6 +11,11 @@ import re
 from dataclasses import dataclass
 from functools import lru_cache
 
+LARGEST = 1e12
+"""The greatest magnitude of a number in SI units, far from where powers of it overflow."""
+SMALLEST = 1e-12
+"""The least value in SI units of what has to be positive, since it may divide."""
+
 
 @dataclass(frozen=True, slots=True)
 class Dimension:

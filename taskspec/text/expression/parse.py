@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 from functools import lru_cache
 from importlib import resources
@@ -15,7 +14,7 @@ from taskspec.text.expression import tree
 from taskspec.text.expression.functions import REDUCERS
 from taskspec.text.expression.problem import ExpressionError, Problem
 from taskspec.text.expression.syntax import explain_character, explain_token
-from taskspec.text.units import QUANTITY, split_quantity, to_si
+from taskspec.text.units import LARGEST, QUANTITY, split_quantity, to_si
 
 Start = Literal["sum", "logic", "value", "uncertain", "equation"]
 
@@ -78,10 +77,10 @@ def _plain_quantity(text: str) -> tree.Number | None:
 
 def _number(value: float, unit: str, start: int, end: int) -> tree.Number:
     quantity = to_si(value, unit)
-    if not math.isfinite(quantity.value):
-        raise ExpressionError(
-            [Problem("TS015", "this number is too large to be computed with", start, end)]
-        )
+    if not abs(quantity.value) <= LARGEST:
+        message = "this number is too large to be computed with"
+        hint = f"numbers go up to {LARGEST:g} in SI units"
+        raise ExpressionError([Problem("TS015", message, start, end, hint)])
     return tree.Number(quantity.value, quantity.dimension, unit=unit, start=start, end=end)
 
 

@@ -1,0 +1,86 @@
+"""What is promised about any text: what `held` asserts of one, at full depth."""
+
+from __future__ import annotations
+
+import gc
+import resource
+import signal
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from types import FrameType
+
+from taskspec.check import check_task
+from taskspec.spec import load_text
+from taskspec.text.diagnostic import Diagnostic, Severity, SpecError
+from taskspec.text.render import render
+from taskspec.text.source import Source
+
+#: Seconds of processor time that one file may take.
+LIMIT = 1.0
+
+
+class HangError(BaseException):
+    """A file took far longer than it may; no handler of the code under test swallows it."""
+
+
+@contextmanager
+def watched(limit: float) -> Iterator[None]:
+    """Ends what takes more processor time than it may, as far as Python is what takes it."""
+
+    def end(_number: int, _frame: FrameType | None) -> None:
+        raise HangError(f"more than {limit:g} s")
+
+    before = signal.signal(signal.SIGPROF, end)
+    signal.setitimer(signal.ITIMER_PROF, limit)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_PROF, 0.0)
+        signal.signal(signal.SIGPROF, before)
+
+
+def found_in(text: str, base: Path) -> tuple[tuple[Diagnostic, ...], dict[str, Source], bool]:
+    """What `validate` finds in a text, the texts it refers to, and whether the text was read."""
+    try:
+        loaded = load_text(text, "t.yaml", base=base)
+    except SpecError as error:
+        return error.diagnostics, dict(error.sources), False
+    return check_task(loaded), dict(loaded.sources), True
+
+
+def held(text: str, base: Path, *, twice: bool = True) -> bool:
+    """Holds a text to the promises; returns whether it came as far as the checks.
+
+    No exception but `SpecError`, no more than `LIMIT` seconds, places inside the text, output that
+    a terminal can show, and the same findings when it is examined again.
+    """
+    with watched(10 * LIMIT):
+        began = time.process_time()
+        found, sources, deep = found_in(text, base)
+        took = time.process_time() - began
+    assert took < LIMIT, f"took {took:.2f} s"
+    assert deep or any(d.severity is Severity.ERROR for d in found)
+    for diagnostic in found:
+        _inside(diagnostic, sources[diagnostic.source])
+    shown = render(found, sources)
+    assert all(c == "\n" or c.isprintable() for c in shown)
+    if twice:
+        assert found_in(text, base)[0] == found, "other findings on the second run"
+    return deep
+
+
+def _inside(diagnostic: Diagnostic, source: Source) -> None:
+    span = diagnostic.span
+    if span is not None:
+        assert 1 <= span.line <= source.line_count
+        assert 1 <= span.column <= len(source.line(span.line)) + 1
+        assert (span.line, span.column) < (span.end_line, span.end_column)
+
+
+def resident() -> float:
+    """Memory that this process holds now, after a collection [MiB]."""
+    gc.collect()
+    pages = int(Path("/proc/self/statm").read_text().split()[1])
+    return pages * resource.getpagesize() / 2**20

@@ -1,0 +1,63 @@
+"""Files that fuzzing found to break a promise, as small as they got, and what they are told now."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from promises import found_in, held
+
+ROOT = Path(__file__).parents[2]
+HEAD = "taskspec: 1\nrobot: {model: panda}\n"
+WAIT = "stages: {a: {time: 1 s}}\n"
+
+FOUND = {
+    "a law that is a mapping": (
+        HEAD + "law: {kind: {z: 1}}\n" + WAIT,
+        {"TS022"},
+    ),
+    "a plane at the end of the range of floats": (
+        HEAD + "world: {table: {shape: plane, xyz: [0, 0, -1e300 mm]}}\n" + WAIT,
+        {"TS015"},
+    ),
+    "a large number inside of an expression of time": (
+        HEAD + "stages: {a: {axes: {x: {position: 1e300 m * sin(t/(1 s))}}, time: 1 s}}\n",
+        {"TS015"},
+    ),
+    "a product that is too large": (
+        HEAD + "params: {far: 1e9 m * 1e9}\n" + WAIT,
+        {"TS118"},
+    ),
+    "a tool without an extent": (
+        "taskspec: 1\nrobot: {model: panda, tool: {radius: 1e-300 mm}}\n" + WAIT,
+        {"TS118"},
+    ),
+    "a path that takes no time": (
+        HEAD + "stages: {a: {path: {line: {by: [60 mm]}, time: 1e-9 s}}}\n",
+        set(),
+    ),
+    "many paths out of reach": (
+        HEAD
+        + "stages:\n"
+        + "".join(
+            f"  s{i}: {{path: {{line: {{by: [6 m]}}, time: {i + 1} s}}}}\n" for i in range(30)
+        ),
+        {"TS420", "TS421"},
+    ),
+}
+
+
+@pytest.mark.parametrize(("text", "codes"), FOUND.values(), ids=FOUND)
+def test_found(text: str, codes: set[str]) -> None:
+    held(text, ROOT / "tasks")
+    assert {d.code for d in found_in(text, ROOT / "tasks")[0]} == codes
+
+
+def test_the_ends_of_the_range_are_in_it() -> None:
+    text = HEAD + "params: {a: 1e12 m, b: -1e12}\n"
+    text += "limits: {force: 1e-12 N}\n" + WAIT
+    assert found_in(text, ROOT / "tasks")[2]
