@@ -18,6 +18,9 @@ T = TypeVar("T")
 #: Fewer files than these are done before further processes have loaded their libraries.
 FEWEST = 100
 _AT_ONCE = 8
+_SIGNALS = {
+    getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
+}
 
 
 def in_order(work: Callable[[Path], T], files: Sequence[Path]) -> Generator[T, None, None]:
@@ -55,11 +58,11 @@ def _shared(work: Callable[[Path], T], files: Sequence[Path], processes: int) ->
 
 @contextmanager
 def _deaf() -> Iterator[None]:
-    """Keeps Ctrl-C for later; processes begun meanwhile never hear it, and the first ends them."""
+    """Keeps signals for later, so that processes are begun whole, and deaf too until they begin."""
     if not hasattr(signal, "pthread_sigmask"):
         yield
         return
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, _SIGNALS)
     try:
         yield
     finally:
@@ -67,7 +70,10 @@ def _deaf() -> Iterator[None]:
 
 
 def _begin() -> None:
+    # Ctrl-C reaches every process of a terminal; the first one ends the others.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    if hasattr(signal, "pthread_sigmask"):
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, _SIGNALS)
     threading.Thread(target=_end_with_parent, daemon=True).start()
 
 
