@@ -5,7 +5,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
-.PHONY: demo test theory proof stability lint types schema validate bench check clean
+.PHONY: demo test theory proof stability lint types schema validate fuzz bench check clean
 
 demo: $(READY)  ## run the wiping task and say where its report is
 	$(BIN)/taskspec run tasks/wipe-table.yaml
@@ -35,9 +35,13 @@ schema: $(READY)  ## the JSON Schema on disk is the one that the models generate
 validate: $(READY)
 	$(BIN)/taskspec validate tasks/
 
+fuzz: $(READY)  ## hold 100 000 spoiled files to what is promised of any text; failing ones in runs/fuzz
+	$(BIN)/python tests/fuzz/campaign.py --files 100000
+
 bench: $(READY)  ## what control costs, as multiples of bare mj_step
 	$(BIN)/python benchmarks/bench_loop.py
 	$(BIN)/python benchmarks/bench_limits.py
+	$(BIN)/python benchmarks/bench_validate.py
 
 check: lint types schema validate test
 

@@ -9,6 +9,8 @@ from taskspec.motion.polynomial import PiecewiseCubic, constant, from_states
 
 #: A move reaches its speed in this time [s], with a smooth rise of the acceleration.
 RISE_TIME = 0.2
+#: A length [m or rad] that is no more than what rounding leaves.
+_NOWHERE = 1e-12
 _NEVER_REACHED = 1.001
 #: Where a distance fits the limits to the last bit, a speed lower by a billionth does not.
 _NUDGES = (1.0, 1 - 1e-9, 1 - 1e-6)
@@ -48,7 +50,7 @@ def timing(length: float, *, speed: float | None, time: float | None) -> Piecewi
     Args:
         length: of the path [m or rad]. speed: along it, or time: that it takes; one is given.
     """
-    if length <= 0.0:
+    if length <= _NOWHERE:
         return from_states([0.0, time or 1e-3], [(0.0, 0.0, 0.0), (1.0, 0.0, 0.0)])
     if time is None:
         assert speed is not None

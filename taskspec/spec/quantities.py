@@ -133,7 +133,7 @@ class Entries(Kind):
             assert isinstance(number, float)
             result.append(number)
         sound = value and len(reading.diagnostics) == before
-        if self.nonzero and sound and not any(result):
+        if self.nonzero and sound and max(map(abs, result)) < SMALLEST:
             reading.error("TS118", "a direction of length zero", span_of(value))
         return tuple(result)
 

@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 from typing import Any
 
+from taskspec.spec.schema_notes import annotate
 from taskspec.spec.task import VERSION, Task
 
 FILE_NAME = f"taskspec-{VERSION}.schema.json"
@@ -18,6 +19,8 @@ def schema_text() -> str:
     It rejects nothing that `load_task` accepts; what only the compiler can know, it lets pass.
     """
     generated = _tidy(Task.model_json_schema())
+    for name, form in {"Task": generated, **generated["$defs"]}.items():
+        annotate(name, form)
     head = {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         "$id": _ID,

@@ -40,6 +40,19 @@ FOUND = {
         HEAD + "stages: {a: {path: {line: {by: [60 mm]}, time: 1e-9 s}}}\n",
         set(),
     ),
+    "a path to where the tool is, up to rounding": (
+        "taskspec: 1\nrobot: {model: panda, tool: {radius: 1 m, length: 0}, "
+        "start: {xyz: [450 mm, 0, 300 mm]}}\n"
+        "stages: {a: {path: {to: [450 mm, 0, 300 mm], speed: 100 mm/s}}}\n",
+        set(),
+    ),
+    "a direction of no length, up to rounding": (
+        HEAD
+        + "world: {wall: {shape: plane}}\n"
+        + "frames: {f: {surface: wall, heading: [0, 5e-324, 0]}}\n"
+        + WAIT,
+        {"TS118"},
+    ),
     "many paths out of reach": (
         HEAD
         + "stages:\n"

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from contextlib import closing
+from dataclasses import dataclass
 from pathlib import Path
 
 import typer
@@ -14,9 +16,11 @@ from taskspec_runner.cli.examined import Failure, Findings
 from taskspec_runner.cli.formats import FindingFormat
 from taskspec_runner.cli.guard import keep_trace
 from taskspec_runner.cli.loading import load
+from taskspec_runner.cli.parallel import in_order
 from taskspec_runner.cli.reporters import REPORTERS
 from taskspec_runner.errors import InputError
 from taskspec_runner.folder import MANIFEST
+from taskspec_runner.interrupt import Termination
 
 _SUFFIXES = (".yaml", ".yml")
 
@@ -91,28 +95,51 @@ def _below(folder: Path) -> Iterator[Path]:
 
 
 def examine(files: Sequence[Path], *, strict: bool = False) -> Findings:
-    """Everything that is found about the files."""
+    """Everything that is found about the files; many of them are shared out to the processors."""
     diagnostics: dict[str, tuple[Diagnostic, ...]] = {}
     sources: dict[str, dict[str, Source]] = {}
     unreadable: list[Failure] = []
     broken: list[Failure] = []
-    for path in files:
-        name = str(path)
-        try:
-            diagnostics[name], sources[name] = _examine(path)
-        except InputError as error:
-            unreadable.append(Failure(name, str(error)))
-        except Exception as error:
-            # One file must not hide what is found about the others.
-            trace = keep_trace(error)
-            told = f"internal error: {type(error).__name__}: {' '.join(str(error).split())}"
-            message = f"{path}: {told}; please report this with {trace}"
-            broken.append(Failure(name, message))
+    with Termination(), closing(in_order(_outcome, files)) as outcomes:
+        for path, outcome in zip(files, outcomes, strict=True):
+            name = str(path)
+            if isinstance(outcome, _Unreadable):
+                unreadable.append(Failure(name, outcome.message))
+            elif isinstance(outcome, _Broken):
+                broken.append(Failure(name, outcome.message))
+            else:
+                diagnostics[name], sources[name] = outcome
     named = tuple(map(str, files))
     return Findings(named, diagnostics, sources, tuple(unreadable), tuple(broken), strict)
 
 
-def _examine(path: Path) -> tuple[tuple[Diagnostic, ...], dict[str, Source]]:
+@dataclass(frozen=True)
+class _Unreadable:
+    message: str
+
+
+@dataclass(frozen=True)
+class _Broken:
+    message: str
+
+
+_Found = tuple[tuple[Diagnostic, ...], dict[str, Source]]
+
+
+def _outcome(path: Path) -> _Found | _Unreadable | _Broken:
+    """What is found about a file; of what can go wrong with it, only the words."""
+    try:
+        return _examine(path)
+    except InputError as error:
+        return _Unreadable(str(error))
+    except Exception as error:
+        # One file must not hide what is found about the others.
+        trace = keep_trace(error)
+        told = f"internal error: {type(error).__name__}: {' '.join(str(error).split())}"
+        return _Broken(f"{path}: {told}; please report this with {trace}")
+
+
+def _examine(path: Path) -> _Found:
     try:
         loaded = load(path)
     except SpecError as error:

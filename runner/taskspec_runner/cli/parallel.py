@@ -1,0 +1,90 @@
+"""Many files at once: `validate` spreads them over the processors, in the order of the files."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+import threading
+from collections.abc import Callable, Generator, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TypeVar
+
+T = TypeVar("T")
+
+#: Fewer files than these are done before further processes have loaded their libraries.
+FEWEST = 100
+_AT_ONCE = 8
+_SIGNALS = {
+    getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
+}
+
+
+def in_order(work: Callable[[Path], T], files: Sequence[Path]) -> Generator[T, None, None]:
+    """What `work` makes of each file, in the order of the files.
+
+    From `FEWEST` files on they are shared out to one process for each processor. Where processes
+    cannot be had, or one is lost, the files that are left are done here.
+
+    Args:
+        work: a function of a module, which lets no exception out. files: what it is called with.
+    """
+    processes = min(_processors(), len(files) // (FEWEST // 2))
+    done = 0
+    if len(files) >= FEWEST and processes > 1:
+        try:
+            for result in _shared(work, files, processes):
+                done += 1
+                yield result
+        except (BrokenProcessPool, OSError):
+            pass
+    for path in files[done:]:
+        yield work(path)
+
+
+def _shared(work: Callable[[Path], T], files: Sequence[Path], processes: int) -> Iterator[T]:
+    context = multiprocessing.get_context("spawn")
+    pool = ProcessPoolExecutor(processes, context, initializer=_begin)
+    try:
+        with _deaf():
+            results = pool.map(work, files, chunksize=_AT_ONCE)
+        yield from results
+    finally:
+        pool.shutdown(wait=True, cancel_futures=True)
+
+
+@contextmanager
+def _deaf() -> Iterator[None]:
+    """Keeps signals for later, so that processes are begun whole, and deaf too until they begin."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, _SIGNALS)
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def _begin() -> None:
+    # Ctrl-C reaches every process of a terminal; the first one ends the others.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    if hasattr(signal, "pthread_sigmask"):
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, _SIGNALS)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)
+
+
+def _processors() -> int:
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1

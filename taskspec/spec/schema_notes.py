@@ -1,0 +1,97 @@
+"""What an editor shows of a key beyond what the models say: a description, examples."""
+
+from __future__ import annotations
+
+from typing import Any
+
+_NAME = "A name given elsewhere in the file"
+_WORDS = "One of a few words"
+_ENTRIES = "Named by you; each has keys of its own"
+_CONDITION = "force.z < -2 N for 10 ms"
+
+#: By model and key: what it is, where the model has a title alone, and examples.
+NOTES: dict[str, tuple[str, tuple[Any, ...]]] = {
+    "Task.taskspec": ("Always 1, the version of the language", (1,)),
+    "Task.name": ("Small letters, digits and '-'; the file's own name without it", ("wipe-table",)),
+    "Task.about": ("One or two sentences for people", ("Wipe a table with 15 N.",)),
+    "Task.world": (_ENTRIES, ({"table": {"shape": "plane"}},)),
+    "Task.params": ("Values by name, for use in expressions", ({"press": "15 N"},)),
+    "Task.frames": (_ENTRIES, ({"task": {"surface": "table"}},)),
+    "Task.frame": ("", ("task", "world", "tool")),
+    "Task.stages": (
+        "In order; " + _ENTRIES[0].lower() + _ENTRIES[1:],
+        ({"wait": {"time": "1 s"}},),
+    ),
+    "Task.expect": ("Conditions that a run is judged by", (["max(norm(force)) < 40 N"],)),
+    "Task.vary": (
+        "The path of a value, and an interval for each component",
+        ({"world.table.stiffness": "5..20 kN/m"},),
+    ),
+    "Arc.turns": ("", (1, -0.5)),
+    "Control.plant_rate": ("", ("2 kHz",)),
+    "EquationObject.frame": ("", ("task",)),
+    "ForceGains.proportional": ("", (0.5, {"z": 0.5})),
+    "Frame.parent": ("", ("world",)),
+    "Frame.surface": ("", ("table",)),
+    "Frame.heading": ("", ([1, 0, 0],)),
+    "Frame.rpy": ("Roll, pitch and yaw about fixed axes", (["0 deg", "0 deg", "90 deg"],)),
+    "Frame.estimate": ("", ("normal",)),
+    "Hinge.mechanism": ("Always this word", ()),
+    "JointEquation.frame": ("", ("task",)),
+    "Law.kind": (_WORDS, ()),
+    "Law.orientation": (_WORDS, ()),
+    "Law.null_space": ("One of a few words, or a list of them", ("posture", ["joint-limits"])),
+    "Law.solve": (_WORDS, ()),
+    "Law.solver": (_WORDS, ()),
+    "Law.damping_ratio": ("", (0.7, {"z": 1})),
+    "Lissajous.turns": ("", ([1, 2],)),
+    "Path.file": ("A CSV file, relative to the task file", ("leaf.csv",)),
+    "Robot.model": ("", ("panda", "robots/arm.urdf")),
+    "Robot.flange": ("", ("tool0",)),
+    "Robot.balanced": ("", (True,)),
+    "Robot.grasp": ("", ("door",)),
+    "Rotation.follows": ("", ("door",)),
+    "Rotation.torque": ("", ("-2 N*m", 0)),
+    "Screw.mechanism": ("Always this word", ()),
+    "Shape.shape": (_WORDS, ()),
+    "Shape.size": ("Full edges along x, y and z", (["200 mm", "100 mm", "50 mm"],)),
+    "Shape.free": ("true or false", (True,)),
+    "Shape.friction": ("", (0.3,)),
+    "Slide.mechanism": ("Always this word", ()),
+    "Stage.constraints": (
+        "Set points of equations, by their names",
+        ({"rail": {"force": "20 N"}},),
+    ),
+    "Stage.attempts": ("A whole number from 1 on", (3,)),
+    "Stage.until": ("", (_CONDITION,)),
+    "Stage.fail_if": ("", ("norm(force) > 60 N",)),
+    "Stage.next": ("", ("lift", "end", "fail")),
+    "Stage.on_fail": ("", ("retreat",)),
+    "Stage.frame": ("", ("task",)),
+    "Stage.tare": ("", (True,)),
+    "Tool.shape": (_WORDS, ()),
+    "Tool.size": ("Full edges; the third is along the tool axis", (["40 mm", "40 mm", "10 mm"],)),
+    "Translation.follows": ("", ("door",)),
+    "Translation.force": ("", ("-15 N", "-press")),
+}
+
+_GROUPS = {"linear": "All translations", "angular": "All rotations"}
+
+
+def annotate(model: str, form: dict[str, Any]) -> None:
+    """Add to each key of a model's JSON Schema what its notes say, in place."""
+    for name, field in form.get("properties", {}).items():
+        description, examples = NOTES.get(f"{model}.{name}", ("", ()))
+        if description:
+            field.setdefault("description", description)
+        if examples:
+            field.setdefault("examples", list(examples))
+        for choice in field.get("anyOf", ()):
+            for key, entry in choice.get("properties", {}).items():
+                entry.setdefault("title", _GROUPS.get(key) or _axis(key))
+    for choice in form.get("anyOf", ()):
+        annotate(model, choice)
+
+
+def _axis(name: str) -> str:
+    return f"About {name[1:]}" if name.startswith("r") else f"Along {name}"

@@ -1,0 +1,123 @@
+"""The JSON Schema against `validate`: it rejects nothing that is read without an error."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+import jsonschema
+import pytest
+from hypothesis import HealthCheck, given, settings
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from injuries import ROOT, case
+from valid_tasks import tasks
+
+from taskspec.spec import load_text
+from taskspec.spec.schema import schema_text
+from taskspec.spec.schema_notes import NOTES
+from taskspec.text.characters import normal
+from taskspec.text.data import Items, Map, Real, Truth, Whole, to_data
+from taskspec.text.diagnostic import Diagnostics, SpecError
+from taskspec.text.nodes import Mapping
+from taskspec.text.source import Source
+from taskspec.text.yaml import read
+
+SCHEMA = json.loads(schema_text())
+VALIDATOR = jsonschema.Draft202012Validator(SCHEMA)
+MODELS = {"Task": SCHEMA, **SCHEMA["$defs"]}
+SPOILED, AT_ONCE = 2000, 500
+
+
+def plain(value: object) -> object:
+    """A datum as JSON has it."""
+    if isinstance(value, Map):
+        return {key: plain(entry) for key, entry in value.items()}
+    if isinstance(value, Items):
+        return [plain(entry) for entry in value]
+    if isinstance(value, Truth):
+        return value.value
+    if isinstance(value, Whole):
+        return int(value)
+    return float(value) if isinstance(value, Real) else str(value)
+
+
+def accepted(text: str) -> bool:
+    """Whether a text is read without an error; if so, the schema has to accept it."""
+    try:
+        load_text(text, "t.yaml", base=ROOT / "tasks")
+    except SpecError:
+        return False
+    found = Diagnostics("t.yaml")
+    root = read(Source("t.yaml", normal(text)), found)
+    assert isinstance(root, Mapping)
+    told = [f"{'.'.join(map(str, e.path))}: {e.message}" for e in VALIDATOR.iter_errors(
+        plain(to_data(root, found)))]  # fmt: skip
+    assert not told, text
+    return True
+
+
+@settings(
+    max_examples=200,
+    deadline=None,
+    derandomize=True,
+    suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large],
+)
+@given(tasks())
+def test_valid_tasks_are_accepted(text: str) -> None:
+    assert accepted(text)
+
+
+@pytest.mark.parametrize("first", range(0, SPOILED, AT_ONCE))
+def test_spoiled_files_that_are_read_are_accepted(first: int) -> None:
+    sound = sum(accepted(case(seed).text) for seed in range(first, first + AT_ONCE))
+    assert sound > AT_ONCE // 10
+
+
+def keys(form: dict[str, Any]) -> list[tuple[str, dict[str, Any]]]:
+    """The keys of a form, those of its variants and of forms inside included."""
+    found = []
+    for part in (form, *form.get("anyOf", ())):
+        for name, field in part.get("properties", {}).items():
+            found += [(name, field), *((f"{name}.{n}", f) for n, f in keys(field))]
+    return found
+
+
+def says(field: dict[str, Any], *what: str) -> bool:
+    parts = (field, *field.get("anyOf", ()), field.get("additionalProperties") or {})
+    return any(key in part for part in parts if isinstance(part, dict) for key in what)
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_every_key_has_a_title_a_description_and_an_example(model: str) -> None:
+    for name, field in keys(MODELS[model]):
+        if "$ref" in field:
+            continue
+        where = f"{model}.{name}"
+        assert field.get("title"), where
+        assert says(field, "description"), where
+        shown = "such as" in json.dumps(field) or "A plain number" in json.dumps(field)
+        assert says(field, "examples", "enum", "const", "$ref") or shown, where
+
+
+def test_every_note_is_of_a_key() -> None:
+    there = {f"{model}.{name}" for model, form in MODELS.items() for name, _ in keys(form)}
+    assert sorted(set(NOTES) - there) == []
+
+
+@pytest.mark.parametrize("note", [n for n, (_, examples) in NOTES.items() if examples])
+def test_examples_fit_their_keys(note: str) -> None:
+    model, name = note.split(".")
+    field = dict(keys(MODELS[model]))[name]
+    for example in NOTES[note][1]:
+        form = jsonschema.Draft202012Validator(field | {"$defs": SCHEMA["$defs"]})
+        assert form.is_valid(example), (note, example)
+
+
+def test_words_are_enumerated() -> None:
+    law = dict(keys(MODELS["Law"]))
+    assert {"hybrid", "impedance"} <= set(law["kind"]["enum"])
+    assert law["solver"]["enum"] == ["daqp", "osqp"]

@@ -1,0 +1,132 @@
+"""Tasks that read without an error: every section, all laws, all modes of an axis, all objects."""
+
+from __future__ import annotations
+
+from hypothesis import strategies as st
+
+from taskspec.spec import LAWS
+
+Text = st.SearchStrategy[str]
+_ROBOTS = ("panda", "ur5e", "iiwa14")
+
+
+def _one(*words: str) -> Text:
+    return st.sampled_from(words)
+
+
+def _number(low: float, high: float, unit: str) -> Text:
+    return st.floats(low, high, allow_nan=False).map(lambda x: f"{x:.4g} {unit}".strip())
+
+
+def _mapping(required: dict[str, Text], optional: dict[str, Text]) -> Text:
+    def written(pairs: dict[str, str]) -> str:
+        return "{" + ", ".join(f"{key}: {value}" for key, value in pairs.items()) + "}"
+
+    return st.fixed_dictionaries(required, optional=optional).map(written)
+
+
+def _list(*entries: Text) -> Text:
+    return st.tuples(*entries).map(lambda found: f"[{', '.join(found)}]")
+
+
+_LENGTH = _number(-200, 200, "mm")
+_SIZE = _number(20, 400, "mm")
+_ANGLE = _number(-180, 180, "deg")
+_PLACE = _list(_number(300, 600, "mm"), _number(-300, 300, "mm"), _number(0, 500, "mm"))
+_TURN = _list(_ANGLE, _ANGLE, _ANGLE)
+_TIME = _number(0.1, 10, "s")
+
+_TOOL = _mapping(
+    {},
+    {"radius": _number(2, 40, "mm"), "length": _number(50, 200, "mm"), "mass": _number(0, 2, "kg")},
+)
+_ROBOT = _mapping({"model": _one(*_ROBOTS)}, {"tool": _TOOL})
+_CONTACT = {
+    "stiffness": _number(1, 100, "kN/m") | st.just("rigid"),
+    "damping": _number(1, 90, "N*s/m"),
+    "friction": _number(0, 1, ""),
+}
+_PLACED = {"xyz": _PLACE, "rpy": _TURN}
+_OBJECT = st.one_of(
+    _mapping({"shape": st.just("plane")}, _PLACED | _CONTACT),
+    _mapping({"shape": st.just("box"), "size": _list(_SIZE, _SIZE, _SIZE)}, _PLACED | _CONTACT),
+    _mapping({"shape": st.just("sphere"), "radius": _SIZE}, {"xyz": _PLACE} | _CONTACT),
+    _mapping({"shape": st.just("cylinder"), "radius": _SIZE, "length": _SIZE}, _PLACED | _CONTACT),
+)
+_MOTION = st.one_of(
+    _one("hold", "{hold: start}"),
+    _mapping({"velocity": _number(-50, 50, "mm/s")}, {}),
+    _mapping({"move": _LENGTH}, {"speed": _number(1, 100, "mm/s")}),
+    _mapping({"position": _LENGTH | _one("20 mm * sin(2*pi*t/(2 s))", "reach - 3 mm")}, {}),
+)
+_TURNING = st.one_of(
+    st.just("hold"),
+    _mapping({"velocity": _number(-20, 20, "deg/s")}, {}),
+    _mapping({"move": _number(-20, 20, "deg")}, {}),
+)
+_FORCE = _mapping({"force": _number(-40, 40, "N") | st.just("-press")}, {"ramp": _TIME})
+_TORQUE = _mapping({"torque": _number(-2, 2, "N*m")}, {})
+_AXES = _mapping(
+    {},
+    dict.fromkeys("xyz", _MOTION | _FORCE) | dict.fromkeys(("rx", "ry", "rz"), _TURNING | _TORQUE),
+)
+_LIMITS = _mapping(
+    {},
+    {
+        "force": _number(20, 200, "N"),
+        "torque": _number(5, 50, "N*m"),
+        "speed": _number(50, 500, "mm/s"),
+    },
+)
+_PATH = st.one_of(
+    _mapping({"line": _mapping({"by": _list(_LENGTH, _LENGTH)}, {}), "time": _TIME}, {}),
+    _mapping(
+        {"arc": _mapping({"center": _list(_LENGTH, _SIZE), "turns": _number(0.1, 2, "")}, {}),
+         "speed": _number(5, 90, "mm/s")},
+        {},
+    ),
+)  # fmt: skip
+_STAGE = st.one_of(
+    _mapping({"axes": _AXES, "time": _TIME}, {"limits": _LIMITS}),
+    _mapping({"path": _PATH}, {"axes": _mapping({"z": _FORCE}, {})}),
+    _mapping(
+        {
+            "axes": _mapping({"z": _mapping({"velocity": _number(-30, -1, "mm/s")}, {})}, {}),
+            "until": _one('"force.z < -2 N"', '"force.z < -press / 2 for 10 ms"'),
+            "within": _mapping({"time": _TIME}, {"travel": _SIZE}),
+        },
+        {},
+    ),
+)
+_EXPECTED = st.lists(
+    _one(
+        '"max(norm(force)) < 90 N"',
+        '"s0.force.z within -press +- 5 N for 50 %"',
+        '"max(abs(s0.error.x)) < reach"',
+    ),
+    max_size=2,
+    unique=True,
+).map(lambda found: f"[{', '.join(found)}]")
+
+
+@st.composite
+def tasks(draw: st.DrawFn) -> str:
+    """The text of a task that is read without an error, whatever its checks make of it."""
+    law = draw(_one(*LAWS))
+    lines = [
+        "taskspec: 1",
+        f"robot: {draw(_ROBOT)}",
+        f"params: {{press: {draw(_number(1, 40, 'N'))}, reach: {draw(_number(1, 50, 'mm'))}}}",
+        f"world: {{table: {draw(_OBJECT)}}}",
+        "frames: {task: {surface: table}}" if draw(st.booleans()) else "frames: {}",
+        f"law: {law}",
+    ]
+    if lines[4] != "frames: {}":
+        lines.append("frame: task")
+    if draw(st.booleans()):
+        lines.append(f"limits: {draw(_LIMITS)}")
+    stages = draw(st.lists(_STAGE, min_size=1, max_size=3))
+    lines.append("stages:")
+    lines += [f"  s{i}: {stage}" for i, stage in enumerate(stages)]
+    lines.append(f"expect: {draw(_EXPECTED)}")
+    return "\n".join(lines) + "\n"
