@@ -145,7 +145,9 @@ def test_the_readme_uses_the_hook_as_it_is(repository: Path) -> None:
 def test_the_workflow_runs_what_exists() -> None:
     workflow = yaml.safe_load((ROOT / ".github/workflows/ci.yml").read_text(encoding="utf-8"))
     steps = [s for job in workflow["jobs"].values() for s in job["steps"]]
-    assert {s["run"] for s in steps if "run" in s} == {"bash .ci/run"}
+    runs = [s["run"] for s in steps if "run" in s]
+    # Beside what draws without a screen nothing is installed by hand.
+    assert [run for run in runs if "apt-get" not in run] == ["bash .ci/run"]
     assert (ROOT / ".ci/run").is_file()
     (own,) = (s for s in steps if s.get("uses") == "./")
     assert own["with"].keys() <= ACTION["inputs"].keys()
