@@ -1,6 +1,6 @@
 """What keeping limits costs: closed loops side by side with bare `mj_step`, in one process.
 
-A press while sliding on its plant, recording included, as a multiple of a bare step in contact: by
+A wipe on its plant, recording included, as a multiple of a bare step in contact: by
 the closed form, by the program where no limit is in the way, and with the program solved in every
 tick, as where one binds, by both solvers. Rounds alternate, so that a machine that slows down slows
 all of them.
@@ -26,33 +26,37 @@ from taskspec.spec import load_task
 from taskspec_runner.assembly import assemble
 from taskspec_runner.sensing import Sensing
 
-TASK = Path(__file__).resolve().parent.parent / "tasks" / "press-qp.yaml"
-STAGE, AFTER = "slide", 0.5
+TASKS = Path(__file__).resolve().parent.parent / "tasks"
+AFTER = 0.5
 ROUNDS, STEPS = 10, 300
 
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """A way to the torques of the task, and whether its program is solved in every tick."""
+    """A way to the torques of a stage of a task, and whether its program is always solved."""
 
     name: str
+    task: str
+    stage: str
     overrides: Mapping[str, str]
-    always: bool
+    always: bool = False
 
 
+QP, OSQP = {"law.solve": "qp"}, {"law.solve": "qp", "law.solver": "osqp"}
 CASES = (
-    Case("closed form", {"law.solve": "closed-form", "limits": "{force: 40 N}"}, always=False),
-    Case("program, no limit in the way", {}, always=False),
-    Case("program solved in every tick, DAQP", {}, always=True),
-    Case("program solved in every tick, OSQP", {"law.solver": "osqp"}, always=True),
+    Case("closed form", "wipe-table", "wipe", {}),
+    Case("program, no limit in the way", "wipe-table", "wipe", QP),
+    Case("the same with every limit there is", "press-qp", "slide", {}),
+    Case("program solved in every tick, DAQP", "wipe-table", "wipe", QP, always=True),
+    Case("program solved in every tick, OSQP", "wipe-table", "wipe", OSQP, always=True),
 )
 
 
 class Loop:
-    """The closed loop of the task, and the bare step of its scene."""
+    """The closed loop of a task, and the bare step of its scene."""
 
     def __init__(self, case: Case, folder: Path) -> None:
-        program = compile_task(load_task(TASK, case.overrides))
+        program = compile_task(load_task(TASKS / f"{case.task}.yaml", case.overrides))
         self._parts = assemble(program)
         self._period = program.context.period
         self._sensing = Sensing(self._parts.plant, self._parts.machine)
@@ -62,7 +66,7 @@ class Loop:
         machine = self._parts.machine
         machine.start()
         self._ticks = 0
-        while machine.stage.name != STAGE or machine.t < AFTER:
+        while machine.stage.name != case.stage or machine.t < AFTER:
             self.step()
         if case.always:
             self._resolver = machine.resolver

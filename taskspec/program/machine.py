@@ -231,7 +231,7 @@ class Machine:
         if resolver is None:
             runner.evaluate()
             return True
-        resolver.remember()
+        resolver.remember(self._applied)
         runner.evaluate()
         if not resolver.resolve():
             return False
@@ -245,7 +245,7 @@ class Machine:
         """
         assert runner.resolver is not None
         if self._held == 0:
-            self._safe[:] = runner.resolver.last
+            self._safe[:] = self._applied
         self._held += 1
         if self._held > HELD_TICKS:
             why = runner.resolver.status.value

@@ -63,7 +63,6 @@ class Resolver:
 
     Attributes:
         status: of the last solve. account: of all of them.
-        last: (n,) the torque of the tick before.
     """
 
     def __init__(
@@ -86,14 +85,13 @@ class Resolver:
         n, m, r = len(torque), len(resolution.rows), len(resolution.requested)
         self.resolution, self.account = resolution, Account()
         self.status = Status.SOLVED
-        self.last = np.zeros(n)
         self._torque, self._outputs = torque, outputs
         nothing = np.zeros(0)
         self._limited = parameters[slots["limited"]]
         self._cut = parameters[slots["cut"]] if r else nothing
         self._unreachable = parameters[slots["unreachable"]] if r else nothing
         self._last_torque = parameters[slots["last_torque"]] if "last_torque" in slots else None
-        self._clear = True
+        self._clear, self._paring = True, False
         pieces, bounds = np.split(handed_over, [resolution.handed])
         lower, upper, self._clamped_cut = np.split(bounds, [m, 2 * m])
         self._problem = problem = Problem(np.eye(n), np.zeros(n), np.zeros((m, n)), lower, upper)
@@ -110,11 +108,10 @@ class Resolver:
         self._solver = make_solver(resolution.solver, n, m)
         self._nearest = _Nearest(resolution, arguments) if resolution.look is not None else None
 
-    def remember(self) -> None:
-        """Keeps the torque of the tick before, which is about to be overwritten."""
-        self.last[:] = self._torque
+    def remember(self, applied: Vector) -> None:
+        """Has the next tick change its torque from (n,) `applied` at the limited rate."""
         if self._last_torque is not None:
-            self._last_torque[:] = self.last
+            self._last_torque[:] = applied
 
     def resolve(self) -> bool:
         """Replaces the torque where it breaks a limit; whether there is one that may be used."""
@@ -127,14 +124,16 @@ class Resolver:
         elif not self.solve():
             self.account.held += 1
             return False
-        self.settle()
+        if outputs[_UNSETTLED] or self._paring:
+            self.settle()
         return True
 
     def settle(self) -> None:
         """Has the next tick take from the set points what contacts cannot return of them."""
         if self._nearest is None:
             return
-        left = self._nearest.left_over() if self._outputs[_UNSETTLED] else 0.0
+        self._paring = bool(self._outputs[_UNSETTLED])
+        left = self._nearest.left_over() if self._paring else 0.0
         if left is not None:
             self._unreachable[:] = left
 

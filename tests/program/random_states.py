@@ -65,9 +65,9 @@ class States:
         self.runner.parameters[:] = parameters
         machine.update_terms()
         self.evaluate()
-        self.resolver.last[:] = self.torque + rng.uniform(-1, 1, self.n) * rate
+        last = self.torque + rng.uniform(-1, 1, self.n) * rate
         if "last_torque" in self.stage.parameters:
-            self.stage.parameters.write(self.runner.parameters, "last_torque", self.resolver.last)
+            self.resolver.remember(last)
             self.evaluate()
 
     def evaluate(self) -> None:

@@ -88,7 +88,7 @@ def solved(states: States, last=None) -> np.ndarray:
     states.machine.update_terms()
     if last is not None:
         states.machine.torque[:] = last
-    states.resolver.remember()
+    states.resolver.remember(states.torque)
     states.evaluate()
     assert states.resolver.resolve()
     return states.torque.copy()
@@ -127,7 +127,7 @@ def widened(states: States) -> dict[str, float]:
     Asserts that the rows hold as they are then.
     """
     states.machine.update_terms()
-    states.resolver.remember()
+    states.resolver.remember(states.torque)
     states.evaluate()
     problem, account = states.resolver._problem, states.resolver.account
     low, high, collisions = problem.lower.copy(), problem.upper.copy(), account.relaxed
