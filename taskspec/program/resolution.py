@@ -11,6 +11,7 @@ import numpy as np
 from taskspec.control.model_terms import TermSymbols
 from taskspec.control.state import TaskState
 from taskspec.program import kinematics, signals
+from taskspec.program.bounds import Row
 from taskspec.program.carriers import Instant
 from taskspec.program.consistency import (
     Consistency,
@@ -32,7 +33,7 @@ from taskspec.program.contacts import (
 )
 from taskspec.program.context import Context
 from taskspec.program.layout import Layout
-from taskspec.program.limited import LimitRows, Row, limit_rows, matrices
+from taskspec.program.limited import LimitRows, limit_rows, matrices
 from taskspec.program.modes import AxisPlan
 from taskspec.robot import RobotModel
 from taskspec.spec import LAWS, Law, Limits

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from taskspec.control.qp import Problem, Solution, Status, make_solver
 from taskspec.program.bound import BoundFunction
-from taskspec.program.limited import PRECEDENCE
+from taskspec.program.bounds import PRECEDENCE
 from taskspec.program.ports import OUTPUTS, slices
 from taskspec.program.resolution import Resolution
 

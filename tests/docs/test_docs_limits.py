@@ -6,7 +6,7 @@ from documents import ROOT, table, text_of
 
 from taskspec.control.admissible import BRAKING
 from taskspec.control.state import ARM_LENGTH
-from taskspec.program import consistency, limited, resolver
+from taskspec.program import bounds, consistency, limited, pushes, resolver
 
 PAGE = ROOT / "docs" / "laws" / "limits.md"
 
@@ -20,11 +20,11 @@ def test_costs_and_shares():
     }
     assert {names[part]: cost for part, cost in costs.items()} == limited.COST
     kept = {row[0]: row[2] for row in table(PAGE, "table: limits")}
-    assert kept["`force`, of each contact"] == f"{100 * limited.FORCE_SHARE:g} %"
-    assert kept["`speed` of the tip"] == f"{100 * limited.SPEED_SHARE:g} %"
+    assert kept["`force`, of each contact"] == f"{100 * pushes.FORCE_SHARE:g} %"
+    assert kept["`speed` of the tip"] == f"{100 * bounds.SPEED_SHARE:g} %"
     position = "position and velocity of a joint"
-    assert kept[position].startswith(f"{100 * limited.VELOCITY_SHARE:g} % of the velocity")
-    assert f"{1e3 * limited.POSITION_MARGIN:g} mrad" in kept[position]
+    assert kept[position].startswith(f"{100 * bounds.VELOCITY_SHARE:g} % of the velocity")
+    assert f"{1e3 * bounds.POSITION_MARGIN:g} mrad" in kept[position]
 
 
 def test_constants_in_the_text():
@@ -37,5 +37,5 @@ def test_constants_in_the_text():
     assert f"moments divided by {ARM_LENGTH:g} m" in text
     assert f"within {resolver.HELD_TICKS} control periods" in text
     assert f"residual is below {resolver.WORST_RESIDUAL:.0e}".replace("e-0", "e-") in text
-    order = ", ".join(("torque", "torque rate", *limited.PRECEDENCE[1:]))
+    order = ", ".join(("torque", "torque rate", *bounds.PRECEDENCE[1:]))
     assert f"the first of {order} is kept" in text

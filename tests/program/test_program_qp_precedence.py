@@ -14,7 +14,7 @@ from scipy.optimize import linprog
 from taskspec.compiler import compile_task
 from taskspec.control.qp import Problem, Solution, Status
 from taskspec.control.qp.problem import unsolved
-from taskspec.program.limited import PRECEDENCE
+from taskspec.program.bounds import PRECEDENCE
 from taskspec.program.resolver import HELD_TICKS, relax
 from taskspec.spec import load_text
 from taskspec_runner import loop
