@@ -12,13 +12,13 @@ from __future__ import annotations
 
 import statistics
 import tempfile
-import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 import mujoco
 import numpy as np
+from timed import seconds
 
 from taskspec.compiler import compile_task
 from taskspec.program.resolver import Resolver
@@ -90,7 +90,7 @@ class Loop:
     def bare(self, steps: int) -> float:
         """Seconds of a step without control; the state is put back."""
         mujoco.mj_getState(self._model, self._data, self._state, self._kind)
-        taken = _time(lambda: mujoco.mj_step(self._model, self._data), steps)
+        taken = seconds(lambda: mujoco.mj_step(self._model, self._data), steps)
         mujoco.mj_setState(self._model, self._data, self._state, self._kind)
         mujoco.mj_forward(self._model, self._data)
         return taken
@@ -103,18 +103,11 @@ def main() -> None:
         measured: dict[Case, list[tuple[float, float]]] = {case: [] for case in CASES}
         for _ in range(ROUNDS):
             for case, loop in loops.items():
-                measured[case].append((loop.bare(200), _time(loop.step, STEPS)))
+                measured[case].append((loop.bare(200), seconds(loop.step, STEPS)))
     for case, pairs in measured.items():
         ratio = statistics.median(whole / bare for bare, whole in pairs)
         whole = statistics.median(whole for _, whole in pairs)
         print(f"{case.name:36} {whole * 1e6:8.2f} us {ratio:6.2f} x bare mj_step")
-
-
-def _time(function: Callable[[], object], steps: int) -> float:
-    begin = time.perf_counter()
-    for _ in range(steps):
-        function()
-    return (time.perf_counter() - begin) / steps
 
 
 if __name__ == "__main__":

@@ -12,12 +12,11 @@ from __future__ import annotations
 import statistics
 import sys
 import tempfile
-import time
-from collections.abc import Callable
 from pathlib import Path
 
 import mujoco
 import numpy as np
+from timed import seconds
 
 from taskspec.compiler import compile_task
 from taskspec.spec import load_task
@@ -81,7 +80,7 @@ def main(task: Path, stage: str) -> None:
                     mujoco.mj_setState(model, data, state, kind)
                     mujoco.mj_forward(model, data)
                     sensing.read()
-                measured.setdefault(name, []).append(_time(function, steps))
+                measured.setdefault(name, []).append(seconds(function, steps))
             mujoco.mj_setState(model, data, state, kind)
         recorder.close()
     bare_times = measured["bare mj_step in contact"]
@@ -89,13 +88,6 @@ def main(task: Path, stage: str) -> None:
     for name, times in measured.items():
         ratio = statistics.median(t / b for t, b in zip(times, bare_times, strict=True))
         print(f"{name:30} {statistics.median(times) * 1e6:8.2f} us {ratio:6.2f} x")
-
-
-def _time(function: Callable[[], None], steps: int) -> float:
-    begin = time.perf_counter()
-    for _ in range(steps):
-        function()
-    return (time.perf_counter() - begin) / steps
 
 
 if __name__ == "__main__":

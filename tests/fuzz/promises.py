@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 import resource
 import signal
+import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -16,6 +17,10 @@ from taskspec.spec import load_text
 from taskspec.text.diagnostic import Diagnostic, Severity, SpecError
 from taskspec.text.render import render
 from taskspec.text.source import Source
+
+sys.path.insert(0, str(Path(__file__).parent.parent / "corpus"))
+
+from reading import assert_place
 
 #: Seconds of processor time that one file may take. The slowest takes less than one on a machine
 #: that has nothing else to do; shared cores count up to three times as many.
@@ -64,20 +69,12 @@ def held(text: str, base: Path, *, twice: bool = True) -> bool:
     assert took < LIMIT, f"took {took:.2f} s"
     assert deep or any(d.severity is Severity.ERROR for d in found)
     for diagnostic in found:
-        _inside(diagnostic, sources[diagnostic.source])
+        assert_place(diagnostic, sources[diagnostic.source])
     shown = render(found, sources)
     assert all(c == "\n" or c.isprintable() for c in shown)
     if twice:
         assert found_in(text, base)[0] == found, "other findings on the second run"
     return deep
-
-
-def _inside(diagnostic: Diagnostic, source: Source) -> None:
-    span = diagnostic.span
-    if span is not None:
-        assert 1 <= span.line <= source.line_count
-        assert 1 <= span.column <= len(source.line(span.line)) + 1
-        assert (span.line, span.column) < (span.end_line, span.end_column)
 
 
 def resident() -> float:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import re
 import sys
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -156,13 +155,6 @@ ROWS: dict[str, Attack] = {
         )
     },
 }
-
-
-@pytest.fixture(scope="module")
-def victim() -> Iterator[Victim]:
-    process = Victim()
-    yield process
-    process.close()
 
 
 @pytest.fixture

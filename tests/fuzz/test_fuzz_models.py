@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -15,13 +14,6 @@ from hostile_models import MODELS, Model, arm, write
 
 from taskspec.robot import load_robot
 from taskspec.spec import load_task
-
-
-@pytest.fixture(scope="module")
-def victim() -> Iterator[Victim]:
-    process = Victim()
-    yield process
-    process.close()
 
 
 @pytest.fixture

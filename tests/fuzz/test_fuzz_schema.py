@@ -12,37 +12,22 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 
 sys.path.insert(0, str(Path(__file__).parent))
+sys.path.insert(0, str(Path(__file__).parent.parent / "corpus"))
 
 from injuries import ROOT, case
+from reading import data_of
 from valid_tasks import tasks
 
 from taskspec.spec import load_text
 from taskspec.spec.schema import schema_text
 from taskspec.spec.schema_notes import NOTES
 from taskspec.text.characters import normal
-from taskspec.text.data import Items, Map, Real, Truth, Whole, to_data
-from taskspec.text.diagnostic import Diagnostics, SpecError
-from taskspec.text.nodes import Mapping
-from taskspec.text.source import Source
-from taskspec.text.yaml import read
+from taskspec.text.diagnostic import SpecError
 
 SCHEMA = json.loads(schema_text())
 VALIDATOR = jsonschema.Draft202012Validator(SCHEMA)
 MODELS = {"Task": SCHEMA, **SCHEMA["$defs"]}
 SPOILED, AT_ONCE = 2000, 500
-
-
-def plain(value: object) -> object:
-    """A datum as JSON has it."""
-    if isinstance(value, Map):
-        return {key: plain(entry) for key, entry in value.items()}
-    if isinstance(value, Items):
-        return [plain(entry) for entry in value]
-    if isinstance(value, Truth):
-        return value.value
-    if isinstance(value, Whole):
-        return int(value)
-    return float(value) if isinstance(value, Real) else str(value)
 
 
 def accepted(text: str) -> bool:
@@ -51,11 +36,8 @@ def accepted(text: str) -> bool:
         load_text(text, "t.yaml", base=ROOT / "tasks")
     except SpecError:
         return False
-    found = Diagnostics("t.yaml")
-    root = read(Source("t.yaml", normal(text)), found)
-    assert isinstance(root, Mapping)
-    told = [f"{'.'.join(map(str, e.path))}: {e.message}" for e in VALIDATOR.iter_errors(
-        plain(to_data(root, found)))]  # fmt: skip
+    errors = VALIDATOR.iter_errors(data_of(normal(text)))
+    told = [f"{'.'.join(map(str, e.path))}: {e.message}" for e in errors]
     assert not told, text
     return True
 

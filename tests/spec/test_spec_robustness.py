@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import random
+import sys
 from pathlib import Path
 
 from hypothesis import HealthCheck, given, settings
@@ -12,7 +13,10 @@ from hypothesis import strategies as st
 from taskspec.spec import load_text
 from taskspec.text.diagnostic import Diagnostic, SpecError
 from taskspec.text.render import render
-from taskspec.text.source import Source
+
+sys.path.insert(0, str(Path(__file__).parent.parent / "corpus"))
+
+from reading import assert_place
 
 CORPUS = Path(__file__).parent.parent / "corpus"
 TEXTS = [p.read_text(encoding="utf-8") for p in sorted(CORPUS.glob("*/*.yaml"))]
@@ -46,14 +50,6 @@ def outcome(text: str, overrides: dict[str, str] | None = None) -> tuple[Diagnos
     shown = render(found, sources)
     assert all(c == "\n" or c.isprintable() for c in shown)
     return found
-
-
-def assert_place(diagnostic: Diagnostic, source: Source) -> None:
-    span = diagnostic.span
-    if span is not None:
-        assert 1 <= span.line <= source.line_count
-        assert 1 <= span.column <= len(source.line(span.line)) + 1
-        assert (span.line, span.column) < (span.end_line, span.end_column)
 
 
 def injure(text: str, choose: random.Random) -> str:

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -8,37 +9,16 @@ import jsonschema
 import pytest
 
 from taskspec.spec.schema import FILE_NAME, is_stale, schema_text, write_schema
-from taskspec.text.data import Items, Map, Real, Truth, Whole, to_data
-from taskspec.text.diagnostic import Diagnostics
-from taskspec.text.nodes import Mapping
-from taskspec.text.source import Source
-from taskspec.text.yaml import read
+
+sys.path.insert(0, str(Path(__file__).parent.parent / "corpus"))
+
+from reading import data_of
 
 ROOT = Path(__file__).parent.parent.parent
 GOOD = sorted((ROOT / "tests" / "corpus" / "ok").glob("*.yaml")) + sorted(
     (ROOT / "tasks").glob("*.yaml")
 )
 SCHEMA = json.loads(schema_text())
-
-
-def plain(value: object) -> object:
-    """Return a datum as JSON has it."""
-    if isinstance(value, Map):
-        return {key: plain(entry) for key, entry in value.items()}
-    if isinstance(value, Items):
-        return [plain(entry) for entry in value]
-    if isinstance(value, Truth):
-        return value.value
-    if isinstance(value, Whole):
-        return int(value)
-    return float(value) if isinstance(value, Real) else str(value)
-
-
-def data_of(text: str) -> object:
-    found = Diagnostics("t")
-    root = read(Source("t", text), found)
-    assert isinstance(root, Mapping)
-    return plain(to_data(root, found))
 
 
 def test_file_in_the_repository_is_not_stale() -> None:
