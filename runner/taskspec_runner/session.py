@@ -218,7 +218,7 @@ def _watch(interrupt: Interrupt, progress: Progress | None) -> Callable[[Machine
 
 def _glimpse(machine: Machine, clock: float, wall: float) -> Glimpse:
     plans = machine.stage.plans
-    axis = next((a for a, plan in plans.items() if plan.force or plan.open_loop), "")
+    axis = next((a for a, plan in plans.items() if plan.set_point), "")
     force = reference = 0.0
     if axis:
         outputs = machine.named_outputs()

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from taskspec.check.conditions import names, parts, value_of
 from taskspec.check.interval import Interval, IntervalAlgebra, point
 from taskspec.check.known import known_value
+from taskspec.check.nominal import AT_SURFACE
 from taskspec.check.ranges import Ranges, longest
 from taskspec.control.state import AXES
 from taskspec.program.context import Context
@@ -23,8 +24,6 @@ from taskspec.text.show import show
 
 Vector = NDArray[np.float64]
 
-#: Farther than this from everything, nothing is felt [m].
-_APART = 0.5e-3
 #: Another object may push the other way from this share of its normal on.
 _SLIGHTLY = 0.1
 
@@ -189,7 +188,7 @@ def _apart(context: Context, gap: float | None) -> bool:
     task = context.loaded.task
     if task.robot.grasp is not None or task.equations or gap is None:
         return False
-    return gap > _APART and len(context.start_gaps) == 1
+    return gap > AT_SURFACE and len(context.start_gaps) == 1
 
 
 def _holds_untouched(

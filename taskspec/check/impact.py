@@ -12,6 +12,7 @@ from taskspec.check.course import moving_axes
 from taskspec.check.flow import good_end
 from taskspec.check.interval import Interval, IntervalAlgebra, point
 from taskspec.check.known import known_value
+from taskspec.check.nominal import AT_SURFACE
 from taskspec.check.ranges import Ranges
 from taskspec.control.gains import design
 from taskspec.control.state import AXES
@@ -24,8 +25,6 @@ from taskspec.text.show import show
 
 Vector = NDArray[np.float64]
 
-#: Nearer than this, a stage begins at the surface [m].
-AT_SURFACE = 0.5e-3
 #: The peak of a critically damped impact against that of an undamped one: the least that the
 #: stage that follows can make of it. Measured with designed gains: 0.42 to 0.62.
 _LEAST_SHARE = math.exp(-1.0)

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from taskspec.check.conditions import bounds_of, names
 from taskspec.check.interval import Interval, IntervalAlgebra
+from taskspec.check.nominal import AT_SURFACE
 from taskspec.check.ranges import Ranges, longest
 from taskspec.control.sensor import SensorModel
 from taskspec.control.state import AXES
@@ -20,8 +21,6 @@ from taskspec.text.show import number, show
 
 Vector = NDArray[np.float64]
 
-#: Farther than this from its contact, a stage begins in the air [m].
-_APART = 0.5e-3
 #: How probable it may be that noise alone ends a stage, or has to be that it lets it end.
 _SELDOM = 0.01
 #: For how long a stage is taken to last that nothing bounds in time [s].
@@ -52,7 +51,7 @@ def check_noise(
             if signal is None:
                 continue
             spread, ticks = _spread(context, signal), _ticks(context, guard)
-            apart = gap is None or gap > _APART
+            apart = gap is None or gap > AT_SURFACE
             if _holds_by_itself(context, name, rotation, quantity, interval, ticks) and apart:
                 _report(context, guard, quantity, signal, spread, found)
                 break

@@ -24,6 +24,8 @@ from taskspec.text.show import show
 
 Vector = NDArray[np.float64]
 
+#: Nearer than this, a stage begins at its surface; farther away nothing is felt [m].
+AT_SURFACE = 0.5e-3
 #: Shares of a stage's duration, not those at which a sine of a few periods is zero.
 _SAMPLES = (0.13, 0.37, 0.61, 0.83, 1.0)
 #: Drawn configurations from which a place that seems out of reach is looked for once more.

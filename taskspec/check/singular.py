@@ -9,7 +9,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from taskspec.check.nominal import Place
-from taskspec.control.state import AXES
+from taskspec.control.state import ARM_LENGTH, AXES
 from taskspec.program.conditions import SINGULAR
 from taskspec.program.context import Context
 from taskspec.robot.mobility import tip_jacobian
@@ -20,8 +20,6 @@ Vector = NDArray[np.float64]
 
 #: An axis that feels a hundredth of the mass that stops the run is near a singularity.
 _NEAR = 100 * SINGULAR
-#: A length that stands for 1 rad, so that the singular values are of one unit [m].
-_LENGTH = 0.3
 
 
 def check_singular(
@@ -87,6 +85,6 @@ def _pivot(context: Context, axes: tuple[str, ...], place: Place) -> float:
 
 def _singular_values(context: Context, axes: tuple[str, ...], place: Place) -> Vector:
     """(m,) singular values of the Jacobian, rotations times a length [m], the largest first."""
-    lengths = np.array([_LENGTH if a.startswith("r") else 1.0 for a in axes])
+    lengths = np.array([ARM_LENGTH if a.startswith("r") else 1.0 for a in axes])
     J = lengths[:, None] * _rows(context, axes, place)
     return np.asarray(np.linalg.svd(J, compute_uv=False))

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from taskspec.check.known import known_value
 from taskspec.control.gains import has_force
-from taskspec.control.state import AXES
+from taskspec.control.state import ARM_LENGTH, AXES
 from taskspec.motion.path import PathShape
 from taskspec.program.context import Context
 from taskspec.program.mechanisms import MechanismModel
@@ -25,8 +25,6 @@ from taskspec.text.show import show
 
 Vector = NDArray[np.float64]
 
-#: A length that stands for 1 rad, so that rates of both kinds can be told apart from zero [m].
-_LENGTH = 0.3
 #: Share of the largest rate by which rates may differ: an axis is no more exact than a few deg.
 _DIFFERS = 0.1
 
@@ -56,7 +54,7 @@ def check_yielding(
     if not moved:
         return
     T = _resolved_twists(context, name, rotation)
-    scale = {a: _LENGTH if a.startswith("r") else 1.0 for a in wanted}
+    scale = {a: ARM_LENGTH if a.startswith("r") else 1.0 for a in wanted}
     A = np.array([scale[a] * T[AXES.index(a)] for a in wanted])
     b = np.array([scale[a] * rate for a, rate in wanted.items()])
     rows = [list(wanted).index(a) for a in moved]

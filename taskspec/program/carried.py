@@ -46,7 +46,7 @@ def leave(stage: CompiledStage, outputs: Mapping[str, Vector], clock: float) -> 
     error, twist, held = np.zeros(6), np.zeros(6), np.zeros(6)
     for name, plan in stage.plans.items():
         i = AXES.index(name)
-        if plan.force or plan.open_loop:
+        if plan.set_point:
             held[i] = outputs["measured"][i]
         tracked = plan.motion and not plan.force and not plan.open_loop
         error[i] = outputs["error"][i] if tracked else 0.0

@@ -43,6 +43,7 @@ class Generator:
         effect: (r,) what it contributes to each requested force. torque: (n,) that it takes.
         friction: of the contact; for a normal, with its two tangents following.
         kind: `normal`, `tangent`, `free`, or `moment`, which no limit on force caps.
+        of: the object, the equation or the grip.
     """
 
     effect: ca.SX

@@ -92,7 +92,7 @@ def touched_objects(
     found = [primary]
     normals = context.start_normals
     for name, plan in plans.items():
-        if not (plan.force or plan.open_loop) or name.startswith("r"):
+        if not plan.set_point or name.startswith("r"):
             continue
         axis = rotation[:, AXES.index(name)]
         along = [o for o, n in normals.items() if abs(float(axis @ n)) > MOSTLY]
@@ -119,7 +119,7 @@ def pressed_objects(
     forced = [
         rotation[:, AXES.index(a)]
         for a, plan in plans.items()
-        if (plan.force or plan.open_loop) and not a.startswith("r")
+        if plan.set_point and not a.startswith("r")
     ]
     normals = context.start_normals
     return {o for o in objects if any(abs(float(d @ normals[o])) > MOSTLY for d in forced)}
@@ -204,6 +204,11 @@ def shared_force(normals: Sequence[ca.SX], force: ca.SX) -> ca.SX:
     return linear.solve(linear.cholesky(gram), N @ force)
 
 
+def pushing(row: EquationRow) -> float:
+    """The sign, along an equation's gradient, of what the robot pushes against it with."""
+    return -1.0 if row.model.constraint.relation == ">=" else 1.0
+
+
 def equation_contact(row: EquationRow, name: str, measured: ca.SX, stiffness: float) -> ContactRow:
     """The row of an equation that constrains the stage, turned so that it may push.
 
@@ -211,8 +216,7 @@ def equation_contact(row: EquationRow, name: str, measured: ca.SX, stiffness: fl
         row: the equation. name: its name. measured: what the robot applies along its gradient.
         stiffness: believed [N/m, N m/rad].
     """
-    relation = row.model.constraint.relation
-    sign = -1.0 if relation == ">=" else 1.0
+    relation, sign = row.model.constraint.relation, pushing(row)
     return ContactRow(
         name=name,
         J=sign * row.J,

@@ -196,7 +196,7 @@ class _Entry:
         held = np.concatenate([self.frame.T @ part for part in np.split(self.carried.held, 2)])
         for name, plan in self.stage.plans.items():
             i = AXES.index(name)
-            if plan.force or plan.open_loop:
+            if plan.set_point:
                 self._write(f"force_at_entry.{name}", self.seen["measured"][i])
             elif plan.yields or plan.soft:
                 self._write(f"force_at_entry.{name}", held[i])

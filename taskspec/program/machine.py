@@ -379,7 +379,7 @@ class Machine:
             for kind, there in (("position", plan.motion), ("velocity", plan.motion)):
                 if there and not np.isfinite(outputs[f"{kind}_ref"][i]):
                     return f"{kind}.{name}"
-            if (plan.force or plan.open_loop) and not np.isfinite(outputs["force_ref"][i]):
+            if plan.set_point and not np.isfinite(outputs["force_ref"][i]):
                 return f"{'torque' if name.startswith('r') else 'force'}.{name}"
         return ""
 

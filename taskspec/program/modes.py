@@ -43,6 +43,11 @@ class AxisPlan:
     world: bool
     yields: bool
 
+    @property
+    def set_point(self) -> bool:
+        """Whether it has a force set point, whatever the law makes of it."""
+        return self.force or self.open_loop
+
 
 def plan_axes(
     axes: tuple[str, ...],

@@ -116,7 +116,7 @@ def build_references(
     forces = {
         name: unreached.reachable(name, _force(name, plan, clock, parameters, translate))
         for name, plan in plans.items()
-        if plan.force or plan.open_loop
+        if plan.set_point
     }
     motions: dict[str, AxisReference] = {}
     # An axis that follows another one comes after it.

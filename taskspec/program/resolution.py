@@ -28,6 +28,7 @@ from taskspec.program.contacts import (
     all_objects,
     equation_contact,
     pressed_objects,
+    pushing,
     shape_rows,
     touched_objects,
 )
@@ -284,13 +285,9 @@ def _generators(
     if LAWS[law.kind].multipliers:
         for k, contact in enumerate(equations):
             effect = ca.SX.zeros(count)
-            effect[len(axes) + k] = -1.0 if _turned(seen, contact) else 1.0
+            effect[len(axes) + k] = pushing(seen.rows[contact.name])
             found.append(equation_generator(contact, effect))
     return found
-
-
-def _turned(seen: Seen, contact: ContactRow) -> bool:
-    return seen.rows[contact.name].model.constraint.relation == ">="
 
 
 def _accept(n: int, m: int, r: int) -> ca.Function:

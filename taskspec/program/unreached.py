@@ -61,7 +61,7 @@ def requested(law: Law, plans: Mapping[str, AxisPlan], active: Sequence[str]) ->
     """Names of a stage's force set points, axes before equations; none without a program."""
     if law.solve != "qp":
         return ()
-    return (*(a for a, p in plans.items() if p.force or p.open_loop), *active)
+    return (*(a for a, p in plans.items() if p.set_point), *active)
 
 
 def is_moment(name: str) -> bool:

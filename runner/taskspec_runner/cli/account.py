@@ -153,7 +153,7 @@ def _axis(stage: CompiledStage, axis: str, plan: AxisPlan) -> AxisAccount:
     parts = []
     if plan.motion and not plan.open_loop:
         parts.append(_motion(stage, axis, plan))
-    if plan.force or plan.open_loop:
+    if plan.set_point:
         parts.append(_force(plan))
     return AxisAccount(axis, control, "; ".join(parts))
 

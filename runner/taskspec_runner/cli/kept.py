@@ -12,6 +12,7 @@ from taskspec.compiler import Program
 from taskspec.program.references import DEFAULT_RAMP
 from taskspec.program.resolver import Asked
 from taskspec.program.stage import CompiledStage
+from taskspec.program.unreached import is_moment
 from taskspec_runner.cli.measures import force, moment
 
 _JOINT = re.compile(r"(.*) of joint (\d+)\Z")
@@ -33,7 +34,7 @@ def kept_account(program: Program, stage: CompiledStage) -> Iterator[tuple[str, 
         return
     because = ", ".join(asked.because) or "nothing there returns a force in this direction"
     for name, left in lost.items():
-        text = moment if name.startswith("r") and len(name) == 2 else force
+        text = moment if is_moment(name) else force
         wanted = asked.forces[name]
         yield "nearest", f"{text(wanted - left)} on {name} where {text(wanted)} is asked: {because}"
 

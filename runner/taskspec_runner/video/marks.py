@@ -59,7 +59,7 @@ def kind_of(stage: CompiledStage, axis: str) -> str:
     plan = stage.plans.get(axis)
     if plan is None:
         return "free"
-    if plan.force or plan.open_loop:
+    if plan.set_point:
         return "force"
     return "motion" if plan.motion else "free"
 
