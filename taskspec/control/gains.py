@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from taskspec.spec import LAWS, Axis, AxisValues, Law, LawFacts
 
@@ -141,6 +141,8 @@ def _springs(law: Law, name: str, axis: Axis, plant: Plant) -> dict[str, Gain]:
     # of the other axes hold them: at the wrist ten times the free one.
     h = max(plant.held if facts.natural else plant.h, _smallest(name))
     mass = _given(law.mass, name) or Gain(h, "designed: mass felt on the axis")
+    # The inverse-dynamics core leaves nothing to move but `mass`, so that is what dampers stop.
+    moved = plant if facts.natural else replace(plant, h=mass.value)
     stiffness = (
         _own(axis.stiffness)
         or _given(law.stiffness, name)
@@ -149,7 +151,7 @@ def _springs(law: Law, name: str, axis: Axis, plant: Plant) -> dict[str, Gain]:
     given_damping = _own(axis.damping) or _given(law.damping, name)
     gains = {"mass": mass, "stiffness": stiffness}
     if has_force(axis) and facts.force_loop:
-        loop = _force_loop(law, name, plant, given_damping)
+        loop = _force_loop(law, name, moved, given_damping)
         gains |= {
             "damping": loop["force.damping"],
             "force.proportional": _force_given(law, "proportional", name)
@@ -160,7 +162,7 @@ def _springs(law: Law, name: str, axis: Axis, plant: Plant) -> dict[str, Gain]:
     if "damping" not in facts.gains or facts.damps_joints:
         return gains
     k = plant.k if has_force(axis) else 0.0
-    return gains | {"damping": given_damping or _spring_damping(mass, stiffness, k, plant)}
+    return gains | {"damping": given_damping or _spring_damping(mass, stiffness, k, moved)}
 
 
 def _force_proportional(facts: LawFacts) -> Gain:

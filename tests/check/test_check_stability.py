@@ -40,9 +40,10 @@ def press(law, *, contact=STIFF, robot="", rest=""):
 
 
 @pytest.mark.parametrize("path", sorted(TASKS.glob("*.yaml")), ids=lambda p: p.stem)
-def test_no_shipped_task_is_called_unstable(path):
-    """All of them run and pass, so any error here is a false one."""
-    assert [d for d in check_task(load_task(path)) if d.severity is Severity.ERROR] == []
+def test_no_shipped_task_is_called_unstable_or_rings(path):
+    """All of them run and pass, so an error is a false one; their gains settle."""
+    found = check_task(load_task(path))
+    assert [d for d in found if d.severity is Severity.ERROR or d.code.startswith("TS5")] == []
 
 
 def test_a_door_from_its_hinge_is_unstable_under_hybrid():
