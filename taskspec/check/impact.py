@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,20 +47,51 @@ def check_impact(
         gap: to the believed contact as the stage begins [m]; None where it is not known.
         found: where findings go.
     """
+    met = meeting(context, name, axes, rotation, gap)
+    if met is None:
+        return
+    if gap is not None and _report_short(context, name, met.rates, gap, met.closing, found):
+        return
+    _report_peak(context, name, axes, rotation, met, found)
+
+
+@dataclass(frozen=True, slots=True)
+class Meeting:
+    """A stage on its way to its surface.
+
+    Attributes:
+        contact: the object. axis: mostly along its normal, that moves. rates: (3,) constant
+            velocities along the frame's axes [m/s]. closing: along the normal [m/s].
+    """
+
+    contact: str
+    axis: str
+    rates: Vector
+    closing: float
+
+
+def meeting(
+    context: Context, name: str, axes: tuple[str, ...], rotation: Vector, gap: float | None
+) -> Meeting | None:
+    """How stage `name` comes to its surface; None where it does not, or is there already.
+
+    Args:
+        context: the task. name: of the stage. axes: that exist in its frame.
+        rotation: (3, 3) its frame at the start pose.
+        gap: to the believed contact as the stage begins [m]; None where it is not known.
+    """
     stage = context.loaded.task.stages[name]
     contact = context.contact_of(context.frame_of(stage))
     if contact is None or stage.until is None or (gap is not None and gap < AT_SURFACE):
-        return
+        return None
     normal = context.start_normals[contact]
     rates = _rates(context, stage, axes)
     closing = -float(normal @ rotation @ rates)
     fits = {a: abs(float(normal @ rotation[:, AXES.index(a)])) for a in _moved(rates)}
     axis = max(fits, key=lambda a: fits[a], default="")
     if closing <= 0 or fits[axis] < MOSTLY or not _waits_for_contact(context, name):
-        return
-    if gap is not None and _report_short(context, name, rates, gap, closing, found):
-        return
-    _report_peak(context, name, axes, rotation, axis, closing, found)
+        return None
+    return Meeting(contact, axis, rates, closing)
 
 
 def _rates(context: Context, stage: Stage, axes: tuple[str, ...]) -> Vector:
@@ -122,8 +154,7 @@ def _report_peak(
     name: str,
     axes: tuple[str, ...],
     rotation: Vector,
-    axis: str,
-    closing: float,
+    met: Meeting,
     found: Diagnostics,
 ) -> None:
     """Reports an impact beyond the limit: a mass h at speed v on a spring k makes v sqrt(h k)."""
@@ -135,9 +166,8 @@ def _report_peak(
     if any(most is None for most in limits):
         return
     most = max(limit for limit in limits if limit is not None)
-    contact = context.contact_of(context.frame_of(stage))
-    assert contact is not None
-    h = _mass(context, stage, axes, rotation, axis)
+    contact, closing = met.contact, met.closing
+    h = striking_mass(context, stage, axes, rotation, met.axis)
     k, b = context.compliances[contact].stiffness, context.compliances[contact].damping
     peak = closing * max(math.sqrt(h * k), b)
     if peak <= most:
@@ -152,21 +182,21 @@ def _report_peak(
         f"{show(k, 'kN/m', 3)} {'make' if certain else 'may make'} about {show(peak, 'N', 2)}, and "
         f"the "
         f"limit on force is {show(most, 'N')}",
-        loaded.span(("stages", name, "axes", axis, "velocity")),
+        loaded.span(("stages", name, "axes", met.axis, "velocity")),
         f"approach with {show(closing * most / peak, 'mm/s', 2)} or less, or raise the limit",
     )
 
 
-def _mass(
+def striking_mass(
     context: Context, stage: Stage, axes: tuple[str, ...], rotation: Vector, axis: str
 ) -> float:
-    """What strikes: the arm's own mass along an axis, or the apparent one of impedance control."""
+    """What strikes [kg]: the arm's own mass along an axis, or impedance control's apparent one."""
     frame, law = context.frame_of(stage), context.law_of(stage)
     felt = context.felt_stiffness(frame, axes, rotation)
     plant = context.plants(axes, rotation, felt, lever=context.lever_of(frame))[axis]
     if law.kind == "impedance":
         return design(law, {axis: stage.axes[axis]}, {axis: plant})["mass"][axis].value
-    return plant.h
+    return float(plant.h)
 
 
 def _stiffnesses(context: Context, contact: str) -> list[float]:

@@ -80,6 +80,8 @@ class Walk:
         self.gap: float | None = None
         #: Where the tip of the last stage is as it begins (3,); None where that is unknown.
         self.begin: Vector | None = None
+        #: Its coordinates there [m, rad]; None where they are unknown.
+        self.coordinates: dict[str, float] | None = None
         #: How the last stage moves from there; None where that is not planned.
         self.course: Course | None = None
         #: Its frame as it begins (3, 3).
@@ -109,8 +111,9 @@ class Walk:
         q, missed = self._joints(*begin)
         places = [Place("where it begins", rotation, q, rates, missed)]
         course = None
-        if straight and self._known:
-            course = course_of(self._context, stage, self._start_coordinates(frame), path)
+        self.coordinates = self._start_coordinates(frame) if straight and self._known else None
+        if self.coordinates is not None:
+            course = course_of(self._context, stage, self.coordinates, path)
         self.course = course
         if course is not None and course.bends:
             places += self._along(course, frame, rotation, rates)

@@ -48,19 +48,11 @@ def check_yielding(
     law = context.law_of(stage)
     if not context.held or path is not None or "bandwidth" not in LAWS[law.kind].gains:
         return
-    rates = {a: _rate(context, a, stage.axes.get(a)) for a in axes}
-    wanted = {a: rate for a, rate in rates.items() if rate is not None}
-    moved = [a for a, rate in wanted.items() if rate]
-    if not moved:
+    solved = _solve(context, name, axes, rotation)
+    if solved is None:
         return
-    T = _resolved_twists(context, name, rotation)
-    scale = {a: ARM_LENGTH if a.startswith("r") else 1.0 for a in wanted}
-    A = np.array([scale[a] * T[AXES.index(a)] for a in wanted])
-    b = np.array([scale[a] * rate for a, rate in wanted.items()])
-    rows = [list(wanted).index(a) for a in moved]
-    s = np.linalg.lstsq(A[rows], b[rows], rcond=_DIFFERS)[0]
-    if len(wanted) > len(moved):
-        s = _with_holds(A, b, rows, s)
+    wanted, scale, A, b, rows, s = solved
+    moved = [a for a, rate in wanted.items() if rate]
     missing = np.abs(A @ s - b)
     worst = int(np.argmax(missing))
     if missing[worst] <= _DIFFERS * float(np.max(np.abs(b))):
@@ -70,7 +62,7 @@ def check_yielding(
         return
     others = [i for i in rows if i != worst]
     if others:  # What the others ask of it, not a compromise with it.
-        s = np.linalg.lstsq(A[others], b[others], rcond=_DIFFERS)[0]
+        s = np.asarray(np.linalg.lstsq(A[others], b[others], rcond=_DIFFERS)[0])
     unit = "deg/s" if axis.startswith("r") else "mm/s"
     has = float((A @ s)[worst]) / scale[axis]
     asked = f"is to move with {show(wanted[axis] or 0.0, unit, 3)}" if wanted[axis] else "is held"
@@ -83,6 +75,46 @@ def check_yielding(
         loaded.span(place, key=True),
         f"let it give way: {axis}: {{{free}: 0}}",
     )
+
+
+def coordinate_rate(
+    context: Context, name: str, axes: tuple[str, ...], rotation: Vector
+) -> float | None:
+    """Rate at which stage `name` moves the mechanism that it holds [rad/s, m/s].
+
+    None where it holds none, or where no constant rate of a motion axis moves it.
+
+    Args:
+        context: the task. name: of the stage. axes: that exist in its frame.
+        rotation: (3, 3) its frame at the start pose.
+    """
+    solved = _solve(context, name, axes, rotation) if context.held else None
+    return None if solved is None else float(solved[-1][0])
+
+
+def _solve(
+    context: Context, name: str, axes: tuple[str, ...], rotation: Vector
+) -> tuple[dict[str, float], dict[str, float], Vector, Vector, list[int], Vector] | None:
+    """A s = b of the motion axes with a constant rate; None where none of them moves.
+
+    Returns:
+        The rates by axis, their scales [m], A, b, the rows of those that move, s.
+    """
+    stage = context.loaded.task.stages[name]
+    rates = {a: _rate(context, a, stage.axes.get(a)) for a in axes}
+    wanted = {a: rate for a, rate in rates.items() if rate is not None}
+    moved = [a for a, rate in wanted.items() if rate]
+    if not moved:
+        return None
+    T = _resolved_twists(context, name, rotation)
+    scale = {a: ARM_LENGTH if a.startswith("r") else 1.0 for a in wanted}
+    A = np.array([scale[a] * T[AXES.index(a)] for a in wanted])
+    b = np.array([scale[a] * rate for a, rate in wanted.items()])
+    rows = [list(wanted).index(a) for a in moved]
+    s = np.asarray(np.linalg.lstsq(A[rows], b[rows], rcond=_DIFFERS)[0], dtype=np.float64)
+    if len(wanted) > len(moved):
+        s = _with_holds(A, b, rows, s)
+    return wanted, scale, A, b, rows, s
 
 
 def _with_holds(A: Vector, b: Vector, rows: list[int], s: Vector) -> Vector:

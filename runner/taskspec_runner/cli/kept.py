@@ -6,11 +6,8 @@ import re
 from collections.abc import Iterator, Sequence
 from itertools import groupby
 
-import numpy as np
-
 from taskspec.compiler import Program
-from taskspec.program.references import DEFAULT_RAMP
-from taskspec.program.resolver import Asked
+from taskspec.prediction.asked import asked_at_start
 from taskspec.program.stage import CompiledStage
 from taskspec.program.unreached import is_moment
 from taskspec_runner.cli.measures import force, moment
@@ -25,7 +22,7 @@ def kept_account(program: Program, stage: CompiledStage) -> Iterator[tuple[str, 
     solver = stage.resolution.solver.upper()
     kept = "; ".join(joined([row.text for row in stage.resolution.rows]))
     yield "keeps", f"by a quadratic program ({solver}): {kept}"
-    asked = _asked(program, stage)
+    asked = asked_at_start(program, stage)
     if asked is None or not asked.forces:
         return
     lost = {name: left for name, left in asked.left.items() if left}
@@ -55,11 +52,3 @@ def joined(texts: Sequence[str]) -> list[str]:
         else:
             made.extend(members)
     return [text for text in made if not text.startswith("speed aside")]
-
-
-def _asked(program: Program, stage: CompiledStage) -> Asked | None:
-    """Once the ramps are over, at the start pose."""
-    machine = program.machine()
-    machine.q[:] = np.asarray(program.context.start)
-    ramps = [plan.axis.ramp for plan in stage.plans.values() if plan.axis.ramp is not None]
-    return machine.asked(program.stages.index(stage), max([DEFAULT_RAMP, *ramps]))

@@ -1,0 +1,20 @@
+"""What contacts return of what a stage under a program asks for."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from taskspec.compiler import Program
+from taskspec.program.references import DEFAULT_RAMP
+from taskspec.program.resolver import Asked
+from taskspec.program.stage import CompiledStage
+
+
+def asked_at_start(program: Program, stage: CompiledStage) -> Asked | None:
+    """Once the ramps are over, at the start pose; None for a closed form, or without forces."""
+    if stage.resolution is None:
+        return None
+    machine = program.machine()
+    machine.q[:] = np.asarray(program.context.start)
+    ramps = [plan.axis.ramp for plan in stage.plans.values() if plan.axis.ramp is not None]
+    return machine.asked(program.stages.index(stage), max([DEFAULT_RAMP, *ramps]))

@@ -1,0 +1,61 @@
+"""Compiled stages as each of them begins, as far as the text of a task tells."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taskspec.check.course import Course
+from taskspec.check.nominal import Walk
+from taskspec.compiler import Program
+from taskspec.program.context import Context
+from taskspec.program.prepare import frame_at_start
+from taskspec.program.stage import CompiledStage
+
+Vector = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Begin:
+    """A stage that begins.
+
+    Attributes:
+        context: the task. stage: compiled. rotation: (3, 3) its frame in the world.
+        gap: to the believed contact [m]; None where that is unknown.
+        nearing: at which its object comes towards the tool at rest [m/s].
+        coordinates: of the tip in its frame [m, rad]; None where they are unknown.
+        course: how it moves from there; None where that is not planned.
+    """
+
+    context: Context
+    stage: CompiledStage
+    rotation: Vector
+    gap: float | None
+    nearing: float
+    coordinates: Mapping[str, float] | None
+    course: Course | None
+
+
+def beginnings(program: Program) -> Iterator[Begin]:
+    """All stages, in the order of the file."""
+    context = program.context
+    walk = Walk(context)
+    for stage in program.stages:
+        rotation = frame_at_start(context, stage.frame)
+        walk.places(stage.name, stage.axes, rotation, stage.path)
+        gap, nearing = walk.gap, 0.0
+        if gap is None and stage is program.stages[0]:
+            gap, nearing = _carried(context, stage)
+        yield Begin(context, stage, rotation, gap, nearing, walk.coordinates, walk.course)
+
+
+def _carried(context: Context, stage: CompiledStage) -> tuple[float | None, float]:
+    """Distance [m] and speed [m/s], as the run begins, of an object that carries the frame."""
+    carrier, contact = stage.carrier, stage.contact
+    if contact is None or carrier is None:
+        return None, 0.0
+    moves = carrier.twist(0.0, context.start_p)[:3]
+    return context.start_gaps[contact], float(context.start_normals[contact] @ moves)

@@ -1,0 +1,170 @@
+"""How long stages last, and the way through them that is planned."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from taskspec.check.flow import good_end
+from taskspec.check.interval import ANY, Interval, point
+from taskspec.check.known import known_value
+from taskspec.check.yielding import coordinate_rate
+from taskspec.control.gains import has_force
+from taskspec.motion import profile
+from taskspec.prediction.begin import Begin
+from taskspec.prediction.forecast import Forecast, Signal, coming, moved, touching
+from taskspec.prediction.springs import spring_behind
+from taskspec.prediction.types import Duration, Equilibrium, Impact, StagePrediction
+from taskspec.program.tracks import move_speed
+from taskspec.spec import Stage
+
+#: How far a guard is looked for in a stage that nothing bounds [s].
+_HORIZON = 600.0
+#: What a mechanism bears at its stop, beyond any number that a guard compares it with.
+_STOPPED = 1e9
+
+
+@dataclass(frozen=True, slots=True)
+class Known:
+    """What has been told of a stage before its duration.
+
+    Attributes:
+        met: the impact. forces: equilibria by signal.
+        coordinate: of the held mechanism as it begins [rad, m]; None where that is unknown.
+    """
+
+    met: Impact | None
+    forces: Mapping[str, Equilibrium]
+    coordinate: float | None
+
+
+def planned(begin: Begin) -> Duration | None:
+    """Duration of a stage that ends by its moves, path and time; None for one with a guard."""
+    spec = begin.stage.spec
+    if spec.until is not None:
+        return None
+    lasts = [spec.time or 0.0]
+    for axis, plan in begin.stage.plans.items():
+        if plan.motion and plan.mode == "move" and plan.axis.move:
+            speed = plan.axis.speed or move_speed(axis)
+            lasts.append(float(profile.move(0.0, 0.0, plan.axis.move, speed).knots[-2]))
+    along = _path_duration(begin)
+    if along is None:
+        return Duration(None, None, "its path is as long as where it begins makes it")
+    expected = max([*lasts, along])
+    return Duration(expected, expected, "its moves, path and time")
+
+
+def _path_duration(begin: Begin) -> float | None:
+    """Of a stage's path [s], 0 without one; None where its length depends on where it begins."""
+    path, start = begin.stage.path, begin.coordinates
+    if path is None:
+        return 0.0
+    if start is None and path.kind in ("to", "arc"):
+        return path.time
+    zero = dict.fromkeys(("x", "y", "z", "rx", "ry", "rz"), 0.0)
+    return path.plan(zero if start is None else dict(start)).duration
+
+
+def guarded(begin: Begin, known: Known) -> Duration:
+    """Duration of a stage that a guard ends."""
+    spec = begin.stage.spec
+    assert spec.until is not None
+    most = None if spec.within is None else spec.within.time
+    forecast = Forecast(begin, _signals(begin, known))
+    expected = forecast.first(spec.until, _HORIZON if most is None else most)
+    if expected is not None and (most is None or expected <= most):
+        met = known.met if begin.gap is not None else None
+        return Duration(expected, most, "its guard" if met is None else f"comes to {met.contact}")
+    return Duration(None, most, "its guard holds when it holds")
+
+
+def _signals(begin: Begin, known: Known) -> dict[str, Signal]:
+    """All signals of a stage that can be told."""
+    rates, along = _rates(begin), _path_duration(begin)
+    found: dict[str, Signal] = {"t": point}
+    if begin.stage.path is not None and along is not None:
+        found["path_done"] = lambda t: point(float(t >= along))
+    found |= coming(rates, begin.coordinates)
+    if known.met is not None and begin.gap is not None and known.met.drag is not None:
+        own = spring_behind(begin, known.met.axis, known.met.mass)
+        found |= touching(begin, known.met, own)
+        # Where it is stopped by what it meets, the reference goes on alone.
+        found |= {f"position.{a}": _unknown for a in "xyz" if rates.get(a)}
+    found |= _mechanism(begin, known)
+    return found
+
+
+def _unknown(_: float) -> Interval:
+    return ANY
+
+
+def _rates(begin: Begin) -> dict[str, float]:
+    """Rates of motion axes that are constant [m/s, rad/s]."""
+    found = {}
+    for axis, plan in begin.stage.plans.items():
+        if not plan.motion or has_force(plan.axis):
+            continue
+        if plan.mode == "hold":
+            found[axis] = 0.0
+        elif plan.mode == "velocity" and plan.axis.velocity is not None:
+            rate = known_value(begin.context, plan.axis.velocity)
+            if rate is not None and math.isfinite(rate):
+                found[axis] = rate
+    return found
+
+
+def _mechanism(begin: Begin, known: Known) -> dict[str, Signal]:
+    """Coordinate of the held mechanism, and what it bears until it comes to its stop."""
+    name, start = begin.stage.held, known.coordinate
+    rate = mechanism_rate(begin)
+    if rate is None or start is None:
+        return {}
+    held = begin.context.loaded.task.mechanisms[name]
+    signal = f"{name}.{'torque' if held.angular else 'force'}"
+    goes = known.forces[signal].value if signal in known.forces else 0.0
+    low, high = held.stop or (-math.inf, math.inf)
+
+    def coordinate(t: float) -> Interval:
+        return point(min(max(start + moved(rate, t), low), high))
+
+    def effort(t: float) -> Interval:
+        if low < start + moved(rate, t) < high:
+            return ANY if held.detent is not None else point(goes)
+        return point(math.copysign(_STOPPED, rate))
+
+    found: dict[str, Signal] = {signal: effort}
+    found[f"{name}.{'angle' if held.angular else 'travel'}"] = coordinate
+    return found
+
+
+def mechanism_rate(begin: Begin) -> float | None:
+    """Rate of the held mechanism [rad/s, m/s]; None where none is held, or it is not known."""
+    if not begin.stage.held:
+        return None
+    stage = begin.stage
+    return coordinate_rate(begin.context, stage.name, stage.axes, begin.rotation)
+
+
+def whole(stages: Mapping[str, Stage], found: Sequence[StagePrediction]) -> Duration:
+    """Of the run, along the way on which every stage ends as planned."""
+    durations = {stage.name: stage.duration for stage in found}
+    way: list[str] = []
+    name: str | None = next(iter(stages))
+    while name is not None and name not in way:
+        way.append(name)
+        name = good_end(stages, name)
+    if name is not None:
+        return Duration(None, None, f"it comes back to {name!r}")
+    turns = [n for n in way if stages[n].on_fail not in (None, "fail", "end")]
+    expected = [durations[n].expected for n in way]
+    most = [durations[n].most for n in way]
+    open_ = [n for n, time in zip(way, expected, strict=True) if time is None]
+    why = f"of {', '.join(open_)} nothing tells when it ends" if open_ else "the stages in order"
+    bounded = not turns and not any(time is None for time in most)
+    return Duration(
+        None if open_ else sum(t for t in expected if t is not None),
+        sum(t for t in most if t is not None) if bounded else None,
+        why,
+    )

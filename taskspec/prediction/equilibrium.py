@@ -1,0 +1,186 @@
+"""Forces and depths of a stage at rest."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taskspec.check.yielding import coordinate_rate
+from taskspec.control.state import AXES
+from taskspec.prediction.begin import Begin
+from taskspec.prediction.reach import Bearing, bearing
+from taskspec.prediction.set_points import drift, settled, span_of
+from taskspec.prediction.springs import behind, push, yield_of
+from taskspec.prediction.types import Depth, Equilibrium
+from taskspec.prediction.worlds import World, extreme
+from taskspec.program.resolver import Asked
+from taskspec.program.signals import applied
+from taskspec.spec import LAWS
+
+Vector = NDArray[np.float64]
+
+#: What a force axis reaches differs from its set point by more than this share: it is told.
+_DIFFERS = 1e-3
+#: Where the rest position of each law with springs stands.
+_SPRINGS = {
+    "impedance": "(4.15), (4.24)",
+    "impedance-natural": "(4.18), (4.24)",
+    "pd": "(4.26), (4.27)",
+    "pd-joint": "(4.26), (4.27)",
+    "stiffness": "(4.33)",
+    "parallel": "(4.15), (4.24)",
+    "parallel-pid": "(4.26), (4.27)",
+    "hybrid": "K e of the soft axis",
+}
+
+
+@dataclass(slots=True)
+class Rest:
+    """A stage at rest: forces by signal, depths by contact, `StagePrediction.drift`."""
+
+    forces: dict[str, Equilibrium] = field(default_factory=dict)
+    depths: dict[str, Depth] = field(default_factory=dict)
+    drift: float = 0.0
+
+
+def at_rest(begin: Begin, lasts: float | None, asked: Asked | None) -> Rest:
+    """Forces that a stage comes to and how deep its contacts are then.
+
+    Args:
+        begin: the stage. lasts: how long [s], where that is known.
+        asked: under a program, what contacts return of its set points.
+    """
+    rest = Rest()
+    on = bearing(begin)
+    _set_points(begin, on, lasts, asked, rest)
+    _springs(begin, on, rest)
+    _equations(begin, lasts, asked, rest)
+    _mechanism(begin, rest)
+    return rest
+
+
+def _set_points(
+    begin: Begin, on: Bearing, lasts: float | None, asked: Asked | None, rest: Rest
+) -> None:
+    """Axes with a force loop, and the depths of the contacts that bear them."""
+    spans = {}
+    for axis, plan in begin.stage.plans.items():
+        expression = plan.axis.force if plan.axis.force is not None else plan.axis.torque
+        if plan.force and expression is not None:
+            spans[axis] = span_of(begin.context, expression, lasts)
+    known = {axis: span for axis, span in spans.items() if span is not None}
+    linear = [axis for axis in known if not axis.startswith("r")]
+    if len(known) < len(spans):
+        known = {a: s for a, s in known.items() if a not in linear} if linear else known
+        linear = []
+    ends = [settled(begin, on, {a: known[a][i] for a in linear}) for i in range(3)]
+    for axis, span in known.items():
+        values = [end[axis] for end in ends if end is not None] if axis in linear else list(span)
+        if len(values) < 3:
+            continue
+        first, low, high = values
+        if asked is not None and asked.left.get(axis):
+            first = low = high = asked.forces[axis] - asked.left[axis]
+        reached = abs(first - span[0]) <= _DIFFERS * abs(span[0])
+        source = _loop(begin, axis, reached=reached)
+        rest.forces[applied(axis)] = Equilibrium(applied(axis), first, low, high, source)
+    if linear and asked is None:
+        rest.drift = drift(begin, {a: known[a][0] - rest.forces[applied(a)].value for a in linear})
+    if linear:
+        _depths(begin, on, {a: rest.forces[applied(a)] for a in linear}, rest)
+
+
+def _loop(begin: Begin, axis: str, *, reached: bool) -> str:
+    kind = begin.stage.law.kind
+    if LAWS[kind].shares:
+        moves = begin.stage.plans[axis].axis.velocity is not None
+        return "(4.39)" if moves else "(4.41)" if reached else "(4.48)"
+    if begin.stage.resolution is not None and not reached:
+        return "nearest that contacts return"
+    return "set point"
+
+
+def _depths(begin: Begin, on: Bearing, forces: Mapping[str, Equilibrium], rest: Rest) -> None:
+    """f = -N push over the force axes: what each contact bears, and f/k."""
+    if not on.names:
+        return
+    rows = [AXES.index(a) for a in forces]
+    N = on.normals[rows]
+    pushes = [
+        np.linalg.lstsq(-N, np.array([getattr(f, end) for f in forces.values()]), rcond=None)[0]
+        for end in ("value", "low", "high")
+    ]
+    for i, name in enumerate(on.names):
+        if not np.any(np.abs(N[:, i]) > 0):
+            continue
+        deepest = max((float(p[i]) for p in pushes), key=abs)
+        if deepest > 0:
+            rest.depths[name] = _depth(begin, name, deepest)
+
+
+def _depth(begin: Begin, name: str, bears: float, angular: bool = False) -> Depth:
+    depth = bears / begin.context.compliances[name].stiffness
+    worst = extreme(begin.context, name, lambda world: bears / world.stiffness, abs)
+    return Depth(name, bears, depth, angular, worst)
+
+
+def _springs(begin: Begin, on: Bearing, rest: Rest) -> None:
+    """The axis along a contact's normal that a spring of the law holds."""
+    context, stage = begin.context, begin.stage
+    if stage.contact is None or stage.contact not in on.names or stage.frame.at_origin:
+        return
+    name = stage.contact
+    normal = on.normals[:, on.names.index(name)]
+    found, own = behind(begin, normal[:, None]), yield_of(begin, normal)
+    if found is None or own is None or found[1] <= 0:
+        return
+    axis, depth = found
+    k = context.compliances[name].stiffness
+    bears = push(depth, own, World({}, k))
+    share = -float(normal[AXES.index(axis)])
+    value = share * bears
+
+    def applies(world: World) -> float:
+        return share * push(depth, own, world)
+
+    worst = extreme(context, name, applies, lambda force: abs(force - value))
+    signal = applied(axis)
+    rest.forces[signal] = Equilibrium(signal, value, value, value, _SPRINGS[stage.law.kind], worst)
+    deepest = extreme(context, name, lambda w: push(depth, own, w) / w.stiffness, abs)
+    rest.depths[name] = Depth(name, bears, bears / k, worst=deepest)
+
+
+def _equations(begin: Begin, lasts: float | None, asked: Asked | None, rest: Rest) -> None:
+    """Constraints of a law with multipliers: the set point along the unit gradient."""
+    context, stage = begin.context, begin.stage
+    if not LAWS[stage.law.kind].multipliers:
+        return
+    for name in stage.active:
+        joints = context.equations[name].joints
+        point = stage.spec.constraints.get(name)
+        span = (0.0, 0.0, 0.0) if point is None else span_of(context, point.wanted, lasts)
+        if span is None:
+            continue
+        if asked is not None and asked.left.get(name):
+            span = (asked.forces[name] - asked.left[name],) * 3
+        signal = f"{name}.{'torque' if joints else 'force'}"
+        rest.forces[signal] = Equilibrium(signal, *span, "set point")
+        deepest = max(span, key=abs)
+        if deepest:
+            rest.depths[name] = _depth(begin, name, deepest, joints)
+
+
+def _mechanism(begin: Begin, rest: Rest) -> None:
+    """What the held mechanism takes to go on at its rate: friction and damping."""
+    context, stage = begin.context, begin.stage
+    name = stage.held
+    rate = coordinate_rate(context, stage.name, stage.axes, begin.rotation) if name else None
+    if not rate:
+        return
+    held = context.loaded.task.mechanisms[name]
+    value = float(np.sign(rate)) * held.friction + held.damping * rate
+    signal = f"{name}.{'torque' if held.angular else 'force'}"
+    rest.forces[signal] = Equilibrium(signal, value, value, value, "friction and damping")

@@ -1,0 +1,96 @@
+"""The prediction of a task, from its compiled stages."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from taskspec.analysis.loop import Mode, UnfitError
+from taskspec.analysis.stage import Analysed, analyse
+from taskspec.compiler import Program
+from taskspec.prediction.asked import asked_at_start
+from taskspec.prediction.begin import Begin, beginnings
+from taskspec.prediction.duration import Known, guarded, mechanism_rate, planned, whole
+from taskspec.prediction.equilibrium import at_rest
+from taskspec.prediction.forecast import moved
+from taskspec.prediction.impact import impact
+from taskspec.prediction.settling import settling
+from taskspec.prediction.types import StagePrediction, TaskPrediction
+
+
+@dataclass(frozen=True, slots=True)
+class Looked:
+    """A stage as a sampled loop, and its modes."""
+
+    seen: Analysed
+    modes: tuple[Mode, ...]
+
+
+def look(program: Program, name: str) -> Looked | None:
+    """The sampled loop of a stage; None where it cannot be looked at."""
+    try:
+        seen = analyse(program.context, name)
+        return None if seen is None else Looked(seen, seen.modes())
+    except (UnfitError, np.linalg.LinAlgError):
+        return None
+
+
+def predict(program: Program, looked: Mapping[str, Looked | None] | None = None) -> TaskPrediction:
+    """What every stage of a task is expected to do.
+
+    Args:
+        program: the compiled task.
+        looked: sampled loops by stage, where a caller has them already; looked at here otherwise,
+            which takes most of the time.
+    """
+    if looked is None:
+        looked = {stage.name: look(program, stage.name) for stage in program.stages}
+    found = tuple(predict_stages(program, looked))
+    return TaskPrediction(found, whole(program.context.loaded.task.stages, found))
+
+
+def predict_stages(
+    program: Program, looked: Mapping[str, Looked | None]
+) -> Iterator[StagePrediction]:
+    """One prediction after the other, in the order of the file; `looked` as for `predict`."""
+    coordinate: float | None = 0.0
+    for begin in beginnings(program):
+        one = _stage(program, begin, looked.get(begin.stage.name), coordinate)
+        yield one
+        coordinate = _coordinate_after(begin, coordinate, one)
+
+
+def _stage(
+    program: Program, begin: Begin, looked: Looked | None, coordinate: float | None
+) -> StagePrediction:
+    poles = {} if looked is None else settling(looked.seen, looked.modes)
+    lasts = planned(begin)
+    met = impact(begin)
+    within = begin.stage.spec.within
+    longest = (within.time if within else None) if lasts is None else lasts.expected
+    rest = at_rest(begin, longest, asked_at_start(program, begin.stage))
+    if lasts is None:
+        lasts = guarded(begin, Known(met, rest.forces, coordinate))
+    return StagePrediction(
+        name=begin.stage.name,
+        duration=lasts,
+        equilibrium=rest.forces,
+        depths=rest.depths,
+        settling=poles,
+        impact=met,
+        drift=rest.drift,
+    )
+
+
+def _coordinate_after(begin: Begin, coordinate: float | None, one: StagePrediction) -> float | None:
+    """Of the held mechanism as the stage ends [rad, m]; None where that is unknown."""
+    rate, lasts = mechanism_rate(begin), one.duration.expected
+    if not begin.stage.held or coordinate is None:
+        return coordinate
+    held = begin.context.loaded.task.mechanisms[begin.stage.held]
+    if rate is None or lasts is None:
+        return None
+    low, high = held.stop or (-np.inf, np.inf)
+    return float(np.clip(coordinate + moved(rate, lasts), low, high))

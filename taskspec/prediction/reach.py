@@ -1,0 +1,67 @@
+"""What bears the forces of a stage: contacts along normals, what is held, equations."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taskspec.control.state import AXES
+from taskspec.prediction.begin import Begin
+from taskspec.program.contacts import pressed_objects, touched_objects
+from taskspec.program.modes import MOSTLY
+
+Vector = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Bearing:
+    """Contacts that a stage presses on or yields to.
+
+    Attributes:
+        names: of the objects. normals: (3, k) outward, in the stage's axes.
+        friction: the largest coefficient among them.
+    """
+
+    names: tuple[str, ...]
+    normals: Vector
+    friction: float
+
+
+def bearing(begin: Begin) -> Bearing:
+    """The contacts along a force axis of a stage, or along an axis that yields to them."""
+    context, stage = begin.context, begin.stage
+    objects = touched_objects(context, stage.contact, stage.plans, begin.rotation)
+    pressed = pressed_objects(context, objects, stage.plans, begin.rotation)
+    if stage.contact is not None and any(p.yields for p in stage.plans.values()):
+        pressed = pressed | {stage.contact}
+    names = tuple(o for o in objects if o in pressed)
+    normals = np.array([begin.rotation.T @ context.start_normals[o] for o in names])
+    shapes = context.loaded.task.shapes
+    rubs = max((shapes[o].friction for o in names), default=0.0)
+    return Bearing(names, normals.reshape(-1, 3).T, rubs)
+
+
+def moment_arms(begin: Begin, normal: Vector) -> Vector:
+    """(6,) what a unit force along a normal (3,) is at the control point, in the stage's axes.
+
+    A flat tool is taken to touch with its middle, a ball in the point of its surface that is
+    nearest to the object.
+    """
+    context = begin.context
+    tool = context.robot.tool
+    lever = -context.lever_of(begin.stage.frame)
+    if not tool.flat:
+        lever = lever + context.start_R @ tool.centers[0]
+        lever = lever - float(tool.radii[0]) * (begin.rotation @ normal)
+    return np.concatenate([normal, np.cross(begin.rotation.T @ lever, normal)])
+
+
+def along(normals: Vector, axis: str) -> int | None:
+    """The contact whose normal a translation is mostly along; None for none."""
+    if axis.startswith("r") or not normals.shape[1]:
+        return None
+    shares = np.abs(normals[AXES.index(axis)])
+    best = int(np.argmax(shares))
+    return best if shares[best] > MOSTLY else None

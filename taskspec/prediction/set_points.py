@@ -1,0 +1,121 @@
+"""What set points of forces and moments come to, once their loops have settled."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taskspec.check.known import known_value
+from taskspec.control.state import AXES
+from taskspec.prediction.begin import Begin
+from taskspec.prediction.reach import Bearing
+from taskspec.program.context import Context
+from taskspec.spec import LAWS
+from taskspec.text.expression import Expression
+
+Vector = NDArray[np.float64]
+
+#: Instants at which a set point is looked at while its stage lasts; a prime, so that whole
+#: periods of a swinging one do not fall on them.
+_LOOKS = 199
+#: How long a stage is looked at that nothing bounds [s].
+_LONGEST = 60.0
+#: What is not returned is no more than this share of what is asked: rounding.
+_ROUNDING = 1e-6
+#: A force that drives nothing [N].
+_NOTHING = 1e-6
+
+
+def span_of(
+    context: Context, expression: Expression, lasts: float | None
+) -> tuple[float, float, float] | None:
+    """First, lowest and highest value of a set point while its stage lasts [SI].
+
+    None where it depends on anything but params and time, or is no number.
+
+    Args:
+        context: the task. expression: of the set point. lasts: the stage [s], if that is known.
+    """
+    times = np.linspace(0.0, _LONGEST if lasts is None else lasts, _LOOKS)
+    found = [known_value(context, expression, {"t": float(t)}) for t in times]
+    values = [v for v in found if v is not None]
+    if len(values) < len(found) or not np.isfinite(values).all():
+        return None
+    return values[0], min(values), max(values)
+
+
+def settled(begin: Begin, on: Bearing, wanted: Mapping[str, float]) -> dict[str, float] | None:
+    """What is applied on force axes, by axis; None where the law leaves that open.
+
+    Set points that contacts cannot return drift: then a f_E = a a^T f_d, (4.48), with each axis
+    weighed by how fast its loop gives way. Friction holds what lies within its cone, and brakes
+    with its limit beyond.
+
+    Args:
+        begin: the stage. on: its contacts. wanted: set points of its force axes [N].
+    """
+    weights = _weights(begin, wanted)
+    if weights is None:
+        return None
+    rows = [AXES.index(a) for a in wanted]
+    asked = np.array([*wanted.values()]) + [_pull(begin, a) for a in wanted]
+    if not on.names:
+        return dict(zip(wanted, asked.tolist(), strict=True))
+    N, root = on.normals[rows], np.sqrt(weights)
+    push = np.linalg.lstsq(-root[:, None] * N, root * asked, rcond=None)[0]
+    returned = -N @ np.maximum(push, 0.0)
+    rest = asked - returned
+    size, most = float(np.linalg.norm(rest)), on.friction * float(np.maximum(push, 0.0).sum())
+    if size > _ROUNDING * float(np.linalg.norm(asked)):
+        returned = returned + rest * min(1.0, most / size)
+    else:
+        returned = asked
+    return dict(zip(wanted, returned.tolist(), strict=True))
+
+
+def drift(begin: Begin, missing: Mapping[str, float]) -> float:
+    """Speed to which loops drive the tool along what returns no more force [m/s]; may be infinite.
+
+    Parallel control goes (k_I / k_m)(f_d - f), (4.49), less what is asked for as a velocity; the
+    integral of a hybrid law has no spring that it works against.
+
+    Args:
+        begin: the stage. missing: f_d - f by force axis [N].
+    """
+    unreturned = {axis: _pull(begin, axis) + f for axis, f in missing.items()}
+    if all(abs(f) < _NOTHING for f in unreturned.values()):
+        return 0.0
+    if not LAWS[begin.stage.law.kind].shares:
+        return math.inf
+    gains = begin.stage.gains
+    return math.hypot(
+        *(gains["force.integral"][a].value / gains["stiffness"][a].value * f
+          for a, f in unreturned.items())
+    )  # fmt: skip
+
+
+def _weights(begin: Begin, wanted: Mapping[str, float]) -> Vector | None:
+    """How fast each loop gives way to a force that is not returned, per newton of it."""
+    gains, kind = begin.stage.gains, begin.stage.law.kind
+    if LAWS[kind].multipliers:
+        return np.ones(len(wanted))
+    by = "stiffness" if LAWS[kind].shares else "force.damping"
+    integral = np.array([gains["force.integral"][a].value for a in wanted])
+    held = np.array([gains[by][a].value for a in wanted])
+    if LAWS[kind].shares and (integral <= 0).any():
+        return None
+    if not (integral > 0).all() or not (held > 0).all():
+        return np.ones(len(wanted))
+    return np.asarray(integral / held)
+
+
+def _pull(begin: Begin, axis: str) -> float:
+    """What a motion on a force axis adds: a.(f - f_d) = -(k_m / k_I) a.x'_d, from (4.39)."""
+    gains, plan = begin.stage.gains, begin.stage.plans[axis]
+    if not plan.motion or plan.axis.velocity is None:
+        return 0.0
+    rate = known_value(begin.context, plan.axis.velocity) or 0.0
+    return gains["stiffness"][axis].value / gains["force.integral"][axis].value * rate

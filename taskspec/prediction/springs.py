@@ -1,0 +1,95 @@
+"""What a law's own springs press with: impedance, PD and stiffness control, soft axes.
+
+At rest K_m (x_d - x) is what the robot applies, (4.25)-(4.27), (4.33). A contact of stiffness k
+along the unit normal a bears f with the reference a way s behind its surface:
+
+    s = f (1/k + w^T K_m^-1 w),    w = (a; r x a), r from the control point to where they touch.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taskspec.check.known import known_value
+from taskspec.control.state import AXES
+from taskspec.prediction.begin import Begin
+from taskspec.prediction.reach import along, moment_arms
+from taskspec.prediction.worlds import World
+
+Vector = NDArray[np.float64]
+
+
+def yield_of(begin: Begin, normal: Vector) -> float | None:
+    """w^T K_m^-1 w [m/N] of the axes with a spring along a normal (3,); None where there is none.
+
+    Axes of a hybrid law without a spring of their own are stiff beside those with one.
+    """
+    springs = begin.stage.gains.get("stiffness", {})
+    hybrid = "bandwidth" in begin.stage.gains
+    w = moment_arms(begin, normal)
+    found = 0.0
+    for axis in begin.stage.axes:
+        share = float(w[AXES.index(axis)]) ** 2
+        if share < 1e-12 or (hybrid and axis not in springs):
+            continue
+        if axis not in springs or springs[axis].value <= 0:
+            return None
+        found += share / springs[axis].value
+    return found if found > 0 else None
+
+
+def behind(begin: Begin, normals: Vector) -> tuple[str, float] | None:
+    """The axis whose reference goes behind the surface, and how far [m].
+
+    None where no such axis is planned to, or the place of its reference is not known.
+
+    Args:
+        begin: the stage. normals: (3, 1) of its contact, outward, in the stage's axes.
+    """
+    for axis, plan in begin.stage.plans.items():
+        if along(normals, axis) is None or plan.force:
+            continue
+        away = float(normals[AXES.index(axis), 0])
+        if plan.open_loop:
+            wanted = (
+                None if plan.axis.force is None else known_value(begin.context, plan.axis.force)
+            )
+            own = begin.stage.gains["stiffness"][axis].value
+            if wanted is None or own <= 0:
+                return None
+            return axis, -wanted * (1 / own + 1 / begin.stage.stiffness) / away
+        reference = _reference(begin, normals[:, 0])
+        return None if reference is None else (axis, -reference)
+    return None
+
+
+def _reference(begin: Begin, normal: Vector) -> float | None:
+    """Gap [m] of the reference as the planned motion of a stage ends."""
+    if begin.gap is None or begin.course is None:
+        return None
+    moved = begin.course.moved(begin.course.duration)
+    way = np.array([moved.get(a, 0.0) for a in AXES[:3]])
+    reference = begin.gap + float(normal @ way)
+    return reference if np.isfinite(reference) else None
+
+
+def push(depth: float, own: float, world: World) -> float:
+    """What a contact bears [N] with the reference `depth` [m] behind its believed surface.
+
+    Args:
+        depth: [m]. own: yielding of the law's springs [m/N]. world: where the surface is.
+    """
+    return max(depth - world.farther, 0.0) / (1 / world.stiffness + own)
+
+
+def spring_behind(begin: Begin, axis: str, mass: float) -> float:
+    """Stiffness with which a motion axis holds on to its reference [N/m].
+
+    Args:
+        begin: the stage. axis: a translation. mass: felt along it [kg].
+    """
+    gains = begin.stage.gains
+    if axis in gains.get("stiffness", {}):
+        return gains["stiffness"][axis].value
+    return mass * gains["K_P"][axis].value
