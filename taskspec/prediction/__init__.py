@@ -7,8 +7,11 @@ from taskspec.prediction.types import (
     Equilibrium,
     Extreme,
     Impact,
+    Natural,
+    Selection,
     Settling,
     StagePrediction,
+    State,
     TaskPrediction,
 )
 
@@ -19,8 +22,11 @@ __all__ = [
     "Extreme",
     "Impact",
     "Looked",
+    "Natural",
+    "Selection",
     "Settling",
     "StagePrediction",
+    "State",
     "TaskPrediction",
     "look",
     "predict",

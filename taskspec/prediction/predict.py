@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -16,6 +16,8 @@ from taskspec.prediction.duration import Known, guarded, mechanism_rate, planned
 from taskspec.prediction.equilibrium import at_rest
 from taskspec.prediction.forecast import moved
 from taskspec.prediction.impact import impact
+from taskspec.prediction.natural import natural
+from taskspec.prediction.selection import selection
 from taskspec.prediction.settling import settling
 from taskspec.prediction.types import StagePrediction, TaskPrediction
 
@@ -73,7 +75,7 @@ def _stage(
     rest = at_rest(begin, longest, asked_at_start(program, begin.stage))
     if lasts is None:
         lasts = guarded(begin, Known(met, rest.forces, coordinate))
-    return StagePrediction(
+    found = StagePrediction(
         name=begin.stage.name,
         duration=lasts,
         equilibrium=rest.forces,
@@ -82,6 +84,7 @@ def _stage(
         impact=met,
         drift=rest.drift,
     )
+    return replace(found, natural=natural(begin, found), selection=selection(begin))
 
 
 def _coordinate_after(begin: Begin, coordinate: float | None, one: StagePrediction) -> float | None:

@@ -5,6 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from enum import Enum
+
+import numpy as np
+from numpy.typing import NDArray
+
+Vector = NDArray[np.float64]
 
 #: Component of a varied value of the file -> its value there [SI], as `analysis.corners` has it.
 Values = Mapping[tuple[str, int | None], float]
@@ -131,6 +137,55 @@ class Duration:
     why: str
 
 
+class State(Enum):
+    """How something of the world is there while a stage lasts."""
+
+    THERE = "there"
+    MET = "met"
+    MAYBE = "maybe"
+
+
+@dataclass(frozen=True, slots=True)
+class Natural:
+    """What the world imposes on one axis.
+
+    Attributes:
+        axis: of the stage's frame. decides: `velocity` or `force`.
+        terms: (axis, factor) of the sum that it equals; none for zero.
+        by: the object, equation or mechanism; empty where there is nothing.
+        state: whether that is there. pushes: the sign of the velocity that it lets pass; 0 if none.
+        friction: coefficient with which it rubs along this axis. against: the axis whose force
+            presses there; empty without friction.
+        effort: factor of the mechanism's own force or moment in the sum.
+    """
+
+    axis: str
+    decides: str
+    terms: tuple[tuple[str, float], ...] = ()
+    by: str = ""
+    state: State = State.THERE
+    pushes: int = 0
+    friction: float = 0.0
+    against: str = ""
+    effort: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Selection:
+    """Bases of what a law controls, in the axes of the stage's frame: S_f^T S_v = 0.
+
+    Attributes:
+        axes: (m,) names of the rows. force: (m, r) S_f, wrenches by unit set points [1, m].
+        motion: (m, k) S_v, twists by rates of its motion loops.
+        soft: axes with a spring of their own, which are in neither.
+    """
+
+    axes: tuple[str, ...]
+    force: Vector
+    motion: Vector
+    soft: tuple[str, ...] = ()
+
+
 @dataclass(frozen=True, slots=True)
 class StagePrediction:
     """What one stage is expected to do.
@@ -141,6 +196,7 @@ class StagePrediction:
         duration: of one visit.
         drift: speed at which set points that nothing returns drive the tool along [m/s]: infinite
             where it only grows, 0 where all are returned.
+        natural: what the world imposes on each axis. selection: matrices of a law that selects.
     """
 
     name: str
@@ -150,6 +206,8 @@ class StagePrediction:
     settling: Mapping[str, Settling] = field(default_factory=dict)
     impact: Impact | None = None
     drift: float = 0.0
+    natural: tuple[Natural, ...] = ()
+    selection: Selection | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,0 +1,162 @@
+"""Natural constraints of a stage: what contacts, equations and mechanisms impose on each axis.
+
+The world can return wrenches f = W phi at the control point and lets the tool move with W^T v = 0.
+With W^T brought to R = (1 | C), the identity on as many axes as it has rows, every axis has one
+natural constraint: on those axes the velocity is decided, on the others the force,
+
+    v_i = -sum_j C_ij v_j,        f_j = sum_i C_ij f_i + s_j Q,
+
+where Q is what the held mechanism takes along its coordinate and s_j how that goes with v_j. Which
+axes these are is free where directions lie between them; those with a force are taken first.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taskspec.control.state import ARM_LENGTH, AXES
+from taskspec.prediction.begin import Begin
+from taskspec.prediction.reactions import Reactions, mechanism_twists, reactions
+from taskspec.prediction.types import Natural, StagePrediction
+
+Vector = NDArray[np.float64]
+
+#: A share of a direction below this is none: an axis is no more exact.
+_NONE = 1e-3
+#: A row of constraints that others make up leaves no more than this of itself.
+_NOTHING = 1e-9
+
+
+def natural(begin: Begin, foreseen: StagePrediction) -> tuple[Natural, ...]:
+    """One constraint for each axis of a stage, as it begins.
+
+    Args:
+        begin: the stage. foreseen: what it is expected to do.
+    """
+    rows = reactions(begin, foreseen)
+    axes = begin.stage.axes
+    index = [AXES.index(a) for a in axes]
+    wanted = [a for a in axes if begin.stage.plans[a].set_point]
+    pivots, R, mixed = reduced(rows.W[index].T, axes, wanted)
+    effort = _efforts(begin, pivots, R)
+    decided = [
+        _decided(axes, axes[p], i, R, mixed, rows) for i, p in enumerate(pivots)
+    ]  # fmt: skip
+    found = {one.axis: one for one in decided}
+    for j, axis in enumerate(axes):
+        if axis not in found:
+            factors = {one.axis: float(R[i, j]) for i, one in enumerate(decided)}
+            found[axis] = _free(begin, axis, factors, decided, rows, effort.get(axis, 0.0))
+    return tuple(found[axis] for axis in axes)
+
+
+def _decided(
+    axes: Sequence[str], axis: str, i: int, R: Vector, mixed: Vector, rows: Reactions
+) -> Natural:
+    """An axis whose velocity the world decides."""
+    row = int(np.argmax(np.abs(mixed[i])))
+    terms = {a: -float(c) for a, c in zip(axes, R[i], strict=True) if a != axis}
+    side = int(np.sign(mixed[i, row])) * rows.sides[row]
+    return Natural(axis, "velocity", _kept(axis, terms), rows.names[row], rows.states[row], side)
+
+
+def _free(
+    begin: Begin,
+    axis: str,
+    factors: Mapping[str, float],
+    decided: Sequence[Natural],
+    rows: Reactions,
+    effort: float,
+) -> Natural:
+    """An axis whose force the world decides: by ratio, by friction, by what a mechanism takes."""
+    terms = _kept(axis, factors, forces=True)
+    rubs = 0.0
+    pressing = {one.by: one for one in decided if not one.axis.startswith("r")}
+    by = max(terms, key=lambda term: abs(term[1]))[0] if terms else ""
+    source = next((one for one in decided if one.axis == by), None)
+    if source is None and not axis.startswith("r"):
+        source = next((pressing[o] for o in rows.friction if o in pressing), None)
+    if source is not None and not axis.startswith("r"):
+        rubs = rows.friction.get(source.by, 0.0)
+    if effort:
+        return Natural(axis, "force", terms, begin.stage.held, effort=effort)
+    if source is None:
+        return Natural(axis, "force")
+    return Natural(
+        axis, "force", terms, source.by, source.state,
+        friction=rubs, against=source.axis if rubs else "",
+    )  # fmt: skip
+
+
+def _kept(
+    axis: str, terms: Mapping[str, float], *, forces: bool = False
+) -> tuple[tuple[str, float], ...]:
+    """The terms of a sum of velocities, or of forces, that are not rounding."""
+    way = -1 if forces else 1
+    return tuple(
+        (a, c) for a, c in terms.items() if abs(c) * (_size(axis) / _size(a)) ** way > _NONE
+    )
+
+
+def _size(axis: str) -> float:
+    """What a velocity along or about an axis counts: a turn by its way at an arm's length [m]."""
+    return ARM_LENGTH if axis.startswith("r") else 1.0
+
+
+def reduced(
+    A: Vector, axes: Sequence[str], wanted: Sequence[str] = ()
+) -> tuple[list[int], Vector, Vector]:
+    """Rows of constraints with the identity on some of the axes, by Gauss and Jordan.
+
+    Args:
+        A: (k, m) rows on the velocities of m axes. axes: their names.
+        wanted: those that are to be decided rather than others.
+
+    Returns:
+        The r decided axes by number, (r, m) R, and (r, k) what R is made of, R = mixed A.
+    """
+    A, mixed = A.astype(float), np.eye(len(A))
+    scale = np.array([1 / _size(a) for a in axes])
+    wants = np.array([2.0 if a in wanted else 1.0 for a in axes])
+    pivots: list[int] = []
+    done: list[int] = []
+    while len(done) < len(A):
+        rest = [i for i in range(len(A)) if i not in done]
+        sizes = np.linalg.norm(A[rest] * scale, axis=1, keepdims=True)
+        weight = np.abs(A[rest]) * scale / np.maximum(sizes, 1e-300) * (sizes > _NOTHING)
+        weight[:, pivots] = 0.0
+        best = np.unravel_index(int(np.argmax(weight * wants)), weight.shape)
+        if weight[best] < _NONE:
+            break
+        i, j = rest[int(best[0])], int(best[1])
+        mixed[i] /= A[i, j]
+        A[i] /= A[i, j]
+        for other in range(len(A)):
+            if other != i:
+                mixed[other] -= A[other, j] * mixed[i]
+                A[other] -= A[other, j] * A[i]
+        pivots.append(j)
+        done.append(i)
+    return pivots, A[done], mixed[done]
+
+
+def _efforts(begin: Begin, pivots: Sequence[int], R: Vector) -> dict[str, float]:
+    """s_j: rate of the held mechanism's coordinate per velocity of each axis that is left free."""
+    T, axes = mechanism_twists(begin), begin.stage.axes
+    if T is None:
+        return {}
+    T = T[[AXES.index(a) for a in axes]]
+    found = {}
+    for j, axis in enumerate(axes):
+        if j in pivots:
+            continue
+        twist = np.zeros(len(axes))
+        twist[j] = 1.0
+        for i, p in enumerate(pivots):
+            twist[p] = -R[i, j]
+        s, *_ = np.linalg.lstsq(T, twist, rcond=1e-9)
+        found[axis] = float(s[0]) if abs(s[0]) > 1e-9 else 0.0
+    return found

@@ -1,0 +1,138 @@
+"""What the world returns to the tool: unit wrenches of contacts, equations and mechanisms."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taskspec.check.nominal import AT_SURFACE
+from taskspec.check.yielding import free_twists
+from taskspec.control.state import ARM_LENGTH
+from taskspec.prediction.begin import Begin
+from taskspec.prediction.reach import bearing, moment_arms
+from taskspec.prediction.types import StagePrediction, State
+
+Vector = NDArray[np.float64]
+
+#: Closer than this to the normal, the face of a flat tool lies on the surface (cosine of 1 deg).
+_FLUSH = np.cos(np.deg2rad(1.0))
+#: What is left of a constraint on joints that no wrench on the tool returns.
+_OFF = 1e-6
+
+
+@dataclass(frozen=True, slots=True)
+class Reactions:
+    """Unit wrenches that the world returns.
+
+    Attributes:
+        W: (6, r) in the stage's axes. names: (r,) what returns each. states: (r,). sides: (r,) the
+            velocity's sign that it lets pass along its column, 0 for none.
+        friction: by object.
+    """
+
+    W: Vector
+    names: tuple[str, ...]
+    states: tuple[State, ...]
+    sides: tuple[int, ...]
+    friction: Mapping[str, float] = field(default_factory=dict)
+
+
+def reactions(begin: Begin, foreseen: StagePrediction) -> Reactions:
+    """All that the world returns to the control point as a stage begins.
+
+    Args:
+        begin: the stage. foreseen: what it is expected to do.
+    """
+    columns: list[Vector] = []
+    names: list[str] = []
+    states: list[State] = []
+    sides: list[int] = []
+    friction: dict[str, float] = {}
+    for name, state, wrench in _contacts(begin, foreseen):
+        columns.append(wrench)
+        names.append(name)
+        states.append(state)
+        sides.append(1 if np.linalg.norm(wrench[:3]) > 0 else 0)
+        rubs = begin.context.loaded.task.shapes[name].friction
+        if rubs:
+            friction[name] = rubs
+    for name, wrench, side in equation_wrenches(begin):
+        columns.append(wrench)
+        names.append(name)
+        states.append(State.THERE)
+        sides.append(side)
+    for wrench in _grip(begin):
+        columns.append(wrench)
+        names.append(begin.stage.held)
+        states.append(State.THERE)
+        sides.append(0)
+    W = np.array(columns).reshape(-1, 6).T
+    return Reactions(W, tuple(names), tuple(states), tuple(sides), friction)
+
+
+def _contacts(begin: Begin, foreseen: StagePrediction) -> Iterator[tuple[str, State, Vector]]:
+    """Shapes: along the normal, and under the face of a flat tool about two axes across it."""
+    on = bearing(begin)
+    for i, name in enumerate(on.names):
+        state = _state(begin, foreseen, name)
+        if state is None:
+            continue
+        normal = on.normals[:, i]
+        yield name, state, moment_arms(begin, normal)
+        down = begin.rotation.T @ begin.context.start_R[:, 2]
+        if begin.context.robot.tool.flat and abs(float(down @ normal)) > _FLUSH:
+            for across in np.linalg.svd(normal[None, :])[2][1:]:
+                yield name, state, np.concatenate([np.zeros(3), across])
+
+
+def _state(begin: Begin, foreseen: StagePrediction, name: str) -> State | None:
+    """Whether a contact is there; None for one that the stage stays away from."""
+    if name in foreseen.depths or any(
+        p.set_point and not a.startswith("r") and p.axis.force is not None
+        for a, p in begin.stage.plans.items()
+    ):
+        return State.THERE
+    if foreseen.impact is not None and foreseen.impact.contact == name:
+        return State.MET
+    return None if begin.gap is not None and begin.gap > AT_SURFACE else State.MAYBE
+
+
+def equation_wrenches(begin: Begin) -> Iterator[tuple[str, Vector, int]]:
+    """Gradients of the equations where the run begins, and the side on which they let pass."""
+    context = begin.context
+    J = np.kron(np.eye(2), begin.rotation.T) @ context.start_jacobian
+    J[:3] += np.cross(J[3:], begin.rotation.T @ context.lever_of(begin.stage.frame), axis=0)
+    for name, model in context.equations.items():
+        gradient = context.start_equations[name].normal
+        wrench, *_ = np.linalg.lstsq(J.T, gradient, rcond=1e-9)
+        left = np.linalg.norm(J.T @ wrench - gradient)
+        if left > _OFF * np.linalg.norm(gradient):
+            continue
+        side = {"=": 0, "<=": -1, ">=": 1}[model.constraint.relation]
+        if side and name not in begin.stage.active:
+            continue
+        yield name, np.where(np.abs(wrench) > 1e-9, wrench, 0.0), side
+
+
+def _grip(begin: Begin) -> Iterator[Vector]:
+    """What a held mechanism returns: the wrenches that do no work on its free twists."""
+    T = mechanism_twists(begin)
+    if T is None:
+        return
+    scale = np.array([1.0] * 3 + [ARM_LENGTH] * 3)
+    _, sizes, V = np.linalg.svd((scale[:, None] * T).T)
+    for row in V[int(np.sum(sizes > 1e-9 * sizes[0])) :]:
+        yield row * scale
+
+
+def mechanism_twists(begin: Begin) -> Vector | None:
+    """(6, k) free twists of the held mechanism at the control point, in the stage's axes."""
+    context = begin.context
+    if not begin.stage.held:
+        return None
+    point = context.start_p + context.lever_of(begin.stage.frame)
+    T = free_twists(context.mechanisms[begin.stage.held], context.start_p, point)
+    return np.asarray(np.kron(np.eye(2), begin.rotation.T) @ T)

@@ -1,0 +1,49 @@
+"""Selection matrices of a hybrid law: which directions bear force set points, which move."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taskspec.control.state import AXES
+from taskspec.prediction.begin import Begin
+from taskspec.prediction.natural import reduced
+from taskspec.prediction.reactions import equation_wrenches
+from taskspec.prediction.types import Selection
+from taskspec.spec import LAWS
+
+Vector = NDArray[np.float64]
+
+
+def selection(begin: Begin) -> Selection | None:
+    """The matrices of a stage; None for a law that does not select.
+
+    Under a law with multipliers, force axes and equations are what is selected; the equations are
+    taken where the run begins. An equation that no wrench on the tool returns is in neither.
+    """
+    stage = begin.stage
+    axes, facts = stage.axes, LAWS[stage.law.kind]
+    if "bandwidth" not in facts.gains:
+        return None
+    soft = tuple(a for a in axes if stage.plans[a].soft)
+    forced = [a for a in axes if stage.plans[a].force]
+    columns = [np.eye(len(axes))[axes.index(a)] for a in forced]
+    if facts.multipliers:
+        rows = [AXES.index(a) for a in axes]
+        columns += [w[rows] for name, w, _ in equation_wrenches(begin) if name in stage.active]
+    force = np.array(columns).reshape(-1, len(axes)).T
+    return Selection(axes, force, _reciprocal(force, axes, soft), soft)
+
+
+def _reciprocal(force: Vector, axes: tuple[str, ...], soft: tuple[str, ...]) -> Vector:
+    """(m, k) twists on which no wrench of (m, r) does work, one for each axis that is left."""
+    pivots, R, _ = reduced(force.T, axes)
+    columns = []
+    for j, axis in enumerate(axes):
+        if j in pivots or axis in soft:
+            continue
+        twist = np.zeros(len(axes))
+        twist[j] = 1.0
+        twist[pivots] = -R[:, j]
+        columns.append(twist)
+    return np.array(columns).reshape(-1, len(axes)).T
