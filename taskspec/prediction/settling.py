@@ -1,4 +1,9 @@
-"""How the axes of a stage come to rest, from the poles of its sampled loop."""
+"""How the axes of a stage come to rest, from the poles of its sampled loop.
+
+Which poles an axis has is asked of its own response: displaced alone from the equilibrium and let
+go, it comes back as sum_i A_i e^(s_i t) over the poles s_i of the loop. The shapes of poles do not
+tell: axes whose loops are alike have poles in common, and these shapes lie anywhere among them.
+"""
 
 from __future__ import annotations
 
@@ -6,45 +11,115 @@ import math
 from collections.abc import Iterator, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
-from taskspec.analysis.loop import Mode
+from taskspec.analysis.loop import Mode, one_step
 from taskspec.analysis.stage import Analysed
+from taskspec.control.sensor import SensorModel
 from taskspec.control.state import AXES
 from taskspec.prediction.types import Settling
 
-#: An axis takes part in a mode if it moves with at least this share of the energy of the axis that
-#: moves most: axes with equal poles have modes in common, which may lie anywhere among them.
-_TAKES_PART = 0.15
+Vector = NDArray[np.float64]
+
+#: A pole is one of an axis if at least this share of its displacement comes back with it.
+_TAKES_PART = 0.1
+#: Poles nearer to each other than this share of their size are taken as one.
+_ALIKE = 1e-2
+#: The response is looked at so often over so many of the slowest time constants.
+_LOOKS, _REACH = 400, 5.0
+#: No response is followed for longer than this [s].
+_LONGEST = 20.0
 _NULL_SPACE = "null space"
 
 
 def settling(seen: Analysed, modes: Sequence[Mode]) -> dict[str, Settling]:
-    """The slowest mode in which each axis, each equation and the null space takes part.
+    """The slowest pole of each axis, each equation and the null space.
+
+    An axis that nothing brings back, or that goes back at once, has none.
 
     Args:
         seen: the stage. modes: its own, the least stable first.
     """
+    poles = _distinct(modes)
+    dying = [1 / -mode.s.real for mode in poles if mode.s.real < 0]
     found: dict[str, Settling] = {}
+    if dying:
+        rows = _rows(seen)
+        times, responses = _responses(seen, rows, min(_REACH * max(dying), _LONGEST))
+        for name, response in zip(rows, responses.T, strict=True):
+            slowest = _slowest(times, response, poles)
+            if slowest is not None:
+                found[name] = _of(slowest)
+    inner = next((mode for mode in modes if seen.axis(mode) == _NULL_SPACE), None)
+    return found if inner is None else found | {_NULL_SPACE: _of(inner)}
+
+
+def _distinct(modes: Sequence[Mode]) -> list[Mode]:
+    """One mode of those with like poles."""
+    found: list[Mode] = []
     for mode in modes:
-        for axis in _moving(seen, mode):
-            found.setdefault(axis, _of(mode))
-    order = [*seen.stage.axes, *seen.stage.active, _NULL_SPACE]
-    return {axis: found[axis] for axis in order if axis in found}
+        if all(abs(mode.s - m.s) > _ALIKE * abs(m.s) for m in found):
+            found.append(mode)
+    return found
 
 
-def _moving(seen: Analysed, mode: Mode) -> Iterator[str]:
-    """The axes that take part in a mode, or what else it is a mode of."""
-    most = seen.axis(mode)
-    yield most
-    if most not in seen.stage.axes:
-        return
+def _rows(seen: Analysed) -> dict[str, Vector]:
+    """(n,) rates of axes and equations per rate of the joints."""
     J = np.kron(np.eye(2), seen.rotation.T) @ seen.context.start_jacobian
-    rows = J[[AXES.index(a) for a in seen.stage.axes]]
-    mobility = np.diag(rows @ np.linalg.solve(seen.context.start_inertia, rows.T))
-    energy = np.abs(rows @ mode.shape) ** 2 / mobility
-    for axis, part in zip(seen.stage.axes, energy, strict=True):
-        if axis != most and part > _TAKES_PART * energy.max():
-            yield axis
+    rows = {axis: J[AXES.index(axis)] for axis in seen.stage.axes}
+    return rows | {e: seen.context.start_equations[e].normal for e in seen.stage.active}
+
+
+def _responses(seen: Analysed, rows: dict[str, Vector], span: float) -> tuple[Vector, Vector]:
+    """(k,) times [s], and (k, rows) how each row comes back from a unit displacement of its own.
+
+    An axis is displaced with the others held, an equation along what gives way to it.
+    """
+    context, task = seen.context, seen.context.loaded.task
+    sensor, plant = SensorModel.of(task.robot.sensor, context.period), seen.plant()
+    F = one_step(seen.controller, plant, sensor, samples=True)
+    if sensor.hold_ticks > 1:
+        held = one_step(seen.controller, plant, sensor, samples=False)
+        F = np.linalg.matrix_power(held, sensor.hold_ticks - 1) @ F
+    step = sensor.hold_ticks * context.period
+    stride = max(1, round(span / _LOOKS / step))
+    F = np.linalg.matrix_power(F, stride)
+    W = np.linalg.inv(context.start_inertia)
+    axes = np.array([rows[a] for a in seen.stage.axes])
+    pushed = [*(W @ axes.T @ np.linalg.inv(axes @ W @ axes.T)).T]
+    pushed += [W @ rows[e] / (rows[e] @ W @ rows[e]) for e in seen.stage.active]
+    x = np.zeros((len(F), len(rows)))
+    x[: plant.n] = np.array(pushed).T
+    seen_by = np.array([*rows.values()])
+    found = []
+    for _ in range(_LOOKS):
+        found.append(np.einsum("rn,nr->r", seen_by, x[: plant.n]))
+        x = F @ x
+    return np.asarray(stride * step * np.arange(_LOOKS), dtype=float), np.array(found)
+
+
+def _slowest(times: Vector, response: Vector, poles: Sequence[Mode]) -> Mode | None:
+    """The slowest pole with a share in a response, by least squares over all that it can show."""
+    shown = [mode for mode in poles if abs(mode.s.real) * (times[1] - times[0]) < 1.0]
+    # What is neutral stays where it is, or goes on.
+    columns = [np.ones_like(times), times]
+    owners: list[Mode] = []
+    for mode in shown:
+        for column in _columns(times, mode):
+            columns.append(column)
+            owners.append(mode)
+    parts = np.linalg.lstsq(np.array(columns).T, response, rcond=None)[0][2:]
+    sizes = {id(mode): 0.0 for mode in shown}
+    for mode, part in zip(owners, parts, strict=True):
+        sizes[id(mode)] = math.hypot(sizes[id(mode)], float(part))
+    return next((mode for mode in shown if sizes[id(mode)] > _TAKES_PART), None)
+
+
+def _columns(times: Vector, mode: Mode) -> Iterator[Vector]:
+    envelope = np.exp(mode.s.real * times)
+    yield envelope * np.cos(mode.s.imag * times)
+    if mode.s.imag:
+        yield envelope * np.sin(mode.s.imag * times)
 
 
 def _of(mode: Mode) -> Settling:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from taskspec.compiler import compile_task
+from taskspec.prediction import look
 from taskspec.spec import load_text
 from taskspec_runner.cli.poles import stability_account
 
@@ -26,7 +27,7 @@ PARALLEL = (
 
 def account(law, k="10 kN/m", plant=1):
     program = compile_task(load_text(PRESS.format(law=law, k=k, plant=plant), "press.yaml"))
-    return stability_account(program, program.stages[0])
+    return stability_account(program, look(program, program.stages[0].name))
 
 
 def bounds(found, what):
@@ -81,4 +82,4 @@ def test_a_stage_in_free_space_has_no_table():
         "taskspec: 1\nname: free\nrobot: {model: panda}\nstages: {go: {axes: {z: {move: 10 mm}}}}\n"
     )
     program = compile_task(load_text(text, "free.yaml"))
-    assert stability_account(program, program.stages[0]) is None
+    assert stability_account(program, look(program, program.stages[0].name)) is None

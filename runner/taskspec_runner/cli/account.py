@@ -7,27 +7,18 @@ from dataclasses import dataclass
 
 from taskspec.compiler import Program
 from taskspec.control.state import AXES
+from taskspec.prediction import StagePrediction
 from taskspec.program.grip import GRIP
-from taskspec.program.modes import AxisPlan
 from taskspec.program.null_space import goals
 from taskspec.program.stage import CompiledStage
 from taskspec.spec import LAWS
-from taskspec.spec import Path as SpecPath
 from taskspec.text.show import show
-from taskspec_runner.cli.defaults import ramp_of, speed_of
+from taskspec_runner.cli.constraints import AxisAccount, axis_account, equation_account
+from taskspec_runner.cli.foreseen import ExpectedAccount, expected_account, selection_account
 from taskspec_runner.cli.kept import kept_account
-from taskspec_runner.cli.measures import gain_text, length, stiffness
+from taskspec_runner.cli.measures import gain_text, stiffness
 
 _LIMIT = "limit on "
-
-
-@dataclass(frozen=True, slots=True)
-class AxisAccount:
-    """Who controls an axis, and after what reference."""
-
-    axis: str
-    control: str
-    reference: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +33,7 @@ class GainAccount:
 
 @dataclass(frozen=True, slots=True)
 class StageAccount:
-    """A stage: its law and frame, its axes and gains, what ends it, and whether it tares."""
+    """A stage: its law and frame, its axes, what is expected of it, its gains and its ends."""
 
     name: str
     law: str
@@ -51,7 +42,9 @@ class StageAccount:
     contact: str
     null_space: str
     kept: tuple[tuple[str, str], ...]
+    selection: tuple[tuple[str, str], ...]
     axes: tuple[AxisAccount, ...]
+    expected: tuple[ExpectedAccount, ...]
     gains: tuple[GainAccount, ...]
     ends: tuple[tuple[str, str], ...]
     tare: bool
@@ -100,8 +93,11 @@ def frame_accounts(program: Program) -> tuple[FrameAccount, ...]:
     )
 
 
-def stage_account(program: Program, stage: CompiledStage) -> StageAccount:
-    """One stage."""
+def stage_account(
+    program: Program, stage: CompiledStage, foreseen: StagePrediction
+) -> StageAccount:
+    """One stage, and what it is expected to do."""
+    selected = foreseen.selection
     return StageAccount(
         name=stage.name,
         law=stage.law.kind,
@@ -110,12 +106,14 @@ def stage_account(program: Program, stage: CompiledStage) -> StageAccount:
         contact=_contact(program, stage),
         null_space=_null_space(program, stage),
         kept=tuple(kept_account(program, stage)),
+        selection=() if selected is None else selection_account(selected),
         axes=(
-            *(_axis(stage, axis, plan) for axis, plan in stage.plans.items()),
-            *(_equation(program, stage, name) for name in stage.active),
+            *(axis_account(program, stage, foreseen, axis) for axis in stage.axes),
+            *(equation_account(program, stage, name) for name in stage.active),
         ),
         gains=tuple(_gains(program, stage)),
         ends=tuple(_ends(program, stage)),
+        expected=tuple(expected_account(foreseen)),
         tare=stage.spec.tare,
     )
 
@@ -138,57 +136,6 @@ def _null_space(program: Program, stage: CompiledStage) -> str:
     if robot.pin.nv == len(stage.axes):
         return ""
     return ", ".join(goals(stage.law, robot, stage.axes)) or "free: the law leaves it alone"
-
-
-def _axis(stage: CompiledStage, axis: str, plan: AxisPlan) -> AxisAccount:
-    if plan.force and plan.motion:
-        control = "force over motion"
-    elif plan.force:
-        control = "force"
-    elif plan.open_loop:
-        control = "force, open loop"
-    else:
-        control = "soft motion" if plan.soft else "motion"
-        control += ", yields to the contact" if plan.yields else ""
-    parts = []
-    if plan.motion and not plan.open_loop:
-        parts.append(_motion(stage, axis, plan))
-    if plan.set_point:
-        parts.append(_force(plan))
-    return AxisAccount(axis, control, "; ".join(parts))
-
-
-def _equation(program: Program, stage: CompiledStage, name: str) -> AxisAccount:
-    """A constraint: its force, along the unit gradient of its equation."""
-    wanted = stage.spec.constraints.get(name)
-    joints = program.context.equations[name].joints
-    kind = "torque" if joints else "force"
-    reference = f"{kind} 0" if wanted is None else f"{kind} {wanted.wanted}"
-    return AxisAccount(name, f"{kind} along its unit gradient", reference)
-
-
-def _motion(stage: CompiledStage, axis: str, plan: AxisPlan) -> str:
-    entry = plan.axis
-    if plan.mode == "path":
-        assert stage.spec.path is not None
-        return f"path: {_path_kind(stage.spec.path)}"
-    if plan.mode == "move":
-        assert entry.move is not None
-        return f"move {length(entry.move, axis)} at {speed_of(axis, entry)}"
-    if plan.mode == "hold":
-        return "hold against the world" if plan.world else "hold"
-    return f"{plan.mode} {getattr(entry, plan.mode)}"
-
-
-def _force(plan: AxisPlan) -> str:
-    entry = plan.axis
-    wanted = entry.force if entry.force is not None else entry.torque
-    kind = "force" if entry.force is not None else "torque"
-    return f"{kind} {wanted}, reached in {ramp_of(entry)}"
-
-
-def _path_kind(path: SpecPath) -> str:
-    return next(k for k in ("to", "line", "arc", "lissajous", "file") if getattr(path, k))
 
 
 def _gains(program: Program, stage: CompiledStage) -> Iterator[GainAccount]:

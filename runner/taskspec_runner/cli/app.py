@@ -126,11 +126,14 @@ def explain(
     ],
     set_: options.Overrides = None,
     law: options.Law = None,
+    form: Annotated[
+        RunFormat, typer.Option("--format", help="Of the explanation.")
+    ] = RunFormat.TEXT,
 ) -> int:
-    """Say what a task makes of itself: frames, axes, laws, gains; or what a code means."""
+    """Say what a task makes of itself and is expected to do; or what a code means."""
     from taskspec_runner.cli.explain import explain_what
 
-    return explain_what(what, set_ or [], law)
+    return explain_what(what, set_ or [], law, form)
 
 
 @app.command()

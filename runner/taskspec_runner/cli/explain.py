@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Iterable, Sequence
 from pathlib import Path
+from typing import Any
 
 import typer
 from rich.console import RenderableType
@@ -15,61 +17,73 @@ from rich.text import Text
 from taskspec.compiler import compile_task
 from taskspec.text.codes import CODES
 from taskspec.text.suggest import suggestion
-from taskspec_runner.cli.account import StageAccount, frame_accounts, robot_account, stage_account
+from taskspec_runner.cli.account import StageAccount
 from taskspec_runner.cli.console import console, show, table
-from taskspec_runner.cli.defaults import defaults_taken
-from taskspec_runner.cli.findings import show_findings
+from taskspec_runner.cli.constraints import LEGEND
+from taskspec_runner.cli.findings import record, show_findings
+from taskspec_runner.cli.formats import RunFormat
 from taskspec_runner.cli.loading import load
-from taskspec_runner.cli.objects import object_accounts
 from taskspec_runner.cli.pages import page
-from taskspec_runner.cli.poles import StabilityAccount, stability_account
+from taskspec_runner.cli.poles import StabilityAccount
+from taskspec_runner.cli.sheet import as_data, sheet
 from taskspec_runner.errors import InputError
 
 _CODE = re.compile(r"TS\d{3}\Z", re.IGNORECASE)
 
 
-def explain_what(what: str, sets: Sequence[str] = (), law: str | None = None) -> int:
+def explain_what(
+    what: str,
+    sets: Sequence[str] = (),
+    law: str | None = None,
+    form: RunFormat = RunFormat.TEXT,
+) -> int:
     """Explains a task file under overrides, or a code if there is no such file."""
+    as_json = form is RunFormat.JSON
     if not Path(what).exists() and _CODE.match(what):
-        _explain_code(what.upper())
+        _explain_code(what.upper(), as_json=as_json)
     else:
-        _explain_file(Path(what), sets, law)
+        _explain_file(Path(what), sets, law, as_json=as_json)
     return 0
 
 
-def _explain_code(code: str) -> None:
+def _explain_code(code: str, *, as_json: bool) -> None:
     """Shows the page of a diagnostic code: laid out on a terminal, as it is written elsewhere."""
     # By now the compiler's layers are imported, which register codes of their own.
     if code not in CODES:
         raise InputError(f"there is no diagnostic {code}; {suggestion(code, CODES)}".rstrip("; "))
     text = page(code) or f"# {code}: {CODES[code]}\n"
     out = console()
-    if out.is_terminal:
+    if as_json:
+        _print({"code": code, "title": CODES[code], "page": text})
+    elif out.is_terminal:
         out.print(Markdown(text, code_theme="ansi_dark"))
     else:
         typer.echo(text, nl=False)
 
 
-def _explain_file(path: Path, sets: Sequence[str], law: str | None) -> None:
+def _explain_file(path: Path, sets: Sequence[str], law: str | None, *, as_json: bool) -> None:
     program = compile_task(load(path, sets, law))
+    told = sheet(program)
+    if as_json:
+        _print(as_data(told) | {"diagnostics": [record(d) for d in program.warnings]})
+        return
     show_findings(program.warnings, program.context.loaded.sources, err=True)
-    task = program.context.loaded.task
-    about = [Text(task.about)] if task.about else []
-    show(Text(task.name, style="bold"), *about, _pairs(robot_account(program)))
-    if task.world:
-        _section("world", _pairs(object_accounts(program)))
+    about = [Text(told.about)] if told.about else []
+    show(Text(told.name, style="bold"), *about, _pairs((*told.robot, ("lasts", told.duration))))
+    if told.world:
+        _section("world", _pairs(told.world))
     frames = table("frame", "is", "task frame of")
-    for frame in frame_accounts(program):
+    for frame in told.frames:
         frames.add_row(*_cells(frame.name, frame.described, ", ".join(frame.stages)))
     _section("frames", frames)
-    for stage in program.stages:
-        _show_stage(stage_account(program, stage))
-        stability = stability_account(program, stage)
+    for stage, stability in told.stages:
+        _show_stage(stage)
         if stability is not None:
             _show_stability(stability)
-    if task.expect:
-        _section("expected", *(Text(f"  {expectation.text}") for expectation in task.expect))
-    _section("defaults taken", _pairs(defaults_taken(program)))
+    if told.expected:
+        _section("expected", *(Text(f"  {expectation}") for expectation in told.expected))
+    _section("defaults taken", _pairs(told.defaults))
+    show("", Text(LEGEND, style="dim"))
 
 
 def _show_stage(stage: StageAccount) -> None:
@@ -78,17 +92,23 @@ def _show_stage(stage: StageAccount) -> None:
         ("frame", stage.frame),
         ("contact", stage.contact),
         *([("null space", stage.null_space)] if stage.null_space else []),
+        *stage.selection,
         *stage.kept,
         *([("tare", "what the sensor shows here on average becomes its zero")] * stage.tare),
         *stage.ends,
     )
-    axes = table("axis", "controlled by", "reference")
+    axes = table("axis", "natural constraint", "artificial constraint", "by")
     for axis in stage.axes:
-        axes.add_row(*_cells(axis.axis, axis.control, axis.reference))
+        axes.add_row(*_cells(axis.axis, axis.natural, axis.artificial, axis.by))
+    worst = any(row.worst for row in stage.expected)
+    foreseen = table("foreseen", "is", *(["at worst in vary"] if worst else []), "from")
+    for row in stage.expected:
+        cells = (row.what, row.value, *([row.worst] if worst else []), row.source)
+        foreseen.add_row(*_cells(*cells))
     gains = table("gain", "on", "value", "from", right=("value",))
     for gain in stage.gains:
         gains.add_row(*_cells(gain.gain, " ".join(gain.axes), gain.value, gain.origin))
-    _section(f"stage {stage.name}", _pairs(facts), "", axes, "", gains)
+    _section(f"stage {stage.name}", _pairs(facts), "", axes, "", foreseen, "", gains)
 
 
 def _show_stability(stability: StabilityAccount) -> None:
@@ -117,3 +137,7 @@ def _pairs(pairs: Iterable[tuple[str, str]]) -> Table:
 
 def _cells(first: str, *others: str) -> list[Text]:
     return [Text(f"  {first}"), *map(Text, others)]
+
+
+def _print(data: dict[str, Any]) -> None:
+    typer.echo(json.dumps(data, indent=2, ensure_ascii=False))

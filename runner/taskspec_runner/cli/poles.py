@@ -9,11 +9,11 @@ import numpy as np
 
 from taskspec.analysis.loop import Mode, UnfitError
 from taskspec.analysis.margin import Limit, Search, grows, rings
-from taskspec.analysis.stage import Analysed, analyse
+from taskspec.analysis.stage import Analysed
 from taskspec.analysis.textbook import Condition, conditions
 from taskspec.compiler import Program
 from taskspec.control.state import AXES
-from taskspec.program.stage import CompiledStage
+from taskspec.prediction import Looked
 from taskspec.text.show import number, show
 from taskspec_runner.cli.measures import gain_text, stiffness
 
@@ -51,17 +51,20 @@ class StabilityAccount:
     bounds: tuple[BoundAccount, ...]
 
 
-def stability_account(program: Program, stage: CompiledStage) -> StabilityAccount | None:
-    """One stage; None where it touches and holds nothing, or cannot be looked at."""
+def stability_account(program: Program, looked: Looked | None) -> StabilityAccount | None:
+    """One stage; None where it touches and holds nothing, or cannot be looked at.
+
+    Args:
+        program: the task. looked: the stage's sampled loop.
+    """
+    if looked is None or not (looked.seen.pressed or looked.seen.stage.held):
+        return None
+    seen = looked.seen
     try:
-        seen = analyse(program.context, stage.name)
-        if seen is None or not (seen.pressed or seen.stage.held):
-            return None
-        modes = seen.modes()
         bounds = tuple(_bounds(program, seen))
     except (UnfitError, np.linalg.LinAlgError):
         return None
-    return StabilityAccount(_where(seen), tuple(_poles(seen, modes)), bounds)
+    return StabilityAccount(_where(seen), tuple(_poles(seen, looked.modes)), bounds)
 
 
 def _where(seen: Analysed) -> str:

@@ -1,0 +1,190 @@
+"""Natural and artificial constraints of a stage's axes in words, and who enforces the latter.
+
+v and w are velocity and angular velocity, f and m force and moment that the robot applies.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+from taskspec.compiler import Program
+from taskspec.prediction import Natural, StagePrediction, State
+from taskspec.program.modes import AxisPlan
+from taskspec.program.stage import CompiledStage
+from taskspec.spec import LAWS, Screw
+from taskspec.spec import Path as SpecPath
+from taskspec.text.show import number, show
+from taskspec_runner.cli.defaults import ramp_of, speed_of
+from taskspec_runner.cli.measures import length, stiffness
+
+#: Stands below the tables.
+LEGEND = "v, w: velocity along and about an axis; f, m: force and moment that the robot applies"
+
+
+@dataclass(frozen=True, slots=True)
+class AxisAccount:
+    """An axis or an equation: what the world imposes, what the law asks, and how it gets it."""
+
+    axis: str
+    natural: str
+    artificial: str
+    by: str
+
+
+def axis_account(
+    program: Program, stage: CompiledStage, foreseen: StagePrediction, axis: str
+) -> AxisAccount:
+    """One axis of a stage's frame."""
+    plan = stage.plans[axis]
+    world = next(n for n in foreseen.natural if n.axis == axis)
+    by = ", ".join([_enforcer(stage, plan, world), *_remarks(stage, plan, world)])
+    return AxisAccount(axis, _natural(program, world), _artificial(stage, axis, plan), by)
+
+
+def equation_account(program: Program, stage: CompiledStage, name: str) -> AxisAccount:
+    """A constraint: its force, along the unit gradient of its equation."""
+    wanted = stage.spec.constraints.get(name)
+    model = program.context.equations[name]
+    declared = program.context.loaded.task.equations[name]
+    side = "" if model.constraint.relation == "=" else " (pushes only)"
+    reference = "0" if wanted is None else str(wanted.wanted)
+    artificial = f"{'m' if model.joints else 'f'} = {reference} along its gradient"
+    return AxisAccount(name, f"{declared.equation}{side}", artificial, "force control")
+
+
+def _velocity(axis: str) -> str:
+    return f"w_{axis[1:]}" if axis.startswith("r") else f"v_{axis}"
+
+
+def _force(axis: str) -> str:
+    return f"m_{axis[1:]}" if axis.startswith("r") else f"f_{axis}"
+
+
+def _natural(program: Program, world: Natural) -> str:
+    screw = isinstance(program.context.loaded.task.world.get(world.by), Screw)
+    if world.decides == "force":
+        return _natural_force(program, world, screw)
+    own = _velocity(world.axis)
+    total = _sum(world, _velocity, screw) or "0"
+    if world.pushes and world.state is State.MAYBE:
+        return f"{own} {'>=' if world.pushes > 0 else '<='} {total} ({world.by})"
+    if world.state is State.MET:
+        return f"{_force(world.axis)} = 0, then {own} = {total} ({world.by})"
+    return f"{own} = {total} ({world.by}{', pushes only' if world.pushes else ''})"
+
+
+def _natural_force(program: Program, world: Natural, screw: bool) -> str:
+    own, total = _force(world.axis), _sum(world, _force, screw)
+    rubs = f"{world.friction:.3g} |{_force(world.against)}|" if world.friction else ""
+    if rubs and not total:
+        return f"|{own}| <= {rubs} ({world.by})"
+    if world.effort:
+        angular = program.context.loaded.task.mechanisms[world.by].angular
+        lever = int(world.axis.startswith("r")) - int(angular)
+        effort = f"{world.by}.{'torque' if angular else 'force'}"
+        return f"{own} = {_product(effort, world.effort, lever)}{_signed(total)}"
+    by = f" ({world.by})" if world.by else ""
+    return f"{own} = {total or '0'}{f' +- {rubs}' if rubs else ''}{by}"
+
+
+def _sum(world: Natural, name: Callable[[str], str], screw: bool) -> str:
+    """The terms that a velocity or a force is the sum of; empty for none."""
+    turns = int(world.axis.startswith("r"))
+    text = ""
+    for axis, factor in world.terms:
+        lever = int(axis.startswith("r")) - turns
+        lever = lever if name is _velocity else -lever
+        pitch = screw and {axis, world.axis} == {axis[-1], f"r{axis[-1]}"}
+        term = _product(name(axis), factor, lever, pitch=pitch)
+        text = term if not text else text + _signed(term)
+    return text
+
+
+def _signed(term: str) -> str:
+    if not term:
+        return ""
+    return f" - {term[1:]}" if term.startswith("-") else f" + {term}"
+
+
+def _product(symbol: str, factor: float, lever: int, *, pitch: bool = False) -> str:
+    """A symbol times a number (lever 0), times a length (1), or by a length (-1)."""
+    sign, size = "-" if factor < 0 else "", abs(factor)
+    if lever > 0:
+        return f"{sign}{show(size, 'mm/turn' if pitch else 'mm', 3)} {symbol}"
+    if lever < 0:
+        return f"{sign}{symbol} / {show(1 / size, 'mm', 3)}"
+    rounded = number(size, 3)
+    return f"{sign}{symbol}" if rounded == "1" else f"{sign}{rounded} {symbol}"
+
+
+def _artificial(stage: CompiledStage, axis: str, plan: AxisPlan) -> str:
+    parts = []
+    if plan.motion and not plan.open_loop:
+        parts.append(_motion(stage, axis, plan))
+    if plan.set_point:
+        wanted = plan.axis.force if plan.axis.force is not None else plan.axis.torque
+        parts.append(f"{_force(axis)} = {wanted}, reached in {ramp_of(plan.axis)}")
+    return "; ".join(parts)
+
+
+def _motion(stage: CompiledStage, axis: str, plan: AxisPlan) -> str:
+    entry = plan.axis
+    if plan.mode == "path":
+        assert stage.spec.path is not None
+        return f"{axis} by path: {_path_kind(stage.spec.path)}"
+    if plan.mode == "move":
+        assert entry.move is not None
+        return f"{axis} moves {length(entry.move, axis)} at {speed_of(axis, entry)}"
+    if plan.mode == "hold":
+        return f"{_velocity(axis)} = 0" + (" in the world" if plan.world else "")
+    if plan.mode == "follows":
+        return f"{axis} follows {entry.follows}"
+    if plan.mode == "velocity":
+        return f"{_velocity(axis)} = {entry.velocity}"
+    return f"{axis} = {entry.position}"
+
+
+def _path_kind(path: SpecPath) -> str:
+    kinds = ("to", "line", "arc", "spiral", "lissajous", "file")
+    return next(k for k in kinds if getattr(path, k, None))
+
+
+def _enforcer(stage: CompiledStage, plan: AxisPlan, world: Natural) -> str:
+    """Who sees to the artificial constraint."""
+    if plan.force and plan.motion:
+        return "force control over motion"
+    if plan.force:
+        return "force control"
+    if _by_equation(stage, plan, world):
+        return f"the world ({world.by})"
+    if plan.open_loop:
+        return "impedance, force open loop"
+    facts = LAWS[stage.law.kind]
+    springs = "bandwidth" not in facts.gains and not facts.shares
+    return "impedance" if plan.soft or springs else "motion control"
+
+
+def _by_equation(stage: CompiledStage, plan: AxisPlan, world: Natural) -> bool:
+    """Whether an axis that the stage does not name gives way to an equation."""
+    named = world.axis in stage.spec.axes or plan.mode == "path"
+    return world.by in stage.active and world.decides == "velocity" and not named
+
+
+def _remarks(stage: CompiledStage, plan: AxisPlan, world: Natural) -> Iterator[str]:
+    """What becomes of an axis on which world and law decide the same, or neither does."""
+    if world.decides == "velocity" and plan.motion:
+        if plan.force or _by_equation(stage, plan, world):
+            return
+        if plan.mode == "follows":
+            yield f"as {world.by} goes"
+        elif world.by in stage.active:
+            yield f"along {world.by}"
+        elif plan.yields or plan.open_loop:
+            yield f"yields to {world.by}"
+        elif world.by == stage.held:
+            yield f"against {world.by}"
+    if world.decides == "force" and plan.set_point and not world.effort and not world.friction:
+        yield "free to move"
+    if plan.soft and "stiffness" in stage.gains:
+        yield f"a spring of {stiffness(stage.gains['stiffness'][world.axis].value)}"

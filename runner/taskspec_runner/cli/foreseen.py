@@ -1,0 +1,150 @@
+"""What a stage is expected to do, in words, for `explain`."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taskspec.prediction import Depth, Duration, Equilibrium, Extreme, Impact, Selection
+from taskspec.prediction import StagePrediction as Foreseen
+from taskspec.text.show import number, show
+from taskspec_runner.cli.measures import scaled, stiffness
+
+#: Units of values that may vary, by the last word of their path.
+_UNITS = {"stiffness": "kN/m", "xyz": "mm", "rpy": "deg"}
+_COMPONENTS = {"xyz": "xyz", "rpy": ("roll", "pitch", "yaw")}
+#: A force or moment below this is none [N, N m].
+_NOTHING = 1e-6
+
+
+@dataclass(frozen=True, slots=True)
+class ExpectedAccount:
+    """Something expected, what it is in the worst world of `vary`, and what it follows from."""
+
+    what: str
+    value: str
+    worst: str
+    source: str
+
+
+def expected_account(stage: Foreseen) -> Iterator[ExpectedAccount]:
+    """All that is expected of a stage."""
+    yield ExpectedAccount("duration", duration_text(stage.duration), "", stage.duration.why)
+    if stage.impact is not None:
+        yield _impact(stage.impact)
+    yield from _forces(stage)
+    for depth in stage.depths.values():
+        yield _depth(depth)
+    if stage.drift:
+        speed = "faster and faster" if math.isinf(stage.drift) else show(stage.drift, "mm/s", 3)
+        yield ExpectedAccount("drift", speed, "", "of set points that nothing returns")
+    yield from _settling(stage)
+
+
+def duration_text(duration: Duration) -> str:
+    """Expected and longest duration."""
+    if duration.expected is None:
+        bound = "" if duration.most is None else f", at most {show(duration.most, 's', 3)}"
+        return f"unknown{bound}"
+    told = show(duration.expected, "s", 3)
+    bounded = duration.most is not None and duration.most > duration.expected + 1e-9
+    return f"{told}, at most {show(duration.most or 0.0, 's', 3)}" if bounded else told
+
+
+def _impact(met: Impact) -> ExpectedAccount:
+    def peak(force: float) -> str:
+        return f"up to {show(force, 'N', 2)}"
+
+    strikes = f"{show(met.mass, 'kg', 2)} at {show(met.speed, 'mm/s', 3)}"
+    return ExpectedAccount(
+        f"impact on {met.contact}",
+        peak(met.peak),
+        _worst(met.worst, peak),
+        f"{strikes} on {stiffness(met.stiffness)}",
+    )
+
+
+def _forces(stage: Foreseen) -> Iterator[ExpectedAccount]:
+    """Forces at rest; those that are nothing together."""
+    groups: dict[tuple[str, str, str], list[str]] = {}
+    for force in stage.equilibrium.values():
+        text = _force(force)
+        worst = _worst(force.worst, lambda v, of=force: _newtons(of.signal, v))  # type: ignore[misc]
+        groups.setdefault((text, worst, force.source), []).append(force.signal)
+    for (text, worst, source), signals in groups.items():
+        yield ExpectedAccount(" ".join(signals), text, worst, source)
+
+
+def _force(force: Equilibrium) -> str:
+    if force.steady:
+        return _newtons(force.signal, force.value)
+    return f"{_newtons(force.signal, force.low)} to {_newtons(force.signal, force.high)}"
+
+
+def _newtons(signal: str, value: float) -> str:
+    turns = "torque" in signal.split(".")
+    if abs(value) < _NOTHING:
+        return "0"
+    units = ("N*m", "mN*m") if turns else ("N", "mN")
+    return scaled(value, units, 3, least=0.1)
+
+
+def _depth(depth: Depth) -> ExpectedAccount:
+    def way(value: float) -> str:
+        return scaled(value, ("deg",) if depth.angular else ("mm", "um"), 3, least=0.1)
+
+    return ExpectedAccount(f"into {depth.on}", way(depth.depth), _worst(depth.worst, way), "f / k")
+
+
+def _settling(stage: Foreseen) -> Iterator[ExpectedAccount]:
+    """Time to 2 % of each axis; equal ones together."""
+    groups: dict[tuple[str, str], list[str]] = {}
+    for axis, mode in stage.settling.items():
+        if math.isinf(mode.time_constant):
+            value, source = "never", "grows, or stays"
+        else:
+            value = f"in {_seconds(mode.settling_time)}"
+            source = f"to 2 %: time constant {_seconds(mode.time_constant)}"
+        groups.setdefault((value, source), []).append(axis)
+    for (value, source), axes in groups.items():
+        yield ExpectedAccount(f"{' '.join(axes)} settles", value, "", source)
+
+
+def _seconds(time: float) -> str:
+    return show(time, "ms" if time < 1 else "s", 3)
+
+
+def _worst(extreme: Extreme | None, text: Callable[[float], str]) -> str:
+    """A value and the world in which it is had."""
+    if extreme is None:
+        return ""
+    parts = []
+    for (path, index), value in extreme.values.items():
+        _, name, key = path.split(".")
+        component = f" {_COMPONENTS[key][index]}" if index is not None else ""
+        parts.append(f"{name}.{key}{component} = {show(value, _UNITS[key], 3)}")
+    return f"{text(extreme.value)} with {', '.join(parts)}"
+
+
+def selection_account(selection: Selection) -> tuple[tuple[str, str], ...]:
+    """The matrices, on a line each."""
+    found = [("S_f", _matrix(selection.force)), ("S_v", _matrix(selection.motion))]
+    if selection.soft:
+        found.append(("neither", f"{' '.join(selection.soft)}: springs of their own"))
+    return tuple(found)
+
+
+def _matrix(M: NDArray[np.float64]) -> str:
+    """A basis as the diagonal of its projector, or column by column."""
+    if M.shape[1] == 0:
+        return "0"
+    unit = (np.abs(M) > 1e-9).sum(axis=0)
+    if (unit == 1).all() and np.allclose(np.abs(M).sum(axis=0), 1.0):
+        chosen = np.abs(M).sum(axis=1) > 0.5
+        return f"diag({' '.join(str(int(c)) for c in chosen)})"
+    columns = (" ".join(number(float(v) + 0.0, 3) for v in np.round(c, 6)) for c in M.T)
+    return ", ".join(f"({column})^T" for column in columns)

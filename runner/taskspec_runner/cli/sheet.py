@@ -1,0 +1,134 @@
+"""The sheet of a task, as data: all that `explain` shows of a file."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, fields, is_dataclass
+from enum import Enum
+from typing import Any
+
+import numpy as np
+
+from taskspec.compiler import Program
+from taskspec.prediction import Extreme, StagePrediction, TaskPrediction, look, predict
+from taskspec_runner.cli.account import (
+    FrameAccount,
+    StageAccount,
+    frame_accounts,
+    robot_account,
+    stage_account,
+)
+from taskspec_runner.cli.defaults import defaults_taken
+from taskspec_runner.cli.foreseen import duration_text
+from taskspec_runner.cli.objects import object_accounts
+from taskspec_runner.cli.poles import StabilityAccount, stability_account
+from taskspec_runner.folder import plain
+
+Pairs = tuple[tuple[str, str], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Sheet:
+    """A compiled task.
+
+    Attributes:
+        name, about: of the task. robot, world, defaults: pairs of a name and what it is.
+        duration: of the run. frames: all of them. stages: in order, with their poles and bounds
+            where they touch or hold something. expected: expectations as written.
+        prediction: the numbers behind it.
+    """
+
+    name: str
+    about: str
+    robot: Pairs
+    duration: str
+    world: Pairs
+    frames: tuple[FrameAccount, ...]
+    stages: tuple[tuple[StageAccount, StabilityAccount | None], ...]
+    expected: tuple[str, ...]
+    defaults: Pairs
+    prediction: TaskPrediction
+
+
+def sheet(program: Program) -> Sheet:
+    """The sheet of a task."""
+    task = program.context.loaded.task
+    looked = {stage.name: look(program, stage.name) for stage in program.stages}
+    prediction = predict(program, looked)
+    stages = tuple(
+        (
+            stage_account(program, stage, prediction[stage.name]),
+            stability_account(program, looked[stage.name]),
+        )
+        for stage in program.stages
+    )
+    told = prediction.duration
+    why = f": {told.why}" if told.expected is None else ""
+    return Sheet(
+        name=task.name,
+        about=task.about or "",
+        robot=robot_account(program),
+        duration=duration_text(told) + why,
+        world=tuple(object_accounts(program)),
+        frames=frame_accounts(program),
+        stages=stages,
+        expected=tuple(expectation.text for expectation in task.expect),
+        defaults=tuple(defaults_taken(program)),
+        prediction=prediction,
+    )
+
+
+def as_data(told: Sheet) -> dict[str, Any]:
+    """The sheet for other programs: words as they are shown, and the numbers behind them [SI]."""
+    found: dict[str, Any] = {
+        "name": told.name,
+        "about": told.about,
+        "robot": _named(told.robot),
+        "world": dict(told.world),
+        "frames": [asdict(frame) for frame in told.frames],
+        "stages": [
+            asdict(account)
+            | {"kept": dict(account.kept), "ends": _named(account.ends)}
+            | {"selection": dict(account.selection)}
+            | {"stability": None if stability is None else asdict(stability)}
+            | {"prediction": _prediction(told.prediction[account.name])}
+            for account, stability in told.stages
+        ],
+        "duration": asdict(told.prediction.duration),
+        "expect": list(told.expected),
+        "defaults": dict(told.defaults),
+    }
+    plain_data: dict[str, Any] = plain(found)
+    return plain_data
+
+
+def _named(pairs: Pairs) -> list[dict[str, str]]:
+    """Pairs whose names may come twice."""
+    return [{"name": name, "value": value} for name, value in pairs]
+
+
+def _prediction(stage: StagePrediction) -> dict[str, Any]:
+    """The numbers of a stage [SI], with those that follow from others."""
+    found = _open(stage)
+    assert isinstance(found, dict)
+    if stage.impact is not None:
+        found["impact"]["peak"] = stage.impact.peak
+    for axis, mode in stage.settling.items():
+        found["settling"][axis]["settling_time"] = mode.settling_time
+    return found
+
+
+def _open(value: Any) -> Any:
+    """Dataclasses as mappings; a value of `vary` by its path, with its component if it has one."""
+    if isinstance(value, Extreme):
+        parts = [{"path": p, "index": i, "value": v} for (p, i), v in value.values.items()]
+        return {"value": value.value, "with": parts}
+    if is_dataclass(value):
+        return {f.name: _open(getattr(value, f.name)) for f in fields(value)}
+    if isinstance(value, Mapping):
+        return {key: _open(entry) for key, entry in value.items()}
+    if isinstance(value, tuple):
+        return [_open(entry) for entry in value]
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    return value.value if isinstance(value, Enum) else value
