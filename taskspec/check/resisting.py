@@ -103,7 +103,7 @@ def forces(context: Context, stage: Stage, rotation: Vector) -> Vector:
             return _ALL
         normal = rotation[:, 2] if name == frame.surface_name else context.start_normals[name]
         columns.append(normal[:, None])
-    columns += [_gradients(context, model) for model in context.equations.values()]
+    columns += [gradients(context, model) for model in context.equations.values()]
     return _basis(np.hstack(columns))
 
 
@@ -126,7 +126,7 @@ def moments(context: Context, stage: Stage) -> Vector:
     return _ALL if task.shapes and context.robot.tool.flat else _NONE
 
 
-def _gradients(context: Context, model: EquationModel) -> Vector:
+def gradients(context: Context, model: EquationModel) -> Vector:
     """(3, k) unit gradients of an equation at the start and around it."""
     x = ca.SX.sym("x", 3)
     terms = model.terms(x, ca.SX.zeros(3), ca.SX(0))

@@ -23,6 +23,7 @@ from taskspec.spec import Stage
 _HORIZON = 600.0
 #: What a mechanism bears at its stop, beyond any number that a guard compares it with.
 _STOPPED = 1e9
+_ENDS = {False: "ends", True: "end"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,7 +78,7 @@ def guarded(begin: Begin, known: Known) -> Duration:
     if expected is not None and (most is None or expected <= most):
         met = known.met if begin.gap is not None else None
         return Duration(expected, most, "its guard" if met is None else f"comes to {met.contact}")
-    return Duration(None, most, "its guard holds when it holds")
+    return Duration(None, most, "nothing tells when its guard holds")
 
 
 def _signals(begin: Begin, known: Known) -> dict[str, Signal]:
@@ -161,7 +162,9 @@ def whole(stages: Mapping[str, Stage], found: Sequence[StagePrediction]) -> Dura
     expected = [durations[n].expected for n in way]
     most = [durations[n].most for n in way]
     open_ = [n for n, time in zip(way, expected, strict=True) if time is None]
-    why = f"of {', '.join(open_)} nothing tells when it ends" if open_ else "the stages in order"
+    why = "the stages in order"
+    if open_:
+        why = f"nothing tells when {' and '.join(map(repr, open_))} {_ENDS[len(open_) > 1]}"
     bounded = not turns and not any(time is None for time in most)
     return Duration(
         None if open_ else sum(t for t in expected if t is not None),

@@ -24,8 +24,9 @@ from taskspec.prediction.types import Natural, StagePrediction
 
 Vector = NDArray[np.float64]
 
-#: A share of a direction below this is none: an axis is no more exact.
-_NONE = 1e-3
+#: Share of a direction below which it is none: a contact's is no more exact than 1 deg, that of a
+#: mechanism or an equation is as its geometry has it: the pitch of a thread is a small one.
+_INEXACT, _NONE = float(np.sin(np.deg2rad(1.0))), 1e-6
 #: A row of constraints that others make up leaves no more than this of itself.
 _NOTHING = 1e-9
 
@@ -43,7 +44,7 @@ def natural(begin: Begin, foreseen: StagePrediction) -> tuple[Natural, ...]:
     pivots, R, mixed = reduced(rows.W[index].T, axes, wanted)
     effort = _efforts(begin, pivots, R)
     decided = [
-        _decided(axes, axes[p], i, R, mixed, rows) for i, p in enumerate(pivots)
+        _decided(begin, axes[p], i, R, mixed, rows) for i, p in enumerate(pivots)
     ]  # fmt: skip
     found = {one.axis: one for one in decided}
     for j, axis in enumerate(axes):
@@ -53,14 +54,16 @@ def natural(begin: Begin, foreseen: StagePrediction) -> tuple[Natural, ...]:
     return tuple(found[axis] for axis in axes)
 
 
-def _decided(
-    axes: Sequence[str], axis: str, i: int, R: Vector, mixed: Vector, rows: Reactions
-) -> Natural:
+def _decided(begin: Begin, axis: str, i: int, R: Vector, mixed: Vector, rows: Reactions) -> Natural:
     """An axis whose velocity the world decides."""
     row = int(np.argmax(np.abs(mixed[i])))
-    terms = {a: -float(c) for a, c in zip(axes, R[i], strict=True) if a != axis}
+    terms = {a: -float(c) for a, c in zip(begin.stage.axes, R[i], strict=True) if a != axis}
     side = int(np.sign(mixed[i, row])) * rows.sides[row]
-    return Natural(axis, "velocity", _kept(axis, terms), rows.names[row], rows.states[row], side)
+    name = rows.names[row]
+    return Natural(
+        axis, "velocity", _kept(axis, terms, _least(begin, name)), name, rows.states[row], side,
+        turns=name in rows.turning,
+    )  # fmt: skip
 
 
 def _free(
@@ -72,7 +75,10 @@ def _free(
     effort: float,
 ) -> Natural:
     """An axis whose force the world decides: by ratio, by friction, by what a mechanism takes."""
-    terms = _kept(axis, factors, forces=True)
+    terms: tuple[tuple[str, float], ...] = ()
+    for one in decided:
+        own = {one.axis: factors[one.axis]}
+        terms += _kept(axis, own, _least(begin, one.by), forces=True)
     rubs = 0.0
     pressing = {one.by: one for one in decided if not one.axis.startswith("r")}
     by = max(terms, key=lambda term: abs(term[1]))[0] if terms else ""
@@ -92,13 +98,17 @@ def _free(
 
 
 def _kept(
-    axis: str, terms: Mapping[str, float], *, forces: bool = False
+    axis: str, terms: Mapping[str, float], least: float, *, forces: bool = False
 ) -> tuple[tuple[str, float], ...]:
-    """The terms of a sum of velocities, or of forces, that are not rounding."""
+    """The terms of a sum of velocities, or of forces, that are more than the least share."""
     way = -1 if forces else 1
     return tuple(
-        (a, c) for a, c in terms.items() if abs(c) * (_size(axis) / _size(a)) ** way > _NONE
+        (a, c) for a, c in terms.items() if abs(c) * (_size(axis) / _size(a)) ** way > least
     )
+
+
+def _least(begin: Begin, name: str) -> float:
+    return _INEXACT if name in begin.context.surfaces else _NONE
 
 
 def _size(axis: str) -> float:

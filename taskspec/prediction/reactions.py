@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.check.nominal import AT_SURFACE
+from taskspec.check.resisting import gradients
 from taskspec.check.yielding import free_twists
 from taskspec.control.state import ARM_LENGTH
 from taskspec.prediction.begin import Begin
@@ -21,6 +22,9 @@ Vector = NDArray[np.float64]
 _FLUSH = np.cos(np.deg2rad(1.0))
 #: What is left of a constraint on joints that no wrench on the tool returns.
 _OFF = 1e-6
+_CURVED = ("cylinder", "sphere")
+#: Unit gradients that differ by less are one.
+_STRAIGHT = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,7 +34,7 @@ class Reactions:
     Attributes:
         W: (6, r) in the stage's axes. names: (r,) what returns each. states: (r,). sides: (r,) the
             velocity's sign that it lets pass along its column, 0 for none.
-        friction: by object.
+        friction: by object. turning: objects whose direction changes in the stage's axes.
     """
 
     W: Vector
@@ -38,6 +42,7 @@ class Reactions:
     states: tuple[State, ...]
     sides: tuple[int, ...]
     friction: Mapping[str, float] = field(default_factory=dict)
+    turning: frozenset[str] = frozenset()
 
 
 def reactions(begin: Begin, foreseen: StagePrediction) -> Reactions:
@@ -70,7 +75,21 @@ def reactions(begin: Begin, foreseen: StagePrediction) -> Reactions:
         states.append(State.THERE)
         sides.append(0)
     W = np.array(columns).reshape(-1, 6).T
-    return Reactions(W, tuple(names), tuple(states), tuple(sides), friction)
+    turning = frozenset(name for name in names if _turns(begin, name))
+    return Reactions(W, tuple(names), tuple(states), tuple(sides), friction, turning)
+
+
+def _turns(begin: Begin, name: str) -> bool:
+    """Whether the direction of an object changes as the tool moves in a stage's frame."""
+    context, frame = begin.context, begin.stage.frame
+    if name in context.surfaces:
+        return context.surfaces[name].kind in _CURVED and frame.surface_name != name
+    if name in context.equations:
+        model = context.equations[name]
+        return not model.joints and np.ptp(gradients(context, model), axis=1).max() > _STRAIGHT
+    mechanism = context.mechanisms[name]
+    way, _ = mechanism.open_ways(context.start_p + context.lever_of(frame))
+    return mechanism.angular and frame.mechanism is None and bool(np.any(way))
 
 
 def _contacts(begin: Begin, foreseen: StagePrediction) -> Iterator[tuple[str, State, Vector]]:

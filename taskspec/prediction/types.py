@@ -157,6 +157,7 @@ class Natural:
         friction: coefficient with which it rubs along this axis. against: the axis whose force
             presses there; empty without friction.
         effort: factor of the mechanism's own force or moment in the sum.
+        turns: the direction is that where the stage, or the run, begins, and changes on the way.
     """
 
     axis: str
@@ -168,6 +169,7 @@ class Natural:
     friction: float = 0.0
     against: str = ""
     effort: float = 0.0
+    turns: bool = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -71,7 +71,8 @@ def _natural(program: Program, world: Natural) -> str:
         return f"{own} {'>=' if world.pushes > 0 else '<='} {total} ({world.by})"
     if world.state is State.MET:
         return f"{_force(world.axis)} = 0, then {own} = {total} ({world.by})"
-    return f"{own} = {total} ({world.by}{', pushes only' if world.pushes else ''})"
+    here = ", where it begins" if world.turns else ""
+    return f"{own} = {total} ({world.by}{', pushes only' if world.pushes else ''}{here})"
 
 
 def _natural_force(program: Program, world: Natural, screw: bool) -> str:
@@ -124,7 +125,8 @@ def _artificial(stage: CompiledStage, axis: str, plan: AxisPlan) -> str:
         parts.append(_motion(stage, axis, plan))
     if plan.set_point:
         wanted = plan.axis.force if plan.axis.force is not None else plan.axis.torque
-        parts.append(f"{_force(axis)} = {wanted}, reached in {ramp_of(plan.axis)}")
+        ramp = "" if str(wanted) == "0" else f", reached in {ramp_of(plan.axis)}"
+        parts.append(f"{_force(axis)} = {wanted}{ramp}")
     return "; ".join(parts)
 
 
@@ -153,13 +155,13 @@ def _path_kind(path: SpecPath) -> str:
 def _enforcer(stage: CompiledStage, plan: AxisPlan, world: Natural) -> str:
     """Who sees to the artificial constraint."""
     if plan.force and plan.motion:
-        return "force control over motion"
+        return "force over motion"
     if plan.force:
         return "force control"
     if _by_equation(stage, plan, world):
         return f"the world ({world.by})"
     if plan.open_loop:
-        return "impedance, force open loop"
+        return "impedance, open loop"
     facts = LAWS[stage.law.kind]
     springs = "bandwidth" not in facts.gains and not facts.shares
     return "impedance" if plan.soft or springs else "motion control"
@@ -180,11 +182,11 @@ def _remarks(stage: CompiledStage, plan: AxisPlan, world: Natural) -> Iterator[s
             yield f"as {world.by} goes"
         elif world.by in stage.active:
             yield f"along {world.by}"
-        elif plan.yields or plan.open_loop:
+        elif plan.yields:
             yield f"yields to {world.by}"
         elif world.by == stage.held:
             yield f"against {world.by}"
-    if world.decides == "force" and plan.set_point and not world.effort and not world.friction:
-        yield "free to move"
+    if world.decides == "force" and plan.set_point and not world.effort:
+        yield "held by friction" if world.friction else "free to move"
     if plan.soft and "stiffness" in stage.gains:
         yield f"a spring of {stiffness(stage.gains['stiffness'][world.axis].value)}"

@@ -19,6 +19,8 @@ _UNITS = {"stiffness": "kN/m", "xyz": "mm", "rpy": "deg"}
 _COMPONENTS = {"xyz": "xyz", "rpy": ("roll", "pitch", "yaw")}
 #: A force or moment below this is none [N, N m].
 _NOTHING = 1e-6
+#: A component below this is not shown.
+_SHOWN = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,10 +110,11 @@ def _settling(stage: Foreseen) -> Iterator[ExpectedAccount]:
             value, source = "never", "grows, or stays"
         else:
             value = f"in {_seconds(mode.settling_time)}"
-            source = f"to 2 %: time constant {_seconds(mode.time_constant)}"
+            source = f"to 2 %, tau {_seconds(mode.time_constant)}"
         groups.setdefault((value, source), []).append(axis)
     for (value, source), axes in groups.items():
-        yield ExpectedAccount(f"{' '.join(axes)} settles", value, "", source)
+        verb = "settles" if len(axes) == 1 else "settle"
+        yield ExpectedAccount(f"{' '.join(axes)} {verb}", value, "", source)
 
 
 def _seconds(time: float) -> str:
@@ -127,7 +130,7 @@ def _worst(extreme: Extreme | None, text: Callable[[float], str]) -> str:
         _, name, key = path.split(".")
         component = f" {_COMPONENTS[key][index]}" if index is not None else ""
         parts.append(f"{name}.{key}{component} = {show(value, _UNITS[key], 3)}")
-    return f"{text(extreme.value)} with {', '.join(parts)}"
+    return f"{text(extreme.value)} at {', '.join(parts)}"
 
 
 def selection_account(selection: Selection) -> tuple[tuple[str, str], ...]:
@@ -139,12 +142,10 @@ def selection_account(selection: Selection) -> tuple[tuple[str, str], ...]:
 
 
 def _matrix(M: NDArray[np.float64]) -> str:
-    """A basis as the diagonal of its projector, or column by column."""
-    if M.shape[1] == 0:
-        return "0"
-    unit = (np.abs(M) > 1e-9).sum(axis=0)
-    if (unit == 1).all() and np.allclose(np.abs(M).sum(axis=0), 1.0):
-        chosen = np.abs(M).sum(axis=1) > 0.5
-        return f"diag({' '.join(str(int(c)) for c in chosen)})"
+    """A basis along axes as the diagonal of its projector, another one column by column."""
+    there = np.abs(M) > _SHOWN
+    if np.all(np.count_nonzero(there, axis=0) == 1):
+        chosen = np.count_nonzero(there, axis=1)
+        return f"diag({' '.join(map(str, chosen))})"
     columns = (" ".join(number(float(v) + 0.0, 3) for v in np.round(c, 6)) for c in M.T)
     return ", ".join(f"({column})^T" for column in columns)

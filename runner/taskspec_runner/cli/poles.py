@@ -19,6 +19,10 @@ from taskspec_runner.cli.measures import gain_text, stiffness
 
 #: Poles that are shown, the least stable ones.
 _MOST = 6
+#: What is gone after one tick is no pole that anyone looks for.
+_AT_ONCE = 1e-3
+#: Slower swinging than this is rounding [Hz].
+_STILL = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,23 +86,23 @@ def _on_joints(seen: Analysed, name: str) -> bool:
 
 def _poles(seen: Analysed, modes: tuple[Mode, ...]) -> Iterator[PoleAccount]:
     """The least stable modes; of equal ones the axes together."""
-    found: dict[tuple[str, str, str, str], list[str]] = {}
+    found: dict[tuple[str, str, str, str], set[str]] = {}
     for mode in modes:
-        cells = _cells(mode)
-        axes = found.setdefault(cells, [])
-        axis = seen.axis(mode)
-        axes += [] if axis in axes else [axis]
+        if abs(mode.z) > _AT_ONCE:
+            found.setdefault(_cells(mode), set()).add(seen.axis(mode))
+    order = [*seen.stage.axes, *seen.stage.active, "null space"]
     for cells, axes in list(found.items())[:_MOST]:
-        yield PoleAccount(" ".join(axes), *cells)
+        yield PoleAccount(" ".join(sorted(axes, key=order.index)), *cells)
 
 
 def _cells(mode: Mode) -> tuple[str, str, str, str]:
     rate = mode.s.real
     time = abs(1 / rate) if rate else float("inf")
+    swings = mode.frequency > _STILL
     said = "unstable" if grows(mode) else "rings" if rings(mode) else ""
     return (
-        show(mode.frequency, "Hz", 3) if mode.frequency > 0 else "-",
-        number(mode.damping_ratio, 2) if mode.frequency > 0 else "-",
+        show(mode.frequency, "Hz", 3) if swings else "-",
+        number(mode.damping_ratio, 2) if swings else "-",
         show(time, "ms" if time < 1 else "s", 3),
         said,
     )
