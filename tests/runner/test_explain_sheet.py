@@ -147,3 +147,10 @@ def test_a_code_as_data():
     data = json.loads(result.stdout)
     assert data["code"] == "TS203"
     assert data["page"].startswith(f"# TS203: {data['title']}")
+
+
+def test_the_document_shows_what_is_printed():
+    document = (TASKS.parent / "docs" / "sheet.md").read_text(encoding="utf-8")
+    block = document.partition("```text\n")[2].partition("```")[0]
+    printed = CliRunner().invoke(app, ["explain", str(TASKS / "wipe-table.yaml")]).stdout
+    assert block.strip() in printed
