@@ -98,6 +98,24 @@ def test_what_is_expected(stages, task, stage, row):
     assert row in found
 
 
+GRIPPED = """
+taskspec: 1
+name: gripped
+robot: {model: panda, grasp: door.handle, start: {rpy: [180 deg, -30 deg, 0]}}
+world: {door: {mechanism: hinge, xyz: [600 mm, -350 mm, 400 mm], handle: [0, 400 mm, 0]}}
+frame: door.handle
+stages: {open: {axes: {x: {force: 0}, y: {velocity: 50 mm/s}, z: {move: 1 mm}}, time: 1 s}}
+"""
+
+
+def test_motion_on_what_the_world_decides_is_told():
+    account = accounts(load_text(GRIPPED, "gripped.yaml"))["open"]
+    by = {a.axis: a.by for a in account.axes}
+    assert by["rx"] == "motion control, door holds it too"
+    assert by["z"] == "motion control, against door"
+    assert by["x"] == "force control"
+
+
 def test_selection_where_directions_lie_between_axes():
     """On the slope z = -x tan 10 deg, S_f is along its normal and S_v along it."""
     task = """

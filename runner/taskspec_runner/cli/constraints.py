@@ -184,8 +184,8 @@ def _remarks(stage: CompiledStage, plan: AxisPlan, world: Natural) -> Iterator[s
             yield f"along {world.by}"
         elif plan.yields:
             yield f"yields to {world.by}"
-        elif world.by == stage.held:
-            yield f"against {world.by}"
+        else:
+            yield f"{world.by} holds it too" if plan.mode == "hold" else f"against {world.by}"
     if world.decides == "force" and plan.set_point and not world.effort:
         yield "held by friction" if world.friction else "free to move"
     if plan.soft and "stiffness" in stage.gains:
