@@ -114,6 +114,13 @@ def test_motion_on_what_the_world_decides_is_told():
     assert by["rx"] == "motion control, door holds it too"
     assert by["z"] == "motion control, against door"
     assert by["x"] == "force control"
+    # The frame turns with the door, and the tool with the frame.
+    (rz,) = (a for a in account.axes if a.axis == "rz")
+    assert (rz.natural, rz.artificial, rz.by) == (
+        "w_z = v_y / 400 mm (door)",
+        "rz held, turns with the frame",
+        "motion control, as door goes",
+    )
 
 
 def test_selection_where_directions_lie_between_axes():

@@ -139,12 +139,22 @@ def _motion(stage: CompiledStage, axis: str, plan: AxisPlan) -> str:
         assert entry.move is not None
         return f"{axis} moves {length(entry.move, axis)} at {speed_of(axis, entry)}"
     if plan.mode == "hold":
+        if _turns_along(stage, axis, plan):
+            return f"{axis} held, turns with the frame"
         return f"{_velocity(axis)} = 0" + (" in the world" if plan.world else "")
     if plan.mode == "follows":
         return f"{axis} follows {entry.follows}"
     if plan.mode == "velocity":
         return f"{_velocity(axis)} = {entry.velocity}"
     return f"{axis} = {entry.position}"
+
+
+def _turns_along(stage: CompiledStage, axis: str, plan: AxisPlan) -> bool:
+    """Whether a rotation is held in a frame that turns as the tool moves."""
+    frame = stage.frame
+    curved = frame.surface is not None and frame.surface.kind in ("cylinder", "sphere")
+    held = plan.mode == "hold" and axis.startswith("r") and not plan.world
+    return held and (frame.mechanism is not None or curved)
 
 
 def _path_kind(path: SpecPath) -> str:
@@ -178,7 +188,7 @@ def _remarks(stage: CompiledStage, plan: AxisPlan, world: Natural) -> Iterator[s
     if world.decides == "velocity" and plan.motion:
         if plan.force or _by_equation(stage, plan, world):
             return
-        if plan.mode == "follows":
+        if plan.mode == "follows" or (world.terms and _turns_along(stage, world.axis, plan)):
             yield f"as {world.by} goes"
         elif world.by in stage.active:
             yield f"along {world.by}"
