@@ -88,9 +88,11 @@ def _signals(begin: Begin, known: Known) -> dict[str, Signal]:
     if begin.stage.path is not None and along is not None:
         found["path_done"] = lambda t: point(float(t >= along))
     found |= coming(rates, begin.coordinates)
-    if known.met is not None and begin.gap is not None and known.met.drag is not None:
-        own = spring_behind(begin, known.met.axis, known.met.mass)
-        found |= touching(begin, known.met, own)
+    met = known.met
+    if met is not None and begin.gap is not None and met.drag is not None:
+        own = spring_behind(begin, met.axis, met.mass)
+        if own > 0:
+            found |= touching(begin, met, own)
         # Where it is stopped by what it meets, the reference goes on alone.
         found |= {f"position.{a}": _unknown for a in "xyz" if rates.get(a)}
     found |= _mechanism(begin, known)

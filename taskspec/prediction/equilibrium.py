@@ -87,6 +87,7 @@ def _set_points(
         reached = abs(first - span[0]) <= _DIFFERS * abs(span[0])
         source = _loop(begin, axis, reached=reached)
         rest.forces[applied(axis)] = Equilibrium(applied(axis), first, low, high, source)
+    linear = [axis for axis in linear if applied(axis) in rest.forces]
     if linear and asked is None:
         rest.drift = drift(begin, {a: known[a][0] - rest.forces[applied(a)].value for a in linear})
     if linear:

@@ -37,17 +37,19 @@ class World:
 def worlds(context: Context, name: str) -> Iterator[World]:
     """The corners of `vary` for contact `name`, the world of the file first.
 
-    All corners up to `MOST_AT_ONCE` components, beyond that one component at a time.
+    All corners up to `MOST_AT_ONCE` components, beyond that one component at a time; those without
+    a contact, its stiffness being nothing, are left out.
     """
     believed = World({}, _stiffness(context, context.loaded.task, name))
     yield believed
     parts = list(_ends(context, name))
     if len(parts) <= MOST_AT_ONCE:
         chosen = itertools.product(*parts) if parts else ()
-        yield from (_world(context, name, dict(values)) for values in chosen)
-        return
-    for part in parts:
-        yield from (_world(context, name, dict([value])) for value in part)
+        corners = [dict(values) for values in chosen]
+    else:
+        corners = [dict([value]) for part in parts for value in part]
+    found = (_world(context, name, values) for values in corners)
+    yield from (world for world in found if world.stiffness > 0)
 
 
 def extreme(

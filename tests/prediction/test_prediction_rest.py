@@ -192,3 +192,26 @@ def test_a_stage_in_the_air_rests_on_nothing():
     assert not stage.equilibrium
     assert not stage.depths
     assert np.isfinite([s.time_constant for s in stage.settling.values()]).all()
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"LAW": "{kind: parallel, force: {integral: 0}}"},
+        {"LAW": "{kind: parallel, force: {integral: 0}}",
+         "AXES": "x: {force: 1 N}, z: {velocity: -5 mm/s, force: -20 N}"},
+        {"LAW": "{kind: impedance, stiffness: 0}", "AXES": DEEP},
+        {"AXES": "z: {force: -10 N * position.z / (1 mm)}"},
+        {"AXES": "z: {force: -1 N * sqrt(1 - t/(1 s))}"},
+    ],
+)  # fmt: skip
+def test_what_no_spring_or_integral_decides_is_left_open(changes):
+    """(4.39) without K_I, (4.15) without K_m: where the arm stops is not told by the law alone."""
+    stage = foreseen(text(**changes))
+    assert "force.z" not in stage.equilibrium
+    assert "table" not in stage.depths
+
+
+def test_a_world_without_the_contact_is_no_corner():
+    stage = foreseen(text() + "vary: {world.table.stiffness: +- 10 kN/m}\n")
+    assert stage.depths["table"].worst is None

@@ -9,11 +9,11 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 from taskspec.compiler import Program
+from taskspec.motion.path import PathShape
 from taskspec.prediction import Natural, StagePrediction, State
 from taskspec.program.modes import AxisPlan
 from taskspec.program.stage import CompiledStage
 from taskspec.spec import LAWS, Screw
-from taskspec.spec import Path as SpecPath
 from taskspec.text.show import number, show
 from taskspec_runner.cli.defaults import ramp_of, speed_of
 from taskspec_runner.cli.measures import length, stiffness
@@ -133,8 +133,8 @@ def _artificial(stage: CompiledStage, axis: str, plan: AxisPlan) -> str:
 def _motion(stage: CompiledStage, axis: str, plan: AxisPlan) -> str:
     entry = plan.axis
     if plan.mode == "path":
-        assert stage.spec.path is not None
-        return f"{axis} by path: {_path_kind(stage.spec.path)}"
+        assert stage.path is not None
+        return f"{axis} by path: {_on_path(stage.path, axis)}"
     if plan.mode == "move":
         assert entry.move is not None
         return f"{axis} moves {length(entry.move, axis)} at {speed_of(axis, entry)}"
@@ -157,9 +157,10 @@ def _turns_along(stage: CompiledStage, axis: str, plan: AxisPlan) -> bool:
     return held and (frame.mechanism is not None or curved)
 
 
-def _path_kind(path: SpecPath) -> str:
-    kinds = ("to", "line", "arc", "spiral", "lissajous", "file")
-    return next(k for k in kinds if getattr(path, k, None))
+def _on_path(path: PathShape, axis: str) -> str:
+    if path.kind == "to":
+        return f"to {length(path.numbers[axis], axis)}"
+    return f"line of {length(path.numbers[axis], axis)}" if path.kind == "line" else path.kind
 
 
 def _enforcer(stage: CompiledStage, plan: AxisPlan, world: Natural) -> str:
