@@ -1,7 +1,7 @@
 """Small dense linear algebra on CasADi expressions.
 
-Written out because CasADi factorises a symbolic SX matrix by QR, at three times the operations of
-the Cholesky factor that a positive definite matrix has.
+A symmetric matrix is factorised by Cholesky and never handed to `ca.solve` itself, which does a
+symbolic SX matrix by QR, at three times the operations. Given a triangular matrix, it substitutes.
 """
 
 from __future__ import annotations
@@ -11,37 +11,17 @@ import casadi as ca
 
 def cholesky(A: ca.SX) -> ca.SX:
     """Lower L with L L^T = A. Reads only the upper triangle of A, positive definite (n, n)."""
-    n = A.shape[0]
-    L = ca.SX.zeros(n, n)
-    for j in range(n):
-        L[j, j] = ca.sqrt(A[j, j] - ca.sumsqr(L[j, :j]) if j else A[j, j])
-        for i in range(j + 1, n):
-            rest = ca.dot(L[i, :j].T, L[j, :j].T) if j else 0
-            L[i, j] = (A[j, i] - rest) / L[j, j]
-    return L
+    return ca.chol(ca.densify(A)).T
 
 
 def forward(L: ca.SX, B: ca.SX) -> ca.SX:
     """L^-1 B for lower triangular L (n, n) and B (n, k)."""
-    rows: list[ca.SX] = []
-    for i in range(L.shape[0]):
-        row = B[i, :]
-        for j in range(i):
-            row = row - L[i, j] * rows[j]
-        rows.append(row / L[i, i])
-    return ca.vertcat(*rows)
+    return ca.solve(ca.tril(L), B)
 
 
 def backward(L: ca.SX, B: ca.SX) -> ca.SX:
     """L^-T B for lower triangular L (n, n) and B (n, k)."""
-    n = L.shape[0]
-    rows: list[ca.SX] = [ca.SX()] * n
-    for i in reversed(range(n)):
-        row = B[i, :]
-        for j in range(i + 1, n):
-            row = row - L[j, i] * rows[j]
-        rows[i] = row / L[i, i]
-    return ca.vertcat(*rows)
+    return ca.solve(ca.tril(L).T, B)
 
 
 def solve(L: ca.SX, B: ca.SX) -> ca.SX:

@@ -104,9 +104,9 @@ def pressing(law, goals):
 def test_no_goal_reaches_the_task(law):
     """J H^-1 u and its wrench J^bar^T u are those of the posture, whatever else is wanted.
 
-    States from the whole range of the joints, near-singular ones included. Relative to the largest
-    component; measured are 2e-11 of the acceleration and 6e-11 of the wrench at most, near
-    singularities, from solving with J H^-1 J^T.
+    States from the whole range of the joints, near-singular ones included. What is left, relative
+    to the largest component, is rounding from solving with the six rows of J H^-1 J^T, which may
+    come to six times the machine's precision times its condition. Measured is 0.8 times at most.
     """
     arm, first = pressing(law, GOALS[0])
     machines = [first, *(pressing(law, goals)[1] for goals in GOALS[1:])]
@@ -126,12 +126,13 @@ def test_no_goal_reaches_the_task(law):
         mass = np.linalg.inv(to_task @ J.T)
         acceleration = to_task @ (first.torque - bias + J.T @ f) + drift
         wrench = mass @ to_task @ first.torque
+        rounding = 6 * np.finfo(float).eps * np.linalg.cond(mass)
         for machine in machines[1:]:
             change = machine.torque - first.torque
             felt = to_task @ change
             assert np.max(np.abs(np.linalg.solve(H, change))) > 1e-4
-            assert np.max(np.abs(felt)) < 1e-10 * np.max(np.abs(acceleration))
-            assert np.max(np.abs(mass @ felt)) < 1e-10 * np.max(np.abs(wrench))
+            assert np.max(np.abs(felt)) < rounding * np.max(np.abs(acceleration))
+            assert np.max(np.abs(mass @ felt)) < rounding * np.max(np.abs(wrench))
 
 
 REST = """
