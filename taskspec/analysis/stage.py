@@ -122,7 +122,7 @@ def analyse(
     rotation = frame_at_start(context, context.frame_of(context.loaded.task.stages[name]))
     path = path_shape(reduced, name, rotation)
     ready = path.ready() if path is not None else None
-    stage = compile_stage(reduced, name, ready, rotation, gains)
+    stage = compile_stage(reduced, name, ready, rotation, gains, often=False)
     at = Operating(reduced, stage)
     pressed, meets = _pressed(reduced, stage, rotation, at) if in_contact else ({}, False)
     wrench, reactions = np.zeros(6), np.zeros(len(context.equations))

@@ -130,6 +130,8 @@ def compile_stage(
     path: PathShape | None,
     axes_rotation: NDArray[np.float64],
     gains: Gains | None = None,
+    *,
+    often: bool = True,
 ) -> CompiledStage:
     """Compiles one stage.
 
@@ -139,6 +141,8 @@ def compile_stage(
         path: its path in SI units, already restricted to the axes that it drives.
         axes_rotation: (3, 3) the stage's frame at the start pose.
         gains: in place of those of the file and of the design.
+        often: whether the tick is to be evaluated often. What comes more than once in it is then
+            looked for, which takes as long as all else.
     """
     task, robot = context.loaded.task, context.robot
     stage, n = task.stages[name], robot.pin.nv
@@ -354,7 +358,7 @@ def compile_stage(
         carrier,
     )
     arguments = [*inputs.symbols(), memory.vector(), parameters.vector()]
-    options = {"cse": True}
+    options = {"cse": often}
     handed_over = limited.handed_over if limited else ca.SX(0, 1)
     results = [torque, memory.stack(updates), outputs, handed_over]
     return CompiledStage(
