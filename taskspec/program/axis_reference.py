@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import casadi as ca
@@ -36,6 +36,21 @@ class AxisReference:
     integral_step: ca.SX | None = None
 
 
+@dataclass(frozen=True, slots=True)
+class Blending:
+    """What entry adds to the reference of one axis, and how it fades.
+
+    Attributes:
+        value, rate, acceleration: of what continues the carried reference [m or rad, ...].
+        letting_go: the displacement that stands for a force that the last stage held.
+    """
+
+    value: ca.SX
+    rate: ca.SX
+    acceleration: ca.SX
+    letting_go: ca.SX
+
+
 def mode_of(axis: Axis, *, driven_by_path: bool, open_loop: bool) -> str:
     """Which kind of reference an axis has."""
     if open_loop:
@@ -58,11 +73,28 @@ class ReferenceBuilder:
     translate: Translate
     period: float
 
+    def blendings(self, names: Sequence[str]) -> dict[str, Blending]:
+        """What entry adds to the references of the named axes, which all blend alike."""
+        offset, slope, time, pressed = (
+            ca.vertcat(ca.SX(0, 1), *(self.parameters.add(f"{slot}.{name}") for name in names))
+            for slot in ("offset", "slope", "blend", "pressed")
+        )
+        s = self.clock.t / time
+        value = offset * blend.offset_shape(s) + slope * time * blend.slope_shape(s)
+        letting_go = pressed * blend.offset_shape(self.clock.t / blend.BLEND_TIME)
+        rate = self.clock.rate(value)
+        acceleration = self.clock.rate(rate)
+        return {
+            name: Blending(value[i], rate[i], acceleration[i], letting_go[i])
+            for i, name in enumerate(names)
+        }
+
     def build(
         self,
         name: str,
         mode: str,
         axis: Axis,
+        blending: Blending,
         *,
         path_value: ca.SX | None = None,
         open_loop_value: ca.SX | None = None,
@@ -72,6 +104,7 @@ class ReferenceBuilder:
 
         Args:
             name: axis name. mode: from `mode_of`. axis: its entry in the file.
+            blending: what entry adds.
             path_value: its path coordinate. open_loop_value: the displacement that an open-loop
                 force asks for.
             coupled: displacement, rate and acceleration that a mechanism's geometry asks for.
@@ -80,22 +113,16 @@ class ReferenceBuilder:
         own, own_rate, own_acceleration, step = self._own(
             name, mode, axis, start, path_value, open_loop_value, coupled
         )
-        offset, slope, time, pressed = (
-            self.parameters.add(f"{slot}.{name}")
-            for slot in ("offset", "slope", "blend", "pressed")
-        )
-        s = self.clock.t / time
-        blending = offset * blend.offset_shape(s) + slope * time * blend.slope_shape(s)
-        # A displacement that stands for a force asks no motion of the damper.
-        letting_go = pressed * blend.offset_shape(self.clock.t / blend.BLEND_TIME)
         if mode == "open-loop":
-            blending, letting_go = ca.SX(0), blending
-        blending_rate = self.clock.rate(blending)
+            # A displacement that stands for a force asks no motion of the damper.
+            return AxisReference(
+                mode, own + blending.value, own_rate, own_acceleration, (own, own_rate), step
+            )
         return AxisReference(
             mode,
-            own + blending + letting_go,
-            own_rate + blending_rate,
-            own_acceleration + self.clock.rate(blending_rate),
+            own + blending.value + blending.letting_go,
+            own_rate + blending.rate,
+            own_acceleration + blending.acceleration,
             (own, own_rate),
             step,
         )
@@ -134,6 +161,6 @@ class ReferenceBuilder:
             assert path_value is not None
             own = path_value
         else:
-            own = start
+            return start, ca.SX(0), ca.SX(0), None
         rate = self.clock.rate(own)
         return own, rate, self.clock.rate(rate), None

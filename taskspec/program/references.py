@@ -119,6 +119,7 @@ def build_references(
         if plan.set_point
     }
     motions: dict[str, AxisReference] = {}
+    blendings = builder.blendings([name for name, plan in plans.items() if plan.motion])
     # An axis that follows another one comes after it.
     for name, plan in sorted(plans.items(), key=lambda item: item[0] in couplings):
         if not plan.motion:
@@ -131,6 +132,7 @@ def build_references(
             name,
             plan.mode,
             plan.axis,
+            blendings[name],
             path_value=path_values.get(name),
             open_loop_value=_displacement(name, plan, forces, gains, stiffness),
             coupled=coupled,
