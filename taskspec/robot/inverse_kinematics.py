@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pinocchio as pin
 
-from taskspec.robot.mobility import resolved_jacobian
 from taskspec.robot.types import RobotModel
 
 if TYPE_CHECKING:
@@ -21,6 +20,8 @@ SOLVED = 1e-9
 
 _TOLERANCE = 1e-12
 _ITERATIONS = 300
+_FURTHER = 100
+"""Iterations after which a further solution is given up: those near home take a fifth of that."""
 _STEP = 0.3
 _LEAST_GAIN = 1e-7
 _RESTARTS = 30
@@ -72,6 +73,7 @@ class InverseKinematics:
     def __init__(self, robot: RobotModel) -> None:
         self.robot = robot
         self._data = robot.pin.createData()
+        self._tip = robot.pin.getFrameId("tip")
         finite = np.isfinite(robot.upper - robot.lower)
         span = np.where(finite, robot.upper - robot.lower, 0.0)
         self.lower = robot.lower + _MARGIN * span
@@ -114,7 +116,7 @@ class InverseKinematics:
         if least > SOLVED or np.abs(best - home).max() > _NEAR:
             found = [best] if least <= SOLVED else []
             for start in self._draws(restarts):
-                q, missing = self.descend(start, target)
+                q, missing = self.descend(start, target, _FURTHER if found else _ITERATIONS)
                 if missing < least:
                     best, least = q, missing
                 if missing <= SOLVED:
@@ -126,13 +128,17 @@ class InverseKinematics:
             best = min(found, key=lambda q: float(np.linalg.norm(q - home)))
         return self._homed(best, target)
 
-    def descend(self, start: Array, target: Target) -> tuple[Array, float]:
-        """Descend from `start` (n,); returns the configuration found and its error's norm."""
-        q = np.clip(start, self.lower, self.upper)
+    def descend(self, start: Array, target: Target, most: int = _ITERATIONS) -> tuple[Array, float]:
+        """Descend from `start` (n,), in `most` iterations.
+
+        Returns:
+            The configuration found and its error's norm.
+        """
+        q = self._inside(start)
         e = self.error(q, target)
         size = float(np.linalg.norm(e))
         damping = 1e-4
-        for _ in range(_ITERATIONS):
+        for _ in range(most):
             if size < _TOLERANCE or damping > 1e4:
                 break
             J = self._jacobian(q, target)
@@ -144,7 +150,7 @@ class InverseKinematics:
             least = _LEAST_DAMPING * max(1.0, float(np.trace(A)))
             step = J.T @ np.linalg.solve(A + max(damping, least) * np.eye(len(e)), e)
             step *= min(1.0, _STEP / max(float(np.abs(step).max()), _TOLERANCE))
-            q_next = np.clip(q + step, self.lower, self.upper)
+            q_next = self._inside(q + step)
             e_next = self.error(q_next, target)
             size_next = float(np.linalg.norm(e_next))
             if size_next >= size:
@@ -174,10 +180,16 @@ class InverseKinematics:
             q = q_next
         return q, float(np.linalg.norm(self.error(q, target)))
 
+    def _inside(self, q: Array) -> Array:
+        """The configuration nearest q (n,) that is within the limits."""
+        # np.clip takes six times as long on arrays of this size.
+        inside: Array = np.minimum(np.maximum(q, self.lower), self.upper)
+        return inside
+
     def _jacobian(self, q: Array, target: Target) -> Array:
-        robot = self.robot
-        pin.computeJointJacobians(robot.pin, self._data, q)
-        J = resolved_jacobian(robot.pin, self._data, robot.tip_joint, robot.tip)
+        J: Array = pin.computeFrameJacobian(
+            self.robot.pin, self._data, q, self._tip, pin.LOCAL_WORLD_ALIGNED
+        )
         J[:3] *= target.weight
         return J[: 3 if target.rotation is None else 5 if target.any_yaw else 6]
 

@@ -34,6 +34,7 @@ def builtin_robots() -> tuple[RobotSummary, ...]:
     return tuple(summaries)
 
 
+@cache
 def read_builtin(name: str) -> Description:
     """The built-in robot `name`, one of `builtin_names()`."""
     m = mujoco.MjSpec.from_file(str(_MODELS / f"{name}.xml")).compile()
