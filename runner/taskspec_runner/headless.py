@@ -1,23 +1,25 @@
 """Which OpenGL the user wants, kept from MuJoCo until a picture is drawn.
 
-MuJoCo loads the library that MUJOCO_GL names as soon as it is imported, and where that library is
-not there the import fails, though no picture may be wanted.
+MuJoCo loads the library that MUJOCO_GL names, or GLFW, as soon as it is imported. That takes longer
+than many a check, and where the library is not there the import fails, though no picture may be
+wanted. On Linux, where pictures are drawn without a screen, it is told to load none.
 """
 
 from __future__ import annotations
 
 import os
+import platform
 
 _OURS, _THEIRS = "TASKSPEC_GL", "MUJOCO_GL"
-_LOADED_AT_ONCE = ("egl", "osmesa")
 
 
 def set_aside() -> None:
-    """Hides MUJOCO_GL from MuJoCo; to be called before that is imported."""
-    if os.environ.get(_THEIRS, "").lower().strip() in _LOADED_AT_ONCE:
-        os.environ[_OURS] = os.environ.pop(_THEIRS)
+    """Hides what MUJOCO_GL says from MuJoCo; to be called before that is imported."""
+    if platform.system() == "Linux":
+        os.environ.setdefault(_OURS, os.environ.get(_THEIRS, ""))
+        os.environ[_THEIRS] = "disable"
 
 
 def asked() -> str:
-    """What was set aside; empty for nothing."""
-    return os.environ.get(_OURS, "")
+    """What the user has asked for; empty for nothing."""
+    return os.environ.get(_OURS, os.environ.get(_THEIRS, "")).lower().strip()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import os
+import platform
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -34,6 +35,7 @@ from taskspec_runner.video.recording import Recording, read_recording, steadiest
 from taskspec_runner.video.still import MOST_BYTES, render_still
 from taskspec_runner.video.world import World
 
+TASKS = Path(__file__).parents[2] / "tasks"
 SMALL = Cut(width=480, height=270, fps=10)
 Picture = NDArray[np.uint8]
 
@@ -429,22 +431,38 @@ def test_a_kind_that_fails_does_not_keep_the_next_from_working(
     assert os.environ.get("PYOPENGL_PLATFORM") in (before, "egl")
 
 
-def test_mujoco_does_not_fail_on_a_library_that_nothing_needs() -> None:
-    """OSMesa is rarely there, and MuJoCo loads it on import."""
-    script = "from taskspec_runner.cli import main; main()"
-    environment = {**os.environ, "MUJOCO_GL": "osmesa"}
+@pytest.mark.skipif(platform.system() != "Linux", reason="MuJoCo has its own ways elsewhere")
+@pytest.mark.parametrize("asked", ["", "osmesa"])
+def test_mujoco_loads_no_opengl_that_nothing_needs(asked: str) -> None:
+    """OSMesa is rarely there, and GLFW takes a twentieth of a second to load."""
+    script = (
+        "import sys, atexit; atexit.register(lambda: print(*sys.modules)); "
+        "from taskspec_runner.cli import main; main()"
+    )
+    environment = {**os.environ, "MUJOCO_GL": asked}
     done = subprocess.run(
-        [sys.executable, "-c", script, "robots"], env=environment, capture_output=True, check=False
+        [sys.executable, "-c", script, "validate", TASKS / "press-pd.yaml"],
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
     )
     assert done.returncode == 0, done.stderr
+    loaded = done.stdout.split()
+    assert "mujoco" in loaded
+    assert not {"glfw", "OpenGL", "mujoco.egl", "mujoco.osmesa"} & set(loaded)
 
 
 def test_what_is_set_aside_is_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("MUJOCO_GL", "egl")
+    monkeypatch.setattr(headless.platform, "system", lambda: "Linux")
+    monkeypatch.setenv("MUJOCO_GL", "EGL ")
+    # Set and taken away, so that it is away again afterwards.
     monkeypatch.setenv("TASKSPEC_GL", "")
-    headless.set_aside()
-    assert "MUJOCO_GL" not in os.environ
-    assert headless.asked() == "egl"
+    monkeypatch.delenv("TASKSPEC_GL")
+    for _ in range(2):
+        headless.set_aside()
+        assert os.environ["MUJOCO_GL"] == "disable"
+        assert headless.asked() == "egl"
     assert canvases.backends()[-1] in ("egl", "")
 
 

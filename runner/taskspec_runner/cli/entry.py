@@ -14,6 +14,8 @@ from taskspec_runner.cli.guard import is_lost, lost
 def main() -> None:
     """The command line."""
     headless.set_aside()
+    # Threads for matrices as small as these take longer to begin than all products of them.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     # Python has no stream where the shell has closed it; what is written there is lost anyway.
     sys.stdout = sys.stdout or os.fdopen(os.open(os.devnull, os.O_WRONLY), "w")
     sys.stderr = sys.stderr or os.fdopen(os.open(os.devnull, os.O_WRONLY), "w")

@@ -41,7 +41,7 @@ class NoCanvasError(InputError):
 
 def backends() -> tuple[str, ...]:
     """Names of the kinds of context to try, in order; empty if MUJOCO_GL switches drawing off."""
-    asked = (headless.asked() or os.environ.get("MUJOCO_GL", "")).lower().strip()
+    asked = headless.asked()
     if asked in _OFF:
         return ()
     if platform.system() != "Linux":
