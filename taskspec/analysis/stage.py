@@ -120,9 +120,9 @@ def analyse(
     """
     reduced = bare(context, name)
     rotation = frame_at_start(context, context.frame_of(context.loaded.task.stages[name]))
+    # A table's splines are not laid: references are brought to where the arm is, and stay there.
     path = path_shape(reduced, name, rotation)
-    ready = path.ready() if path is not None else None
-    stage = compile_stage(reduced, name, ready, rotation, gains, often=False)
+    stage = compile_stage(reduced, name, path, rotation, gains, often=False)
     at = Operating(reduced, stage)
     pressed, meets = _pressed(reduced, stage, rotation, at) if in_contact else ({}, False)
     wrench, reactions = np.zeros(6), np.zeros(len(context.equations))
