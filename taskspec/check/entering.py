@@ -9,8 +9,8 @@ from taskspec.check.known import known_value
 from taskspec.control.gains import design
 from taskspec.control.state import AXES
 from taskspec.program.context import Context
+from taskspec.program.force_references import DEFAULT_RAMP
 from taskspec.program.modes import MOSTLY
-from taskspec.program.references import DEFAULT_RAMP
 from taskspec.spec import LAWS
 from taskspec.text.diagnostic import Diagnostics
 from taskspec.text.show import show

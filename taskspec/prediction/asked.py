@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from taskspec.compiler import Program
-from taskspec.program.references import DEFAULT_RAMP
+from taskspec.program.force_references import DEFAULT_RAMP
 from taskspec.program.resolver import Asked
 from taskspec.program.stage import CompiledStage
 

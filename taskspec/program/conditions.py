@@ -2,22 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import casadi as ca
 
 from taskspec.control import linear
-from taskspec.control.state import TaskState
 from taskspec.program import events
-from taskspec.program.algebra import CasadiAlgebra
 from taskspec.program.events import Condition, Event
-from taskspec.program.frames import FrameModel
-from taskspec.program.layout import Layout
-from taskspec.program.modes import AxisPlan
-from taskspec.program.references import ReferenceSet
+from taskspec.program.measured import Measured
+from taskspec.program.planned import PlannedStage
+from taskspec.program.reference_set import ReferenceSet
 from taskspec.program.signals import SignalTable
 from taskspec.robot import RobotModel
-from taskspec.spec import Limits, Stage
+from taskspec.spec import Stage
 from taskspec.text.expression import Expression
 from taskspec.text.show import show
 
@@ -27,19 +22,11 @@ _SLACK = 1e-9
 
 
 def limit_conditions(
-    *,
-    robot: RobotModel,
-    limits: Limits,
-    plans: Mapping[str, AxisPlan],
-    q: ca.SX,
-    v: ca.SX,
-    table: SignalTable,
-    references: ReferenceSet,
-    state: TaskState,
-    frame: FrameModel,
-    margin: ca.SX,
+    robot: RobotModel, plan: PlannedStage, seen: Measured, references: ReferenceSet
 ) -> list[Condition]:
     """Limits of the file, of the joints, of the frame and of the arm's geometry."""
+    plans, frame, limits = plan.plans, plan.frame, plan.limits
+    table, q, v, margin = seen.table, seen.inputs.q, seen.inputs.v, seen.at.margin
     found = []
     force = _norm(table, "force", ("x", "y", "z"))
     torque = _norm(table, "torque", ("rx", "ry", "rz"))
@@ -76,7 +63,7 @@ def limit_conditions(
                 v[i],
             )
         )
-    pivot = ca.mmin(ca.diag(linear.cholesky(state.mobility))) ** 2
+    pivot = ca.mmin(ca.diag(linear.cholesky(seen.state.mobility))) ** 2
     text = "the arm is singular: an axis of the task frame cannot be moved"
     found.append(Condition(Event(events.LIMIT, "singularity", text), pivot < SINGULAR, pivot))
     if frame.kind == "following":
@@ -88,21 +75,14 @@ def limit_conditions(
     return found
 
 
-def stage_conditions(
-    *,
-    stage: Stage,
-    parameters: Layout,
-    table: SignalTable,
-    algebra: CasadiAlgebra,
-    period: float,
-) -> list[Condition]:
+def stage_conditions(stage: Stage, seen: Measured, period: float) -> list[Condition]:
     """`fail_if`, `until`, `within` and the planned end of a stage."""
-    t = table.scalars["t"]
+    t, scalars = seen.clock.t, seen.table.scalars
     found = []
 
     def guard(kind: str, expression: Expression | None) -> None:
         if expression is not None:
-            holds = algebra.translate(expression, table.lookup)
+            holds = seen.translate(expression)
             found.append(Condition(Event(kind, kind, str(expression)), holds, t))
 
     guard(events.FAIL_IF, stage.fail_if)
@@ -113,11 +93,11 @@ def stage_conditions(
             text = f"within {show(time, 's')}"
             found.append(Condition(Event(events.WITHIN, "time", text), t >= time - period / 2, t))
         if travel is not None:
-            way = table.scalars["travel"]
+            way = scalars["travel"]
             text = f"within {show(travel, 'mm')} of travel"
             found.append(Condition(Event(events.WITHIN, "travel", text), way > travel, way))
     if stage.until is None:
-        end = parameters.add("end")
+        end = seen.parameters.add("end")
         text = "its moves, path and time are done"
         found.append(Condition(Event(events.DONE, "done", text), t >= end - period / 2, t))
     return found

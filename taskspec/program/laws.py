@@ -18,7 +18,7 @@ from taskspec.control.resolution import Command, full_acceleration, torque
 from taskspec.control.state import TaskState
 from taskspec.program.modes import AxisPlan
 from taskspec.program.multipliers import ConstraintControl
-from taskspec.program.references import ReferenceSet
+from taskspec.program.reference_set import ReferenceSet
 from taskspec.program.signals import SignalTable, applied
 
 

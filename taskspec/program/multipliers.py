@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import casadi as ca
@@ -11,14 +10,14 @@ from taskspec.control.gains import Gains
 from taskspec.control.laws.multipliers import Multipliers
 from taskspec.control.reference import opposite
 from taskspec.motion import blend
-from taskspec.program.axis_reference import Translate
 from taskspec.program.clock import Clock
 from taskspec.program.constraints import ConstraintSet
+from taskspec.program.context import Context
+from taskspec.program.force_references import risen, wound
 from taskspec.program.layout import Layout
-from taskspec.program.references import ReferenceSet, risen, wound
-from taskspec.program.signals import SignalTable
-from taskspec.program.unreached import Unreached
-from taskspec.spec import SetPoint
+from taskspec.program.measured import Measured
+from taskspec.program.planned import PlannedStage
+from taskspec.program.reference_set import ReferenceSet
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,38 +51,25 @@ class EquationForces:
     updates: dict[str, ca.SX]
 
 
-def equation_forces(
-    *,
-    names: Sequence[str],
-    set_points: Mapping[str, SetPoint],
-    measured: Mapping[str, ca.SX],
-    gains: Gains,
-    clock: Clock,
-    memory: Layout,
-    parameters: Layout,
-    table: SignalTable,
-    translate: Translate,
-    period: float,
-    unreached: Unreached,
-) -> EquationForces:
-    """References of the equations `names`; one without a set point is to bear no force."""
-    found = EquationForces({}, {}, {})
-    for name in names:
+def equation_forces(context: Context, plan: PlannedStage, seen: Measured) -> EquationForces:
+    """References of the active equations; one without a set point is to bear no force."""
+    found, gains = EquationForces({}, {}, {}), plan.gains
+    for name in plan.active:
         slot = f"equation.{name}"
-        point = set_points.get(name)
-        wanted = ca.SX(0) if point is None else translate(point.wanted)
+        point = plan.spec.constraints.get(name)
+        wanted = ca.SX(0) if point is None else seen.translate(point.wanted)
         ramp = None if point is None else point.ramp
-        force = unreached.reachable(name, risen(slot, wanted, ramp, clock, parameters))
-        found.desired[name] = force
+        rising = risen(slot, wanted, ramp, seen.clock, seen.parameters)
+        force = found.desired[name] = seen.unreached.reachable(name, rising)
         if "force.integral" not in gains:
             continue
         memorised = f"integral.{slot}"
         found.integrals[name] = found.updates[memorised] = wound(
-            memory.add(memorised),
+            seen.memory.add(memorised),
             force,
-            unreached.step(name, period * (force - measured[name])),
+            seen.unreached.step(name, context.period * (force - seen.reactions[name])),
             gains["force.integral"][name].value,
-            table.scalars["touching"],
+            seen.table.scalars["touching"],
             ca.SX(0),
         )
     return found

@@ -13,7 +13,7 @@ from taskspec.control.representation import REPRESENTATIONS, Representation, ana
 from taskspec.control.state import AXES, TaskState
 from taskspec.program import events
 from taskspec.program.events import Condition, Event
-from taskspec.program.references import ReferenceSet
+from taskspec.program.reference_set import ReferenceSet
 from taskspec.program.signals import SignalTable
 from taskspec.spec import Law
 

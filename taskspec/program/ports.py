@@ -1,4 +1,4 @@
-"""What goes into a stage's functions and what comes out of them."""
+"""What goes into a stage's functions and what comes out of them, in which order."""
 
 from __future__ import annotations
 
@@ -8,11 +8,6 @@ from dataclasses import dataclass
 import casadi as ca
 
 from taskspec.control.model_terms import TermSymbols
-from taskspec.program import kinematics
-from taskspec.program.believed import Believed
-from taskspec.program.carriers import Instant
-from taskspec.program.references import ReferenceSet
-from taskspec.program.signals import SignalTable, applied
 
 Fields = tuple[tuple[str, int], ...]
 
@@ -91,115 +86,3 @@ class Inputs:
     def symbols(self) -> list[ca.SX]:
         """Arguments before memory and parameters."""
         return [self.now, self.q, self.v, *self.terms.inputs, self.wrench, self.reactions]
-
-
-def probe(
-    arguments: list[ca.SX],
-    table: SignalTable,
-    references: ReferenceSet,
-    believed: Believed | None,
-    at: kinematics.FrameState,
-    tool: kinematics.ToolPoint,
-    point: kinematics.ControlPoint,
-    reactions: ca.SX,
-    carrier: Instant | None,
-) -> ca.Function:
-    """Where the tool is in the stage's frame; its last input is the tool point's velocity (3,).
-
-    That is its velocity against what carries the frame. All are in world axes but `here`, which is
-    in the coordinates of the frame's carrier.
-
-    Its outputs are the numbers of `PROBE` and the measured reactions (equations,).
-    """
-    way = ca.SX.sym("way", 3)
-    values = {
-        "frame": ca.vec(_world(at.R, carrier)),
-        "offset": _world(point.offset, carrier),
-        "lever": _world(tool.lever if at.foot is not None else ca.SX.zeros(3), carrier),
-        "here": point.p if at.foot is None else at.foot,
-        "rate_map": ca.vec(at.rate_map),
-        "turning": at.turning(way if carrier is None else carrier.A.T @ way),
-        "angle": _angle(believed),
-        "coordinate": references.six(references.coordinate),
-        "measured": references.six(_applied(table)),
-    }
-    return ca.Function(
-        "probe", [*arguments, way], [ca.vertcat(*(values[name] for name, _ in PROBE), reactions)]
-    )
-
-
-def _world(local: ca.SX, carrier: Instant | None) -> ca.SX:
-    """Columns given in a carrier's axes, in the world's."""
-    return local if carrier is None else carrier.A @ local
-
-
-def _angle(believed: Believed | None) -> ca.SX:
-    return ca.SX(0) if believed is None else believed.angle
-
-
-def _applied(table: SignalTable) -> dict[str, ca.SX]:
-    """Measured force and moment that the robot applies, by axis."""
-    return {a: table.scalars[applied(a)] for a in table.axes}
-
-
-def outputs(
-    index: ca.SX,
-    value: ca.SX,
-    wanted: ca.SX,
-    inputs: Inputs,
-    point: kinematics.ControlPoint,
-    at: kinematics.FrameState,
-    table: SignalTable,
-    references: ReferenceSet,
-    conditioning: ca.SX,
-    limited: tuple[ca.SX, ca.SX, ca.SX],
-    reactions: tuple[ca.SX, ca.SX],
-    believed: Believed | None,
-    carrier: Instant | None,
-) -> ca.SX:
-    """A tick's outputs: the numbers of `fields`.
-
-    Args:
-        index, value: the event. wanted: (n,) torque before saturation. inputs: of the tick.
-        point, at: of the tool. table: signals. references: of the axes.
-        conditioning: of the choice of reduced coordinates.
-        limited: how far the closed form is beyond its limits, which pushes have been clamped, and
-            whether the force set points have to be held against what contacts return; what comes
-            of it is filled in later.
-        reactions: (equations,) set points, and what was measured.
-        believed: the mechanism that the stage keeps track of. carrier: of the stage's frame.
-    """
-    terms, scalars = inputs.terms, table.scalars
-    six = references.six
-    values = {
-        "event": index,
-        "event_value": value,
-        # One number that is not finite as soon as any of these is not. Before saturation: the
-        # smaller of a limit and NaN is the limit.
-        "health": ca.sumsqr(wanted) + ca.sumsqr(inputs.v) + ca.sumsqr(inputs.q),
-        "tip": terms.p,
-        "tip_rotation": ca.vec(terms.R),
-        "offset": _world(point.offset, carrier),
-        "frame": ca.vec(_world(at.R, carrier)),
-        "position": six(references.position),
-        "velocity": six({a: scalars[f"velocity.{a}"] for a in table.axes}),
-        "error": six(references.error),
-        "position_ref": six(references.position_ref),
-        "velocity_ref": six(references.velocity_ref),
-        "force_ref": six(references.force_ref),
-        "measured": six(_applied(table)),
-        "tilt": scalars["tilt"],
-        "speed": scalars["speed"],
-        "travel": scalars["travel"],
-        "path_done": scalars["path_done"],
-        "angle": _angle(believed),
-        "conditioning": conditioning,
-        "violation": limited[0],
-        "clamped": limited[1],
-        "unsettled": limited[2],
-        "force_inconsistent": scalars["force_inconsistent"],
-        "limited": ca.SX(0),
-        "limits": ca.SX(0),
-        "residual": ca.SX(0),
-    }
-    return ca.vertcat(*(values[name] for name, _ in OUTPUTS), *reactions)

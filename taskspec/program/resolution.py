@@ -2,42 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 
 import casadi as ca
-import numpy as np
 
-from taskspec.control.model_terms import TermSymbols
-from taskspec.control.state import TaskState
-from taskspec.program import kinematics, signals
 from taskspec.program.bounds import Row
-from taskspec.program.carriers import Instant
-from taskspec.program.consistency import (
-    Consistency,
-    Generator,
-    Requests,
-    consistency,
-    equation_generator,
-    grip_generators,
-    wrench_generators,
-)
-from taskspec.program.constraints import EquationRow
-from taskspec.program.contacts import (
-    ContactRow,
-    all_objects,
-    equation_contact,
-    pressed_objects,
-    pushing,
-    shape_rows,
-    touched_objects,
-)
-from taskspec.program.context import Context
-from taskspec.program.layout import Layout
-from taskspec.program.limited import LimitRows, limit_rows, matrices
-from taskspec.program.modes import AxisPlan
+from taskspec.program.consistency import Consistency, Requests
+from taskspec.program.limited import LimitRows, matrices
 from taskspec.robot import RobotModel
-from taskspec.spec import LAWS, Law, Limits
 
 #: Outputs of `assemble`, in order; matrices are given by rows.
 ASSEMBLED = ("P", "A", "factor", "requests")
@@ -68,33 +42,6 @@ class Resolution:
     look: ca.Function | None
     generators: int
     conditions: tuple[str, ...]
-
-
-@dataclass(frozen=True, slots=True)
-class Seen:
-    """What of a stage its programs are made from.
-
-    Attributes:
-        axes_rotation: (3, 3) the stage's frame at the start pose. contact: the believed one.
-        gripped: whether a grip returns its forces. state: the arm on the task axes, geometric.
-        world: model terms. wrench: (6,) measured, by the environment on the tip, world.
-        point: the control point. R: (3, 3) the frame; both against `carrier` where it has one.
-        rows: the equations that constrain the stage. measured: on every equation of the world.
-        equations: all of them.
-    """
-
-    axes_rotation: np.ndarray
-    contact: str | None
-    gripped: bool
-    state: TaskState
-    world: TermSymbols
-    wrench: ca.SX
-    point: kinematics.ControlPoint
-    R: ca.SX
-    carrier: Instant | None
-    rows: Mapping[str, EquationRow]
-    measured: Mapping[str, ca.SX]
-    equations: Mapping[str, EquationRow]
 
 
 @dataclass(frozen=True, slots=True)
@@ -163,133 +110,7 @@ def _flat(name: str, arguments: Sequence[ca.SX], parts: Sequence[ca.SX]) -> ca.F
     return ca.Function(name, arguments, [ca.vec(ca.densify(p)) for p in parts], {"cse": True})
 
 
-def resolve(
-    *,
-    context: Context,
-    law: Law,
-    limits: Limits,
-    plans: Mapping[str, AxisPlan],
-    seen: Seen,
-    asked: Mapping[str, ca.SX],
-    gaps: Mapping[str, ca.SX],
-    wanted: ca.SX,
-    clock: ca.SX,
-    q: ca.SX,
-    v: ca.SX,
-    parameters: Layout,
-) -> Resolved:
-    """The two programs of a stage, as expressions.
-
-    Args:
-        context, law, limits, plans: of the stage. seen: its expressions.
-        asked: force set points by name, before anything is taken from them.
-        gaps: to every shape. wanted: (n,) torque of the closed form. clock: of the run [s].
-        q, v: (n,) measured. parameters: where the last torque takes its slot.
-    """
-    names = tuple(asked)
-    objects = touched_objects(context, seen.contact, plans, seen.axes_rotation)
-    pressed = pressed_objects(context, objects, plans, seen.axes_rotation)
-    n = q.shape[0]
-    # A limit on the contact force is one on that of every object that the tool may touch.
-    capped = objects if limits.force is None else all_objects(context, objects)
-    contacts = shape_rows(context, capped, pressed, seen.world, seen.wrench, gaps, clock)
-    on_equations = [
-        equation_contact(row, name, seen.measured[name], context.compliances[name].stiffness)
-        for name, row in seen.rows.items()
-    ]
-    axes = [name for name in names if name in plans]
-    requests = Requests(
-        names=names,
-        rows=ca.vertcat(
-            ca.SX(0, n),
-            *(seen.state.J[seen.state.rows([a])[0], :] for a in axes),
-            *(row.J for row in seen.rows.values()),
-        ),
-        values=ca.vertcat(ca.SX(0, 1), *asked.values()),
-    )
-    last = parameters.add("last_torque", n) if limits.torque_rate is not None else None
-    limited = limit_rows(
-        context=context,
-        limits=limits,
-        state=seen.state,
-        terms=seen.world,
-        contacts=[*contacts, *on_equations],
-        requests=requests.rows,
-        wanted=wanted,
-        last=last,
-        q=q,
-        v=v,
-        environment=_environment(context, seen, v),
-    )
-    generators = _generators(context, law, seen, requests, axes, objects, on_equations, clock)
-    nearest = consistency(context, limits, requests, generators, seen.world.gravity)
-    return Resolved(law.solver, requests, limited, nearest)
-
-
-def _environment(context: Context, seen: Seen, v: ca.SX) -> ca.SX:
-    """Torque (n,) that the environment exerts on the joints, as far as it is measured."""
-    torque = seen.world.J.T @ seen.wrench
-    for name, row in seen.equations.items():
-        if row.model.joints:
-            torque -= row.J.T * seen.measured[name]
-    damping = np.broadcast_to(context.loaded.task.robot.joint_damping, v.shape[0])
-    return torque - ca.DM(damping) * v
-
-
-def _generators(
-    context: Context,
-    law: Law,
-    seen: Seen,
-    requests: Requests,
-    axes: Sequence[str],
-    objects: Sequence[str],
-    equations: Sequence[ContactRow],
-    clock: ca.SX,
-) -> list[Generator]:
-    turned = seen.R if seen.carrier is None else seen.carrier.A @ seen.R
-    offset = seen.point.offset if seen.carrier is None else seen.carrier.A @ seen.point.offset
-    world, about = seen.world, seen.world.p + offset
-    count = len(requests.names)
-    resolve_axes = ca.SX.zeros(count, 6)
-    towards = ca.SX.zeros(3)
-    for i, name in enumerate(axes):
-        direction = turned[:, "xyz".index(name[-1])]
-        if name.startswith("r"):
-            resolve_axes[i, 3:] = direction.T
-        else:
-            resolve_axes[i, :3] = direction.T
-            towards += direction * requests.values[i]
-    found: list[Generator] = []
-    if axes and seen.gripped:
-        at = kinematics.control_point(world, seen.wrench, None)
-        J = ca.vertcat(at.J[:3, :] - ca.skew(offset) @ at.J[3:, :], at.J[3:, :])
-        found += grip_generators(resolve_axes, J)
-    elif axes:
-        tool = context.robot.tool
-        points = [world.p + world.R @ ca.DM(center) for center in tool.centers]
-        middle = kinematics.tool_point(context.robot, world).center
-        normals = [
-            signals.normal(context.surfaces[o], middle, context.carriers, o, clock) for o in objects
-        ]
-        found += wrench_generators(
-            context=context,
-            objects=objects,
-            normals=normals,
-            points=points,
-            about=about,
-            tip=world.p,
-            J=world.J,
-            resolve=resolve_axes,
-            requested=towards,
-        )
-    if LAWS[law.kind].multipliers:
-        for k, contact in enumerate(equations):
-            effect = ca.SX.zeros(count)
-            effect[len(axes) + k] = pushing(seen.rows[contact.name])
-            found.append(equation_generator(contact, effect))
-    return found
-
-
+@cache
 def _accept(n: int, m: int, r: int) -> ca.Function:
     """What an answer x with its multipliers y means, and how far it is from optimal.
 

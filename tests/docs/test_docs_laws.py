@@ -25,7 +25,7 @@ from test_docs_keys import units_needed
 from taskspec.control.gains import Plant, design, design_joint_damping
 from taskspec.control.state import ARM_LENGTH, AXES
 from taskspec.motion.blend import BLEND_TIME
-from taskspec.program import stage
+from taskspec.program import candidates
 from taskspec.program.constraints import FORCED, NAMED, UNNAMED, weigh
 from taskspec.spec import LAWS, Axis, Law
 from taskspec.spec.law import ForceGains
@@ -231,4 +231,4 @@ def test_order_in_which_coordinates_give_way():
     text = " ".join(text_of(CONSTRAINTS).split())
     assert f"a radian counts as {ARM_LENGTH:g} m" in text
     assert f"fades over {BLEND_TIME:g} s along a quintic" in text
-    assert f"be more than {stage._WORN:g} times as large, the choice is made again" in text
+    assert f"be more than {candidates.WORN:g} times as large, the choice is made again" in text

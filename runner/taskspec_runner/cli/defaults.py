@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from taskspec.compiler import Program
+from taskspec.program.force_references import DEFAULT_RAMP
 from taskspec.program.null_space import goals
-from taskspec.program.references import DEFAULT_RAMP
 from taskspec.program.stage import CompiledStage
 from taskspec.program.stiffness import Compliance
 from taskspec.program.tracks import move_speed
