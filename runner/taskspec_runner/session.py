@@ -11,7 +11,8 @@ from typing import Any
 
 from taskspec.compiler import Program, compile_task
 from taskspec.control.state import AXES
-from taskspec.program.machine import Machine, Transition
+from taskspec.program.machine import Machine
+from taskspec.program.transition import Transition
 from taskspec.spec import LoadedTask
 from taskspec_runner import folder as folders
 from taskspec_runner import manifest

@@ -27,7 +27,7 @@ class ModelTerms:
     """
 
     def __init__(self, robot: RobotModel) -> None:
-        self._model = robot.pin
+        self._model, self._tip = robot.pin, robot.tip
         self._data = robot.pin.createData()
         data, joint = self._data, robot.tip_joint
         self._pose, self._acceleration = data.oMi[joint], data.a_gf[joint]
@@ -44,6 +44,16 @@ class ModelTerms:
     def update(self, q: Vector, v: Vector) -> None:
         """Evaluates all terms at q (n,) [rad or m] and v (n,) [rad/s or m/s]."""
         pin.computeAllTerms(self._model, self._data, q, v)
+
+    @property
+    def gravity(self) -> Vector:
+        """(n,) torque that carries the arm where it was last evaluated [N m]."""
+        return self.arrays[2]
+
+    def tip(self) -> tuple[Vector, Vector]:
+        """Position (3,) and rotation (3, 3) of the tool tip in the world, as last evaluated."""
+        R = self._pose.rotation
+        return self._pose.translation + R @ self._tip.translation, R @ self._tip.rotation
 
 
 @dataclass(frozen=True, slots=True)

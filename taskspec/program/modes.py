@@ -86,3 +86,19 @@ def _along(name: str, normal: NDArray[np.float64] | None) -> bool:
     if normal is None or name.startswith("r"):
         return False
     return bool(abs(normal[AXES.index(name)]) > MOSTLY)
+
+
+def not_finite(plans: Mapping[str, AxisPlan], outputs: Mapping[str, NDArray[np.float64]]) -> str:
+    """Which reference is not a number, as `force.z`; empty where all are.
+
+    Args:
+        plans: of the axes. outputs: of a tick, by name.
+    """
+    for name, plan in plans.items():
+        i = AXES.index(name)
+        for kind in ("position", "velocity"):
+            if plan.motion and not np.isfinite(outputs[f"{kind}_ref"][i]):
+                return f"{kind}.{name}"
+        if plan.set_point and not np.isfinite(outputs["force_ref"][i]):
+            return f"{'torque' if name.startswith('r') else 'force'}.{name}"
+    return ""

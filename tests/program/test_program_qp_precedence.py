@@ -279,7 +279,7 @@ class Stepped:
         if wrench is not None:
             self.machine.wrench[:] = wrench
         self.machine.tick(self.clock)
-        gravity = self.machine._gravity.copy()
+        gravity = self.machine._terms.gravity.copy()
         torque = self.machine.torque.copy()
         self.plant.step(self.machine.torque)
         self.clock += T

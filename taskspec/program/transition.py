@@ -1,0 +1,48 @@
+"""How a stage ended, and where that led."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from taskspec.program import events
+from taskspec.spec import Stage
+
+#: Where a transition leads when it leads to no stage.
+END, FAIL = "end", "fail"
+
+
+@dataclass(frozen=True, slots=True)
+class Transition:
+    """A stage that ended.
+
+    Attributes:
+        clock: [s] when. stage: that ended. kind, name, text: the event. value: its quantity.
+        to: the next stage, `end` or `fail`; empty where a limit stopped the run.
+    """
+
+    clock: float
+    stage: str
+    kind: str
+    name: str
+    text: str
+    value: float
+    to: str
+
+    @property
+    def good(self) -> bool:
+        """Whether the stage ended as planned."""
+        return self.kind in (events.UNTIL, events.DONE)
+
+
+def leads_to(stage: Stage, event: events.Event, following: str) -> str:
+    """The stage to which an event leads, `end` or `fail`; empty where a limit stops the run.
+
+    Args:
+        stage: in which it happened. event: what happened.
+        following: the next stage of the file, `end` after the last one.
+    """
+    if event.kind == events.LIMIT:
+        return ""
+    if event.kind in (events.UNTIL, events.DONE):
+        return stage.next or following
+    return stage.on_fail or FAIL
