@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Callable, Sequence
 
@@ -10,40 +9,17 @@ import numpy as np
 
 from taskspec.analysis.corners import Corner, at, corners
 from taskspec.analysis.loop import Mode, UnfitError
-from taskspec.analysis.margin import (
-    LEAST_DAMPING_RATIO,
-    PROPOSED,
-    Limit,
-    Search,
-    grows,
-    quiet,
-    rings,
-    stable,
-)
+from taskspec.analysis.margin import LEAST_DAMPING_RATIO, grows, rings
 from taskspec.analysis.stage import Analysed, analyse
+from taskspec.check.mending import mending, place_of, said
 from taskspec.program.context import Context
 from taskspec.program.stiffness import RESOLVED_PHASE
 from taskspec.spec import Axis, Stage, Task
 from taskspec.text.diagnostic import Diagnostics, Severity
 from taskspec.text.show import number, show
-from taskspec.text.source import Span
 
-#: No more ways to mend a stage are proposed than these of its gains.
-_MOST_PROPOSED = 2
 #: A varied value is left out of a message if without it a mode grows, or is damped, as much.
 _AS_MUCH = 0.95
-
-#: Gain -> units on a translation and on a rotation.
-_UNITS = {
-    "force.integral": ("1/s", "1/s"),
-    "force.proportional": ("", ""),
-    "force.damping": ("N*s/m", "N*m*s/rad"),
-    "damping": ("N*s/m", "N*m*s/rad"),
-    "mass": ("kg", "kg*m^2"),
-    "stiffness": ("N/m", "N*m/rad"),
-    "bandwidth": ("Hz", "Hz"),
-    "joint_damping": ("N*m*s/rad", "N*m*s/rad"),
-}
 
 
 def check_stability(context: Context, found: Diagnostics) -> None:
@@ -195,14 +171,14 @@ def _report(
     corner: Corner | None = None,
 ) -> None:
     axis = seen.axis(mode)
-    limits = _mending(context, seen, axis, None if corner is None else corner.task, mode)
-    place = _place(context, seen, axis, limits)
+    limits = mending(context, seen, axis, None if corner is None else corner.task, mode)
+    place = place_of(context, seen, axis, limits)
     if corner is not None:
         place = context.loaded.span(("vary", next(iter(corner.values))[0]))
     if place is not None and found.says(code, place):
         return
     message = f"{text}: {on_axis(axis)} {describe(mode, context.period)}"
-    hint = "; or ".join(_said(limit) for limit in limits)
+    hint = "; or ".join(said(limit) for limit in limits)
     found.add(severity, code, message, place, hint or "no single gain of this stage mends that")
 
 
@@ -233,60 +209,6 @@ def on_axis(axis: str) -> str:
 
 def _time(seconds: float) -> str:
     return show(seconds, "ms" if seconds < 1 else "s", 2)
-
-
-def _mending(
-    context: Context, seen: Analysed, axis: str, task: Task | None, mode: Mode
-) -> list[Limit]:
-    """What would mend the stage: gains of the file before designed ones, a softer contact."""
-    own = seen.stage.gains
-    axes = [axis] if any(axis in by for by in own.values()) else list(seen.stage.axes)
-    search = Search(context, seen, task, stable if grows(mode) else quiet)
-    best = list(itertools.islice(search.gains(axes, given=True), _MOST_PROPOSED))
-    if not best:
-        best = list(itertools.islice(search.gains(axes, given=False), _MOST_PROPOSED))
-    for name in seen.pressed:
-        if task is None and name in context.surfaces:
-            limit = search.stiffness(name)
-            best += [limit] if limit is not None and limit.upper else []
-    return best
-
-
-def _said(limit: Limit) -> str:
-    way = "up to" if limit.upper else "from"
-    if not limit.on:
-        return f"a contact of {way} {show(_inside(limit), 'kN/m', 3)}"
-    what = "damping" if limit.what == "joint_damping" else limit.what
-    unit = _UNITS[limit.what][limit.on.startswith(("r", "joint"))]
-    value = number(_inside(limit), 3)
-    return f"{what} {way} {f'{value} {unit}'.strip()}"
-
-
-def _inside(limit: Limit) -> float:
-    """The boundary in three digits, rounded to the stable side."""
-    scale = 10.0 ** (math.floor(math.log10(limit.value)) - 2)
-    rounding = math.floor if limit.upper else math.ceil
-    return rounding(limit.value / scale) * scale
-
-
-def _place(context: Context, seen: Analysed, axis: str, limits: Sequence[Limit]) -> Span | None:
-    """The gain to be changed, if it stands in the file, else any on the axis, else the law."""
-    gains = seen.stage.gains
-    wanted = [limit.what for limit in limits if limit.given and limit.on]
-    wanted += [g for g in PROPOSED if axis in gains.get(g, {}) and gains[g][axis].origin == "file"]
-    name = seen.stage.name
-    stage = context.loaded.task.stages[name]
-    law: tuple[str, ...] = ("stages", name, "law") if stage.law is not None else ("law",)
-    for what in wanted:
-        entry = stage.axes.get(axis)
-        if entry is not None and getattr(entry, what, None) is not None:
-            return context.loaded.span(("stages", name, "axes", axis, what))
-        keys = ("damping",) if what == "joint_damping" else tuple(what.split("."))
-        last = axis if len(axis) <= 2 else ""
-        return context.loaded.span((*law, *keys, last))
-    if stage.law is None and "law" not in context.loaded.root.entries:
-        return context.loaded.span(("stages", name, "axes", axis))
-    return context.loaded.span(law)
 
 
 def _named(corner: Corner) -> str:
