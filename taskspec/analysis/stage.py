@@ -38,7 +38,7 @@ class Analysed:
         rotation: (3, 3) its frame at the start pose.
         pressed: what the robot applies to each contact at the equilibrium [N, N m].
         meets: the contact is one that the stage may come to, not one that it is in.
-        controller: its law.
+        controller: its law. nominal: what it drives in the world of the file.
     """
 
     context: Context
@@ -47,10 +47,12 @@ class Analysed:
     pressed: Mapping[str, float]
     meets: bool
     controller: LinearController
+    nominal: LinearPlant
 
     def plant(self, task: Task | None = None) -> LinearPlant:
         """What it drives; `task` is the one whose world and robot are true."""
-        task = self.context.loaded.task if task is None else task
+        if task is None or task is self.context.loaded.task:
+            return self.nominal
         return linear_plant(self.context, task, self.pressed)
 
     def modes(self, task: Task | None = None) -> tuple[Mode, ...]:
@@ -61,7 +63,8 @@ class Analysed:
 
     def free(self) -> Analysed:
         """The same stage before it meets its contact."""
-        return replace(self, pressed={}, meets=False)
+        plant = linear_plant(self.context, self.context.loaded.task, {})
+        return replace(self, pressed={}, meets=False, nominal=plant)
 
     def axis(self, mode: Mode) -> str:
         """The equation or task axis that moves most in a mode, by its energy.
@@ -126,7 +129,8 @@ def analyse(
     at = Operating(reduced, stage)
     pressed, meets = _pressed(reduced, stage, rotation, at) if in_contact else ({}, False)
     wrench, reactions = np.zeros(6), np.zeros(len(context.equations))
-    for row in linear_plant(reduced, reduced.loaded.task, pressed).rows:
+    plant = linear_plant(reduced, reduced.loaded.task, pressed)
+    for row in plant.rows:
         if row.equation is not None:
             reactions[row.equation] = pressed[row.name]
             wrench += row.W @ [-pressed[row.name]]
@@ -136,7 +140,7 @@ def analyse(
     controller = at.linear()
     if not controller.finite:
         return None
-    return Analysed(reduced, stage, rotation, pressed, meets, controller)
+    return Analysed(reduced, stage, rotation, pressed, meets, controller, plant)
 
 
 def _pressed(
