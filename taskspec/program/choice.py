@@ -12,10 +12,12 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec.program.constraints import choose
 from taskspec.program.stage import CompiledStage
 
 Vector = NDArray[np.float64]
+
+#: More exchanges than this are rounding.
+_EXCHANGES = 50
 
 
 def choose_first(
@@ -57,3 +59,28 @@ def _look(
 
 def _write(stage: CompiledStage, parameters: Vector, selection: Vector) -> None:
     stage.parameters.write(parameters, "selection", selection.ravel(order="F"))
+
+
+def choose(gradient: NDArray[np.float64], weights: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(c, m) selection of m coordinates whose minor of the weighted gradient (m, c) is large.
+
+    Pivoting gives a first choice; then coordinates are exchanged as long as that makes it larger.
+    """
+    scaled = gradient * weights
+    m, c = scaled.shape
+    rest, chosen = scaled.copy(), []
+    for _ in range(m):
+        pivot = int(np.argmax(np.linalg.norm(rest, axis=0)))
+        chosen.append(pivot)
+        direction = rest[:, pivot] / max(float(np.linalg.norm(rest[:, pivot])), 1e-300)
+        rest = rest - np.outer(direction, direction @ rest)
+        rest[:, pivot] = 0.0
+    for _ in range(_EXCHANGES):
+        gains = np.abs(np.linalg.lstsq(scaled[:, chosen], scaled)[0])
+        i, j = np.unravel_index(int(np.argmax(gains)), gains.shape)
+        if gains[i, j] < 1 + 1e-6:
+            break
+        chosen[int(i)] = int(j)
+    selection = np.zeros((c, m))
+    selection[chosen, range(m)] = 1.0
+    return selection

@@ -153,33 +153,6 @@ class ConstraintSet:
 #: How readily a coordinate gives way to a constraint: a force axis before one that the file does
 #: not name, and that before one whose motion it asks for.
 FORCED, UNNAMED, NAMED = 100.0, 10.0, 1.0
-#: More exchanges than this are rounding.
-_EXCHANGES = 50
-
-
-def choose(gradient: NDArray[np.float64], weights: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(c, m) selection of m coordinates whose minor of the weighted gradient (m, c) is large.
-
-    Pivoting gives a first choice; then coordinates are exchanged as long as that makes it larger.
-    """
-    scaled = gradient * weights
-    m, c = scaled.shape
-    rest, chosen = scaled.copy(), []
-    for _ in range(m):
-        pivot = int(np.argmax(np.linalg.norm(rest, axis=0)))
-        chosen.append(pivot)
-        direction = rest[:, pivot] / max(float(np.linalg.norm(rest[:, pivot])), 1e-300)
-        rest = rest - np.outer(direction, direction @ rest)
-        rest[:, pivot] = 0.0
-    for _ in range(_EXCHANGES):
-        gains = np.abs(np.linalg.lstsq(scaled[:, chosen], scaled)[0])
-        i, j = np.unravel_index(int(np.argmax(gains)), gains.shape)
-        if gains[i, j] < 1 + 1e-6:
-            break
-        chosen[int(i)] = int(j)
-    selection = np.zeros((c, m))
-    selection[chosen, range(m)] = 1.0
-    return selection
 
 
 def weigh(axes: Sequence[str], named: Sequence[str], forced: Sequence[str]) -> list[float]:

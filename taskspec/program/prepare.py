@@ -13,19 +13,18 @@ from taskspec.control.model_terms import ModelTerms
 from taskspec.geometry.surface import Surface, box_face
 from taskspec.program import felt
 from taskspec.program import frames as frame_models
-from taskspec.program.carriers import Carrier, carriers
+from taskspec.program.carriers import carriers
 from taskspec.program.context import Context, StartEquation
 from taskspec.program.equations import EquationModel, equation_models
 from taskspec.program.errors import spec_error
 from taskspec.program.frames import FrameModel
 from taskspec.program.holding import holding_start
 from taskspec.program.mechanisms import MechanismModel, mechanism_models
+from taskspec.program.preconditions import check_equations, check_motions, check_parents
 from taskspec.program.signals import gaps, normal
 from taskspec.program.stiffness import compliance, equation_compliance
 from taskspec.robot import RobotError, RobotModel, load_robot, solve_start
 from taskspec.spec import LoadedTask
-from taskspec.text.diagnostic import Diagnostics, SpecError
-from taskspec.text.expression.tree import Name, walk
 
 Vector = NDArray[np.float64]
 
@@ -37,7 +36,7 @@ def prepare(loaded: LoadedTask) -> Context:
         SpecError: the robot cannot be loaded or its start cannot be reached.
     """
     task = loaded.task
-    _check_parents(loaded)
+    check_parents(loaded)
     models = mechanism_models(task)
     robot, start = _robot(loaded, models)
     terms = ModelTerms(robot)
@@ -52,7 +51,7 @@ def prepare(loaded: LoadedTask) -> Context:
     inertia = np.triu(H.reshape(n, n, order="F"))
     surfaces = {name: frame_models.surface(shape) for name, shape in task.shapes.items()}
     carried = carriers(task)
-    _check_motions(loaded, carried)
+    check_motions(loaded, carried)
     zero = ca.SX(0)
     distances = gaps(robot, surfaces, ca.SX(tip_p), ca.SX(tip_R), carried, zero)
     gap_at_start = {name: float(ca.evalf(d)) for name, d in distances.items()}
@@ -62,7 +61,7 @@ def prepare(loaded: LoadedTask) -> Context:
     }
     posture = task.robot.posture
     frames = frame_models.resolve(task)
-    _check_equations(loaded, frames, robot)
+    check_equations(loaded, frames, robot)
     equations = equation_models(task, frames)
     plant_period = 1.0 / task.control.plant_rate
     contacts = {
@@ -107,58 +106,6 @@ def _at_start(model: EquationModel, start: Vector, p: Vector, J: Vector) -> Star
     )
 
 
-_NOT_FIXED = {
-    "tool": "goes with the tool",
-    "following": "follows a surface",
-    "estimated": "is measured only while the task runs",
-}
-
-
-def _check_equations(
-    loaded: LoadedTask, frames: Mapping[str, FrameModel], robot: RobotModel
-) -> None:
-    found = Diagnostics(loaded.source.name)
-    for name, declared in loaded.task.equations.items():
-        frame = frames[declared.frame or "world"]
-        if frame.kind != "fixed":
-            found.error(
-                "TS247",
-                f"equation {name!r} is written in frame {frame.name!r}, which "
-                f"{_NOT_FIXED.get(frame.kind, 'moves')}",
-                loaded.span(("world", name, "frame")),
-                "write it in a frame that is fixed in the world",
-            )
-        if not declared.equation.joints:
-            continue
-        residual, joints = declared.equation.residual, robot.pin.nv
-        for node in walk(residual.tree):
-            if isinstance(node, Name) and _joint_of(node) > joints:
-                message = f"{robot.name!r} has {joints} joints, q1 to q{joints}"
-                found.error("TS314", message, residual.where(node))
-    if found.has_errors:
-        raise SpecError(found.sorted(), loaded.sources)
-
-
-def _joint_of(node: Name) -> int:
-    """The joint, counted from 1, that a coordinate of an equation is of; 0 for any other name."""
-    number = node.path[0].removeprefix("q")
-    return int(number) if node.path[0].startswith("q") and number.isdigit() else 0
-
-
-def _check_motions(loaded: LoadedTask, carried: Mapping[str, Carrier]) -> None:
-    """Reports objects that are nowhere, or infinitely fast, as the run begins."""
-    found = Diagnostics(loaded.source.name)
-    for name, carrier in carried.items():
-        if not all(np.isfinite(np.array(value)).all() for value in carrier.numbers(0.0)):
-            found.error(
-                "TS117",
-                "this motion has no finite place, velocity and acceleration at clock = 0 s",
-                loaded.span(("world", name, "motion")),
-            )
-    if found.has_errors:
-        raise SpecError(found.sorted(), loaded.sources)
-
-
 def _expected_normal(
     robot: RobotModel, distances: Mapping[str, float], normals: Mapping[str, Vector]
 ) -> Vector:
@@ -166,40 +113,6 @@ def _expected_normal(
     if distances:
         return normals[min(distances, key=lambda name: distances[name])]
     return np.array([0.0, 0.0, 1.0]) if "z" in robot.axes else np.array([0.0, 1.0, 0.0])
-
-
-def _check_parents(loaded: LoadedTask) -> None:
-    frames = loaded.task.frames
-    for name, frame in frames.items():
-        parent = frames.get(frame.parent or "")
-        if parent is not None and parent.surface is not None:
-            raise spec_error(
-                loaded,
-                ("frames", name, "parent"),
-                "TS226",
-                f"frame {name!r} is placed in {frame.parent!r}, which follows a surface",
-                "follow the surface itself, and turn x with 'heading'",
-            )
-        _check_turning(loaded, name)
-
-
-def _check_turning(loaded: LoadedTask, name: str) -> None:
-    """Reports a control point at the origin of a frame that turns with a handle."""
-    frames = loaded.task.frames
-    if frames[name].point != "origin":
-        return
-    parent = frames[name].parent
-    while parent in frames:
-        parent = frames[parent].parent
-    handles = {f"{m}.handle" for m, model in mechanism_models(loaded.task).items() if model.swings}
-    if parent in handles:
-        raise spec_error(
-            loaded,
-            ("frames", name, "point"),
-            "TS231",
-            f"frame {name!r} turns with {parent!r}, and keeps the control point at the tool tip",
-            "leave 'point' out, or place the frame in the mechanism's own axes",
-        )
 
 
 def _robot(loaded: LoadedTask, models: Mapping[str, MechanismModel]) -> tuple[RobotModel, Vector]:
