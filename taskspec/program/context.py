@@ -12,7 +12,7 @@ from taskspec.control import gains as gain_design
 from taskspec.control.state import AXES
 from taskspec.geometry.surface import Surface
 from taskspec.program.carriers import Carrier
-from taskspec.program.equations import EquationModel
+from taskspec.program.equations import EquationModel, StartEquation
 from taskspec.program.frames import FrameModel
 from taskspec.program.grip import GRIP
 from taskspec.program.mechanisms import MechanismModel
@@ -22,20 +22,6 @@ from taskspec.robot import RobotModel
 from taskspec.spec import Law, Limits, LoadedTask, Stage
 
 _GEOMETRIC = np.eye(3)
-
-
-@dataclass(frozen=True, slots=True)
-class StartEquation:
-    """An equation at the start pose.
-
-    Attributes:
-        distance: r / |r_x| [m, rad]. normal: (n,) unit normal on the joints' rates.
-        scale: |r_x|.
-    """
-
-    distance: float
-    normal: NDArray[np.float64]
-    scale: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -226,12 +212,7 @@ class Context:
         if not isinstance(k, Mapping):
             k = {a: k * reach**2 if a.startswith("r") else k for a in axes}
         return {
-            a: gain_design.Plant(
-                h=1.0 / mobility[i, i],
-                held=held[i],
-                k=k[a],
-                period=self.period,
-            )
+            a: gain_design.Plant(h=1.0 / mobility[i, i], held=held[i], k=k[a], period=self.period)
             for i, a in enumerate(axes)
         }
 

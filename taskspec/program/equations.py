@@ -18,6 +18,8 @@ from taskspec.program.frames import FrameModel, resolve
 from taskspec.spec import Constraint, Task
 from taskspec.text.expression.tree import Name
 
+Vector = NDArray[np.float64]
+
 #: Keeps the unit gradient finite where the gradient vanishes.
 _TINY = 1e-30
 
@@ -132,3 +134,29 @@ def reaction(
     if relation == ">=":
         return ca.if_else(terms.distance < 0, ca.fmin(force, 0), 0)
     return force
+
+
+@dataclass(frozen=True, slots=True)
+class StartEquation:
+    """An equation at the start pose.
+
+    Attributes:
+        distance: r / |r_x| [m, rad]. normal: (n,) unit normal on the joints' rates.
+        scale: |r_x|.
+    """
+
+    distance: float
+    normal: NDArray[np.float64]
+    scale: float
+
+
+def at_start(model: EquationModel, start: Vector, p: Vector, J: Vector) -> StartEquation:
+    """An equation at the start pose: joints `start` (n,), tip at p (3,) with Jacobian J (6, n)."""
+    place = ca.SX(ca.DM(start if model.joints else p))
+    terms = model.terms(place, ca.SX.zeros(place.shape[0]), ca.SX(0))
+    normal = np.array(ca.evalf(terms.normal)).ravel()
+    return StartEquation(
+        distance=float(ca.evalf(terms.distance)),
+        normal=normal if model.joints else normal @ J[:3],
+        scale=float(ca.evalf(terms.scale)),
+    )

@@ -14,8 +14,8 @@ from taskspec.geometry.surface import Surface, box_face
 from taskspec.program import felt
 from taskspec.program import frames as frame_models
 from taskspec.program.carriers import carriers
-from taskspec.program.context import Context, StartEquation
-from taskspec.program.equations import EquationModel, equation_models
+from taskspec.program.context import Context
+from taskspec.program.equations import at_start, equation_models
 from taskspec.program.errors import spec_error
 from taskspec.program.frames import FrameModel
 from taskspec.program.holding import holding_start
@@ -82,7 +82,7 @@ def prepare(loaded: LoadedTask) -> Context:
         carriers=carried,
         equations=equations,
         start_equations={
-            name: _at_start(model, start, tip_p, J) for name, model in equations.items()
+            name: at_start(model, start, tip_p, J) for name, model in equations.items()
         },
         start_jacobian=J,
         start_inertia=inertia + np.triu(inertia, 1).T,
@@ -92,17 +92,6 @@ def prepare(loaded: LoadedTask) -> Context:
         start_gaps=gap_at_start,
         start_normals=normals,
         period=1.0 / task.control.rate,
-    )
-
-
-def _at_start(model: EquationModel, start: Vector, p: Vector, J: Vector) -> StartEquation:
-    place = ca.SX(ca.DM(start if model.joints else p))
-    terms = model.terms(place, ca.SX.zeros(place.shape[0]), ca.SX(0))
-    normal = np.array(ca.evalf(terms.normal)).ravel()
-    return StartEquation(
-        distance=float(ca.evalf(terms.distance)),
-        normal=normal if model.joints else normal @ J[:3],
-        scale=float(ca.evalf(terms.scale)),
     )
 
 
