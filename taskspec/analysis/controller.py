@@ -20,6 +20,7 @@ from taskspec.program import entry, felt
 from taskspec.program.bound import BoundFunction
 from taskspec.program.carried import Carried
 from taskspec.program.context import Context
+from taskspec.program.force_references import DEFAULT_RAMP
 from taskspec.program.ports import fields, slices
 from taskspec.program.stage import CompiledStage
 
@@ -29,7 +30,6 @@ Matrix = NDArray[np.float64]
 _FOR_EVER = 1e9
 #: Ramps and blendings are over this long after they should be [s].
 _AFTER = 1.0
-_DEFAULT_RAMP = 0.2
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,7 +98,7 @@ class Operating:
         self.memory, self.parameters = entered.memory, entered.parameters
         ramps = [p.axis.ramp for p in stage.plans.values()]
         ramps += [point.ramp for point in stage.spec.constraints.values()]
-        longest = max([_DEFAULT_RAMP, *(r for r in ramps if r is not None)])
+        longest = max([DEFAULT_RAMP, *(r for r in ramps if r is not None)])
         self._now[0] = max(longest, entered.tracks.duration) + _AFTER
         entered.tracks.refresh(stage, self.parameters, float(self._now[0]))
         self._bring_references()
