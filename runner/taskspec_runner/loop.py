@@ -100,10 +100,13 @@ def run(
 
 def _why_not_finite(machine: Machine) -> str:
     reference = machine.not_finite()
+    when = f"{machine.t:.4g} s into stage {machine.stage.name!r}"
     if reference:
-        when = f"{machine.t:.4g} s into stage {machine.stage.name!r}"
         return f"the reference of {reference} is not a finite number {when}"
-    return "state or torque is no longer finite: the controlled arm has diverged"
+    return (
+        f"state or torque is no longer finite {when}: the controlled arm has diverged, or a "
+        "reference has no rate or acceleration there"
+    )
 
 
 def _stopped(name: str, text: str, machine: Machine, clock: float, ticks: int) -> Outcome:

@@ -13,6 +13,7 @@ from taskspec.compiler import Program, compile_task
 from taskspec.control.state import AXES
 from taskspec.program.machine import Machine
 from taskspec.program.transition import Transition
+from taskspec.robot.description import listening
 from taskspec.spec import LoadedTask
 from taskspec_runner import folder as folders
 from taskspec_runner import manifest
@@ -195,7 +196,8 @@ def _simulate(
     rows: Rows = recorder
     if manner.telemetry is not None:
         rows = Tap(recorder, manner.telemetry, context.period)
-    with contextlib.closing(recorder), Interrupt() as interrupt:
+    # What MuJoCo warns of it also counts, which is a stop of its own.
+    with contextlib.closing(recorder), listening([]), Interrupt() as interrupt:
         watch, by_signal = _watch(interrupt, manner.progress), 0
         try:
             outcome = run(machine, parts.plant, parts.bus, rows, context.period, watch, manner.seed)

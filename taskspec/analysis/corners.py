@@ -109,7 +109,7 @@ def nominal(context: Context, path: str, index: int | None) -> float:
         return float(getattr(context.compliances[name], key))
     found: Any = task.world[name] if section == "world" else task.robot
     for step in (key if section == "world" else rest).split("."):
-        found = getattr(found, step)
+        found = None if found is None else getattr(found, step)
     if found is None:
         return 0.0
     if index is not None or isinstance(found, tuple):

@@ -24,12 +24,15 @@ from taskspec.check.noise import check_noise
 from taskspec.check.nominal import Walk
 from taskspec.check.null_space import check_null_space
 from taskspec.check.orientation import check_orientation
+from taskspec.check.plausible import check_depth, check_plausible
+from taskspec.check.references import check_motions, check_references
 from taskspec.check.resisting import check_resisting
 from taskspec.check.sensor import check_sensor
 from taskspec.check.set_points import check_set_points
 from taskspec.check.signals import check_expectations, check_signals
 from taskspec.check.singular import check_singular
 from taskspec.check.stability import check_stability
+from taskspec.check.variations import check_variations
 from taskspec.check.yielding import check_yielding
 from taskspec.program.axes import SkewedAxisError, existing_axes
 from taskspec.program.context import Context
@@ -59,9 +62,12 @@ def check_stages(context: Context) -> tuple[Diagnostic, ...]:
     loaded = context.loaded
     found = Diagnostics(loaded.source.name)
     check_joints(context, found)
+    context = check_variations(context, found)
+    check_plausible(context, found)
     check_stiffness(context, found)
     check_start(context, found)
     check_bodies(context, found)
+    check_motions(context, found)
     check_equations(context, found)
     check_felt(context, found)
     check_sensor(context, found)
@@ -84,7 +90,9 @@ def check_stages(context: Context) -> tuple[Diagnostic, ...]:
         check_axes(context, name, axes, found)
         check_limits(context, name, found)
         check_signals(context, name, axes, found)
+        check_references(context, name, axes, found)
         check_set_points(context, name, axes, rotation, found)
+        check_depth(context, name, axes, rotation, found)
         check_constraints(context, name, axes, rotation, found)
         check_null_space(context, name, axes, found)
         check_orientation(context, name, axes, rotation, found)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from taskspec.check.nominal import Place
 from taskspec.check.rates import VELOCITY, motion
-from taskspec.check.rows import Asked, Line, System
+from taskspec.check.rows import Asked, Line, System, shares_of
 from taskspec.check.statics import TORQUE, statics, steady
 from taskspec.control.qp.certificate import Certificate, contradiction, feasible
 from taskspec.control.state import AXES
@@ -200,7 +200,8 @@ def _limited(context: Context, name: str, forces: dict[str, float]) -> bool:
     """Whether no force alone is beyond `limits.force`, which TS610 reports."""
     most = context.limits_of(context.loaded.task.stages[name]).force
     own = [abs(value) for axis, value in forces.items() if not axis.startswith("r")]
-    return most is not None and all(value <= most for value in own)
+    share = shares_of(context, name).force
+    return most is not None and all(value <= share * most for value in own)
 
 
 def _leaned_on(

@@ -22,6 +22,7 @@ def check_frame(context: Context, name: str, found: Diagnostics) -> bool:
     frame = context.frame_of(stage)
     if not _turning_fits(context, name, found):
         return False
+    _check_loose(context, name, found)
     if frame.kind != "following":
         return True
     assert frame.surface is not None
@@ -54,6 +55,27 @@ def check_frame(context: Context, name: str, found: Diagnostics) -> bool:
         "give a heading that lies in the surface, such as heading: [0, 1, 0]",
     )
     return False
+
+
+def _check_loose(context: Context, name: str, found: Diagnostics) -> None:
+    """Reports a frame of stage `name` on a loose body, which stays where that is declared."""
+    loaded = context.loaded
+    stage = loaded.task.stages[name]
+    frame = context.frame_of(stage)
+    owner = frame.surface_name or frame.owner
+    shape = loaded.task.shapes.get(owner or "")
+    if shape is None or not shape.free or owner == loaded.task.robot.grasp:
+        return
+    place = loaded.span(("stages", name, "frame") if stage.frame else ("frame",))
+    if found.says("TS248", place):
+        return
+    found.warning(
+        "TS248",
+        f"{owner!r} is loose, and nothing tells the robot where it goes: frame {frame.name!r} "
+        "stays where it is declared",
+        place,
+        "follow what stands still, or hold the body: robot.grasp",
+    )
 
 
 def _turning_fits(context: Context, name: str, found: Diagnostics) -> bool:

@@ -89,6 +89,8 @@ def meeting(
     closing = -float(normal @ rotation @ rates)
     fits = {a: abs(float(normal @ rotation[:, AXES.index(a)])) for a in _moved(rates)}
     axis = max(fits, key=lambda a: fits[a], default="")
+    if gap is not None and closing < -MOSTLY * float(np.linalg.norm(rates)):
+        _report_away(context, name, rates, gap, found)
     if closing <= 0 or fits[axis] < MOSTLY or not _waits_for_contact(context, name):
         return None
     return Meeting(contact, axis, rates, closing)
@@ -118,6 +120,27 @@ def _waits_for_contact(context: Context, name: str) -> bool:
     felt["touching"] = point(0.0)
     inner = until.tree.x if isinstance(until.tree, Held) else until.tree
     return value_of(inner, IntervalAlgebra(), Ranges(context, name, felt)).never
+
+
+def _report_away(
+    context: Context, name: str, rates: Vector, gap: float, found: Diagnostics
+) -> None:
+    """Reports a stage that waits to feel the only object there is, and moves away from it."""
+    loaded = context.loaded
+    alone = len(context.start_gaps) == 1 and not loaded.task.equations
+    moved = _moved(rates)
+    if not alone or loaded.task.robot.grasp is not None or not _waits_for_contact(context, name):
+        return
+    contact = next(iter(context.start_gaps))
+    axis = max(moved, key=lambda a: abs(rates[AXES.index(a)]))
+    back = -float(rates[AXES.index(axis)])
+    found.warning(
+        "TS617",
+        f"stage {name!r} begins {show(gap, 'mm', 3)} away from {contact!r}, moves away from it and "
+        "waits to feel something: its bound ends it before",
+        loaded.span(("stages", name, "axes", axis, "velocity")),
+        f"did you mean {show(back, 'mm/s')}? the outward normal points away from the object",
+    )
 
 
 def _report_short(

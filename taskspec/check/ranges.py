@@ -8,8 +8,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
 
 from taskspec.check.interval import ANY, MAYBE, Interval, point
+from taskspec.check.known import known_value
 from taskspec.control.state import AXES
 from taskspec.program.context import Context
 from taskspec.spec import Stage
@@ -22,6 +26,9 @@ _BEYOND_STOP = 0.1
 #: Faster than any arm's tip [m/s]: by as much a stage may go beyond `within.travel` in a period.
 _FASTEST = 10.0
 _POSITIVE = Interval(0.0, math.inf)
+#: A mechanism may be driven farther than its velocity says, by this share and by play [m, rad].
+_DRIVEN = 1.1
+_SLACK = {"angle": math.radians(2.0), "travel": 2e-3}
 _CONDITIONS = ("touching", "path_done", "limited")
 
 
@@ -99,7 +106,14 @@ class Ranges:
             return f"the limit on speed, {show(limits.speed, 'mm/s')}, stops the run before that"
         if head == "joint":
             return f"joint {node.path[1]} has limits"
-        return f"{head!r} has a stop" if head in task.mechanisms else ""
+        return self._why_held(head, last) if head in task.mechanisms else ""
+
+    def _why_held(self, name: str, signal: str) -> str:
+        driven, stop = self._driven(name, signal), self._stop(name, signal)
+        if driven is None or driven.interval.meet(stop) != driven.interval:
+            return f"{name!r} has a stop"
+        way = show(driven.way, "mm" if signal == "travel" else "deg", 3)
+        return f"in {show(driven.lasts, 's', 3)} this stage moves {name!r} by {way}"
 
     def _scalar(self, name: str) -> Interval:
         params = self._context.loaded.task.params
@@ -138,6 +152,10 @@ class Ranges:
         return _within(float(most[i]))
 
     def _mechanism(self, name: str, signal: str) -> Interval:
+        driven = self._driven(name, signal)
+        return self._stop(name, signal).meet(ANY if driven is None else driven.interval)
+
+    def _stop(self, name: str, signal: str) -> Interval:
         mechanism = self._context.loaded.task.mechanisms[name]
         if mechanism.stop is None:
             return ANY
@@ -147,6 +165,54 @@ class Ranges:
         factor = lead if mechanism.angular and signal == "travel" else 1.0
         ends = sorted((factor * (low - slack), factor * (high + slack)))
         return Interval(*ends)
+
+    def _driven(self, name: str, signal: str) -> Driven | None:
+        driven = driven_way(self._context, self._name) if name == self._context.held else None
+        return driven if driven is not None and driven.signal == signal else None
+
+
+@dataclass(frozen=True, slots=True)
+class Driven:
+    """What the first stage makes of the mechanism that the robot holds.
+
+    Attributes:
+        signal: `angle` or `travel`. lasts: the longest that the stage may last [s].
+        way: what its velocity comes to by then [rad or m]. interval: of the coordinate.
+    """
+
+    signal: str
+    lasts: float
+    way: float
+    interval: Interval
+
+
+def driven_way(context: Context, name: str) -> Driven | None:
+    """How far a constant velocity drives the held mechanism; None where that is not known.
+
+    Only of the first stage, which begins at coordinate 0, in the frame of the handle.
+    """
+    stage = context.loaded.task.stages[name]
+    frame = context.frame_of(stage)
+    held = context.mechanisms.get(context.held)
+    lasts = longest(context, stage)
+    first = name == next(iter(context.loaded.task.stages))
+    if held is None or not first or not math.isfinite(lasts):
+        return None
+    axis = "y" if frame.mechanism is not None else "z"
+    entry = stage.axes.get(axis)
+    rate = None if entry is None or entry.velocity is None else known_value(context, entry.velocity)
+    if rate is None or frame.name != f"{context.held}.handle":
+        return None
+    if frame.mechanism is None:
+        if held.angular:
+            return None
+        signal, way = "travel", rate * lasts
+    else:
+        lever = np.cross(held.rotation[:, 2], context.start_p - held.origin)
+        signal, way = "angle", rate * lasts / float(np.linalg.norm(lever))
+    ends = sorted((0.0, _DRIVEN * way))
+    slack = _SLACK[signal]
+    return Driven(signal, lasts, way, Interval(ends[0] - slack, ends[1] + slack))
 
 
 def _within(most: float | None) -> Interval:

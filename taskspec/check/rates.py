@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.check.nominal import Place
-from taskspec.check.rows import Asked, Line, System, limit_place
+from taskspec.check.rows import Asked, Line, System, kept, limit_place, shares_of
 from taskspec.control.state import AXES
 from taskspec.program.context import Context
 from taskspec.robot.inverse_kinematics import turns_at
@@ -27,7 +27,7 @@ def motion(context: Context, asked: Asked, place: Place) -> tuple[System, Vector
         context: the task. asked: what the stage asks for. place: where, its `rates` what is asked.
     """
     assert place.q is not None
-    robot, loaded = context.robot, context.loaded
+    robot, loaded, shares = context.robot, context.loaded, shares_of(context, asked.name)
     J = tip_jacobian(robot.pin, robot.tip_joint, robot.tip, place.q)
     inside = np.kron(np.eye(2), place.rotation.T) @ J
     system = System(len(place.q))
@@ -38,16 +38,17 @@ def motion(context: Context, asked: Asked, place: Place) -> tuple[System, Vector
     v = place.rotation @ [place.rates.get(a, 0.0) for a in AXES[:3]]
     size = float(np.linalg.norm(v))
     if speed is not None and size > 0:
-        words = f"limits.speed, {show(speed, 'mm/s')}"
+        words = f"limits.speed, {show(speed, 'mm/s')}{kept(shares.speed)}"
         line = Line("limit", words, limit_place(context, asked.name, "speed"), "raise the limit")
-        system.add(v / size @ J[:3], -speed, speed, line)
+        system.add(v / size @ J[:3], -shares.speed * speed, shares.speed * speed, line)
     for i, most in enumerate(robot.velocity_limit):
         if not np.isfinite(most):
             continue
         unit = "deg/s" if turns_at(robot, i) else "mm/s"
-        words = f"joint {i + 1} ({show(float(most), unit, 3)})"
+        words = f"joint {i + 1} ({show(float(most), unit, 3)}{kept(shares.velocity)})"
         line = Line(VELOCITY, words, None, "start in another posture")
-        system.add(np.eye(len(place.q))[i], -most, most, line)
+        fastest = shares.velocity * most
+        system.add(np.eye(len(place.q))[i], -fastest, fastest, line)
     rows = [AXES.index(a) for a in place.rates]
     rates = np.array(list(place.rates.values()))
     return system, np.linalg.lstsq(inside[rows], rates, rcond=None)[0]

@@ -48,8 +48,8 @@ def check_resisting(
         return
     gives_way = LAWS[law.kind].shares or law.solve == "qp"
     for axis, entry in stage.axes.items():
-        wanted = _wanted(context, entry) if axis in axes else 0.0
-        if wanted == 0.0:
+        wanted = _wanted(context, entry) if axis in axes else None
+        if wanted is None:
             continue
         turns = axis.startswith("r")
         key, unit = ("torque", "N*m") if turns else ("force", "N")
@@ -59,6 +59,10 @@ def check_resisting(
         direction = rotation[:, AXES.index(axis) % 3]
         space = moments(context, stage) if turns else forces(context, stage, rotation)
         if np.linalg.norm(direction @ space) > _RESISTED:
+            continue
+        if wanted == 0.0:
+            if not LAWS[law.kind].shares:
+                _report_undetermined(context, axis, place, found)
             continue
         found.add(
             Severity.WARNING if gives_way else Severity.ERROR,
@@ -70,19 +74,39 @@ def check_resisting(
         )
 
 
+def _report_undetermined(
+    context: Context, axis: str, place: Span | None, found: Diagnostics
+) -> None:
+    """Tells of an axis without a motion, along which neither a force is asked for nor can be.
+
+    That f = 0 there is natural already, so stating it is no constraint: what is left of the law is
+    its damping.
+    """
+    turns = axis.startswith("r")
+    found.info(
+        "TS325",
+        f"nothing determines {axis!r}: no {'moment' if turns else 'force'} is asked for, and "
+        f"{_reason(context, turns)}; only damping keeps the tool there",
+        place,
+        f"hold it or move it, unless it is to {'turn' if turns else 'go'} freely",
+    )
+
+
 def _is_told(place: Span | None, found: Diagnostics) -> bool:
     """Whether a contradiction of lines or an open-loop force without a surface says it already."""
     told = (d for d in found.sorted() if d.code in ("TS303", "TS420"))
     return any(place in (d.span, *(note.span for note in d.notes)) for d in told)
 
 
-def _wanted(context: Context, entry: Axis) -> float:
-    """A set point that is not zero, as far as it does not depend on signals [N, N m]."""
+def _wanted(context: Context, entry: Axis) -> float | None:
+    """A set point, not zero if it is ever another [N, N m]; None where signals decide it."""
     expression = entry.force if entry.torque is None else entry.torque
     if expression is None:
-        return 0.0
+        return None
     values = [known_value(context, expression, {"t": t, "clock": t}) for t in _TIMES]
-    return next((v for v in values if v and np.isfinite(v)), 0.0)
+    if any(v is None or not np.isfinite(v) for v in values):
+        return None
+    return next((v for v in values if v), 0.0)
 
 
 def forces(context: Context, stage: Stage, rotation: Vector) -> Vector:

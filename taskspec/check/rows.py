@@ -8,6 +8,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from taskspec.program.bounds import SPEED_SHARE, VELOCITY_SHARE
+from taskspec.program.consistency import FRICTION_SHARE, SET_POINT_SHARE, STATIC_SHARE
 from taskspec.program.context import Context
 from taskspec.text.source import Span
 
@@ -31,6 +33,36 @@ class Line:
     mend: str
     value: float = 0.0
     unit: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Shares:
+    """What a stage may take of its bounds: all under a closed form, less under `solve: qp`.
+
+    Attributes:
+        force: of `limits.force`. torque: of the motors, by forces at rest. friction: of a contact.
+        speed: of `limits.speed`. velocity: of a joint's.
+    """
+
+    force: float = 1.0
+    torque: float = 1.0
+    friction: float = 1.0
+    speed: float = 1.0
+    velocity: float = 1.0
+
+
+_PROGRAM = Shares(SET_POINT_SHARE, STATIC_SHARE, FRICTION_SHARE, SPEED_SHARE, VELOCITY_SHARE)
+
+
+def shares_of(context: Context, name: str) -> Shares:
+    """The shares of stage `name`."""
+    law = context.law_of(context.loaded.task.stages[name])
+    return _PROGRAM if law.solve == "qp" else Shares()
+
+
+def kept(share: float) -> str:
+    """A share in words that follow the bound; nothing where all of it may be taken."""
+    return "" if share == 1.0 else f", of which the program keeps to {100 * share:.0f} %"
 
 
 @dataclass(slots=True)

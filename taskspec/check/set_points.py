@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.check.known import known_value
+from taskspec.check.rows import shares_of
 from taskspec.control.state import AXES
 from taskspec.program.consistency import SET_POINT_SHARE
 from taskspec.program.context import Context
@@ -46,7 +47,7 @@ def check_set_points(
                     place,
                     "forces are what the robot applies: pressing goes against the outward normal",
                 )
-        if most is not None and abs(wanted) > most:
+        if most is not None and abs(wanted) > shares_of(context, name).force * most:
             _beyond(context, stage, wanted, place, found)
     _check_constraints(context, name, found)
 
@@ -83,7 +84,8 @@ def _check_constraints(context: Context, name: str, found: Diagnostics) -> None:
             continue
         kind, unit = ("torque", "N*m") if model.joints else ("force", "N")
         place = loaded.span(("stages", name, "constraints", equation, kind))
-        if most is not None and abs(wanted) > most and not model.joints:
+        share = shares_of(context, name).force
+        if most is not None and abs(wanted) > share * most and not model.joints:
             _beyond(context, stage, wanted, place, found)
         if presses * wanted >= 0:
             continue

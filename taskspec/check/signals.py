@@ -61,7 +61,11 @@ def check_expectations(
             here = Name(inner.path)  # The verdict resolves other frames from the log.
             reason = no_such_signal(context, stage, axes_of[stage], here, inside_norm=inside_norm)
             if reason is not None:
-                found.error("TS224", f"{node}: {reason}", expression.where(node))
+                hint = ""
+                if inner.path[0] == "error" and inner.path[-1] in axes_of[stage]:
+                    kind = "torque" if inner.path[-1].startswith("r") else "force"
+                    hint = f"judge what it controls: {stage}.{kind}.{inner.path[-1]}"
+                found.error("TS224", f"{node}: {reason}", expression.where(node), hint)
 
 
 def _finite_at_start(context: Context, expression: Expression) -> bool:

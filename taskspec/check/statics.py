@@ -16,7 +16,7 @@ that what contradicts itself here does so in truth.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 
 import numpy as np
 import pinocchio as pin
@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from taskspec.check.known import known_value
 from taskspec.check.nominal import Place
-from taskspec.check.rows import Asked, Line, System, limit_place
+from taskspec.check.rows import Asked, Line, System, kept, limit_place, shares_of
 from taskspec.control.state import AXES
 from taskspec.program.context import Context
 from taskspec.robot.inverse_kinematics import turns_at
@@ -71,9 +71,9 @@ def statics(context: Context, asked: Asked, place: Place) -> tuple[System, Vecto
     _add_set_points(context, asked, place.rotation, about, system)
     _add_limits(context, asked, about, wanted, system)
     if asked.normals is not None:
-        _add_contacts(context, asked.normals, wanted[:3], not ball, system)
+        _add_contacts(context, asked, wanted[:3], not ball, system)
     if place.q is not None:
-        _add_torques(context, place.q, whole, system)
+        _add_torques(context, place.q, whole, shares_of(context, asked.name).torque, system)
     guess = np.zeros(system.size)
     nearest = context.contact_of(context.frame_of(stage))
     at = 3 * objects.index(nearest) if nearest in objects else 0
@@ -105,30 +105,31 @@ def _add_limits(
     context: Context, asked: Asked, about: Vector, wanted: Vector, system: System
 ) -> None:
     limits = context.limits_of(context.loaded.task.stages[asked.name])
-    parts = (("force", limits.force if asked.limited else None, 0, "N"),
-             ("torque", limits.torque, 3, "N*m"))  # fmt: skip
-    for key, most, first, unit in parts:
-        if most is None:
+    share = shares_of(context, asked.name).force
+    parts = (("force", limits.force if asked.limited else None, 0, "N", share),
+             ("torque", limits.torque, 3, "N*m", 1.0))  # fmt: skip
+    for key, bound, first, unit, part in parts:
+        if bound is None:
             continue
-        words = f"limits.{key}, {show(most, unit)}"
+        most = part * bound
+        words = f"limits.{key}, {show(bound, unit)}{kept(part)}"
         line = Line("limit", words, limit_place(context, asked.name, key), "raise the limit")
         for direction in _directions(wanted[first : first + 3]):
             system.add(direction @ about[first : first + 3], -np.inf, most, line)
 
 
 def _add_contacts(
-    context: Context,
-    normals: Mapping[str, Vector],
-    wanted: Vector,
-    moments_too: bool,
-    system: System,
+    context: Context, asked: Asked, wanted: Vector, moments_too: bool, system: System
 ) -> None:
+    assert asked.normals is not None
+    share = shares_of(context, asked.name).friction
     moments = np.zeros((3, system.size))
     moments[:, -3:] = np.eye(3)
     lean = np.zeros(system.size)
-    for i, (name, normal) in enumerate(normals.items()):
+    for i, (name, normal) in enumerate(asked.normals.items()):
         own = slice(3 * i, 3 * i + 3)
-        friction = context.loaded.task.shapes[name].friction
+        whole = context.loaded.task.shapes[name].friction
+        friction = share * whole
         push = np.zeros(system.size)
         push[own] = -normal
         span = context.loaded.span(("world", name), key=True)
@@ -137,7 +138,7 @@ def _add_contacts(
         system.add(push, 0.0, np.inf, line)
         given = "friction" in context.loaded.task.shapes[name].model_fields_set
         span = context.loaded.span(("world", name, "friction"), key=not given)
-        words = f"the friction of {name!r}, {friction:g}"
+        words = f"the friction of {name!r}, {whole:g}{kept(share) if whole else ''}"
         line = Line("contact", words, span, "press harder")
         for tangent in _tangents(normal, wanted):
             row = np.zeros(system.size)
@@ -152,7 +153,7 @@ def _add_contacts(
         system.add(row - lean, -np.inf, 0.0, line)
 
 
-def _add_torques(context: Context, q: Vector, whole: Vector, system: System) -> None:
+def _add_torques(context: Context, q: Vector, whole: Vector, share: float, system: System) -> None:
     robot = context.robot
     gravity = pin.computeGeneralizedGravity(robot.pin, robot.pin.createData(), q)
     J = tip_jacobian(robot.pin, robot.tip_joint, robot.tip, q)
@@ -160,8 +161,13 @@ def _add_torques(context: Context, q: Vector, whole: Vector, system: System) -> 
         if not np.isfinite(most):
             continue
         unit = "N*m" if turns_at(robot, i) else "N"
-        line = Line(TORQUE, f"joint {i + 1} ({show(float(most), unit)})", None, OTHERWISE)
-        system.add(J[:, i] @ whole, -most - gravity[i], most - gravity[i], line)
+        words = f"joint {i + 1} ({show(float(most), unit)}{kept(share)})"
+        line = Line(TORQUE, words, None, OTHERWISE)
+        # Gravity alone is always allowed.
+        low, high = min(-share * most - gravity[i], 0.0), max(share * most - gravity[i], 0.0)
+        if share == 1.0:
+            low, high = -most - gravity[i], most - gravity[i]
+        system.add(J[:, i] @ whole, low, high, line)
 
 
 def _directions(wanted: Vector) -> Iterable[Vector]:

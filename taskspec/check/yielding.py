@@ -27,6 +27,8 @@ Vector = NDArray[np.float64]
 
 #: Share of the largest rate by which rates may differ: an axis is no more exact than a few deg.
 _DIFFERS = 0.1
+#: Slower than this is the rounding of a mechanism that stands still [m/s, rad/s].
+_NOTHING = 1e-9
 
 
 def check_yielding(
@@ -65,6 +67,7 @@ def check_yielding(
         s = np.asarray(np.linalg.lstsq(A[others], b[others], rcond=_DIFFERS)[0])
     unit = "deg/s" if axis.startswith("r") else "mm/s"
     has = float((A @ s)[worst]) / scale[axis]
+    has = has if abs(has) > _NOTHING else 0.0
     asked = f"is to move with {show(wanted[axis] or 0.0, unit, 3)}" if wanted[axis] else "is held"
     free = "torque" if axis.startswith("r") else "force"
     place = ("stages", name, "axes", axis if axis in stage.axes else moved[0])

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.motion.polynomial import PiecewiseCubic
+from taskspec.text.confined import Confines
 
 #: Columns that a table may have.
 COLUMNS = ("t", "x", "y", "z", "rx", "ry", "rz")
@@ -70,17 +71,25 @@ class Table:
         }
 
 
-def read_table(path: Path, unit_of: Callable[[str, str], float]) -> Table:
+class OutsideError(Exception):
+    """A CSV file that lies where a task may not read."""
+
+
+def read_table(path: Path, unit_of: Callable[[str, str], float], confines: Confines) -> Table:
     """Reads a CSV table.
 
     Args:
         path: the file; its first row names the columns as `x [mm]`.
         unit_of: (unit, column) to the factor to SI; raises ValueError with a message.
+        confines: where it may lie.
 
     Raises:
+        OutsideError: it lies elsewhere.
         TableError: a wrong header, a cell that is no number, points that do not advance.
         OSError: the file cannot be read.
     """
+    if path.suffix.lower() == SUFFIX and not confines.hold(path):
+        raise OutsideError
     if path.exists() and not path.is_file():
         raise TableError(f"{path.name} is not a regular file")
     if {path.suffix.lower(), path.resolve().suffix.lower()} != {SUFFIX}:

@@ -242,7 +242,14 @@ class Machine:
 
     def not_finite(self) -> str:
         """Which reference of the last tick is not a number; empty where none is to blame."""
-        return not_finite(self.stage.plans, self.named_outputs())
+        reference = not_finite(self.stage.plans, self.named_outputs())
+        if reference:
+            return reference
+        equations = self.outputs[_FIELDS["residual"].stop :]
+        for name, value in zip(self.stage.equations, equations, strict=False):
+            if name in self.stage.spec.constraints and not np.isfinite(value):
+                return f"{name!r}"
+        return ""
 
     def named_outputs(self) -> dict[str, Vector]:
         """The last outputs by name."""

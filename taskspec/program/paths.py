@@ -8,11 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.motion.path import PathShape, coordinates
-from taskspec.motion.table import Table, TableError, read_table
+from taskspec.motion.table import OutsideError, Table, TableError, read_table
 from taskspec.program.axes import existing_axes
 from taskspec.program.context import Context
 from taskspec.program.errors import spec_error
 from taskspec.spec import Path
+from taskspec.text.confined import MEND, confines
 from taskspec.text.units import ANGLE, LENGTH, TIME, alternatives, fitting, parse_unit
 
 
@@ -95,7 +96,10 @@ def _table(context: Context, name: str, path: Path) -> Table:
     folder = loaded.base or FilePath()
     place = ("stages", name, "path", "file")
     try:
-        table = read_table(folder / path.file, _factor)
+        table = read_table(folder / path.file, _factor, confines(loaded.base))
+    except OutsideError as error:
+        message = f"{path.file!r} lies outside of the task's project"
+        raise spec_error(loaded, place, "TS409", message, MEND) from error
     except OSError as error:
         message = f"cannot read {path.file!r}: {error.strerror}"
         raise spec_error(loaded, place, "TS223", message) from error

@@ -14,6 +14,7 @@ register(
         "TS406": "a flange that is unknown or cannot be told",
         "TS407": "a tool that is not complete or not possible",
         "TS408": "a tool tip that cannot move along the world's axes",
+        "TS409": "a file outside of the task's project",
         "TS411": "joint positions that do not fit the robot",
         "TS412": "a start out of reach",
         "TS413": "an orientation that the robot cannot take at its start",
@@ -25,7 +26,7 @@ class RobotError(Exception):
     """A robot, its tool or its start that cannot be used.
 
     Attributes:
-        code: One of those above: TS401 to TS408 for robots, TS411 to TS413 for starts.
+        code: One of those above: TS401 to TS409 for robots, TS411 to TS413 for starts.
         message: What is wrong, without a full stop.
         hint: What to do about it, or empty.
         field: Where in a task file's `robot` section the cause stands, such as `("start", "xyz")`.

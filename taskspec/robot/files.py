@@ -11,6 +11,7 @@ from xml.etree import ElementTree
 
 from taskspec.robot.bounds import MOST_DEPTH, MOST_ELEMENTS, check_text, too_large
 from taskspec.robot.errors import RobotError
+from taskspec.text.confined import MEND, Confines
 
 SUFFIXES = (".xml", ".mjcf", ".urdf")
 MESH_SUFFIXES = (".stl", ".obj", ".msh")
@@ -27,20 +28,19 @@ _NAMES = frozenset(
 
 @dataclass(frozen=True, slots=True)
 class Roots:
-    """The folders whose files a robot's file may include.
+    """Where a robot's file is, and where the files lie that it may include.
 
     Attributes:
         model: The folder of the robot's file.
-        task: The folder of the task file.
+        confines: The folders below which all files of the task lie.
     """
 
     model: Path
-    task: Path
+    confines: Confines
 
     def hold(self, path: Path) -> bool:
-        """Whether the file that `path` really is lies in one of the folders."""
-        real = path.resolve()
-        return any(real.is_relative_to(root.resolve()) for root in (self.model, self.task))
+        """Whether the file that `path` really is lies below one of the folders."""
+        return self.confines.hold(path)
 
 
 def is_regular(path: Path) -> bool:
@@ -56,16 +56,17 @@ def looks_like_path(model: str) -> bool:
     return any(mark in model for mark in "/\\.")
 
 
-def read_model(path: Path, shown: str) -> str:
+def read_model(path: Path, shown: str, confines: Confines) -> str:
     """The text of a robot's file.
 
     Args:
         path: Where it is.
         shown: How the user wrote it.
+        confines: Where it may lie.
 
     Raises:
         RobotError: TS401 when there is none, TS402 when it is not a regular text file of a known
-            kind.
+            kind, TS409 when it lies elsewhere.
     """
     if not {path.suffix.lower(), _real_suffix(path)} <= set(SUFFIXES):
         hint = (
@@ -76,6 +77,8 @@ def read_model(path: Path, shown: str) -> str:
             f"'{shown}' is neither MJCF nor URDF by its ending",
             hint or f"known endings are {', '.join(SUFFIXES)}",
         )
+    if not confines.hold(path):
+        raise RobotError("TS409", f"'{shown}' lies outside of the task's project", MEND)
     data = _read(path, shown, _MODEL_BYTES)
     if data is None:
         raise RobotError(
@@ -115,7 +118,7 @@ def find_mesh(uri: str, folder: Path, roots: Roots) -> Path | None:
     """The file that a mesh's URI means, or None.
 
     `package://NAME/rest` and `model://NAME/rest` are looked for as `NAME/rest` and `rest` beside
-    the robot's file and in the folders above it.
+    the robot's file and in the folders above it, as far as these may hold files of the task.
 
     Args:
         uri: As written in the robot's file.
@@ -131,11 +134,12 @@ def find_mesh(uri: str, folder: Path, roots: Roots) -> Path | None:
         above_model = roots.model.resolve().parents[:-1]
         for above in (roots.model, *above_model[:_PARENTS]):
             for relative in (parts, parts[1:]):
-                if relative and is_regular(above.joinpath(*relative)):
-                    return above.joinpath(*relative)
+                file = above.joinpath(*relative)
+                if relative and roots.hold(file) and is_regular(file):
+                    return file
         return None
     path = folder / rest
-    return path if is_regular(path) and roots.hold(path) else None
+    return path if roots.hold(path) and is_regular(path) else None
 
 
 def parse_xml(text: str, shown: str) -> ElementTree.Element:

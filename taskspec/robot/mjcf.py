@@ -20,6 +20,7 @@ from taskspec.robot.files import (
     read_mesh,
     read_model,
 )
+from taskspec.text.confined import MEND
 
 _INCLUDES = 20
 _REFUSED = {
@@ -64,18 +65,16 @@ def _read_include(
     """The elements of an included file, in which further includes are absolute paths."""
     name = include.get("file", "")
     path = roots.model / name
-    if not is_regular(path):
-        raise RobotError("TS402", f"'{shown}' includes '{name}', which is not there")
     if not roots.hold(path):
         raise RobotError(
-            "TS403",
-            f"'{shown}' includes '{name}' from outside its own and the task file's folder",
-            "move it beside the robot's file",
+            "TS403", f"'{shown}' includes '{name}' from outside of the task's project", MEND
         )
+    if not is_regular(path):
+        raise RobotError("TS402", f"'{shown}' includes '{name}', which is not there")
     if path.resolve() in seen or len(seen) == _INCLUDES:
         raise RobotError("TS403", f"'{name}' is included twice, or too many files are")
     seen.add(path.resolve())
-    included = parse_xml(read_model(path, name), name)
+    included = parse_xml(read_model(path, name, roots.confines), name)
     for further in included.iter("include"):
         beside_model, beside_file = (
             folder / further.get("file", "") for folder in (roots.model, path.parent)

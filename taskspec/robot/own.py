@@ -20,6 +20,7 @@ from taskspec.robot.errors import RobotError
 from taskspec.robot.files import Roots, parse_xml, read_model
 from taskspec.robot.mjcf import mjcf_spec, mjcf_text
 from taskspec.robot.urdf import check_urdf, urdf_mimics, urdf_spec, urdf_velocities
+from taskspec.text.confined import confines
 
 MakeSpec = Callable[[bool], tuple[mujoco.MjSpec, list[str]]]
 
@@ -32,11 +33,11 @@ def read_own(shown: str, folder: Path) -> Description:
         folder: Where relative paths begin.
 
     Raises:
-        RobotError: TS401 to TS405.
+        RobotError: TS401 to TS405, TS409.
     """
     path = folder / shown
-    roots = Roots(path.parent, folder)
-    text = read_model(path, shown)
+    roots = Roots(path.parent, confines(folder))
+    text = read_model(path, shown, roots.confines)
     root = parse_xml(text, shown)
     if root.tag == "robot":
         check_growth(root, shown)
@@ -90,7 +91,8 @@ def _compile(shown: str, make: MakeSpec, notes: list[str]) -> mujoco.MjModel:
             continue
         if absent and meshes:
             notes.append(
-                f"meshes that are not there or cannot be drawn are left out: {', '.join(absent)}"
+                "meshes that are not there, lie outside of the project or cannot be drawn are left "
+                f"out: {', '.join(absent)}"
             )
         notes.extend(heard)
         return m

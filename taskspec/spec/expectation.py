@@ -8,7 +8,7 @@ from typing import Any
 from taskspec.spec import values
 from taskspec.spec.kinds import Kind
 from taskspec.spec.reading import Reading, kind_of, span_of
-from taskspec.text.data import Items
+from taskspec.text.data import Items, Map
 from taskspec.text.expression import Expression, ScopeKind
 
 
@@ -25,6 +25,16 @@ class Expectation:
     text: str
 
 
+def _condition(entry: object, reading: Reading) -> Expression | None:
+    if isinstance(entry, Map) and len(entry) == 1:
+        (key,) = entry
+        message = "a condition is needed here, this is a mapping"
+        hint = f"write the relation instead of the colon: {key} < …"
+        reading.error("TS022", message, span_of(entry), hint)
+        return None
+    return values.expression(entry, None, ScopeKind.EXPECT, reading)
+
+
 @dataclass(frozen=True)
 class Expectations(Kind):
     """A list of conditions."""
@@ -35,7 +45,9 @@ class Expectations(Kind):
             message = f"a list of conditions is needed here, this is {kind_of(value)}"
             reading.error("TS022", message, span_of(value), "begin each with '- '")
             return ()
-        found = (values.expression(v, None, ScopeKind.EXPECT, reading) for v in value)
+        if not reading.stages:
+            return ()  # What is expected of stages that are not there is no further mistake.
+        found = (_condition(entry, reading) for entry in value)
         return tuple(Expectation(e, str(e)) for e in found if e is not None)
 
     def json(self) -> dict[str, Any]:

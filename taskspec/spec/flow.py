@@ -50,7 +50,7 @@ def _check_reached(stages: Map, edges: Edges, reading: Reading) -> None:
                 reached.add(target)
                 waiting.append(target)
     for name in stages:
-        if name not in reached:
+        if name not in reached and name not in ENDS:
             reading.diagnostics.warning(
                 "TS605",
                 f"the stage '{name}' is never reached",

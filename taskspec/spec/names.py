@@ -77,7 +77,9 @@ def _check_unique(sections: dict[str, dict[str, Span]], reading: Reading) -> Non
 def _why_not(name: str, section: str) -> str | None:
     """Return why a name cannot be given, None if it can."""
     if not _NAME.match(name):
-        return "a name is a letter followed by letters, digits and '_'"
+        rule = "a name is a letter followed by letters, digits and '_'"
+        near = re.sub(r"[^A-Za-z0-9]+", "_", name).strip("_")
+        return f"{rule}: {near}" if _NAME.match(near) and _why_not(near, section) is None else rule
     if name in UNITS:
         return f"'{name}' is a unit"
     if name in FUNCTIONS or name in REDUCERS:

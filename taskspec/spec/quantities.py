@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 from taskspec.spec import values
@@ -11,6 +12,7 @@ from taskspec.spec.reading import Reading, kind_of, span_of
 from taskspec.text.data import Items, Real, Text, Whole
 from taskspec.text.expression import Expression, ScopeKind
 from taskspec.text.expression.tree import Number
+from taskspec.text.traps import adjoin
 from taskspec.text.units import (
     NUMBER,
     SMALLEST,
@@ -125,7 +127,10 @@ class Entries(Kind):
         fewest = len(self.dimensions) if self.fewest is None else self.fewest
         if not fewest <= len(value) <= len(self.dimensions) and not value.node.broken:
             message = f"{self._count()} entries are needed here, these are {len(value)}"
-            reading.error("TS023", message, span_of(value))
+            items = value.node.items
+            torn = any(adjoin(a, b) for a, b in pairwise(items)) and len(value) > fewest
+            hint = "a comma begins a new entry; decimals follow a point, as in 0.5" if torn else ""
+            reading.error("TS023", message, span_of(value), hint)
         before = len(reading.diagnostics)
         result = []
         for entry, dimension in zip(value, self.dimensions, strict=False):

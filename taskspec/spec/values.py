@@ -20,6 +20,7 @@ from taskspec.text.expression import (
 from taskspec.text.expression.parse import Start
 from taskspec.text.expression.signals import CONSTANTS
 from taskspec.text.expression.tree import Name, Node, Number, walk
+from taskspec.text.expression.widths import interval_problems
 from taskspec.text.units import LARGEST, NUMBER, Dimension, Quantity, describe
 
 _FLOATS = FloatAlgebra()
@@ -69,10 +70,22 @@ def expression(
     reading.problems(value, checked.problems)
     if checked.problems:
         return None
+    ends = tuple(interval_problems(checked.tree, lambda name: _known(name, reading)))
+    reading.problems(value, ends)
+    if ends:
+        return None
     fixed = all(n.path[0] in reading.params for n in walk(node) if isinstance(n, Name))
     if dimension is not None and fixed and number(value, node, reading) is None:
         return None
     return Expression(value.node.value, checked.tree, checked.dimension, value.node.origin)
+
+
+def _known(name: Name, reading: Reading) -> float:
+    """The value of a param or constant; nan of any other name."""
+    if str(name) in CONSTANTS:
+        return CONSTANTS[str(name)][0]
+    param = reading.params.get(str(name))
+    return math.nan if param is None else param.value
 
 
 def constant(value: object, dimension: Dimension, reading: Reading) -> float | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -155,7 +156,9 @@ class Free(Kind):
         if self.filled and not value.strip():
             reading.error("TS022", "this text is empty", span_of(value))
         if self.matches is not None and not self.matches(value):
-            reading.error("TS125", f"'{value}' is not {self.form}", span_of(value))
+            near = re.sub(r"[^a-z0-9]+", "-", value.lower()).strip("-")
+            hint = f"write '{near}'" if near != value and self.matches(near) else ""
+            reading.error("TS125", f"'{value}' is not {self.form}", span_of(value), hint)
         return str(value)
 
     def json(self) -> dict[str, Any]:

@@ -11,6 +11,7 @@ from taskspec.text.source import Source, Span
 
 GLUED = re.compile(r"([A-Za-z_][A-Za-z0-9_.]*):(\S.*)\Z", re.DOTALL)
 """A key and its value without the space between them."""
+_ENDS_WHOLE = re.compile(r"(?<![\w.])[0-9]+\Z")
 
 
 def comment_after(source: Source, end: int) -> str:
@@ -68,7 +69,11 @@ def _join_value(
     source: Source,
     diagnostics: Diagnostics,
 ) -> Node:
-    if not (isinstance(value, Scalar) and value.plain and _open(value.value)):
+    if not (isinstance(value, Scalar) and value.plain):
+        return value
+    if waiting and adjoin(value, waiting[-1][0]) and is_empty(waiting[-1][1]):
+        return _with_point(value, waiting.pop()[0], source, diagnostics)
+    if not _open(value.value):
         return value
     parts = [value]
     while waiting and _open(" ".join(p.value for p in parts)):
@@ -82,6 +87,41 @@ def _join_value(
     whole = _joined(parts, source)
     _report_comma(whole, f"{key.value}: ", diagnostics)
     return whole
+
+
+def adjoin(first: Node, second: Node) -> bool:
+    """Whether two entries look like one number with a decimal comma: `0,5 m`."""
+    if not all(isinstance(node, Scalar) and node.plain for node in (first, second)):
+        return False
+    assert isinstance(first, Scalar)
+    assert isinstance(second, Scalar)
+    return (
+        _ENDS_WHOLE.search(first.value) is not None
+        and second.value[:1].isdigit()
+        and (first.span.end_line, first.span.end_column + 1)
+        == (second.span.line, second.span.column)
+    )
+
+
+def is_empty(node: Node) -> bool:
+    """Whether nothing is written where a value is."""
+    return isinstance(node, Scalar) and node.empty
+
+
+def _with_point(
+    whole: Scalar, decimals: Scalar, source: Source, diagnostics: Diagnostics
+) -> Scalar:
+    """The number that was meant by one with a comma."""
+    joined = _joined([whole, decimals], source)
+    comma = len(whole.value)
+    meant = f"{joined.value[:comma]}.{joined.value[comma + 1 :]}"
+    diagnostics.error(
+        "TS012",
+        "a comma ends the value, also within a number",
+        joined.origin.at(comma, comma + 1),
+        f"decimals follow a point: {meant}",
+    )
+    return Scalar(meant, True, joined.origin)
 
 
 def _open(text: str) -> bool:

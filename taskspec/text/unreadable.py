@@ -28,6 +28,7 @@ _SIGNS = {
 """What to do about a sign that has a meaning of its own where a value begins."""
 
 _GLUED_LINE = re.compile(r"[ -]*[A-Za-z_][A-Za-z0-9_.]*:(?=[^ ])")
+_QUOTED = re.compile(r"""(?:"[^"]*"|'[^']*')[ ]*\Z""")
 _BRACKETED = re.compile(r".*:[ ]+([{\[]).*[}\]][^}\],]*$")
 
 
@@ -142,9 +143,10 @@ def _colon(problem: str, here: _Place, began: _Place, source: Source) -> _Findin
     if "could not find expected ':'" in problem:
         if glued := _GLUED_LINE.match(began.text):
             return _without_space(began.text, began.line, glued.end())
+        dashed = re.match(r"[ ]*-(?=[^ -])", began.text)
         return _Finding(
             "this line is not 'key: value'",
-            "a key ends with ': '",
+            "a list entry begins with '- '" if dashed else "a key ends with ': '",
             line=began.line,
             column=began.column,
         )
@@ -166,6 +168,8 @@ def _structure(context: str, problem: str, here: _Place, source: Source) -> _Fin
     """Explain brackets and indentation."""
     if "flow mapping" in context or "flow sequence" in context:
         brace = "}" if "mapping" in context else "]"
+        if _QUOTED.search(here.text[: here.column - 1]):
+            return _Finding("a text goes on after its closing quote", "quote all of it, or nothing")
         return _Finding(f"'{brace}' or ',' is missing", "what is open has to be closed")
     if "block mapping" in context or "block collection" in context:
         if bracket := _BRACKETED.match(here.text[: here.column - 1]):

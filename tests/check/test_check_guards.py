@@ -55,7 +55,38 @@ def test_guards(until, expected):
 
 def test_the_other_sign_is_right_where_something_pushes_the_other_way():
     assert codes("force.z > 2 N", world=f"{TABLE}, {CEILING}") == []
-    assert codes("force.z > 2 N", axes="z: {velocity: 10 mm/s}") == []
+    assert codes("force.z > 2 N", axes="z: {velocity: 10 mm/s}") == ["TS617"]
+
+
+CRANK = "crank: {mechanism: hinge, xyz: [480 mm, 0, 350 mm], handle: [100 mm, 0, 0], knob: free%s}"
+DRAWER = "drawer: {mechanism: slide, xyz: [500 mm, 0, 350 mm], rpy: [0, 90 deg, 0]%s}"
+
+
+@pytest.mark.parametrize(
+    ("world", "rate", "until", "expected"),
+    [
+        # 60 mm/s at 100 mm for 4 s are 137.5 deg.
+        (CRANK, "y: {velocity: 60 mm/s}", "crank.angle > 130 deg", []),
+        (CRANK, "y: {velocity: 60 mm/s}", "crank.angle > 160 deg", ["TS611"]),
+        (CRANK, "y: {velocity: -60 mm/s}", "crank.angle > 90 deg", ["TS611"]),
+        (CRANK, "y: {velocity: -60 mm/s}", "crank.angle < -90 deg", []),
+        (CRANK, "y: {velocity: 60 mm/s * t/(1 s)}", "crank.angle < -90 deg", []),
+        (CRANK % ", stop: 0..80 deg%s", "y: {velocity: 60 mm/s}", "crank.angle > 130 deg",
+         ["TS611"]),
+        (DRAWER, "z: {velocity: 50 mm/s}", "drawer.travel > 150 mm", []),
+        (DRAWER, "z: {velocity: 50 mm/s}", "drawer.travel > 250 mm", ["TS611"]),
+        (DRAWER, "z: {velocity: 50 mm/s}", "drawer.travel < -50 mm", ["TS611"]),
+    ],
+)  # fmt: skip
+def test_how_far_a_mechanism_is_driven(world, rate, until, expected):
+    name = world.partition(":")[0]
+    others = {"crank": "x: {force: 0}, z: {force: 0}", "drawer": "x: {force: 0}, y: {force: 0}"}
+    text = TASK.replace("start: {xyz: [500 mm, 0, 340 mm]}", f"grasp: {name}.handle")
+    text = text.replace("frame: table", f"frame: {name}.handle").replace(", travel: 60 mm", "")
+    text = text.replace("UNTIL", until).replace("WORLD", world % "")
+    text = text.replace("AXES", f"{rate}, {others[name]}")
+    found = [d.code for d in check_task(load_text(text, "t"))]
+    assert [code for code in found if not code.startswith("TS5")] == expected
 
 
 def test_the_sign_is_told_with_what_would_be_right():

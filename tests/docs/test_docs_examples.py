@@ -12,6 +12,7 @@ from taskspec.compiler import compile_task
 from taskspec.motion.table import read_table
 from taskspec.spec.laws import LAWS
 from taskspec.text.codes import CODES
+from taskspec.text.confined import confines
 from taskspec.text.diagnostic import Severity
 from taskspec.text.units import parse_unit
 
@@ -44,7 +45,7 @@ def test_there_are_examples():
 def test_every_csv_block_is_a_path(text, tmp_path):
     file = tmp_path / "points.csv"
     file.write_text(text, encoding="utf-8")
-    points = read_table(file, lambda unit, _column: parse_unit(unit).scale)
+    points = read_table(file, lambda unit, _column: parse_unit(unit).scale, confines(file.parent))
     assert points.length > 0
 
 

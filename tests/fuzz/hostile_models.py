@@ -90,7 +90,7 @@ MODELS: dict[str, Model] = {
     "includes /etc/passwd": _inclusion("/etc/passwd", "TS403"),
     "includes a file above": _inclusion("../../etc/passwd", "TS403", "TS402"),
     "includes a pipe": _inclusion("pipe.xml", "TS402"),
-    "includes a device": _inclusion("/dev/zero", "TS402"),
+    "includes a device": _inclusion("/dev/zero", "TS403"),
     "includes a link out": _inclusion("link.xml", "TS403"),
     "includes itself": _inclusion("arm.xml", "TS403"),
     "includes a folder": _inclusion(".", "TS402"),

@@ -122,10 +122,16 @@ ROWS: dict[str, Attack] = {
     "a link to another kind": model("link.xml", "TS402"),
     "a link to itself": model("loop.xml", "TS401", "TS402"),
     "a name that no system has": model("a" * 5000 + ".xml", "TS401", "TS402"),
+    "a robot elsewhere": model("/opt/robots/arm.urdf", "TS409"),
+    "a robot above": model("../arm.xml", "TS409"),
+    "a robot behind a link that leads out": model("out.xml", "TS409"),
+    "a table elsewhere": table("/var/log/points.csv", "TS409"),
+    "a table above the project": table("../points.csv", "TS409"),
+    "a table behind a link that leads out": table("out.csv", "TS409"),
     "a table above": table("../../../../etc/passwd", "TS223"),
     "a table that is a device": table("/dev/zero", "TS223"),
     "a table that is a pipe": table("pipe.csv", "TS223"),
-    "a table behind a link": table("link.csv", "TS223"),
+    "a table behind a link": table("link.csv", "TS409"),
     "a table of a process": table("/proc/self/environ", "TS223"),
     "a table name that no system has": table("a" * 5000 + ".csv", "TS223"),
     "a table that is a folder": table("folder.csv", "TS223"),
@@ -163,6 +169,10 @@ def folder(tmp_path: Path) -> Path:
         os.mkfifo(tmp_path / name)
     for name in ("link.xml", "link.csv"):
         (tmp_path / name).symlink_to("/etc/passwd")
+    for name in ("out.xml", "out.csv"):
+        outside = tmp_path.parent / f"{tmp_path.name}-{name}"
+        outside.write_text("root:", encoding="utf-8")
+        (tmp_path / name).symlink_to(outside)
     (tmp_path / "loop.xml").symlink_to(tmp_path / "loop.xml")
     (tmp_path / "folder.csv").mkdir()
     return tmp_path

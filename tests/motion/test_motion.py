@@ -10,6 +10,7 @@ from scipy.interpolate import CubicSpline
 from taskspec.motion import blend, profile
 from taskspec.motion.path import PathShape
 from taskspec.motion.table import TableError, read_table
+from taskspec.text.confined import confines
 
 UNITS = {"mm": 1e-3, "m": 1.0, "s": 1.0, "deg": np.pi / 180}
 
@@ -99,7 +100,7 @@ def test_blending_shapes_begin_and_end_as_they_must():
 def test_a_table_is_splined_like_scipys(tmp_path):
     file = tmp_path / "p.csv"
     file.write_text("# a comment\nx [mm], y [mm]\n0, 0\n30, 10\n60, -10\n90, 0\n")
-    table = read_table(file, unit)
+    table = read_table(file, unit, confines(file.parent))
     assert table.length == pytest.approx(np.hypot(30, 10) * 2e-3 + np.hypot(30, 20) * 1e-3)
     path = PathShape("file", ("x", "y"), table=table, speed=0.05).ready()
     plan = path.plan({"x": 0.0, "y": 0.0})
@@ -115,7 +116,7 @@ def test_a_table_is_splined_like_scipys(tmp_path):
 def test_a_timed_table_keeps_its_own_time(tmp_path):
     file = tmp_path / "p.csv"
     file.write_text("t [s],x [mm]\n0.5,0\n1.0,30\n2.5,60\n")
-    table = read_table(file, unit)
+    table = read_table(file, unit, confines(file.parent))
     plan = PathShape("file", ("x",), table=table).ready().plan({})
     assert plan.duration == 2.0
     assert plan.splines["x"](plan.timing(0.5)) == pytest.approx(0.03)
@@ -142,7 +143,7 @@ def test_a_spoiled_table_says_what_and_where(tmp_path, text, message, line):
     file = tmp_path / "p.csv"
     file.write_text(text)
     with pytest.raises(TableError, match=message) as caught:
-        read_table(file, unit)
+        read_table(file, unit, confines(file.parent))
     assert caught.value.line == line
 
 

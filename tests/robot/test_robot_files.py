@@ -78,7 +78,7 @@ def test_links_do_not_lead_out(load: Load, folder: Path) -> None:
     secret.write_text("<mujoco/>")
     (folder / "defaults.xml").unlink()
     (folder / "defaults.xml").symlink_to(secret)
-    with pytest.raises(RobotError, match="from outside its own"):
+    with pytest.raises(RobotError, match="from outside of the task"):
         load("own.xml", folder, flange="grip")
 
 

@@ -134,7 +134,7 @@ def test_usual_site_name_need_not_be_said(load: Load, folder: Path) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "code", "message"),
     [
-        ('file="defaults.xml"', 'file="../outside.xml"', "TS403", "from outside its own"),
+        ('file="defaults.xml"', 'file="../outside.xml"', "TS403", "from outside of the task"),
         ('file="defaults.xml"', 'file="gone.xml"', "TS402", "'gone.xml', which is not there"),
         ('file="defaults.xml"', 'file="own.xml"', "TS403", "included twice"),
         ('file="defaults.xml"', 'file="parts"', "TS402", "'parts', which is not there"),

@@ -76,6 +76,7 @@ def test_absent_meshes_are_noted(load: Load) -> None:
 def test_package_meshes_are_found_around(
     load: Load, folder: Path, tetrahedron: bytes, place: str
 ) -> None:
+    (folder.parent / "package.xml").write_text("<package/>")
     folder = folder / "deep" if place.startswith("../..") else folder
     folder.mkdir(exist_ok=True)
     shutil.copy(Path(__file__).parent / "data" / "own.urdf", folder)
@@ -86,6 +87,16 @@ def test_package_meshes_are_found_around(
     assert noted(robot, "left out: absent.stl")
     assert robot.flange == "palm"
     assert robot.spec.copy().compile().nmesh == 1
+
+
+def test_package_meshes_outside_of_the_project_are_left_out(
+    load: Load, folder: Path, tetrahedron: bytes
+) -> None:
+    (folder.parent / "meshes").mkdir()
+    (folder.parent / "meshes" / "tetra.stl").write_bytes(tetrahedron)
+    robot = load("own.urdf", folder, flange="palm")
+    assert robot.model.nmesh == 0
+    assert noted(robot, "lie outside of the project")
 
 
 def test_broken_meshes_are_left_out(load: Load, folder: Path) -> None:

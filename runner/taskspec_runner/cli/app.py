@@ -54,12 +54,22 @@ def run(
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Say only what failed.")] = False,
     form: Annotated[RunFormat, typer.Option("--format", help="Of the outcome.")] = RunFormat.TEXT,
     video: options.RunVideo = None,
+    force: options.Force = False,
 ) -> int:
     """Run a task in simulation, record it and judge what it expects."""
     from taskspec_runner.cli.run import run_task
 
     return run_task(
-        file, set_ or [], law, seed, out, telemetry, quiet=quiet, form=form, video=video
+        file,
+        set_ or [],
+        law,
+        seed,
+        out,
+        telemetry,
+        quiet=quiet,
+        form=form,
+        video=video,
+        force=force,
     )
 
 

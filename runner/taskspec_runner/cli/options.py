@@ -29,6 +29,9 @@ RunVideo = Annotated[
     Path | None,
     typer.Option(metavar="OUT.MP4", help="Draw the run as a video when it has ended."),
 ]
+Force = Annotated[
+    bool, typer.Option("--force", help="Run stages that are predicted to be unstable (TS501).")
+]
 
 # replay
 Video = Annotated[

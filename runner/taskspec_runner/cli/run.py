@@ -5,16 +5,23 @@ from __future__ import annotations
 import json
 import sys
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
-from taskspec.text.diagnostic import SpecError
+from taskspec.text.diagnostic import Diagnostic, Diagnostics, SpecError
 from taskspec_runner.cli.findings import record, show_findings
 from taskspec_runner.cli.formats import RunFormat
 from taskspec_runner.cli.loading import load
 from taskspec_runner.interrupt import BY_SIGNAL
+
+if TYPE_CHECKING:
+    from taskspec.compiler import Program
+
+#: The code of a stage that is predicted to be unstable in the world of its file.
+UNSTABLE = "TS501"
 
 
 def run_task(
@@ -28,8 +35,12 @@ def run_task(
     quiet: bool,
     form: RunFormat,
     video: Path | None = None,
+    force: bool = False,
 ) -> int:
-    """Runs a task file and tells how it went; afterwards draws it as a video."""
+    """Runs a task file and tells how it went; afterwards draws it as a video.
+
+    A stage that is predicted to be unstable is not run, unless by `force`.
+    """
     from taskspec.compiler import compile_task
     from taskspec_runner.cli.outcome import show_outcome
     from taskspec_runner.cli.progress import progress_line
@@ -46,6 +57,7 @@ def run_task(
         check_video(video)
     try:
         program = compile_task(load(file, sets, law))
+        warnings = _foreseen(program, force=force)
     except SpecError as error:
         if not as_data:
             raise
@@ -53,8 +65,8 @@ def run_task(
         _print(found)
         return 1
     loaded = program.context.loaded
-    if program.warnings and not quiet:
-        show_findings(program.warnings, loaded.sources, err=True)
+    if warnings and not quiet:
+        show_findings(warnings, loaded.sources, err=True)
     with (
         sending(telemetry, _say) as sink,
         progress_line(shown=not quiet and sys.stderr.isatty()) as progress,
@@ -71,7 +83,7 @@ def run_task(
             "report": str(result.report),
             "wall_seconds": result.wall_seconds,
             "real_time_factor": result.real_time_factor,
-            "diagnostics": [record(d) for d in program.warnings],
+            "diagnostics": [record(d) for d in warnings],
         }
         if video is not None:
             where["video"] = str(video)
@@ -81,6 +93,33 @@ def run_task(
         if video is not None and not quiet and video.is_file():
             typer.echo(f"video: {video}")
     return result.exit_code
+
+
+def _foreseen(program: Program, *, force: bool) -> tuple[Diagnostic, ...]:
+    """What was found about a program, its predicted stability included.
+
+    Worlds that `vary` allows are not those of a run: that one of them is unstable keeps nothing
+    from running.
+
+    Raises:
+        SpecError: a stage is predicted to be unstable as it would be run, and `force` is not given.
+    """
+    from taskspec.check.stability import check_stability
+
+    loaded = program.context.loaded
+    found = Diagnostics(loaded.source.name)
+    found.extend(program.warnings)
+    check_stability(program.context, found)
+    told = found.sorted()
+    if force or all(d.code != UNSTABLE for d in told):
+        return told
+    raise SpecError([_forcible(d) if d.code == UNSTABLE else d for d in told], loaded.sources)
+
+
+def _forcible(found: Diagnostic) -> Diagnostic:
+    """A finding of an unstable stage with what lets it run."""
+    ways = [found.hint] if found.hint else []
+    return replace(found, hint="; ".join([*ways, "--force runs it all the same"]))
 
 
 def _say(text: str) -> None:

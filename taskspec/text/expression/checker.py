@@ -211,6 +211,9 @@ class Checker:
                 hint = ""
             else:
                 message, code = f"unknown function '{node.function}'", "TS121"
+                before, _, last = node.function.rpartition(".")
+                if before and last in (*FUNCTIONS, *REDUCERS):
+                    hint = f"the function comes first: {last}({before}.…)"
             self.problems.append(Problem(code, message, node.start, end, hint))
             return UNKNOWN
         if not rule.fewest <= len(node.args) <= (rule.most or len(node.args)):
@@ -268,5 +271,8 @@ class Checker:
             message = "in an expectation 'for' takes a share of all ticks"
             self.report("TS119", message, amount, "write a percentage: for 95 %")
         elif amount.value_si > 1:
-            self.report("TS118", "a share is at most 100 %", amount)
+            self.report("TS118", "a share is at most 100 %", amount, "write a percentage: for 95 %")
+        elif amount.value_si == 0:
+            hint = "write the least share of ticks that will do: for 95 %"
+            self.report("TS118", "a share of no ticks expects nothing", amount, hint)
         return CONDITION

@@ -8,45 +8,9 @@ from dataclasses import dataclass
 from lark.exceptions import UnexpectedInput, UnexpectedToken
 
 from taskspec.text.expression.problem import Problem
+from taskspec.text.expression.spelling import CHARACTERS, ELSEWHERE, UNIT_WORDS
 from taskspec.text.suggest import closest
 from taskspec.text.units import UNITS, usual_units
-
-_CHARACTERS = {
-    "°": "write 'deg' for degrees",
-    "µ": "write 'um' for micrometres",
-    "μ": "write 'um' for micrometres",
-    "·": "write '*'",
-    "×": "write '*'",
-    "÷": "write '/'",
-    "−": "write '-' (this is another character that looks like it)",
-    "–": "write '-' (this is another character that looks like it)",
-    "²": "write '^2'",
-    "³": "write '^3'",
-    "≤": "write '<='",
-    "≥": "write '>='",
-    "π": "write 'pi'",
-    "&": "write 'and'",
-    "|": "write 'or', or abs(x) for an absolute value",
-    "!": "write 'not'",
-    ":": "a time is written with its unit, such as 90 s",
-    ".": "write a digit before the point, such as 0.5",
-    "[": "an expression is one number; there are no lists in it",
-    "{": "there are no braces in expressions; use ( )",
-    "'": "there are no quotes in expressions",
-    '"': "there are no quotes in expressions",
-    "#": "a comment needs a space before '#'",
-    "_": "a name begins with a letter",
-}
-
-UNIT_WORDS = {
-    "newton": "N", "newtons": "N", "meter": "m", "meters": "m", "metre": "m", "metres": "m",
-    "millimeter": "mm", "millimeters": "mm", "millimetre": "mm", "millimetres": "mm",
-    "sec": "s", "secs": "s", "second": "s", "seconds": "s", "msec": "ms",
-    "degree": "deg", "degrees": "deg", "radian": "rad",
-    "radians": "rad", "rads": "rad", "gram": "g", "grams": "g", "kilogram": "kg", "hertz": "Hz",
-    "rev": "turn", "revs": "turn", "turns": "turn", "percent": "%", "watt": "W", "joule": "J",
-}  # fmt: skip
-"""What people write for a unit, and the unit."""
 
 _WRITTEN = "it is written with =, <= or >=, such as x^2 + y^2 = (300 mm)^2"
 _UNFINISHED = re.compile(r"(?:\b(?:and|or|not|for|within|in)|[-+*/<>=(,])$")
@@ -56,8 +20,8 @@ _RELATIONS = {"LT", "LE", "GT", "GE", "WITHIN"}
 
 def unknown_unit(word: str) -> str:
     """Return the hint for a word that stands where a unit would."""
-    if word.lower().startswith("min"):
-        return "there is no unit for minutes; write seconds: 180 s"
+    if word.lower() in ELSEWHERE:
+        return ELSEWHERE[word.lower()]
     near = UNIT_WORDS.get(word.lower()) or closest(word, [*UNITS, *usual_units()])
     if near:
         return f"did you mean '{near}'?"
@@ -67,7 +31,7 @@ def unknown_unit(word: str) -> str:
 def explain_character(text: str, position: int, start: str) -> Problem:
     """Say what to write instead of a character that no expression contains."""
     character = text[position]
-    hint = _CHARACTERS.get(character, "")
+    hint = CHARACTERS.get(character, "")
     if text[position : position + 2] == "!=":
         hint = "compare with < or >, or write 'not (x within a +- b)'"
         hint = _WRITTEN if start == "equation" else hint
@@ -181,7 +145,7 @@ def _logic(t: _Token) -> Problem | None:
 
 
 def _unit(t: _Token) -> Problem | None:
-    if t.kind == "PATH" and _BARE_NUMBER.search(t.before):
+    if t.kind in ("PATH", "IN") and _BARE_NUMBER.search(t.before):
         return t.problem(f"'{t.word}' is not a unit", unknown_unit(t.word), "TS111")
     return None
 
@@ -203,11 +167,17 @@ def _condition(t: _Token) -> Problem | None:
 
 
 def _order(t: _Token) -> Problem | None:
+    if t.kind == "IN":
+        return t.problem("'in' names a frame after a signal", "a range of values follows 'within'")
+    if t.before.endswith(" in"):
+        return t.problem("a frame follows 'in'", "a range of values follows 'within'")
     if t.kind in ("QUANTITY", "PATH", "LPAR") and t.before:
         return t.problem(f"'{t.word}' follows without an operator", "write * for a product")
     if t.kind == "RPAR" and t.before.count("(") <= t.before.count(")"):
         return t.problem("')' has no place here", "it was never opened")
     if t.kind == "COMMA":
+        if _BARE_NUMBER.search(t.before) and t.text[t.end : t.end + 1].isdigit():
+            return t.problem("',' has no place in a number", "decimals follow a point, as in 0.5")
         return t.problem("',' has no place here", "it separates the arguments of a function")
     return None
 

@@ -16,6 +16,18 @@ _ONLY_HERE = {
     ScopeKind.EQUATION: "an equation may use x, y, z or q1, q2, ..., clock, params and pi",
     ScopeKind.PLANNED: "a planned position may use params, pi, t and clock only",
 }
+_PREFIXES = {
+    "force": ("f", "force"), "velocity": ("v", "vel", "velocity"),
+    "position": ("p", "pos", "position"),
+}  # fmt: skip
+_OTHERS = {
+    **{f"{word}{axis}": f"{signal}.{axis}"
+       for signal, words in _PREFIXES.items() for word in words for axis in "xyz"},
+    **{f"{word}{axis}": f"torque.r{axis}" for word in ("m", "t", "torque") for axis in "xyz"},
+    "f": "force.z", "pos": "position.z", "vel": "velocity.z", "contact": "touching",
+    "time": "t", "distance": "gap", "moment": "torque.rz", "wrench": "force.z",
+}  # fmt: skip
+"""What other systems call a signal."""
 _TRUTH = ("yes", "no", "on", "off", "true", "false")
 _SIGNALS = (*signals.VECTORS, *signals.SCALARS, *signals.CONDITIONS)
 
@@ -88,6 +100,9 @@ def _single(word: str, scope: Scope) -> tuple[str, str, str]:
         known |= signals.COORDINATES.keys()
     if scope.measures:
         known |= {*_SIGNALS, *scope.stages, *scope.objects}
+        other = _OTHERS.get(word.lower().replace("_", ""))
+        if other is not None and closest(word, scope.params) is None:
+            return "TS120", unknown, f"did you mean '{other}'?"
     return "TS120", unknown, suggestion(word, known) or _params_hint(scope)
 
 

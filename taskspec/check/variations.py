@@ -1,0 +1,65 @@
+"""Worlds under `vary` that there are none of: a stiffness below zero, a mass of none."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from taskspec.analysis.corners import nominal
+from taskspec.program.context import Context
+from taskspec.spec.vary import OBJECT, ROBOT, Target
+from taskspec.text.diagnostic import Diagnostics
+from taskspec.text.units import in_si
+
+#: Values that have to be more than zero; all others but places and biases may also be zero.
+_POSITIVE = ("stiffness", "size", "radius", "length", "mass", "inertia", "robot.sensor.filter")
+_ANY = ("xyz", "rpy", "robot.sensor.bias")
+
+
+def check_variations(context: Context, found: Diagnostics) -> Context:
+    """Reports variations whose lower end is a value that the file itself could not state.
+
+    Returns the task to check further, which varies nothing if something cannot be varied so.
+    """
+    loaded, possible = context.loaded, True
+    for path, components in loaded.task.vary.items():
+        _, _, key = path.rpartition(".")
+        if key in _ANY or path in _ANY:
+            continue
+        positive = path != "robot.tool.mass" and (key in _POSITIVE or path in _POSITIVE)
+        dimensions = _target(context, path)
+        for i, variation in enumerate(components):
+            if variation is None:
+                continue
+            index = i if len(components) > 1 else None
+            middle = nominal(context, path, index) if variation.relative else 0.0
+            low = middle + variation.low
+            if low > 0 or (low == 0 and not positive):
+                continue
+            possible = False
+            unit = dimensions[i]
+            declared = f", from {in_si(middle, unit)} in the file" if variation.relative else ""
+            found.error(
+                "TS118",
+                f"this lets {path!r} become {in_si(low, unit)}{declared}: it has to be "
+                f"{'above 0' if positive else '0 or more'}",
+                loaded.span(("vary", path) if index is None else ("vary", path, index)),
+                "narrow the interval, or write its ends: a..b",
+            )
+    if possible:
+        return context
+    steady = loaded.task.model_copy(update={"vary": {}})
+    return replace(context, loaded=replace(loaded, task=steady))
+
+
+def _target(context: Context, path: str) -> Target:
+    """The dimensions of a value that varies."""
+    section, _, rest = path.partition(".")
+    if section == "robot":
+        return ROBOT[rest]
+    name, _, key = rest.partition(".")
+    task = context.loaded.task
+    if name in task.mechanisms:
+        return OBJECT[task.mechanisms[name].mechanism][key]
+    if name in context.equations:
+        return OBJECT["joint equation" if context.equations[name].joints else "equation"][key]
+    return OBJECT["shape"][key]

@@ -1,0 +1,61 @@
+"""What people write in expressions that the language spells otherwise."""
+
+from __future__ import annotations
+
+CHARACTERS = {
+    "°": "write 'deg' for degrees",
+    "µ": "write 'um' for micrometres",
+    "μ": "write 'um' for micrometres",
+    "·": "write '*'",
+    "×": "write '*'",
+    "÷": "write '/'",
+    "−": "write '-' (this is another character that looks like it)",
+    "–": "write '-' (this is another character that looks like it)",
+    "²": "write '^2'",
+    "³": "write '^3'",
+    "≤": "write '<='",
+    "≥": "write '>='",
+    "π": "write 'pi'",
+    "&": "write 'and'",
+    "|": "write 'or', or abs(x) for an absolute value",
+    "!": "write 'not'",
+    ":": "a time is written with its unit, such as 90 s",
+    ".": "write a digit before the point, such as 0.5",
+    "[": "an expression is one number; there are no lists in it",
+    "{": "there are no braces in expressions; use ( )",
+    "'": "there are no quotes in expressions",
+    '"': "there are no quotes in expressions",
+    "#": "a comment needs a space before '#'",
+    "_": "a name begins with a letter",
+    "“": "write plain quotes, or leave them out",
+    "”": "write plain quotes, or leave them out",
+    "’": "write plain quotes, or leave them out",
+}
+"""What to write for signs that no expression contains."""
+
+UNIT_WORDS = {
+    "newton": "N", "newtons": "N", "meter": "m", "meters": "m", "metre": "m", "metres": "m",
+    "millimeter": "mm", "millimeters": "mm", "millimetre": "mm", "millimetres": "mm",
+    "sec": "s", "secs": "s", "second": "s", "seconds": "s", "msec": "ms",
+    "degree": "deg", "degrees": "deg", "radian": "rad",
+    "radians": "rad", "rads": "rad", "gram": "g", "grams": "g", "kilogram": "kg", "hertz": "Hz",
+    "rev": "turn", "revs": "turn", "turns": "turn", "percent": "%", "watt": "W", "joule": "J",
+}  # fmt: skip
+"""What people write for a unit, and the unit."""
+
+ELSEWHERE = {
+    "min": "there is no unit for minutes; write seconds: 60 s for each",
+    "mins": "there is no unit for minutes; write seconds: 60 s for each",
+    "minute": "there is no unit for minutes; write seconds: 60 s for each",
+    "minutes": "there is no unit for minutes; write seconds: 60 s for each",
+    "h": "there is no unit for hours; write seconds: 3600 s for each",
+    "in": "there is no unit for inches; write millimetres: 25.4 mm for each",
+    "inch": "there is no unit for inches; write millimetres: 25.4 mm for each",
+    "inches": "there is no unit for inches; write millimetres: 25.4 mm for each",
+    "lb": "there is no unit for pounds; write 0.4536 kg, as a force 4.448 N, for each",
+    "lbs": "there is no unit for pounds; write 0.4536 kg, as a force 4.448 N, for each",
+    "lbf": "there is no unit for pounds of force; write 4.448 N for each",
+    "kgf": "there is no unit for kilograms of force; write 9.807 N for each",
+    "kp": "there is no unit for kiloponds; write 9.807 N for each",
+}
+"""What to write for units that people use and the table has not."""
