@@ -18,6 +18,7 @@ from taskspec.check.frames import check_frame, check_start, check_stiffness
 from taskspec.check.guards import check_guards
 from taskspec.check.impact import check_impact
 from taskspec.check.judging import check_judging
+from taskspec.check.lasting import check_lasting
 from taskspec.check.leaving import check_leaving
 from taskspec.check.limits import check_limits
 from taskspec.check.noise import check_noise
@@ -100,6 +101,8 @@ def check_stages(context: Context) -> tuple[Diagnostic, ...]:
             path = path_shape(context, name, rotation)
         except SpecError as error:
             found.extend(error.diagnostics)
+            continue
+        if not check_lasting(context, name, path, found):
             continue
         check_forces(context, name, axes, rotation, path, found)
         check_following(context, name, axes, rotation, path, found)

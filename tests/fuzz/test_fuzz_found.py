@@ -16,6 +16,21 @@ HEAD = "taskspec: 1\nrobot: {model: panda}\n"
 WAIT = "stages: {a: {time: 1 s}}\n"
 
 FOUND = {
+    "a path that lasts longer than moves can be planned": (
+        HEAD + "stages: {a: {path: {to: [0, 1e15 mm, 0, 0 deg], speed: 5 mm/s}}}\n",
+        {"TS118"},
+    ),
+    "a stiffness that may become negative": (
+        "taskspec: 1\nrobot: {model: panda, start: {xyz: [500 mm, 0, 300 mm]}}\n"
+        "world: {table: {shape: plane, xyz: [0, 0, 300 mm]}}\nframe: table\n"
+        "stages: {a: {axes: {z: {force: -5 N}}, time: 1 s}}\n"
+        "vary: {world.table.stiffness: +- 30 kN/m}\n",
+        {"TS118"},
+    ),
+    "noise that varies where there is no sensor": (
+        HEAD + WAIT + "vary: {robot.sensor.noise.force: +- 1 N}\n",
+        {"TS118"},
+    ),
     "a law that is a mapping": (
         HEAD + "law: {kind: {z: 1}}\n" + WAIT,
         {"TS022"},
