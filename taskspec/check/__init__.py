@@ -8,13 +8,13 @@ from __future__ import annotations
 
 from taskspec.check.axes import check_axes, check_joints
 from taskspec.check.bodies import check_bodies
-from taskspec.check.entering import check_entering
+from taskspec.check.entering import check_entering, check_ramps
 from taskspec.check.equations import check_constraints, check_equations
 from taskspec.check.feasibility import check_feasibility
 from taskspec.check.felt import check_felt
 from taskspec.check.following import check_following
 from taskspec.check.forces import check_forces
-from taskspec.check.frames import check_frame, check_start, check_stiffness
+from taskspec.check.frames import check_frame, check_pointing, check_start, check_stiffness
 from taskspec.check.guards import check_guards
 from taskspec.check.impact import check_impact
 from taskspec.check.judging import check_judging
@@ -94,6 +94,8 @@ def check_stages(context: Context) -> tuple[Diagnostic, ...]:
         check_references(context, name, axes, found)
         check_set_points(context, name, axes, rotation, found)
         check_depth(context, name, axes, rotation, found)
+        check_ramps(context, name, axes, found)
+        check_pointing(context, name, found)
         check_constraints(context, name, axes, rotation, found)
         check_null_space(context, name, axes, found)
         check_orientation(context, name, axes, rotation, found)

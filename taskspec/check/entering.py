@@ -16,6 +16,33 @@ from taskspec.text.diagnostic import Diagnostics
 from taskspec.text.show import show
 
 
+def check_ramps(context: Context, name: str, axes: tuple[str, ...], found: Diagnostics) -> None:
+    """Reports set points of stage `name` that are not reached before its time is over.
+
+    Args:
+        context: the task. name: of the stage. axes: that exist in its frame.
+        found: where findings go.
+    """
+    stage = context.loaded.task.stages[name]
+    if stage.time is None or stage.until is not None:
+        return
+    for axis, entry in stage.axes.items():
+        key = "torque" if axis.startswith("r") else "force"
+        expression = getattr(entry, key)
+        wanted = None if expression is None else known_value(context, expression)
+        ramp = DEFAULT_RAMP if entry.ramp is None else entry.ramp
+        if not wanted or axis not in axes or ramp <= stage.time:
+            continue
+        given = entry.ramp is not None
+        found.warning(
+            "TS619",
+            f"the set point is reached in {show(ramp, 's', 3)}, and the stage ends after "
+            f"{show(stage.time, 's', 3)}",
+            context.loaded.span(("stages", name, "axes", axis, "ramp" if given else key)),
+            "let the stage last longer, or shorten the ramp",
+        )
+
+
 def check_entering(
     context: Context,
     name: str,

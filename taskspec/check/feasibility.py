@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from taskspec.check.course import moving_axes
 from taskspec.check.nominal import Place
 from taskspec.check.rates import VELOCITY, motion
 from taskspec.check.rows import Asked, Line, System, shares_of
@@ -112,13 +113,20 @@ def _report_reach(context: Context, name: str, place: Place, found: Diagnostics)
     stage = context.loaded.task.stages[name]
     law = context.law_of(stage)
     possible = law.solve == "qp" or stage.until is not None
+    moved = next(iter(moving_axes(stage)), None)
+    where = ("path",) if stage.path else ("axes",) if moved is None else ("axes", moved)
+    frame = context.frame_of(stage)
+    placed = stage.path is not None and stage.path.to is not None
+    placed = placed or any(e.position is not None for e in stage.axes.values())
+    origin = "its origin" if frame.still else "where the stage begins"
+    counts = f"; in frame {frame.name!r} coordinates count from {origin}" if placed else ""
     found.add(
         Severity.WARNING if possible else Severity.ERROR,
         "TS421",
         f"in stage {name!r}, {place.words}, the arm cannot be where the motion leads: it misses "
         f"that by {place.missed}",
-        context.loaded.span(("stages", name, "path" if stage.path else "axes"), key=True),
-        "shorten the way, start elsewhere, or leave the orientation to the arm",
+        context.loaded.span(("stages", name, *where), key=True),
+        f"shorten the way, start elsewhere, or leave the orientation to the arm{counts}",
     )
 
 

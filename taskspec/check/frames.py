@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import math
+
 import casadi as ca
 import numpy as np
 
+from taskspec.control.gains import has_force
 from taskspec.control.state import AXES
 from taskspec.program.context import Context
 from taskspec.program.modes import MOSTLY
@@ -13,6 +16,11 @@ from taskspec.program.signals import TOUCHING
 from taskspec.program.stiffness import RESOLVED_PHASE
 from taskspec.text.diagnostic import Diagnostics
 from taskspec.text.show import show
+
+#: Cosine from which on a tool points away: 60 deg.
+_AWAY = 0.5
+#: Arms with so many axes move in a plane, and their tool cannot be turned out of it.
+_PLANAR = 3
 
 
 def check_frame(context: Context, name: str, found: Diagnostics) -> bool:
@@ -135,6 +143,32 @@ def _check_knob(context: Context, name: str, held: list[str], found: Diagnostics
                 loaded.span(("stages", name, "axes", axis)),
                 f"write {axis}: {{follows: {mechanism.name}}}, or knob: free",
             )
+
+
+def check_pointing(context: Context, name: str, found: Diagnostics) -> None:
+    """Reports a tool that starts pointing away from the surface which stage `name` is about.
+
+    A force of the stage, or a motion until something is felt, would have to go through the tool's
+    stem. A ball that touches with its side is no such tool.
+    """
+    loaded = context.loaded
+    stage = loaded.task.stages[name]
+    contact = context.contact_of(context.frame_of(stage))
+    touches = stage.until is not None or any(has_force(e) for e in stage.axes.values())
+    if contact is None or not touches or loaded.task.robot.grasp is not None:
+        return
+    if len(context.robot.axes) <= _PLANAR or context.start_gaps[contact] < 0:
+        return
+    along = float(context.start_R[:, 2] @ context.start_normals[contact])
+    place = loaded.span(("robot", "start"))
+    if along > _AWAY and not found.says("TS326", place):
+        found.warning(
+            "TS326",
+            f"the tool starts pointing away from {contact!r}, at "
+            f"{show(math.pi - math.acos(min(along, 1.0)), 'deg', 3)} to its inward normal",
+            place,
+            "z of the tip points out of the tool: straight down is rpy: [180 deg, 0, 0]",
+        )
 
 
 def check_stiffness(context: Context, found: Diagnostics) -> None:

@@ -13,10 +13,11 @@ from taskspec.check.interval import Interval, IntervalAlgebra, point
 from taskspec.check.known import known_value
 from taskspec.check.nominal import AT_SURFACE
 from taskspec.check.ranges import Ranges, longest
+from taskspec.check.statics import steady
 from taskspec.control.state import AXES
 from taskspec.program.context import Context
 from taskspec.program.modes import MOSTLY
-from taskspec.spec import Axis
+from taskspec.spec import LAWS, Axis
 from taskspec.text.diagnostic import Diagnostics, Severity
 from taskspec.text.expression import Expression, evaluate
 from taskspec.text.expression.tree import Compare, Held, Name, Node, walk
@@ -56,6 +57,20 @@ def check_guards(
         signs = _signs(context, name, axes, rotation)
         if signs and value_of(guard.tree, algebra, Ranges(context, name, signs)).never:
             _report_sign(name, guard, signs, found)
+        elif _always(guard.tree, algebra, ranges):
+            found.warning(
+                "TS613",
+                f"this always holds, so stage {name!r} ends as it begins",
+                guard.span,
+                "turn the relation round, or leave the guard out",
+            )
+        elif key == "fail_if" and _held_by_set_points(context, name, axes, guard, algebra):
+            found.warning(
+                "TS618",
+                f"stage {name!r} fails as soon as it has its set points: this holds there",
+                guard.span,
+                "let it begin beyond them, or lower the set points",
+            )
         elif _apart(context, gap) and _holds_untouched(context, name, guard, algebra):
             found.warning(
                 "TS613",
@@ -96,6 +111,34 @@ def _report_never(
 
 def _never(node: Node, algebra: IntervalAlgebra, ranges: Ranges) -> bool:
     return value_of(node, algebra, ranges, ranges.magnitudes(node)).never
+
+
+def _always(node: Node, algebra: IntervalAlgebra, ranges: Ranges) -> bool:
+    """Whether a guard holds whatever its signals are, from the first tick on."""
+    inner = node.x if isinstance(node, Held) else node
+    return evaluate(inner, algebra, ranges).always
+
+
+def _held_by_set_points(
+    context: Context,
+    name: str,
+    axes: tuple[str, ...],
+    guard: Expression,
+    algebra: IntervalAlgebra,
+) -> bool:
+    """Whether a guard holds at the forces which the stage's loops are to reach and keep."""
+    stage = context.loaded.task.stages[name]
+    if not LAWS[context.law_of(stage).kind].force_loop or isinstance(guard.tree, Held):
+        return False
+    reached = {
+        f"{'torque' if axis.startswith('r') else 'force'}.{axis}": point(value)
+        for axis, value in steady(context, name, axes).items()
+    }
+    used = {str(n) for n in names(guard.tree)}
+    return (
+        bool(used & reached.keys())
+        and evaluate(guard.tree, algebra, Ranges(context, name, reached)).always
+    )
 
 
 def _signs(

@@ -209,7 +209,7 @@ def _check_set_point(context: Context, expectation: Expectation, found: Diagnost
     for part in parts(expression.tree):
         signals = {n for n in names(part) if not _is_constant(context, n)}
         reducers = {n.reducer for n in walk(part) if isinstance(n, Reduce)}
-        if len(signals) != 1 or not reducers <= {*_LATE}:
+        if len(signals) != 1:
             continue
         (signal,) = signals
         wanted = _set_point(context, signal)
@@ -219,7 +219,11 @@ def _check_set_point(context: Context, expectation: Expectation, found: Diagnost
         def lookup(name: Name, held: Name = signal, value: float = wanted) -> Interval:
             return point(value) if name == held else _natural(context, name)
 
-        if value_of(part, _ALGEBRA, lookup).never:
+        if reducers <= {*_LATE}:
+            never = value_of(part, _ALGEBRA, lookup).never
+        else:
+            never = _never_beyond(context, part, signal, wanted)
+        if never:
             stage, kind, axis = signal.path
             unit = "N" if kind == "force" else "N*m"
             found.warning(
@@ -229,6 +233,21 @@ def _check_set_point(context: Context, expectation: Expectation, found: Diagnost
                 expression.where(part),
                 "expect the set point, with a tolerance: 'within -press +- 0.5 N'",
             )
+
+
+def _never_beyond(context: Context, part: Node, signal: Name, wanted: float) -> bool:
+    """Whether a condition on greatest or least values excludes a value that is reached."""
+    bounds: dict[Node, Interval] = {}
+    for node in walk(part):
+        if isinstance(node, Reduce) and node.arg == signal:
+            if node.reducer == "max":
+                bounds[node] = Interval(wanted, math.inf)
+            elif node.reducer == "min":
+                bounds[node] = Interval(-math.inf, wanted)
+    return (
+        bool(bounds)
+        and value_of(part, _ALGEBRA, lambda name: _natural(context, name), bounds).never
+    )
 
 
 def _is_constant(context: Context, name: Name) -> bool:

@@ -30,11 +30,27 @@ def check_lasting(context: Context, name: str, path: PathShape | None, found: Di
             key = "move" if entry.speed is None else "speed"
             place = loaded.span(("stages", name, "axes", axis, key))
             fits &= _fits(abs(entry.move), entry.speed or MOVE_SPEED[kind], place, found)
+    if path is not None:
+        _check_radius(context, name, path, found)
     if path is not None and path.speed is not None:
         length = path.table.length if path.table else path.length(dict.fromkeys(AXES, 0.0))
         place = loaded.span(("stages", name, "path", "speed"))
         fits &= _fits(length, path.speed, place, found)
     return fits
+
+
+def _check_radius(context: Context, name: str, path: PathShape, found: Diagnostics) -> None:
+    """Reports an arc about the very point where its stage begins."""
+    loaded = context.loaded
+    if path.kind != "arc" or context.frame_of(loaded.task.stages[name]).still:
+        return
+    if path.length(dict.fromkeys(AXES, 0.0)) <= _NOWHERE:
+        found.warning(
+            "TS222",
+            "this arc has no radius: in this frame x and y count from where the stage begins",
+            loaded.span(("stages", name, "path", "arc")),
+            "put the center beside the tool, such as center: [20 mm, 0]",
+        )
 
 
 def _fits(length: float, speed: float, place: Span | None, found: Diagnostics) -> bool:

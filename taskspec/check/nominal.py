@@ -228,6 +228,7 @@ class Walk:
             q, missed = self._joints(p, R)
             yield Place(words, turned, q, dict(rates) | speeds, missed)
             if missed:
+                self._known = False  # What comes after it would only be told again.
                 return
 
     def _start_coordinates(self, frame: FrameModel) -> dict[str, float]:

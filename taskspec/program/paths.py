@@ -102,7 +102,8 @@ def _table(context: Context, name: str, path: Path) -> Table:
         raise spec_error(loaded, place, "TS409", message, MEND) from error
     except OSError as error:
         message = f"cannot read {path.file!r}: {error.strerror}"
-        raise spec_error(loaded, place, "TS223", message) from error
+        hint = "paths are relative to the task file"
+        raise spec_error(loaded, place, "TS223", message, hint) from error
     except TableError as error:
         at = f"{path.file}:{error.line}" if error.line else str(path.file)
         raise spec_error(loaded, place, "TS223", f"{at}: {error}") from error

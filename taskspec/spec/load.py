@@ -30,7 +30,10 @@ _EXAMPLES = {
     "robot": "such as robot: {model: panda}",
     "stages": "such as stages: {wait: {time: 1 s}}",
 }
-_INNER_EXAMPLES = {"pitch": "the way along z in one turn, such as pitch: 2 mm/turn"}
+_INNER_EXAMPLES = {
+    "model": "such as model: panda",
+    "pitch": "the way along z in one turn, such as pitch: 2 mm/turn",
+}
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,6 +15,7 @@ from pydantic_core import CoreSchema, PydanticCustomError
 
 from taskspec.spec.reading import Reading, kind_of, span_of
 from taskspec.text.data import Map
+from taskspec.text.expression.spelling import KEY_WORDS
 from taskspec.text.nodes import Mapping as MappingNode
 from taskspec.text.nodes import Scalar
 from taskspec.text.suggest import suggestion
@@ -90,6 +91,8 @@ class Model(BaseModel):
                 reading.quiet.add(id(data.node))
             else:
                 hint = suggestion(key, [*cls.model_fields, *cls.reserved], "keys")
+                if (other := KEY_WORDS.get(key.lower(), "")) in cls.model_fields:
+                    hint = f"did you mean '{other}'?"
                 message = f"unknown key '{key}' in {cls.noun}"
                 reading.error("TS020", message, data.node.key_span(key), hint)
                 reading.quiet.add(id(data.node))

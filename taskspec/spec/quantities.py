@@ -122,14 +122,15 @@ class Entries(Kind):
         """Return the entries in SI units."""
         if not isinstance(value, Items):
             message = f"a list of {self._count()} is needed here, this is {kind_of(value)}"
-            reading.error("TS022", message, span_of(value))
+            reading.error("TS022", message, span_of(value), self._example())
             return (0.0,) * len(self.dimensions)
         fewest = len(self.dimensions) if self.fewest is None else self.fewest
         if not fewest <= len(value) <= len(self.dimensions) and not value.node.broken:
             message = f"{self._count()} entries are needed here, these are {len(value)}"
             items = value.node.items
             torn = any(adjoin(a, b) for a, b in pairwise(items)) and len(value) > fewest
-            hint = "a comma begins a new entry; decimals follow a point, as in 0.5" if torn else ""
+            hint = "a comma begins a new entry; decimals follow a point, as in 0.5"
+            hint = hint if torn else self._example()
             reading.error("TS023", message, span_of(value), hint)
         before = len(reading.diagnostics)
         result = []
@@ -141,6 +142,15 @@ class Entries(Kind):
         if self.nonzero and sound and max(map(abs, result)) < SMALLEST:
             reading.error("TS118", "a direction of length zero", span_of(value))
         return tuple(result)
+
+    def _example(self) -> str:
+        """A list of the least length, such as `[10 mm, 0, 0]`."""
+        fewest = len(self.dimensions) if self.fewest is None else self.fewest
+        units = [next(iter(fitting(d)), "") for d in self.dimensions[:fewest]]
+        first = f"10 {units[0]}" if units[0] else "1"
+        if self.above is not None:
+            return f"such as [{', '.join([first] * fewest)}]"
+        return f"such as [{', '.join([first, *['0'] * (fewest - 1)])}]"
 
     def _count(self) -> str:
         most = len(self.dimensions)

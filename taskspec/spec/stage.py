@@ -119,24 +119,31 @@ def _check_end(data: Map, reading: Reading) -> None:
                 data.node.key_span("time"),
                 "a stage ends by its condition or after its time; a bound stands under 'within'",
             )
-    elif sure and not (moves or "time" in data or "path" in data) and not _damaged(axes):
+    elif sure and not (moves or "time" in data or "path" in data) and not _damaged(data):
         reading.error(
             "TS602",
             "nothing ends this stage",
             reading.key_of(data),
-            "add 'until' with 'within', a 'time', a 'path' or a 'move'",
+            "'within' only bounds what 'until' ends: add 'until'"
+            if "within" in data
+            else "add 'until' with 'within', a 'time', a 'path' or a 'move'",
         )
 
 
-def _damaged(axes: Map) -> bool:
-    """Whether something in the axes is wrong that may have been meant as a move."""
+def _damaged(data: Map) -> bool:
+    """Whether something in a stage's axes is wrong that may have been meant as a move."""
+    axes = data.get("axes", {})
+    if not isinstance(axes, Map):
+        return bool(axes)
     if axes and axes.node.broken:
         return True
-    return any(
-        axis.node.broken or not axis.keys() <= Axis.model_fields.keys()
-        for axis in axes.values()
-        if isinstance(axis, Map)
-    )
+    return any(_is_damaged(axis) for axis in axes.values())
+
+
+def _is_damaged(axis: object) -> bool:
+    if isinstance(axis, Map):
+        return axis.node.broken or not axis.keys() <= Axis.model_fields.keys()
+    return axis != "hold"
 
 
 def _check_path_done(data: Map, reading: Reading) -> None:

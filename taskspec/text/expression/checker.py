@@ -6,6 +6,7 @@ from taskspec.text.expression import signals, tree
 from taskspec.text.expression.functions import FUNCTIONS, REDUCERS, Function
 from taskspec.text.expression.problem import Problem
 from taskspec.text.expression.scope import Scope, ScopeKind, resolve
+from taskspec.text.expression.spelling import FUNCTION_WORDS
 from taskspec.text.expression.types import (
     CONDITION,
     PLAIN,
@@ -211,6 +212,8 @@ class Checker:
                 hint = ""
             else:
                 message, code = f"unknown function '{node.function}'", "TS121"
+                if (word := FUNCTION_WORDS.get(node.function.lower())) is not None:
+                    hint = f"did you mean '{word}'?"
                 before, _, last = node.function.rpartition(".")
                 if before and last in (*FUNCTIONS, *REDUCERS):
                     hint = f"the function comes first: {last}({before}.…)"

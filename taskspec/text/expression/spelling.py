@@ -27,6 +27,7 @@ CHARACTERS = {
     '"': "there are no quotes in expressions",
     "#": "a comment needs a space before '#'",
     "_": "a name begins with a letter",
+    "$": "a param is written by its bare name, such as press",
     "“": "write plain quotes, or leave them out",
     "”": "write plain quotes, or leave them out",
     "’": "write plain quotes, or leave them out",
@@ -49,6 +50,7 @@ ELSEWHERE = {
     "minute": "there is no unit for minutes; write seconds: 60 s for each",
     "minutes": "there is no unit for minutes; write seconds: 60 s for each",
     "h": "there is no unit for hours; write seconds: 3600 s for each",
+    "km": "there is no unit for kilometres; write 1000 m for each, as km/h 0.2778 m/s",
     "in": "there is no unit for inches; write millimetres: 25.4 mm for each",
     "inch": "there is no unit for inches; write millimetres: 25.4 mm for each",
     "inches": "there is no unit for inches; write millimetres: 25.4 mm for each",
@@ -59,3 +61,24 @@ ELSEWHERE = {
     "kp": "there is no unit for kiloponds; write 9.807 N for each",
 }
 """What to write for units that people use and the table has not."""
+
+FUNCTION_WORDS = {
+    "peak": "max", "maximum": "max", "minimum": "min", "avg": "mean", "average": "mean",
+    "final": "last", "end": "last", "magnitude": "norm", "hypot": "norm", "length": "norm",
+    "ln": "log", "pow": "^", "square": "^", "arcsin": "asin", "arccos": "acos", "arctan": "atan",
+    "arctan2": "atan2", "stddev": "std", "fabs": "abs", "saturate": "clamp", "smoothstep": "smooth",
+}  # fmt: skip
+"""What other languages call a function, and its name here."""
+
+KEY_WORDS = {
+    "circle": "arc", "goto": "to", "csv": "file", "pos": "xyz", "position": "xyz", "origin": "xyz",
+    "location": "xyz", "translation": "xyz", "z": "xyz", "height": "xyz", "rotation": "rpy",
+    "orientation": "rpy", "euler": "rpy", "diameter": "radius", "k": "stiffness",
+    "spring": "stiffness", "mu": "friction", "weight": "mass", "type": "kind", "name": "kind",
+    "duration": "time", "timeout": "within", "max_time": "within", "when": "until",
+    "condition": "until", "stop_when": "until", "abort_if": "fail_if", "retries": "attempts",
+    "loop": "attempts", "on_error": "on_fail", "cutoff": "filter", "lowpass": "filter",
+    "frequency": "rate", "distance": "move", "goal": "position", "target": "position",
+    "pose": "start", "home": "start", "joint": "joints", "q": "joints", "steps": "stages",
+}  # fmt: skip
+"""What other systems call a key, and its name here where the mapping has it."""

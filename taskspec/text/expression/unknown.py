@@ -25,7 +25,8 @@ _OTHERS = {
        for signal, words in _PREFIXES.items() for word in words for axis in "xyz"},
     **{f"{word}{axis}": f"torque.r{axis}" for word in ("m", "t", "torque") for axis in "xyz"},
     "f": "force.z", "pos": "position.z", "vel": "velocity.z", "contact": "touching",
-    "time": "t", "distance": "gap", "moment": "torque.rz", "wrench": "force.z",
+    "time": "t", "duration": "t", "elapsed": "t", "distance": "gap", "moment": "torque.rz",
+    "wrench": "force.z",
 }  # fmt: skip
 """What other systems call a signal."""
 _TRUTH = ("yes", "no", "on", "off", "true", "false")
@@ -124,6 +125,10 @@ def _signal(
     path: tuple[str, ...], start: int, end: int, scope: Scope, *, after_stage: bool = False
 ) -> Problem:
     head = path[0]
+    if path[-1] in (*FUNCTIONS, *REDUCERS) and len(path) > 1:
+        inner = ".".join(path[:-1])
+        message, hint = f"'{path[-1]}' is a function", f"it comes first: {path[-1]}({inner})"
+        return Problem("TS120", message, start, end, hint)
     if head in signals.VECTORS:
         axes = list(signals.VECTORS[head])
         return Problem("TS120", f"'{head}' has no '{'.'.join(path[1:])}'", start, end,
@@ -142,7 +147,10 @@ def _signal(
     if scope.kind is ScopeKind.EXPECT or path[-1] == "visits":
         options |= scope.stages
     if after_stage:
-        hint = suggestion(head, {*options, *_SIGNALS, "visits"}, "signals")
+        options = {*signals.VECTORS, *scope.objects, "joint", *_SIGNALS, *signals.CLOCKS, "visits"}
+        hint = suggestion(head, options, "signals")
+        if (other := _OTHERS.get(head.lower())) is not None and closest(head, options) is None:
+            hint = f"did you mean '{other}'?"
         return Problem("TS120", f"unknown signal '{head}'", start, start + len(head), hint)
     what = "stage, object or signal" if scope.kind is ScopeKind.EXPECT else "signal or object"
     hint = suggestion(head, options) if len(path) > 1 else suggestion(head, _SIGNALS, "signals")
