@@ -83,6 +83,8 @@ def _report_undetermined(
     its damping.
     """
     turns = axis.startswith("r")
+    if turns and any(d.code == "TS228" for d in found.sorted()):
+        return  # No rotation can be left to a torque there.
     found.info(
         "TS325",
         f"nothing determines {axis!r}: no {'moment' if turns else 'force'} is asked for, and "

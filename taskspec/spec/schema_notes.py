@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+from taskspec.spec.schema_meanings import MEANINGS
+
 _NAME = "A name given elsewhere in the file"
 _WORDS = "One of a few words"
 _ENTRIES = "Named by you; each has keys of its own"
@@ -49,7 +51,7 @@ NOTES: dict[str, tuple[str, tuple[Any, ...]]] = {
     "Robot.model": ("", ("panda", "robots/arm.urdf")),
     "Robot.flange": ("", ("tool0",)),
     "Robot.balanced": ("", (True,)),
-    "Robot.grasp": ("", ("door",)),
+    "Robot.grasp": ("", ("door.handle",)),
     "Rotation.follows": ("", ("door",)),
     "Rotation.torque": ("", ("-2 N*m", 0)),
     "Screw.mechanism": ("Always this word", ()),
@@ -84,8 +86,13 @@ def annotate(model: str, form: dict[str, Any]) -> None:
         description, examples = NOTES.get(f"{model}.{name}", ("", ()))
         if description:
             field.setdefault("description", description)
-        if examples:
-            field.setdefault("examples", list(examples))
+        field.setdefault("title", name.replace("_", " ").capitalize())
+        meaning, shown = MEANINGS.get(model, {}).get(name, ("", ()))
+        if meaning:
+            form_of_it = field.get("description", "")
+            field["description"] = f"{meaning} {form_of_it}".strip()
+        if examples or shown:
+            field.setdefault("examples", [*examples, *shown])
         for choice in field.get("anyOf", ()):
             for key, entry in choice.get("properties", {}).items():
                 entry.setdefault("title", _GROUPS.get(key) or _axis(key))

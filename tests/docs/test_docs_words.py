@@ -26,6 +26,7 @@ from taskspec.spec.path import Path
 from taskspec.spec.robot import Noise, Pose, Sensor, Start, Tool
 from taskspec.spec.words import Word
 from taskspec.spec.world import Shape
+from taskspec.text.confined import VARIABLE
 from taskspec.text.diagnostic import SpecError
 from taskspec.text.expression import signals
 from taskspec.text.expression.functions import FUNCTIONS, REDUCERS
@@ -222,7 +223,8 @@ def test_errors_that_the_reference_names(code, text):
     assert codes_of(completed(text)) == ([code] if code else [])
 
 
-def test_a_time_beside_a_column_of_times(tmp_path):
+def test_a_time_beside_a_column_of_times(tmp_path, monkeypatch):
+    monkeypatch.setenv(VARIABLE, str(tmp_path))
     (tmp_path / "timed.csv").write_text("t [s], x [mm]\n0, 0\n1, 10\n2, 20\n", encoding="utf-8")
     for pace, codes in (("", []), (", time: 2 s", ["TS223"]), (", speed: 9 mm/s", ["TS223"])):
         path = f"{tmp_path.as_posix()}/timed.csv"

@@ -9,6 +9,7 @@ import jsonschema
 import pytest
 
 from taskspec.spec.schema import FILE_NAME, is_stale, schema_text, write_schema
+from taskspec.spec.schema_meanings import MEANINGS
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "corpus"))
 
@@ -76,3 +77,64 @@ def test_every_field_says_what_it_is(model: str) -> None:
     for name, field in fields(MODELS[model]):
         # A field that has its model's title refers to it for both.
         assert "$ref" in field or field["title"] not in ("", name)
+
+
+def keys_of(form: dict[str, Any]) -> list[tuple[str, dict[str, Any]]]:
+    """The keys of a form and of its variants, and of what is written out inside of them."""
+    found = []
+    for name, field in fields(form):
+        found += [(name, field), *((f"{name}.{n}", f) for n, f in keys_of(field))]
+    return found
+
+
+def leaf(field: dict[str, Any]) -> bool:
+    """Whether a key is one of a gain's axes, which the gain itself describes."""
+    return field.get("title", "").startswith(("Along ", "About ", "All "))
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_what_an_editor_shows_of_a_key_says_what_it_is(model: str) -> None:
+    """A title, a description that is more than the title and a unit, and what may be written."""
+    for name, field in keys_of(MODELS[model]):
+        where = f"{model}.{name}"
+        title, said = field.get("title", ""), field.get("description", "")
+        assert title[:1].isupper() or title[:3] in ("x, ", "q1 "), where
+        written = json.dumps(field)
+        shown = ('"examples"', '"enum"', '"const"', "$ref", "such as", "A plain number")
+        assert any(s in written for s in shown), where
+        if not leaf(field):
+            assert len(said.split()) >= 3, where
+            assert said.rstrip(".").lower() != title.lower(), where
+            assert not said.startswith(("A plain", "An angle (", "A length (", "A force (")), where
+
+
+def test_every_word_that_fits_is_enumerated() -> None:
+    """What takes one of a few words offers them all."""
+    offered = {
+        f"{model}.{name}": field["enum"]
+        for model, form in MODELS.items()
+        for name, field in keys_of(form)
+        if "enum" in field
+    }
+    assert offered["Shape.shape"] == ["plane", "box", "cylinder", "sphere"]
+    assert offered["Tool.shape"] == ["sphere", "cylinder", "box"]
+    assert offered["Hinge.knob"] == ["free", "fixed"]
+    assert offered["Sensor.at"] == ["contact", "wrist"]
+    assert {"hybrid", "parallel", "impedance", "stiffness"} <= set(offered["Law.kind"])
+    assert offered["Law.solve"] == ["closed-form", "qp"]
+    assert offered["Frame.point"] == ["origin"]
+
+
+def test_every_meaning_is_of_a_key() -> None:
+    there = {model: {name for name, _ in keys_of(form)} for model, form in MODELS.items()}
+    strange = {f"{m}.{n}" for m, names in MEANINGS.items() for n in names if n not in there[m]}
+    # One list of keys serves all mechanisms, and one both kinds of axes.
+    assert strange == {"Hinge.mass", "Slide.inertia"}
+
+
+@pytest.mark.parametrize("model", MEANINGS)
+def test_examples_of_meanings_fit_their_keys(model: str) -> None:
+    for name, field in keys_of(MODELS[model]):
+        form = jsonschema.Draft202012Validator(field | {"$defs": SCHEMA["$defs"]})
+        for example in MEANINGS[model].get(name, ("", ()))[1]:
+            assert form.is_valid(example), (model, name, example)
