@@ -28,7 +28,12 @@ def check_signals(context: Context, name: str, axes: tuple[str, ...], found: Dia
         if expression is None:
             continue
         if expression in references and not _finite_at_start(context, expression):
-            found.error("TS117", "this has no finite value at t = 0 s", expression.span)
+            found.error(
+                "TS117",
+                "this has no finite value at t = 0 s",
+                expression.span,
+                "mind what divides, and what stands under a root or in a logarithm",
+            )
         for node, inside_norm in _names(expression.tree, False):
             hint = ""
             reason = no_such_signal(context, name, axes, node, inside_norm=inside_norm)

@@ -126,7 +126,8 @@ def number(value: object, node: Node, reading: Reading) -> float | None:
     result = evaluate(node, _FLOATS, lambda name: _lookup(name, reading))
     if abs(result) <= LARGEST:
         return result
-    problem = Problem("TS117", "this has no finite value", node.start, node.end)
+    hint = "mind what divides, and what stands under a root or in a logarithm"
+    problem = Problem("TS117", "this has no finite value", node.start, node.end, hint)
     if math.isfinite(result):
         message = f"this comes to {result:g} in SI units, where numbers go up to {LARGEST:g}"
         problem = Problem("TS118", message, node.start, node.end)

@@ -122,6 +122,7 @@ class Reference(Kind):
             hint = self.instead(value, reading) or suggestion(
                 value, names, self.plural or f"{self.what}s"
             )
+            hint = hint or f"the file has no {self.plural or f'{self.what}s'}"
             message = self.unfit.format(value) or f"unknown {self.what} '{value}'"
             reading.error(self.code, message, span_of(value), hint)
         return str(value)

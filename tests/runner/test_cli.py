@@ -81,6 +81,52 @@ def test_run_stopped_by_a_limit(tap: Path) -> None:
     assert "limit on force: 3 N, measured 3.0" in result.stdout
 
 
+UNSTABLE = """\
+taskspec: 1
+name: rings
+robot: {model: planar2, start: {xyz: [300 mm, 0, 0]}}
+world: {wall: {shape: plane, xyz: [310 mm, 0, 0], rpy: [0, -90 deg, 0], stiffness: 20 kN/m}}
+law: {kind: hybrid, force: {integral: 900 /s}}
+stages: {press: {axes: {x: {force: 5 N}}, time: 50 ms}}
+"""
+
+
+@pytest.mark.parametrize("form", ["text", "json"])
+def test_a_stage_that_is_predicted_to_be_unstable_is_run_by_force_alone(
+    here: Path, form: str
+) -> None:
+    (here / "rings.yaml").write_text(UNSTABLE, encoding="utf-8")
+    refused = call("run", "rings.yaml", "--out", "out", "--format", form)
+    assert refused.exit_code == 1
+    assert "TS501" in refused.output
+    assert "--force runs it all the same" in refused.output
+    assert not Path("out").exists()
+    forced = call("run", "rings.yaml", "--out", "out", "--format", form, "--force")
+    assert "TS501" in forced.output
+    assert "--force" not in forced.output
+    assert Path("out/summary.json").is_file()
+
+
+def test_a_world_of_vary_that_is_unstable_keeps_nothing_from_running(here: Path) -> None:
+    text = UNSTABLE.replace("900 /s", "12 /s")
+    text += "vary: {world.wall.stiffness: 20..100000 kN/m}\ncontrol: {plant_rate: 20 kHz}\n"
+    (here / "rings.yaml").write_text(text, encoding="utf-8")
+    result = call("run", "rings.yaml", "--out", "out")
+    assert "TS501" not in result.output
+    assert Path("out/summary.json").is_file()
+
+
+def test_the_simulator_leaves_no_log_of_its_own(here: Path) -> None:
+    """What MuJoCo warns of is a stop with a name; it wrote a file where the run was begun."""
+    gone = "motion: {z: 2 mm * sqrt(1 - clock/(20 ms))}"
+    text = UNSTABLE.replace("900 /s", "12 /s").replace("stiffness: 20 kN/m", gone)
+    (here / "gone.yaml").write_text(text, encoding="utf-8")
+    result = call("run", "gone.yaml", "--out", "out")
+    assert result.exit_code == 4
+    assert "TS117" in result.stderr
+    assert not list(here.glob("MUJOCO*"))
+
+
 def test_run_as_data(tap: Path) -> None:
     result = call("run", tap, "--format", "json", "--seed", "5")
     data = json.loads(result.stdout)

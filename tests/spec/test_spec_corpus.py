@@ -18,6 +18,12 @@ from golden import ERRORS, GOOD, diagnostics_of, reading_of, rendered
 
 #: A tool's sizes are asked for when a file is read, so no file comes as far as this one.
 FROM_CODE_ALONE = {"TS407"}
+#: Codes whose messages may say all there is to do: which form, kind, number or name is needed.
+WITHOUT_A_HINT = {
+    "TS001", "TS002", "TS009", "TS015", "TS021", "TS022", "TS023", "TS027", "TS090", "TS101",
+    "TS112", "TS113", "TS114", "TS115", "TS117", "TS118", "TS119", "TS208", "TS224", "TS314",
+    "TS404",
+}  # fmt: skip
 
 
 def name(path: Path) -> str:
@@ -88,3 +94,54 @@ def test_one_file_with_many_mistakes_tells_them_all() -> None:
     (path,) = (p for p in ERRORS if p.stem == "many_mistakes")
     diagnostics, _ = diagnostics_of(path)
     assert len({d.span.line for d in diagnostics if d.span}) == 13
+
+
+#: Files in which there is nothing to point at.
+WITHOUT_A_PLACE = {"TS010_empty", "TS010_comment_only"}
+HEADLINE = re.compile(
+    r"^(?P<file>[^:\s]+):(?P<line>\d+):(?P<column>\d+): "
+    r"(?P<severity>error|warning|info)\[(?P<code>TS\d{3})\]: ",
+    re.MULTILINE,
+)
+
+
+def expected(path: Path) -> list[tuple[str, int, int, str, str]]:
+    """What the golden file says of one: file, line, column, severity and code of each finding."""
+    text = path.with_suffix(".out").read_text(encoding="utf-8")
+    found = [
+        (m["file"], int(m["line"]), int(m["column"]), m["severity"], m["code"])
+        for m in HEADLINE.finditer(text)
+    ]
+    # No finding is left out for want of a place, but of a file that is empty.
+    assert len(found) == len(re.findall(r"\[TS\d{3}\]: ", text)) or path.stem in WITHOUT_A_PLACE
+    return found
+
+
+@pytest.mark.parametrize("path", ERRORS, ids=name)
+def test_every_finding_has_its_code_at_its_position(path: Path) -> None:
+    diagnostics, _ = diagnostics_of(path)
+    found = [
+        (Path(d.source).name, d.span.line, d.span.column, str(d.severity), d.code)
+        for d in diagnostics
+        if d.span is not None
+    ]
+    assert found == expected(path)
+
+
+def test_there_are_bad_files_enough_and_each_is_told_something() -> None:
+    assert len(ERRORS) >= 300
+    assert all(expected(path) or path.stem in WITHOUT_A_PLACE for path in ERRORS)
+
+
+def test_every_code_has_its_own_bad_file() -> None:
+    """A file named after its code, so that it can be found."""
+    named = {match[0] for path in ERRORS if (match := re.match(r"TS\d{3}", path.stem))}
+    assert sorted(set(CODES) - named - FROM_CODE_ALONE) == []
+
+
+@pytest.mark.parametrize("path", ERRORS, ids=name)
+def test_errors_and_warnings_say_how_to_mend(path: Path) -> None:
+    """Findings without a hint are those that name what is wrong and where, and need no more."""
+    diagnostics, _ = diagnostics_of(path)
+    for diagnostic in diagnostics:
+        assert diagnostic.hint or diagnostic.notes or diagnostic.code in WITHOUT_A_HINT, diagnostic

@@ -119,7 +119,7 @@ def test_every_word_that_fits_is_enumerated() -> None:
     assert offered["Shape.shape"] == ["plane", "box", "cylinder", "sphere"]
     assert offered["Tool.shape"] == ["sphere", "cylinder", "box"]
     assert offered["Hinge.knob"] == ["free", "fixed"]
-    assert offered["Sensor.at"] == ["contact", "wrist"]
+    assert offered["Sensor.at"] == ["wrist", "contact"]
     assert {"hybrid", "parallel", "impedance", "stiffness"} <= set(offered["Law.kind"])
     assert offered["Law.solve"] == ["closed-form", "qp"]
     assert offered["Frame.point"] == ["origin"]

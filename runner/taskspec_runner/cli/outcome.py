@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
@@ -80,7 +81,7 @@ def _metrics(summary: Mapping[str, Any]) -> Table:
         cells = (
             stage,
             _worst(signals, "force.", force),
-            force(summary["peaks"][stage]["force"]),
+            _told(summary["peaks"][stage]["force"], force),
             _worst(signals, "position.", small_length),
         )
         made.add_row(*map(Text, cells))
@@ -99,5 +100,10 @@ def _worst(
     }
     if not errors:
         return "-"
-    axis = max(errors, key=lambda name: errors[name])
-    return f"{to_text(errors[axis])} ({axis})"
+    axis = max(errors, key=lambda name: math.inf if errors[name] is None else errors[name])
+    return f"{_told(errors[axis], to_text)} ({axis})"
+
+
+def _told(value: float | None, to_text: Callable[[float], str]) -> str:
+    """A number of a summary, in which those that are not finite are null."""
+    return "not finite" if value is None else to_text(value)

@@ -103,7 +103,10 @@ class Checker:
         if is_bare(node):
             return self._missing_unit(node, expected)
         message = f"{describe(expected)} is needed here, this is {in_words(found)}"
-        return self.report("TS112", message, node, self._unit_hint(node, expected))
+        hint = self._unit_hint(node, expected)
+        if not hint and expected != NUMBER:
+            hint = f"it has to come out in {fitting_text(expected)}"
+        return self.report("TS112", message, node, hint)
 
     def _unit_hint(self, node: tree.Node, wanted: Dimension | None) -> str:
         """Return which unit would have fitted a lone number, or where a param lacks its unit."""

@@ -37,6 +37,7 @@ CHARACTERS = {
 UNIT_WORDS = {
     "newton": "N", "newtons": "N", "meter": "m", "meters": "m", "metre": "m", "metres": "m",
     "millimeter": "mm", "millimeters": "mm", "millimetre": "mm", "millimetres": "mm",
+    "ns": "N*s", "nms": "N*m*s",
     "sec": "s", "secs": "s", "second": "s", "seconds": "s", "msec": "ms",
     "degree": "deg", "degrees": "deg", "radian": "rad",
     "radians": "rad", "rads": "rad", "gram": "g", "grams": "g", "kilogram": "kg", "hertz": "Hz",

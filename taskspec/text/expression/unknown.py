@@ -153,7 +153,10 @@ def _signal(
             hint = f"did you mean '{other}'?"
         return Problem("TS120", f"unknown signal '{head}'", start, start + len(head), hint)
     what = "stage, object or signal" if scope.kind is ScopeKind.EXPECT else "signal or object"
-    hint = suggestion(head, options) if len(path) > 1 else suggestion(head, _SIGNALS, "signals")
+    hint = (
+        suggestion(head, options, "known are") if len(path) > 1
+        else suggestion(head, _SIGNALS, "signals")
+    )  # fmt: skip
     return Problem("TS120", f"unknown {what} '{head}'", start, start + len(head), hint)
 
 
