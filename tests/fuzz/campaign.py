@@ -29,6 +29,8 @@ from promises import HangError, held, resident
 CHUNK, LOST = 200, 120
 #: Seconds for making a failing file smaller.
 EFFORT = 10.0
+#: What a file should take at the most [s of processor time]; what takes longer is counted.
+PROMISED = 1.0
 #: What a process may grow by over a chunk once it is warm [MiB].
 GROWTH = 50
 
@@ -53,12 +55,14 @@ class Outcome:
 
     Attributes:
         files: how many. deep: how many of them were read without an error. slowest: (s, seed).
+        late: how many took longer than `PROMISED`, each examination by itself.
         grown: how much memory the process kept [MiB]. failures: in the order of the seeds.
     """
 
     files: int
     deep: int
     slowest: tuple[float, int]
+    late: int
     grown: float
     failures: tuple[Failure, ...]
 
@@ -78,7 +82,7 @@ def broken(check: Callable[[], object]) -> tuple[str, str] | None:
 def chunk(first: int, count: int) -> Outcome:
     """Holds the files of seeds `first` to `first + count - 1` to the promises."""
     warnings.simplefilter("error")
-    deep, slowest, failures = 0, (0.0, first), []
+    deep, slowest, late, failures = 0, (0.0, first), 0, []
     for seed in range(first, first + count):
         if seed == first + count // 4:
             before = resident()
@@ -91,12 +95,13 @@ def chunk(first: int, count: int) -> Outcome:
             deep += held(made.text, made.base, twice=seed % 4 == 0)
 
         found = broken(check)
-        slowest = max(slowest, (time.process_time() - began, seed))
+        took = (time.process_time() - began) / (2 if seed % 4 == 0 else 1)
+        slowest, late = max(slowest, (took, seed)), late + (took > PROMISED)
         if found is not None:
             text = smaller(made.text, made.base, found[0])
             failures.append(Failure(seed, found[0], text, found[1]))
         faulthandler.cancel_dump_traceback_later()
-    return Outcome(count, deep, slowest, resident() - before, tuple(failures))
+    return Outcome(count, deep, slowest, late, resident() - before, tuple(failures))
 
 
 def smaller(text: str, base: Path, key: str) -> str:
@@ -146,7 +151,8 @@ def main() -> int:
     parser.add_argument("--processes", type=int, default=os.cpu_count() or 1)
     parser.add_argument("--save", type=Path, default=Path("runs/fuzz"))
     asked = parser.parse_args()
-    began, done, deep, failures, slowest, grown = time.monotonic(), 0, 0, 0, (0.0, 0), 0.0
+    began, done, deep, failures, late = time.monotonic(), 0, 0, 0, 0
+    slowest, grown = (0.0, 0), 0.0
     starts = range(asked.first, asked.first + asked.files, CHUNK)
     context = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(asked.processes, context) as pool:
@@ -154,7 +160,7 @@ def main() -> int:
         jobs = [pool.submit(chunk, start, min(CHUNK, last - start)) for start in starts]
         for job in as_completed(jobs):
             outcome = job.result()
-            done, deep = done + outcome.files, deep + outcome.deep
+            done, deep, late = done + outcome.files, deep + outcome.deep, late + outcome.late
             slowest, grown = max(slowest, outcome.slowest), max(grown, outcome.grown)
             for failure in outcome.failures:
                 failures += 1
@@ -165,7 +171,7 @@ def main() -> int:
     say(
         f"seeds {asked.first} to {last - 1}: {done} files, {deep} of them to the checks, "
         f"{failures} failures, {time.monotonic() - began:.0f} s, slowest {slowest[0]:.2f} s "
-        f"(seed {slowest[1]}), most memory kept by {CHUNK} files {grown:.1f} MiB"
+        f"(seed {slowest[1]}), {late} over {PROMISED:g} s, most memory kept by {CHUNK} files {grown:.1f} MiB"
     )
     return int(failures > 0)
 
