@@ -171,7 +171,8 @@ def main() -> int:
     say(
         f"seeds {asked.first} to {last - 1}: {done} files, {deep} of them to the checks, "
         f"{failures} failures, {time.monotonic() - began:.0f} s, slowest {slowest[0]:.2f} s "
-        f"(seed {slowest[1]}), {late} over {PROMISED:g} s, most memory kept by {CHUNK} files {grown:.1f} MiB"
+        f"(seed {slowest[1]}), {late} over {PROMISED:g} s, "
+        f"most memory kept by {CHUNK} files {grown:.1f} MiB"
     )
     return int(failures > 0)
 
