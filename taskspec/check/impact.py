@@ -47,6 +47,7 @@ def check_impact(
         gap: to the believed contact as the stage begins [m]; None where it is not known.
         found: where findings go.
     """
+    _check_away(context, name, axes, rotation, gap, found)
     met = meeting(context, name, axes, rotation, gap)
     if met is None:
         return
@@ -89,8 +90,6 @@ def meeting(
     closing = -float(normal @ rotation @ rates)
     fits = {a: abs(float(normal @ rotation[:, AXES.index(a)])) for a in _moved(rates)}
     axis = max(fits, key=lambda a: fits[a], default="")
-    if gap is not None and closing < -MOSTLY * float(np.linalg.norm(rates)):
-        _report_away(context, name, rates, gap, found)
     if closing <= 0 or fits[axis] < MOSTLY or not _waits_for_contact(context, name):
         return None
     return Meeting(contact, axis, rates, closing)
@@ -122,17 +121,26 @@ def _waits_for_contact(context: Context, name: str) -> bool:
     return value_of(inner, IntervalAlgebra(), Ranges(context, name, felt)).never
 
 
-def _report_away(
-    context: Context, name: str, rates: Vector, gap: float, found: Diagnostics
+def _check_away(
+    context: Context,
+    name: str,
+    axes: tuple[str, ...],
+    rotation: Vector,
+    gap: float | None,
+    found: Diagnostics,
 ) -> None:
     """Reports a stage that waits to feel the only object there is, and moves away from it."""
     loaded = context.loaded
+    stage = loaded.task.stages[name]
     alone = len(context.start_gaps) == 1 and not loaded.task.equations
-    moved = _moved(rates)
-    if not alone or loaded.task.robot.grasp is not None or not _waits_for_contact(context, name):
+    if gap is None or gap < AT_SURFACE or not alone or loaded.task.robot.grasp is not None:
         return
-    contact = next(iter(context.start_gaps))
-    axis = max(moved, key=lambda a: abs(rates[AXES.index(a)]))
+    (contact,) = context.start_gaps
+    rates = _rates(context, stage, axes)
+    leaving = float(context.start_normals[contact] @ rotation @ rates)
+    if leaving <= MOSTLY * float(np.linalg.norm(rates)) or not _waits_for_contact(context, name):
+        return
+    axis = max(_moved(rates), key=lambda a: abs(rates[AXES.index(a)]))
     back = -float(rates[AXES.index(axis)])
     found.warning(
         "TS617",
