@@ -167,3 +167,23 @@ def test_places_that_cannot_be_known_are_left_alone() -> None:
     known = "axes: {z: {force: -400 N}}\n    time: 1 s"
     assert only(known).code == "TS420"
     assert check(known, **{"velocity: -20 mm/s": "velocity: -20 mm/s * t/(1 s)"})[0] == ()
+
+
+@pytest.mark.parametrize(
+    ("solve", "force", "told"),
+    [("closed-form", "2.9 N", False), ("qp", "2.65 N", False), ("qp", "2.75 N", True)],
+)
+def test_a_program_keeps_to_a_share_of_friction(solve: str, force: str, told: bool) -> None:
+    """Of a press of 15 N at 0.2 the cone holds 3 N, and the program asks 90 % of that of it."""
+    stage = f"axes: {{x: {{force: {force}}}, z: {{force: -15 N}}}}\n    time: 1 s"
+    found, _ = check(stage, law=f"{{kind: hybrid, solve: {solve}}}")
+    assert [d.code for d in found] == ["TS420"] * told
+    assert all("of which the program keeps to 90 %" in d.message for d in found)
+
+
+@pytest.mark.parametrize(("solve", "codes"), [("closed-form", []), ("qp", ["TS610"])])
+def test_a_program_keeps_to_a_share_of_the_limit_on_force(solve: str, codes: list[str]) -> None:
+    """15 N are 96.8 % of 15.5 N; the program holds 95 %."""
+    law = f"{{kind: hybrid, solve: {solve}}}"
+    found, _ = check(PRESS, law=law, limit="15.5 N")
+    assert [d.code for d in found] == codes
