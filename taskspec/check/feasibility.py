@@ -39,24 +39,26 @@ def check_feasibility(
     places: Sequence[Place],
     found: Diagnostics,
 ) -> None:
-    """Reports lines of stage `name` that contradict each other, at the first place where they do.
+    """Reports lines of stage `name` that contradict each other, and motions out of reach.
+
+    Each at the first place where that is so.
 
     Args:
         context: the task. name: of the stage. axes: that exist in its frame.
         places: where it is looked at. found: where findings go.
     """
-    forces = steady(context, name, axes)
+    forces, told = steady(context, name, axes), False
     for place in places:
-        normals = _leaned_on(context, name, forces, place)
-        asked = Asked(name, forces, normals, _limited(context, name, forces))
-        if (forces or len(places) > 1) and _report(statics, context, asked, place, found):
-            return
         if place.missed:
             _report_reach(context, name, place, found)
-            return
+        if told or place.missed:
+            continue
+        normals = _leaned_on(context, name, forces, place)
+        asked = Asked(name, forces, normals, _limited(context, name, forces))
+        told = (forces or len(places) > 1) and _report(statics, context, asked, place, found)
         moves = place.q is not None and any(place.rates.values())
-        if moves and _report(motion, context, asked, place, found):
-            return
+        if not told and moves:
+            told = _report(motion, context, asked, place, found)
 
 
 def _report(model: Model, context: Context, asked: Asked, place: Place, found: Diagnostics) -> bool:
