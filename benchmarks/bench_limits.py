@@ -21,7 +21,7 @@ import numpy as np
 from timed import seconds
 
 from taskspec.compiler import compile_task
-from taskspec.program.resolver import Resolver
+from taskspec.program.execution.resolver import Resolver
 from taskspec.spec import load_task
 from taskspec_runner.assembly import assemble
 from taskspec_runner.sensing import Sensing

@@ -10,14 +10,14 @@ from numpy.typing import NDArray
 from taskspec.check import check_stages
 from taskspec.program.context import Context
 from taskspec.program.errors import spec_error
-from taskspec.program.felt import estimates
-from taskspec.program.machine import Machine, Views
-from taskspec.program.paths import path_shape
+from taskspec.program.execution.machine import Machine, Views
+from taskspec.program.execution.sensor_zero import sensor_zero
 from taskspec.program.ports import fields
 from taskspec.program.prepare import frame_at_start, prepare
-from taskspec.program.sensor_zero import sensor_zero
+from taskspec.program.reference.paths import path_shape
 from taskspec.program.signals import UnknownSignalError
-from taskspec.program.stage import CompiledStage, compile_stage
+from taskspec.program.stages.stage import CompiledStage, compile_stage
+from taskspec.program.world.felt import estimates
 from taskspec.spec import LoadedTask
 from taskspec.text.diagnostic import Diagnostic, Severity, SpecError
 

@@ -16,7 +16,7 @@ import pytest
 from numpy.typing import NDArray
 
 from taskspec.compiler import Program, compile_task
-from taskspec.program.transition import Transition
+from taskspec.program.execution.transition import Transition
 from taskspec.spec import load_task, load_text
 from taskspec_runner import loop
 from taskspec_runner.assembly import assemble

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from taskspec.compiler import Program
-from taskspec.program.machine import Machine
+from taskspec.program.execution.machine import Machine
 from taskspec.spec import Task
 from taskspec_runner.bus import Bus
 from taskspec_runner.plant.plant import Plant

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from taskspec.program.stage import CompiledStage
+from taskspec.program.stages.stage import CompiledStage
 from taskspec_runner.history import History
 
 #: Limits that are named in a line.

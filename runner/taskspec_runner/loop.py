@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from taskspec.program import events
-from taskspec.program.machine import Machine
-from taskspec.program.transition import END, Transition
+from taskspec.program.execution.machine import Machine
+from taskspec.program.execution.transition import END, Transition
 from taskspec_runner.bus import Bus
 from taskspec_runner.plant.plant import Plant
 from taskspec_runner.sensing import Sensing

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec.program.carriers import Carrier
-from taskspec.program.mechanisms import MechanismModel
+from taskspec.program.world.carriers import Carrier
+from taskspec.program.world.mechanisms import MechanismModel
 
 Vector = NDArray[np.float64]
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from taskspec.control.state import AXES
 from taskspec.program import signals
-from taskspec.program.stage import CompiledStage
+from taskspec.program.stages.stage import CompiledStage
 from taskspec.robot import RobotModel
 from taskspec.spec import Task
 from taskspec.text.expression.signals import OBJECT

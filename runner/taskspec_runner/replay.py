@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from taskspec.control.state import AXES
 from taskspec.geometry.surface import Chart, Surface, box_face
-from taskspec.program import felt
-from taskspec.program.carriers import Carrier
-from taskspec.program.frames import FrameModel
-from taskspec.program.stage import CompiledStage
+from taskspec.program.stages.stage import CompiledStage
+from taskspec.program.world import felt
+from taskspec.program.world.carriers import Carrier
+from taskspec.program.world.frames import FrameModel
 from taskspec.robot import RobotModel
 from taskspec_runner.history import History, Visit
 from taskspec_runner.moving import Ride, handle_axes, handle_coordinates, ride

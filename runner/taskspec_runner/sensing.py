@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.control.sensor import RunningSensor, SensorModel
-from taskspec.program.machine import Machine
-from taskspec.program.sensor_zero import SensorZero
+from taskspec.program.execution.machine import Machine
+from taskspec.program.execution.sensor_zero import SensorZero
 from taskspec_runner.plant.plant import Plant
 
 Vector = NDArray[np.float64]

@@ -11,8 +11,8 @@ from typing import Any
 
 from taskspec.compiler import Program, compile_task
 from taskspec.control.state import AXES
-from taskspec.program.machine import Machine
-from taskspec.program.transition import Transition
+from taskspec.program.execution.machine import Machine
+from taskspec.program.execution.transition import Transition
 from taskspec.robot.description import listening
 from taskspec.spec import LoadedTask
 from taskspec_runner import folder as folders

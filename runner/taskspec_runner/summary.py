@@ -11,8 +11,8 @@ import numpy as np
 
 from taskspec.compiler import Program
 from taskspec.program import events
-from taskspec.program.stage import CompiledStage
-from taskspec.program.transition import FAIL, Transition
+from taskspec.program.execution.transition import FAIL, Transition
+from taskspec.program.stages.stage import CompiledStage
 from taskspec.robot import RobotModel
 from taskspec.text.show import show
 from taskspec_runner.given_up import given_up

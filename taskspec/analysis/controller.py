@@ -16,13 +16,14 @@ from numpy.typing import NDArray
 
 from taskspec.control.model_terms import ModelTerms
 from taskspec.control.state import AXES
-from taskspec.program import entry, felt
 from taskspec.program.bound import BoundFunction
-from taskspec.program.carried import Carried
 from taskspec.program.context import Context
-from taskspec.program.force_references import DEFAULT_RAMP
+from taskspec.program.execution import entry
+from taskspec.program.execution.carried import Carried
 from taskspec.program.ports import fields, slices
-from taskspec.program.stage import CompiledStage
+from taskspec.program.reference.force_references import DEFAULT_RAMP
+from taskspec.program.stages.stage import CompiledStage
+from taskspec.program.world import felt
 
 Matrix = NDArray[np.float64]
 

@@ -10,10 +10,10 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from taskspec.analysis.plant import LinearPlant, Rows
-from taskspec.program import frames
 from taskspec.program.context import Context
-from taskspec.program.grip import GRIP
-from taskspec.program.stiffness import (
+from taskspec.program.world import frames
+from taskspec.program.world.grip import GRIP
+from taskspec.program.world.stiffness import (
     added_mass,
     compliance,
     equation_compliance,

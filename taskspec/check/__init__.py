@@ -6,39 +6,39 @@ axes and its contacts come in.
 
 from __future__ import annotations
 
-from taskspec.check.axes import check_axes, check_joints
-from taskspec.check.bodies import check_bodies
-from taskspec.check.entering import check_entering, check_ramps
-from taskspec.check.equations import check_constraints, check_equations
-from taskspec.check.feasibility import check_feasibility
-from taskspec.check.felt import check_felt
-from taskspec.check.following import check_following
-from taskspec.check.forces import check_forces
-from taskspec.check.frames import check_frame, check_pointing, check_start, check_stiffness
-from taskspec.check.guards import check_guards
-from taskspec.check.impact import check_impact
-from taskspec.check.judging import check_judging
-from taskspec.check.lasting import check_lasting
-from taskspec.check.leaving import check_leaving
-from taskspec.check.limits import check_limits
-from taskspec.check.noise import check_noise
-from taskspec.check.nominal import Walk
-from taskspec.check.null_space import check_null_space
-from taskspec.check.orientation import check_orientation
-from taskspec.check.plausible import check_depth, check_plausible
-from taskspec.check.references import check_motions, check_references
-from taskspec.check.resisting import check_resisting
-from taskspec.check.sensor import check_sensor
-from taskspec.check.set_points import check_set_points
-from taskspec.check.signals import check_expectations, check_signals
-from taskspec.check.singular import check_singular
-from taskspec.check.stability import check_stability
-from taskspec.check.variations import check_variations
-from taskspec.check.yielding import check_yielding
+from taskspec.check.axes.existing import check_axes, check_joints
+from taskspec.check.axes.felt import check_felt
+from taskspec.check.axes.following import check_following
+from taskspec.check.axes.frames import check_frame, check_pointing, check_start, check_stiffness
+from taskspec.check.axes.limits import check_limits
+from taskspec.check.axes.null_space import check_null_space
+from taskspec.check.axes.orientation import check_orientation
+from taskspec.check.axes.signals import check_expectations, check_signals
+from taskspec.check.contact.bodies import check_bodies
+from taskspec.check.contact.equations import check_constraints, check_equations
+from taskspec.check.contact.forces import check_forces
+from taskspec.check.contact.leaving import check_leaving
+from taskspec.check.contact.resisting import check_resisting
+from taskspec.check.contact.set_points import check_set_points
+from taskspec.check.contact.yielding import check_yielding
+from taskspec.check.expectations.judging import check_judging
+from taskspec.check.foresight.nominal import Walk
+from taskspec.check.reach.feasibility import check_feasibility
+from taskspec.check.reach.sensor import check_sensor
+from taskspec.check.reach.singular import check_singular
+from taskspec.check.stability.predicted import check_stability
+from taskspec.check.stages.entering import check_entering, check_ramps
+from taskspec.check.stages.guards import check_guards
+from taskspec.check.stages.impact import check_impact
+from taskspec.check.stages.noise import check_noise
+from taskspec.check.values.lasting import check_lasting
+from taskspec.check.values.plausible import check_depth, check_plausible
+from taskspec.check.values.references import check_motions, check_references
+from taskspec.check.values.variations import check_variations
 from taskspec.program.axes import SkewedAxisError, existing_axes
 from taskspec.program.context import Context
-from taskspec.program.paths import path_shape
 from taskspec.program.prepare import frame_at_start, prepare
+from taskspec.program.reference.paths import path_shape
 from taskspec.spec import LoadedTask
 from taskspec.text.diagnostic import Diagnostic, Diagnostics, SpecError
 

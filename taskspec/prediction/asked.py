@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from taskspec.compiler import Program
-from taskspec.program.force_references import DEFAULT_RAMP
-from taskspec.program.resolver import Asked
-from taskspec.program.stage import CompiledStage
+from taskspec.program.execution.resolver import Asked
+from taskspec.program.reference.force_references import DEFAULT_RAMP
+from taskspec.program.stages.stage import CompiledStage
 
 
 def asked_at_start(program: Program, stage: CompiledStage) -> Asked | None:

@@ -8,12 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec.check.course import Course
-from taskspec.check.nominal import Walk
+from taskspec.check.foresight.course import Course
+from taskspec.check.foresight.nominal import Walk
 from taskspec.compiler import Program
 from taskspec.program.context import Context
 from taskspec.program.prepare import frame_at_start
-from taskspec.program.stage import CompiledStage
+from taskspec.program.stages.stage import CompiledStage
 
 Vector = NDArray[np.float64]
 

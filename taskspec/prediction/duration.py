@@ -6,17 +6,17 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from taskspec.check.flow import good_end
-from taskspec.check.interval import ANY, Interval, point
-from taskspec.check.known import known_value
-from taskspec.check.yielding import coordinate_rate
+from taskspec.check.contact.yielding import coordinate_rate
+from taskspec.check.foresight.flow import good_end
+from taskspec.check.foresight.interval import ANY, Interval, point
+from taskspec.check.foresight.known import known_value
 from taskspec.control.gains import has_force
 from taskspec.motion import profile
 from taskspec.prediction.begin import Begin
 from taskspec.prediction.forecast import Forecast, Signal, coming, moved, touching
 from taskspec.prediction.springs import spring_behind
 from taskspec.prediction.types import Duration, Equilibrium, Impact, StagePrediction
-from taskspec.program.tracks import move_speed
+from taskspec.program.execution.tracks import move_speed
 from taskspec.spec import Stage
 
 #: How far a guard is looked for in a stage that nothing bounds [s].

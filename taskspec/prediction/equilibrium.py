@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec.check.yielding import coordinate_rate
+from taskspec.check.contact.yielding import coordinate_rate
 from taskspec.control.state import AXES
 from taskspec.prediction.begin import Begin
 from taskspec.prediction.reach import Bearing, bearing
@@ -16,7 +16,7 @@ from taskspec.prediction.set_points import drift, settled, span_of
 from taskspec.prediction.springs import behind, push, yield_of
 from taskspec.prediction.types import Depth, Equilibrium
 from taskspec.prediction.worlds import World, extreme
-from taskspec.program.resolver import Asked
+from taskspec.program.execution.resolver import Asked
 from taskspec.program.signals import applied
 from taskspec.spec import LAWS
 

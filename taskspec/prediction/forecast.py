@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from taskspec.check.interval import ANY, Interval, IntervalAlgebra, point
-from taskspec.check.ranges import Ranges
+from taskspec.check.foresight.interval import ANY, Interval, IntervalAlgebra, point
+from taskspec.check.foresight.ranges import Ranges
 from taskspec.motion.blend import BLEND_TIME
 from taskspec.prediction.begin import Begin
 from taskspec.prediction.types import Impact

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from taskspec.check.impact import meeting, striking_mass
+from taskspec.check.stages.impact import meeting, striking_mass
 from taskspec.prediction.begin import Begin
 from taskspec.prediction.types import Impact
 from taskspec.prediction.worlds import extreme

@@ -8,9 +8,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec.check.nominal import AT_SURFACE
-from taskspec.check.resisting import gradients
-from taskspec.check.yielding import free_twists
+from taskspec.check.contact.resisting import gradients
+from taskspec.check.contact.yielding import free_twists
+from taskspec.check.foresight.nominal import AT_SURFACE
 from taskspec.control.state import ARM_LENGTH
 from taskspec.prediction.begin import Begin
 from taskspec.prediction.reach import bearing, moment_arms

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec.check.known import known_value
+from taskspec.check.foresight.known import known_value
 from taskspec.control.state import AXES
 from taskspec.prediction.begin import Begin
 from taskspec.prediction.reach import Bearing

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec.check.known import known_value
+from taskspec.check.foresight.known import known_value
 from taskspec.control.state import AXES
 from taskspec.prediction.begin import Begin
 from taskspec.prediction.reach import along, moment_arms

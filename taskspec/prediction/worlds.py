@@ -10,9 +10,9 @@ import casadi as ca
 
 from taskspec.analysis.corners import MOST_AT_ONCE, changed, nominal
 from taskspec.prediction.types import Extreme, Values
-from taskspec.program import frames
 from taskspec.program.context import Context
 from taskspec.program.prepare import tool_center
+from taskspec.program.world import frames
 from taskspec.spec import Task
 
 _KEYS = ("stiffness", "xyz", "rpy")

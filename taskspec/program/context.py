@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 from taskspec.control import gains as gain_design
 from taskspec.control.state import AXES
 from taskspec.geometry.surface import Surface
-from taskspec.program.carriers import Carrier
-from taskspec.program.equations import EquationModel, StartEquation
-from taskspec.program.frames import FrameModel
-from taskspec.program.grip import GRIP
-from taskspec.program.mechanisms import MechanismModel
-from taskspec.program.modes import MOSTLY
-from taskspec.program.stiffness import Compliance
+from taskspec.program.reference.modes import MOSTLY
+from taskspec.program.world.carriers import Carrier
+from taskspec.program.world.equations import EquationModel, StartEquation
+from taskspec.program.world.frames import FrameModel
+from taskspec.program.world.grip import GRIP
+from taskspec.program.world.mechanisms import MechanismModel
+from taskspec.program.world.stiffness import Compliance
 from taskspec.robot import RobotModel
 from taskspec.spec import Law, Limits, LoadedTask, Stage
 

@@ -11,18 +11,18 @@ from numpy.typing import NDArray
 
 from taskspec.control.model_terms import ModelTerms
 from taskspec.geometry.surface import Surface, box_face
-from taskspec.program import felt
-from taskspec.program import frames as frame_models
-from taskspec.program.carriers import carriers
 from taskspec.program.context import Context
-from taskspec.program.equations import at_start, equation_models
 from taskspec.program.errors import spec_error
-from taskspec.program.frames import FrameModel
-from taskspec.program.holding import holding_start
-from taskspec.program.mechanisms import MechanismModel, mechanism_models
-from taskspec.program.preconditions import check_equations, check_motions, check_parents
 from taskspec.program.signals import gaps, normal
-from taskspec.program.stiffness import compliance, equation_compliance
+from taskspec.program.world import felt
+from taskspec.program.world import frames as frame_models
+from taskspec.program.world.carriers import carriers
+from taskspec.program.world.equations import at_start, equation_models
+from taskspec.program.world.frames import FrameModel
+from taskspec.program.world.holding import holding_start
+from taskspec.program.world.mechanisms import MechanismModel, mechanism_models
+from taskspec.program.world.preconditions import check_equations, check_motions, check_parents
+from taskspec.program.world.stiffness import compliance, equation_compliance
 from taskspec.robot import RobotError, RobotModel, load_robot, solve_start
 from taskspec.spec import LoadedTask
 

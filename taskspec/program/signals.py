@@ -11,10 +11,11 @@ from taskspec.control.model_terms import TermSymbols
 from taskspec.control.reference import opposite
 from taskspec.control.state import AXES
 from taskspec.geometry.surface import Surface
-from taskspec.program import felt, kinematics
-from taskspec.program.carriers import Carrier
-from taskspec.program.frames import FrameModel
 from taskspec.program.layout import Layout
+from taskspec.program.reference import kinematics
+from taskspec.program.world import felt
+from taskspec.program.world.carriers import Carrier
+from taskspec.program.world.frames import FrameModel
 from taskspec.robot import RobotModel
 from taskspec.text.expression.tree import Name
 

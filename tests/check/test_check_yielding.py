@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from taskspec.check import check_task
-from taskspec.check.yielding import free_twists
-from taskspec.program.mechanisms import mechanism_models
+from taskspec.check.contact.yielding import free_twists
+from taskspec.program.world.mechanisms import mechanism_models
 from taskspec.spec import load_text
 
 TASK = """

@@ -17,7 +17,7 @@ from taskspec.control.admissible import (
     joint_accelerations,
     reach,
 )
-from taskspec.program.pushes import FORCE_SHARE
+from taskspec.program.limits.pushes import FORCE_SHARE
 
 T = 1e-3
 share = st.floats(0, 1)

@@ -6,7 +6,8 @@ from documents import ROOT, table, text_of
 
 from taskspec.control.admissible import BRAKING
 from taskspec.control.state import ARM_LENGTH
-from taskspec.program import bounds, consistency, limited, pushes, resolver
+from taskspec.program.execution import resolver
+from taskspec.program.limits import bounds, consistency, limited, pushes
 
 PAGE = ROOT / "docs" / "laws" / "limits.md"
 

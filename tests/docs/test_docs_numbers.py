@@ -18,9 +18,9 @@ from taskspec.control.state import ARM_LENGTH
 from taskspec.motion.blend import BLEND_TIME
 from taskspec.motion.profile import RISE_TIME
 from taskspec.program import events
-from taskspec.program.force_references import DEFAULT_RAMP
+from taskspec.program.execution.tracks import MOVE_SPEED
+from taskspec.program.reference.force_references import DEFAULT_RAMP
 from taskspec.program.signals import TOUCHING
-from taskspec.program.tracks import MOVE_SPEED
 from taskspec.robot.tool import LENGTH, RADIUS
 from taskspec.spec import Axis, Law, Task
 from taskspec.spec.control import Control

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from documents import CONVENTIONS, table, words
 
-from taskspec.program.grip import GRIP
+from taskspec.program.world.grip import GRIP
 from taskspec.robot import load_robot
 from taskspec.spec import Robot, Shape, Tool
 from taskspec.text.units import split_quantity, to_si

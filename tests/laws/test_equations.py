@@ -16,9 +16,9 @@ from taskspec.control import linear, model_terms, resolution, state
 from taskspec.control.laws import hybrid, impedance, parallel
 from taskspec.control.reference import Reference
 from taskspec.geometry.surface import Surface
-from taskspec.program import kinematics
 from taskspec.program.clock import Clock
-from taskspec.program.frames import FrameModel
+from taskspec.program.reference import kinematics
+from taskspec.program.world.frames import FrameModel
 from taskspec.robot import load_robot
 
 RNG = np.random.default_rng(4)

@@ -16,7 +16,7 @@ from taskspec.control.laws import impedance
 from taskspec.control.reference import Reference
 from taskspec.control.representation import REPRESENTATIONS, analytical
 from taskspec.geometry.rotation import from_rpy
-from taskspec.program.orientation import angles_of, displaced, rates_of
+from taskspec.program.reference.orientation import angles_of, displaced, rates_of
 from taskspec.robot import load_robot
 from taskspec.spec import Law
 

@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from taskspec.program.stiffness import normal_mass
+from taskspec.program.world.stiffness import normal_mass
 from taskspec_runner.plant.contact import most_creep
 
 PRESS = """

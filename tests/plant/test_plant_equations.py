@@ -7,8 +7,8 @@ import pinocchio as pin
 import pytest
 
 from plants import Pushed
-from taskspec.program.equations import equation_models
-from taskspec.program.stiffness import equation_compliance
+from taskspec.program.world.equations import equation_models
+from taskspec.program.world.stiffness import equation_compliance
 
 SLOPE = "rail: {{equation: '{scale} * (z - 400 mm + x - 500 mm) {relation} 0', {more}}}"
 

@@ -7,7 +7,7 @@ import pytest
 
 from plants import Pushed
 from taskspec.geometry.rotation import from_rpy
-from taskspec.program.carriers import carriers
+from taskspec.program.world.carriers import carriers
 
 TABLE = "table: {{shape: plane, xyz: [0, 0, 399 mm], stiffness: 20 kN/m, {more}}}"
 

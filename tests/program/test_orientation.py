@@ -10,7 +10,7 @@ import pytest
 from measures import rms
 from taskspec.check import check_task
 from taskspec.control.representation import REPRESENTATIONS
-from taskspec.program.orientation import angles_of
+from taskspec.program.reference.orientation import angles_of
 from taskspec.spec import load_text
 
 TASK = """

@@ -12,7 +12,7 @@ import pytest
 
 from arms import MovingArm
 from taskspec.compiler import compile_task
-from taskspec.program.carriers import carriers
+from taskspec.program.world.carriers import carriers
 from taskspec.spec import load_text
 from taskspec.text.diagnostic import SpecError
 

@@ -9,7 +9,7 @@ from random_states import States
 from scipy.optimize import linprog, nnls
 
 from taskspec.control.state import ARM_LENGTH
-from taskspec.program.consistency import FRICTION_SHARE, SET_POINT_SHARE, STATIC_SHARE
+from taskspec.program.limits.consistency import FRICTION_SHARE, SET_POINT_SHARE, STATIC_SHARE
 
 #: Sizes of generators have a weight of 1e-8 of their own, and the solver 1e-9 of the rows' length.
 NEAR = 1e-5

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from taskspec.check import check_task
-from taskspec.program import felt
-from taskspec.program.frames import FrameModel
+from taskspec.program.world import felt
+from taskspec.program.world.frames import FrameModel
 from taskspec.spec import load_text
 from taskspec_runner.replay import Replay
 

@@ -14,9 +14,9 @@ import pytest
 from arms import MovingArm
 from taskspec.control.state import AXES, task_state
 from taskspec.geometry import rotation
-from taskspec.program import kinematics
-from taskspec.program.frames import FrameModel
-from taskspec.program.mechanisms import MechanismModel
+from taskspec.program.reference import kinematics
+from taskspec.program.world.frames import FrameModel
+from taskspec.program.world.mechanisms import MechanismModel
 
 CLOSE = {"atol": 1e-6, "rtol": 0}
 

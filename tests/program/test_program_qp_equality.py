@@ -8,7 +8,7 @@ import pytest
 from random_states import States, press_text
 
 from taskspec.control.qp import Problem, Status, make_solver, residual
-from taskspec.program.relaxing import relax
+from taskspec.program.limits.relaxing import relax
 from taskspec.spec import LAWS
 
 CASES = [

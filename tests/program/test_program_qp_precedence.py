@@ -14,9 +14,9 @@ from scipy.optimize import linprog
 from taskspec.compiler import compile_task
 from taskspec.control.qp import Problem, Solution, Status
 from taskspec.control.qp.problem import unsolved
-from taskspec.program.bounds import PRECEDENCE
-from taskspec.program.relaxing import relax
-from taskspec.program.resolver import HELD_TICKS
+from taskspec.program.execution.resolver import HELD_TICKS
+from taskspec.program.limits.bounds import PRECEDENCE
+from taskspec.program.limits.relaxing import relax
 from taskspec.spec import load_text
 from taskspec_runner import loop
 from taskspec_runner.assembly import assemble

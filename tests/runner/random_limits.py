@@ -11,8 +11,8 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from taskspec.compiler import Program, compile_task
+from taskspec.program.execution.resolver import Account
 from taskspec.program.prepare import prepare
-from taskspec.program.resolver import Account
 from taskspec.robot import RobotModel
 from taskspec.spec import LAWS, load_text
 from taskspec.text.diagnostic import SpecError

@@ -17,7 +17,7 @@ from typer.testing import CliRunner, Result
 
 from taskspec import __version__
 from taskspec.compiler import Program, compile_task
-from taskspec.program.transition import Transition
+from taskspec.program.execution.transition import Transition
 from taskspec.spec import load_task
 from taskspec.spec.schema import FILE_NAME, schema_text
 from taskspec_runner.cli import app

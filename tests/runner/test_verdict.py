@@ -7,7 +7,7 @@ import pytest
 from short_tasks import DRUM
 
 from taskspec.geometry.rotation import from_rpy
-from taskspec.program.frames import FrameModel
+from taskspec.program.world.frames import FrameModel
 from taskspec.spec import load_text
 from taskspec_runner.history import History, read_history
 from taskspec_runner.replay import Replay

@@ -13,7 +13,7 @@ import pytest
 from short_tasks import DRUM, TAP
 from typer.testing import CliRunner
 
-from taskspec.program.equations import equation_models
+from taskspec.program.world.equations import equation_models
 from taskspec.spec import load_text
 from taskspec_runner.cli import app
 from taskspec_runner.errors import InputError

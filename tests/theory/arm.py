@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from sampled import Loop
 
 from taskspec.control.state import AXES
-from taskspec.program.stiffness import IMPEDANCE
+from taskspec.program.world.stiffness import IMPEDANCE
 from taskspec_runner.plant.plant import Plant
 
 Vector = NDArray[np.float64]

@@ -18,9 +18,9 @@ from taskspec.analysis.controller import Operating
 from taskspec.analysis.loop import one_step
 from taskspec.analysis.stage import analyse, bare
 from taskspec.control.sensor import RunningSensor, SensorModel
-from taskspec.program.paths import path_shape
 from taskspec.program.prepare import frame_at_start, prepare
-from taskspec.program.stage import compile_stage
+from taskspec.program.reference.paths import path_shape
+from taskspec.program.stages.stage import compile_stage
 from taskspec.spec import load_text
 
 T = 1e-3

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from taskspec.compiler import Program
 from taskspec.control.state import AXES
 from taskspec.prediction import StagePrediction
-from taskspec.program.grip import GRIP
-from taskspec.program.null_space import goals
-from taskspec.program.stage import CompiledStage
+from taskspec.program.stages.null_space import goals
+from taskspec.program.stages.stage import CompiledStage
+from taskspec.program.world.grip import GRIP
 from taskspec.spec import LAWS
 from taskspec.text.show import show
 from taskspec_runner.cli.constraints import AxisAccount, axis_account, equation_account

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from taskspec.compiler import Program
 from taskspec.motion.path import PathShape
 from taskspec.prediction import Natural, StagePrediction, State
-from taskspec.program.modes import AxisPlan
-from taskspec.program.stage import CompiledStage
+from taskspec.program.reference.modes import AxisPlan
+from taskspec.program.stages.stage import CompiledStage
 from taskspec.spec import LAWS, Screw
 from taskspec.text.show import number, show
 from taskspec_runner.cli.defaults import ramp_of, speed_of

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from taskspec.compiler import Program
-from taskspec.program.force_references import DEFAULT_RAMP
-from taskspec.program.null_space import goals
-from taskspec.program.stage import CompiledStage
-from taskspec.program.stiffness import Compliance
-from taskspec.program.tracks import move_speed
+from taskspec.program.execution.tracks import move_speed
+from taskspec.program.reference.force_references import DEFAULT_RAMP
+from taskspec.program.stages.null_space import goals
+from taskspec.program.stages.stage import CompiledStage
+from taskspec.program.world.stiffness import Compliance
 from taskspec.robot.tool import LENGTH
 from taskspec.spec import Axis, EquationObject, Mechanism, Robot, Shape, Task
 from taskspec.text.nodes import find

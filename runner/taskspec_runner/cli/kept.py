@@ -8,8 +8,8 @@ from itertools import groupby
 
 from taskspec.compiler import Program
 from taskspec.prediction.asked import asked_at_start
-from taskspec.program.stage import CompiledStage
-from taskspec.program.unreached import is_moment
+from taskspec.program.reference.unreached import is_moment
+from taskspec.program.stages.stage import CompiledStage
 from taskspec_runner.cli.measures import force, moment
 
 _JOINT = re.compile(r"(.*) of joint (\d+)\Z")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from taskspec.compiler import Program
-from taskspec.program.stiffness import Compliance
+from taskspec.program.world.stiffness import Compliance
 from taskspec.spec import EquationObject, Hinge, Mechanism, Screw, Shape, Slide
 from taskspec.spec.mechanism import Detent
 from taskspec.text.show import show

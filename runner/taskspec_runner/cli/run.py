@@ -104,7 +104,7 @@ def _foreseen(program: Program, *, force: bool) -> tuple[Diagnostic, ...]:
     Raises:
         SpecError: a stage is predicted to be unstable as it would be run, and `force` is not given.
     """
-    from taskspec.check.stability import check_stability
+    from taskspec.check.stability.predicted import check_stability
 
     loaded = program.context.loaded
     found = Diagnostics(loaded.source.name)

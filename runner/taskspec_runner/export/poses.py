@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from taskspec.compiler import Program
-from taskspec.program import felt
+from taskspec.program.world import felt
 from taskspec_runner.history import History
 from taskspec_runner.replay import Replay
 

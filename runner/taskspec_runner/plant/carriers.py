@@ -12,7 +12,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec.program.carriers import displacements
+from taskspec.program.world.carriers import displacements
 from taskspec.spec import Shape, Task
 from taskspec.spec.world import MOTION
 from taskspec_runner.plant.names import PREFIX, placed

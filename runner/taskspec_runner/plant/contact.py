@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import mujoco
 
-from taskspec.program.stiffness import IMPEDANCE, Compliance, virtual_mass_scale
+from taskspec.program.world.stiffness import IMPEDANCE, Compliance, virtual_mass_scale
 from taskspec.robot import RobotModel
 
 #: Share of a sticking contact's slip that friction may take away in one step of the plant.

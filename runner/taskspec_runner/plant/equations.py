@@ -11,8 +11,8 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec.program.equations import equation_models, reaction
-from taskspec.program.stiffness import equation_compliance
+from taskspec.program.world.equations import equation_models, reaction
+from taskspec.program.world.stiffness import equation_compliance
 from taskspec.robot import RobotModel
 from taskspec.spec import Task
 

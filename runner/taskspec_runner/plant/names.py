@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.geometry.rotation import from_rpy
-from taskspec.program.frames import Posed
+from taskspec.program.world.frames import Posed
 
 #: Names of everything that is not the robot's begin with this.
 PREFIX = "world/"

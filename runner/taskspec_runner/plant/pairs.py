@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec.program.stiffness import compliance, pair_compliance, virtual_mass_scale
+from taskspec.program.world.stiffness import compliance, pair_compliance, virtual_mass_scale
 from taskspec.robot import RobotModel
 from taskspec.spec import Shape, Task
 from taskspec_runner.plant.contact import contact_parameters

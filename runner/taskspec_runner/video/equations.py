@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec.program.equations import EquationModel
+from taskspec.program.world.equations import EquationModel
 
 Vector = NDArray[np.float64]
 

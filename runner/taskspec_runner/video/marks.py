@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec.program.stage import CompiledStage
+from taskspec.program.stages.stage import CompiledStage
 from taskspec_runner.video.equations import equation_surfaces
 from taskspec_runner.video.world import World
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.compiler import Program, compile_task
-from taskspec.program.stage import CompiledStage
+from taskspec.program.stages.stage import CompiledStage
 from taskspec.spec import LoadedTask, load_text
 from taskspec.text.diagnostic import SpecError
 from taskspec_runner.errors import InputError

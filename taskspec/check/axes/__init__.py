@@ -1,0 +1,1 @@
+"""TS2xx: axes, laws, frames and signals that do not go together."""

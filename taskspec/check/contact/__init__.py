@@ -1,0 +1,1 @@
+"""TS3xx: contacts, constraints, and forces that they cannot return."""

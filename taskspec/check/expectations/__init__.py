@@ -1,0 +1,1 @@
+"""TS7xx: expectations that cannot be met or judged."""

@@ -1,0 +1,219 @@
+"""Between which bounds the signals of a stage stay while it runs.
+
+The bounds are those that end the stage or the run at the latest: limits are looked at before
+guards, and guards before `within`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from taskspec.check.foresight.interval import ANY, MAYBE, Interval, point
+from taskspec.check.foresight.known import known_value
+from taskspec.control.state import AXES
+from taskspec.program.context import Context
+from taskspec.spec import Stage
+from taskspec.text.expression.tree import Call, Name, Node, walk
+from taskspec.text.show import show
+
+#: How far a mechanism may go beyond its stop, and the belief of its place beyond that, as a share
+#: of its range.
+_BEYOND_STOP = 0.1
+#: Faster than any arm's tip [m/s]: by as much a stage may go beyond `within.travel` in a period.
+_FASTEST = 10.0
+_POSITIVE = Interval(0.0, math.inf)
+#: A mechanism may be driven farther than its velocity says, by this share and by play [m, rad].
+_DRIVEN = 1.1
+_SLACK = {"angle": math.radians(2.0), "travel": 2e-3}
+_CONDITIONS = ("touching", "path_done", "limited")
+
+
+def longest(context: Context, stage: Stage) -> float:
+    """The time after which a stage has ended whatever happens [s]; infinite where none is told."""
+    bound = stage.time if stage.within is None else stage.within.time
+    return math.inf if bound is None else bound + context.period
+
+
+class Ranges:
+    """Intervals of the names in the guards of one stage.
+
+    Args:
+        context: the task. name: of the stage.
+        known: intervals that replace those found here, by full name.
+    """
+
+    def __init__(
+        self, context: Context, name: str, known: Mapping[str, Interval] | None = None
+    ) -> None:
+        self._context, self._name = context, name
+        self._stage = context.loaded.task.stages[name]
+        self._limits = context.limits_of(self._stage)
+        self._known = dict(known or {})
+
+    def __call__(self, node: Name) -> Interval:
+        """The interval [SI] of a name."""
+        if str(node) in self._known:
+            return self._known[str(node)]
+        head, last = node.path[0], node.path[-1]
+        task = self._context.loaded.task
+        if len(node.path) == 1:
+            return self._scalar(head)
+        if last == "visits" and head in task.stages:
+            return self._visits(head)
+        if head in ("force", "torque"):
+            return _within(getattr(self._limits, head))
+        if head == "velocity" and last in AXES[:3]:
+            # Limits on speed are those of the tip.
+            own = self._context.frame_of(self._stage).at_origin
+            return ANY if own else _within(self._limits.speed)
+        if head == "joint":
+            return self._joint(int(node.path[1]) - 1, last)
+        if head in task.mechanisms and last in ("angle", "travel"):
+            return self._mechanism(head, last)
+        return ANY
+
+    def magnitudes(self, node: Node) -> dict[Node, Interval]:
+        """Intervals of `norm(force)` and `norm(torque)` in an expression, which limits bound."""
+        found: dict[Node, Interval] = {}
+        for call in walk(node):
+            if not isinstance(call, Call) or call.function != "norm":
+                continue
+            kinds = {a.path[0] if isinstance(a, Name) else "" for a in call.args}
+            if kinds in ({"force"}, {"torque"}):
+                found[call] = _within(getattr(self._limits, kinds.pop()))
+        return found
+
+    def why(self, node: Name) -> str:
+        """What bounds a name, in words; empty where nothing of the file does."""
+        head, last, limits = node.path[0], node.path[-1], self._limits
+        task, within = self._context.loaded.task, self._stage.within
+        if str(node) == "t" and math.isfinite(longest(self._context, self._stage)):
+            bound = self._stage.time if within is None else within.time
+            return f"the stage ends after {show(bound or 0.0, 's')} at the latest"
+        if str(node) == "travel" and within is not None and within.travel is not None:
+            return f"the stage ends after {show(within.travel, 'mm')} of travel at the latest"
+        if last == "visits" and head in task.stages and task.stages[head].attempts is not None:
+            return f"{head!r} is entered {task.stages[head].attempts} times at the most"
+        if head == "force" and limits.force is not None:
+            return f"the limit on force, {show(limits.force, 'N')}, stops the run before that"
+        if head == "torque" and limits.torque is not None:
+            return f"the limit on torque, {show(limits.torque, 'N*m')}, stops the run before that"
+        if head in ("speed", "velocity") and limits.speed is not None:
+            return f"the limit on speed, {show(limits.speed, 'mm/s')}, stops the run before that"
+        if head == "joint":
+            return f"joint {node.path[1]} has limits"
+        return self._why_held(head, last) if head in task.mechanisms else ""
+
+    def _why_held(self, name: str, signal: str) -> str:
+        driven, stop = self._driven(name, signal), self._stop(name, signal)
+        if driven is None or driven.interval.meet(stop) != driven.interval:
+            return f"{name!r} has a stop"
+        way = show(driven.way, "mm" if signal == "travel" else "deg", 3)
+        return f"in {show(driven.lasts, 's', 3)} this stage moves {name!r} by {way}"
+
+    def _scalar(self, name: str) -> Interval:
+        params = self._context.loaded.task.params
+        if name == "pi":
+            return point(math.pi)
+        if name in params:
+            return point(params[name].value)
+        if name == "t":
+            return Interval(0.0, longest(self._context, self._stage))
+        if name in _CONDITIONS:
+            return MAYBE
+        if name == "tilt":
+            return Interval(0.0, math.pi)
+        if name == "speed":
+            most = self._limits.speed
+            return _POSITIVE if most is None else Interval(0.0, most)
+        if name == "travel":
+            within = self._stage.within
+            most = None if within is None else within.travel
+            slack = _FASTEST * self._context.period
+            return _POSITIVE if most is None else Interval(0.0, most + slack)
+        return _POSITIVE if name in ("clock", "force_inconsistent") else ANY
+
+    def _visits(self, stage: str) -> Interval:
+        attempts = self._context.loaded.task.stages[stage].attempts
+        least = 1.0 if stage == self._name else 0.0
+        return Interval(least, math.inf if attempts is None else float(attempts))
+
+    def _joint(self, i: int, signal: str) -> Interval:
+        robot = self._context.robot
+        if not 0 <= i < robot.pin.nv:
+            return ANY  # Told of by itself.
+        if signal == "position":
+            return Interval(float(robot.lower[i]) - 1e-3, float(robot.upper[i]) + 1e-3)
+        most = robot.velocity_limit if signal == "velocity" else robot.torque_limit
+        return _within(float(most[i]))
+
+    def _mechanism(self, name: str, signal: str) -> Interval:
+        driven = self._driven(name, signal)
+        return self._stop(name, signal).meet(ANY if driven is None else driven.interval)
+
+    def _stop(self, name: str, signal: str) -> Interval:
+        mechanism = self._context.loaded.task.mechanisms[name]
+        if mechanism.stop is None:
+            return ANY
+        low, high = mechanism.stop
+        slack = _BEYOND_STOP * (high - low)
+        lead = self._context.mechanisms[name].lead
+        factor = lead if mechanism.angular and signal == "travel" else 1.0
+        ends = sorted((factor * (low - slack), factor * (high + slack)))
+        return Interval(*ends)
+
+    def _driven(self, name: str, signal: str) -> Driven | None:
+        driven = driven_way(self._context, self._name) if name == self._context.held else None
+        return driven if driven is not None and driven.signal == signal else None
+
+
+@dataclass(frozen=True, slots=True)
+class Driven:
+    """What the first stage makes of the mechanism that the robot holds.
+
+    Attributes:
+        signal: `angle` or `travel`. lasts: the longest that the stage may last [s].
+        way: what its velocity comes to by then [rad or m]. interval: of the coordinate.
+    """
+
+    signal: str
+    lasts: float
+    way: float
+    interval: Interval
+
+
+def driven_way(context: Context, name: str) -> Driven | None:
+    """How far a constant velocity drives the held mechanism; None where that is not known.
+
+    Only of the first stage, which begins at coordinate 0, in the frame of the handle.
+    """
+    stage = context.loaded.task.stages[name]
+    frame = context.frame_of(stage)
+    held = context.mechanisms.get(context.held)
+    lasts = longest(context, stage)
+    first = name == next(iter(context.loaded.task.stages))
+    if held is None or not first or not math.isfinite(lasts):
+        return None
+    axis = "y" if frame.mechanism is not None else "z"
+    entry = stage.axes.get(axis)
+    rate = None if entry is None or entry.velocity is None else known_value(context, entry.velocity)
+    if rate is None or frame.name != f"{context.held}.handle":
+        return None
+    if frame.mechanism is None:
+        if held.angular:
+            return None
+        signal, way = "travel", rate * lasts
+    else:
+        lever = np.cross(held.rotation[:, 2], context.start_p - held.origin)
+        signal, way = "angle", rate * lasts / float(np.linalg.norm(lever))
+    ends = sorted((0.0, _DRIVEN * way))
+    slack = _SLACK[signal]
+    return Driven(signal, lasts, way, Interval(ends[0] - slack, ends[1] + slack))
+
+
+def _within(most: float | None) -> Interval:
+    return ANY if most is None else Interval(-most, most)

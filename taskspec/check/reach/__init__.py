@@ -1,0 +1,1 @@
+"""TS4xx: what arm and motors can do."""

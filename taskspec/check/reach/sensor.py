@@ -1,0 +1,95 @@
+"""The force sensor: what its rate and delay become, and stages that tare it."""
+
+from __future__ import annotations
+
+import math
+
+from taskspec.check.foresight.flow import good_end
+from taskspec.control.gains import INTEGRAL_FREQUENCY, has_force
+from taskspec.control.sensor import SensorModel
+from taskspec.program.context import Context
+from taskspec.program.signals import TOUCHING
+from taskspec.spec import Stage
+from taskspec.text.diagnostic import Diagnostics
+from taskspec.text.expression.tree import Name, walk
+from taskspec.text.show import show
+
+
+def check_sensor(context: Context, found: Diagnostics) -> None:
+    """Reports a sensor that is not what the file says, or too slow, and tares that mislead."""
+    _check_times(context, found)
+    _check_tares(context, found)
+
+
+def _check_times(context: Context, found: Diagnostics) -> None:
+    loaded, period = context.loaded, context.period
+    sensor = loaded.task.robot.sensor
+    model = SensorModel.of(sensor, period)
+    if sensor.rate is not None and model.hold_ticks > 1:
+        becomes = 1.0 / (model.hold_ticks * period)
+        if not math.isclose(becomes, sensor.rate, rel_tol=1e-6):
+            found.warning(
+                "TS431",
+                f"samples come at {show(becomes, 'Hz', 4)}: {show(sensor.rate, 'Hz', 4)} does not "
+                f"divide the controller's {show(1 / period, 'Hz', 4)}",
+                loaded.span(("robot", "sensor", "rate")),
+                "choose a rate that divides that of the controller",
+            )
+    lag, slowest = model.lag(period), 1.0 / (2 * math.pi * INTEGRAL_FREQUENCY)
+    uses = any(has_force(a) for s in loaded.task.stages.values() for a in s.axes.values())
+    if lag > slowest and uses:
+        late = show(lag, "ms" if lag < 1 else "s", 3)
+        found.warning(
+            "TS430",
+            f"the controller sees a force {late} late, by delay, sampling and filter; a designed "
+            f"force loop answers within {show(slowest, 'ms', 2)} and is not made for that",
+            loaded.span(("robot", "sensor")),
+            "shorten the delay, raise rate or filter, or give the law a lower force.integral",
+        )
+
+
+def _check_tares(context: Context, found: Diagnostics) -> None:
+    loaded = context.loaded
+    stages = loaded.task.stages
+    before = {good_end(stages, name): name for name in reversed(stages)}
+    for number, (name, stage) in enumerate(stages.items()):
+        if not stage.tare:
+            continue
+        pressed = [a for a, axis in stage.axes.items() if has_force(axis)]
+        if pressed:
+            found.error(
+                "TS620",
+                f"the force on {pressed[0]!r} would become the sensor's zero",
+                loaded.span(("stages", name, "axes", pressed[0])),
+                "tare in a stage of its own, that holds its axes away from everything",
+            )
+            continue
+        previous = before.get(name)
+        if number == 0 and _force_at_start(context) > TOUCHING:
+            why = "the tool touches at the start"
+        elif previous is not None and _ends_in_contact(stages[previous]):
+            why = f"stage {previous!r} before it ends in contact"
+        else:
+            continue
+        found.warning(
+            "TS620",
+            f"{why}: the contact force would become the sensor's zero",
+            loaded.span(("stages", name, "tare")),
+            "move away from the surface first",
+        )
+
+
+def _force_at_start(context: Context) -> float:
+    """The largest contact force with an object where the run begins [N]."""
+    gaps = context.touchable_gaps
+    return max((-gap * context.compliances[o].stiffness for o, gap in gaps.items()), default=0.0)
+
+
+def _ends_in_contact(stage: Stage) -> bool:
+    """Whether a stage holds a force, or ends as soon as one is felt."""
+    if any(has_force(axis) for axis in stage.axes.values()):
+        return True
+    if stage.until is None:
+        return False
+    names = (node for node in walk(stage.until.tree) if isinstance(node, Name))
+    return any(node.path[0] in ("force", "touching") for node in names)

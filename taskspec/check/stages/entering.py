@@ -1,0 +1,93 @@
+"""Force control that begins in the air."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taskspec.check.foresight.known import known_value
+from taskspec.control.gains import design
+from taskspec.control.state import AXES
+from taskspec.program.context import Context
+from taskspec.program.reference.force_references import DEFAULT_RAMP
+from taskspec.program.reference.modes import MOSTLY
+from taskspec.spec import LAWS
+from taskspec.text.diagnostic import Diagnostics
+from taskspec.text.show import show
+
+
+def check_ramps(context: Context, name: str, axes: tuple[str, ...], found: Diagnostics) -> None:
+    """Reports set points of stage `name` that are not reached before its time is over.
+
+    Args:
+        context: the task. name: of the stage. axes: that exist in its frame.
+        found: where findings go.
+    """
+    stage = context.loaded.task.stages[name]
+    if stage.time is None or stage.until is not None:
+        return
+    for axis, entry in stage.axes.items():
+        key = "torque" if axis.startswith("r") else "force"
+        expression = getattr(entry, key)
+        wanted = None if expression is None else known_value(context, expression)
+        ramp = DEFAULT_RAMP if entry.ramp is None else entry.ramp
+        if not wanted or axis not in axes or ramp <= stage.time:
+            continue
+        given = entry.ramp is not None
+        found.warning(
+            "TS619",
+            f"the set point is reached in {show(ramp, 's', 3)}, and the stage ends after "
+            f"{show(stage.time, 's', 3)}",
+            context.loaded.span(("stages", name, "axes", axis, "ramp" if given else key)),
+            "let the stage last longer, or shorten the ramp",
+        )
+
+
+def check_entering(
+    context: Context,
+    name: str,
+    axes: tuple[str, ...],
+    rotation: NDArray[np.float64],
+    gap: float | None,
+    found: Diagnostics,
+) -> None:
+    """Reports a stage that presses on a surface which it does not touch as it begins.
+
+    A force loop in the air goes at f_d/d towards the surface, d its damping, and at twice that once
+    its integral is full. What it covers while the set point is ramped is no matter.
+
+    Args:
+        context: the task. name: of the stage. axes: that exist in its frame.
+        rotation: (3, 3) its frame at the start pose.
+        gap: to the believed contact as the stage begins [m]; None where it is not known.
+        found: where findings go.
+    """
+    loaded = context.loaded
+    stage = loaded.task.stages[name]
+    frame, law = context.frame_of(stage), context.law_of(stage)
+    contact = context.contact_of(frame)
+    if contact is None or gap is None or not LAWS[law.kind].force_loop:
+        return
+    normal = context.start_normals[contact]
+    for axis, entry in stage.axes.items():
+        wanted = None if entry.force is None else known_value(context, entry.force)
+        if not wanted or axis not in axes or entry.velocity is not None or entry.move is not None:
+            continue
+        along = float(rotation[:, AXES.index(axis)] @ normal)
+        if abs(along) < MOSTLY or wanted * along > 0:
+            continue
+        felt = context.felt_stiffness(frame, axes, rotation)
+        plants = context.plants(axes, rotation, felt, lever=context.lever_of(frame))
+        gains = design(law, {axis: entry}, {axis: plants[axis]})
+        damping = (gains.get("force.damping") or gains["damping"])[axis].value
+        ramp = DEFAULT_RAMP if entry.ramp is None else entry.ramp
+        if gap * damping <= abs(wanted) * ramp / 2:
+            continue
+        speed = "" if not damping else f" at up to {show(2 * abs(wanted) / damping, 'mm/s', 2)}"
+        found.warning(
+            "TS615",
+            f"stage {name!r} presses {show(gap, 'mm', 3)} off {contact!r}: nothing returns the "
+            f"force, and the tool goes there{speed}",
+            loaded.span(("stages", name, "axes", axis, "force")),
+            "let a stage before it touch: a velocity until a force is felt",
+        )

@@ -1,0 +1,1 @@
+"""The machine that strings the stages together, tick by tick."""

@@ -1,0 +1,256 @@
+"""Entering a stage: where the carried reference is in its frame, and how to go on from there."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taskspec.control.state import AXES
+from taskspec.geometry.surface import box_face
+from taskspec.motion import blend
+from taskspec.program.execution.carried import Carried
+from taskspec.program.execution.choice import choose_first
+from taskspec.program.execution.tracks import Tracks, move_speed, plan_tracks
+from taskspec.program.ports import PROBE, slices
+from taskspec.program.stages.stage import CompiledStage
+from taskspec.program.world import felt
+from taskspec.robot import RobotModel
+from taskspec.spec import LAWS
+
+Vector = NDArray[np.float64]
+_FIELDS = slices(PROBE)
+
+
+@dataclass(frozen=True, slots=True)
+class Entered:
+    """Numbers of a stage that has just been entered."""
+
+    parameters: Vector
+    memory: Vector
+    tracks: Tracks
+
+
+@dataclass(frozen=True, slots=True)
+class Continuation:
+    """The carried reference in a stage's coordinates, by axis.
+
+    Attributes:
+        error: reference minus measurement [m, rad]. start: the reference's coordinate.
+        rate: its rate. pressed: how far a spring law's reference is displaced beyond it so that
+            the force that the last stage held is held on.
+    """
+
+    error: Mapping[str, float]
+    start: Mapping[str, float]
+    rate: Mapping[str, float]
+    pressed: Mapping[str, float]
+
+
+def enter(
+    stage: CompiledStage,
+    robot: RobotModel,
+    carried: Carried,
+    tip: tuple[Vector, Vector],
+    inputs: Sequence[Vector],
+    felt_poses: Mapping[str, Vector],
+) -> Entered:
+    """Starts a stage from the carried reference (docs/conventions.md).
+
+    Args:
+        stage: the stage. robot: for its tool.
+        carried: the reference that the last stage left.
+        tip: (3,), (3, 3) measured pose of the tip.
+        inputs: the tick's inputs before memory and parameters, at t = 0.
+        felt_poses: (12,) of measured frames, by parameter.
+    """
+    return _Entry(stage, carried, tip, inputs, felt_poses).run(robot)
+
+
+class _Entry:
+    """The numbers of one entry while they are found, one after the other."""
+
+    def __init__(
+        self,
+        stage: CompiledStage,
+        carried: Carried,
+        tip: tuple[Vector, Vector],
+        inputs: Sequence[Vector],
+        felt_poses: Mapping[str, Vector],
+    ) -> None:
+        self.stage, self.carried, self.inputs = stage, carried, inputs
+        self.felt_poses = felt_poses
+        self.p, self.R = tip
+        self.A, self.a, self.twist = np.eye(3), np.zeros(3), carried.twist
+        if stage.carrier is not None:
+            # From here on the reference's velocity is that against what carries the frame.
+            clock = float(inputs[0][1])
+            self.A, self.a = stage.carrier.pose(clock)
+            self.twist = carried.twist - stage.carrier.twist(clock, self.p)
+        self.parameters = np.zeros(stage.parameters.size)
+        self.memory = np.zeros(stage.memory.size)
+        for slot, value in stage.initial.items():
+            stage.memory.write(self.memory, slot, value)
+
+    def run(self, robot: RobotModel) -> Entered:
+        """Fills parameters and memory in the order in which they depend on each other."""
+        self._place(robot)
+        self.seen = self._look()
+        if "angle_at_entry" in self.stage.parameters:
+            self._write("angle_at_entry", self.seen["angle"])
+            self.seen = self._look()
+        if "place" in self.stage.memory:
+            self._remember("place", self.seen["here"])
+            self.seen = self._look()
+        self.frame = self.seen["frame"].reshape(3, 3, order="F")
+        self._write("orientation", (self.frame.T @ self.carried.R).ravel(order="F"))
+        self._write("base", self.frame.ravel(order="F"))
+        going = self._continue()
+        self._forces(going)
+        self._equations()
+        tracks = plan_tracks(self.stage, going.start, going.rate)
+        tracks.refresh(self.stage, self.parameters, 0.0)
+        for axis, value in going.start.items():
+            self._write(f"path_start.{axis}", value)
+        self._write("path_end", tracks.path.duration if tracks.path else 0.0)
+        self._write("end", max(self.stage.spec.time or 0.0, tracks.duration))
+        self._blend(going)
+        self._start_memory(going)
+        choose_first(self.stage, self.inputs, self.memory, self.parameters)
+        return Entered(self.parameters, self.memory, tracks)
+
+    def _write(self, name: str, value: float | Vector) -> None:
+        """Sets a parameter that this stage may not have."""
+        if name in self.stage.parameters:
+            self.stage.parameters.write(self.parameters, name, value)
+
+    def _remember(self, name: str, value: float | Vector) -> None:
+        self.stage.memory.write(self.memory, name, value)
+
+    def _place(self, robot: RobotModel) -> None:
+        """Where the stage begins, and what of its frame is chosen there."""
+        frame = self.stage.frame
+        self._write("entry", self.p)
+        for name, pose in self.felt_poses.items():
+            self._write(name, pose)
+        if self.carried.tracked == self.stage.tracked and "angle" in self.stage.memory:
+            self._remember("angle", self.carried.angle)
+        origin = self.A @ felt.origin(frame, self.felt_poses) + self.a
+        self._write("lever", self.R.T @ (origin - self.p))
+        if frame.surface is not None and frame.surface.kind == "box":
+            center = self.p if robot.tool.flat else self.p + self.R @ robot.tool.centers[0]
+            center = self.A.T @ (center - self.a)
+            self._write("frame.face", box_face(frame.surface, frame.surface.face(center)))
+
+    def _look(self) -> dict[str, Vector]:
+        """The stage's probe, with the frame turning as the reference moves on."""
+        lever = np.zeros(3)
+        seen: dict[str, Vector] = {}
+        for _ in range(2):
+            twist = self.twist
+            way = twist[:3] + np.cross(twist[3:], lever)
+            found = self.stage.probe(*self.inputs, self.memory, self.parameters, way)
+            numbers = np.array(found).ravel()
+            seen = {name: numbers[where] for name, where in _FIELDS.items()}
+            seen["reaction"] = numbers[_FIELDS["measured"].stop :]
+            lever = seen["lever"]
+        return seen
+
+    def _continue(self) -> Continuation:
+        """The carried reference in the stage's coordinates."""
+        carried, frame, seen = self.carried, self.frame, self.seen
+        offset = carried.R @ (self.R.T @ seen["offset"])
+        away = frame.T @ (carried.p + offset - self.p - seen["offset"])
+        spin = self.twist[3:]
+        following = self.stage.frame.kind == "following"
+        arm = seen["lever"] if following else offset
+        moving = frame.T @ (self.twist[:3] + np.cross(spin, arm))
+        moving = seen["rate_map"].reshape(3, 3, order="F") @ moving
+        rates = np.concatenate([moving, frame.T @ spin - seen["turning"]])
+        error, start, rate = {}, {}, {}
+        for name, plan in self.stage.plans.items():
+            i = AXES.index(name)
+            error[name] = float(away[i]) if i < 3 else 0.0
+            start[name] = float(seen["coordinate"][i]) + error[name] if i < 3 else 0.0
+            rate[name] = float((frame.T @ spin)[i - 3] if plan.world else rates[i])
+            if plan.force and plan.mode == "hold":
+                # Braking a reference that nothing asks for would push with the loop's damper.
+                rate[name] = 0.0
+        return Continuation(error, start, rate, self._pressed())
+
+    def _pressed(self) -> dict[str, float]:
+        if LAWS[self.stage.law.kind].force_loop:
+            return {}
+        local = np.concatenate([self.frame.T @ part for part in np.split(self.carried.held, 2)])
+        stiffness = self.stage.gains["stiffness"]
+        return {
+            name: float(local[AXES.index(name)] / stiffness[name].value)
+            for name in self.stage.plans
+            if stiffness[name].value > 0
+        }
+
+    def _forces(self, going: Continuation) -> None:
+        """Set points rise from the measured force; held forces fade where motion takes over."""
+        held = np.concatenate([self.frame.T @ part for part in np.split(self.carried.held, 2)])
+        for name, plan in self.stage.plans.items():
+            i = AXES.index(name)
+            if plan.set_point:
+                self._write(f"force_at_entry.{name}", self.seen["measured"][i])
+            elif plan.yields or plan.soft:
+                self._write(f"force_at_entry.{name}", held[i])
+            if plan.open_loop and name.startswith("r"):
+                self._write(f"start.{name}", going.start[name])
+
+    def _equations(self) -> None:
+        """Set points of equations rise from what is measured."""
+        for name, force in zip(self.stage.equations, self.seen["reaction"], strict=True):
+            self._write(f"force_at_entry.equation.{name}", float(force))
+
+    def _blend(self, going: Continuation) -> None:
+        """Chooses each axis's blending so that its reference continues the carried one."""
+        found = self.stage.own(*self.inputs, self.memory, self.parameters)
+        own, own_rate = (np.array(value).ravel() for value in found)
+        for name, plan in self.stage.plans.items():
+            i, start = AXES.index(name), going.start[name]
+            pressed = going.pressed.get(name, 0.0)
+            slope, offset, time = going.rate[name] - own_rate[i], 0.0, blend.BLEND_TIME
+            if plan.mode == "follows":
+                leader = self.stage.couplings[name].leader
+                if leader is not None:
+                    self._write(f"begin.{name}", going.start[leader])
+                    own_rate[i] = self.stage.couplings[name].ratio * going.rate[leader]
+                    slope = going.rate[name] - own_rate[i]
+            if plan.mode in ("hold", "velocity", "follows"):
+                offset = -slope * time / 2
+                self._write(f"start.{name}", start - offset)
+            elif plan.mode == "move":
+                slope = 0.0
+            elif plan.open_loop:
+                slope, offset, pressed = 0.0, start + pressed - own[i], 0.0
+                time = blend.blend_time(offset, move_speed(name))
+            else:
+                offset = start - own[i]
+                time = blend.blend_time(offset, move_speed(name))
+            self._write(f"pressed.{name}", pressed)
+            self._write(f"offset.{name}", offset)
+            self._write(f"slope.{name}", slope)
+            self._write(f"blend.{name}", time)
+
+    def _start_memory(self, going: Continuation) -> None:
+        """The point that references move along, and integrals that hold the measured force."""
+        first = {a: value + going.pressed.get(a, 0.0) for a, value in going.start.items()}
+        away = np.array([going.error.get(a, 0.0) + going.pressed.get(a, 0.0) for a in AXES[:3]])
+        if "reference_point" in self.stage.memory:
+            along = away * (1.0, 1.0, 0.0) if self.stage.frame.kind == "following" else away
+            along = self.A.T @ self.frame @ along
+            self._remember("reference_point", self.seen["here"] + along)
+            for axis in AXES[:3]:
+                self._remember(f"last.{axis}", first.get(axis, 0.0))
+        for name, plan in self.stage.plans.items():
+            if plan.force and plan.motion and not name.startswith("r"):
+                integral = self.stage.gains["force.integral"][name].value
+                stiffness = self.stage.gains["stiffness"][name].value
+                held = stiffness * float(away[AXES.index(name)])
+                self._remember(f"integral.{name}", -held / integral if integral > 0 else 0.0)

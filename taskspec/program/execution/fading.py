@@ -1,0 +1,51 @@
+"""What drives an arm while the program that keeps its limits has no answer."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taskspec.control.qp import Status
+from taskspec.program.events import LIMIT, Event
+from taskspec.program.execution.resolver import HELD_TICKS
+
+Vector = NDArray[np.float64]
+
+
+class Fading:
+    """The last torque that kept its limits, as it fades to what carries the arm.
+
+    Attributes:
+        over: whether it has faded, and there still is no answer.
+    """
+
+    def __init__(self, joints: int) -> None:
+        self._from, self._ticks = np.zeros(joints), 0
+
+    @property
+    def over(self) -> bool:
+        """Whether it has faded away."""
+        return self._ticks > HELD_TICKS
+
+    def reset(self) -> None:
+        """There is an answer again."""
+        self._ticks = 0
+
+    def step(self, applied: Vector, gravity: Vector) -> Vector:
+        """The torque (n,) of one more tick without an answer [N m].
+
+        Args:
+            applied: (n,) of the tick before. gravity: (n,) what carries the arm.
+        """
+        if self._ticks == 0:
+            self._from[:] = applied
+        self._ticks += 1
+        share = max(0.0, 1.0 - self._ticks / HELD_TICKS)
+        faded: Vector = gravity + share * (self._from - gravity)
+        return faded
+
+
+def unanswered(status: Status) -> Event:
+    """The event that ends a run when it has faded; `status` is the solver's last one."""
+    text = f"the program that keeps the limits has had no answer for {HELD_TICKS} ticks"
+    return Event(LIMIT, "solver", f"{text}: {status.value}")

@@ -1,0 +1,63 @@
+"""What stages learn by touch for those that follow: the sensor's zero, and frames that are felt."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taskspec.program.execution.sensor_zero import SensorZero
+from taskspec.program.stages.stage import CompiledStage
+from taskspec.program.world.felt import Estimates
+
+Vector = NDArray[np.float64]
+
+
+class Learning:
+    """The sensor's zero and the felt frames of a run, of which it may have neither.
+
+    Attributes:
+        on: whether the current stage teaches anything.
+    """
+
+    def __init__(self, sensor: SensorZero | None, estimates: Estimates | None) -> None:
+        self.on = False
+        self._sensor, self._estimates = sensor, estimates
+
+    @property
+    def poses(self) -> Mapping[str, Vector]:
+        """(12,) of the felt frames, by stage parameter."""
+        return {} if self._estimates is None else self._estimates.poses
+
+    def missing(self, stage: CompiledStage) -> str:
+        """Why a stage cannot be entered, as a sentence; empty if it can."""
+        return "" if self._estimates is None else self._estimates.missing(stage.parameters)
+
+    def begin(self, stage: CompiledStage) -> None:
+        """Forgets what the last stage was measured by."""
+        self.on = stage.spec.tare
+        if self._sensor is not None:
+            self._sensor.begin()
+        if self._estimates is not None:
+            self.on |= stage.name in self._estimates.stages
+            self._estimates.begin()
+
+    def collect(self, wrench: Vector) -> None:
+        """Keeps what a tick of the stage measured (6,), for its end."""
+        if self._sensor is not None:
+            self._sensor.collect()
+        if self._estimates is not None:
+            self._estimates.collect(wrench[:3])
+
+    def end(self, stage: CompiledStage, tip: tuple[Vector, Vector], wrench: Vector) -> None:
+        """Takes what a stage has taught, and corrects the measured `wrench` (6,) by it.
+
+        Args:
+            stage: that ends. tip: (3,), (3, 3) pose of the tip. wrench: of now.
+        """
+        if self._estimates is not None:
+            self._estimates.end(stage.name, tip[0])
+        if self._sensor is not None and stage.spec.tare:
+            self._sensor.tare()
+            self._sensor.correct(tip[1], wrench)

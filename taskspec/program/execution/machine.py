@@ -1,0 +1,257 @@
+"""The stage machine: ticks the current stage, decides transitions, counts visits and attempts."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taskspec.control.model_terms import ModelTerms
+from taskspec.program import events
+from taskspec.program.execution import entry
+from taskspec.program.execution.carried import Carried, leave
+from taskspec.program.execution.choice import choose_again
+from taskspec.program.execution.fading import Fading, unanswered
+from taskspec.program.execution.learning import Learning
+from taskspec.program.execution.resolver import Asked, Resolver
+from taskspec.program.execution.sensor_zero import SensorZero
+from taskspec.program.execution.stage_runner import StageRunner
+from taskspec.program.execution.transition import END, FAIL, Transition, leads_to
+from taskspec.program.ports import OUTPUTS, slices
+from taskspec.program.reference.modes import not_finite
+from taskspec.program.stages.stage import CompiledStage
+from taskspec.program.world.felt import Estimates
+from taskspec.robot import RobotModel
+
+Vector = NDArray[np.float64]
+#: q, v, wrench, reactions, torque and outputs of a machine.
+Views = tuple[Vector, Vector, Vector, Vector, Vector, Vector]
+
+_FIELDS = slices(OUTPUTS)
+_CONDITIONING = _FIELDS["conditioning"].start
+_HEALTH = _FIELDS["health"].start
+
+
+class Machine:
+    """Runs compiled stages tick by tick.
+
+    Write `q`, `v`, `reactions` and `wrench` (or, where there is a `sensor`, its reading), call
+    `tick`, read `torque` and `outputs`.
+
+    Attributes:
+        q, v: (n,) measured joint positions and velocities.
+        wrench: (6,) measured, by the environment on the tool tip, world axes [N, N m].
+        reactions: (equations,) measured, what the robot applies along each equation's unit
+            gradient [N, N m]; those on the tip are told from the wrench instead.
+        sensor: makes the wrench from readings; None where the wrench is written itself.
+        period: of control [s].
+        torque: (n,) the command [N m]. outputs: the numbers of `ports.fields`.
+        index: number of the current stage. t: [s] since it began.
+        ended: `end` or `fail` once the task is over, else empty. transitions: so far.
+    """
+
+    def __init__(
+        self,
+        robot: RobotModel,
+        stages: tuple[CompiledStage, ...],
+        period: float,
+        views: Views,
+        sensor: SensorZero | None = None,
+        estimates: Estimates | None = None,
+    ) -> None:
+        self._robot, self.period = robot, period
+        self.sensor, self._learning = sensor, Learning(sensor, estimates)
+        self._terms = ModelTerms(robot)
+        self.q, self.v, self.wrench, self.reactions, self.torque, self.outputs = views
+        self._now = np.zeros(2 + len(stages))
+        self._inputs = (self._now, self.q, self.v, *self._terms.arrays, self.wrench, self.reactions)
+        self._runners = tuple(
+            StageRunner(s, self._inputs, self.torque, self.outputs) for s in stages
+        )
+        self._names = [s.name for s in stages]
+        self.index, self.t = 0, 0.0
+        self._ticks = 0
+        self._applied, self._fading = np.zeros(len(self.torque)), Fading(len(self.torque))
+        self._runner = self._runners[0]
+        self.ended = ""
+        self.transitions: list[Transition] = []
+
+    @property
+    def stage(self) -> CompiledStage:
+        """The current stage."""
+        return self._runner.stage
+
+    @property
+    def resolver(self) -> Resolver | None:
+        """What keeps the limits of the current stage; None without a program."""
+        return self._runner.resolver
+
+    @property
+    def visits(self) -> Mapping[str, int]:
+        """How often each stage has been entered."""
+        return {name: int(self._now[2 + i]) for i, name in enumerate(self._names)}
+
+    def start(self) -> None:
+        """Enters the first stage from rest at the measured pose."""
+        self.update_terms()
+        self.torque[:] = self._terms.gravity
+        self._enter(0, Carried(*self._terms.tip(), np.zeros(6)), 0.0)
+
+    def asked(self, index: int, t: float) -> Asked | None:
+        """What stage `index` asks of contacts at its time t [s], were it entered at rest here.
+
+        None for a stage that solves no program, asks for no force, or begins in a frame that is
+        yet to be felt.
+        """
+        runner = self._runners[index]
+        if runner.resolver is None or self._learning.missing(runner.stage):
+            return None
+        self.update_terms()
+        self._enter(index, Carried(*self._terms.tip(), np.zeros(6)), 0.0)
+        self._now[0] = t
+        runner.evaluate()
+        return runner.resolver.asked()
+
+    def update_terms(self) -> None:
+        """Evaluates the model terms and the contact wrench at the measured joint state."""
+        self._terms.update(self.q, self.v)
+        if self.sensor is not None:
+            self.sensor.correct(self._terms.tip()[1], self.wrench)
+
+    def tick(self, clock: float) -> float:
+        """One control period at run time `clock` [s].
+
+        Returns:
+            0.0 while the current stage goes on; otherwise the event's number has been dealt with:
+            the machine has moved to another stage (and computed its first torque) or has ended.
+        """
+        self.update_terms()
+        now, runner = self._now, self._runner
+        self._applied[:] = self.torque
+        now[0] = t = self.t = self._ticks * self.period
+        now[1] = clock
+        if t >= runner.next_knot:
+            runner.refresh(t)
+        if self.outputs[_CONDITIONING] < runner.least_conditioning:
+            choose_again(runner.stage, self._inputs, runner.memory, runner.parameters, t)
+        fresh = self._evaluate(runner)
+        self._ticks += 1
+        event = self.outputs[0]
+        if not fresh:
+            stopped = self._hold(runner, clock)
+            if stopped or not (event and self._is_limit(event)):
+                return stopped
+        if event and (self._ticks > 1 or self._is_limit(event)):
+            self._change(clock, runner.stage.events[int(event) - 1])
+        else:
+            self._commit()
+        return float(event)
+
+    def _evaluate(self, runner: StageRunner) -> bool:
+        """Evaluates a tick and keeps its limits; whether there is a torque that may be used."""
+        fresh = runner.answer(self._applied)
+        if fresh:
+            self._fading.reset()
+        return fresh
+
+    def _commit(self) -> None:
+        """Makes a tick one that happened."""
+        self._runner.commit()
+        if self._learning.on:
+            self._learning.collect(self.wrench)
+
+    def _hold(self, runner: StageRunner, clock: float) -> float:
+        """Lets the last torque that kept its limits fade to what carries the arm, then stops.
+
+        Memory is not committed: the tick did not happen. Returns the number of an event.
+        """
+        assert runner.resolver is not None
+        self.torque[:] = self._fading.step(self._applied, self._terms.gravity)
+        if self._fading.over:
+            self._end(clock, unanswered(runner.resolver.status), 0.0, "")
+            return 1.0
+        # What the tick could not compute is no reason to stop yet.
+        self.outputs[_HEALTH] = 0.0
+        return 0.0
+
+    def _is_limit(self, event: float) -> bool:
+        """A stage's first tick heeds limits alone: what ends it well takes at least a tick."""
+        return self.stage.events[int(event) - 1].kind == events.LIMIT
+
+    def _change(self, clock: float, event: events.Event) -> None:
+        """Ends the stage by an event, and begins the one that follows it, if any may."""
+        stage, value = self.stage, float(self.outputs[1])
+        following = self._names[self.index + 1] if self.index + 1 < len(self._names) else END
+        to = leads_to(stage.spec, event, following)
+        if to in (END, FAIL, ""):
+            self._end(clock, event, value, to)
+            return
+        index = self._names.index(to)
+        attempts = self._runners[index].stage.spec.attempts
+        if attempts is not None and self._now[2 + index] >= attempts:
+            text = f"{event.text}; stage {to!r} has had its {attempts} attempts"
+            self._end(clock, events.Event(event.kind, "attempts", text), value, FAIL)
+            return
+        carried = leave(stage, self.named_outputs(), clock)
+        if self._learning.on:
+            self._learning.end(stage, self._terms.tip(), self.wrench)
+        unknown = self._learning.missing(self._runners[index].stage)
+        if unknown:
+            text = f"stage {to!r} cannot begin: {unknown}"
+            self._end(clock, events.Event(events.LIMIT, "frame_not_felt", text), 0.0, "")
+            return
+        self._note(clock, event, value, to)
+        self._enter(index, carried, clock)
+        self._first_tick(clock)
+
+    def _first_tick(self, clock: float) -> None:
+        """The new stage's tick at t = 0: this one. What the old one made of it was not applied."""
+        self.torque[:] = self._applied
+        fresh = self._evaluate(self._runner)
+        self._ticks = 1
+        event = self.outputs[0]
+        if not fresh:
+            self._hold(self._runner, clock)
+        if event and self._is_limit(event):
+            self._change(clock, self.stage.events[int(event) - 1])
+        elif fresh:
+            self._commit()
+
+    def _end(self, clock: float, event: events.Event, value: float, to: str) -> None:
+        self.ended = to or FAIL
+        self._note(clock, event, value, to)
+
+    def _note(self, clock: float, event: events.Event, value: float, to: str) -> None:
+        self.transitions.append(
+            Transition(clock, self.stage.name, event.kind, event.name, event.text, value, to)
+        )
+
+    def _enter(self, index: int, carried: Carried, clock: float) -> None:
+        self.index, self._runner = index, self._runners[index]
+        self._ticks, self.t = 0, 0.0
+        self.outputs[_CONDITIONING] = 1.0
+        self._now[0], self._now[1] = 0.0, clock
+        self._now[2 + index] += 1
+        stage = self._runner.stage
+        self._learning.begin(stage)
+        poses = self._learning.poses
+        self._runner.load(
+            entry.enter(stage, self._robot, carried, self._terms.tip(), self._inputs, poses)
+        )
+        self._runner.settle()
+
+    def not_finite(self) -> str:
+        """Which reference of the last tick is not a number; empty where none is to blame."""
+        reference = not_finite(self.stage.plans, self.named_outputs())
+        if reference:
+            return reference
+        equations = self.outputs[_FIELDS["residual"].stop :]
+        for name, value in zip(self.stage.equations, equations, strict=False):
+            if name in self.stage.spec.constraints and not np.isfinite(value):
+                return f"{name!r}"
+        return ""
+
+    def named_outputs(self) -> dict[str, Vector]:
+        """The last outputs by name."""
+        return {name: self.outputs[where] for name, where in _FIELDS.items()}

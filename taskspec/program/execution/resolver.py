@@ -1,0 +1,235 @@
+"""Solves a stage's programs tick by tick, and holds a safe torque where that does not succeed."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taskspec.control.qp import Problem, Solution, Status, make_solver
+from taskspec.program.bound import BoundFunction
+from taskspec.program.limits.relaxing import relax
+from taskspec.program.limits.resolution import Resolution
+from taskspec.program.ports import OUTPUTS, slices
+
+_FIELDS = slices(OUTPUTS)
+_VIOLATION, _UNSETTLED = _FIELDS["violation"].start, _FIELDS["unsettled"].start
+_LIMITED, _LIMITS = _FIELDS["limited"].start, _FIELDS["limits"].start
+_RESIDUAL, _CLAMPED = _FIELDS["residual"].start, _FIELDS["clamped"].start
+
+Vector = NDArray[np.float64]
+
+#: An answer that is further from optimal than this is not used.
+WORST_RESIDUAL = 1e-6
+#: A torque that is held decays to gravity compensation within this many control periods.
+HELD_TICKS = 10
+#: A push that was clamped is at its bound but for rounding; so is a limit that just holds.
+_EXACT = 1e-12
+#: What is left of a request below this share of it is rounding.
+_ROUNDING = 1e-6
+
+
+@dataclass(slots=True)
+class Account:
+    """What the solver did in a run.
+
+    Attributes:
+        solved: ticks with a program to solve. relaxed: of them, with limits that collided.
+        held: ticks on which no answer was good enough. worst: residual of an answer that was used.
+    """
+
+    solved: int = 0
+    relaxed: int = 0
+    held: int = 0
+    worst: float = 0.0
+
+
+class Resolver:
+    """The programs of one stage on the arrays of a machine.
+
+    Before a tick is evaluated, call `remember`; after it, `resolve`.
+
+    Attributes:
+        status: of the last solve. account: of all of them.
+    """
+
+    def __init__(
+        self,
+        resolution: Resolution,
+        slots: Mapping[str, slice],
+        arguments: Sequence[Vector],
+        parameters: Vector,
+        handed_over: Vector,
+        torque: Vector,
+        outputs: Vector,
+    ) -> None:
+        """Binds the programs.
+
+        Args:
+            resolution: of the stage. slots: of its parameters.
+            arguments: arrays of the tick's arguments. parameters: the last of them.
+            handed_over: what the tick hands over. torque: (n,) that it writes. outputs: of it.
+        """
+        n, m, r = len(torque), len(resolution.rows), len(resolution.requested)
+        self.resolution, self.account = resolution, Account()
+        self.status = Status.SOLVED
+        self._torque, self._outputs = torque, outputs
+        nothing = np.zeros(0)
+        self._limited = parameters[slots["limited"]]
+        self._cut = parameters[slots["cut"]] if r else nothing
+        self._unreachable = parameters[slots["unreachable"]] if r else nothing
+        self._last_torque = parameters[slots["last_torque"]] if "last_torque" in slots else None
+        self._clear, self._paring = True, False
+        pieces, bounds = np.split(handed_over, [resolution.handed])
+        lower, upper, self._clamped_cut = np.split(bounds, [m, 2 * m])
+        self._problem = problem = Problem(np.eye(n), np.zeros(n), np.zeros((m, n)), lower, upper)
+        self._x, self._dual = np.zeros(n), np.zeros(m)
+        self._accepted, self._found_cut = np.zeros(n), np.zeros(r)
+        self._residual, self._binding = np.zeros(1), np.zeros(1)
+        factor, requests = np.zeros(n * n), np.zeros(r * n)
+        parts = (problem.flat_P, problem.flat_A, factor, requests)
+        self._assemble = BoundFunction(resolution.assemble, (pieces,), parts)
+        results = (self._accepted, self._residual, self._binding, self._found_cut)
+        self._accept = BoundFunction(
+            resolution.accept, (*parts, lower, upper, torque, self._x, self._dual), results
+        )
+        self._solver = make_solver(resolution.solver, n, m)
+        self._nearest = _Nearest(resolution, arguments) if resolution.look is not None else None
+
+    def remember(self, applied: Vector) -> None:
+        """Has the next tick change its torque from (n,) `applied` at the limited rate."""
+        if self._last_torque is not None:
+            self._last_torque[:] = applied
+
+    def resolve(self) -> bool:
+        """Replaces the torque where it breaks a limit; whether there is one that may be used."""
+        outputs = self._outputs
+        if outputs[_VIOLATION] <= _EXACT:
+            if outputs[_CLAMPED]:
+                self._tell(self._clamped_cut, outputs[_CLAMPED])
+            elif not self._clear:
+                self._cut[:], self._limited[:], self._clear = 0.0, 0.0, True
+        elif not self.solve():
+            self.account.held += 1
+            return False
+        if outputs[_UNSETTLED] or self._paring:
+            self.settle()
+        return True
+
+    def settle(self) -> None:
+        """Has the next tick take from the set points what contacts cannot return of them."""
+        if self._nearest is None:
+            return
+        self._paring = bool(self._outputs[_UNSETTLED])
+        left = self._nearest.left_over() if self._paring else 0.0
+        if left is not None:
+            self._unreachable[:] = left
+
+    def asked(self) -> Asked | None:
+        """What the inputs of the last tick ask of contacts; None where nothing is, or is known."""
+        if self._nearest is None:
+            return None
+        left = self._nearest.left_over()
+        if left is None:
+            return None
+        names, values = self.resolution.requested, self._nearest.values
+        return Asked(
+            dict(zip(names, values.tolist(), strict=True)),
+            dict(zip(names, left.tolist(), strict=True)),
+            self._nearest.because(),
+        )
+
+    def solve(self) -> bool:
+        """Solves the program of the last tick, once, and takes its answer if it is good enough."""
+        self.account.solved += 1
+        if not math.isfinite(self._outputs[_VIOLATION]):
+            return self._take(Solution(self._x, self._dual, Status.NOT_FINITE, 0))
+        self._assemble.evaluate()
+        solution = self._solver.solve(self._problem, finite=True)
+        if solution.status is Status.INFEASIBLE:
+            self.account.relaxed += 1
+            kinds = [row.kind for row in self.resolution.rows]
+            if relax(self._problem, kinds, self.resolution.solver):
+                solution = self._solver.solve(self._problem)
+        return self._take(solution)
+
+    def _take(self, solution: Solution) -> bool:
+        self.status = solution.status
+        if solution.status is not Status.SOLVED:
+            self._solver.rebuild()
+            return False
+        self._x[:], self._dual[:] = solution.x, solution.dual
+        self._accept.evaluate()
+        residual = float(self._residual[0])
+        if not residual <= WORST_RESIDUAL:
+            self.status = Status.NOT_CONVERGED
+            self._solver.rebuild()
+            return False
+        self.account.worst = max(self.account.worst, residual)
+        self._torque[:] = self._accepted
+        self._outputs[_RESIDUAL] = residual
+        # A push that was clamped and binds in the program too is told once.
+        binding = int(self._binding[0]) | int(self._outputs[_CLAMPED])
+        self._tell(self._found_cut + self._clamped_cut, binding)
+        return True
+
+    def _tell(self, cut: Vector, binding: float) -> None:
+        self._cut[:], self._limited[:], self._clear = cut, 1.0, False
+        self._outputs[_LIMITED], self._outputs[_LIMITS] = 1.0, binding
+
+
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """What a stage asks of its contacts, and what they cannot return of it.
+
+    Attributes:
+        forces: (r,) as the robot would apply them, by name. left: (r,) that cannot be returned.
+        because: the conditions that bind, in words.
+    """
+
+    forces: Mapping[str, float]
+    left: Mapping[str, float]
+    because: tuple[str, ...]
+
+
+class _Nearest:
+    """The program of the forces that contacts can return."""
+
+    def __init__(self, resolution: Resolution, inputs: Sequence[Vector]) -> None:
+        g, r = resolution.generators, len(resolution.requested)
+        m = len(resolution.conditions)
+        self._problem = Problem.empty(g, m)
+        self._effect, self.values = np.zeros((r, g)), np.zeros(r)
+        self._texts, self._dual = resolution.conditions, np.zeros(m)
+        problem = self._problem
+        parts = (
+            problem.flat_P,
+            problem.g,
+            problem.flat_A,
+            problem.lower,
+            problem.upper,
+            self._effect.reshape(-1),
+            self.values,
+        )
+        self._look = BoundFunction(resolution.look, inputs, parts)
+        self._solver = make_solver(resolution.solver, g, m)
+
+    def left_over(self) -> Vector | None:
+        self._look.evaluate()
+        solution = self._solver.solve(self._problem)
+        if solution.status is not Status.SOLVED:
+            self._solver.rebuild()
+            return None
+        self._dual[:] = solution.dual
+        left = self.values - self._effect @ solution.x
+        if np.linalg.norm(left) <= _ROUNDING * (1 + np.linalg.norm(self.values)):
+            left[:] = 0.0
+        return np.asarray(left)
+
+    def because(self) -> tuple[str, ...]:
+        """The conditions that bound the last answer, in words."""
+        binding = np.abs(self._dual) > _ROUNDING * np.max(np.abs(self._dual), initial=1.0)
+        return tuple(dict.fromkeys(t for t, b in zip(self._texts, binding, strict=True) if b))

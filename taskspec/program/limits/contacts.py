@@ -1,0 +1,232 @@
+"""The contacts that a stage is believed to have, as rows on the joints: what limits act on.
+
+A row points the way the robot pushes: into the object. Its multiplier is what the robot applies.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from taskspec.control import linear
+from taskspec.control.model_terms import TermSymbols
+from taskspec.control.state import AXES
+from taskspec.geometry.surface import Surface
+from taskspec.program import signals
+from taskspec.program.context import Context
+from taskspec.program.reference import kinematics
+from taskspec.program.reference.modes import MOSTLY, AxisPlan
+from taskspec.program.world.constraints import EquationRow
+
+#: Closer than this [m] to the believed object, the tool counts as touching it.
+NEAR = 1e-3
+#: However much other contacts bear, this share of a cap is left for each.
+_CROWDED = 0.1
+
+
+@dataclass(frozen=True, slots=True)
+class ContactRow:
+    """One direction in which something of the world bears a force.
+
+    Attributes:
+        name: of the object or equation.
+        J: (1, n) velocity into it per joint velocity. drift: J' q' [m/s^2].
+        closing: velocity into it [m/s].
+        active: whether it is there now, as an expression; 1 for what holds both ways.
+        measured: what the robot applies along it [N, N m].
+        pressed: the stage keeps this contact: its force may not turn into a pull.
+        both_ways: it returns forces of either sign.
+        stiffness: believed [N/m]. joints: whether it is on the joints rather than on the tip.
+        friction: its coefficient. others: what the tip bears beside it, friction included: the
+            part along this row, and the size [N].
+    """
+
+    name: str
+    J: ca.SX
+    drift: ca.SX
+    closing: ca.SX
+    active: ca.SX
+    measured: ca.SX
+    pressed: bool
+    both_ways: bool
+    stiffness: float
+    joints: bool = False
+    friction: float = 0.0
+    others: tuple[ca.SX, ca.SX] = (ca.SX(0), ca.SX(0))
+
+    def highest(self, cap: float) -> ca.SX:
+        """The push [N] with which all that the tip bears, friction included, is the cap.
+
+        With friction forces are within phi = atan mu of the normals, so that this contact's, of the
+        size p sqrt(1 + mu^2), and the others' F are no closer to each other than their normals are,
+        less 2 phi: p^2 (1 + mu^2) + 2 p sqrt(1 + mu^2) |F| cos(angle - 2 phi) + |F|^2 = cap^2.
+        """
+        along, size = self.others
+        turn = 2 * np.arctan(self.friction)
+        across = ca.sqrt(ca.fmax(size**2 - along**2, 0))
+        along = np.cos(turn) * along + np.sin(turn) * across
+        left = ca.sqrt(ca.fmax(along**2 + cap**2 - size**2, 0)) - along
+        return ca.fmax(left, _CROWDED * cap) / np.sqrt(1 + self.friction**2)
+
+
+def touched_objects(
+    context: Context,
+    primary: str | None,
+    plans: Mapping[str, AxisPlan],
+    rotation: NDArray[np.float64],
+) -> tuple[str, ...]:
+    """Objects that a stage touches: the believed contact, and one for each other force axis.
+
+    A force axis that is not along the first contact's normal belongs to the nearest object whose
+    normal it is along, as at the start pose.
+
+    Args:
+        context: of the task. primary: the believed contact. plans: of the stage's axes.
+        rotation: (3, 3) the stage's frame at the start pose.
+    """
+    if primary is None:
+        return ()
+    found = [primary]
+    normals = context.start_normals
+    for name, plan in plans.items():
+        if not plan.set_point or name.startswith("r"):
+            continue
+        axis = rotation[:, AXES.index(name)]
+        along = [o for o, n in normals.items() if abs(float(axis @ n)) > MOSTLY]
+        if along and not any(o in found for o in along):
+            found.append(min(along, key=lambda o: context.start_gaps[o]))
+    return tuple(found)
+
+
+def all_objects(context: Context, first: Sequence[str]) -> tuple[str, ...]:
+    """Objects `first`, then the others that the tool may touch; none where there is no first."""
+    held = context.loaded.task.robot.grasp
+    if not first:
+        return ()
+    return (*first, *(o for o in context.surfaces if o not in first and o != held))
+
+
+def pressed_objects(
+    context: Context,
+    objects: Sequence[str],
+    plans: Mapping[str, AxisPlan],
+    rotation: NDArray[np.float64],
+) -> set[str]:
+    """Those of `objects` that a force axis of the stage is along."""
+    forced = [
+        rotation[:, AXES.index(a)]
+        for a, plan in plans.items()
+        if plan.set_point and not a.startswith("r")
+    ]
+    normals = context.start_normals
+    return {o for o in objects if any(abs(float(d @ normals[o])) > MOSTLY for d in forced)}
+
+
+def shape_rows(
+    context: Context,
+    objects: Sequence[str],
+    pressed: set[str],
+    terms: TermSymbols,
+    wrench: ca.SX,
+    gaps: Mapping[str, ca.SX],
+    clock: ca.SX,
+) -> list[ContactRow]:
+    """Rows of the touched shapes, at the point of the tool that is nearest to each.
+
+    Args:
+        context: of the task. objects: touched, the believed contact first. pressed: of them.
+        terms: the tip's kinematics in the world. wrench: (6,) by the environment on the tip.
+        gaps: to every shape [m]. clock: of the run [s].
+    """
+    center = _center(context)
+    found, normals = [], []
+    for name in objects:
+        carrier = context.carriers.get(name)
+        now = carrier.at(clock) if carrier is not None else None
+        seen = terms if now is None else now.relative(terms)
+        at = kinematics.control_point(seen, wrench, center)
+        normal, turning = _normal(context.surfaces[name], at)
+        found.append((at, normal, turning))
+        normals.append(normal if now is None else now.A @ normal)
+    touching = ca.norm_2(wrench[:3]) > signals.TOUCHING
+    active = [gaps[name] < NEAR for name in objects]
+    active[:1] = [ca.logic_or(near, touching) for near in active[:1]]
+    # What does not touch takes no share of what is felt.
+    shares = shared_force([n * on for n, on in zip(normals, active, strict=True)], wrench[:3])
+    rubs = [context.loaded.task.shapes[name].friction for name in objects]
+    rows = []
+    for i, (name, (at, normal, turning)) in enumerate(zip(objects, found, strict=True)):
+        other = ca.SX.zeros(3)
+        for j, (n, mu) in enumerate(zip(normals, rubs, strict=True)):
+            if j != i:
+                other += n * np.hypot(1, mu) * ca.fmax(shares[j], 0)
+        rows.append(
+            ContactRow(
+                name=name,
+                J=-normal.T @ at.J[:3, :],
+                drift=-ca.dot(normal, at.drift[:3]) - ca.dot(turning, at.twist[:3]),
+                closing=-ca.dot(normal, at.twist[:3]),
+                active=active[i],
+                measured=shares[i],
+                pressed=name in pressed,
+                both_ways=False,
+                stiffness=context.compliances[name].stiffness,
+                friction=max(rubs),
+                others=(ca.dot(normals[i], other), ca.norm_2(other)),
+            )
+        )
+    return rows
+
+
+def _normal(surface: Surface, at: kinematics.ControlPoint) -> tuple[ca.SX, ca.SX]:
+    """Outward normal (3,) at a point of the tool, and its rate as the point moves [1/s]."""
+    p, v = ca.SX.sym("p", 3), ca.SX.sym("v", 3)
+    normal = surface.gradient(p)
+    moving = ca.Function("normal", [p, v], [normal, ca.jtimes(normal, p, v)])
+    found: tuple[ca.SX, ca.SX] = moving(at.p, at.twist[:3])
+    return found
+
+
+def _center(context: Context) -> ca.SX | None:
+    tool = context.robot.tool
+    return None if tool.flat else ca.SX(ca.DM(tool.centers[0]))
+
+
+def shared_force(normals: Sequence[ca.SX], force: ca.SX) -> ca.SX:
+    """What the robot applies along each inward normal (c,), of the force (3,) that it feels."""
+    if not normals:
+        return ca.SX(0, 1)
+    N = ca.horzcat(*normals).T
+    gram = N @ N.T + 1e-9 * ca.SX.eye(len(normals))
+    return linear.solve(linear.cholesky(gram), N @ force)
+
+
+def pushing(row: EquationRow) -> float:
+    """The sign, along an equation's gradient, of what the robot pushes against it with."""
+    return -1.0 if row.model.constraint.relation == ">=" else 1.0
+
+
+def equation_contact(row: EquationRow, name: str, measured: ca.SX, stiffness: float) -> ContactRow:
+    """The row of an equation that constrains the stage, turned so that it may push.
+
+    Args:
+        row: the equation. name: its name. measured: what the robot applies along its gradient.
+        stiffness: believed [N/m, N m/rad].
+    """
+    relation, sign = row.model.constraint.relation, pushing(row)
+    return ContactRow(
+        name=name,
+        J=sign * row.J,
+        drift=sign * row.gamma,
+        closing=sign * row.closing,
+        active=ca.SX(1),
+        measured=sign * measured,
+        pressed=relation != "=",
+        both_ways=relation == "=",
+        stiffness=stiffness,
+        joints=row.model.joints,
+    )

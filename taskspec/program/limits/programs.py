@@ -1,0 +1,155 @@
+"""The two programs of a stage under `solve: qp`, as expressions: its limits, and nearest forces."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import casadi as ca
+import numpy as np
+
+from taskspec.program import signals
+from taskspec.program.context import Context
+from taskspec.program.limits.consistency import (
+    Generator,
+    Requests,
+    consistency,
+    equation_generator,
+    grip_generators,
+    wrench_generators,
+)
+from taskspec.program.limits.contacts import (
+    ContactRow,
+    all_objects,
+    equation_contact,
+    pressed_objects,
+    pushing,
+    shape_rows,
+    touched_objects,
+)
+from taskspec.program.limits.limited import limit_rows
+from taskspec.program.limits.resolution import Resolved
+from taskspec.program.reference import kinematics
+from taskspec.program.reference.measured import Measured
+from taskspec.program.reference.planned import PlannedStage
+from taskspec.spec import LAWS
+
+
+def resolve(
+    context: Context,
+    plan: PlannedStage,
+    seen: Measured,
+    asked: Mapping[str, ca.SX],
+    wanted: ca.SX,
+) -> Resolved:
+    """The two programs of a stage, as expressions.
+
+    Args:
+        context: of the task. plan: of the stage. seen: what it measures.
+        asked: force set points by name, before anything is taken from them.
+        wanted: (n,) torque of the closed form.
+    """
+    names = tuple(asked)
+    objects = touched_objects(context, plan.contact, plan.plans, plan.axes_rotation)
+    pressed = pressed_objects(context, objects, plan.plans, plan.axes_rotation)
+    limits, inputs, clock = plan.limits, seen.inputs, seen.clock.clock
+    n = context.robot.pin.nv
+    active = {name: seen.rows[name] for name in plan.active}
+    # A limit on the contact force is one on that of every object that the tool may touch.
+    capped = objects if limits.force is None else all_objects(context, objects)
+    contacts = shape_rows(context, capped, pressed, seen.world, inputs.wrench, seen.gaps, clock)
+    on_equations = [
+        equation_contact(row, name, seen.reactions[name], context.compliances[name].stiffness)
+        for name, row in active.items()
+    ]
+    axes = [name for name in names if name in plan.plans]
+    requests = Requests(
+        names=names,
+        rows=ca.vertcat(
+            ca.SX(0, n),
+            *(seen.state.J[seen.state.rows([a])[0], :] for a in axes),
+            *(row.J for row in active.values()),
+        ),
+        values=ca.vertcat(ca.SX(0, 1), *asked.values()),
+    )
+    last = seen.parameters.add("last_torque", n) if limits.torque_rate is not None else None
+    limited = limit_rows(
+        context=context,
+        limits=limits,
+        state=seen.state,
+        terms=seen.world,
+        contacts=[*contacts, *on_equations],
+        requests=requests.rows,
+        wanted=wanted,
+        last=last,
+        q=inputs.q,
+        v=inputs.v,
+        environment=_environment(context, seen),
+    )
+    generators = _generators(context, plan, seen, requests, axes, objects, on_equations)
+    nearest = consistency(context, limits, requests, generators, seen.world.gravity)
+    return Resolved(plan.law.solver, requests, limited, nearest)
+
+
+def _environment(context: Context, seen: Measured) -> ca.SX:
+    """Torque (n,) that the environment exerts on the joints, as far as it is measured."""
+    v = seen.inputs.v
+    torque = seen.world.J.T @ seen.inputs.wrench
+    for name, row in seen.rows.items():
+        if row.model.joints:
+            torque -= row.J.T * seen.reactions[name]
+    damping = np.broadcast_to(context.loaded.task.robot.joint_damping, v.shape[0])
+    return torque - ca.DM(damping) * v
+
+
+def _generators(
+    context: Context,
+    plan: PlannedStage,
+    seen: Measured,
+    requests: Requests,
+    axes: Sequence[str],
+    objects: Sequence[str],
+    equations: Sequence[ContactRow],
+) -> list[Generator]:
+    turned = seen.at.R if seen.carrier is None else seen.carrier.A @ seen.at.R
+    offset = seen.point.offset if seen.carrier is None else seen.carrier.A @ seen.point.offset
+    world, about = seen.world, seen.world.p + offset
+    count = len(requests.names)
+    resolve_axes = ca.SX.zeros(count, 6)
+    towards = ca.SX.zeros(3)
+    for i, name in enumerate(axes):
+        direction = turned[:, "xyz".index(name[-1])]
+        if name.startswith("r"):
+            resolve_axes[i, 3:] = direction.T
+        else:
+            resolve_axes[i, :3] = direction.T
+            towards += direction * requests.values[i]
+    found: list[Generator] = []
+    if axes and context.gripped(plan.frame):
+        at = kinematics.control_point(world, seen.inputs.wrench, None)
+        J = ca.vertcat(at.J[:3, :] - ca.skew(offset) @ at.J[3:, :], at.J[3:, :])
+        found += grip_generators(resolve_axes, J)
+    elif axes:
+        tool = context.robot.tool
+        points = [world.p + world.R @ ca.DM(center) for center in tool.centers]
+        middle = kinematics.tool_point(context.robot, world).center
+        normals = [
+            signals.normal(context.surfaces[o], middle, context.carriers, o, seen.clock.clock)
+            for o in objects
+        ]
+        found += wrench_generators(
+            context=context,
+            objects=objects,
+            normals=normals,
+            points=points,
+            about=about,
+            tip=world.p,
+            J=world.J,
+            resolve=resolve_axes,
+            requested=towards,
+        )
+    if LAWS[plan.law.kind].multipliers:
+        for k, contact in enumerate(equations):
+            effect = ca.SX.zeros(count)
+            effect[len(axes) + k] = pushing(seen.rows[contact.name])
+            found.append(equation_generator(contact, effect))
+    return found

@@ -1,0 +1,153 @@
+"""A stage under `solve: qp`: its two programs as functions, and what to make of their answers."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+
+import casadi as ca
+
+from taskspec.program.limits.bounds import Row
+from taskspec.program.limits.consistency import Consistency, Requests
+from taskspec.program.limits.limited import LimitRows, matrices
+from taskspec.robot import RobotModel
+
+#: Outputs of `assemble`, in order; matrices are given by rows.
+ASSEMBLED = ("P", "A", "factor", "requests")
+#: Outputs of `look`, in order; matrices are given by rows.
+LOOKED = ("P", "g", "A", "lower", "upper", "effect", "values")
+
+
+@dataclass(frozen=True, slots=True)
+class Resolution:
+    """How a stage's torque follows from what its law asks for, where limits are in the way.
+
+    Attributes:
+        solver: `daqp` or `osqp`. rows: the m limits. requested: names of the r force set points.
+        handed: length of the pieces that the tick hands over, before lower and upper.
+        assemble: these pieces -> `ASSEMBLED`.
+        accept: `ASSEMBLED`, lower, upper, u* (n,), x (n,), dual (m,) -> torque (n,), KKT residual,
+            sum of 2^i over the limits i that bind, what limits take from each request (r,).
+        look: the tick's inputs -> `LOOKED`; None where nothing is requested of a contact.
+        generators: how many of them there are. conditions: on their sizes, in words.
+    """
+
+    solver: str
+    rows: tuple[Row, ...]
+    requested: tuple[str, ...]
+    handed: int
+    assemble: ca.Function
+    accept: ca.Function
+    look: ca.Function | None
+    generators: int
+    conditions: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Resolved:
+    """The programs of a stage as expressions.
+
+    Attributes:
+        solver: by name. requests: the stage's force set points. limits: what binds the torque.
+        nearest: the forces that contacts return; None where nothing is asked of one.
+    """
+
+    solver: str
+    requests: Requests
+    limits: LimitRows
+    nearest: Consistency | None
+
+    @property
+    def handed_over(self) -> ca.SX:
+        """What the tick hands over to its program: pieces, lower, upper, and the cut of pushes."""
+        limits = self.limits
+        return ca.densify(ca.vertcat(limits.pieces.flat(), limits.lower, limits.upper, limits.cut))
+
+    @property
+    def told(self) -> tuple[ca.SX, ca.SX, ca.SX]:
+        """How far the torque is beyond its limits, the clamped pushes, and `unsettled`."""
+        return self.limits.violation, self.limits.clamped, self.unsettled
+
+    @property
+    def unsettled(self) -> ca.SX:
+        """Whether the nearest forces have to be looked for."""
+        return ca.SX(0) if self.nearest is None else self.nearest.needed
+
+    def compiled(self, arguments: Sequence[ca.SX]) -> Resolution:
+        """The programs as functions of the tick's inputs."""
+        limits, nearest, look = self.limits, self.nearest, None
+        if nearest is not None:
+            asked = (
+                nearest.P,
+                nearest.g,
+                nearest.A.T,
+                nearest.lower,
+                nearest.upper,
+                nearest.effect.T,
+                self.requests.values,
+            )
+            look = _flat("look", arguments, asked)
+        pieces = limits.pieces.symbols()
+        made = matrices(limits.sources, pieces)
+        handed = pieces.flat()
+        m, n = made.A.shape
+        return Resolution(
+            solver=self.solver,
+            rows=limits.rows,
+            requested=self.requests.names,
+            handed=handed.shape[0],
+            assemble=_flat("assemble", [handed], (made.P, made.A.T, pieces.L.T, made.requests.T)),
+            accept=_accept(n, m, len(self.requests.names)),
+            look=look,
+            generators=0 if nearest is None else nearest.g.shape[0],
+            conditions=() if nearest is None else nearest.texts,
+        )
+
+
+def _flat(name: str, arguments: Sequence[ca.SX], parts: Sequence[ca.SX]) -> ca.Function:
+    """A function whose results are dense vectors, matrices column by column."""
+    return ca.Function(name, arguments, [ca.vec(ca.densify(p)) for p in parts], {"cse": True})
+
+
+@cache
+def _accept(n: int, m: int, r: int) -> ca.Function:
+    """What an answer x with its multipliers y means, and how far it is from optimal.
+
+    The residual is the largest of stationarity |P x + A'y| over max(1, |P x|), of violation
+    |A x beyond its bounds| over max(1, |A x|), and of complementarity |y (A x - bound)| over
+    max(1, x'P x).
+    """
+    P, A_rows = ca.SX.sym("P", n, n), ca.SX.sym("A", n, m)
+    lower, upper = ca.SX.sym("l", m), ca.SX.sym("u", m)
+    factor, requests = ca.SX.sym("L", n, n), ca.SX.sym("requests", n, r)
+    torque, x, y = ca.SX.sym("torque", n), ca.SX.sym("x", n), ca.SX.sym("y", m)
+    Px, at, zero = P @ x, A_rows.T @ x, ca.SX(0)
+    above, below = at - upper, lower - at
+    slack = [
+        ca.if_else(y[i] > 0, y[i] * above[i], ca.if_else(y[i] < 0, y[i] * below[i], 0))
+        for i in range(m)
+    ]
+    largest = [
+        ca.mmax(ca.fabs(ca.vertcat(zero, part)))
+        for part in (Px, at, Px + A_rows @ y, ca.vertcat(*slack))
+    ]
+    beyond = ca.mmax(ca.vertcat(zero, above, below))
+    residual = ca.fmax(
+        ca.fmax(largest[2] / ca.fmax(1, largest[0]), beyond / ca.fmax(1, largest[1])),
+        largest[3] / ca.fmax(1, ca.dot(x, Px)),
+    )
+    binding = ca.sum1(ca.vertcat(zero, *(2**i * (y[i] != 0) for i in range(m))))
+    given = (P, A_rows, factor, requests, lower, upper)
+    return ca.Function(
+        "accept",
+        [*(ca.vec(part) for part in given), torque, x, y],
+        [torque + factor.T @ x, residual, binding, ca.densify(requests.T @ x)],
+        {"cse": True},
+    )
+
+
+def saturated(robot: RobotModel, wanted: ca.SX) -> ca.SX:
+    """Torque (n,) as the actuators make it of what a closed form asks for."""
+    limit = ca.DM(robot.torque_limit)
+    return ca.fmax(ca.fmin(wanted, limit), -limit)

@@ -1,0 +1,1 @@
+"""What the axes of a stage are to follow, and where the tool is on them."""

@@ -1,0 +1,101 @@
+"""Where the tool is in its frame's coordinates.
+
+Four kinds of frames count translations differently (docs/language.md):
+
+* fixed: the coordinate of the control point;
+* turning with a handle: off its circle, along it from the stage's start, and along the axis;
+* following a surface: x and y in lengths on the surface from the stage's start, z the gap;
+* carried by the tool: the way along the tool's own axes from the stage's start.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import casadi as ca
+
+from taskspec.control.model_terms import TermSymbols
+from taskspec.control.state import AXES
+from taskspec.geometry import rotation
+from taskspec.program.clock import Clock
+from taskspec.program.reference import kinematics
+from taskspec.program.reference.measured import Measured
+from taskspec.program.reference.modes import AxisPlan
+from taskspec.program.reference.planned import PlannedStage
+from taskspec.program.world.frames import FrameModel
+
+
+@dataclass(frozen=True, slots=True)
+class Coordinates:
+    """The measured coordinates of a stage's frame.
+
+    Attributes:
+        position: of every existing axis [m, rad].
+        base: (3, 3) axes to which rotations are relative: the frame, or the tool's at entry.
+        turned: (3, 3) rotation in those axes since the stage's start.
+    """
+
+    position: dict[str, ca.SX]
+    base: ca.SX
+    turned: ca.SX
+    frame: FrameModel
+    at: kinematics.FrameState
+    tool: kinematics.ToolPoint
+    point: kinematics.ControlPoint
+    terms: TermSymbols
+    clock: Clock
+    plans: Mapping[str, AxisPlan]
+    marks: Mapping[str, ca.SX]
+
+
+def frame_coordinates(plan: PlannedStage, seen: Measured) -> Coordinates:
+    """Measured coordinates; takes the memory and parameters that the frame's kind needs."""
+    frame, plans, at, terms = plan.frame, plan.plans, seen.at, seen.terms
+    memory, parameters = seen.memory, seen.parameters
+    marks: dict[str, ca.SX] = {}
+    position: dict[str, ca.SX] = {}
+    if frame.still:
+        local = at.R.T @ (seen.point.p - at.origin)
+        position = {a: local[i] for i, a in enumerate(AXES[:3]) if a in plans}
+    elif frame.kind == "turning":
+        assert frame.mechanism is not None
+        assert seen.believed is not None
+        away = frame.mechanism.deviation(terms.p, seen.believed.angle, seen.believed.since)
+        local = ca.DM(frame.rotation.T) @ (away - ca.DM(frame.origin))
+        position = {a: local[i] for i, a in enumerate(AXES[:3]) if a in plans}
+    else:
+        for name, length in (("reference_point", 3), ("place", 3)):
+            marks[name] = memory.add(name, length)
+        for a in AXES[:3]:
+            marks[f"last.{a}"] = memory.add(f"last.{a}")
+            marks[f"way.{a}"] = memory.add(f"way.{a}")
+        here = at.foot if frame.kind == "following" else seen.point.p
+        moved = at.R.T @ (here - marks["place"])
+        position = {a: marks[f"way.{a}"] + moved[i] for i, a in enumerate(AXES[:3]) if a in plans}
+        if frame.kind == "following" and "z" in plans:
+            position["z"] = seen.table.scalars["gap"]
+    base, turned = at.R, ca.SX.eye(3)
+    if any(a.startswith("r") for a in plans):
+        marks["orientation"] = parameters.add("orientation", 9)
+        if not frame.still:
+            marks["base"] = parameters.add("base", 9)
+        if frame.kind == "tool":
+            base = ca.reshape(marks["base"], 3, 3)
+        start = ca.reshape(marks["orientation"], 3, 3)
+        turned = base.T @ terms.R @ start.T
+        angles = rotation.log(turned)
+        position |= {a: angles[i] for i, a in enumerate(AXES[3:]) if a in plans}
+    return Coordinates(
+        position=position,
+        base=base,
+        turned=turned,
+        frame=frame,
+        at=at,
+        tool=seen.tool,
+        point=seen.point,
+        terms=terms,
+        clock=seen.clock,
+        plans=plans,
+        marks=marks,
+    )

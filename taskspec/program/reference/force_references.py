@@ -1,0 +1,115 @@
+"""Force set points of axes: how they rise, fade and displace, and the integrals of their errors."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import casadi as ca
+
+from taskspec.control.state import AXES
+from taskspec.motion import blend
+from taskspec.program.clock import Clock
+from taskspec.program.context import Context
+from taskspec.program.layout import Layout
+from taskspec.program.reference.measured import Measured
+from taskspec.program.reference.modes import AxisPlan
+from taskspec.program.reference.planned import PlannedStage
+from taskspec.program.signals import applied
+
+#: A force set point rises from the measured force in this time [s] (docs/language.md).
+DEFAULT_RAMP = 0.2
+
+
+def set_point(name: str, plan: AxisPlan, seen: Measured) -> ca.SX:
+    """The set point of an axis."""
+    expression = plan.axis.force if plan.axis.force is not None else plan.axis.torque
+    assert expression is not None
+    wanted = seen.translate(expression)
+    return risen(name, wanted, plan.axis.ramp, seen.clock, seen.parameters)
+
+
+def risen(name: str, wanted: ca.SX, ramp: float | None, clock: Clock, parameters: Layout) -> ca.SX:
+    """A set point as the robot applies it, risen from the force measured at entry.
+
+    Args:
+        name: of the axis or equation. wanted: [N, N m]. ramp: [s], None for the default.
+        clock: of the stage. parameters: where the force at entry takes its slot.
+    """
+    at_entry = parameters.add(f"force_at_entry.{name}")
+    ramp = DEFAULT_RAMP if ramp is None else ramp
+    share = blend.ramp_shape(clock.t / ramp) if ramp > 0 else ca.SX(1)
+    return at_entry + share * (wanted - at_entry)
+
+
+def fading(name: str, seen: Measured) -> ca.SX:
+    """The force that the last stage held on what is now a motion axis, as it is let go of."""
+    at_entry = seen.parameters.add(f"force_at_entry.{name}")
+    return at_entry * blend.offset_shape(seen.clock.t / blend.BLEND_TIME)
+
+
+def displacement(name: str, plan: PlannedStage, forces: Mapping[str, ca.SX]) -> ca.SX | None:
+    """f (1/k_m + 1/k_e): how far an open-loop force displaces the motion reference."""
+    if not plan.plans[name].open_loop:
+        return None
+    own, k = 1 / plan.gains["stiffness"][name].value, plan.stiffness
+    contact = 1 / k if k > 0 and not name.startswith("r") else 0.0
+    return forces[name] * (own + contact)
+
+
+def open_loop_normals(plans: Mapping[str, AxisPlan], seen: Measured) -> dict[str, ca.SX]:
+    """The believed gap counted along each open-loop translation."""
+    gap = seen.table.scalars.get("gap")
+    if gap is None or seen.normal is None:
+        return {}
+    return {
+        name: gap * ca.dot(seen.at.R[:, AXES.index(name)], seen.normal)
+        for name, plan in plans.items()
+        if plan.open_loop and not name.startswith("r")
+    }
+
+
+def integrals(
+    context: Context,
+    plan: PlannedStage,
+    seen: Measured,
+    forces: Mapping[str, ca.SX],
+    errors: Mapping[str, ca.SX],
+) -> dict[str, ca.SX]:
+    """Integrals of f_d - f, as the robot applies it, of the axes whose loop has one.
+
+    They hold the tick's own measurement: a tick later, the sampled loops would bear half the gain.
+    """
+    gains, scalars = plan.gains, seen.table.scalars
+    # What is held is touched, whatever little force passes.
+    touching = ca.SX(1) if context.gripped(plan.frame) else scalars["touching"]
+    found = {}
+    for name, force in forces.items():
+        if not plan.plans[name].force or "force.integral" not in gains:
+            continue
+        missing = force - scalars[applied(name)]
+        motion = plan.plans[name].motion
+        found[name] = wound(
+            seen.memory.add(f"integral.{name}"),
+            force,
+            seen.unreached.step(name, context.period * missing),
+            gains["force.integral"][name].value,
+            touching,
+            gains["stiffness"][name].value * errors[name] if motion else ca.SX(0),
+        )
+    return found
+
+
+def wound(
+    integral: ca.SX, force: ca.SX, step: ca.SX, rate: float, touching: ca.SX, spring: ca.SX
+) -> ca.SX:
+    """A force integral [N s, N m s] after one more `step`.
+
+    In free space the error never ends. While nothing is touched, what the integral adds to the
+    set point, net of a parallel law's spring, is bounded by the set point: the tool goes on to the
+    surface, but does not arrive with a wound-up force.
+    """
+    grown = integral + step
+    if rate <= 0:
+        return grown
+    least, most = (-ca.fabs(force) - spring) / rate, (ca.fabs(force) - spring) / rate
+    return ca.if_else(touching, grown, ca.fmin(ca.fmax(grown, least), most))

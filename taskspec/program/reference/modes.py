@@ -1,0 +1,104 @@
+"""Who controls each axis of a stage: the file's axes, completed with holds, paths and forces."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taskspec.control.gains import has_force, is_soft
+from taskspec.control.state import AXES
+from taskspec.motion.path import PathShape
+from taskspec.program.reference.axis_reference import mode_of
+from taskspec.spec import LAWS, Axis, Law
+
+#: An axis is along the normal if it carries at least half of the normal force's square.
+MOSTLY = 0.7071
+
+
+@dataclass(frozen=True, slots=True)
+class AxisPlan:
+    """One axis of a stage.
+
+    Attributes:
+        axis: its entry in the file, or a hold where it has none.
+        mode: of its motion reference; see `axis_reference.mode_of`.
+        force: it has a force set point under a law with a force loop.
+        motion: its motion error is controlled.
+        soft: a motion axis of a hybrid law with its own stiffness or damping.
+        open_loop: its force set point displaces the motion reference.
+        world: a rotation that holds against the world although the frame turns.
+        yields: a motion axis along the believed contact's normal. The contact force on it is left
+            uncancelled: cancelled, the arm would push through a surface as if it were not there.
+    """
+
+    axis: Axis
+    mode: str
+    force: bool
+    motion: bool
+    soft: bool
+    open_loop: bool
+    world: bool
+    yields: bool
+
+    @property
+    def set_point(self) -> bool:
+        """Whether it has a force set point, whatever the law makes of it."""
+        return self.force or self.open_loop
+
+
+def plan_axes(
+    axes: tuple[str, ...],
+    declared: Mapping[str, Axis],
+    path: PathShape | None,
+    law: Law,
+    normal: NDArray[np.float64] | None,
+) -> dict[str, AxisPlan]:
+    """The plan of every axis that exists.
+
+    Args:
+        axes: those of the frame that exist. declared: the stage's entries. path, law: the stage's.
+        normal: (3,) of the believed contact in the frame's axes, None without a contact.
+    """
+    facts = LAWS[law.kind]
+    plans = {}
+    for name in axes:
+        axis = declared.get(name) or Axis()
+        on_path = path is not None and name in path.axes
+        open_loop = has_force(axis) and not facts.force_loop
+        force = has_force(axis) and facts.force_loop
+        plans[name] = AxisPlan(
+            axis=axis,
+            mode=mode_of(axis, driven_by_path=on_path, open_loop=open_loop),
+            force=force,
+            motion=not force or facts.shares,
+            soft=law.kind == "hybrid" and is_soft(axis) and not force,
+            open_loop=open_loop,
+            world=axis.hold == "world" and name.startswith("r"),
+            yields=not force and _along(name, normal),
+        )
+    return plans
+
+
+def _along(name: str, normal: NDArray[np.float64] | None) -> bool:
+    if normal is None or name.startswith("r"):
+        return False
+    return bool(abs(normal[AXES.index(name)]) > MOSTLY)
+
+
+def not_finite(plans: Mapping[str, AxisPlan], outputs: Mapping[str, NDArray[np.float64]]) -> str:
+    """Which reference is not a number, as `force.z`; empty where all are.
+
+    Args:
+        plans: of the axes. outputs: of a tick, by name.
+    """
+    for name, plan in plans.items():
+        i = AXES.index(name)
+        for kind in ("position", "velocity"):
+            if plan.motion and not np.isfinite(outputs[f"{kind}_ref"][i]):
+                return f"{kind}.{name}"
+        if plan.set_point and not np.isfinite(outputs["force_ref"][i]):
+            return f"{'torque' if name.startswith('r') else 'force'}.{name}"
+    return ""

@@ -1,0 +1,145 @@
+"""Motion and force references of a stage on its task axes, in every kind of frame."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import casadi as ca
+
+from taskspec.control.reference import Reference, opposite
+from taskspec.control.state import AXES
+from taskspec.motion import polynomial
+from taskspec.motion.path import PathShape
+from taskspec.program.clock import Clock
+from taskspec.program.context import Context
+from taskspec.program.layout import Layout
+from taskspec.program.reference import force_references
+from taskspec.program.reference.axis_reference import AxisReference, ReferenceBuilder
+from taskspec.program.reference.coordinates import frame_coordinates
+from taskspec.program.reference.coupling import coupled_motion
+from taskspec.program.reference.measured import Measured
+from taskspec.program.reference.planned import PlannedStage
+from taskspec.program.reference.reference_set import ReferenceSet
+from taskspec.program.reference.tracking import Tracking, track
+
+
+def build_references(context: Context, plan: PlannedStage, seen: Measured) -> ReferenceSet:
+    """All references of a stage; adds the signals that depend on them to its table."""
+    plans, table = plan.plans, seen.table
+    done = _path_done(context, plan, seen)
+    table.scalars["path_done"] = done
+    coordinates = frame_coordinates(plan, seen)
+    table.scalars |= {f"position.{a}": x for a, x in coordinates.position.items()}
+    forces = {
+        name: seen.unreached.reachable(name, force_references.set_point(name, axis, seen))
+        for name, axis in plans.items()
+        if axis.set_point
+    }
+    motions = _motions(context, plan, seen, forces)
+    normals = force_references.open_loop_normals(plans, seen)
+    tracked = track(coordinates, motions, normals)
+    table.scalars |= {f"error.{a}": e for a, e in tracked.error.items() if plans[a].motion}
+    integrals = force_references.integrals(context, plan, seen, forces, tracked.error)
+    zero = ca.SX(0)
+    return ReferenceSet(
+        position=coordinates.position,
+        error={a: tracked.error[a] for a in motions},
+        coordinate=coordinates.position | normals,
+        position_ref={a: coordinates.position[a] + tracked.error[a] for a in motions},
+        velocity_ref={a: tracked.velocity[a] for a in motions},
+        force_ref=forces,
+        law=_of_the_law(plan, seen, tracked, forces, integrals),
+        integrals=integrals,
+        updates=_updates(seen, tracked, motions, integrals),
+        own=ca.vertcat(*(motions[a].own[0] if a in motions else zero for a in AXES)),
+        own_rate=ca.vertcat(*(motions[a].own[1] if a in motions else zero for a in AXES)),
+    )
+
+
+def _path_done(context: Context, plan: PlannedStage, seen: Measured) -> ca.SX:
+    if plan.path is None:
+        return ca.SX(0)
+    return seen.clock.t >= seen.parameters.add("path_end") - context.period / 2
+
+
+def _motions(
+    context: Context, plan: PlannedStage, seen: Measured, forces: Mapping[str, ca.SX]
+) -> dict[str, AxisReference]:
+    """References of the axes whose motion is controlled."""
+    parameters = seen.parameters
+    builder = ReferenceBuilder(seen.clock, parameters, seen.memory, seen.translate, context.period)
+    on_path = _path(plan.path, seen.clock, parameters)
+    moving = {name: axis for name, axis in plan.plans.items() if axis.motion}
+    blendings = builder.blendings(list(moving))
+    found: dict[str, AxisReference] = {}
+    # An axis that follows another one comes after it.
+    for name, axis in sorted(moving.items(), key=lambda item: item[0] in plan.couplings):
+        coupled = None
+        if name in plan.couplings:
+            assert seen.believed is not None
+            coupled = coupled_motion(name, plan.couplings[name], seen.believed, found, parameters)
+        found[name] = builder.build(
+            name,
+            axis.mode,
+            axis.axis,
+            blendings[name],
+            path_value=on_path.get(name),
+            open_loop_value=force_references.displacement(name, plan, forces),
+            coupled=coupled,
+        )
+    return found
+
+
+def _updates(
+    seen: Measured,
+    tracked: Tracking,
+    motions: Mapping[str, AxisReference],
+    integrals: Mapping[str, ca.SX],
+) -> dict[str, ca.SX]:
+    """Memory of the references after this tick."""
+    updates = tracked.updates | (seen.believed.updates() if seen.believed is not None else {})
+    for name, motion in motions.items():
+        if motion.integral_step is not None:
+            slot = f"travelled.{name}"
+            updates[slot] = seen.memory.symbol(slot) + motion.integral_step
+    return updates | {f"integral.{name}": value for name, value in integrals.items()}
+
+
+def _of_the_law(
+    plan: PlannedStage,
+    seen: Measured,
+    tracked: Tracking,
+    forces: Mapping[str, ca.SX],
+    integrals: Mapping[str, ca.SX],
+) -> Reference:
+    """References as vectors over the rows of the task state, in the theory's sign."""
+    fading = {
+        name: force_references.fading(name, seen)
+        for name, axis in plan.plans.items()
+        if (axis.yields or axis.soft) and not axis.open_loop
+    }
+    axes, zero = plan.axes, ca.SX(0)
+    return Reference(
+        error=ca.vertcat(*(tracked.error.get(a, zero) for a in axes)),
+        velocity=ca.vertcat(*(tracked.velocity[a] for a in axes)),
+        acceleration=ca.vertcat(*(tracked.acceleration[a] for a in axes)),
+        force=opposite(ca.vertcat(*({**forces, **fading}.get(a, zero) for a in axes))),
+        force_integral=opposite(ca.vertcat(*(integrals.get(a, zero) for a in axes))),
+    )
+
+
+def _path(path: PathShape | None, clock: Clock, parameters: Layout) -> dict[str, ca.SX]:
+    """Coordinates of the axes that a path drives."""
+    if path is None:
+        return {}
+    timing = parameters.add("segment.path", polynomial.SEGMENT_SIZE)
+    needed = path.axes if path.table is None else ()
+    # An arc needs both coordinates of its start even where it drives one of them.
+    needed = ("x", "y") if path.kind == "arc" else needed
+    start = {a: parameters.add(f"path_start.{a}") for a in needed}
+    segments = (
+        {a: parameters.add(f"table.{a}", polynomial.SEGMENT_SIZE) for a in path.axes}
+        if path.table is not None
+        else {}
+    )
+    return path.curve(polynomial.evaluate(timing, clock.t), start, segments)

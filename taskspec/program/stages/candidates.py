@@ -1,0 +1,48 @@
+"""The function that looks at the coordinates that constraints may decide, (4.80)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from taskspec.control.constrained import eliminate
+from taskspec.program.stages import laws
+from taskspec.program.stages.commanded import Commanded
+
+#: Coordinates are chosen again when an exchange would make their minor so many times as large. As
+#: many times is an error of the reference along a normal felt by those that are kept.
+WORN = 1.5
+
+
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """How the coordinates that the constraints decide are chosen.
+
+    Attributes:
+        look: the tick's inputs -> J_phi on the candidates (m, c), q'' that the motion loops ask
+            for (n,), and q'' that keeps the constraints (n,).
+        weights: (c,) how readily each candidate gives way.
+        least: conditioning below which they are chosen again.
+    """
+
+    look: ca.Function
+    weights: NDArray[np.float64]
+    least: float
+
+
+def candidates(arguments: list[ca.SX], asked: Commanded) -> Choice | None:
+    """The choice of a stage under a law with multipliers; None where nothing constrains it."""
+    control, chosen = asked.case.constraints, asked.chosen
+    if control is None or chosen is None:
+        return None
+    wanted = laws.free_motion(asked.case)
+    on = control.multipliers
+    kept = eliminate(on.J, on.gamma, on.directions, wanted + control.held)
+    return Choice(
+        look=ca.Function("look", arguments, [chosen.J @ chosen.candidates, wanted, kept]),
+        weights=chosen.weights,
+        least=1 / WORN,
+    )

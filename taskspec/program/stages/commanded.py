@@ -1,0 +1,74 @@
+"""What a stage's law asks for: its references, its constraints, and the torque of its equation."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+
+from taskspec.program.context import Context
+from taskspec.program.events import Condition
+from taskspec.program.reference import orientation
+from taskspec.program.reference.measured import Measured
+from taskspec.program.reference.planned import PlannedStage
+from taskspec.program.reference.reference_set import ReferenceSet
+from taskspec.program.reference.references import build_references
+from taskspec.program.stages import laws
+from taskspec.program.stages.multipliers import EquationForces, constrain, equation_forces
+from taskspec.program.stages.null_space import null_space_acceleration
+from taskspec.program.world.constraints import ConstraintSet, constraint_set
+from taskspec.spec import LAWS
+
+
+@dataclass(frozen=True, slots=True)
+class Commanded:
+    """What the law of a stage asks for, as expressions.
+
+    Attributes:
+        references: as the law sees them. forces: set points and integrals of the equations.
+        chosen: what constrains the stage under a law with multipliers, else None.
+        case: what the law was filled in with. torque: (n,) of its closed form [N m].
+        conditions: that come with the angles in which the law is stated.
+    """
+
+    references: ReferenceSet
+    forces: EquationForces
+    chosen: ConstraintSet | None
+    case: laws.Case
+    torque: ca.SX
+    conditions: list[Condition]
+
+    @property
+    def set_points(self) -> dict[str, ca.SX]:
+        """Of every force by axis or equation, as the robot applies it [N, N m]."""
+        return {**self.references.force_ref, **self.forces.desired}
+
+
+def command(context: Context, plan: PlannedStage, seen: Measured) -> Commanded:
+    """Fills in the law of a stage; the signals of its references join the table."""
+    law, inputs = plan.law, seen.inputs
+    built = build_references(context, plan, seen)
+    state, references, conditions = orientation.restate(
+        law, seen.state, built, seen.at.R.T @ seen.terms.R, seen.table
+    )
+    forces = equation_forces(context, plan, seen)
+    on_path = plan.path.axes if plan.path is not None else ()
+    chosen = control = None
+    if LAWS[law.kind].multipliers:
+        chosen = constraint_set(
+            state=state,
+            forced=[a for a in plan.axes if plan.plans[a].force],
+            named=[*plan.spec.axes, *on_path],
+            rows={name: seen.rows[name] for name in plan.active},
+            measured=seen.reactions,
+            references=references.law,
+            parameters=seen.parameters,
+        )
+    if chosen:
+        control = constrain(chosen, forces, references, seen.clock, seen.parameters)
+    posture = null_space_acceleration(law, context, seen.state, seen.world, inputs.q, inputs.v)
+    case = laws.Case(
+        state, references, plan.plans, plan.gains, seen.table, inputs.v, posture, control
+    )
+    torque = laws.joint_torque(law.kind, case, seen.terms)
+    return Commanded(references, forces, chosen, case, torque, conditions)

@@ -1,0 +1,108 @@
+"""Everything that can end a stage: limits, guards, bounds and the planned end."""
+
+from __future__ import annotations
+
+import casadi as ca
+
+from taskspec.control import linear
+from taskspec.program import events
+from taskspec.program.events import Condition, Event
+from taskspec.program.reference.measured import Measured
+from taskspec.program.reference.planned import PlannedStage
+from taskspec.program.reference.reference_set import ReferenceSet
+from taskspec.program.signals import SignalTable
+from taskspec.robot import RobotModel
+from taskspec.spec import Stage
+from taskspec.text.expression import Expression
+from taskspec.text.show import show
+
+#: Below this pivot of J H^-1 J^T [1/kg, 1/(kg m^2)] an axis feels like ten tonnes: singular.
+SINGULAR = 1e-4
+_SLACK = 1e-9
+
+
+def limit_conditions(
+    robot: RobotModel, plan: PlannedStage, seen: Measured, references: ReferenceSet
+) -> list[Condition]:
+    """Limits of the file, of the joints, of the frame and of the arm's geometry."""
+    plans, frame, limits = plan.plans, plan.frame, plan.limits
+    table, q, v, margin = seen.table, seen.inputs.q, seen.inputs.v, seen.at.margin
+    found = []
+    force = _norm(table, "force", ("x", "y", "z"))
+    torque = _norm(table, "torque", ("rx", "ry", "rz"))
+    moving = [
+        e
+        for a, e in references.error.items()
+        if not (a.startswith("r") or plans[a].force or plans[a].open_loop)
+    ]
+    deviation = ca.norm_2(ca.vertcat(0, *moving))
+    for name, value, unit in (
+        ("force", force, "N"),
+        ("torque", torque, "N*m"),
+        ("speed", table.scalars["speed"], "mm/s"),
+        ("deviation", deviation, "mm"),
+    ):
+        bound = getattr(limits, name)
+        if bound is not None:
+            text = f"limit on {name}: {show(bound, unit)}"
+            found.append(Condition(Event(events.LIMIT, name, text, unit), value > bound, value))
+    for i, joint in enumerate(robot.joint_names):
+        low, high, fastest = robot.lower[i], robot.upper[i], robot.velocity_limit[i]
+        outside = ca.fmax(low - q[i], q[i] - high)
+        found.append(
+            Condition(
+                Event(events.LIMIT, "joint_position", f"position limit of joint {i + 1} ({joint})"),
+                outside > _SLACK,
+                q[i],
+            )
+        )
+        found.append(
+            Condition(
+                Event(events.LIMIT, "joint_velocity", f"velocity limit of joint {i + 1} ({joint})"),
+                ca.fabs(v[i]) > fastest,
+                v[i],
+            )
+        )
+    pivot = ca.mmin(ca.diag(linear.cholesky(seen.state.mobility))) ** 2
+    text = "the arm is singular: an axis of the task frame cannot be moved"
+    found.append(Condition(Event(events.LIMIT, "singularity", text), pivot < SINGULAR, pivot))
+    if frame.kind == "following":
+        text = f"the tool left the part of {frame.surface_name!r} that frame {frame.name!r} follows"
+        found.append(Condition(Event(events.LIMIT, "frame_left", text), margin < 0, margin))
+    if frame.mechanism is not None:
+        text = f"the tool came to the axis of {frame.mechanism.name!r}, where {frame.name!r} ends"
+        found.append(Condition(Event(events.LIMIT, "frame_left", text), margin < 0, margin))
+    return found
+
+
+def stage_conditions(stage: Stage, seen: Measured, period: float) -> list[Condition]:
+    """`fail_if`, `until`, `within` and the planned end of a stage."""
+    t, scalars = seen.clock.t, seen.table.scalars
+    found = []
+
+    def guard(kind: str, expression: Expression | None) -> None:
+        if expression is not None:
+            holds = seen.translate(expression)
+            found.append(Condition(Event(kind, kind, str(expression)), holds, t))
+
+    guard(events.FAIL_IF, stage.fail_if)
+    guard(events.UNTIL, stage.until)
+    if stage.within is not None:
+        time, travel = stage.within.time, stage.within.travel
+        if time is not None:
+            text = f"within {show(time, 's')}"
+            found.append(Condition(Event(events.WITHIN, "time", text), t >= time - period / 2, t))
+        if travel is not None:
+            way = scalars["travel"]
+            text = f"within {show(travel, 'mm')} of travel"
+            found.append(Condition(Event(events.WITHIN, "travel", text), way > travel, way))
+    if stage.until is None:
+        end = seen.parameters.add("end")
+        text = "its moves, path and time are done"
+        found.append(Condition(Event(events.DONE, "done", text), t >= end - period / 2, t))
+    return found
+
+
+def _norm(table: SignalTable, kind: str, axes: tuple[str, ...]) -> ca.SX:
+    names = [f"{kind}.{a}" for a in axes if f"{kind}.{a}" in table.scalars]
+    return ca.norm_2(ca.vertcat(0, *(table.scalars[name] for name in names)))

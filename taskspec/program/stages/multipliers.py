@@ -1,0 +1,103 @@
+"""A stage's constraints with their set points, integrals and the choice of coordinates."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+
+from taskspec.control.gains import Gains
+from taskspec.control.laws.multipliers import Multipliers
+from taskspec.control.reference import opposite
+from taskspec.motion import blend
+from taskspec.program.clock import Clock
+from taskspec.program.context import Context
+from taskspec.program.layout import Layout
+from taskspec.program.reference.force_references import risen, wound
+from taskspec.program.reference.measured import Measured
+from taskspec.program.reference.planned import PlannedStage
+from taskspec.program.reference.reference_set import ReferenceSet
+from taskspec.program.world.constraints import ConstraintSet
+
+
+@dataclass(frozen=True, slots=True)
+class ConstraintControl:
+    """What a multiplier law needs of a stage's constraints.
+
+    Attributes:
+        names: force axes, then equations. multipliers: in the theory's sign.
+        held: (n,) what keeps q'' continuous after another choice of coordinates, as it fades.
+    """
+
+    names: tuple[str, ...]
+    multipliers: Multipliers
+    held: ca.SX
+
+    def diagonal(self, gains: Gains, name: str) -> ca.DM:
+        """(m,) one gain on all constraints."""
+        return ca.DM([gains[name][constraint].value for constraint in self.names])
+
+
+@dataclass(frozen=True, slots=True)
+class EquationForces:
+    """Set points and integrals of the equations that constrain a stage, as the robot applies them.
+
+    Attributes:
+        desired: by equation [N, N m]. integrals: of desired - measured. updates: of the memory.
+    """
+
+    desired: dict[str, ca.SX]
+    integrals: dict[str, ca.SX]
+    updates: dict[str, ca.SX]
+
+
+def equation_forces(context: Context, plan: PlannedStage, seen: Measured) -> EquationForces:
+    """References of the active equations; one without a set point is to bear no force."""
+    found, gains = EquationForces({}, {}, {}), plan.gains
+    for name in plan.active:
+        slot = f"equation.{name}"
+        point = plan.spec.constraints.get(name)
+        wanted = ca.SX(0) if point is None else seen.translate(point.wanted)
+        ramp = None if point is None else point.ramp
+        rising = risen(slot, wanted, ramp, seen.clock, seen.parameters)
+        force = found.desired[name] = seen.unreached.reachable(name, rising)
+        if "force.integral" not in gains:
+            continue
+        memorised = f"integral.{slot}"
+        found.integrals[name] = found.updates[memorised] = wound(
+            seen.memory.add(memorised),
+            force,
+            seen.unreached.step(name, context.period * (force - seen.reactions[name])),
+            gains["force.integral"][name].value,
+            seen.table.scalars["touching"],
+            ca.SX(0),
+        )
+    return found
+
+
+def constrain(
+    chosen: ConstraintSet,
+    forces: EquationForces,
+    references: ReferenceSet,
+    clock: Clock,
+    parameters: Layout,
+) -> ConstraintControl:
+    """The constraints of a stage as its law sees them."""
+    desired = {**references.force_ref, **forces.desired}
+    integrals = {**references.integrals, **forces.integrals}
+    zero = ca.SX(0)
+    n = chosen.J.shape[1]
+    held, since = parameters.add("held", n), parameters.add("chosen_at")
+    return ConstraintControl(
+        chosen.names,
+        Multipliers(
+            J=chosen.J,
+            gamma=chosen.gamma,
+            directions=chosen.directions,
+            closing=chosen.closing,
+            desired=opposite(ca.vertcat(*(desired[name] for name in chosen.names))),
+            measured=opposite(chosen.measured),
+            integral=opposite(ca.vertcat(*(integrals.get(name, zero) for name in chosen.names))),
+        ),
+        held * blend.offset_shape((clock.t - since) / blend.BLEND_TIME),
+    )

@@ -1,0 +1,115 @@
+"""What a stage's functions put out: the tick's outputs, and what is asked at entry."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import casadi as ca
+import numpy as np
+
+from taskspec.program.limits.resolution import Resolved
+from taskspec.program.ports import OUTPUTS, PROBE
+from taskspec.program.reference.measured import Measured
+from taskspec.program.signals import SignalTable, applied
+from taskspec.program.stages.commanded import Commanded
+from taskspec.program.world.believed import Believed
+from taskspec.program.world.carriers import Instant
+
+
+def probe(arguments: list[ca.SX], seen: Measured, asked: Commanded) -> ca.Function:
+    """Where the tool is in the stage's frame; its last input is the tool point's velocity (3,).
+
+    That is its velocity against what carries the frame. All are in world axes but `here`, which is
+    in the coordinates of the frame's carrier.
+
+    Its outputs are the numbers of `PROBE` and the measured reactions (equations,).
+    """
+    way, at, carrier = ca.SX.sym("way", 3), seen.at, seen.carrier
+    six = asked.references.six
+    values = {
+        "frame": ca.vec(_world(at.R, carrier)),
+        "offset": _world(seen.point.offset, carrier),
+        "lever": _world(seen.tool.lever if at.foot is not None else ca.SX.zeros(3), carrier),
+        "here": seen.point.p if at.foot is None else at.foot,
+        "rate_map": ca.vec(at.rate_map),
+        "turning": at.turning(way if carrier is None else carrier.A.T @ way),
+        "angle": _angle(seen.believed),
+        "coordinate": six(asked.references.coordinate),
+        "measured": six(_applied(seen.table)),
+    }
+    found = [values[name] for name, _ in PROBE]
+    return ca.Function("probe", [*arguments, way], [ca.vertcat(*found, _reactions(seen))])
+
+
+def outputs(
+    event: tuple[ca.SX, ca.SX], seen: Measured, asked: Commanded, limited: Resolved | None
+) -> ca.SX:
+    """A tick's outputs: the numbers of `ports.fields`.
+
+    Args:
+        event: its number and value. seen: what is measured. asked: by the law.
+        limited: the stage's programs; what comes of them is filled in later. None without any.
+    """
+    inputs, scalars, references = seen.inputs, seen.table.scalars, asked.references
+    six = references.six
+    # How far the closed form is beyond its limits, which pushes have been clamped, and whether the
+    # force set points have to be held against what contacts return.
+    violation, clamped, unsettled = limited.told if limited else (ca.SX(0), ca.SX(0), ca.SX(0))
+    values = {
+        "event": event[0],
+        "event_value": event[1],
+        # One number that is not finite as soon as any of these is not. Before saturation: the
+        # smaller of a limit and NaN is the limit.
+        "health": ca.sumsqr(asked.torque) + ca.sumsqr(inputs.v) + ca.sumsqr(inputs.q),
+        "tip": inputs.terms.p,
+        "tip_rotation": ca.vec(inputs.terms.R),
+        "offset": _world(seen.point.offset, seen.carrier),
+        "frame": ca.vec(_world(seen.at.R, seen.carrier)),
+        "position": six(references.position),
+        "velocity": six({a: scalars[f"velocity.{a}"] for a in seen.table.axes}),
+        "error": six(references.error),
+        "position_ref": six(references.position_ref),
+        "velocity_ref": six(references.velocity_ref),
+        "force_ref": six(references.force_ref),
+        "measured": six(_applied(seen.table)),
+        "tilt": scalars["tilt"],
+        "speed": scalars["speed"],
+        "travel": scalars["travel"],
+        "path_done": scalars["path_done"],
+        "angle": _angle(seen.believed),
+        "conditioning": asked.chosen.conditioning if asked.chosen else ca.SX(1),
+        "violation": violation,
+        "clamped": clamped,
+        "unsettled": unsettled,
+        "force_inconsistent": scalars["force_inconsistent"],
+        "limited": ca.SX(0),
+        "limits": ca.SX(0),
+        "residual": ca.SX(0),
+    }
+    found = [values[name] for name, _ in OUTPUTS]
+    return ca.vertcat(*found, _wanted_reactions(seen, asked.forces.desired), _reactions(seen))
+
+
+def _wanted_reactions(seen: Measured, desired: Mapping[str, ca.SX]) -> ca.SX:
+    """(equations,) set points, NaN where there is none."""
+    nothing = ca.SX(np.nan)
+    return ca.vertcat(ca.SX(0, 1), *(desired.get(name, nothing) for name in seen.rows))
+
+
+def _reactions(seen: Measured) -> ca.SX:
+    """(equations,) what was measured."""
+    return ca.vertcat(ca.SX(0, 1), *(seen.reactions[name] for name in seen.rows))
+
+
+def _world(local: ca.SX, carrier: Instant | None) -> ca.SX:
+    """Columns given in a carrier's axes, in the world's."""
+    return local if carrier is None else carrier.A @ local
+
+
+def _angle(believed: Believed | None) -> ca.SX:
+    return ca.SX(0) if believed is None else believed.angle
+
+
+def _applied(table: SignalTable) -> dict[str, ca.SX]:
+    """Measured force and moment that the robot applies, by axis."""
+    return {a: table.scalars[applied(a)] for a in table.axes}

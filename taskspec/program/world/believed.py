@@ -1,0 +1,86 @@
+"""Where the controller believes a mechanism to be: what follows from the tool that holds it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+
+from taskspec.control.model_terms import TermSymbols
+from taskspec.control.reference import opposite
+from taskspec.program.clock import Clock
+from taskspec.program.context import Context
+from taskspec.program.layout import Layout
+from taskspec.program.world.frames import FrameModel
+from taskspec.program.world.mechanisms import MechanismModel
+
+
+@dataclass(frozen=True, slots=True)
+class Believed:
+    """A mechanism's coordinate, told from the tool.
+
+    Attributes:
+        mechanism: its geometry. angle: [rad], with whole turns counted since the run began.
+        since: the angle at which the stage was entered. rate: of the angle [rad/s].
+        travel: way along the axis [m].
+    """
+
+    mechanism: MechanismModel
+    angle: ca.SX
+    since: ca.SX
+    rate: ca.SX
+    travel: ca.SX
+
+    def updates(self) -> dict[str, ca.SX]:
+        """Memory after this tick."""
+        return {"angle": self.angle} if self.mechanism.angular else {}
+
+
+def believe(
+    context: Context,
+    frame: FrameModel,
+    terms: TermSymbols,
+    clock: Clock,
+    memory: Layout,
+    parameters: Layout,
+) -> Believed | None:
+    """The mechanism that a stage in `frame` keeps track of; takes a slot for its angle.
+
+    Args:
+        context: for what the robot holds. frame: of the stage. terms: of the tip, in the world.
+        clock: of the stage. memory, parameters: where the angle takes its slots.
+    """
+    mechanism = context.tracked(frame)
+    if mechanism is None:
+        return None
+    if not mechanism.angular:
+        zero = ca.SX(0)
+        return Believed(mechanism, zero, zero, zero, mechanism.travel(terms.p))
+    turned = terms.R @ ca.DM(context.start_R.T)
+    angle = mechanism.angle(terms.p, turned, memory.add("angle"))
+    return Believed(
+        mechanism=mechanism,
+        angle=angle,
+        since=parameters.add("angle_at_entry"),
+        rate=clock.total_rate(angle, terms),
+        travel=mechanism.travel(terms.p),
+    )
+
+
+def mechanism_signals(
+    believed: Believed | None, held: str, terms: TermSymbols, wrench: ca.SX
+) -> dict[str, ca.SX]:
+    """Signals of the mechanism that the robot holds; no other one is known.
+
+    Args:
+        believed: what the stage keeps track of. held: name of the mechanism that is held.
+        terms: of the tip, in the world. wrench: (6,) by the environment about the tip, world axes.
+    """
+    if believed is None or believed.mechanism.name != held:
+        return {}
+    mechanism, applied = believed.mechanism, opposite(wrench)
+    effort = mechanism.effort(terms.p, applied[:3], applied[3:])
+    if not mechanism.angular:
+        return {f"{held}.travel": believed.travel, f"{held}.force": effort}
+    found = {f"{held}.angle": believed.angle, f"{held}.torque": effort}
+    return found | ({f"{held}.travel": believed.travel} if mechanism.lead else {})

@@ -1,0 +1,233 @@
+"""The constraints of a stage under a multiplier law: its force axes and the world's equations.
+
+A force axis of the task frame is the constraint that the surface there imposes; an equation of the
+world is one whether or not the stage gives it a set point, if it holds both ways.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from taskspec.control import linear
+from taskspec.control.gains import Gains, Plant, design_constraint
+from taskspec.control.model_terms import TermSymbols
+from taskspec.control.reference import Reference, opposite
+from taskspec.control.resolution import inverse_directions
+from taskspec.control.state import ARM_LENGTH, TaskState
+from taskspec.program.context import Context
+from taskspec.program.layout import Layout
+from taskspec.program.world.equations import EquationModel, EquationTerms
+from taskspec.spec import LAWS, Law, Stage
+
+
+@dataclass(frozen=True, slots=True)
+class EquationRow:
+    """An equation at this instant, on the joints.
+
+    Attributes:
+        model: the equation. terms: at the tip or the joints.
+        J: (1, n) unit normal on the joints' rates. gamma: what J q'' has to cancel.
+        closing: J q' + r_t [m/s, rad/s].
+    """
+
+    model: EquationModel
+    terms: EquationTerms
+    J: ca.SX
+    gamma: ca.SX
+    closing: ca.SX
+
+
+def equation_rows(
+    models: Mapping[str, EquationModel], terms: TermSymbols, q: ca.SX, v: ca.SX, clock: ca.SX
+) -> dict[str, EquationRow]:
+    """All equations of the world, by name, for the tip's kinematics in the world."""
+    rows = {}
+    for name, model in models.items():
+        if model.joints:
+            at = model.terms(q, v, clock)
+            J, gamma = at.normal, at.drift
+        else:
+            at = model.terms(terms.p, terms.twist[:3], clock)
+            J = at.normal @ terms.J[:3, :]
+            gamma = at.drift + at.normal @ terms.drift[:3]
+        rows[name] = EquationRow(model, at, J, gamma, J @ v + at.by_time)
+    return rows
+
+
+def reactions(rows: Mapping[str, EquationRow], wrench: ca.SX, sensed: ca.SX) -> dict[str, ca.SX]:
+    """What the robot applies along each equation's unit gradient, as measured [N, N m].
+
+    On the tip it is the part of the measured force that the normals span, on joints what is sensed
+    there.
+
+    Args:
+        rows: the equations. wrench: (6,) by the environment on the tip.
+        sensed: (equations,) applied by the robot, of which those on joints count.
+    """
+    found = {name: sensed[i] for i, (name, row) in enumerate(rows.items()) if row.model.joints}
+    tip = [name for name, row in rows.items() if not row.model.joints]
+    if tip:
+        N = ca.vertcat(*(rows[name].terms.normal for name in tip))
+        parts = spread(N, opposite(wrench[:3]))
+        found |= {name: parts[i] for i, name in enumerate(tip)}
+    return found
+
+
+def spread(N: ca.SX, wrench: ca.SX) -> ca.SX:
+    """Multipliers (m,) with N^T lambda = wrench, in the sense of least squares; N (m, d)."""
+    return linear.small_solve(N @ N.T, N @ wrench)
+
+
+def active_equations(
+    law: Law, stage: Stage, models: Mapping[str, EquationModel]
+) -> tuple[str, ...]:
+    """Names of the equations that constrain a stage; none under a law without multipliers."""
+    if not LAWS[law.kind].multipliers:
+        return ()
+    return tuple(
+        name
+        for name, model in models.items()
+        if name in stage.constraints or model.constraint.relation == "="
+    )
+
+
+def equation_gains(
+    context: Context, law: Law, names: Sequence[str], models: Mapping[str, EquationModel]
+) -> Gains:
+    """Gains of the equations' force loops, by gain and equation."""
+    gains: Gains = {}
+    for name in names:
+        model = models[name]
+        normal = context.start_equations[name].normal
+        inverse = float(normal @ np.linalg.solve(context.start_inertia, normal))
+        h = 1.0 / inverse if inverse > 0 else 1.0
+        plant = Plant(h=h, held=h, k=context.compliances[name].stiffness, period=context.period)
+        for gain, value in design_constraint(law, model.joints, plant).items():
+            gains.setdefault(gain, {})[name] = value
+    return gains
+
+
+@dataclass(frozen=True, slots=True)
+class ConstraintSet:
+    """The m constraints of a stage, force axes first.
+
+    Attributes:
+        names: axes, then equations. J: (m, n). gamma, closing: (m,).
+        measured: (m,) applied by the robot [N, N m].
+        candidates: (n, c) joint accelerations of the c generalised coordinates: the task axes, and
+            on a redundant arm with equations on joints also its inner motions.
+        weights: (c,) how readily each gives way; scaled to metres.
+        selection: (c, m) which of them are eliminated; a parameter.
+    """
+
+    names: tuple[str, ...]
+    J: ca.SX
+    gamma: ca.SX
+    closing: ca.SX
+    measured: ca.SX
+    candidates: ca.SX
+    weights: NDArray[np.float64]
+    selection: ca.SX
+
+    @property
+    def directions(self) -> ca.SX:
+        """(n, m) the directions of the eliminated coordinates, T E_1^T."""
+        return self.candidates @ self.selection
+
+    @property
+    def conditioning(self) -> ca.SX:
+        """What the minor is of the one that the best exchange of one coordinate would give.
+
+        1 where no exchange makes it larger, 0 where it is singular.
+        """
+        scaled = self.J @ self.candidates @ ca.diag(ca.DM(self.weights))
+        gains = ca.fabs(linear.small_solve(scaled @ self.selection, scaled))
+        return 1 / ca.mmax(gains)
+
+
+#: How readily a coordinate gives way to a constraint: a force axis before one that the file does
+#: not name, and that before one whose motion it asks for.
+FORCED, UNNAMED, NAMED = 100.0, 10.0, 1.0
+
+
+def weigh(axes: Sequence[str], named: Sequence[str], forced: Sequence[str]) -> list[float]:
+    """Weights of the task axes."""
+    return [
+        (FORCED if a in forced else NAMED if a in named else UNNAMED)
+        / (ARM_LENGTH if a.startswith("r") else 1.0)
+        for a in axes
+    ]
+
+
+def constraint_set(
+    *,
+    state: TaskState,
+    forced: Sequence[str],
+    named: Sequence[str],
+    rows: Mapping[str, EquationRow],
+    measured: Mapping[str, ca.SX],
+    references: Reference,
+    parameters: Layout,
+) -> ConstraintSet | None:
+    """The constraints of a stage; None where it has none.
+
+    Args:
+        state: the arm on the task axes. forced: its force axes. named: axes that the file names.
+        rows: the equations that constrain the stage. measured: reaction of each of them.
+        references: whose velocity and acceleration on force axes are those of the frame itself.
+        parameters: where the selection takes its slot.
+    """
+    force_rows = state.rows(forced)
+    tip = [name for name, row in rows.items() if not row.model.joints]
+    names = (*forced, *rows)
+    if not names:
+        return None
+    J = ca.vertcat(state.J[force_rows, :], *(row.J for row in rows.values()))
+    along = state.drift - references.acceleration
+    relative = state.velocity - references.velocity
+    gamma = ca.vertcat(along[force_rows], *(row.gamma for row in rows.values()))
+    closing = ca.vertcat(relative[force_rows], *(row.closing for row in rows.values()))
+    candidates = inverse_directions(state)
+    weights = weigh(state.axes, named, forced)
+    n = state.J.shape[1]
+    if n > len(state.axes) and len(tip) < len(rows):
+        inner = ca.SX.eye(n) - candidates @ state.J
+        candidates = ca.horzcat(candidates, inner)
+        weights += [UNNAMED / ARM_LENGTH] * n
+    c, m = candidates.shape[1], len(names)
+    return ConstraintSet(
+        names=names,
+        J=J,
+        gamma=gamma,
+        closing=closing,
+        measured=_measured(state, forced, rows, tip, measured),
+        candidates=candidates,
+        weights=np.array(weights),
+        selection=ca.reshape(parameters.add("selection", c * m), c, m),
+    )
+
+
+def _measured(
+    state: TaskState,
+    forced: Sequence[str],
+    rows: Mapping[str, EquationRow],
+    tip: Sequence[str],
+    measured: Mapping[str, ca.SX],
+) -> ca.SX:
+    """(m,) what the robot applies along each constraint, shared out between those on the tip."""
+    axes = opposite(state.f[state.rows(forced)])
+    if not (forced and tip):
+        return ca.vertcat(axes, *(measured[name] for name in rows))
+    normals = ca.vertcat(*(rows[name].J for name in tip))
+    # Each row is a combination of the task axes, found again through J^bar.
+    on_axes = ca.vertcat(
+        ca.SX.eye(len(state.axes))[state.rows(forced), :], normals @ inverse_directions(state)
+    )
+    parts = spread(on_axes, opposite(state.f))
+    shared = {name: parts[len(forced) + i] for i, name in enumerate(tip)}
+    return ca.vertcat(parts[: len(forced)], *(shared.get(name, measured[name]) for name in rows))

@@ -1,0 +1,162 @@
+"""Constraint equations of the world as functions: one source for controller, checks and plant.
+
+Whatever the scale of r, forces and distances are taken along its unit gradient n = r_x / |r_x|, so
+that a set point is in newtons and the distance r / |r_x| in metres. On joints n is a direction of
+joint space, the force a moment, and the distance an angle.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from taskspec.program.algebra import CasadiAlgebra, constants
+from taskspec.program.world.frames import FrameModel, resolve
+from taskspec.spec import Constraint, Task
+from taskspec.text.expression.tree import Name
+
+Vector = NDArray[np.float64]
+
+#: Keeps the unit gradient finite where the gradient vanishes.
+_TINY = 1e-30
+
+
+@dataclass(frozen=True, slots=True)
+class EquationModel:
+    """r(place, clock) = 0, or one side of it.
+
+    Attributes:
+        name: of the object. constraint: as the file states it.
+        joints: (n,) joint positions are its place, else the (3,) tool tip in the world.
+        rotation, origin: (3, 3), (3,) of the frame in which x, y and z count.
+        params: numbers that it may use.
+    """
+
+    name: str
+    constraint: Constraint
+    rotation: NDArray[np.float64]
+    origin: NDArray[np.float64]
+    params: dict[str, float]
+
+    @property
+    def joints(self) -> bool:
+        """Whether its place is a configuration of the joints."""
+        return self.constraint.joints
+
+    def residual(self, place: ca.SX, clock: ca.SX) -> ca.SX:
+        """r, left minus right, at a place (3,) or (n,) and time [s]."""
+        algebra = CasadiAlgebra(None, 0.0)
+        known = {**constants(self.params), "clock": clock}
+        if self.joints:
+            known |= {f"q{i + 1}": place[i] for i in range(place.shape[0])}
+        else:
+            local = ca.DM(self.rotation.T) @ (place - ca.DM(self.origin))
+            known |= {axis: local[i] for i, axis in enumerate("xyz")}
+
+        def lookup(name: Name) -> ca.SX:
+            return known[name.path[0]]
+
+        return algebra.translate(self.constraint.residual, lookup)
+
+    def terms(self, place: ca.SX, rate: ca.SX, clock: ca.SX) -> EquationTerms:
+        """What control and plant need of it at a place that changes at `rate`, (4.125)-(4.128)."""
+        x, t = ca.SX.sym("x", place.shape[0]), ca.SX.sym("t")
+        dx = ca.SX.sym("dx", place.shape[0])
+        r = self.residual(x, t)
+        r_x, r_t = ca.jacobian(r, x), ca.jacobian(r, t)
+        along = ca.vertcat(dx, 1)
+        # The second derivative along (x', 1) holds the mixed term twice.
+        drift = ca.jtimes(ca.jtimes(r, ca.vertcat(x, t), along), ca.vertcat(x, t), along)
+        found = ca.Function("terms", [x, dx, t], [r, r_x, r_t, drift])
+        value, gradient, by_time, bend = found(place, rate, clock)
+        scale = ca.sqrt(ca.sumsqr(gradient) + _TINY)
+        return EquationTerms(
+            distance=value / scale,
+            normal=gradient / scale,
+            by_time=by_time / scale,
+            drift=bend / scale,
+            scale=scale,
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class EquationTerms:
+    """An equation at an instant, divided by the length of its gradient.
+
+    Attributes:
+        distance: r / |r_x| [m, rad], to first order the distance from the constraint.
+        normal: (1, d) r_x / |r_x|. by_time: r_t / |r_x| [m/s, rad/s].
+        drift: (x'^T r_xx x' + 2 r_xt x' + r_tt) / |r_x|, without the curvature of the way from
+            the joints to the place [m/s^2, rad/s^2].
+        scale: |r_x|: the multiplier of r itself is the force divided by it.
+    """
+
+    distance: ca.SX
+    normal: ca.SX
+    by_time: ca.SX
+    drift: ca.SX
+    scale: ca.SX
+
+
+def equation_models(
+    task: Task, frames: dict[str, FrameModel] | None = None
+) -> dict[str, EquationModel]:
+    """All equations of a task, by name; their frames are known to be fixed."""
+    frames = resolve(task) if frames is None else frames
+    params = {name: quantity.value for name, quantity in task.params.items()}
+    found = {}
+    for name, declared in task.equations.items():
+        frame = frames[declared.frame or "world"]
+        found[name] = EquationModel(name, declared.equation, frame.rotation, frame.origin, params)
+    return found
+
+
+def reaction(
+    model: EquationModel, terms: EquationTerms, rate: ca.SX, stiffness: float, damping: float
+) -> ca.SX:
+    """What the robot applies to a compliant constraint along the unit gradient [N, N m].
+
+    k distance + b d(distance)/dt; under `<=` and `>=` it never pulls, and is zero where the
+    relation holds.
+
+    Args:
+        model: the equation. terms: at the place. rate: of the place (3,) or (n,).
+        stiffness, damping: of the constraint.
+    """
+    closing = terms.normal @ rate + terms.by_time
+    force = stiffness * terms.distance + damping * closing
+    relation = model.constraint.relation
+    if relation == "<=":
+        return ca.if_else(terms.distance > 0, ca.fmax(force, 0), 0)
+    if relation == ">=":
+        return ca.if_else(terms.distance < 0, ca.fmin(force, 0), 0)
+    return force
+
+
+@dataclass(frozen=True, slots=True)
+class StartEquation:
+    """An equation at the start pose.
+
+    Attributes:
+        distance: r / |r_x| [m, rad]. normal: (n,) unit normal on the joints' rates.
+        scale: |r_x|.
+    """
+
+    distance: float
+    normal: NDArray[np.float64]
+    scale: float
+
+
+def at_start(model: EquationModel, start: Vector, p: Vector, J: Vector) -> StartEquation:
+    """An equation at the start pose: joints `start` (n,), tip at p (3,) with Jacobian J (6, n)."""
+    place = ca.SX(ca.DM(start if model.joints else p))
+    terms = model.terms(place, ca.SX.zeros(place.shape[0]), ca.SX(0))
+    normal = np.array(ca.evalf(terms.normal)).ravel()
+    return StartEquation(
+        distance=float(ca.evalf(terms.distance)),
+        normal=normal if model.joints else normal @ J[:3],
+        scale=float(ca.evalf(terms.scale)),
+    )

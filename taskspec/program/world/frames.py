@@ -1,0 +1,207 @@
+"""Believed frames: where the file says they are, resolved to the world, the tool or a surface."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taskspec.geometry import rotation
+from taskspec.geometry.surface import Surface
+from taskspec.program.world.mechanisms import MechanismModel, mechanism_models
+from taskspec.spec import Shape, Task
+
+Matrix = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class FrameModel:
+    """A task frame.
+
+    Attributes:
+        name: as in the file.
+        kind: fixed (in the world, or on an object that moves by itself), tool (carried by the
+            tool), following (a surface), estimated (where it was felt), turning (with a handle
+            that goes around an axis).
+        rotation, origin: (3, 3), (3,) pose in the world as declared, for kind tool in the tool,
+            for kind turning in the axes of the handle; of an estimated frame, where it is expected.
+        owner: the object that it is fixed on, through its parents.
+        surface: of a following frame; heading: (3,) world direction of its x, or None.
+        estimate: the stage that measures it; empty for a frame that is placed in such a one.
+        felt: of an estimated frame: the measured frame that it is or is placed in.
+        in_felt: (3, 3), (3,) its pose in that one.
+        mechanism: of a turning frame, whose handle it turns with.
+        at_origin: the control point is the frame's origin, carried rigidly by the tool.
+        described: how it came about, for `explain`.
+    """
+
+    name: str
+    kind: str
+    rotation: Matrix
+    origin: Matrix
+    surface: Surface | None = None
+    surface_name: str = ""
+    owner: str = ""
+    heading: Matrix | None = None
+    estimate: str = ""
+    felt: str = ""
+    in_felt: tuple[Matrix, Matrix] = field(default_factory=lambda: (np.eye(3), np.zeros(3)))
+    mechanism: MechanismModel | None = None
+    at_origin: bool = False
+    described: str = ""
+
+    @property
+    def still(self) -> bool:
+        """Whether it stays where it is on what carries it while a stage is on."""
+        return self.kind in ("fixed", "estimated")
+
+    @property
+    def carrier(self) -> str:
+        """The object that carries it along where that moves by itself."""
+        return self.surface_name or self.owner
+
+
+class Posed(Protocol):
+    """Anything with a position [m] and roll, pitch, yaw [rad]."""
+
+    @property
+    def xyz(self) -> tuple[float, float, float]: ...  # noqa: D102
+
+    @property
+    def rpy(self) -> tuple[float, float, float]: ...  # noqa: D102
+
+
+def pose(of: Posed) -> tuple[Matrix, Matrix]:
+    """(3, 3) rotation and (3,) origin [m] of a posed thing in its parent."""
+    return rotation.from_rpy(of.rpy), np.array(of.xyz, dtype=float)
+
+
+def surface(shape: Shape) -> Surface:
+    """The geometry of a declared shape, in the world."""
+    R, origin = pose(shape)
+    if shape.shape == "box":
+        assert shape.size is not None
+        half = np.array(shape.size) / 2
+    elif shape.shape == "cylinder":
+        assert shape.radius is not None
+        assert shape.length is not None
+        half = np.array([shape.radius, shape.radius, shape.length / 2])
+    else:
+        half = np.full(3, shape.radius or 0.0)
+    return Surface(shape.shape, origin, R, half)
+
+
+def resolve(task: Task) -> dict[str, FrameModel]:
+    """Every frame that the task can name. The file's frames are known to exist and not to loop."""
+    frames = {
+        "world": FrameModel("world", "fixed", np.eye(3), np.zeros(3), described="the world"),
+        "tool": FrameModel(
+            "tool", "tool", np.eye(3), np.zeros(3), described="turns with the tool, z out of it"
+        ),
+    }
+    for name, shape in task.shapes.items():
+        R, origin = pose(shape)
+        described = f"fixed on {shape.shape}"
+        if shape.motion is not None:
+            described = f"moves with {shape.shape}"
+        elif shape.free:
+            described = f"where the {shape.shape} lies as the run begins"
+        frames[name] = FrameModel(name, "fixed", R, origin, owner=name, described=described)
+    for model in mechanism_models(task).values():
+        frames |= _of_mechanism(model)
+    # An equation's frame is the one in which its coordinates count.
+    frames |= {name: frames["world"] for name, e in task.equations.items() if e.frame is None}
+    pending = dict(task.frames)
+    while pending:
+        for name, frame in list(pending.items()):
+            parent = frame.parent or "world"
+            if frame.surface is None and parent not in frames:
+                continue
+            del pending[name]
+            frames[name] = _declared(task, name, frames)
+    frames |= {name: frames[e.frame] for name, e in task.equations.items() if e.frame is not None}
+    return frames
+
+
+def _of_mechanism(model: MechanismModel) -> dict[str, FrameModel]:
+    """The frames of a mechanism's own axes and of its handle."""
+    name, handle = model.name, f"{model.name}.handle"
+    own = FrameModel(
+        name,
+        "fixed",
+        model.rotation,
+        model.origin,
+        owner=name,
+        described=f"axes of the {model.kind} as declared; they do not turn with it",
+    )
+    if not model.swings:
+        at = FrameModel(
+            handle,
+            "fixed",
+            model.rotation,
+            model.grip,
+            owner=name,
+            described=f"fixed at the handle of {name} where that is at coordinate 0",
+        )
+        return {name: own, handle: at}
+    turning = FrameModel(
+        handle,
+        "turning",
+        np.eye(3),
+        np.zeros(3),
+        owner=name,
+        mechanism=model,
+        described=f"turns with the tool about the axis of {name}: x radial, y tangential, z the "
+        "axis",
+    )
+    return {name: own, handle: turning}
+
+
+def _declared(task: Task, name: str, frames: dict[str, FrameModel]) -> FrameModel:
+    frame = task.frames[name]
+    if frame.surface is not None:
+        shape = surface(task.shapes[frame.surface])
+        heading = None if frame.heading is None else np.array(frame.heading, dtype=float)
+        along = "its own x" if frame.heading is None else f"heading {list(frame.heading)}"
+        return FrameModel(
+            name,
+            "following",
+            np.eye(3),
+            np.zeros(3),
+            surface=shape,
+            surface_name=frame.surface,
+            heading=heading,
+            described=f"follows the tool over {frame.surface}, z outward normal, x along {along}",
+        )
+    if frame.estimate is not None:
+        heading = None if frame.heading is None else np.array(frame.heading, dtype=float)
+        along = "the world's x" if frame.heading is None else f"heading {list(frame.heading)}"
+        return FrameModel(
+            name,
+            "estimated",
+            np.eye(3),
+            np.zeros(3),
+            heading=heading,
+            estimate=frame.estimate,
+            felt=name,
+            described=f"measured at the end of {frame.estimate}, z against the force felt, "
+            f"x along {along}",
+        )
+    parent = frames[frame.parent or "world"]
+    R, origin = pose(frame)
+    felt_R, felt_origin = parent.in_felt
+    return FrameModel(
+        name,
+        parent.kind,
+        parent.rotation @ R,
+        parent.origin + parent.rotation @ origin,
+        owner=parent.owner,
+        felt=parent.felt,
+        in_felt=(felt_R @ R, felt_origin + felt_R @ origin),
+        mechanism=parent.mechanism,
+        at_origin=frame.point == "origin",
+        described=f"{'placed' if parent.mechanism else 'fixed'} in {parent.name}"
+        + (", control point at its origin" if frame.point == "origin" else ""),
+    )

@@ -1,0 +1,116 @@
+"""What of a task's frames, equations and motions keeps it from being prepared at all."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from taskspec.program.errors import spec_error
+from taskspec.program.world.carriers import Carrier
+from taskspec.program.world.frames import FrameModel
+from taskspec.program.world.mechanisms import mechanism_models
+from taskspec.robot import RobotModel
+from taskspec.spec import LoadedTask
+from taskspec.text.diagnostic import Diagnostics, SpecError
+from taskspec.text.expression.tree import Name, walk
+
+_NOT_FIXED = {
+    "tool": "goes with the tool",
+    "following": "follows a surface",
+    "estimated": "is measured only while the task runs",
+}
+
+
+def check_equations(
+    loaded: LoadedTask, frames: Mapping[str, FrameModel], robot: RobotModel
+) -> None:
+    """Reports equations in frames that move, or on joints that the arm does not have.
+
+    Raises:
+        SpecError: there are such equations (TS247, TS314).
+    """
+    found = Diagnostics(loaded.source.name)
+    for name, declared in loaded.task.equations.items():
+        frame = frames[declared.frame or "world"]
+        if frame.kind != "fixed":
+            found.error(
+                "TS247",
+                f"equation {name!r} is written in frame {frame.name!r}, which "
+                f"{_NOT_FIXED.get(frame.kind, 'moves')}",
+                loaded.span(("world", name, "frame")),
+                "write it in a frame that is fixed in the world",
+            )
+        if not declared.equation.joints:
+            continue
+        residual, joints = declared.equation.residual, robot.pin.nv
+        for node in walk(residual.tree):
+            if isinstance(node, Name) and _joint_of(node) > joints:
+                message = f"{robot.name!r} has {joints} joints, q1 to q{joints}"
+                found.error("TS314", message, residual.where(node))
+    if found.has_errors:
+        raise SpecError(found.sorted(), loaded.sources)
+
+
+def _joint_of(node: Name) -> int:
+    """The joint, counted from 1, that a coordinate of an equation is of; 0 for any other name."""
+    number = node.path[0].removeprefix("q")
+    return int(number) if node.path[0].startswith("q") and number.isdigit() else 0
+
+
+def check_motions(loaded: LoadedTask, carried: Mapping[str, Carrier]) -> None:
+    """Reports objects that are nowhere, or infinitely fast, as the run begins.
+
+    Raises:
+        SpecError: there are such objects (TS117).
+    """
+    found = Diagnostics(loaded.source.name)
+    for name, carrier in carried.items():
+        if not all(np.isfinite(np.array(value)).all() for value in carrier.numbers(0.0)):
+            found.error(
+                "TS117",
+                "this motion has no finite place, velocity and acceleration at clock = 0 s",
+                loaded.span(("world", name, "motion")),
+            )
+    if found.has_errors:
+        raise SpecError(found.sorted(), loaded.sources)
+
+
+def check_parents(loaded: LoadedTask) -> None:
+    """Reports frames that are placed where none can be.
+
+    Raises:
+        SpecError: a parent follows a surface (TS226), or turns while the control point stays
+            (TS231).
+    """
+    frames = loaded.task.frames
+    for name, frame in frames.items():
+        parent = frames.get(frame.parent or "")
+        if parent is not None and parent.surface is not None:
+            raise spec_error(
+                loaded,
+                ("frames", name, "parent"),
+                "TS226",
+                f"frame {name!r} is placed in {frame.parent!r}, which follows a surface",
+                "follow the surface itself, and turn x with 'heading'",
+            )
+        _check_turning(loaded, name)
+
+
+def _check_turning(loaded: LoadedTask, name: str) -> None:
+    """Reports a control point at the origin of a frame that turns with a handle."""
+    frames = loaded.task.frames
+    if frames[name].point != "origin":
+        return
+    parent = frames[name].parent
+    while parent in frames:
+        parent = frames[parent].parent
+    handles = {f"{m}.handle" for m, model in mechanism_models(loaded.task).items() if model.swings}
+    if parent in handles:
+        raise spec_error(
+            loaded,
+            ("frames", name, "point"),
+            "TS231",
+            f"frame {name!r} turns with {parent!r}, and keeps the control point at the tool tip",
+            "leave 'point' out, or place the frame in the mechanism's own axes",
+        )

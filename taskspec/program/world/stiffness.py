@@ -1,0 +1,149 @@
+"""Stiffness and damping of the contact with an object, `rigid` included."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from taskspec.program.world import frames
+from taskspec.program.world.equations import EquationModel
+from taskspec.robot import RobotModel
+from taskspec.spec import EquationObject, Shape
+
+Vector = NDArray[np.float64]
+
+#: Impedance d with which the simulator makes every contact.
+IMPEDANCE = 0.02
+#: `rigid` is a contact that turns half a radian of its own oscillation in one step of the plant.
+RIGID_PHASE = 0.5
+#: The inertia [kg m^2] for which an equation on joints has a tenth of critical damping.
+JOINT_UNIT = 0.05
+#: Beyond this many radians in a step the plant does not resolve the contact any more.
+RESOLVED_PHASE = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class Compliance:
+    """A contact's stiffness [N/m] and damping [N s/m]; `phase` [rad] is what one step makes of it.
+
+    The phase is T sqrt(k / m) with the mass m that the tool has along the normal at the start.
+    """
+
+    stiffness: float
+    damping: float
+    phase: float
+
+
+def compliance(shape: Shape, robot: RobotModel, start: Vector, plant_period: float) -> Compliance:
+    """The contact of the tool with an object as its declaration means it.
+
+    Args:
+        shape: the object. robot: the arm. start: (n,) where the run begins.
+        plant_period: step of the plant [s].
+    """
+    mass = normal_mass(robot, start, shape)
+    if shape.mass is not None:
+        mass = 1.0 / (1.0 / mass + 1.0 / shape.mass)
+    return pair_compliance(shape, mass, plant_period)
+
+
+def pair_compliance(shape: Shape, mass: float, plant_period: float) -> Compliance:
+    """The contact of something with an object, `mass` [kg] what moves in it."""
+    return _meant(shape.stiffness, shape.damping, mass, plant_period, unit=1.0)
+
+
+def equation_compliance(
+    model: EquationModel,
+    robot: RobotModel,
+    start: Vector,
+    declared: EquationObject,
+    plant_period: float,
+) -> Compliance:
+    """What an equation's declaration means along its unit gradient.
+
+    Args:
+        model: the equation. robot: the arm. start: (n,) where the run begins.
+        declared: its object. plant_period: step of the plant [s].
+
+    Returns:
+        In N/m and N s/m; for an equation on joints in N m/rad and N m s/rad.
+    """
+    mass = equation_mass(model, robot, start)
+    unit = JOINT_UNIT if model.joints else 1.0
+    return _meant(declared.stiffness, declared.damping, mass, plant_period, unit)
+
+
+def _meant(
+    stiffness: float | str, damping: float | None, mass: float, plant_period: float, unit: float
+) -> Compliance:
+    rigid = stiffness == "rigid"
+    k = mass * (RIGID_PHASE / plant_period) ** 2 if rigid else float(stiffness)
+    b = damping
+    if b is None:
+        # A tenth of critical for a unit mass; a rigid contact is critical for the mass it meets.
+        b = 2 * math.sqrt(k * mass) if rigid else 0.1 * 2 * math.sqrt(k * unit)
+    return Compliance(k, b, plant_period * math.sqrt(k / mass))
+
+
+def normal_mass(robot: RobotModel, q: Vector, shape: Shape) -> float:
+    """Lambda_n = 1 / (a^T J H^-1 J^T a) [kg] at q (n,) along the normal a of an object.
+
+    Where the arm cannot move along the normal at all, the mean over what it can.
+    """
+    tip, mobility = _tip(robot, q)
+    return _along(np.array(ca.evalf(frames.surface(shape).gradient(ca.SX(tip)))).ravel(), mobility)
+
+
+def equation_mass(model: EquationModel, robot: RobotModel, q: Vector) -> float:
+    """The mass [kg], on joints the inertia [kg m^2], at q (n,) along an equation's unit gradient.
+
+    Where the arm cannot move along it, or where there is none, the mean over what it can.
+    """
+    if model.joints:
+        H = _inertia(robot, robot.pin.createData(), q)
+        place, mobility = q, np.asarray(np.linalg.inv(H), dtype=np.float64)
+    else:
+        place, mobility = _tip(robot, q)
+    x = ca.SX(ca.DM(place))
+    normal = model.terms(x, ca.SX.zeros(x.shape[0]), ca.SX(0)).normal
+    return _along(np.array(ca.evalf(normal)).ravel(), mobility)
+
+
+def _along(a: Vector, mobility: Vector) -> float:
+    """Mass along a unit direction (d,) of a mobility (d, d)."""
+    along = float(a @ mobility @ a)
+    return 1.0 / (along if along > 1e-6 else float(np.trace(mobility)) / len(a))
+
+
+def _tip(robot: RobotModel, q: Vector) -> tuple[Vector, Vector]:
+    """(3,) tip position [m] and its mobility J H^-1 J^T (3, 3) [1/kg] at q (n,), world axes."""
+    data = robot.pin.createData()
+    frame = robot.pin.getFrameId("tip")
+    J = pin.computeFrameJacobian(robot.pin, data, q, frame, pin.LOCAL_WORLD_ALIGNED)[:3]
+    mobility = J @ np.linalg.solve(_inertia(robot, data, q), J.T)
+    pin.framesForwardKinematics(robot.pin, data, q)
+    return np.array(data.oMf[frame].translation), mobility
+
+
+def _inertia(robot: RobotModel, data: pin.Data, q: Vector) -> Vector:
+    H = np.triu(pin.crba(robot.pin, data, q))
+    return np.asarray(H + np.triu(H, 1).T, dtype=np.float64)
+
+
+def virtual_mass_scale(robot: RobotModel) -> float:
+    """Mean mass [kg] that a contact at the tool feels, as MuJoCo counts it (1/invweight0)."""
+    body = robot.model.body(robot.tip_body).id
+    return 1.0 / float(robot.model.body_invweight0[body, 0])
+
+
+def added_mass(mobility: float) -> float:
+    """d/((1 - d) A) [kg]: what the simulator adds to a contact between bodies of mobility A [1/kg].
+
+    A is the sum of their translational `invweight0`.
+    """
+    return IMPEDANCE / ((1 - IMPEDANCE) * mobility)
