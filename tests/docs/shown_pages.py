@@ -1,0 +1,132 @@
+"""Files and output that pages show, step by step: the blocks are those of the files and commands.
+
+A page that leads a reader along has comments above its blocks, worked off from top to bottom in one
+folder:
+
+    <!-- task: tutorial/press-1.yaml as press.yaml -->       the whole file, laid into the folder
+    <!-- part: tutorial/press-1.yaml as press.yaml -->       lines of it; it is laid there too
+    <!-- told: taskspec validate press.yaml -->              what the command says
+    <!-- told: taskspec explain press.yaml | stage press --> only what stands below this heading
+
+Run this file to write the blocks anew after a change of wording; then read the difference.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import shlex
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+DOCS = ROOT / "docs"
+
+_SHOWN = re.compile(
+    r"^<!-- (?P<kind>task|part|told): (?P<what>.+?) -->\n```(?P<language>\w+)\n(?P<text>.*?)^```$",
+    re.M | re.S,
+)
+#: How fast a run goes is the machine's affair, and differs from run to run.
+_PACE = re.compile(r"; [\d.e+]+ x real time")
+_NUMBER = re.compile(r"\d+(?:\.\d+)?(?:e[-+]?\d+)?")
+
+
+@dataclass(frozen=True)
+class Shown:
+    """A block of a page, what the comment above it says it is, and what it should be."""
+
+    label: str
+    kind: str
+    what: str
+    text: str
+    fresh: str
+
+
+def pages() -> list[Path]:
+    """Every page with such blocks."""
+    texts = ((path, path.read_text(encoding="utf-8")) for path in sorted(DOCS.rglob("*.md")))
+    return [path for path, text in texts if _SHOWN.search(text)]
+
+
+def task_file(what: str) -> tuple[Path, str]:
+    """The file of a `task` or `part`, and the name that the reader gives it."""
+    path, _, name = what.partition(" as ")
+    return DOCS / path, name or Path(path).name
+
+
+def shown(path: Path, folder: Path) -> Iterator[Shown]:
+    """Works a page off in an empty folder; a `part` that the file has is as it should be."""
+    text = path.read_text(encoding="utf-8")
+    for match in _SHOWN.finditer(text):
+        kind, what, block = match["kind"], match["what"], match["text"]
+        if kind == "told":
+            fresh = said(what, folder)
+        else:
+            file, name = task_file(what)
+            content = file.read_text(encoding="utf-8")
+            (folder / name).write_text(content, encoding="utf-8")
+            fresh = block if kind == "part" and block in content else content
+        line = text.count("\n", 0, match.start()) + 1
+        yield Shown(f"{path.relative_to(DOCS)}:{line}", kind, what, block, fresh)
+
+
+def said(command: str, folder: Path) -> str:
+    """What a command says in a folder, its results and its messages, or a section of that."""
+    command, _, heading = command.partition(" | ")
+    name, *arguments = shlex.split(command)
+    assert name == "taskspec", command
+    paths = [str(ROOT), str(ROOT / "runner"), os.environ.get("PYTHONPATH", "")]
+    done = subprocess.run(
+        [sys.executable, "-m", "taskspec_runner", *arguments],
+        cwd=folder,
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(paths), "COLUMNS": "120"},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        check=False,
+    )
+    assert done.returncode in (0, 1), done.stdout
+    text = "".join(f"{line.rstrip()}\n" for line in _PACE.sub("", done.stdout).splitlines())
+    return _section(text, heading) if heading else text
+
+
+def _section(text: str, heading: str) -> str:
+    """The lines from one that is the heading, up to the next that stands as far to the left."""
+    lines = text.splitlines()
+    starts = [line.strip() for line in lines]
+    if heading not in starts:
+        raise LookupError(f"nothing is told below {heading!r}:\n{text}")
+    first = starts.index(heading)
+    indent = len(lines[first]) - len(lines[first].lstrip())
+    rest = lines[first + 1 :]
+    ends = (i for i, li in enumerate(rest) if li.strip() and len(li) - len(li.lstrip()) <= indent)
+    section = [lines[first], *rest[: next(ends, len(rest))]]
+    return "\n".join(section).rstrip() + "\n"
+
+
+def same(block: str, fresh: str, tolerance: float = 0.02) -> bool:
+    """Whether two texts have the same words, and numbers that a machine may round differently."""
+    if _NUMBER.split(block) != _NUMBER.split(fresh):
+        return False
+    pairs = zip(_NUMBER.findall(block), _NUMBER.findall(fresh), strict=True)
+    return all(abs(float(a) - float(b)) <= tolerance * abs(float(b)) for a, b in pairs)
+
+
+def _write() -> None:
+    for path in pages():
+        with tempfile.TemporaryDirectory() as folder:
+            fresh = iter([block.fresh for block in shown(path, Path(folder))])
+        text = path.read_text(encoding="utf-8")
+
+        def anew(match: re.Match[str], fresh: Iterator[str] = fresh) -> str:
+            return match[0].replace(f"\n{match['text']}```", f"\n{next(fresh)}```")
+
+        path.write_text(_SHOWN.sub(anew, text), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    _write()
