@@ -3,9 +3,10 @@
     python docs/images/make.py           # all of them
     python docs/images/make.py laws      # those of docs/laws only
 
-A frame of the video of a wiping arm and what its run recorded, for the README; what the press of
-each control law and tasks with constraints and limits recorded, for docs/laws. The frame needs a
-headless OpenGL, EGL or OSMesa; the others do not.
+A frame of the video of a wiping arm and what its run recorded, for the README; the same of the tasks
+of the tutorial; what the press of each control law and tasks with constraints and limits recorded,
+for docs/laws. Frames need a headless OpenGL, EGL or OSMesa, and stay as they are where there is
+none; the others do not.
 """
 
 from __future__ import annotations
@@ -20,33 +21,43 @@ from taskspec.compiler import compile_task
 from taskspec.spec import LAWS, load_task
 from taskspec_runner.report import write_overview_svg
 from taskspec_runner.session import execute_program
+from taskspec_runner.video.canvas import backends
 from taskspec_runner.video.film import Cut, Film
 from taskspec_runner.video.recording import Recording, read_recording
 
 HERE = Path(__file__).resolve().parent
 TASKS = HERE.parent.parent / "tasks"
 LIMITS = ("wipe-friction", "reach-limits")
-#: Tasks of which a frame of the video is shown, and its run time [s].
-FRAMES = {"wipe-table": 3.4}
+TUTORIAL = HERE.parent / "tutorial"
+#: Pictures of the tutorial, and the step that they show.
+STEPS = {"tutorial-press": "press-3", "tutorial-wipe": "wipe-2", "tutorial-fast": "wipe-4"}
+#: Pictures of which there is a frame of the video too, and its run time [s].
+FRAMES = {"wipe-table": 3.4, "tutorial-wipe": 3.4}
 
 
 def main() -> None:
     """Makes what the command line names."""
     if sys.argv[1:] != ["laws"]:
         record("wipe-table")
+        for picture, step in STEPS.items():
+            record(picture, TUTORIAL / f"{step}.yaml")
     for task in (*(f"press-{law}" for law in LAWS), "ring", "linkage", *LIMITS):
         record(task)
 
 
-def record(task: str) -> None:
-    """Runs a shipped task once and draws what it recorded as TASK.svg, and a frame of some."""
-    program = compile_task(load_task(TASKS / f"{task}.yaml"))
+def record(picture: str, task: Path | None = None) -> None:
+    """Runs a task once and draws what it recorded as PICTURE.svg, and a frame of some.
+
+    Args:
+        picture: name of the picture. task: the file, by default the shipped task of that name.
+    """
+    program = compile_task(load_task(task or TASKS / f"{picture}.yaml"))
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder) / "run"
         execute_program(program, out, report=False)
-        write_overview_svg(out, HERE / f"{task}.svg")
-        if task in FRAMES:
-            draw_frame(read_recording(out, program), FRAMES[task], HERE / f"{task}.png")
+        write_overview_svg(out, HERE / f"{picture}.svg")
+        if picture in FRAMES and backends():
+            draw_frame(read_recording(out, program), FRAMES[picture], HERE / f"{picture}.png")
 
 
 def draw_frame(recording: Recording, clock: float, path: Path) -> None:

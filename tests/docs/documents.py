@@ -2,7 +2,8 @@
 
 Such a table stands below a comment, `<!-- table: units -->` or `<!-- keys: robot.tool -->`. A YAML
 block is a whole task, or stands below `<!-- completes: NAME -->`: its sections then take the place
-of those of the task with that name in the same document.
+of those of the task with that name in the same document. Blocks of files that lie beside the documents
+are those of `shown_pages`.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ CONVENTIONS = ROOT / "docs" / "conventions.md"
 EXAMPLE = "press-and-slide"
 
 BLOCK = re.compile(
-    r"(?:^<!-- completes: (?P<name>\S+) -->\n)?^```(?P<kind>\w*)\n(?P<text>.*?)^```$", re.M | re.S
+    r"(?:^<!-- (?P<shown>task|part): .+ -->\n|^<!-- completes: (?P<name>\S+) -->\n)?^```(?P<kind>\w*)\n(?P<text>.*?)^```$", re.M | re.S
 )
 
 
@@ -42,7 +43,7 @@ def blocks(kind: str) -> list[Any]:
             continue  # their files are wrong on purpose, and have a test of their own
         text = path.read_text(encoding="utf-8")
         for match in BLOCK.finditer(text):
-            if match["kind"] == kind:
+            if match["kind"] == kind and not match["shown"]:
                 line = text.count("\n", 0, match.start("text")) + 1
                 label = f"{path.name}:{line}"
                 found.append(pytest.param(path, match["name"], match["text"], id=label))

@@ -95,17 +95,12 @@ def said(command: str, folder: Path) -> str:
 
 
 def _section(text: str, heading: str) -> str:
-    """The lines from one that is the heading, up to the next that stands as far to the left."""
-    lines = text.splitlines()
-    starts = [line.strip() for line in lines]
-    if heading not in starts:
+    """The lines from one that begins so, to the next after an empty one that is no further in."""
+    found = re.search(rf"^( *){re.escape(heading)}.*\n", text, re.M)
+    if found is None:
         raise LookupError(f"nothing is told below {heading!r}:\n{text}")
-    first = starts.index(heading)
-    indent = len(lines[first]) - len(lines[first].lstrip())
-    rest = lines[first + 1 :]
-    ends = (i for i, li in enumerate(rest) if li.strip() and len(li) - len(li.lstrip()) <= indent)
-    section = [lines[first], *rest[: next(ends, len(rest))]]
-    return "\n".join(section).rstrip() + "\n"
+    end = re.compile(rf"^\n {{0,{len(found[1])}}}\S", re.M).search(text, found.end())
+    return text[found.start() : end.start() if end else None]
 
 
 def same(block: str, fresh: str, tolerance: float = 0.02) -> bool:
@@ -123,7 +118,8 @@ def _write() -> None:
         text = path.read_text(encoding="utf-8")
 
         def anew(match: re.Match[str], fresh: Iterator[str] = fresh) -> str:
-            return match[0].replace(f"\n{match['text']}```", f"\n{next(fresh)}```")
+            before = match[0].removesuffix(f"{match['text']}```")
+            return f"{before}{next(fresh)}```"
 
         path.write_text(_SHOWN.sub(anew, text), encoding="utf-8")
 
