@@ -5,7 +5,8 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
-.PHONY: demo test theory proof stability lint types schema validate fuzz bench check clean
+.PHONY: demo test theory proof stability lint types schema validate fuzz bench docs docs-shown docs-site
+.PHONY: docs-serve check clean
 
 demo: $(READY)  ## run the wiping task and say where its report is
 	$(BIN)/taskspec run tasks/wipe-table.yaml
@@ -43,12 +44,25 @@ bench: $(READY)  ## what control costs, as multiples of bare mj_step
 	$(BIN)/python benchmarks/bench_limits.py
 	$(BIN)/python benchmarks/bench_validate.py
 
+docs: docs-shown docs-site  ## the site in build/site, its pictures and what its pages show made anew
+
+docs-shown: $(READY)  ## draw the pictures again, write again what files and commands of the pages say
+	$(BIN)/python docs/images/make.py
+	$(BIN)/python tests/docs/diagnostic_pages.py
+	$(BIN)/python tests/docs/shown_pages.py
+
+docs-site: $(READY)  ## build the site; a link that leads nowhere is an error
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
+
+docs-serve: $(READY)  ## show the site on http://127.0.0.1:8000 while one writes
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs serve
+
 check: lint types schema validate test
 
 $(READY): pyproject.toml
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/pip install --quiet --upgrade pip
-	$(BIN)/pip install --quiet --editable '.[dev]'
+	$(BIN)/pip install --quiet --editable '.[dev,docs]'
 	touch $(READY)
 
 clean:

@@ -4,13 +4,14 @@
     python docs/images/make.py laws      # those of docs/laws only
 
 A frame of the video of a wiping arm and what its run recorded, for the README; the same of the tasks
-of the tutorial; what the press of each control law and tasks with constraints and limits recorded,
+of the tutorial, one of them under all laws; what the press of each control law and tasks with constraints and limits recorded,
 for docs/laws. Frames need a headless OpenGL, EGL or OSMesa, and stay as they are where there is
 none; the others do not.
 """
 
 from __future__ import annotations
 
+import shutil
 import sys
 import tempfile
 from pathlib import Path
@@ -19,6 +20,9 @@ from PIL import Image
 
 from taskspec.compiler import compile_task
 from taskspec.spec import LAWS, load_task
+from taskspec_runner.cli.compare import compare_laws
+from taskspec_runner.cli.formats import RunFormat
+from taskspec_runner.compare import PICTURE
 from taskspec_runner.report import write_overview_svg
 from taskspec_runner.session import execute_program
 from taskspec_runner.video.canvas import backends
@@ -32,7 +36,9 @@ TUTORIAL = HERE.parent / "tutorial"
 #: Pictures of the tutorial, and the step that they show.
 STEPS = {"tutorial-press": "press-3", "tutorial-wipe": "wipe-2", "tutorial-fast": "wipe-4"}
 #: Pictures of which there is a frame of the video too, and its run time [s].
-FRAMES = {"wipe-table": 3.4, "tutorial-wipe": 3.4}
+FRAMES = {"wipe-table": 3.4, "tutorial-press": 3.0, "tutorial-wipe": 3.4}
+#: Pictures of a step of the tutorial under all laws.
+COMPARED = {"compare-wipe": "wipe-2"}
 
 
 def main() -> None:
@@ -41,6 +47,8 @@ def main() -> None:
         record("wipe-table")
         for picture, step in STEPS.items():
             record(picture, TUTORIAL / f"{step}.yaml")
+        for picture, step in COMPARED.items():
+            compare(picture, TUTORIAL / f"{step}.yaml")
     for task in (*(f"press-{law}" for law in LAWS), "ring", "linkage", *LIMITS):
         record(task)
 
@@ -58,6 +66,13 @@ def record(picture: str, task: Path | None = None) -> None:
         write_overview_svg(out, HERE / f"{picture}.svg")
         if picture in FRAMES and backends():
             draw_frame(read_recording(out, program), FRAMES[picture], HERE / f"{picture}.png")
+
+
+def compare(picture: str, task: Path) -> None:
+    """Runs a task under every law and draws all of them as PICTURE.svg."""
+    with tempfile.TemporaryDirectory() as folder:
+        compare_laws(task, (), None, 0, Path(folder), quiet=True, form=RunFormat.TEXT)
+        shutil.copy(Path(folder) / PICTURE, HERE / f"{picture}.svg")
 
 
 def draw_frame(recording: Recording, clock: float, path: Path) -> None:

@@ -21,6 +21,8 @@ from taskspec.program.world.stiffness import Compliance
 from taskspec.robot import RobotModel
 from taskspec.spec import Law, Limits, LoadedTask, Stage
 
+#: From here on J H^-1 J^T counts as singular.
+_CONDITION = 1e12
 _GEOMETRIC = np.eye(3)
 
 
@@ -206,6 +208,9 @@ class Context:
         J = _resolved(J, rotation, rates)
         rows = [AXES.index(a) for a in axes]
         mobility = (J @ np.linalg.inv(self.start_inertia) @ J.T)[np.ix_(rows, rows)]
+        if np.linalg.cond(mobility) > _CONDITION:
+            # The run stops before its first tick; that it is said needs gains that are finite.
+            mobility = mobility + np.eye(len(rows)) / _CONDITION
         held = np.diag(np.linalg.inv(mobility))
         tool = self.robot.tool
         reach = float(np.max(np.linalg.norm(tool.centers[:, :2], axis=1) + tool.radii))

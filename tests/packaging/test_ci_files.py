@@ -10,12 +10,15 @@ import subprocess
 import sys
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import pytest
 import yaml
 
+from taskspec_runner.cli.formats import FindingFormat
+
 ROOT = Path(__file__).resolve().parents[2]
-README = (ROOT / "README.md").read_text(encoding="utf-8")
+PAGE = (ROOT / "docs" / "how-to" / "ci.md").read_text(encoding="utf-8")
 ACTION = yaml.safe_load((ROOT / "action.yml").read_text(encoding="utf-8"))
 (HOOK,) = yaml.safe_load((ROOT / ".pre-commit-hooks.yaml").read_text(encoding="utf-8"))
 GOOD, WARNED, BAD = "tasks/robots.yaml", "tasks/a b/warned.yaml", "tasks/bad.yaml"
@@ -119,27 +122,61 @@ def test_the_hook_runs(repository: Path) -> None:
     assert not re.search(HOOK["files"], ".github/workflows/ci.yml")
 
 
-def readme_file(name: str) -> Any:
-    match = re.search(rf"<!-- file: {re.escape(name)} -->\n```yml\n(.*?)^```", README, re.M | re.S)
+def shown_file(name: str) -> Any:
+    match = re.search(rf"<!-- file: {re.escape(name)} -->\n```yml\n(.*?)^```", PAGE, re.M | re.S)
     assert match is not None
     return yaml.safe_load(match[1])
 
 
-def test_the_readme_uses_the_action_as_it_is(repository: Path) -> None:
-    (job,) = readme_file(".github/workflows/tasks.yml")["jobs"].values()
+def test_the_page_uses_the_action_as_it_is(repository: Path) -> None:
+    (job,) = shown_file(".github/workflows/tasks.yml")["jobs"].values()
     (use,) = (s for s in job["steps"] if "taskspec@" in s["uses"])
+    (upload,) = (s for s in job["steps"] if "sarif" in s["uses"])
+    assert upload["with"]["sarif_file"] == use["with"]["sarif"]
     assert use["with"].keys() <= ACTION["inputs"].keys()
     inputs = {k: json.dumps(v) if isinstance(v, bool) else v for k, v in use["with"].items()}
     (repository / BAD).unlink()
     assert validated(repository, **inputs).returncode == 0
 
 
-def test_the_readme_uses_the_hook_as_it_is(repository: Path) -> None:
-    ((used,),) = (repo["hooks"] for repo in readme_file(".pre-commit-config.yaml")["repos"])
+def test_the_page_uses_the_hook_as_it_is(repository: Path) -> None:
+    ((used,),) = (repo["hooks"] for repo in shown_file(".pre-commit-config.yaml")["repos"])
     assert used["id"] == HOOK["id"]
     assert re.search(used["files"], GOOD)
     command = [*HOOK["entry"].split(), *used["args"], GOOD, WARNED]
     assert run(repository, shlex.join(command)).returncode == 0
+
+
+def test_the_page_names_every_input_and_format() -> None:
+    (table,) = re.findall(r"<!-- table: inputs -->\n((?:\|.*\n)+)", PAGE)
+    rows = [row.split(" | ")[:2] for row in table.splitlines()[2:]]
+    assert {n for names, _ in rows for n in re.findall(r"`([\w-]+)`", names)} == ACTION["inputs"].keys()
+    for names, default in rows:
+        for name in re.findall(r"`([\w-]+)`", names):
+            if default.startswith("`"):
+                assert default.strip("`") == ACTION["inputs"][name]["default"]
+            else:
+                assert ACTION["inputs"][name]["default"] == ""
+    assert set(FindingFormat) <= set(re.findall(r"`(\w+)`", PAGE.partition("## Anything else")[2]))
+
+
+def test_the_page_uses_gitlab_as_it_runs(repository: Path) -> None:
+    (job,) = shown_file(".gitlab-ci.yml").values()
+    install, validate = job["script"]
+    assert install == "pip install --quiet taskspec-robotics"
+    assert run(repository, validate).returncode == 1
+    report = ElementTree.parse(repository / job["artifacts"]["reports"]["junit"])
+    assert report.getroot().tag == "testsuites"
+
+
+def test_the_page_runs_tasks_as_it_says(repository: Path) -> None:
+    (loop,) = re.findall(r"^for task in .*$", PAGE, re.M)
+    for name in (WARNED, BAD):
+        (repository / name).unlink()
+    assert run(repository, loop).returncode == 0
+    assert (repository / "runs" / "robots" / "report.html").is_file()
+    (repository / BAD).write_text((repository / GOOD).read_text() + "nmae: x\n")
+    assert run(repository, loop).returncode == 1
 
 
 def test_the_workflow_runs_what_exists() -> None:

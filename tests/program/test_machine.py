@@ -219,3 +219,15 @@ def test_the_first_tick_of_a_stage_heeds_limits_only(simulate):
     assert run.transitions[0].clock == pytest.approx(0.001)
     t = run["t"][run.history.window("b")]
     np.testing.assert_allclose(t, np.arange(len(t)) * 1e-3, atol=1e-12)
+
+
+def test_a_singular_start_stops_the_run(simulate):
+    """Stretched out, the arm cannot be moved along itself; its gains are designed all the same."""
+    text = """
+taskspec: 1
+robot: {model: planar2, start: {joints: [0, 0]}}
+stages: {wait: {time: 10 ms}}
+"""
+    run = simulate(text)
+    assert run.outcome.status == "stopped"
+    assert run.outcome.ticks == 0
