@@ -50,8 +50,8 @@ def task_pages() -> Iterator[tuple[str, str]]:
 _INDEX = """\
 # Example tasks
 
-They come with the package and all of them run and pass with every change. `taskspec new NAME` copies one to
-begin from, with the files that it needs.
+They come with the package, and all of them run and pass with every change. `taskspec new NAME`
+copies one to begin from, with the files that it needs.
 
 | task | law | what it does |
 | --- | --- | --- |
@@ -84,8 +84,8 @@ def tables_page() -> str:
 _TABLES_HEAD = """\
 # Signals, units, functions
 
-The tables of [the task language](language.md) that one looks things up in; what they mean in detail is
-said there. Tests hold every one of them against the code.
+The tables of [the task language](language.md) that one looks things up in; what they mean in
+detail is said there. Tests hold every one of them against the code.
 """
 
 

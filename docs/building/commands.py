@@ -16,9 +16,9 @@ from taskspec_runner.cli.app import app
 _HEAD = """\
 # Command line
 
-This page is made from the commands when the site is built; `taskspec COMMAND --help` says the same.
-Results go to standard output, progress and what is wrong to standard error. The exit codes are those of
-[conventions](conventions.md#endings-and-exit-codes).
+This page is made from the commands when the site is built; `taskspec COMMAND --help` says the
+same. Results go to standard output, progress and what is wrong to standard error. The exit codes
+are those of [conventions](conventions.md#endings-and-exit-codes).
 
 | command | does |
 | --- | --- |
@@ -51,7 +51,9 @@ def _name(command: Any) -> str:
 
 def _section(name: str, callback: Callable[..., Any]) -> str:
     found = list(parameters(callback))
-    arguments = [p.value if p.default == "required" else f"[{p.value}]" for p in found if p.is_argument]
+    arguments = [
+        p.value if p.default == "required" else f"[{p.value}]" for p in found if p.is_argument
+    ]
     options = [] if all(p.is_argument for p in found) else ["[OPTIONS]"]
     usage = " ".join(["taskspec", name, *options, *arguments])
     lines = ["", f"## taskspec {name}", "", inspect.getdoc(callback) or "", ""]

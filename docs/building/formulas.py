@@ -1,4 +1,4 @@
-"""Formulas of the pages as MathML, which browsers draw without a script or a font from elsewhere."""
+"""Formulas of the pages as MathML, which browsers draw by themselves."""
 
 from __future__ import annotations
 

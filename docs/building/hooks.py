@@ -6,6 +6,7 @@ from typing import Any
 
 import collected
 import commands
+from fences import dressed
 from formulas import as_mathml
 from links import within_site
 from mkdocs.config.defaults import MkDocsConfig
@@ -47,4 +48,6 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 
 def on_page_markdown(markdown: str, page: Page, **_: Any) -> str:
     """Turns what the repository's pages write into what the site can show."""
-    return as_mathml(within_site(markdown, page.file.src_uri, _PLACES))
+    if page.is_homepage:
+        page.meta["hide"] = ["navigation", "toc"]
+    return as_mathml(dressed(within_site(markdown, page.file.src_uri, _PLACES)))

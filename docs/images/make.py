@@ -3,10 +3,10 @@
     python docs/images/make.py           # all of them
     python docs/images/make.py laws      # those of docs/laws only
 
-A frame of the video of a wiping arm and what its run recorded, for the README; the same of the tasks
-of the tutorial, one of them under all laws; what the press of each control law and tasks with constraints and limits recorded,
-for docs/laws. Frames need a headless OpenGL, EGL or OSMesa, and stay as they are where there is
-none; the others do not.
+A frame of the video of a wiping arm and what its run recorded, for the README; the same of the
+tasks of the tutorial, one of them under all laws; what the press of each control law and tasks with
+constraints and limits recorded, for docs/laws. Frames need a headless OpenGL, EGL or OSMesa, and
+stay as they are where there is none; the others do not.
 """
 
 from __future__ import annotations

@@ -2,8 +2,8 @@
 
 Such a table stands below a comment, `<!-- table: units -->` or `<!-- keys: robot.tool -->`. A YAML
 block is a whole task, or stands below `<!-- completes: NAME -->`: its sections then take the place
-of those of the task with that name in the same document. Blocks of files that lie beside the documents
-are those of `shown_pages`.
+of those of the task with that name in the same document. Blocks of files that lie beside the
+documents are those of `shown_pages`.
 """
 
 from __future__ import annotations
@@ -31,7 +31,9 @@ CONVENTIONS = ROOT / "docs" / "conventions.md"
 EXAMPLE = "press-and-slide"
 
 BLOCK = re.compile(
-    r"(?:^<!-- (?P<shown>task|part): .+ -->\n|^<!-- completes: (?P<name>\S+) -->\n)?^```(?P<kind>\w*)\n(?P<text>.*?)^```$", re.M | re.S
+    r"(?:^<!-- (?P<shown>task|part): .+ -->\n|^<!-- completes: (?P<name>\S+) -->\n)?"
+    r"^```(?P<kind>\w*)\n(?P<text>.*?)^```$",
+    re.M | re.S,
 )
 
 

@@ -6,8 +6,8 @@ folder:
     <!-- task: tutorial/press-1.yaml as press.yaml -->       the whole file, laid into the folder
     <!-- part: tutorial/press-1.yaml as press.yaml -->       lines of it; it is laid there too
     <!-- told: taskspec validate press.yaml -->              what the command says
-    <!-- told: taskspec explain press.yaml | stage press --> only what stands below this heading
-
+    <!-- told: taskspec explain press.yaml | stage press --> only what stands below this heading;
+                                                             several lead to one within another
 Run this file to write the blocks anew after a change of wording; then read the difference.
 """
 
@@ -75,8 +75,8 @@ def shown(path: Path, folder: Path) -> Iterator[Shown]:
 
 
 def said(command: str, folder: Path) -> str:
-    """What a command says in a folder, its results and its messages, or a section of that."""
-    command, _, heading = command.partition(" | ")
+    """A command and what it says in a folder, results and messages, or a section of that."""
+    command, *headings = command.split(" | ")
     name, *arguments = shlex.split(command)
     assert name == "taskspec", command
     paths = [str(ROOT), str(ROOT / "runner"), os.environ.get("PYTHONPATH", "")]
@@ -91,7 +91,10 @@ def said(command: str, folder: Path) -> str:
     )
     assert done.returncode in (0, 1), done.stdout
     text = "".join(f"{line.rstrip()}\n" for line in _PACE.sub("", done.stdout).splitlines())
-    return _section(text, heading) if heading else text
+    for heading in headings:
+        text = _section(text, heading)
+    left_out = "...\n" if headings else ""
+    return f"$ {command}\n{left_out}{text}"
 
 
 def _section(text: str, heading: str) -> str:

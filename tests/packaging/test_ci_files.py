@@ -150,7 +150,9 @@ def test_the_page_uses_the_hook_as_it_is(repository: Path) -> None:
 def test_the_page_names_every_input_and_format() -> None:
     (table,) = re.findall(r"<!-- table: inputs -->\n((?:\|.*\n)+)", PAGE)
     rows = [row.split(" | ")[:2] for row in table.splitlines()[2:]]
-    assert {n for names, _ in rows for n in re.findall(r"`([\w-]+)`", names)} == ACTION["inputs"].keys()
+    assert {n for names, _ in rows for n in re.findall(r"`([\w-]+)`", names)} == ACTION[
+        "inputs"
+    ].keys()
     for names, default in rows:
         for name in re.findall(r"`([\w-]+)`", names):
             if default.startswith("`"):
