@@ -1,0 +1,153 @@
+"""The site: what is made when it is built, and that every page has its place in it."""
+
+from __future__ import annotations
+
+import importlib
+import inspect
+import re
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+import yaml
+from documents import ROOT, text_of
+
+from taskspec_runner.cli.app import app
+
+DOCS = ROOT / "docs"
+BUILDING = DOCS / "building"
+
+
+def module(name: str, monkeypatch: pytest.MonkeyPatch) -> ModuleType:
+    """A module of the site, as its hooks import it."""
+    monkeypatch.syspath_prepend(str(BUILDING))
+    return importlib.import_module(name)
+
+
+def config() -> dict[str, object]:
+    """The site's configuration; what calls Python in it stands for nothing."""
+
+    class Loader(yaml.SafeLoader):
+        pass
+
+    Loader.add_multi_constructor("!!python/", lambda *_: None)
+    Loader.add_multi_constructor("tag:yaml.org,2002:python/", lambda *_: None)
+    return dict(yaml.load(text_of(ROOT / "mkdocs.yml"), Loader=Loader))
+
+
+def in_navigation(entries: object) -> set[str]:
+    if isinstance(entries, str):
+        return {entries}
+    inner = entries.values() if isinstance(entries, dict) else entries
+    return set().union(*map(in_navigation, inner))  # type: ignore[arg-type]
+
+
+def test_every_page_is_in_the_navigation(monkeypatch):
+    collected = module("collected", monkeypatch)
+    made = {"signals.md", "cli.md", "changelog.md", "tasks/README.md"}
+    written = {path.relative_to(DOCS).as_posix() for path in DOCS.rglob("*.md")}
+    codes = {page for page in written if re.fullmatch(r"diagnostics/TS\d+\.md", page)}
+    assert in_navigation(config()["nav"]) == written - codes | made
+    assert in_navigation(collected.diagnostics_nav()) == codes
+
+
+def test_nothing_is_fetched_by_a_reader():
+    """No font, script or style from elsewhere: the theme fetches fonts unless it is told not to."""
+    site = config()
+    theme = site["theme"]
+    assert isinstance(theme, dict)
+    assert theme["font"] is False
+    assert "://" not in text_of(BUILDING / "site.css")
+    assert not site.keys() & {"extra_javascript", "repo_url"}
+    assert not re.search(r"<(img|script|link|iframe)\b", "".join(map(text_of, DOCS.rglob("*.md"))))
+
+
+def test_pictures_are_there_and_are_made():
+    """Every picture of a page exists, and the script that makes them names what it shows."""
+    shown = set()
+    for path in DOCS.rglob("*.md"):
+        for target in re.findall(r"!\[[^\]]+\]\(([^)]+)\)", text_of(path)):
+            shown.add((path.parent / target).resolve())
+    assert all(path.is_file() for path in shown)
+    kept = {p for p in (DOCS / "images").iterdir() if p.suffix in (".svg", ".png")}
+    assert kept >= shown
+
+
+def test_the_reference_has_every_command_and_option(monkeypatch):
+    commands = module("commands", monkeypatch)
+    page = commands.reference()
+    for command in app.registered_commands:
+        name = command.name or command.callback.__name__
+        (section,) = re.findall(rf"^## taskspec {name}\n(.*?)(?=^## |\Z)", page, re.M | re.S)
+        assert inspect.getdoc(command.callback) in section
+        given = inspect.signature(inspect.unwrap(command.callback)).parameters
+        rows = [row for row in section.splitlines() if row.startswith("| `")]
+        assert len(rows) == len(given)
+    (run,) = re.findall(r"^## taskspec run\n(.*?)(?=^## )", page, re.M | re.S)
+    assert "| `--set` `KEY=VALUE` | Override a value; may be repeated. |  |" in run
+    assert "| `--quiet`, `-q` | Say only what failed. |  |" in run
+    assert "| `--seed` `INTEGER` | Of everything random. | `0` |" in run
+    assert "| `--format` `text`, `json` | Of the outcome. | `text` |" in run
+
+
+def test_tasks_and_tables_have_pages(monkeypatch):
+    collected = module("collected", monkeypatch)
+    pages = dict(collected.task_pages())
+    for path in collected.TASKS:
+        assert text_of(path).rstrip() in pages[f"tasks/{path.stem}.md"]
+        assert f"[{path.stem}]({path.stem}.md)" in pages["tasks/README.md"]
+    tables = collected.tables_page()
+    assert "| `force_inconsistent` | `N` |" in tables
+    assert "](#" not in tables
+
+
+def test_links_to_files_of_the_repository_lead_into_the_site(monkeypatch):
+    collected, links = module("collected", monkeypatch), module("links", monkeypatch)
+    places = collected.places()
+    for path in places:
+        assert (ROOT / path).exists()
+    text = "[a](../../tasks/ring.yaml) [b](hybrid.md#gains) [c](../../examples/press.py)\n"
+    moved = links.within_site(f"{text}```text\n{text}```\n", "laws/constraints.md", places)
+    there = "[a](../tasks/ring.md) [b](hybrid.md#gains) [c](../files/examples/press.py)\n"
+    assert moved == f"{there}```text\n{text}```\n"
+
+
+def test_no_link_leaves_the_site(monkeypatch):
+    """What lies outside docs/ and is linked to, the site has a place for."""
+    places = module("collected", monkeypatch).places()
+    for path in DOCS.rglob("*.md"):
+        text = re.sub(r"^```.*?^```$", "", text_of(path), flags=re.M | re.S)
+        for target in re.findall(r"\]\(([^)#\s:]+)(?:#[^)]*)?\)", text):
+            found = (path.parent / target).resolve()
+            if not found.is_relative_to(DOCS):
+                assert found.relative_to(ROOT).as_posix() in places, (path.name, target)
+
+
+@pytest.mark.parametrize("path", sorted(DOCS.rglob("*.md")), ids=lambda path: path.name)
+def test_lists_are_read_alike_everywhere(path: Path):
+    """Where GitHub's Markdown and the site's differ.
+
+    For the site a list begins after an empty line, and a paragraph of an item is four spaces in.
+    """
+    text = re.sub(r"^```.*?^```$", "```", text_of(path), flags=re.M | re.S)
+    assert not re.search(r"^(?![ \-\d\n|]).+\n- ", text, re.M)
+    assert not re.search(r"\n\n {1,3}\S", text)
+
+
+def test_formulas_are_drawn_with_their_numbers(monkeypatch):
+    pytest.importorskip("latex2mathml", reason="the extra 'docs' is not installed")
+    formulas = module("formulas", monkeypatch)
+    drawn = formulas.as_mathml("$$u = J^T (K_m e - D_m \\dot x) + g \\qquad (4.21)$$\n")
+    assert drawn.startswith('<div class="formula"><math')
+    assert '<span class="formula-number">(4.21)</span>' in drawn
+    assert "4.21" not in drawn.partition("</math>")[0]
+    block = "```text\n$$x$$\n```\n"
+    assert formulas.as_mathml(block) == block
+    found = 0
+    for path in (DOCS / "laws").glob("*.md"):
+        text = formulas.as_mathml(text_of(path))
+        found += text.count("<math")
+        assert "$$" not in text
+        # A command that the converter does not know is left as it is written.
+        assert not re.search(r"<m[ion][^>]*>\\", text), path.name
+    assert found >= 13
