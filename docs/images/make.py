@@ -14,6 +14,8 @@ from __future__ import annotations
 import shutil
 import sys
 import tempfile
+from contextlib import redirect_stdout
+from io import StringIO
 from pathlib import Path
 
 from PIL import Image
@@ -34,7 +36,12 @@ TASKS = HERE.parent.parent / "tasks"
 LIMITS = ("wipe-friction", "reach-limits")
 TUTORIAL = HERE.parent / "tutorial"
 #: Pictures of the tutorial, and the step that they show.
-STEPS = {"tutorial-press": "press-3", "tutorial-wipe": "wipe-2", "tutorial-fast": "wipe-4"}
+STEPS = {
+    "tutorial-press": "press-3",
+    "tutorial-wipe": "wipe-2",
+    "tutorial-ring": "wipe-3",
+    "tutorial-fast": "wipe-4",
+}
 #: Pictures of which there is a frame of the video too, and its run time [s].
 FRAMES = {"wipe-table": 3.4, "tutorial-press": 3.0, "tutorial-wipe": 3.4}
 #: Pictures of a step of the tutorial under all laws.
@@ -71,7 +78,8 @@ def record(picture: str, task: Path | None = None) -> None:
 def compare(picture: str, task: Path) -> None:
     """Runs a task under every law and draws all of them as PICTURE.svg."""
     with tempfile.TemporaryDirectory() as folder:
-        compare_laws(task, (), None, 0, Path(folder), quiet=True, form=RunFormat.TEXT)
+        with redirect_stdout(StringIO()):
+            compare_laws(task, (), None, 0, Path(folder), quiet=True, form=RunFormat.TEXT)
         shutil.copy(Path(folder) / PICTURE, HERE / f"{picture}.svg")
 
 
