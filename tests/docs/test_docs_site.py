@@ -10,7 +10,7 @@ from types import ModuleType
 
 import pytest
 import yaml
-from documents import ROOT, text_of
+from documents import CONVENTIONS, ROOT, first_words, text_of
 
 from taskspec_runner.cli.app import app
 
@@ -60,6 +60,16 @@ def test_nothing_is_fetched_by_a_reader():
     assert "://" not in text_of(BUILDING / "site.css")
     assert not site.keys() & {"extra_javascript", "repo_url"}
     assert not re.search(r"<(img|script|link|iframe)\b", "".join(map(text_of, DOCS.rglob("*.md"))))
+
+
+def test_the_log_has_the_columns_that_are_plotted():
+    (block,) = re.findall(
+        r"^```python\n(.*?)^```$", text_of(DOCS / "how-to" / "export.md"), re.M | re.S
+    )
+    named = set(re.findall(r'"([a-z.]+)"', block)) - {"press"}
+    columns = {word.replace("AXIS", "z") for word in first_words(CONVENTIONS, "table: columns")}
+    assert {"clock", "force.z"} <= named <= columns
+    assert "log.stage" in block
 
 
 def test_pictures_are_there_and_are_made():
