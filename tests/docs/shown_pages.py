@@ -32,8 +32,6 @@ _SHOWN = re.compile(
 )
 #: How fast a run goes is the machine's affair, and differs from run to run.
 _PACE = re.compile(r"; [\d.e+]+ x real time")
-#: Tables are not folded; and where cores are shared, threads that wait for each other are slow.
-_QUIET = {"COLUMNS": "120", "OPENBLAS_NUM_THREADS": "1"}
 _NUMBER = re.compile(r"\d+(?:\.\d+)?(?:e[-+]?\d+)?")
 
 
@@ -85,7 +83,7 @@ def said(command: str, folder: Path) -> str:
     done = subprocess.run(
         [sys.executable, "-m", "taskspec_runner", *arguments],
         cwd=folder,
-        env={**os.environ, **_QUIET, "PYTHONPATH": os.pathsep.join(paths)},
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(paths), "COLUMNS": "120"},
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,
