@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import signal
 from collections.abc import Sequence
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -173,4 +174,6 @@ def _expectation(judged: Judged) -> dict[str, Any]:
         "stage": judged.stage,
         "signal": judged.signal,
         "band": list(judged.band) if judged.band else None,
+        "margins": [asdict(margin) for margin in judged.margins],
+        "broken": asdict(judged.broken) if judged.broken else None,
     }

@@ -6,8 +6,10 @@ from dataclasses import dataclass
 
 from taskspec.spec import Expectation, Task
 from taskspec.text.expression import Expression, evaluate, tree
+from taskspec_runner.extents import Extents
 from taskspec_runner.history import History
 from taskspec_runner.lookup import Elsewhere, Lookup, column_of, scope_of
+from taskspec_runner.margin import Broken, Margin
 from taskspec_runner.series import Series, SeriesAlgebra
 from taskspec_runner.wording import Measured, Said, Sides, Wording
 
@@ -27,6 +29,8 @@ class Judged:
         signal: the logged signal, if it is about one.
         band: (low, high) [SI] that the signal is to stay within, None on an open side; None
             altogether where it is about more than the size of one signal.
+        margins: how far inside its bounds each of its conditions stayed.
+        broken: when it was broken; None if it was met, or never had a tick.
     """
 
     text: str
@@ -37,6 +41,8 @@ class Judged:
     stage: str | None
     signal: str | None
     band: tuple[float | None, float | None] | None
+    margins: tuple[Margin, ...] = ()
+    broken: Broken | None = None
 
 
 def judge(task: Task, history: History, elsewhere: Elsewhere) -> tuple[Judged, ...]:
@@ -69,6 +75,8 @@ def _judge(expectation: Expectation, task: Task, history: History, lookup: Looku
         stage=stages.pop() if len(stages) == 1 else None,
         signal=columns.pop() if len(columns) == 1 else None,
         band=examiner.band(expression.tree),
+        margins=tuple(examiner.margins),
+        broken=None if passed else examiner.broken,
     )
 
 
@@ -82,6 +90,13 @@ class _Examiner:
         self._algebra = SeriesAlgebra()
         self._say = Wording(expression, scope_of(task), history.columns.get("clock"))
         self.measured: list[Measured] = []
+        self.margins: list[Margin] = []
+        self._breaks: list[Broken] = []
+
+    @property
+    def broken(self) -> Broken | None:
+        """The first break of the conditions that have been examined."""
+        return min(self._breaks, key=lambda each: each.clock, default=None)
 
     def value(self, node: tree.Node) -> Series:
         return evaluate(node, self._algebra, self._find)
@@ -93,10 +108,17 @@ class _Examiner:
         truth = self.value(node)
         inner = self.value(node.x) if isinstance(node, tree.Held) else truth
         if not truth.known or not inner.known:
-            return False, self._say.unknown(node, inner).text
+            said = self._say.unknown(node, inner)
+            self._breaks += self._say.unknown_since(inner, said)
+            return False, said.text
         passed = bool((truth.inside() == 1).all())
         said = self._explain(node, passed, inner)
         self.measured += said.measured
+        condition = node.x if isinstance(node, tree.Held) else node
+        told = Extents(self._say, self.value, condition, self._sides(condition))
+        self.margins += told.margins(node, inner)
+        if not passed:
+            self._breaks += told.breaks(node, inner)
         return passed, said.text
 
     def _explain(self, node: tree.Node, passed: bool, truth: Series) -> Said:

@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 
 from taskspec.text.expression import Expression, Scope, infer, tree
 from taskspec.text.units import NUMBER, fitting, to_si
+from taskspec_runner.amounts import DIGITS, digits_of, handy, in_unit, shown
+from taskspec_runner.margin import Broken
 from taskspec_runner.series import NO_TICK, Series
 
 Vector = NDArray[np.float64]
@@ -20,8 +22,6 @@ Sides = Sequence[tuple[tree.Node, Series]]
 
 _FLIPPED = {"<": ">", "<=": ">=", ">": "<", ">=": "<="}
 _GAPS_SHOWN = 3
-_DIGITS = 4
-_LONG = 10_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,6 +76,17 @@ class Wording:
             else f"'{self.text(node)}' has no value"
         )
 
+    def unknown_since(self, truth: Series, said: Said) -> tuple[Broken, ...]:
+        """When it could first not be told whether a condition holds, if at some tick at all."""
+        if truth.window is None:
+            return ()
+        rows = np.flatnonzero(truth.window & np.isnan(truth.values))
+        return (Broken(self.clock(int(rows[0])), said.text),) if len(rows) else ()
+
+    def clock(self, row: int) -> float:
+        """The run time of a row [s]."""
+        return float(self._clock[row])
+
     def share(self, node: tree.Held, truth: Series, sides: Sides) -> Said:
         """How often a condition holds, against how often it has to."""
         inside = truth.inside()
@@ -92,12 +103,12 @@ class Wording:
         if not sides:
             return Said("true" if passed else f"'{self.text(node)}' is false")
         part, series = sides[0]
-        unit = self._unit(node, sides)
+        unit = self.unit(node, sides)
         name = self.text(part)
-        measured = Measured(name, _in(series.number, unit), unit)
-        digits = _digits(series.number, [bound.number for _, bound in sides[1:]], unit)
+        measured = Measured(name, in_unit(series.number, unit), unit)
+        digits = digits_of(series.number, [bound.number for _, bound in sides[1:]], unit)
         bounds = self._needs(node, sides, unit, 0, digits)
-        return Said(f"{name} = {_show(series.number, unit, digits)} ({bounds})", (measured,))
+        return Said(f"{name} = {shown(series.number, unit, digits)} ({bounds})", (measured,))
 
     def every_tick(self, node: tree.Node, truth: Series, sides: Sides) -> Said:
         """A condition that has to hold at every tick."""
@@ -110,7 +121,7 @@ class Wording:
             broken = self._first(truth, truth.values != 1)
             return Said(f"does not hold at {ticks - held} of {ticks} ticks{broken}")
         part, series = sides[0]
-        unit = self._unit(node, sides)
+        unit = self.unit(node, sides)
         if not passed:
             percent = math.floor(1e4 * held / ticks) / 100
             worst = self._worst(node, truth, sides)
@@ -123,19 +134,28 @@ class Wording:
         return Said(
             text,
             tuple(
-                Measured(f"{which} {name}", _in(float(value), unit), unit)
+                Measured(f"{which} {name}", in_unit(float(value), unit), unit)
                 for which, value in (("lowest", values.min()), ("highest", values.max()))
             ),
         )
 
+    def at(self, node: tree.Node, sides: Sides, row: int) -> str:
+        """A measured part at a row, against its bounds there."""
+        part, series = sides[0]
+        unit, value = self.unit(node, sides), float(np.atleast_1d(series.values)[row])
+        bounds = [float(b.values[0 if b.window is None else row]) for _, b in sides[1:]]
+        digits = digits_of(value, bounds, unit)
+        needs = self._needs(node, sides, unit, row, digits)
+        return f"{self.text(part)} = {shown(value, unit, digits)} ({needs})"
+
     def _range(self, node: tree.Node, truth: Series, sides: Sides, unit: str) -> str:
         series = sides[0][1]
         values = np.broadcast_to(series.values, truth.values.shape)[truth.window]
-        low, high = _show(float(values.min()), unit), _show(float(values.max()), unit)
+        low, high = shown(float(values.min()), unit), shown(float(values.max()), unit)
         if isinstance(node, tree.Within):
             return f"{low} to {high}"
         return (
-            f"at most {high}" if self._relation(node, sides).startswith("<") else f"at least {low}"
+            f"at most {high}" if self.relation(node, sides).startswith("<") else f"at least {low}"
         )
 
     def _worst(self, node: tree.Node, truth: Series, sides: Sides) -> str:
@@ -146,38 +166,38 @@ class Wording:
             excess = np.maximum(bounds[0] - x, x - bounds[1])
         else:
             excess = x - bounds[0]
-            if not self._relation(node, sides).startswith("<"):
+            if not self.relation(node, sides).startswith("<"):
                 excess = -excess
         assert truth.window is not None
         row = int(np.argmax(np.where(truth.window, excess, -np.inf)))
-        unit = self._unit(node, sides)
+        unit = self.unit(node, sides)
         value = float(x[row])
-        digits = _digits(value, [float(bound[row]) for bound in bounds], unit)
+        digits = digits_of(value, [float(bound[row]) for bound in bounds], unit)
         needs = self._needs(node, sides, unit, row, digits)
-        return f"{_show(value, unit, digits)} at {self._clock[row]:.4g} s ({needs})"
+        return f"{shown(value, unit, digits)} at {self._clock[row]:.4g} s ({needs})"
 
     def _needs(
-        self, node: tree.Node, sides: Sides, unit: str, row: int | None, digits: int = _DIGITS
+        self, node: tree.Node, sides: Sides, unit: str, row: int | None, digits: int = DIGITS
     ) -> str:
         """The bounds, as they are at a row where they change with time."""
         bounds = [series for _, series in sides[1:]]
         if row is None and any(bound.window is not None for bound in bounds):
-            return f"needs {self._relation(node, sides)} {self.text(sides[1][0])}"
+            return f"needs {self.relation(node, sides)} {self.text(sides[1][0])}"
         numbers = [
-            _show(float(b.values[row or 0] if b.window is not None else b.number), unit, digits)
+            shown(float(b.values[row or 0] if b.window is not None else b.number), unit, digits)
             for b in bounds
         ]
         if isinstance(node, tree.Within):
             return f"needs {numbers[0]} to {numbers[1]}"
-        return f"needs {self._relation(node, sides)} {numbers[0]}"
+        return f"needs {self.relation(node, sides)} {numbers[0]}"
 
-    def _relation(self, node: tree.Node, sides: Sides) -> str:
+    def relation(self, node: tree.Node, sides: Sides) -> str:
         """The relation, read from the measured side."""
         if not isinstance(node, tree.Compare):
             return "within"
         return node.op if sides[0][0] is node.left else _FLIPPED[node.op]
 
-    def _unit(self, condition: tree.Node, sides: Sides) -> str:
+    def unit(self, condition: tree.Node, sides: Sides) -> str:
         """The largest unit that the bounds are written in, else the usual one."""
         part = sides[0][0]
         dimension = infer(part, self._scope)[0].dimension or NUMBER
@@ -190,7 +210,7 @@ class Wording:
             ]
             if any(units):
                 unit = max(filter(None, units), key=lambda unit: to_si(1.0, unit).value)
-                return _handy(unit, fitting(dimension), [bound for _, bound in sides[1:]])
+                return handy(unit, fitting(dimension), [bound for _, bound in sides[1:]])
         usual = fitting(dimension)
         return usual[0] if usual else ""
 
@@ -199,32 +219,3 @@ class Wording:
             return ""
         rows = np.flatnonzero(truth.window & mask)
         return f", first at {self._clock[rows[0]]:.4g} s" if len(rows) else ""
-
-
-def _handy(unit: str, usual: Sequence[str], bounds: Sequence[Series]) -> str:
-    """A coarser unit where bounds have more than four digits before the point, as of 5 mN at 20 N.
-
-    Args:
-        unit: that of a part of the bounds. usual: those of their dimension. bounds: themselves.
-    """
-    size = max((float(np.nanmax(np.abs(b.values), initial=0.0)) for b in bounds), default=0.0)
-    fits = (u for u in usual if 1 <= abs(_in(size, u)) < _LONG)
-    return unit if abs(_in(size, unit)) < _LONG else next(fits, unit)
-
-
-def _in(value: float, unit: str) -> float:
-    return value / to_si(1.0, unit).value
-
-
-def _show(value: float, unit: str, digits: int = _DIGITS) -> str:
-    # Twice: rounded first, then written without an exponent where that is readable.
-    return f"{float(f'{_in(value, unit):.{digits}g}'):.12g} {unit}".rstrip()
-
-
-def _digits(value: float, bounds: Sequence[float], unit: str) -> int:
-    """How many digits tell a value from bounds that it is not equal to."""
-    for digits in (_DIGITS, 6, 9):
-        shown = _show(value, unit, digits)
-        if not any(b != value and _show(b, unit, digits) == shown for b in bounds):
-            return digits
-    return 12

@@ -1,0 +1,108 @@
+"""How far inside its bounds a condition stayed, and the tick at which it was broken."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taskspec.text.expression import tree
+from taskspec_runner.series import Series
+
+Vector = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, slots=True)
+class Margin:
+    """How far inside its bound a measured value is.
+
+    Attributes:
+        name: of the measured part, as written. value: in `unit`, negative outside. unit: of it.
+        left: share of what was allowed that was not used: 1 in the middle of a band, at zero under
+            a bound, or where every tick was good; 0 on the bound. None under a bound of zero.
+    """
+
+    name: str
+    value: float
+    unit: str
+    left: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class Broken:
+    """When an expectation was broken for good, and what was measured then.
+
+    Attributes:
+        clock: run time of the first tick that did it [s]. text: in numbers.
+    """
+
+    clock: float
+    text: str
+
+
+def room(value: Vector, low: Vector | None, high: Vector | None) -> Vector:
+    """Distance to the nearest bound, negative outside.
+
+    Args:
+        value: (n,) measured. low, high: (n,) bounds; None on an open side.
+    """
+    sides = []
+    if low is not None:
+        sides.append(value - low)
+    if high is not None:
+        sides.append(high - value)
+    return np.asarray(np.minimum.reduce(sides))
+
+
+def left(distance: float, low: float | None, high: float | None) -> float | None:
+    """The share of a tolerance that a distance inside of it leaves unused."""
+    if low is not None and high is not None:
+        half = (high - low) / 2
+    else:
+        half = abs(high if low is None else low)  # type: ignore[arg-type]
+    return distance / half if half > 0 else None
+
+
+def lost_share(bad: Mask, window: Mask, amount: float) -> int:
+    """The row at which more ticks had failed than a share forgives.
+
+    Args:
+        bad: (n,) ticks that fail. window: (n,) ticks that count. amount: share that must hold.
+    """
+    allowed = np.floor((1 - amount * (1 - 1e-12)) * np.count_nonzero(window))
+    return int(np.flatnonzero(bad & window)[int(allowed)])
+
+
+def reached(
+    node: tree.Node, values: Series, low: float | None, high: float | None
+) -> tuple[int | None, bool]:
+    """The row at which one number of a run left its bounds for good.
+
+    A largest or smallest value leaves them at a tick. A root mean square leaves an upper bound at
+    the tick at which the sum of squares exceeds all that its ticks may have. Of other numbers
+    only the last tick can tell.
+
+    Args:
+        node: the measured part. values: what it reduces, tick by tick. low, high: its bounds.
+
+    Returns:
+        The row, None without any; and whether the value at that tick is itself outside.
+    """
+    assert values.window is not None
+    rows = np.flatnonzero(values.window)
+    if not len(rows):
+        return None, False
+    inside, reducer = values.inside(), node.reducer if isinstance(node, tree.Reduce) else ""
+    over = np.zeros(len(rows), dtype=bool)
+    if reducer == "max" and high is not None:
+        over = inside >= high
+    elif reducer == "min" and low is not None:
+        over = inside <= low
+    elif reducer == "rms" and high is not None:
+        over = np.cumsum(inside**2) >= len(inside) * high**2
+    found = np.flatnonzero(over)
+    if len(found):
+        return int(rows[found[0]]), reducer != "rms"
+    return int(rows[-1]), False
