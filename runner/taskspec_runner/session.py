@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +14,7 @@ from taskspec.control.state import AXES
 from taskspec.program.execution.machine import Machine
 from taskspec.program.execution.transition import Transition
 from taskspec.robot.description import listening
+from taskspec.program.machine import Machine
 from taskspec.spec import LoadedTask
 from taskspec_runner import folder as folders
 from taskspec_runner import manifest
@@ -24,7 +25,7 @@ from taskspec_runner.history import History, read_history
 from taskspec_runner.interrupt import BY_SIGNAL, Interrupt, Termination, signal_of
 from taskspec_runner.loop import STOPPED, Outcome, Rows, run
 from taskspec_runner.replay import Replay
-from taskspec_runner.summary import reason_of, summarise
+from taskspec_runner.summary import Simulated, reason_of, summarise
 from taskspec_runner.telemetry import Tap, Telemetry
 from taskspec_runner.verdict import Judged, judge
 
@@ -159,13 +160,14 @@ def _execute(program: Program, out: Path | None, manner: _Manner) -> RunResult:
 
 def _run(program: Program, folder: RunFolder, manner: _Manner) -> RunResult:
     began = time.perf_counter()
-    outcome, transitions, by_signal = _simulate(program, folder, manner)
+    simulated = _simulate(program, folder, manner)
     wall = time.perf_counter() - began
     history = read_history(folder.log)
-    if by_signal:
-        outcome = _as_logged(outcome, history, program.context.period)
-    judged = _judge(program, history)
-    summary = summarise(program, transitions, outcome, history, judged, manner.seed, by_signal)
+    if simulated.by_signal:
+        logged = _as_logged(simulated.outcome, history, program.context.period)
+        simulated = replace(simulated, outcome=logged)
+    outcome, judged = simulated.outcome, _judge(program, history)
+    summary = summarise(program, simulated, history, judged, manner.seed)
     factor = outcome.clock / wall
     folder.write_json(folders.SUMMARY, summary)
     _close(
@@ -186,10 +188,7 @@ def _run(program: Program, folder: RunFolder, manner: _Manner) -> RunResult:
     )
 
 
-def _simulate(
-    program: Program, folder: RunFolder, manner: _Manner
-) -> tuple[Outcome, list[Transition], int]:
-    """The outcome, what ended each stage, and the signal that has broken off the run, or 0."""
+def _simulate(program: Program, folder: RunFolder, manner: _Manner) -> Simulated:
     context = program.context
     parts = assemble(program)
     machine, recorder = parts.machine, parts.recorder(folder.log)
@@ -205,7 +204,7 @@ def _simulate(
             by_signal = signal_of(error)
             text, reason = str(error) or "interrupted by the user", reason_of(by_signal)
             outcome = Outcome(STOPPED, reason, text, machine.stage.name, 0.0, 0)
-    return outcome, machine.transitions, by_signal
+    return Simulated(outcome, machine.transitions, machine.accounts, by_signal)
 
 
 def _watch(interrupt: Interrupt, progress: Progress | None) -> Callable[[Machine, float], None]:

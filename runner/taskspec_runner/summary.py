@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import re
 import signal
-from collections.abc import Sequence
-from dataclasses import asdict
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
@@ -14,13 +14,15 @@ from taskspec.compiler import Program
 from taskspec.program import events
 from taskspec.program.execution.transition import FAIL, Transition
 from taskspec.program.stages.stage import CompiledStage
+from taskspec.program.resolver import Account
+from taskspec.program.stage import CompiledStage
+from taskspec.program.transition import FAIL, Transition
 from taskspec.robot import RobotModel
 from taskspec.text.show import show
-from taskspec_runner.given_up import given_up
 from taskspec_runner.history import History
 from taskspec_runner.interrupt import BY_SIGNAL
 from taskspec_runner.loop import DONE, Outcome
-from taskspec_runner.metrics import metrics, peaks
+from taskspec_runner.performance import performance
 from taskspec_runner.verdict import Judged
 
 EXIT_GOOD, EXIT_MISSED, EXIT_STOPPED = 0, 1, 4
@@ -44,29 +46,40 @@ def exit_code(outcome: Outcome, judged: Sequence[Judged], by_signal: int = 0) ->
     return EXIT_GOOD if good else EXIT_MISSED
 
 
+@dataclass(frozen=True, slots=True)
+class Simulated:
+    """What a simulation came to.
+
+    Attributes:
+        outcome: how it ended. transitions: what ended each stage.
+        accounts: what the solver did, by stage. by_signal: number of the signal that has broken
+            it off, or 0.
+    """
+
+    outcome: Outcome
+    transitions: Sequence[Transition]
+    accounts: Mapping[str, Account]
+    by_signal: int = 0
+
+
 def summarise(
-    program: Program,
-    transitions: Sequence[Transition],
-    outcome: Outcome,
-    history: History,
-    judged: Sequence[Judged],
-    seed: int,
-    by_signal: int = 0,
+    program: Program, simulated: Simulated, history: History, judged: Sequence[Judged], seed: int
 ) -> dict[str, Any]:
-    """The content of `summary.json`, in SI units; `by_signal` has broken off the run, if not 0.
+    """The content of `summary.json`, in SI units.
 
     It holds nothing of the clock on the wall, so that it can be compared byte by byte.
     """
     context = program.context
     task, robot = context.loaded.task, context.robot
-    visits = _visits(program, transitions, outcome, broken_off=bool(by_signal))
+    outcome = simulated.outcome
+    visits = _visits(program, simulated)
     # The last visit is the one in which the run ended, and says more about it.
     text = visits[-1]["ended_by"]["text"] if visits else outcome.text
     return {
         "task": task.name,
         "about": task.about,
         "status": outcome.status,
-        "exit_code": exit_code(outcome, judged, by_signal),
+        "exit_code": exit_code(outcome, judged, simulated.by_signal),
         "seed": seed,
         "ending": {
             "reason": outcome.reason,
@@ -80,9 +93,7 @@ def summarise(
         "law": task.law.kind,
         "stages": visits,
         "expectations": [_expectation(j) for j in judged],
-        "metrics": metrics(history, {s.name: s.axes for s in program.stages}),
-        "given_up": given_up(history, program.stages),
-        "peaks": peaks(history, [s.name for s in program.stages]),
+        **performance(program, history, judged, simulated.accounts),
         "limits": {k: v for k, v in task.limits.model_dump().items() if v is not None},
         "stage_limits": {
             s.name: {k: v for k, v in s.limits.model_dump().items() if v is not None}
@@ -95,13 +106,11 @@ def summarise(
     }
 
 
-def _visits(
-    program: Program, transitions: Sequence[Transition], outcome: Outcome, *, broken_off: bool
-) -> list[dict[str, Any]]:
+def _visits(program: Program, simulated: Simulated) -> list[dict[str, Any]]:
     """Every visit of a stage, and what ended it."""
-    stages = {stage.name: stage for stage in program.stages}
-    ends = list(transitions)
-    if broken_off:
+    stages, outcome = {stage.name: stage for stage in program.stages}, simulated.outcome
+    ends = list(simulated.transitions)
+    if simulated.by_signal:
         ends.append(
             Transition(outcome.clock, outcome.stage, "stop", outcome.reason, outcome.text, 0.0, "")
         )

@@ -22,6 +22,11 @@ from taskspec.program.ports import OUTPUTS, slices
 from taskspec.program.reference.modes import not_finite
 from taskspec.program.stages.stage import CompiledStage
 from taskspec.program.world.felt import Estimates
+from taskspec.program.resolver import Account, Asked, Resolver
+from taskspec.program.sensor_zero import SensorZero
+from taskspec.program.stage import CompiledStage
+from taskspec.program.stage_runner import StageRunner
+from taskspec.program.transition import END, FAIL, Transition, leads_to
 from taskspec.robot import RobotModel
 
 Vector = NDArray[np.float64]
@@ -86,6 +91,15 @@ class Machine:
     def resolver(self) -> Resolver | None:
         """What keeps the limits of the current stage; None without a program."""
         return self._runner.resolver
+
+    @property
+    def accounts(self) -> Mapping[str, Account]:
+        """What the solver did, for each stage that keeps its limits by a program."""
+        return {
+            runner.stage.name: runner.resolver.account
+            for runner in self._runners
+            if runner.resolver is not None
+        }
 
     @property
     def visits(self) -> Mapping[str, int]:

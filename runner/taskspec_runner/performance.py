@@ -1,0 +1,56 @@
+"""How well a run went, stage by stage, in numbers: what `summary.json` has beside its verdict."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from typing import Any
+
+from taskspec.compiler import Program
+from taskspec.program.resolver import Account
+from taskspec.program.stage import CompiledStage
+from taskspec_runner.given_up import given_up
+from taskspec_runner.history import History
+from taskspec_runner.metrics import metrics, peaks, set_points
+from taskspec_runner.response import contact_losses, responses
+from taskspec_runner.verdict import Judged
+
+
+def performance(
+    program: Program,
+    history: History,
+    judged: Sequence[Judged],
+    accounts: Mapping[str, Account],
+) -> dict[str, Any]:
+    """Tracking, responses, contact, limits and solver of each visited stage.
+
+    Args:
+        program: that ran. history: what it recorded. judged: its expectations.
+        accounts: what the solver did, by stage.
+
+    Returns:
+        `metrics`, `responses`, `contact`, `given_up`, `solver` and `peaks`, each by stage [SI].
+    """
+    period = program.context.period
+    efforts = {stage.name: _efforts(stage, history) for stage in program.stages}
+    allowed = {(j.stage, j.signal): j.band for j in judged if j.stage and j.signal and j.band}
+    return {
+        "metrics": metrics(history, {s.name: s.axes for s in program.stages}),
+        "responses": responses(history, efforts, period, allowed),
+        "contact": contact_losses(history, [name for name in efforts if efforts[name]], period),
+        "given_up": given_up(history, program.stages),
+        "solver": {
+            name: {"ticks": int(history.window(name).sum()), **asdict(account)}
+            for name, account in accounts.items()
+            if history.window(name).any()
+        },
+        "peaks": peaks(history, [s.name for s in program.stages]),
+    }
+
+
+def _efforts(stage: CompiledStage, history: History) -> list[str]:
+    """Signals of a stage with a set point of force or moment."""
+    axes = [axis for axis, plan in stage.plans.items() if plan.set_point]
+    names = [f"{'torque' if axis.startswith('r') else 'force'}.{axis}" for axis in axes]
+    active = set(stage.active)
+    return names + [n for n in set_points(history.columns) if n.rpartition(".")[0] in active]

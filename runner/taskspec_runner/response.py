@@ -1,0 +1,199 @@
+"""How a signal came to its set point: overshoot, settling time, time constant; and lost contact."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taskspec_runner.history import History
+from taskspec_runner.history import Visit as Stay
+
+Vector = NDArray[np.float64]
+
+#: A signal has settled within this share of its set point, or of the step to it if that is larger.
+SETTLED = 0.02
+#: A set point has to stay for so much of a visit, at its end [share].
+_STAYS = 0.1
+#: Two values of a set point that differ by less, seen against its size, are the same.
+_SAME = 1e-6
+#: A decay is looked at down to this share of where it began, and down to so many times what is
+#: left of the error in the last fifth of a visit.
+_DECAYED, _ABOVE_REST = 0.02, 2.0
+#: Ticks that a decay must last, and the factor by which it must fall, to be one.
+_LEAST_TICKS, _LEAST_FALL = 10, np.e
+
+Responses = dict[str, dict[str, dict[str, float | str | None]]]
+#: Lowest and highest value that an expectation allows, by stage and signal.
+Allowed = Mapping[tuple[str, str], tuple[float | None, float | None]]
+
+
+@dataclass(frozen=True, slots=True)
+class Response:
+    """The way to a set point.
+
+    Attributes:
+        set_point: value that the reference ends at [SI]. step: to it, from the first tick [SI].
+        overshoot: how far beyond it the signal went [SI], None without a step to it.
+        settling_time: since the visit began, until the signal stays within `tolerance`; None if it
+            never does [s].
+        tolerance: largest distance from the set point that counts as settled, below and above [SI].
+        time_constant: of the decay of the error once the set point stays; None where the error
+            does not decay by itself [s].
+    """
+
+    set_point: float
+    step: float
+    overshoot: float | None
+    settling_time: float | None
+    tolerance: tuple[float, float]
+    time_constant: float | None
+
+
+def response(
+    values: Vector,
+    reference: Vector,
+    period: float,
+    allowed: tuple[float | None, float | None] = (None, None),
+) -> Response | None:
+    """The response of one visit; None where the reference does not stay at a set point.
+
+    Args:
+        values: (n,) truth [SI]. reference: (n,) of it [SI]. period: between two ticks [s].
+        allowed: lowest and highest value of an expectation [SI]; it takes the place of 2 % where
+            the set point is between them.
+    """
+    known = np.isfinite(values) & np.isfinite(reference)
+    if not known.any() or not known[-1]:
+        return None
+    target = float(reference[-1])
+    moving = np.flatnonzero(~(np.abs(reference - target) <= _SAME * max(abs(target), 1e-9)))
+    steady = int(moving[-1]) + 1 if len(moving) else 0
+    if len(values) - steady < max(_STAYS * len(values), 2):
+        return None
+    start = float(values[np.flatnonzero(known)[0]])
+    step = target - start
+    size = max(abs(step), abs(target))
+    if size == 0.0:
+        return None
+    low, high = allowed
+    tolerance = (SETTLED * size, SETTLED * size)
+    if low is not None and high is not None and low < target < high:
+        tolerance = (target - low, high - target)
+    error = values - target
+    outside = np.flatnonzero(~((error >= -tolerance[0]) & (error <= tolerance[1])))
+    settled = int(outside[-1]) + 1 if len(outside) else 0
+    return Response(
+        target,
+        step,
+        max(float(np.nanmax(np.sign(step) * error)), 0.0) if abs(step) > SETTLED * size else None,
+        settled * period if settled < len(values) else None,
+        tolerance,
+        time_constant(error[steady:], period),
+    )
+
+
+def time_constant(error: Vector, period: float) -> float | None:
+    """The time in which the hull of a decaying error falls to 1/e of itself [s].
+
+    The hull is the largest size that is still to come, so that an oscillation counts by its
+    peaks. Its logarithm is fitted by a straight line down to 2 % of its beginning, or to twice
+    what is left at the end. Of e^(-t/T) that is T, of a decaying oscillation the T of its hull.
+
+    Args:
+        error: (n,) from the set point, since that stays [SI]. period: between two ticks [s].
+
+    Returns:
+        None where the error does not fall by e, or in fewer than ten ticks.
+    """
+    hull = np.maximum.accumulate(np.abs(error)[::-1])[::-1]
+    if not len(hull) or not np.isfinite(hull).all() or hull[0] == 0.0:
+        return None
+    rest = float(hull[len(hull) - max(len(hull) // 5, 1)])
+    floor = max(_DECAYED * float(hull[0]), _ABOVE_REST * rest)
+    rows = int(np.argmax(hull <= floor)) if (hull <= floor).any() else 0
+    if rows < _LEAST_TICKS or floor * _LEAST_FALL > hull[0]:
+        return None
+    slope = np.polyfit(np.arange(rows) * period, np.log(hull[:rows]), 1)[0]
+    return float(-1.0 / slope) if slope < 0 else None
+
+
+def responses(
+    history: History, signals: Mapping[str, Sequence[str]], period: float, allowed: Allowed
+) -> Responses:
+    """The responses of every visited stage; of several visits, the one that settled last.
+
+    Args:
+        history: the run. signals: stage to those of its signals that have a set point.
+        period: between two ticks [s]. allowed: what expectations allow.
+    """
+    found: Responses = {}
+    for visit in history.visits():
+        for name in signals.get(visit.stage, ()):
+            made = _of_visit(history, visit, name, period, allowed)
+            if made is None:
+                continue
+            own = found.setdefault(visit.stage, {})
+            if name not in own or _later(made, own[name]):
+                own[name] = made
+    return found
+
+
+def _of_visit(
+    history: History, visit: Stay, name: str, period: float, allowed: Allowed
+) -> dict[str, float | str | None] | None:
+    values, reference = (history.columns.get(column) for column in (name, f"{name}.ref"))
+    if values is None or reference is None:
+        return None
+    band = allowed.get((visit.stage, name), (None, None))
+    made = response(values[visit.rows], reference[visit.rows], period, band)
+    if made is None:
+        return None
+    two_percent = SETTLED * max(abs(made.step), abs(made.set_point))
+    by_band = made.tolerance != (two_percent, two_percent)
+    return {
+        "set_point": made.set_point,
+        "step": made.step,
+        "overshoot": made.overshoot,
+        "settling_time": made.settling_time,
+        "below": made.tolerance[0],
+        "above": made.tolerance[1],
+        "settled_within": "expectation" if by_band else "2 %",
+        "time_constant": made.time_constant,
+    }
+
+
+def _later(one: Mapping[str, float | str | None], other: Mapping[str, float | str | None]) -> bool:
+    times = (each["settling_time"] for each in (one, other))
+    x, y = (np.inf if t is None else float(t) for t in times)
+    return x > y
+
+
+def contact_losses(
+    history: History, stages: Sequence[str], period: float
+) -> dict[str, dict[str, float]]:
+    """How often, and for how long, stages lost a contact that they had.
+
+    Args:
+        history: the run. stages: those that are to hold a contact. period: between ticks [s].
+
+    Returns:
+        Stage to `losses`, how often contact ended after it had been made in the same visit, and
+        `time` without contact after the first touch [s].
+    """
+    found: dict[str, dict[str, float]] = {}
+    touching = history.columns.get("touching")
+    if touching is None:
+        return found
+    for visit in history.visits():
+        if visit.stage not in stages:
+            continue
+        on = touching[visit.rows] == 1
+        own = found.setdefault(visit.stage, {"losses": 0, "time": 0.0})
+        if on.any():
+            since = on[int(np.argmax(on)) :]
+            own["losses"] += int(np.count_nonzero(since[:-1] & ~since[1:]))
+            own["time"] += float(np.count_nonzero(~since)) * period
+    return found
