@@ -1,4 +1,4 @@
-"""A headless browser, driven over the pipe of its DevTools protocol; it asks for no other library."""
+"""A headless browser, driven over the pipe of its DevTools protocol, without another library."""
 
 from __future__ import annotations
 

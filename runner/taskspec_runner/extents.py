@@ -8,7 +8,7 @@ import numpy as np
 
 from taskspec.text.expression import tree
 from taskspec_runner.amounts import in_unit
-from taskspec_runner.margin import Broken, Margin, Vector, left, lost_share, reached, room
+from taskspec_runner.margin import SHARE, Broken, Margin, Vector, left, lost_share, reached, room
 from taskspec_runner.series import Series
 from taskspec_runner.wording import Sides, Wording
 
@@ -38,7 +38,7 @@ class Extents:
         if isinstance(node, tree.Held):
             share, needed = float(np.mean(truth.inside())), node.amount.value_si
             unused = (share - needed) / (1 - needed) if needed < 1 else None
-            yield Margin("share of ticks", 100 * (share - needed), "%", unused)
+            yield Margin(SHARE, 100 * (share - needed), "%", unused)
         elif self._sides:
             values, (low, high) = self._numbers(truth)
             distance = room(values, low, high)

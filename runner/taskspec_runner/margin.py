@@ -13,6 +13,9 @@ from taskspec_runner.series import Series
 Vector = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
+#: Name of what a condition with a share of ticks is measured by.
+SHARE = "share of ticks"
+
 
 @dataclass(frozen=True, slots=True)
 class Margin:

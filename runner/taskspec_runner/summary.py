@@ -19,6 +19,7 @@ from taskspec.program.stage import CompiledStage
 from taskspec.program.transition import FAIL, Transition
 from taskspec.robot import RobotModel
 from taskspec.text.show import show
+from taskspec_runner.diagnosed import diagnosed
 from taskspec_runner.history import History
 from taskspec_runner.interrupt import BY_SIGNAL
 from taskspec_runner.loop import DONE, Outcome
@@ -103,6 +104,7 @@ def summarise(
         "joint_ranges": np.transpose([robot.lower, robot.upper]).tolist(),
         "robot": {"name": robot.name, "joints": list(robot.joint_names), "source": robot.source},
         "objects": list(task.world),
+        "diagnostics": diagnosed(program.warnings, context.loaded),
     }
 
 
@@ -176,6 +178,7 @@ def _limit(end: Transition, robot: RobotModel) -> str:
 def _expectation(judged: Judged) -> dict[str, Any]:
     return {
         "text": judged.text,
+        "line": judged.line,
         "passed": judged.passed,
         "explanation": judged.explanation,
         "measured": [{"name": m.name, "value": m.value, "unit": m.unit} for m in judged.measured],

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from taskspec.spec import Expectation, Task
 from taskspec.text.expression import Expression, evaluate, tree
+from taskspec_runner.diagnosed import line_of
 from taskspec_runner.extents import Extents
 from taskspec_runner.history import History
 from taskspec_runner.lookup import Elsewhere, Lookup, column_of, scope_of
@@ -31,6 +32,7 @@ class Judged:
             altogether where it is about more than the size of one signal.
         margins: how far inside its bounds each of its conditions stayed.
         broken: when it was broken; None if it was met, or never had a tick.
+        line: of the task file, from 1.
     """
 
     text: str
@@ -43,6 +45,7 @@ class Judged:
     band: tuple[float | None, float | None] | None
     margins: tuple[Margin, ...] = ()
     broken: Broken | None = None
+    line: int | None = None
 
 
 def judge(task: Task, history: History, elsewhere: Elsewhere) -> tuple[Judged, ...]:
@@ -77,6 +80,7 @@ def _judge(expectation: Expectation, task: Task, history: History, lookup: Looku
         band=examiner.band(expression.tree),
         margins=tuple(examiner.margins),
         broken=None if passed else examiner.broken,
+        line=line_of(expression.span),
     )
 
 

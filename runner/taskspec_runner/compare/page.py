@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, replace
-from importlib import resources
 from pathlib import Path
 from typing import Any
 
@@ -17,11 +16,11 @@ from taskspec_runner.compare.overlay import Overlay, overlay, role
 from taskspec_runner.compare.picture import CUT_SHORT, HERE, counted, picture_svg, time_of
 from taskspec_runner.compare.tracking import KINDS, best
 from taskspec_runner.folder import REPORT, RunFolder
-from taskspec_runner.report import decimate
+from taskspec_runner.report.drawn import points
 from taskspec_runner.report.highlight import highlighted
 from taskspec_runner.report.quantities import quantity
 from taskspec_runner.report.stages import label, tints
-from taskspec_runner.report.template import part, template
+from taskspec_runner.report.template import part, script, template
 
 Json = Mapping[str, Any]
 
@@ -74,15 +73,8 @@ def render(comparison: Comparison) -> str:
         facts=list(_facts(summary)),
         picture=Markup(picture_svg(comparison)),
         style=part("report.css") + part("compare.css", HERE),
-        script=part("report.js"),
-        plotly=Markup(plotly_bundle()),
+        script=script(),
     )
-
-
-def plotly_bundle() -> str:
-    """The script that draws the charts."""
-    bundle = resources.files("plotly") / "package_data" / "plotly.min.js"
-    return bundle.read_text(encoding="utf-8")
 
 
 def _law(law: Json) -> Json:
@@ -156,13 +148,13 @@ def page_data(laid: Overlay, shown: list[Overlaid]) -> Json:
 def _events(laid: Overlay) -> Iterator[Json]:
     for visit, _, end in laid.visits():
         why = str(visit.ended_by.get("text") or "")
-        told = f"{laid.lead}: {visit.stage} ends\n{why}".rstrip()
-        yield {"at": end, "stopped": False, "text": told}
+        told = f"{laid.lead}: {visit.stage} ends{f', {why}' if why else ''}"
+        yield {"at": end, "kind": "event", "text": told}
     for law in laid.comparison.laws:
         run = laid.runs.get(law["law"])
         if run is not None and law["outcome"] in CUT_SHORT:
-            text = f"{law['law']} {law['outcome']}\n{law['reason']}"
-            yield {"at": laid.begins[law["law"]] + run.end, "stopped": True, "text": text}
+            text = f"{law['law']} {law['outcome']}: {law['reason']}"
+            yield {"at": laid.begins[law["law"]] + run.end, "kind": "stop", "text": text}
 
 
 def _chart(laid: Overlay, chart: Overlaid) -> Json:
@@ -171,7 +163,8 @@ def _chart(laid: Overlay, chart: Overlaid) -> Json:
     return {
         "unit": chart.unit,
         "log": chart.log,
-        "limits": [],
+        "levels": [],
+        "moments": [],
         "always": [],
         "traces": [_trace(laid, curve) for curve in chart.curves],
         # Whether an expectation was met differs between the laws; see the table.
@@ -181,8 +174,6 @@ def _chart(laid: Overlay, chart: Overlaid) -> Json:
 
 def _trace(laid: Overlay, curve: Curve) -> Json:
     run = laid.runs[curve.law]
-    rows = decimate.decimate(curve.values, run.breaks)
-    rows, values = decimate.broken(rows, curve.values, run.breaks)
     return {
         "label": curve.label,
         "role": curve.role,
@@ -190,7 +181,7 @@ def _trace(laid: Overlay, curve: Curve) -> Json:
         "start": laid.begins[curve.law] + run.start,
         "reference_of": "",
         "own": curve.label == REFERENCE,
-        **decimate.encode(rows, values),
+        **points(run, curve.values),
     }
 
 

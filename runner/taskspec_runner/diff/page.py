@@ -7,19 +7,17 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from markupsafe import Markup
-
 from taskspec_runner.compare.charts import charts
 from taskspec_runner.compare.comparison import Comparison
 from taskspec_runner.compare.overlay import Overlay, role
-from taskspec_runner.compare.page import page_data, plotly_bundle, visits_of
+from taskspec_runner.compare.page import page_data, visits_of
 from taskspec_runner.compare.picture import HERE as COMPARE
 from taskspec_runner.compare.tracking import force_axes
 from taskspec_runner.diff.difference import NAMES, Difference
 from taskspec_runner.diff.wording import largest_text, parting
 from taskspec_runner.folder import RunFolder, plain
 from taskspec_runner.report.quantities import quantity
-from taskspec_runner.report.template import part, template
+from taskspec_runner.report.template import part, script, template
 
 HERE = Path(__file__).parent
 Json = Mapping[str, Any]
@@ -64,8 +62,7 @@ def render(difference: Difference) -> str:
         charts=shown,
         data=page_data(laid, shown) if laid else {},
         style=part("report.css") + part("compare.css", COMPARE) + part("diff.css", HERE),
-        script=part("report.js"),
-        plotly=Markup(plotly_bundle()),
+        script=script(),
     )
 
 

@@ -7,7 +7,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from taskspec_runner.report.data import Expectation, Run, Vector
+from taskspec_runner.report.data import Run, Vector
+from taskspec_runner.report.judged import Expectation
 from taskspec_runner.report.quantities import figure, quantity
 
 
@@ -50,11 +51,22 @@ class Band:
 
 @dataclass(frozen=True, slots=True)
 class Level:
-    """A value that must not be passed, from `start` to `end` [s], in the chart's unit."""
+    """A value from `start` to `end` [s], in the chart's unit: a limit, or what was predicted."""
 
     start: float
     end: float
     value: float
+    kind: str = "limit"
+    text: str = "limit"
+
+
+@dataclass(frozen=True, slots=True)
+class Moment:
+    """A time of one chart [s], such as when a signal is predicted to have settled."""
+
+    at: float
+    kind: str
+    text: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +75,8 @@ class Chart:
 
     Attributes:
         key, title, unit, note: as shown. traces, bands: in drawing order.
-        limits: levels that must not be passed. always: values that always stay in view.
+        limits: levels that must not be passed, and predicted ones. moments: times of its own.
+        always: values that always stay in view.
     """
 
     key: str
@@ -73,6 +86,7 @@ class Chart:
     note: str = ""
     bands: tuple[Band, ...] = ()
     limits: tuple[Level, ...] = ()
+    moments: tuple[Moment, ...] = ()
     always: tuple[float, ...] = ()
 
 

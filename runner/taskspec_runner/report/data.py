@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,9 +13,10 @@ from numpy.typing import NDArray
 from taskspec_runner.extent import ENDED, Extent, status_of
 from taskspec_runner.folder import LOG, MANIFEST, SUMMARY, TASK, RunFolder
 from taskspec_runner.history import History, read_history
+from taskspec_runner.report.judged import Expectation, read_expectation
+from taskspec_runner.report.values import Json, mapping, mappings, number
 
 Vector = NDArray[np.float64]
-Json = Mapping[str, Any]
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,24 +36,6 @@ class Visit:
     law: str = ""
     frame: str = ""
     ended_by: Json = field(default_factory=dict)
-
-
-@dataclass(frozen=True, slots=True)
-class Expectation:
-    """A judged expectation.
-
-    Attributes:
-        text: as written. passed: whether it held. explanation: in numbers.
-        stage: it is about, None for the whole run. signal: it bounds, None if it has no plain one.
-        band: lowest and highest value [SI], None on an open side; None if it is no band.
-    """
-
-    text: str
-    passed: bool
-    explanation: str
-    stage: str | None
-    signal: str | None
-    band: tuple[float | None, float | None] | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,7 +118,7 @@ def read_run(folder: Path) -> Run:
         clock=history.columns.get("clock", np.zeros(0)),
         breaks=np.array(firsts[1:], dtype=np.int64),
         visits=_visits(summary) or _logged_visits(history),
-        expectations=tuple(_expectation(e) for e in _mappings(summary.get("expectations"))),
+        expectations=tuple(read_expectation(e) for e in mappings(summary.get("expectations"))),
         damage=damage(folder),
     )
 
@@ -164,18 +145,6 @@ def damage(folder: Path) -> str:
     return ""
 
 
-def number(value: object) -> float | None:
-    """A finite number, else None."""
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        return None
-    return float(value)
-
-
-def mapping(value: object) -> Json:
-    """A mapping, an empty one in place of anything else."""
-    return value if isinstance(value, Mapping) else {}
-
-
 def _read_log(path: Path) -> History:
     try:
         return read_history(path)
@@ -190,14 +159,10 @@ def _read_json(path: Path) -> Json:
         return {}
 
 
-def _mappings(value: object) -> list[Json]:
-    return [v for v in value if isinstance(v, Mapping)] if isinstance(value, list) else []
-
-
 def _visits(summary: Json) -> tuple[Visit, ...]:
     seen: dict[str, int] = {}
     visits = []
-    for entry in _mappings(summary.get("stages")):
+    for entry in mappings(summary.get("stages")):
         start, end = number(entry.get("start")), number(entry.get("end"))
         if start is None or end is None:
             return ()
@@ -219,19 +184,3 @@ def _logged_visits(history: History) -> tuple[Visit, ...]:
         start, end = float(clock[each.first]), float(clock[after])
         visits.append(Visit(each.stage, seen[each.stage], start, end))
     return tuple(visits)
-
-
-def _expectation(entry: Json) -> Expectation:
-    band = entry.get("band")
-    sides = None
-    if isinstance(band, list) and len(band) == 2:
-        sides = (number(band[0]), number(band[1]))
-    stage, signal = entry.get("stage"), entry.get("signal")
-    return Expectation(
-        text=str(entry.get("text", "")),
-        passed=bool(entry.get("passed")),
-        explanation=str(entry.get("explanation") or ""),
-        stage=str(stage) if stage else None,
-        signal=str(signal) if signal else None,
-        band=sides if sides not in (None, (None, None)) else None,
-    )

@@ -15,20 +15,21 @@ Rows = NDArray[np.int64]
 POINTS = 3200
 
 
-def decimate(values: Vector, breaks: Rows, limit: int = POINTS) -> Rows:
+def decimate(values: Vector, breaks: Rows, limit: int = POINTS, keep: Rows | None = None) -> Rows:
     """Rows to draw: the lowest and the highest of each bucket, and both sides of every gap.
 
     Args:
         values: (rows,) a signal, NaN where it has no value.
         breaks: rows that begin something new; they and the rows before them are kept.
-        limit: number of points aimed at; gaps and ends add a few.
+        limit: number of points aimed at; gaps, ends and `keep` add to it.
+        keep: rows that are drawn whatever they are.
 
     Returns:
         Rows in order, without the inside of stretches that have no value.
     """
     rows = len(values)
     finite = np.isfinite(values)
-    keep: Rows = np.arange(rows, dtype=np.int64)
+    chosen: Rows = np.arange(rows, dtype=np.int64)
     if rows > limit:
         width = -(-2 * rows // limit)
         buckets = -(-rows // width)
@@ -42,11 +43,12 @@ def decimate(values: Vector, breaks: Rows, limit: int = POINTS) -> Rows:
         edges = np.flatnonzero(finite[1:] != finite[:-1])
         sides = [np.array([0, rows - 1]), breaks, breaks - 1, edges, edges + 1]
         parts = [filled * width + lowest, filled * width + highest, *sides]
-        keep = np.unique(np.concatenate(parts)).astype(np.int64)
-    kept = finite[keep]
-    inside = np.zeros(len(keep), dtype=bool)
+        parts += [] if keep is None else [keep]
+        chosen = np.unique(np.concatenate(parts)).astype(np.int64)
+    kept = finite[chosen]
+    inside = np.zeros(len(chosen), dtype=bool)
     inside[1:] = ~kept[1:] & ~kept[:-1]
-    return keep[~inside]
+    return chosen[~inside]
 
 
 def broken(rows: Rows, values: Vector, breaks: Rows) -> tuple[Rows, Vector]:

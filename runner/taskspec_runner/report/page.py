@@ -2,29 +2,29 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict
-from importlib import resources
-from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
 from markupsafe import Markup
 
 from taskspec.compiler import Program
-from taskspec_runner.given_up import told
-from taskspec_runner.report import decimate, figures
-from taskspec_runner.report.chart import Chart, Section, Trace
-from taskspec_runner.report.data import Json, Run, Visit, number, read_run
-from taskspec_runner.report.highlight import highlighted
+from taskspec_runner.margin import SHARE, Margin
+from taskspec_runner.report import annotated, drawn, figures, tables
+from taskspec_runner.report.chart import Chart, Section
+from taskspec_runner.report.data import Run, Visit, read_run
+from taskspec_runner.report.judged import Expectation
 from taskspec_runner.report.overview import overview_svg
-from taskspec_runner.report.quantities import figure, quantity
+from taskspec_runner.report.quantities import figure
 from taskspec_runner.report.stages import label, tints
-from taskspec_runner.report.template import part, template
-from taskspec_runner.report.verdict import so_far, verdict
+from taskspec_runner.report.template import part, script, template
+from taskspec_runner.report.values import Json, number
+from taskspec_runner.report.verdict import first_broken, so_far, verdict
 from taskspec_runner.video.still import still_for_report
 
-_STATISTICS = ("mean", "min", "max", "rms", "std", "rms_error", "max_error", "final_error")
+#: A look at what went wrong shows so much before and after it [s].
+_AROUND = 0.25
 
 
 def write_report(folder: Path, program: Program | None = None) -> Path:
@@ -50,92 +50,93 @@ def write_report(folder: Path, program: Program | None = None) -> Path:
 def render(run: Run, still: tuple[str, float] | None = None) -> str:
     """The page of a run, with a picture of the arm at a run time [s] where there is one."""
     shown = figures.sections(run)
+    charts = {chart.key: chart for each in shown for chart in each.charts}
+    main = _main(run, list(charts.values()))
+    told = verdict(run)
     return template("report.html.j2").render(
         title=_text(run.summary.get("task") or run.manifest.get("task")) or "run",
         about=_text(run.summary.get("about")),
-        verdict=verdict(run),
+        verdict=told,
+        around=_around(run),
         facts=list(_facts(run)),
-        expectations=run.expectations,
-        partial=verdict(run).kind not in ("passed", "missed"),
+        expectations=[_expectation(e) for e in sorted(run.expectations, key=_urgency)],
+        partial=told.kind not in ("passed", "missed"),
         so_far=so_far(run),
         visits=[_visit_row(run, v) for v in run.visits],
-        metrics=list(_metrics(run)),
-        given_up=_given_up(run),
-        sections=shown,
-        data=_data(run, shown),
-        drawn=_drawn(run),
-        task=highlighted(run.task),
+        main=main,
+        sections=_others(shown, main),
+        given_up=tables.given_up(run),
+        responses=list(tables.responses(run)),
+        solver=list(tables.solver(run)),
+        metrics=list(tables.tracking(run)),
+        data=drawn.page_data(run, charts),
+        drawn=drawn.told(run),
+        task=annotated.task_lines(run),
+        elsewhere=annotated.elsewhere(run),
+        annotated=annotated.counted(run),
         manifest=list(_flat(run.manifest)),
         picture=Markup(overview_svg(run)),
         still=still,
         style=part("report.css"),
-        script=part("report.js"),
-        plotly=Markup(_plotly()),
+        script=script(),
     )
 
 
-def _plotly() -> str:
-    bundle = resources.files("plotly") / "package_data" / "plotly.min.js"
-    return bundle.read_text(encoding="utf-8")
+def _main(run: Run, charts: list[Chart]) -> Chart | None:
+    """The chart to see first: of what was broken first, else of what is expected, else any."""
+    first = first_broken(run)
+    ranked = [first] if first is not None else []
+    for each in (*ranked, *(e for e in run.expectations if e.band is not None)):
+        about = {signal.removeprefix(f"{each.stage}.") for signal in each.signals}
+        about |= {each.signal} if each.signal else set()
+        for chart in charts:
+            if about & {trace.signal for trace in chart.traces}:
+                return chart
+    return charts[0] if charts else None
 
 
-def _data(run: Run, shown: tuple[Section, ...]) -> Json:
-    """What the page's script draws."""
-    tint = tints(run)
+def _others(shown: tuple[Section, ...], main: Chart | None) -> list[Section]:
+    """The sections without the chart that stands first."""
+    return [Section(s.title, [c for c in s.charts if c is not main], s.silent) for s in shown]
+
+
+def _around(run: Run) -> tuple[float, float] | None:
+    """The window in which to look for what went wrong, None if nothing did."""
+    kind, first = verdict(run).kind, first_broken(run)
+    if kind in ("stopped", "failed"):
+        at: float | None = run.end
+    else:
+        at = first.broken.clock if first is not None and first.broken else None
+    if at is None or run.end - run.start < 4 * _AROUND:
+        return None
+    return max(at - _AROUND, run.start), min(at + _AROUND, run.end)
+
+
+def _urgency(each: Expectation) -> tuple[bool, float]:
+    """Sorts what was missed first, in the order in which it was broken."""
+    never = 0.0 if each.passed else math.inf
+    return each.passed, each.broken.clock if each.broken else never
+
+
+def _expectation(each: Expectation) -> Json:
     return {
-        "start": run.start,
-        "period": run.period,
-        "end": run.end,
-        "stages": [
-            {"name": label(run, v), "start": v.start, "end": v.end, "tint": tint[v.stage]}
-            for v in run.visits
-        ],
-        "events": [
-            {"at": v.end, "stopped": _stopped(v), "text": _event_text(run, v, following)}
-            for v, following in zip_longest(run.visits, run.visits[1:])
-            if following is not None or v.ended_by
-        ],
-        "charts": {chart.key: _chart(run, chart) for each in shown for chart in each.charts},
+        "text": each.text,
+        "passed": each.passed,
+        "explanation": each.explanation,
+        "broken": each.broken,
+        "margins": [_margin(margin) for margin in each.margins],
     }
 
 
-def _chart(run: Run, chart: Chart) -> Json:
-    return {
-        "unit": chart.unit,
-        "limits": [asdict(level) for level in chart.limits],
-        "always": chart.always,
-        "traces": [_trace(run, t) for t in chart.traces],
-        "bands": [asdict(band) for band in chart.bands],
-    }
-
-
-def _trace(run: Run, trace: Trace) -> Json:
-    rows = decimate.decimate(trace.values, run.breaks)
-    values = trace.values[rows]
-    if not trace.continuous:
-        rows, values = decimate.broken(rows, trace.values, run.breaks)
-    points = decimate.encode(rows, values)
-    look = {"label": trace.label, "role": trace.role, "style": trace.style}
-    return {**look, "reference_of": trace.reference_of, **points}
-
-
-def _drawn(run: Run) -> str:
-    rows = len(run.clock)
-    told = f"{rows} ticks of {figure(1e3 * run.period)} ms"
-    if rows <= decimate.POINTS:
-        return f"{told}, all of them drawn."
-    width = -(-2 * rows // decimate.POINTS)
-    return f"{told}; of every {width} ticks the lowest and the highest value are drawn."
-
-
-def _stopped(visit: Visit) -> bool:
-    return visit.ended_by.get("kind") in ("limit", "stop")
-
-
-def _event_text(run: Run, visit: Visit, following: Visit | None) -> str:
-    to = label(run, following) if following else _text(visit.ended_by.get("to")) or "stop"
-    why = _text(visit.ended_by.get("text"))
-    return f"{visit.end:.3f} s: {label(run, visit)} → {to}" + (f"\n{why}" if why else "")
+def _margin(margin: Margin) -> Json:
+    """How far inside, with a meter of what is used of what is allowed."""
+    shown = f"{figure(margin.value)} {margin.unit}".rstrip()
+    if margin.name == SHARE:
+        shown += " of ticks"
+    if margin.left is None:
+        return {"shown": shown, "used": None, "told": ""}
+    told = f"{figure(100 * margin.left, 2)} % left" if margin.left >= 0 else "outside"
+    return {"shown": shown, "used": round(100 * min(max(1 - margin.left, 0.0), 1.0)), "told": told}
 
 
 def _visit_row(run: Run, visit: Visit) -> Json:
@@ -143,6 +144,8 @@ def _visit_row(run: Run, visit: Visit) -> Json:
         "label": label(run, visit),
         "tint": tints(run)[visit.stage],
         "visit": visit,
+        "start": visit.start,
+        "end": visit.end,
         "duration": visit.end - visit.start,
         "share": 1e3 * (visit.end - visit.start) / max(run.visits[-1].end, 1e-9),
         "why": _text(visit.ended_by.get("text")),
@@ -157,43 +160,17 @@ def _facts(run: Run) -> Iterator[tuple[str, str]]:
     duration = number(run.summary.get("duration"))
     objects = run.summary.get("objects")
     period = number(run.summary.get("period")) or (run.period if len(run.clock) else None)
+    seed = run.manifest.get("seed", run.summary.get("seed"))
+    versions = run.manifest.get("versions")
+    version = versions.get("taskspec") if isinstance(versions, Mapping) else None
     yield "Robot", run.robot
     yield "Law", law
     yield "World", ", ".join(map(_text, objects)) if isinstance(objects, list) else ""
     yield "Duration", f"{run.end if duration is None else duration:.3f} s"
     yield "Control rate", f"{figure(1 / period, 4)} Hz" if period else ""
-
-
-def _metrics(run: Run) -> Iterator[Json]:
-    """Per stage: statistics as columns, signals as rows, each value in its own scale."""
-    metrics = run.summary.get("metrics")
-    for stage, signals in (metrics if isinstance(metrics, Mapping) else {}).items():
-        if not isinstance(signals, Mapping):
-            continue
-        rows = {n: s for n, s in signals.items() if isinstance(s, Mapping) and s}
-        seen = {key for statistics in rows.values() for key in statistics}
-        columns = [key for key in _STATISTICS if key in seen] + sorted(seen - {*_STATISTICS})
-        yield {
-            "stage": stage,
-            "tint": tints(run).get(stage, 0),
-            "columns": [key.replace("_", " ") for key in columns],
-            "rows": [
-                (name, [quantity(number(s.get(key)), _unit(run, name)) for key in columns])
-                for name, s in rows.items()
-            ],
-        }
-
-
-def _given_up(run: Run) -> list[str]:
-    """What limits and contacts took, in sentences; a summary of another version has none."""
-    try:
-        return list(told(run.summary))
-    except (AttributeError, KeyError, TypeError, ValueError):
-        return []
-
-
-def _unit(run: Run, signal: str) -> str:
-    return run.units.get(signal, "")
+    yield "Seed", _text(seed)
+    yield "taskspec", _text(version)
+    yield "Findings", annotated.counted(run)
 
 
 def _flat(value: Any, prefix: str = "") -> Iterator[tuple[str, str]]:

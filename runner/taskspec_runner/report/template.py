@@ -29,3 +29,9 @@ def template(name: str, beside: Path = _HERE) -> Template:
 def part(name: str, beside: Path = _HERE) -> Markup:
     """One of our own files, to be put into a page as it is."""
     return Markup((beside / name).read_text(encoding="utf-8"))
+
+
+def script() -> Markup:
+    """What draws the charts of a page."""
+    parts = [part(f"script/{name}.js") for name in ("numbers", "plot", "legend", "page")]
+    return Markup('(() => {{\n"use strict";\n{}\n}})();').format(Markup("\n").join(parts))

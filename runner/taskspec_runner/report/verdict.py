@@ -6,7 +6,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from taskspec_runner.report.data import Run, number
+from taskspec_runner.report.data import Run
+from taskspec_runner.report.judged import Expectation
+from taskspec_runner.report.stages import label
+from taskspec_runner.report.values import number
 
 
 @dataclass(frozen=True, slots=True)
@@ -15,11 +18,16 @@ class Verdict:
 
     Attributes:
         kind: passed, missed, stopped, failed, unfinished or damaged.
-        sentence: why, in one sentence.
+        sentence: why, and when, in one sentence.
+        first: the expectation that was broken first, of a run that missed some. stage: then.
+        rest: of the sentence, without the first expectation.
     """
 
     kind: str
     sentence: str
+    first: Expectation | None = None
+    stage: str = ""
+    rest: str = ""
 
 
 def verdict(run: Run) -> Verdict:
@@ -36,7 +44,7 @@ def verdict(run: Run) -> Verdict:
         return Verdict(status, f"{_broken_off(ending)} {so_far(run)}".rstrip())
     missed = [e for e in run.expectations if not e.passed]
     if missed:
-        return Verdict("missed", _missed(len(missed), len(run.expectations)))
+        return _missed_verdict(run, len(missed))
     return Verdict("passed", _passed(len(run.expectations)) + f" {_reached_end(run)}")
 
 
@@ -65,6 +73,30 @@ def _broken_off(ending: Mapping[str, Any]) -> str:
     when = "" if clock is None else f"at {clock:.3f} s"
     place = " ".join(part for part in (where, when) if part)
     return f"{place[0].upper()}{place[1:]}: {why}." if place else f"{why}."
+
+
+def first_broken(run: Run) -> Expectation | None:
+    """The expectation that was broken before all others; None where no tick broke one."""
+    broken = [e for e in run.expectations if not e.passed and e.broken is not None]
+    return min(broken, key=lambda e: e.broken.clock if e.broken else 0.0, default=None)
+
+
+def _missed_verdict(run: Run, missed: int) -> Verdict:
+    rest = _missed(missed, len(run.expectations))
+    first = first_broken(run)
+    if first is None or first.broken is None:
+        return Verdict("missed", rest)
+    stage = stage_at(run, first.broken.clock)
+    where = f" in stage {stage}" if stage else ""
+    told = f"At {first.broken.clock:.3f} s{where}, `{first.text}` was broken: {first.broken.text}."
+    return Verdict("missed", f"{told} {rest}", first, stage, rest)
+
+
+def stage_at(run: Run, clock: float) -> str:
+    """Label of the visit at a run time [s]; empty without one."""
+    found = (v for v in run.visits if v.start - run.period / 2 < clock < v.end - run.period / 2)
+    visit = next(found, None)
+    return label(run, visit) if visit else ""
 
 
 def _missed(missed: int, total: int) -> str:

@@ -1,0 +1,67 @@
+"""Expectations as the summary of a run has them, read with patience."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from taskspec_runner.margin import Broken, Margin
+from taskspec_runner.report.values import Json, mapping, mappings, number
+
+
+@dataclass(frozen=True, slots=True)
+class Expectation:
+    """A judged expectation.
+
+    Attributes:
+        text: as written. passed: whether it held. explanation: in numbers.
+        stage: it is about, None for the whole run. signal: it bounds, None if it has no plain one.
+        band: lowest and highest value [SI], None on an open side; None if it is no band.
+        signals: all that it is about, with their stages. margins: of its conditions.
+        broken: when it was broken. line: of the task file, from 1.
+    """
+
+    text: str
+    passed: bool
+    explanation: str
+    stage: str | None
+    signal: str | None
+    band: tuple[float | None, float | None] | None
+    signals: tuple[str, ...] = ()
+    margins: tuple[Margin, ...] = ()
+    broken: Broken | None = None
+    line: int | None = None
+
+
+def read_expectation(entry: Json) -> Expectation:
+    """An expectation, of whatever a summary says of it."""
+    band = entry.get("band")
+    sides = None
+    if isinstance(band, list) and len(band) == 2:
+        sides = (number(band[0]), number(band[1]))
+    stage, signal = entry.get("stage"), entry.get("signal")
+    return Expectation(
+        text=str(entry.get("text", "")),
+        passed=bool(entry.get("passed")),
+        explanation=str(entry.get("explanation") or ""),
+        stage=str(stage) if stage else None,
+        signal=str(signal) if signal else None,
+        band=sides if sides not in (None, (None, None)) else None,
+        signals=tuple(map(str, entry.get("signals") or ())),
+        margins=tuple(_margins(entry)),
+        broken=_broken(mapping(entry.get("broken"))),
+        line=entry["line"] if isinstance(entry.get("line"), int) else None,
+    )
+
+
+def _margins(entry: Json) -> Iterator[Margin]:
+    for each in mappings(entry.get("margins")):
+        value = number(each.get("value"))
+        if value is not None:
+            words = str(each.get("name", "")), str(each.get("unit", ""))
+            yield Margin(words[0], value, words[1], number(each.get("left")))
+
+
+def _broken(entry: Json) -> Broken | None:
+    clock = number(entry.get("clock"))
+    return None if clock is None else Broken(clock, str(entry.get("text", "")))

@@ -1,0 +1,116 @@
+"""The tables of a report: how each stage was tracked, and how it came to its set points."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from taskspec_runner.given_up import told
+from taskspec_runner.report.data import Run
+from taskspec_runner.report.quantities import figure, quantity
+from taskspec_runner.report.stages import tints
+from taskspec_runner.report.values import Json, mapping, number
+
+_STATISTICS = ("rms_error", "max_error", "final_error", "mean", "min", "max")
+#: Words for the columns of tracking.
+_WORDS = {"rms_error": "RMS error", "max_error": "peak error"}
+
+
+def tracking(run: Run) -> Iterator[Json]:
+    """Per stage: statistics as columns, signals as rows, each value in its own scale."""
+    for stage, signals in mapping(run.summary.get("metrics")).items():
+        rows = {name: mapping(values) for name, values in mapping(signals).items()}
+        rows = {name: values for name, values in rows.items() if values}
+        if not rows:
+            continue
+        seen = {key for values in rows.values() for key in values}
+        columns = [key for key in _STATISTICS if key in seen] + sorted(seen - {*_STATISTICS})
+        yield {
+            "stage": stage,
+            "tint": tints(run).get(stage, 0),
+            "columns": [_WORDS.get(key, key.replace("_", " ")) for key in columns],
+            "rows": [
+                (name, [quantity(number(values.get(key)), _unit(run, name)) for key in columns])
+                for name, values in rows.items()
+            ],
+        }
+
+
+def responses(run: Run) -> Iterator[Json]:
+    """Per stage: the way to each set point, and the contact that was lost on it."""
+    found, contact = (mapping(run.summary.get(key)) for key in ("responses", "contact"))
+    for stage in dict.fromkeys([*found, *contact]):
+        rows = [
+            (name, _response(run, name, mapping(values)))
+            for name, values in mapping(found.get(stage)).items()
+        ]
+        yield {
+            "stage": stage,
+            "tint": tints(run).get(stage, 0),
+            "columns": ["set point", "overshoot", "settled after", "within", "time constant"],
+            "rows": rows,
+            "remark": _contact(mapping(contact.get(stage))),
+        }
+
+
+def _response(run: Run, name: str, values: Json) -> list[tuple[str, str]]:
+    unit = _unit(run, name)
+    sides = [number(values.get(key)) for key in ("below", "above")]
+    overshoot, step = number(values.get("overshoot")), number(values.get("step"))
+    over = quantity(overshoot, unit)
+    if overshoot and step:
+        over = (over[0], f"{over[1]}, {figure(100 * overshoot / abs(step), 2)} %")
+    settled, constant = (number(values.get(key)) for key in ("settling_time", "time_constant"))
+    return [
+        quantity(number(values.get("set_point")), unit),
+        over,
+        ("never", "") if settled is None else (f"{settled:.3f}", "s"),
+        _within(sides, unit, str(values.get("settled_within") or "")),
+        ("–", "") if constant is None else (figure(1e3 * constant), "ms"),
+    ]
+
+
+def _within(sides: list[float | None], unit: str, by: str) -> tuple[str, str]:
+    below, above = sides
+    if below is None or above is None:
+        return "–", ""
+    value, shown = quantity(max(below, above), unit)
+    sign = "±" if abs(below - above) <= 1e-9 * max(below, above) else "≤"
+    return f"{sign}{value}", f"{shown}, {by}"
+
+
+def _contact(values: Json) -> str:
+    losses, time = number(values.get("losses")), number(values.get("time"))
+    if losses is None or time is None:
+        return ""
+    if not losses:
+        return "Contact was never lost."
+    times = "once" if losses == 1 else f"{losses:.0f} times"
+    return f"Contact was lost {times}, for {1e3 * time:.0f} ms in all."
+
+
+def solver(run: Run) -> Iterator[str]:
+    """What the solver of limits did in each stage, a line each."""
+    for stage, values in mapping(run.summary.get("solver")).items():
+        ticks, solved, relaxed, held = (
+            int(number(mapping(values).get(key)) or 0)
+            for key in ("ticks", "solved", "relaxed", "held")
+        )
+        parts = [f"{solved} of {ticks} ticks needed the program"]
+        if solved:
+            parts.append(f"{held} had no answer and held a safe torque")
+            parts.append(f"{relaxed} had limits that collided")
+            worst = number(mapping(values).get("worst"))
+            parts.append(f"worst residual {figure(worst or 0.0, 2)}")
+        yield f"Limits of {stage}: {', '.join(parts)}."
+
+
+def given_up(run: Run) -> list[str]:
+    """What limits and contacts took, in sentences; a summary of another version has none."""
+    try:
+        return list(told(run.summary))
+    except (AttributeError, KeyError, TypeError, ValueError):
+        return []
+
+
+def _unit(run: Run, signal: str) -> str:
+    return run.units.get(signal, "")
