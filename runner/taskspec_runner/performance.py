@@ -12,6 +12,7 @@ from taskspec.program.stage import CompiledStage
 from taskspec_runner.given_up import given_up
 from taskspec_runner.history import History
 from taskspec_runner.metrics import metrics, peaks, set_points
+from taskspec_runner.predicted import predicted
 from taskspec_runner.response import contact_losses, responses
 from taskspec_runner.verdict import Judged
 
@@ -29,14 +30,16 @@ def performance(
         accounts: what the solver did, by stage.
 
     Returns:
-        `metrics`, `responses`, `contact`, `given_up`, `solver` and `peaks`, each by stage [SI].
+        `metrics`, `responses`, `contact`, `given_up`, `solver`, `predicted` and `peaks`, each by
+        stage [SI].
     """
-    period = program.context.period
+    period, told = program.context.period, predicted(program)
     efforts = {stage.name: _efforts(stage, history) for stage in program.stages}
+    rests = {name: _foretold(told.get(name, {})) | dict.fromkeys(efforts[name]) for name in efforts}
     allowed = {(j.stage, j.signal): j.band for j in judged if j.stage and j.signal and j.band}
     return {
         "metrics": metrics(history, {s.name: s.axes for s in program.stages}),
-        "responses": responses(history, efforts, period, allowed),
+        "responses": responses(history, rests, period, allowed),
         "contact": contact_losses(history, [name for name in efforts if efforts[name]], period),
         "given_up": given_up(history, program.stages),
         "solver": {
@@ -44,8 +47,15 @@ def performance(
             for name, account in accounts.items()
             if history.window(name).any()
         },
+        "predicted": told,
         "peaks": peaks(history, [s.name for s in program.stages]),
     }
+
+
+def _foretold(stage: Mapping[str, Any]) -> dict[str, float | None]:
+    """Efforts that are told to come to rest at a value that stays, and that value [SI]."""
+    rests = stage.get("equilibrium", {}).items()
+    return {name: at["value"] for name, at in rests if at["low"] == at["high"] and at["value"]}
 
 
 def _efforts(stage: CompiledStage, history: History) -> list[str]:

@@ -17,6 +17,8 @@ Vector = NDArray[np.float64]
 SETTLED = 0.02
 #: A set point has to stay for so much of a visit, at its end [share].
 _STAYS = 0.1
+#: Steps to set points that are nearly nothing tell nothing [N, N m].
+_LEAST = 0.05
 #: Two values of a set point that differ by less, seen against its size, are the same.
 _SAME = 1e-6
 #: A decay is looked at down to this share of where it began, and down to so many times what is
@@ -42,6 +44,7 @@ class Response:
         tolerance: largest distance from the set point that counts as settled, below and above [SI].
         time_constant: of the decay of the error once the set point stays; None where the error
             does not decay by itself [s].
+        rest: mean over the last tenth of the visit [SI].
     """
 
     set_point: float
@@ -50,6 +53,7 @@ class Response:
     settling_time: float | None
     tolerance: tuple[float, float]
     time_constant: float | None
+    rest: float
 
 
 def response(
@@ -57,6 +61,7 @@ def response(
     reference: Vector,
     period: float,
     allowed: tuple[float | None, float | None] = (None, None),
+    moves: Vector | None = None,
 ) -> Response | None:
     """The response of one visit; None where the reference does not stay at a set point.
 
@@ -64,19 +69,20 @@ def response(
         values: (n,) truth [SI]. reference: (n,) of it [SI]. period: between two ticks [s].
         allowed: lowest and highest value of an expectation [SI]; it takes the place of 2 % where
             the set point is between them.
+        moves: (n,) reference of the motion that brings the signal about; the time constant counts
+            from where it stays too.
     """
     known = np.isfinite(values) & np.isfinite(reference)
     if not known.any() or not known[-1]:
         return None
     target = float(reference[-1])
-    moving = np.flatnonzero(~(np.abs(reference - target) <= _SAME * max(abs(target), 1e-9)))
-    steady = int(moving[-1]) + 1 if len(moving) else 0
+    steady = _stays(reference)
     if len(values) - steady < max(_STAYS * len(values), 2):
         return None
     start = float(values[np.flatnonzero(known)[0]])
     step = target - start
     size = max(abs(step), abs(target))
-    if size == 0.0:
+    if size < _LEAST:
         return None
     low, high = allowed
     tolerance = (SETTLED * size, SETTLED * size)
@@ -91,8 +97,16 @@ def response(
         max(float(np.nanmax(np.sign(step) * error)), 0.0) if abs(step) > SETTLED * size else None,
         settled * period if settled < len(values) else None,
         tolerance,
-        time_constant(error[steady:], period),
+        time_constant(error[max(steady, 0 if moves is None else _stays(moves)) :], period),
+        float(np.nanmean(values[-max(round(_STAYS * len(values)), 1) :])),
     )
+
+
+def _stays(reference: Vector) -> int:
+    """The first tick from which a reference does not change any more."""
+    last = reference[-1]
+    changed = np.flatnonzero(~(np.abs(reference - last) <= _SAME * max(abs(last), _SAME)))
+    return int(changed[-1]) + 1 if len(changed) and np.isfinite(last) else 0
 
 
 def time_constant(error: Vector, period: float) -> float | None:
@@ -109,6 +123,8 @@ def time_constant(error: Vector, period: float) -> float | None:
         None where the error does not fall by e, or in fewer than ten ticks.
     """
     hull = np.maximum.accumulate(np.abs(error)[::-1])[::-1]
+    # Until the largest error is reached nothing decays.
+    hull = hull[int(np.argmax(hull < hull[0])) :] if len(hull) else hull
     if not len(hull) or not np.isfinite(hull).all() or hull[0] == 0.0:
         return None
     rest = float(hull[len(hull) - max(len(hull) // 5, 1)])
@@ -121,18 +137,23 @@ def time_constant(error: Vector, period: float) -> float | None:
 
 
 def responses(
-    history: History, signals: Mapping[str, Sequence[str]], period: float, allowed: Allowed
+    history: History,
+    signals: Mapping[str, Mapping[str, float | None]],
+    period: float,
+    allowed: Allowed,
 ) -> Responses:
     """The responses of every visited stage; of several visits, the one that settled last.
 
     Args:
-        history: the run. signals: stage to those of its signals that have a set point.
+        history: the run.
+        signals: stage to those of its signals that come to rest, and where; None where their
+            reference says it [SI].
         period: between two ticks [s]. allowed: what expectations allow.
     """
     found: Responses = {}
     for visit in history.visits():
-        for name in signals.get(visit.stage, ()):
-            made = _of_visit(history, visit, name, period, allowed)
+        for name, target in signals.get(visit.stage, {}).items():
+            made = _of_visit(history, visit, name, target, period, allowed)
             if made is None:
                 continue
             own = found.setdefault(visit.stage, {})
@@ -142,13 +163,22 @@ def responses(
 
 
 def _of_visit(
-    history: History, visit: Stay, name: str, period: float, allowed: Allowed
+    history: History,
+    visit: Stay,
+    name: str,
+    target: float | None,
+    period: float,
+    allowed: Allowed,
 ) -> dict[str, float | str | None] | None:
     values, reference = (history.columns.get(column) for column in (name, f"{name}.ref"))
+    if target is not None and values is not None:
+        reference = np.full(len(values), target)
     if values is None or reference is None:
         return None
     band = allowed.get((visit.stage, name), (None, None))
-    made = response(values[visit.rows], reference[visit.rows], period, band)
+    motion = history.columns.get(f"position.{name.rpartition('.')[2]}.ref")
+    moves = None if target is None or motion is None else motion[visit.rows]
+    made = response(values[visit.rows], reference[visit.rows], period, band, moves)
     if made is None:
         return None
     two_percent = SETTLED * max(abs(made.step), abs(made.set_point))
@@ -162,6 +192,8 @@ def _of_visit(
         "above": made.tolerance[1],
         "settled_within": "expectation" if by_band else "2 %",
         "time_constant": made.time_constant,
+        "rest": made.rest,
+        "target": "set point" if target is None else "prediction",
     }
 
 

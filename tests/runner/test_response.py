@@ -118,11 +118,11 @@ def test_contact_is_lost_only_after_it_was_made() -> None:
 def test_of_several_visits_the_one_that_settled_last() -> None:
     values = np.array([0, 9, 10, 10, 10, 0, 0, 9, 10, 10], dtype=float)
     run = history([1] * 10, force_z=values, force_z_ref=np.full(10, 10.0))
-    found = responses(run, {"press": ["force.z"]}, PERIOD, {})["press"]["force.z"]
+    found = responses(run, {"press": {"force.z": None}}, PERIOD, {})["press"]["force.z"]
     assert found["settling_time"] == pytest.approx(3 * PERIOD)
     assert found["settled_within"] == "2 %"
     wide = {("press", "force.z"): (8.0, 12.0)}
-    found = responses(run, {"press": ["force.z"]}, PERIOD, wide)["press"]["force.z"]
+    found = responses(run, {"press": {"force.z": None}}, PERIOD, wide)["press"]["force.z"]
     assert (found["settling_time"], found["settled_within"]) == (
         pytest.approx(2 * PERIOD), "expectation"
     )  # fmt: skip
