@@ -69,7 +69,7 @@ class Extents:
         told = f"more than {forgiven} of its ticks had broken it"
         began = f", the first at {self._say.clock(first):.3f} s"
         worst = f": {self._at(first)}" if self._sides else ""
-        yield Broken(self._say.clock(row), f"{told}{began}{worst}")
+        yield Broken(self._say.clock(row), f"{told}{began}{worst}", final=False)
 
     def _at(self, row: int) -> str:
         if not self._sides:
@@ -88,7 +88,7 @@ class Extents:
         if len(reduced) > 1 or part is not reduced[0]:
             rows = [row for s in series if (row := reached(part, s, None, None)[0]) is not None]
             if rows:
-                yield Broken(self._say.clock(max(rows)), f"it was judged, {said}")
+                yield Broken(self._say.clock(max(rows)), f"it was judged, {said}", final=False)
             return
         low, high = (None if b is None else float(b[0]) for b in self._numbers(_ONE)[1])
         row, outside = reached(part, series[0], low, high)
@@ -97,7 +97,7 @@ class Extents:
         told = f"it passed its bound; {said}" if outside else f"it was judged, {said}"
         if reduced[0].reducer == "rms" and row != int(np.flatnonzero(windows[0])[-1]):
             told = f"it could not be met any more, {said}"
-        yield Broken(self._say.clock(row), told)
+        yield Broken(self._say.clock(row), told, final=outside)
 
     def _numbers(self, truth: Series) -> tuple[Vector, Bounds]:
         """The measured values and their bounds at the ticks that count, of one number (1,)."""

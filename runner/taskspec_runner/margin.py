@@ -39,10 +39,12 @@ class Broken:
 
     Attributes:
         clock: run time of the first tick that did it [s]. text: in numbers.
+        final: whether no tick more could have mended it, as a share of ticks may be.
     """
 
     clock: float
     text: str
+    final: bool = True
 
 
 def room(value: Vector, low: Vector | None, high: Vector | None) -> Vector:

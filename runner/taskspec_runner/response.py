@@ -76,7 +76,7 @@ def response(
     if not known.any() or not known[-1]:
         return None
     target = float(reference[-1])
-    steady = _stays(reference)
+    steady = stays(reference)
     if len(values) - steady < max(_STAYS * len(values), 2):
         return None
     start = float(values[np.flatnonzero(known)[0]])
@@ -97,12 +97,12 @@ def response(
         max(float(np.nanmax(np.sign(step) * error)), 0.0) if abs(step) > SETTLED * size else None,
         settled * period if settled < len(values) else None,
         tolerance,
-        time_constant(error[max(steady, 0 if moves is None else _stays(moves)) :], period),
+        time_constant(error[max(steady, 0 if moves is None else stays(moves)) :], period),
         float(np.nanmean(values[-max(round(_STAYS * len(values)), 1) :])),
     )
 
 
-def _stays(reference: Vector) -> int:
+def stays(reference: Vector) -> int:
     """The first tick from which a reference does not change any more."""
     last = reference[-1]
     changed = np.flatnonzero(~(np.abs(reference - last) <= _SAME * max(abs(last), _SAME)))

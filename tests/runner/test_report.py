@@ -5,7 +5,6 @@ from __future__ import annotations
 import base64
 import json
 import re
-from importlib import resources
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -139,12 +138,9 @@ def rewrite(folder: Path, summary: dict[str, Any]) -> None:
 
 
 def page(folder: Path) -> str:
-    """The report without the plotting library."""
     path = write_report(folder)
     assert path == folder / "report.html"
-    text = path.read_text(encoding="utf-8")
-    library = resources.files("plotly") / "package_data" / "plotly.min.js"
-    return text.replace(library.read_text(encoding="utf-8"), "")
+    return path.read_text(encoding="utf-8")
 
 
 def drawn(folder: Path) -> Any:
@@ -173,11 +169,6 @@ class TestPage:
         text = page(folder)
         assert not re.search(r"(?:src|href)\s*=", text)
         assert not re.search(r"@import|url\(|<link|<iframe|\bcdn\b", text, re.I)
-
-    def test_holds_the_library_once(self, folder: Path) -> None:
-        library = resources.files("plotly") / "package_data" / "plotly.min.js"
-        text = write_report(folder).read_text(encoding="utf-8")
-        assert text.count(library.read_text(encoding="utf-8")) == 1
 
     def test_is_the_same_each_time(self, folder: Path) -> None:
         assert write_report(folder).read_bytes() == write_report(folder).read_bytes()
@@ -213,7 +204,8 @@ class TestCharts:
         assert band["end"] == pytest.approx(0.4)
 
     def test_limits_follow_the_stages(self, folder: Path) -> None:
-        limits = drawn(folder)["charts"]["force"]["limits"]
+        limits = drawn(folder)["charts"]["force"]["levels"]
+        assert {x["kind"] for x in limits} == {"limit"}
         assert {(x["start"], x["end"], abs(x["value"])) for x in limits} == {
             (0.0, 0.2, 20.0),
             (0.2, 0.4, 60.0),
@@ -246,7 +238,7 @@ class TestCharts:
         summary["status"] = "stopped"
         summary["stages"][1]["ended_by"] = {"kind": "limit", "text": "limit on force: 60 N"}
         rewrite(folder, summary)
-        assert [e["stopped"] for e in drawn(folder)["events"]] == [False, True]
+        assert [e["kind"] for e in drawn(folder)["events"]] == ["event", "stop"]
 
     def test_long_runs_are_thinned_but_keep_their_peaks(self, tmp_path: Path) -> None:
         rows = 30_000
@@ -255,7 +247,8 @@ class TestCharts:
         log(tmp_path, ["press"] * rows, {"force.z": (force, "N")})
         (trace,) = drawn(tmp_path)["charts"]["force"]["traces"]
         at, values = decoded(trace)
-        assert len(at) <= POINTS + 10
+        # Every tick of the last 0.1 s is drawn besides.
+        assert len(at) <= POINTS + 110
         assert (values.min(), values.max()) == (-50.0, 70.0)
         assert {12_345, 23_456} <= set(at.tolist())
         assert "the lowest and the highest value are drawn" in page(tmp_path)

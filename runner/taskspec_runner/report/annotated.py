@@ -18,6 +18,7 @@ class Finding:
 
     kind: str
     text: str
+    hint: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,8 +65,9 @@ def _placed(run: Run) -> Iterator[tuple[int, Finding]]:
 def _finding(each: Json) -> Finding:
     kind, code = str(each.get("severity")), each.get("code")
     where = f" in {each['source']}" if each.get("source") else ""
-    hint = f" {each['hint']}." if each.get("hint") else ""
-    return Finding(kind, f"{kind}[{code}]{where}: {each.get('message')}.{hint}")
+    return Finding(
+        kind, f"{kind}[{code}]{where}: {each.get('message')}", str(each.get("hint") or "")
+    )
 
 
 def _judged(run: Run) -> Iterator[tuple[int, Finding]]:

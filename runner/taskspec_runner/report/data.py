@@ -118,7 +118,10 @@ def read_run(folder: Path) -> Run:
         clock=history.columns.get("clock", np.zeros(0)),
         breaks=np.array(firsts[1:], dtype=np.int64),
         visits=_visits(summary) or _logged_visits(history),
-        expectations=tuple(read_expectation(e) for e in mappings(summary.get("expectations"))),
+        expectations=tuple(
+            read_expectation(e, whole=summary.get("status") == "done")
+            for e in mappings(summary.get("expectations"))
+        ),
         damage=damage(folder),
     )
 

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from taskspec_runner.metrics import set_points
+from taskspec_runner.report import foretold
 from taskspec_runner.report.chart import (
     Chart,
     Section,
@@ -81,7 +82,16 @@ def _controlled(run: Run, name: str, on: str) -> Chart | None:
     what = "Moment" if "torque" in name else "Force"
     where = on if on in _ROLES else f"of {name.partition('.')[0]}"
     title = f"{what} {where} against its reference"
-    return Chart(f"{name}.ref", title, unit, tuple(traces), bands=bands(run, [name], factor))
+    told = foretold.decay(run, name, factor)
+    if told is not None:
+        traces.append(told)
+    levels_ = (
+        *foretold.rest_levels(run, [name], factor),
+        *foretold.impact_levels(run, [name], factor),
+    )
+    return Chart(
+        f"{name}.ref", title, unit, tuple(traces), bands=bands(run, [name], factor), limits=levels_
+    )
 
 
 def _wrench(run: Run, kind: str, axes: Sequence[str], title: str) -> Chart | None:
@@ -104,7 +114,12 @@ def _wrench(run: Run, kind: str, axes: Sequence[str], title: str) -> Chart | Non
     note = limit_note(run, kind, run.units[names[0]], size([total]))
     # The band of an axis with a reference has a chart of its own.
     unbounded = [n for n in names if run.column(f"{n}.ref") is None]
-    limits = levels(run, kind, factor, (1, -1))
+    limits = (
+        *levels(run, kind, factor, (1, -1)),
+        *foretold.rest_levels(run, unbounded, factor),
+        *foretold.impact_levels(run, unbounded, factor),
+    )
+    traces += [t for n in unbounded if (t := foretold.decay(run, n, factor)) is not None]
     return Chart(kind, title, unit, tuple(traces), note, bands(run, unbounded, factor), limits)
 
 

@@ -33,8 +33,15 @@ class Expectation:
     line: int | None = None
 
 
-def read_expectation(entry: Json) -> Expectation:
-    """An expectation, of whatever a summary says of it."""
+def read_expectation(entry: Json, *, whole: bool = True) -> Expectation:
+    """An expectation, of whatever a summary says of it.
+
+    Args:
+        entry: of the summary.
+        whole: whether the run came to its end; else only what no further tick could have mended
+            counts as broken.
+    """
+    broken = _broken(mapping(entry.get("broken")))
     band = entry.get("band")
     sides = None
     if isinstance(band, list) and len(band) == 2:
@@ -49,7 +56,7 @@ def read_expectation(entry: Json) -> Expectation:
         band=sides if sides not in (None, (None, None)) else None,
         signals=tuple(map(str, entry.get("signals") or ())),
         margins=tuple(_margins(entry)),
-        broken=_broken(mapping(entry.get("broken"))),
+        broken=broken if broken is not None and (whole or broken.final) else None,
         line=entry["line"] if isinstance(entry.get("line"), int) else None,
     )
 
@@ -64,4 +71,5 @@ def _margins(entry: Json) -> Iterator[Margin]:
 
 def _broken(entry: Json) -> Broken | None:
     clock = number(entry.get("clock"))
-    return None if clock is None else Broken(clock, str(entry.get("text", "")))
+    text, final = str(entry.get("text", "")), bool(entry.get("final", True))
+    return None if clock is None else Broken(clock, text, final)

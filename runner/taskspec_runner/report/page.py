@@ -14,6 +14,7 @@ from taskspec_runner.margin import SHARE, Margin
 from taskspec_runner.report import annotated, drawn, figures, tables
 from taskspec_runner.report.chart import Chart, Section
 from taskspec_runner.report.data import Run, Visit, read_run
+from taskspec_runner.report.foretold import stage_told
 from taskspec_runner.report.judged import Expectation
 from taskspec_runner.report.overview import overview_svg
 from taskspec_runner.report.quantities import figure
@@ -61,7 +62,7 @@ def render(run: Run, still: tuple[str, float] | None = None) -> str:
         facts=list(_facts(run)),
         expectations=[_expectation(e) for e in sorted(run.expectations, key=_urgency)],
         partial=told.kind not in ("passed", "missed"),
-        so_far=so_far(run),
+        so_far="Judged on what there was until then." if so_far(run) else "",
         visits=[_visit_row(run, v) for v in run.visits],
         main=main,
         sections=_others(shown, main),
@@ -140,6 +141,7 @@ def _margin(margin: Margin) -> Json:
 
 
 def _visit_row(run: Run, visit: Visit) -> Json:
+    expected = number(stage_told(run, visit.stage).get("duration"))
     return {
         "label": label(run, visit),
         "tint": tints(run)[visit.stage],
@@ -147,6 +149,7 @@ def _visit_row(run: Run, visit: Visit) -> Json:
         "start": visit.start,
         "end": visit.end,
         "duration": visit.end - visit.start,
+        "told": "" if expected is None else f"{expected:.3f} s",
         "share": 1e3 * (visit.end - visit.start) / max(run.visits[-1].end, 1e-9),
         "why": _text(visit.ended_by.get("text")),
         "to": _text(visit.ended_by.get("to")),

@@ -5,11 +5,24 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from taskspec_runner.given_up import told
+from taskspec_runner.predicted import axis_of
 from taskspec_runner.report.data import Run
+from taskspec_runner.report.foretold import stage_told
 from taskspec_runner.report.quantities import figure, quantity
 from taskspec_runner.report.stages import tints
 from taskspec_runner.report.values import Json, mapping, number
 
+#: Columns of a response; see the note below the table.
+_RESPONSES = [
+    "set point",
+    "predicted rest",
+    "rest",
+    "overshoot",
+    "settled after",
+    "within",
+    "predicted time constant",
+    "time constant",
+]
 _STATISTICS = ("rms_error", "max_error", "final_error", "mean", "min", "max")
 #: Words for the columns of tracking.
 _WORDS = {"rms_error": "RMS error", "max_error": "peak error"}
@@ -40,19 +53,19 @@ def responses(run: Run) -> Iterator[Json]:
     found, contact = (mapping(run.summary.get(key)) for key in ("responses", "contact"))
     for stage in dict.fromkeys([*found, *contact]):
         rows = [
-            (name, _response(run, name, mapping(values)))
+            (name, _response(run, stage, name, mapping(values)))
             for name, values in mapping(found.get(stage)).items()
         ]
         yield {
             "stage": stage,
             "tint": tints(run).get(stage, 0),
-            "columns": ["set point", "overshoot", "settled after", "within", "time constant"],
+            "columns": _RESPONSES,
             "rows": rows,
             "remark": _contact(mapping(contact.get(stage))),
         }
 
 
-def _response(run: Run, name: str, values: Json) -> list[tuple[str, str]]:
+def _response(run: Run, stage: str, name: str, values: Json) -> list[tuple[str, str]]:
     unit = _unit(run, name)
     sides = [number(values.get(key)) for key in ("below", "above")]
     overshoot, step = number(values.get("overshoot")), number(values.get("step"))
@@ -60,13 +73,24 @@ def _response(run: Run, name: str, values: Json) -> list[tuple[str, str]]:
     if overshoot and step:
         over = (over[0], f"{over[1]}, {figure(100 * overshoot / abs(step), 2)} %")
     settled, constant = (number(values.get(key)) for key in ("settling_time", "time_constant"))
+    foretold = stage_told(run, stage)
+    rest = number(mapping(mapping(foretold.get("equilibrium")).get(name)).get("value"))
+    slowest = mapping(mapping(foretold.get("settling")).get(axis_of(name)))
+    wanted = number(values.get("set_point")) if values.get("target") != "prediction" else None
     return [
-        quantity(number(values.get("set_point")), unit),
+        quantity(wanted, unit),
+        quantity(rest, unit),
+        quantity(number(values.get("rest")), unit),
         over,
         ("never", "") if settled is None else (f"{settled:.3f}", "s"),
         _within(sides, unit, str(values.get("settled_within") or "")),
-        ("–", "") if constant is None else (figure(1e3 * constant), "ms"),
+        _milliseconds(number(slowest.get("time_constant"))),
+        _milliseconds(constant),
     ]
+
+
+def _milliseconds(value: float | None) -> tuple[str, str]:
+    return ("–", "") if value is None else (figure(1e3 * value), "ms")
 
 
 def _within(sides: list[float | None], unit: str, by: str) -> tuple[str, str]:

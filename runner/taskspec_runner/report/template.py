@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import re
+from itertools import zip_longest
 from pathlib import Path
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined, Template
-from markupsafe import Markup
+from markupsafe import Markup, escape
 
+#: A sign before a number, and not a hyphen in a word or a minus between two numbers.
+_MINUS = re.compile(r"(?<![\w)])-(?=[\d.])")
 _HERE = Path(__file__).parent
 
 
@@ -23,7 +27,19 @@ def template(name: str, beside: Path = _HERE) -> Template:
         trim_blocks=True,
         lstrip_blocks=True,
     )
+    environment.filters["prose"] = prose
     return environment.get_template(name)
+
+
+def prose(text: str) -> Markup:
+    """Text with what stands between backticks as code, and real minus signs before numbers."""
+    parts = str(text).split("`")
+    if len(parts) % 2 == 0:
+        return escape(text)
+    words = (_MINUS.sub("−", part) for part in parts[::2])
+    shown = [escape(word) for word in words]
+    codes = [Markup("<code>{}</code>").format(code) for code in parts[1::2]]
+    return Markup("").join(x for pair in zip_longest(shown, codes, fillvalue="") for x in pair)
 
 
 def part(name: str, beside: Path = _HERE) -> Markup:

@@ -54,7 +54,7 @@ def _unfinished(run: Run, status: str) -> str:
     if status == "crashed":
         reason = run.manifest.get("reason")
         return f"The run crashed{f': {reason}' if reason else ''}. {holds}"
-    return f"The run did not finish: {run.extent.why}. {holds}"
+    return f"The run did not finish: {run.extent.why}. {holds} Its expectations were not judged."
 
 
 def so_far(run: Run) -> str:

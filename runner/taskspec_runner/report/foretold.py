@@ -1,0 +1,123 @@
+"""What a run was predicted to do, drawn beside what it did."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+
+import numpy as np
+
+from taskspec_runner.history import Mask
+from taskspec_runner.predicted import axis_of
+from taskspec_runner.report.chart import Level, Trace
+from taskspec_runner.report.data import Run, Vector, Visit
+from taskspec_runner.report.quantities import figure
+from taskspec_runner.report.values import Json, mapping, number
+from taskspec_runner.response import stays
+
+ROLE = "predicted"
+#: A decay is drawn for so many time constants, and only of an error that is this share of the
+#: chart's range.
+_LASTS, _SEEN = 5.0, 0.01
+
+
+def stage_told(run: Run, stage: str) -> Json:
+    """What was predicted of a stage; empty where nothing was."""
+    return mapping(mapping(run.summary.get("predicted")).get(stage))
+
+
+def rest_levels(run: Run, signals: Iterable[str], factor: float) -> Iterator[Level]:
+    """Where forces and moments were predicted to come to rest; `factor` makes the chart's unit."""
+    for name in signals:
+        for visit in run.visits:
+            at = mapping(mapping(stage_told(run, visit.stage).get("equilibrium")).get(name))
+            value, low, high = (number(at.get(key)) for key in ("value", "low", "high"))
+            if value is not None and low == high:
+                yield Level(visit.start, visit.end, factor * value, ROLE, "predicted at rest")
+
+
+def impact_levels(run: Run, signals: Iterable[str], factor: float) -> Iterator[Level]:
+    """The largest force that was predicted for meeting a surface."""
+    for name in signals:
+        for visit in run.visits:
+            met = mapping(stage_told(run, visit.stage).get("impact"))
+            peak, values = number(met.get("peak")), run.columns.get(name)
+            if peak is None or values is None or met.get("axis") != axis_of(name):
+                continue
+            inside = values[rows_of(run, visit)]
+            if len(inside) and np.isfinite(inside).any():
+                side = np.sign(inside[np.nanargmax(np.abs(inside))])
+                text = "predicted peak of the impact"
+                yield Level(visit.start, visit.end, factor * side * peak, ROLE, text)
+
+
+def depth_levels(run: Run, objects: Iterable[str], factor: float) -> Iterator[Level]:
+    """How deep contacts were predicted to be pressed in at rest."""
+    for name in objects:
+        for visit in run.visits:
+            at = mapping(mapping(stage_told(run, visit.stage).get("depths")).get(name))
+            depth = number(at.get("depth"))
+            if depth is not None:
+                value = -factor * depth
+                yield Level(visit.start, visit.end, value, ROLE, "predicted depth at rest")
+
+
+def decay(run: Run, name: str, factor: float) -> Trace | None:
+    """How the largest error of a force was predicted to die away, once its set point stays.
+
+    From the tick with the largest error on, it falls by e in every predicted time constant of the
+    slowest mode of its axis; of a mode that swings this is the hull.
+    """
+    values = run.column(name)
+    if values is None:
+        return None
+    drawn, texts = np.full(len(values), np.nan), []
+    for visit in run.visits:
+        told = stage_told(run, visit.stage)
+        how = mapping(mapping(told.get("settling")).get(axis_of(name)))
+        constant = number(how.get("time_constant"))
+        target = _target(run, visit, name, told)
+        if constant is None or constant < 2 * run.period or target is None:
+            continue
+        rows = np.flatnonzero(rows_of(run, visit))[target[1] :]
+        error = values[rows] - target[0]
+        if not len(rows) or not np.isfinite(error).all():
+            continue
+        top = int(np.argmax(np.abs(error)))
+        shown = rows[top : top + round(_LASTS * constant / run.period)]
+        if abs(error[top]) < _SEEN * np.ptp(values[np.isfinite(values)]):
+            continue
+        since = run.clock[shown] - run.clock[shown[0]]
+        drawn[shown] = target[0] + error[top] * np.exp(-since / constant)
+        texts.append(f"{figure(1e3 * constant)} ms")
+    if not texts:
+        return None
+    label = f"predicted decay, {', '.join(dict.fromkeys(texts))}"
+    return Trace(label, factor * drawn, ROLE, ROLE)
+
+
+def _target(run: Run, visit: Visit, name: str, told: Json) -> tuple[float, int] | None:
+    """Where a force comes to rest in a visit, and the tick of it from which its reference stays."""
+    rows = rows_of(run, visit)
+    wanted = _wanted(run, f"{name}.ref", rows)
+    if wanted is not None:
+        return float(wanted[-1]), stays(wanted)
+    motion = _wanted(run, f"position.{axis_of(name)}.ref", rows)
+    at = mapping(mapping(told.get("equilibrium")).get(name))
+    value = number(at.get("value"))
+    if motion is None or value is None or at.get("low") != at.get("high"):
+        return None
+    return value, stays(motion)
+
+
+def _wanted(run: Run, column: str, rows: Mask) -> Vector | None:
+    """A reference in some rows, None where it does not reach to their end."""
+    values = run.columns.get(column)
+    if values is None or not rows.any() or not np.isfinite(values[rows][-1]):
+        return None
+    return values[rows]
+
+
+def rows_of(run: Run, visit: Visit) -> Mask:
+    """(rows,) The rows of a visit."""
+    half = run.period / 2
+    return np.asarray((run.clock > visit.start - half) & (run.clock < visit.end - half))
