@@ -179,7 +179,7 @@ def _run(program: Program, folder: RunFolder, manner: _Manner) -> RunResult:
         real_time_factor=factor,
     )
     page = None
-    if manner.report:  # It needs plotly and jinja2, which a run does not.
+    if manner.report:  # It needs jinja2, which a run does not.
         from taskspec_runner.report import write_report
 
         page = write_report(folder.path, program)

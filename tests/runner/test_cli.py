@@ -378,7 +378,7 @@ def test_validate_is_quick(tap: Path) -> None:
 def test_validate_imports_nothing_that_it_does_not_need(tap: Path) -> None:
     code = (
         "import sys; from taskspec_runner.cli import app; app(['validate', sys.argv[1]],"
-        "standalone_mode=False); heavy = {'pyarrow', 'plotly', 'scipy', 'jinja2', 'rich'};"
+        "standalone_mode=False); heavy = {'pyarrow', 'scipy', 'jinja2', 'rich'};"
         "print(sorted(heavy & set(sys.modules)))"
     )
     done = subprocess.run(

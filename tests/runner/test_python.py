@@ -24,7 +24,7 @@ from taskspec_runner.signals import Signal
 
 EXAMPLES = Path(__file__).resolve().parent.parent.parent / "examples"
 #: What is not to be imported before a task is loaded or run.
-HEAVY = ("mujoco", "pinocchio", "casadi", "scipy", "pyarrow", "plotly", "pydantic", "numpy")
+HEAVY = ("mujoco", "pinocchio", "casadi", "scipy", "pyarrow", "pydantic", "numpy")
 
 
 @pytest.fixture(scope="module")
@@ -185,7 +185,7 @@ def test_loading_a_task_needs_no_simulator(tmp_path: Path) -> None:
     (tmp_path / "tap.yaml").write_text(TAP)
     code = (
         "import sys; from taskspec import load; load(sys.argv[1])\n"
-        "print(*sorted({'mujoco', 'pinocchio', 'casadi', 'plotly'} & set(sys.modules)))"
+        "print(*sorted({'mujoco', 'pinocchio', 'casadi'} & set(sys.modules)))"
     )
     command = [sys.executable, "-c", code, tmp_path / "tap.yaml"]
     done = subprocess.run(command, capture_output=True, text=True, check=True)

@@ -12,9 +12,9 @@ import numpy as np
 from taskspec_runner.compare.charts import Overlaid, main_charts
 from taskspec_runner.compare.comparison import Comparison
 from taskspec_runner.compare.overlay import Overlay, overlay, role
-from taskspec_runner.report import decimate
 from taskspec_runner.report.data import Vector
-from taskspec_runner.report.drawing import Area, Line, Panel, Tick, path_data, tick_text, ticks
+from taskspec_runner.report.drawing import Line, Panel, path_data
+from taskspec_runner.report.plane import Plane, Times
 from taskspec_runner.report.stages import label, tints
 from taskspec_runner.report.template import template
 
@@ -22,6 +22,8 @@ WIDTH = 860
 _LEFT, _RIGHT, _BOTTOM = 62.0, 20.0, 48.0
 #: Height of a panel, and of the room above it for its title [px].
 _PANEL, _TITLE = 170.0, 40.0
+#: Room above and below the values of a panel, as a share of their range.
+_ROOM = 0.05
 #: Where the legend begins, the height of its rows, and how many laws stand in one [px].
 _LEGEND, _ROW, _COLUMNS = 62.0, 20.0, 3
 #: Logarithmic panels with fewer powers of ten get marks between them.
@@ -51,10 +53,12 @@ def picture_svg(comparison: Comparison) -> str:
     entries = _legend(comparison)
     top = _LEGEND + _ROW * math.ceil(len(entries) / _COLUMNS) + _TITLE
     width = WIDTH - _LEFT - _RIGHT
+    times = Times(laid.start, laid.end, _LEFT, width) if laid else None
     panels = []
     for number, chart in enumerate(found):
         assert laid is not None
-        panels.append(_panel(laid, chart, top + number * (_PANEL + _TITLE), width))
+        assert times is not None
+        panels.append(_panel(laid, chart, top + number * (_PANEL + _TITLE), times))
     bottom = top + len(panels) * (_PANEL + _TITLE) - _TITLE
     return template("compare.svg.j2", HERE).render(
         width=WIDTH,
@@ -63,10 +67,10 @@ def picture_svg(comparison: Comparison) -> str:
         subtitle=_subtitle(comparison, laid),
         entries=entries,
         panels=panels,
-        stages=_stages(laid, width) if laid else [],
+        stages=_stages(laid, times) if laid and times else [],
         bottom=bottom,
         middle=_LEFT + width / 2,
-        times=_times(laid, width) if laid else [],
+        times=times.marks(9) if times else [],
         time=time_of(laid) if laid else "",
         loopless=any(e.style == "loopless" for e in entries),
     )
@@ -116,40 +120,22 @@ def _told(law: Mapping[str, object]) -> str:
     return str(law["outcome"])
 
 
-def _panel(laid: Overlay, chart: Overlaid, y: float, width: float) -> Panel:
+def _panel(laid: Overlay, chart: Overlaid, y: float, times: Times) -> Panel:
     cut = {law["law"] for law in laid.comparison.laws if law["outcome"] in CUT_SHORT}
-    low, high = _range(chart, cut)
-    per_second = width / max(laid.end - laid.start, 1e-9)
-    per_unit = _PANEL / (high - low)
-
-    def row(value: float) -> float:
-        return y + (high - min(max(value, low), high)) * per_unit
-
+    plane = Plane.around(times, _in_view(chart, cut), y, _PANEL, _ROOM)
     lines = []
     for curve in chart.curves:
         run, begin = laid.runs[curve.law], laid.begins[curve.law]
         values = np.log10(curve.values) if chart.log else curve.values
-        rows = decimate.decimate(values, run.breaks, 3 * int(width))
-        rows, shown = decimate.broken(rows, values, run.breaks)
-        x = _LEFT + (run.clock[rows] + begin - laid.start) * per_second
-        points = np.column_stack([x, y + (high - shown) * per_unit])
+        points = plane.points(run.clock + begin, values, run.breaks, run.breaks)
         lines.append(Line(path_data(points), curve.role, curve.style, curve.label))
         if curve.law in cut and curve.label == curve.law:
             lines.append(_cross(points, curve.role, (y, y + _PANEL)))
-    begin = laid.begins[laid.lead] - laid.start
-    areas = tuple(
-        Area(
-            _LEFT + (b.start + begin) * per_second,
-            row(high if b.high is None else b.high),
-            (b.end - b.start) * per_second,
-            row(low if b.low is None else b.low) - row(high if b.high is None else b.high),
-            None,
-        )
-        for b in chart.bands
-    )
-    marks = _decades(low, high) if chart.log else _marks(low, high)
-    drawn = tuple(Tick(row(v), text) for v, text in marks)
-    return Panel(chart.title, chart.unit, _LEFT, y, width, _PANEL, tuple(lines), drawn, areas)
+    # Whether an expectation was met differs between the laws.
+    areas = tuple(plane.area(band, None, laid.begins[laid.lead]) for band in chart.bands)
+    marks = plane.marks(_decades(plane.low, plane.high) if chart.log else plane.round(6))
+    title, unit = chart.title, chart.unit
+    return Panel(title, unit, _LEFT, y, times.width, _PANEL, tuple(lines), marks, areas)
 
 
 def _cross(points: Vector, role: str, rows: tuple[float, float]) -> Line:
@@ -159,26 +145,13 @@ def _cross(points: Vector, role: str, rows: tuple[float, float]) -> Line:
     return Line(f"M{x - 4:.1f},{y - 4:.1f}l8,8m0,-8l-8,8", role, "cross")
 
 
-def _range(chart: Overlaid, cut: Collection[str]) -> tuple[float, float]:
-    """Values in view: those of the runs that came to their end, if there are any."""
+def _in_view(chart: Overlaid, cut: Collection[str]) -> Vector:
+    """Values that are all shown: of the runs that came to their end, if there are any."""
     shown = [c.values for c in chart.curves if c.law not in cut] or [
         c.values for c in chart.curves
     ]  # fmt: skip
-    values = _finite(shown)
-    if chart.log:
-        values = np.log10(values)
-    low, high = float(values.min()), float(values.max())
-    room = 0.05 * max(high - low, 1e-6)
-    return low - room, high + room
-
-
-def _finite(columns: Sequence[Vector]) -> Vector:
-    return np.concatenate([c[np.isfinite(c)] for c in columns])
-
-
-def _marks(low: float, high: float) -> list[tuple[float, str]]:
-    found = ticks(low, high, 6)
-    return [(v, tick_text(v, found)) for v in found]
+    values = np.concatenate([c[np.isfinite(c)] for c in shown])
+    return np.log10(values) if chart.log else values
 
 
 def _decades(low: float, high: float) -> list[tuple[float, str]]:
@@ -189,24 +162,9 @@ def _decades(low: float, high: float) -> list[tuple[float, str]]:
     return [(at, text) for at, text in marks if low <= at <= high]
 
 
-def _times(laid: Overlay, width: float) -> list[Tick]:
-    per_second = width / max(laid.end - laid.start, 1e-9)
-    found = ticks(laid.start, laid.end, 9)
-    return [Tick(_LEFT + (t - laid.start) * per_second, tick_text(t, found)) for t in found]
-
-
-def _stages(laid: Overlay, width: float) -> list[dict[str, object]]:
-    per_second = width / max(laid.end - laid.start, 1e-9)
-    run, found = laid.leading, []
-    for visit, start, end in laid.visits():
-        name = label(run, visit)
-        fits = 5.8 * len(name) + 4 < (end - start) * per_second
-        found.append(
-            {
-                "x": _LEFT + (start - laid.start) * per_second,
-                "width": (end - start) * per_second,
-                "tint": tints(run)[visit.stage],
-                "name": name if fits else "",
-            }
-        )
-    return found
+def _stages(laid: Overlay, times: Times) -> list[dict[str, object]]:
+    run = laid.leading
+    return [
+        times.stage(label(run, visit), tints(run)[visit.stage], start, end)
+        for visit, start, end in laid.visits()
+    ]

@@ -21,6 +21,8 @@ Json = Mapping[str, Any]
 FORMAT = 1
 NAMES = ("A", "B")
 _STATISTICS = ("rms_error", "max_error", "final_error", "mean", "min", "max")
+#: Of responses, and their units; empty for that of the signal.
+_RESPONSES = {"rest": "", "overshoot": "", "settling_time": "s", "time_constant": "s"}
 _PEAKS = {"force": "N", "torque": "N*m", "speed": "m/s"}
 
 
@@ -162,9 +164,28 @@ def _numbers(run: Run) -> Iterator[tuple[tuple[str, str, str, str], float | None
             for statistic in _STATISTICS:
                 if statistic in mapping(values):
                     yield (stage, signal, statistic, unit), number(values[statistic])
+        yield from _of_stage(run, stage)
         for name, unit in _PEAKS.items():
             if name in mapping(peaks.get(stage)):
                 yield (stage, name, "peak", unit), number(peaks[stage][name])
+
+
+def _of_stage(run: Run, stage: str) -> Iterator[tuple[tuple[str, str, str, str], float | None]]:
+    """Responses, contact and predictions of a stage."""
+    for signal, values in mapping(mapping(run.summary.get("responses")).get(stage)).items():
+        for statistic, unit in _RESPONSES.items():
+            found = mapping(values).get(statistic)
+            yield (stage, signal, statistic, unit or run.units.get(signal, "")), number(found)
+    for statistic, found in mapping(mapping(run.summary.get("contact")).get(stage)).items():
+        unit = "s" if statistic == "time" else ""
+        yield (stage, "contact", f"lost_{statistic}" if unit else statistic, unit), number(found)
+    told = mapping(mapping(run.summary.get("predicted")).get(stage))
+    for signal, at in mapping(told.get("equilibrium")).items():
+        unit = run.units.get(signal, "")
+        yield (stage, signal, "predicted_rest", unit), number(mapping(at).get("value"))
+    for axis, how in mapping(told.get("settling")).items():
+        found = number(mapping(how).get("time_constant"))
+        yield (stage, axis, "predicted_time_constant", "s"), found
 
 
 def _log(logs: LogDifference) -> Json:

@@ -9,10 +9,12 @@ from pathlib import Path
 import numpy as np
 
 from taskspec_runner.given_up import held_joints
-from taskspec_runner.report import decimate, figures
+from taskspec_runner.report import figures, foretold
 from taskspec_runner.report.chart import Chart, size
 from taskspec_runner.report.data import Run, Vector, Visit, read_run
-from taskspec_runner.report.drawing import Area, Line, Panel, Tick, path_data, tick_text, ticks
+from taskspec_runner.report.drawing import Line, Panel, Tick, path_data, tick_text, ticks
+from taskspec_runner.report.foretold import rows_of
+from taskspec_runner.report.plane import Plane, Times
 from taskspec_runner.report.stages import label, tints
 from taskspec_runner.report.template import template
 from taskspec_runner.report.verdict import verdict
@@ -23,6 +25,8 @@ _LEFT, _RIGHT, _TOP, _BOTTOM = 58.0, 24.0, 92.0, 44.0
 _PANEL, _TITLE = 138.0, 40.0
 #: Edge of the square that shows the path [px]; both directions must span this much [mm].
 _SQUARE, _LEAST_SPAN = 240.0, 5.0
+#: Room above and below the values of a panel, as a share of their range.
+_ROOM = 0.07
 #: Share of the largest force from which on an axis is worth a line.
 _BORNE = 0.05
 
@@ -49,14 +53,14 @@ def overview_svg(run: Run, wanted: Sequence[Chart] | None = None) -> str:
     charts = _chosen(run) if wanted is None else wanted
     square = _path_square(run) if wanted is None else None
     width = WIDTH - _LEFT - _RIGHT - (0.0 if square is None else _SQUARE + 70)
+    times = Times(run.start, run.end, _LEFT, width)
+    stages = [times.stage(label(run, v), tints(run)[v.stage], v.start, v.end) for v in run.visits]
     panels = [
-        _panel(run, chart, _TOP + i * (_PANEL + _TITLE), width) for i, chart in enumerate(charts)
+        _panel(run, chart, _TOP + i * (_PANEL + _TITLE), times) for i, chart in enumerate(charts)
     ]
     bottom = _TOP + len(panels) * (_PANEL + _TITLE) - _TITLE
     if square is not None:
         bottom = max(bottom, square.y + square.height)
-    per_second = width / max(run.end - run.start, 1e-9)
-    marks = [t for t in ticks(run.start, run.end, 8) if t <= run.end]
     return template("overview.svg.j2").render(
         width=WIDTH,
         height=bottom + _BOTTOM,
@@ -67,9 +71,9 @@ def overview_svg(run: Run, wanted: Sequence[Chart] | None = None) -> str:
         title=str(run.summary.get("task") or "run"),
         subtitle=_subtitle(run),
         verdict=verdict(run).kind,
-        stages=[_stage(run, v, per_second) for v in run.visits],
+        stages=stages,
         panels=panels,
-        times=[Tick(_LEFT + (t - run.start) * per_second, tick_text(t, marks)) for t in marks],
+        times=times.marks(8),
         square=square,
     )
 
@@ -114,44 +118,29 @@ def _borne(forces: Chart | None) -> Chart | None:
     return replace(forces, title=title, traces=(replace(axes[0], label=axes[0].signal),))
 
 
-def _panel(run: Run, chart: Chart, y: float, width: float) -> Panel:
-    values = np.concatenate([t.values[np.isfinite(t.values)] for t in chart.traces])
+def _panel(run: Run, chart: Chart, y: float, times: Times) -> Panel:
+    # What was predicted is in the report; the picture shows what was.
+    traces = [t for t in chart.traces if t.style != foretold.ROLE]
+    values = np.concatenate([t.values[np.isfinite(t.values)] for t in traces])
     sides = [v for b in chart.bands for v in (b.low, b.high) if v is not None]
-    low, high = float(values.min()), float(values.max())
-    near = [v for v in sides if low - (high - low) < v < high + (high - low)]
-    low, high = min([low, *near]), max([high, *near])
-    room = 0.07 * max(high - low, 1e-6)
-    low, high = low - room, high + room
-    scale_x = width / max(run.end - run.start, 1e-9)
-    scale_y = _PANEL / (high - low)
-
-    def row(value: float) -> float:
-        return y + (high - min(max(value, low), high)) * scale_y
-
+    plane = Plane.around(times, values, y, _PANEL, _ROOM, sides)
     lines = []
-    for trace in chart.traces:
-        rows = decimate.decimate(trace.values, run.breaks, 3 * int(width))
-        breaks = run.breaks[:0] if trace.continuous else run.breaks
-        rows, shown = decimate.broken(rows, trace.values, breaks)
-        points = np.column_stack(
-            [_LEFT + (run.clock[rows] - run.start) * scale_x, y + (high - shown) * scale_y]
-        )
+    for trace in traces:
+        gaps = run.breaks[:0] if trace.continuous else run.breaks
+        points = plane.points(run.clock, trace.values, run.breaks, gaps)
         name = "" if trace.reference_of else trace.label
         lines.append(Line(path_data(points), trace.role, trace.style, name))
-    areas = tuple(
-        Area(
-            _LEFT + (b.start - run.start) * scale_x,
-            row(high if b.high is None else b.high),
-            (b.end - b.start) * scale_x,
-            row(low if b.low is None else b.low) - row(high if b.high is None else b.high),
-            b.passed,
-        )
-        for b in chart.bands
+    return Panel(
+        chart.title.removesuffix(" against its reference"),
+        chart.unit,
+        _LEFT,
+        y,
+        times.width,
+        _PANEL,
+        tuple(lines),
+        plane.marks(plane.round(5)),
+        tuple(plane.area(band, band.passed) for band in chart.bands),
     )
-    found = ticks(low, high, 5)
-    marks = tuple(Tick(row(v), tick_text(v, found)) for v in found)
-    title = chart.title.removesuffix(" against its reference")
-    return Panel(title, chart.unit, _LEFT, y, width, _PANEL, tuple(lines), marks, areas)
 
 
 def _path_square(run: Run) -> Panel | None:
@@ -161,13 +150,13 @@ def _path_square(run: Run) -> Panel | None:
     x, y = 1e3 * run.columns["position.x"], 1e3 * run.columns["position.y"]
 
     def smaller_span(visit: Visit) -> float:
-        rows = _rows(run, visit)
+        rows = rows_of(run, visit)
         return float(min(np.ptp(x[rows]), np.ptp(y[rows]))) if rows.any() else 0.0
 
     widest = max(run.visits, key=smaller_span, default=None)
     if widest is None or not smaller_span(widest) >= _LEAST_SPAN:
         return None
-    rows = _rows(run, widest)
+    rows = rows_of(run, widest)
     x, y = x[rows], y[rows]
     span = 1.12 * max(float(np.ptp(x)), float(np.ptp(y)))
     low_x = (float(x.min()) + float(x.max()) - span) / 2
@@ -195,22 +184,6 @@ def _path_square(run: Run) -> Panel | None:
         tuple(Tick(top + _SQUARE - (v - low_y) * scale, tick_text(v, up)) for v in up),
         columns=tuple(Tick(left + (u - low_x) * scale, tick_text(u, over)) for u in over),
     )
-
-
-def _rows(run: Run, visit: Visit) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
-    half = run.period / 2
-    rows: np.ndarray[tuple[int], np.dtype[np.bool_]] = (run.clock > visit.start - half) & (
-        run.clock < visit.end - half
-    )
-    return rows
-
-
-def _stage(run: Run, visit: Visit, per_second: float) -> dict[str, object]:
-    x = _LEFT + (visit.start - run.start) * per_second
-    width = (visit.end - visit.start) * per_second
-    name = label(run, visit)
-    fits = 5.8 * len(name) + 4 < width
-    return {"x": x, "width": width, "tint": tints(run)[visit.stage], "name": name if fits else ""}
 
 
 def _subtitle(run: Run) -> str:
