@@ -66,8 +66,8 @@ class Plot {
   }
 
   span(piece) {
-    const from = Math.max(this.column(piece.start), -10), to = Math.min(this.column(piece.end), this.inner.width + 10);
-    return to > from ? [from, to] : null;
+    const from = this.column(piece.start), to = this.column(piece.end), width = this.inner.width;
+    return to < 0.01 || from > width - 0.01 ? null : [Math.max(from, -10), Math.min(to, width + 10)];
   }
 
   grounds() {

@@ -1,0 +1,298 @@
+"""The pages as a browser shows them: drawn without an error, on two screens and on paper."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from short_tasks import TAP
+
+from browser import Browser, browser_path
+from taskspec.compiler import compile_task
+from taskspec.spec import load_task, load_text
+from taskspec_runner.diff import diff_runs, write_difference
+from taskspec_runner.report import write_report
+from taskspec_runner.session import execute_program
+
+pytestmark = pytest.mark.skipif(
+    browser_path() is None, reason="there is no chromium or chrome on this machine"
+)
+
+DESKTOP, PHONE = (1280, 900), (390, 844)
+#: What spoils the task: a force beyond what is expected, a limit on it, a guard that is not met.
+SPOILED = {
+    "good": {},
+    "missed": {"params.press": "9 N"},
+    "stopped": {"limits.force": "4 N"},
+    "failed": {"stages.approach.until": "force.x > 50 N"},
+}
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    path = browser_path()
+    assert path is not None
+    with Browser(path) as found:
+        yield found
+
+
+@pytest.fixture(scope="module")
+def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """Reports of runs that ended in every way, by how, and what differs between two of them."""
+    folder = tmp_path_factory.mktemp("pages")
+    found = {}
+    for name, sets in SPOILED.items():
+        # A second expectation that is broken, after the first one.
+        text = (
+            TAP.replace("max(abs(hold.error.y)) < 1 mm", "last(force.x) < 8 N")
+            if name == "missed"
+            else TAP
+        )
+        program = compile_task(load_text(text, "tap.yaml", overrides=sets))
+        found[name] = execute_program(program, folder / name, report=False).folder
+        found[name] = write_report(found[name])
+    killed = folder / "killed"
+    killed.mkdir()
+    shutil.copy(folder / "good" / "task.yaml", killed)
+    (killed / "manifest.json").write_text(json.dumps({"status": "running", "task": "tap"}))
+    whole = (folder / "good" / "log.arrow").read_bytes()
+    # Without the mark of the end, which a killed run does not write.
+    (killed / "log.arrow").write_bytes(whole[:-8])
+    found["killed"] = write_report(killed)
+    empty = folder / "empty"
+    empty.mkdir()
+    found["empty"] = write_report(empty)
+    difference = diff_runs(folder / "good", folder / "missed")
+    found["diff"] = write_difference(difference, folder / "diff.html")
+    return found
+
+
+def shown(browser: Browser, page: Path, size: tuple[int, int] = DESKTOP, **media: Any) -> Browser:
+    browser.media(**media)
+    browser.size(*size, phone=size == PHONE)
+    browser.open(page)
+    return browser
+
+
+#: Times that stand at the axes of the charts, one text a chart.
+TIMES = """[...document.querySelectorAll("[data-chart] .plot > svg")].map(
+    (svg) => [...svg.querySelectorAll("text.mid")].map((t) => t.textContent).join(" "))"""
+
+
+@pytest.mark.parametrize("size", [DESKTOP, PHONE], ids=["desktop", "phone"])
+@pytest.mark.parametrize("name", ["good", "missed", "stopped", "failed", "killed", "empty", "diff"])
+def test_pages_are_drawn_without_an_error_and_fit(
+    browser: Browser, pages: dict[str, Path], name: str, size: tuple[int, int]
+) -> None:
+    shown(browser, pages[name], size)
+    assert browser.errors == []
+    figures = browser.run("document.querySelectorAll('[data-chart]').length")
+    drawn = browser.run(
+        """[...document.querySelectorAll("[data-chart] .plot > svg")].filter(
+        (svg) => [...svg.querySelectorAll("path.trace")].some((p) => p.getTotalLength() > 100)
+        ).length"""
+    )
+    assert drawn == figures
+    # A run that failed before its contact has no chart of force; one without a log has none.
+    assert figures >= (0 if name == "empty" else 3)
+    # Tables may be wider; they scroll by themselves.
+    assert browser.run("document.documentElement.scrollWidth <= innerWidth")
+    assert browser.run("document.body.innerText").strip()
+
+
+@pytest.mark.parametrize("size", [DESKTOP, PHONE], ids=["desktop", "phone"])
+@pytest.mark.parametrize("name", ["good", "missed", "stopped", "failed", "killed"])
+def test_the_verdict_is_seen_without_scrolling(
+    browser: Browser, pages: dict[str, Path], name: str, size: tuple[int, int]
+) -> None:
+    shown(browser, pages[name], size)
+    box = browser.run("document.getElementById('verdict').getBoundingClientRect().toJSON()")
+    assert 0 <= box["top"] < box["bottom"] <= size[1]
+    assert 0 <= box["left"] < box["right"] <= size[0]
+    text = browser.run("document.getElementById('verdict').innerText")
+    said = {
+        "good": "Passed",
+        "missed": "`hold.force.x within 0..7 N for 99 %` was broken",
+        "stopped": "limit on force: 4 N, measured",
+        "failed": "without force.x > 50 N",
+        "killed": "Unfinished",
+    }
+    assert said[name].replace("`", "") in text
+
+
+@pytest.mark.parametrize("size", [DESKTOP, PHONE], ids=["desktop", "phone"])
+def test_what_was_broken_first_is_named_with_its_time_and_drawn(
+    browser: Browser, pages: dict[str, Path], size: tuple[int, int]
+) -> None:
+    shown(browser, pages["missed"], size)
+    summary = json.loads((pages["missed"].parent / "summary.json").read_text())
+    broken = [e for e in summary["expectations"] if e["broken"]]
+    assert len(broken) == 2
+    first = min(broken, key=lambda e: e["broken"]["clock"])
+    told = browser.run("document.getElementById('first-broken').innerText")
+    assert first["text"] in told
+    assert f"{first['broken']['clock']:.3f} s" in told
+    assert (
+        browser.run("document.querySelector('.expectations tbody code').innerText")
+        == (first["text"])
+    )
+    main = "document.querySelector('.main [data-chart]')"
+    assert browser.run(f"{main}.dataset.chart") == "force.x.ref"
+    assert browser.run(f"{main}.querySelectorAll('.plot .upright.broken').length") == 2
+    assert browser.run(f"{main}.querySelectorAll('.plot .band.bad').length") == 1
+
+
+def test_charts_show_stages_events_limits_bands_and_predictions(
+    browser: Browser, pages: dict[str, Path]
+) -> None:
+    shown(browser, pages["good"])
+    main = "document.querySelector('.main .plot > svg')"
+    assert browser.run(f"{main}.querySelectorAll('.ground').length") == 2
+    assert browser.run(f"{main}.querySelectorAll('.upright.event').length") == 2
+    assert browser.run(f"{main}.querySelectorAll('.band.good').length") == 1
+    assert browser.run(f"{main}.querySelectorAll('.level.predicted').length") >= 1
+    torques = "document.querySelector('[data-chart=\"joint torques\"] .plot')"
+    assert browser.run(f"{torques}.querySelectorAll('.level.limit').length") == 2
+    # Predictions are dashed.
+    style = f"getComputedStyle({main}.querySelector('.level.predicted')).strokeDasharray"
+    assert browser.run(style) != "none"
+
+
+def test_zooming_one_chart_zooms_all(browser: Browser, pages: dict[str, Path]) -> None:
+    shown(browser, pages["good"])
+    whole = browser.run(TIMES)
+    assert len(set(whole)) == 1
+    box = browser.run("document.querySelector('.main .plot').getBoundingClientRect().toJSON()")
+    y, left, right = box["y"] + 100, box["x"] + 0.4 * box["width"], box["x"] + 0.5 * box["width"]
+    browser.mouse("Moved", left, y)
+    browser.mouse("Pressed", left, y, down=True, clicks=1)
+    browser.mouse("Moved", right, y, down=True)
+    assert browser.run("getComputedStyle(document.querySelector('.choice')).display") == "block"
+    browser.mouse("Released", right, y, clicks=1)
+    near = browser.run(TIMES)
+    assert len(set(near)) == 1
+    assert near != whole
+    assert browser.run("document.querySelectorAll('.windows .on').length") == 0
+    browser.run("document.querySelector('.windows [data-start]').click()")
+    assert browser.run(TIMES) == whole
+    # A stage fills the charts.
+    browser.run("document.querySelectorAll('.windows [data-start]')[2].click()")
+    assert browser.run("document.querySelectorAll('.main .ground').length") == 1
+    assert browser.errors == []
+
+
+def test_the_cursor_reads_all_charts(browser: Browser, pages: dict[str, Path]) -> None:
+    shown(browser, pages["good"])
+    box = browser.run("document.querySelector('.main .plot').getBoundingClientRect().toJSON()")
+    browser.mouse("Moved", box["x"] + 0.8 * box["width"], box["y"] + 100)
+    assert "hold + " in browser.run("document.querySelector('.bar output').textContent")
+    read = browser.run(
+        """[...document.querySelectorAll("[data-chart]")].map(
+        (f) => [...f.querySelectorAll(".legend output")].some((o) => o.textContent))"""
+    )
+    assert all(read)
+
+
+def test_charts_are_reached_and_moved_by_keys(browser: Browser, pages: dict[str, Path]) -> None:
+    shown(browser, pages["good"])
+    whole = browser.run(TIMES)
+    for _ in range(60):
+        browser.key("Tab")
+        if browser.run("document.activeElement.classList.contains('plot')"):
+            break
+    else:
+        pytest.fail("no chart gets the focus")
+    assert browser.run("getComputedStyle(document.activeElement).outlineStyle") != "none"
+    browser.key("ArrowRight")
+    first = browser.run("document.querySelector('.bar output').textContent")
+    browser.key("ArrowRight")
+    assert browser.run("document.querySelector('.bar output').textContent") != first != ""
+    browser.key("+")
+    assert browser.run(TIMES) != whole
+    browser.key("0")
+    assert browser.run(TIMES) == whole
+    # Names for those who do not see the charts.
+    assert browser.run(
+        "[...document.querySelectorAll('.plot')].every((p) => p.getAttribute('aria-label'))"
+    )
+
+
+def test_a_legend_hides_its_line(browser: Browser, pages: dict[str, Path]) -> None:
+    shown(browser, pages["good"])
+    count = "document.querySelectorAll('.main path.trace').length"
+    before = browser.run(count)
+    browser.run("document.querySelector('.main .legend button').click()")
+    # Those of the legend itself are in the figure too.
+    assert browser.run(count) == before - 1
+    pressed = "document.querySelector('.main .legend button').getAttribute('aria-pressed')"
+    assert browser.run(pressed) == "false"
+
+
+@pytest.mark.parametrize("name", ["good", "missed", "diff"])
+def test_dark_pages_are_dark_and_can_be_read(
+    browser: Browser, pages: dict[str, Path], name: str
+) -> None:
+    seen = {}
+    for dark in (False, True):
+        shown(browser, pages[name], dark=dark)
+        assert browser.errors == []
+        seen[dark] = {
+            key: browser.run(f"getComputedStyle({of}).{what}")
+            for key, of, what in (
+                ("paper", "document.body", "backgroundColor"),
+                ("ink", "document.body", "color"),
+                ("line", "document.querySelector('path.trace.line')", "stroke"),
+                ("soft", "document.querySelector('.plot text')", "fill"),
+            )
+        }
+        for words in ("ink", "soft"):
+            # What WCAG asks of text of this size.
+            assert contrast(seen[dark][words], seen[dark]["paper"]) >= 4.5
+        # What WCAG asks of graphics.
+        assert contrast(seen[dark]["line"], seen[dark]["paper"]) >= 3
+    assert luminance(seen[True]["paper"]) < 0.05 < 0.8 < luminance(seen[False]["paper"])
+
+
+def test_paper_shows_the_charts_and_no_controls(browser: Browser, pages: dict[str, Path]) -> None:
+    shown(browser, pages["missed"], kind="print")
+    seen = "document.querySelector('{}').getClientRects().length"
+    for control in (".bar", ".zoom", ".legend output"):
+        assert browser.run(seen.format(control)) == 0
+    assert browser.run("document.querySelector('.main .plot path.trace').getTotalLength()") > 100
+    browser.media()
+    pdf = browser.pdf()
+    assert pdf.startswith(b"%PDF")
+    assert browser.errors == []
+
+
+def test_a_minute_of_control_is_a_small_file_that_is_drawn(
+    browser: Browser, tmp_path: Path
+) -> None:
+    task = Path(__file__).parents[2] / "tasks" / "wipe-table.yaml"
+    program = compile_task(load_task(task, overrides={"stages.wipe.time": "58 s"}))
+    folder = execute_program(program, tmp_path / "run", report=False).folder
+    page = write_report(folder, program)
+    size = page.stat().st_size
+    assert json.loads((folder / "summary.json").read_text())["ticks"] > 60_000
+    assert size < 5_000_000
+    shown(browser, page)
+    assert browser.errors == []
+    points = browser.run("Math.min(...[...document.querySelectorAll('.main .plot path.trace.line')]"
+                         ".map((p) => p.getAttribute('d').length))")  # fmt: skip
+    assert points > 1000
+
+
+def luminance(colour: str) -> float:
+    """Relative luminance of `rgb(r, g, b)`, as WCAG has it."""
+    parts = [float(p) / 255 for p in colour[colour.index("(") + 1 : -1].split(",")[:3]]
+    linear = [p / 12.92 if p <= 0.04045 else ((p + 0.055) / 1.055) ** 2.4 for p in parts]
+    return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
+
+
+def contrast(one: str, other: str) -> float:
+    low, high = sorted((luminance(one), luminance(other)))
+    return (high + 0.05) / (low + 0.05)
