@@ -24,8 +24,11 @@ from taskspec_runner.report.values import Json, number
 from taskspec_runner.report.verdict import first_broken, so_far, verdict
 from taskspec_runner.video.still import still_for_report
 
-#: A look at what went wrong shows so much before and after it [s].
-_AROUND = 0.25
+#: A look shows less than this share of a run, or there is none.
+_PART = 0.8
+#: A look at what went wrong shows its stage so far, at least and at most so long before and after
+#: it [s].
+_AROUND = (0.25, 1.0)
 
 
 def write_report(folder: Path, program: Program | None = None) -> Path:
@@ -108,9 +111,12 @@ def _around(run: Run) -> tuple[float, float] | None:
         at: float | None = run.end
     else:
         at = first.broken.clock if first is not None and first.broken else None
-    if at is None or run.end - run.start < 4 * _AROUND:
+    if at is None:
         return None
-    return max(at - _AROUND, run.start), min(at + _AROUND, run.end)
+    begun = max((v.start for v in run.visits if v.start < at), default=run.start)
+    span = min(max(1.1 * (at - begun), _AROUND[0]), _AROUND[1])
+    window = max(at - span, run.start), min(at + span, run.end)
+    return window if window[1] - window[0] < _PART * (run.end - run.start) else None
 
 
 def _urgency(each: Expectation) -> tuple[bool, float]:

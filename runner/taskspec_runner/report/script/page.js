@@ -105,8 +105,9 @@ function fit() { show(...view); crowd(); }
 
 let wait = 0;
 addEventListener("resize", () => { clearTimeout(wait); wait = setTimeout(fit, 80); });
-addEventListener("beforeprint", fit);
-addEventListener("afterprint", fit);
+const closed = [...document.querySelectorAll("details:not([open])")];
+addEventListener("beforeprint", () => { for (const d of closed) d.open = true; fit(); });
+addEventListener("afterprint", () => { for (const d of closed) d.open = false; fit(); });
 matchMedia("print").addEventListener("change", fit);
 
 for (const p of plots) { legend(p); listen(p); }

@@ -38,6 +38,7 @@ class Plot {
     const inView = (b) => b.end > view[0] && b.start < view[1];
     const bounds = [...this.bands.filter(inView).flatMap((b) => [b.low, b.high]), ...this.levels.filter(inView).map((b) => b.value)];
     for (const v of bounds.filter((v) => v !== null).map((v) => this.upright(v))) if (v >= from && v <= to) take(v);
+    for (const b of this.bands.filter((b) => b.passed === false && inView(b))) [b.low, b.high].forEach((v) => v !== null && take(this.upright(v)));
     this.always.forEach(take);
     const middle = (low + high) / 2, least = 1e-3 * Math.max(1, Math.abs(middle));
     if (high - low < least) [low, high] = [middle - least / 2, middle + least / 2];
