@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
 import typer
@@ -35,7 +36,7 @@ def show_outcome(result: RunResult, *, quiet: bool) -> None:
     if result.summary["metrics"] and not quiet:
         show(*[""] * bool(expectations), _metrics(result.summary), "")
     if not quiet:
-        for line in told(result.summary):
+        for line in (*told(result.summary), *_lost(result.summary)):
             show(Text(line, style="yellow"))
     if not quiet or result.exit_code:
         show(Text(ending(result), style=_STYLES.get(result.exit_code, "")))
@@ -55,8 +56,11 @@ def ending(result: RunResult) -> str:
     if total:
         passed = sum(e["passed"] for e in summary["expectations"])
         told = f"{passed} of {total} expectations met"
+        broken = [e["broken"]["clock"] for e in summary["expectations"] if e["broken"]]
         if summary["status"] != "done":
             told = f"so far: {told} until it {summary['status']}"
+        elif broken:
+            told += f", the first broken at {min(broken):.3f} s"
         text += f"; {told}"
     return f"{text}; {result.real_time_factor:.3g} x real time"
 
@@ -75,17 +79,47 @@ def _expectations(expectations: list[Mapping[str, Any]], *, whole: bool) -> Tabl
 def _metrics(summary: Mapping[str, Any]) -> Table:
     from rich.text import Text
 
-    numbers = ("force RMS error", "peak force", "motion RMS error")
-    made = table("stage", *numbers, indent=0, right=numbers)
+    numbers = ["force RMS error", "peak force", "motion RMS error"]
+    # No stage has a response where no force comes to rest.
+    if summary["responses"]:
+        numbers += ["overshoot", "settled after"]
+    made = table("stage", *numbers, indent=0, right=tuple(numbers))
     for stage, signals in summary["metrics"].items():
-        cells = (
+        cells = [
             stage,
             _worst(signals, "force.", force),
             _told(summary["peaks"][stage]["force"], force),
             _worst(signals, "position.", small_length),
-        )
+        ]
+        if summary["responses"]:
+            cells += _response(summary["responses"].get(stage, {}))
         made.add_row(*map(Text, cells))
     return made
+
+
+def _response(signals: Mapping[str, Mapping[str, Any]]) -> list[str]:
+    """Overshoot and settling time of the force that settled last, and on which axis."""
+    forces = {name: found for name, found in signals.items() if not name.startswith("torque.")}
+    if not forces:
+        return ["-", "-"]
+
+    def time(name: str) -> float:
+        settled = forces[name]["settling_time"]
+        return math.inf if settled is None else float(settled)
+
+    last = max(forces, key=time)
+    overshoot = forces[last]["overshoot"]
+    where = f" ({last.removeprefix('force.').removesuffix('.force')})"
+    settled = "never" if time(last) == math.inf else f"{time(last):.3f} s"
+    return ["-" if overshoot is None else force(overshoot), settled + where]
+
+
+def _lost(summary: Mapping[str, Any]) -> Iterator[str]:
+    """How often stages lost a contact that they were to hold, a line each; nothing if never."""
+    for stage, contact in summary["contact"].items():
+        if contact["losses"]:
+            times = "once" if contact["losses"] == 1 else f"{contact['losses']} times"
+            yield f"{stage}: contact was lost {times}, for {1e3 * contact['time']:.0f} ms in all"
 
 
 def _worst(

@@ -46,6 +46,8 @@ def impact_levels(run: Run, signals: Iterable[str], factor: float) -> Iterator[L
             inside = values[rows_of(run, visit)]
             if len(inside) and np.isfinite(inside).any():
                 side = np.sign(inside[np.nanargmax(np.abs(inside))])
+                if side == 0:
+                    continue
                 text = "predicted peak of the impact"
                 yield Level(visit.start, visit.end, factor * side * peak, ROLE, text)
 
