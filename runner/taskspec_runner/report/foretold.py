@@ -18,6 +18,8 @@ ROLE = "predicted"
 #: A decay is drawn for so many time constants, and only of an error that is this share of the
 #: chart's range.
 _LASTS, _SEEN = 5.0, 0.01
+#: The step that a force makes to where it rests is at least this share of an error of its own.
+_OWN = 0.5
 
 
 def stage_told(run: Run, stage: str) -> Json:
@@ -67,7 +69,8 @@ def decay(run: Run, name: str, factor: float) -> Trace | None:
     """How the largest error of a force was predicted to die away, once its set point stays.
 
     From the tick with the largest error on, it falls by e in every predicted time constant of the
-    slowest mode of its axis; of a mode that swings this is the hull.
+    slowest mode of its axis; of a mode that swings this is the hull. Errors that do not come from
+    a step of the force itself are those of other axes, with modes of their own.
     """
     values = run.column(name)
     if values is None:
@@ -85,6 +88,9 @@ def decay(run: Run, name: str, factor: float) -> Trace | None:
         if not len(rows) or not np.isfinite(error).all():
             continue
         top = int(np.argmax(np.abs(error)))
+        step = values[rows_of(run, visit)][0] - target[0]
+        if abs(step) < _OWN * abs(error[top]):
+            continue
         shown = rows[top : top + round(_LASTS * constant / run.period)]
         if abs(error[top]) < _SEEN * np.ptp(values[np.isfinite(values)]):
             continue
@@ -101,14 +107,13 @@ def _target(run: Run, visit: Visit, name: str, told: Json) -> tuple[float, int] 
     """Where a force comes to rest in a visit, and the tick of it from which its reference stays."""
     rows = rows_of(run, visit)
     wanted = _wanted(run, f"{name}.ref", rows)
-    if wanted is not None:
-        return float(wanted[-1]), stays(wanted)
-    motion = _wanted(run, f"position.{axis_of(name)}.ref", rows)
+    if wanted is None:
+        wanted = _wanted(run, f"position.{axis_of(name)}.ref", rows)
     at = mapping(mapping(told.get("equilibrium")).get(name))
     value = number(at.get("value"))
-    if motion is None or value is None or at.get("low") != at.get("high"):
+    if wanted is None or value is None or at.get("low") != at.get("high"):
         return None
-    return value, stays(motion)
+    return value, stays(wanted)
 
 
 def _wanted(run: Run, column: str, rows: Mask) -> Vector | None:
