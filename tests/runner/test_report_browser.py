@@ -146,6 +146,15 @@ def test_what_was_broken_first_is_named_with_its_time_and_drawn(
     assert browser.run(f"{main}.querySelectorAll('.plot .band.bad').length") == 1
 
 
+def test_a_stop_shows_the_chart_of_its_limit(browser: Browser, pages: dict[str, Path]) -> None:
+    shown(browser, pages["stopped"])
+    main = "document.querySelector('.main [data-chart]')"
+    assert browser.run(f"{main}.dataset.chart") == "force"
+    assert browser.run(f"{main}.querySelectorAll('.plot .upright.stop').length") == 1
+    # A force and its opposite, in each stage.
+    assert browser.run(f"{main}.querySelectorAll('.plot .level.limit').length") >= 2
+
+
 def test_charts_show_stages_events_limits_bands_and_predictions(
     browser: Browser, pages: dict[str, Path]
 ) -> None:

@@ -20,10 +20,18 @@ from taskspec_runner.report.overview import overview_svg
 from taskspec_runner.report.quantities import figure
 from taskspec_runner.report.stages import label, tints
 from taskspec_runner.report.template import part, script, template
-from taskspec_runner.report.values import Json, number
+from taskspec_runner.report.values import Json, mapping, number
 from taskspec_runner.report.verdict import first_broken, so_far, verdict
 from taskspec_runner.video.still import still_for_report
 
+#: The chart on which a limit is drawn, by its name.
+_LIMITED = {
+    "force": "force",
+    "torque": "torque",
+    "speed": "velocity",
+    "deviation": "position error",
+    "joint_position": "joint positions",
+}
 #: A look shows less than this share of a run, or there is none.
 _PART = 0.8
 #: A look at what went wrong shows its stage so far, at least and at most so long before and after
@@ -87,7 +95,11 @@ def render(run: Run, still: tuple[str, float] | None = None) -> str:
 
 
 def _main(run: Run, charts: list[Chart]) -> Chart | None:
-    """The chart to see first: of what was broken first, else of what is expected, else any."""
+    """The chart to see first: of the limit that stopped the run, of what broke, or is expected."""
+    stopped = _LIMITED.get(_text(mapping(run.summary.get("ending")).get("reason")))
+    for chart in charts:
+        if chart.key == stopped and run.extent.status == "stopped":
+            return chart
     first = first_broken(run)
     ranked = [first] if first is not None else []
     for each in (*ranked, *(e for e in run.expectations if e.band is not None)):
