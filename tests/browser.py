@@ -146,6 +146,14 @@ class Browser:
         names = {"type": f"mouse{kind}", "x": x, "y": y, "clickCount": clicks}
         self.command("Input.dispatchMouseEvent", **names, **held)
 
+    def swipe(self, start: tuple[float, float], end: tuple[float, float]) -> None:
+        """Draws a finger over the screen, in ten steps."""
+        for i in range(11):
+            x, y = (a + (b - a) * i / 10 for a, b in zip(start, end, strict=True))
+            kind = "touchMove" if i else "touchStart"
+            self.command("Input.dispatchTouchEvent", type=kind, touchPoints=[{"x": x, "y": y}])
+        self.command("Input.dispatchTouchEvent", type="touchEnd", touchPoints=[])
+
     def key(self, name: str) -> None:
         """Presses and releases a key by its name, such as `Tab` or `ArrowRight`."""
         for kind in ("rawKeyDown", "keyUp"):

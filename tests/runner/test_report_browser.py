@@ -194,6 +194,24 @@ def test_zooming_one_chart_zooms_all(browser: Browser, pages: dict[str, Path]) -
     assert browser.errors == []
 
 
+def test_a_finger_zooms_sideways_and_scrolls_down(browser: Browser, pages: dict[str, Path]) -> None:
+    shown(browser, pages["good"], PHONE)
+    plot = "document.querySelector('.main .plot')"
+    browser.run(f"{plot}.scrollIntoView({{block: 'center', behavior: 'instant'}})")
+    before, scrolled = browser.run(TIMES), browser.run("scrollY")
+    box = browser.run(f"{plot}.getBoundingClientRect().toJSON()")
+    y = box["y"] + 100
+    browser.swipe((box["x"] + 120, y), (box["x"] + 240, y))
+    zoomed = browser.run(TIMES)
+    assert zoomed != before
+    assert len(set(zoomed)) == 1
+    assert browser.run("scrollY") == scrolled
+    browser.swipe((box["x"] + 120, y), (box["x"] + 120, y - 200))
+    assert browser.run(TIMES) == zoomed
+    # What begins as scrolling chooses no window.
+    assert browser.run(f"getComputedStyle({plot}.querySelector('.choice')).display") == "none"
+
+
 def test_the_cursor_reads_all_charts(browser: Browser, pages: dict[str, Path]) -> None:
     shown(browser, pages["good"])
     box = browser.run("document.querySelector('.main .plot').getBoundingClientRect().toJSON()")
