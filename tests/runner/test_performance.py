@@ -1,0 +1,90 @@
+"""What the summary of a real run has beside its verdict."""
+
+from __future__ import annotations
+
+import json
+import logging
+from pathlib import Path
+from typing import Any
+
+import pytest
+from short_tasks import TAP
+
+from taskspec.compiler import compile_task
+from taskspec.spec import load_text
+from taskspec_runner import predicted as foretelling
+from taskspec_runner.session import execute_program
+
+
+def summary(folder: Path, text: str = TAP, **overrides: str) -> dict[str, Any]:
+    program = compile_task(load_text(text, "tap.yaml", overrides=overrides))
+    result = execute_program(program, folder, report=False)
+    found: dict[str, Any] = json.loads((result.folder / "summary.json").read_text())
+    return found
+
+
+@pytest.fixture(scope="module")
+def tap_summary(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+    return summary(tmp_path_factory.mktemp("performance") / "run")
+
+
+def test_the_response_of_a_press(tap_summary: dict[str, Any]) -> None:
+    found = tap_summary["responses"]["hold"]["force.x"]
+    assert found["set_point"] == 5.0
+    assert found["target"] == "set point"
+    assert found["settling_time"] < 0.3
+    # What the task expects of the last value.
+    assert found["rest"] == pytest.approx(5.0, abs=0.5)
+    # `hold.force.x within 0..7 N` is what settled means here.
+    assert (found["below"], found["above"]) == (5.0, 2.0)
+    assert found["settled_within"] == "expectation"
+    # What moves freely has no response.
+    assert "approach" not in tap_summary["responses"]
+    assert tap_summary["contact"] == {"hold": {"losses": 0, "time": 0.0}}
+
+
+def test_what_was_predicted_is_kept(tap_summary: dict[str, Any]) -> None:
+    told = tap_summary["predicted"]
+    assert list(told) == ["approach", "hold"]
+    assert told["hold"]["equilibrium"]["force.x"]["value"] == 5.0
+    assert told["hold"]["settling"]["x"]["time_constant"] > 0
+    assert told["hold"]["duration"] == pytest.approx(0.3)
+
+
+def test_expectations_know_their_lines(tap_summary: dict[str, Any]) -> None:
+    lines = TAP.splitlines()
+    for each in tap_summary["expectations"]:
+        assert lines[each["line"] - 1] == f"  - {each['text']}"
+
+
+def test_a_program_of_limits_is_accounted_for(tmp_path: Path) -> None:
+    found = summary(tmp_path / "run", **{"law": "{kind: hybrid, solve: qp}"})["solver"]
+    assert list(found) == ["approach", "hold"]
+    for stage in found.values():
+        assert stage["ticks"] > 0
+        assert 0 <= stage["held"] <= stage["solved"] <= stage["ticks"]
+
+
+def test_findings_are_kept_without_the_place_of_the_file(tmp_path: Path) -> None:
+    # Without a force loop, what is pressed depends on the surface.
+    text = f"{TAP}law: impedance-natural\nvary: {{world.wall.stiffness: 5..20 kN/m}}\n"
+    found = summary(tmp_path / "run", text)["diagnostics"]
+    (open_loop,) = [d for d in found if d["code"] == "TS304"]
+    assert open_loop["severity"] == "warning"
+    assert "force: press" in text.splitlines()[open_loop["line"] - 1]
+    assert open_loop["source"] == ""
+    assert str(tmp_path) not in json.dumps(found)
+
+
+def test_a_run_that_cannot_be_predicted_is_a_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    def fails(_: object) -> None:
+        raise ZeroDivisionError
+
+    monkeypatch.setattr(foretelling, "predict", fails)
+    with caplog.at_level(logging.WARNING):
+        found = summary(tmp_path / "run")
+    assert found["status"] == "done"
+    assert found["predicted"] == {}
+    assert "cannot be predicted" in caplog.text
