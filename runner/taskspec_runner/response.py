@@ -15,6 +15,8 @@ Vector = NDArray[np.float64]
 
 #: A signal has settled within this share of its set point, or of the step to it if that is larger.
 SETTLED = 0.02
+#: Bounds that are farther from a set point than this share of it are not there to settle within.
+TIGHT = 0.1
 #: A set point has to stay for so much of a visit, at its end [share].
 _STAYS = 0.1
 #: Steps to set points that are nearly nothing tell nothing [N, N m].
@@ -68,7 +70,7 @@ def response(
     Args:
         values: (n,) truth [SI]. reference: (n,) of it [SI]. period: between two ticks [s].
         allowed: lowest and highest value of an expectation [SI]; it takes the place of 2 % where
-            the set point is between them.
+            the set point is between them and both are near to it.
         moves: (n,) reference of the motion that brings the signal about; the time constant counts
             from where it stays too.
     """
@@ -86,8 +88,10 @@ def response(
         return None
     low, high = allowed
     tolerance = (SETTLED * size, SETTLED * size)
-    if low is not None and high is not None and low < target < high:
-        tolerance = (target - low, high - target)
+    if low is not None and high is not None:
+        sides = (target - low, high - target)
+        if all(0 < side <= TIGHT * size for side in sides):
+            tolerance = sides
     error = values - target
     outside = np.flatnonzero(~((error >= -tolerance[0]) & (error <= tolerance[1])))
     settled = int(outside[-1]) + 1 if len(outside) else 0

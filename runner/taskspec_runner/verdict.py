@@ -147,20 +147,27 @@ class _Examiner:
         return any(True for _ in self._lookup.names(node))
 
     def band(self, node: tree.Node) -> tuple[float | None, float | None] | None:
-        """The bounds of one plain signal, with or without `for`; None on an open side."""
+        """The bounds of one plain signal, with or without `for`; None on an open side.
+
+        A largest value below a bound, or a smallest one above it, is a bound on every tick.
+        """
         inner = node.x if isinstance(node, tree.Held) else node
         sides = self._sides(inner)
         if not sides or any(self._is_measured(part) for part, _ in sides[1:]):
             return None
         signal, bounds = sides[0][0], [series.number for _, series in sides[1:]]
+        reducer = signal.reducer if isinstance(signal, tree.Reduce) else ""
+        signal = signal.arg if isinstance(signal, tree.Reduce) else signal
         size = isinstance(signal, tree.Call) and signal.function == "abs"
         name = signal.args[0] if isinstance(signal, tree.Call) and size else signal
         if not isinstance(name, tree.Name) or name.frame is not None:
             return None
         if isinstance(inner, tree.Within):
-            return None if size else (bounds[0], bounds[1])
+            return None if size or reducer else (bounds[0], bounds[1])
         assert isinstance(inner, tree.Compare)
-        below = inner.op.startswith("<") == (signal is inner.left)
+        below = inner.op.startswith("<") == (sides[0][0] is inner.left)
+        if reducer not in ("", "max" if below else "min"):
+            return None
         if size:
             return (-bounds[0], bounds[0]) if below else None
         return (None, bounds[0]) if below else (bounds[0], None)

@@ -32,12 +32,13 @@ def test_the_response_of_a_press(tap_summary: dict[str, Any]) -> None:
     found = tap_summary["responses"]["hold"]["force.x"]
     assert found["set_point"] == 5.0
     assert found["target"] == "set point"
-    assert found["settling_time"] < 0.3
-    # What the task expects of the last value.
+    # What the task expects of the last value; 0.3 s do not bring it to 2 %.
     assert found["rest"] == pytest.approx(5.0, abs=0.5)
-    # `hold.force.x within 0..7 N` is what settled means here.
-    assert (found["below"], found["above"]) == (5.0, 2.0)
-    assert found["settled_within"] == "expectation"
+    assert abs(found["rest"] - 5.0) > 0.1
+    assert found["settling_time"] is None
+    # `hold.force.x within 0..7 N` bounds it, from far away.
+    assert found["settled_within"] == "2 %"
+    assert found["below"] == found["above"] == pytest.approx(0.02 * 5.0)
     # What moves freely has no response.
     assert "approach" not in tap_summary["responses"]
     assert tap_summary["contact"] == {"hold": {"losses": 0, "time": 0.0}}

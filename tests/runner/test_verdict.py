@@ -195,7 +195,16 @@ def test_names_what_it_is_about() -> None:
         ("-20 N <= force.z for 50 %", (-20.0, None)),
         ("abs(wipe.error.x) < 3 mm", (-3e-3, 3e-3)),
         ("force.z < force.x", None),
-        ("max(force.z) < 3 N", None),
+        # Every tick is below where the largest value is.
+        ("max(force.z) < 3 N", (None, 3.0)),
+        ("-20 N < min(wipe.force.z)", (-20.0, None)),
+        ("max(abs(wipe.error.x)) < 3 mm", (-3e-3, 3e-3)),
+        ("max(force.z) > 3 N", None),
+        ("min(force.z) < 3 N", None),
+        ("min(abs(force.z)) > 3 N", None),
+        ("max(force.z) within 1 N..3 N", None),
+        ("last(force.z) < 3 N", None),
+        ("rms(force.z) < 3 N", None),
     ],
 )
 def test_band_of_a_bounded_signal(expectation: str, band: object) -> None:
