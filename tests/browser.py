@@ -27,7 +27,6 @@ _FLAGS = (
     "--disable-component-update",
     "--no-first-run",
     "--hide-scrollbars",
-    "--allow-file-access-from-files",
     "--remote-debugging-pipe",
 )
 #: The browser reads commands from descriptor 3 and writes answers to 4.

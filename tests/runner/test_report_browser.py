@@ -10,10 +10,12 @@ from typing import Any
 
 import pytest
 from short_tasks import TAP
+from typer.testing import CliRunner
 
 from browser import Browser, browser_path
 from taskspec.compiler import compile_task
 from taskspec.spec import load_task, load_text
+from taskspec_runner.cli import app
 from taskspec_runner.diff import diff_runs, write_difference
 from taskspec_runner.report import write_report
 from taskspec_runner.session import execute_program
@@ -42,7 +44,7 @@ def browser() -> Iterator[Browser]:
 
 @pytest.fixture(scope="module")
 def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
-    """Reports of runs that ended in every way, by how, and what differs between two of them."""
+    """Reports of runs that ended in every way, by how, and pages of two runs and of two laws."""
     folder = tmp_path_factory.mktemp("pages")
     found = {}
     for name, sets in SPOILED.items():
@@ -68,6 +70,11 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     found["empty"] = write_report(empty)
     difference = diff_runs(folder / "good", folder / "missed")
     found["diff"] = write_difference(difference, folder / "diff.html")
+    (folder / "tap.yaml").write_text(TAP)
+    laws = ["--law", "hybrid", "--law", "pd", "--out", str(folder / "compare"), "--quiet"]
+    told = CliRunner().invoke(app, ["compare", str(folder / "tap.yaml"), *laws])
+    assert told.exit_code == 0, told.output
+    found["compare"] = folder / "compare" / "compare.html"
     return found
 
 
@@ -84,7 +91,9 @@ TIMES = """[...document.querySelectorAll("[data-chart] .plot > svg")].map(
 
 
 @pytest.mark.parametrize("size", [DESKTOP, PHONE], ids=["desktop", "phone"])
-@pytest.mark.parametrize("name", ["good", "missed", "stopped", "failed", "killed", "empty", "diff"])
+@pytest.mark.parametrize(
+    "name", ["good", "missed", "stopped", "failed", "killed", "empty", "diff", "compare"]
+)
 def test_pages_are_drawn_without_an_error_and_fit(
     browser: Browser, pages: dict[str, Path], name: str, size: tuple[int, int]
 ) -> None:
@@ -259,7 +268,7 @@ def test_a_legend_hides_its_line(browser: Browser, pages: dict[str, Path]) -> No
     assert browser.run(pressed) == "false"
 
 
-@pytest.mark.parametrize("name", ["good", "missed", "diff"])
+@pytest.mark.parametrize("name", ["good", "missed", "diff", "compare"])
 def test_dark_pages_are_dark_and_can_be_read(
     browser: Browser, pages: dict[str, Path], name: str
 ) -> None:
