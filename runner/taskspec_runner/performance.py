@@ -7,6 +7,7 @@ from dataclasses import asdict
 from typing import Any
 
 from taskspec.compiler import Program
+from taskspec.program.machine import Machine
 from taskspec.program.resolver import Account
 from taskspec.program.stage import CompiledStage
 from taskspec_runner.given_up import given_up
@@ -17,17 +18,22 @@ from taskspec_runner.response import contact_losses, responses
 from taskspec_runner.verdict import Judged
 
 
+def accounts(machine: Machine) -> dict[str, Account]:
+    """What the solver did, for each stage that keeps its limits by a program."""
+    return {r.stage.name: r.resolver.account for r in machine.runners if r.resolver is not None}
+
+
 def performance(
     program: Program,
     history: History,
     judged: Sequence[Judged],
-    accounts: Mapping[str, Account],
+    solver: Mapping[str, Account],
 ) -> dict[str, Any]:
     """Tracking, responses, contact, limits and solver of each visited stage.
 
     Args:
         program: that ran. history: what it recorded. judged: its expectations.
-        accounts: what the solver did, by stage.
+        solver: what it did, by stage.
 
     Returns:
         `metrics`, `responses`, `contact`, `given_up`, `solver`, `predicted` and `peaks`, each by
@@ -44,7 +50,7 @@ def performance(
         "given_up": given_up(history, program.stages),
         "solver": {
             name: {"ticks": int(history.window(name).sum()), **asdict(account)}
-            for name, account in accounts.items()
+            for name, account in solver.items()
             if history.window(name).any()
         },
         "predicted": told,

@@ -24,6 +24,7 @@ from taskspec_runner.folder import RunFolder, open_folder
 from taskspec_runner.history import History, read_history
 from taskspec_runner.interrupt import BY_SIGNAL, Interrupt, Termination, signal_of
 from taskspec_runner.loop import STOPPED, Outcome, Rows, run
+from taskspec_runner.performance import accounts
 from taskspec_runner.replay import Replay
 from taskspec_runner.summary import Simulated, reason_of, summarise
 from taskspec_runner.telemetry import Tap, Telemetry
@@ -204,7 +205,7 @@ def _simulate(program: Program, folder: RunFolder, manner: _Manner) -> Simulated
             by_signal = signal_of(error)
             text, reason = str(error) or "interrupted by the user", reason_of(by_signal)
             outcome = Outcome(STOPPED, reason, text, machine.stage.name, 0.0, 0)
-    return Simulated(outcome, machine.transitions, machine.accounts, by_signal)
+    return Simulated(outcome, machine.transitions, accounts(machine), by_signal)
 
 
 def _watch(interrupt: Interrupt, progress: Progress | None) -> Callable[[Machine, float], None]:

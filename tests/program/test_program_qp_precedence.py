@@ -322,7 +322,7 @@ def test_a_run_that_has_no_answer_is_stopped_and_says_so(monkeypatch, tmp_path):
     """Through the loop: status stopped, reason solver, every tick of it in the log."""
     program = compile_task(load_text(PRESS, "press.yaml"))
     parts = assemble(program)
-    resolver = parts.machine._runners[0].resolver
+    resolver = parts.machine.runners[0].resolver
     monkeypatch.setattr(resolver, "_solver", Broken(resolver._solver, Status.INFEASIBLE))
     recorder = parts.recorder(tmp_path / "log.arrow")
     with closing(recorder):

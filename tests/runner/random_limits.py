@@ -282,7 +282,7 @@ class Keeper:
 def run_program(program: Program) -> Traces:
     """Runs a task and keeps every number of its bus."""
     parts = assemble(program)
-    runners = parts.machine._runners
+    runners = parts.machine.runners
     accounts = [r.resolver.account for r in runners if r.resolver is not None]
     keeper = Keeper(parts.bus.array, accounts)
     outcome = loop.run(parts.machine, parts.plant, parts.bus, keeper, program.context.period)

@@ -23,6 +23,7 @@ from taskspec.program.reference.modes import not_finite
 from taskspec.program.stages.stage import CompiledStage
 from taskspec.program.world.felt import Estimates
 from taskspec.program.resolver import Account, Asked, Resolver
+from taskspec.program.resolver import Asked, Resolver
 from taskspec.program.sensor_zero import SensorZero
 from taskspec.program.stage import CompiledStage
 from taskspec.program.stage_runner import StageRunner
@@ -50,7 +51,7 @@ class Machine:
         reactions: (equations,) measured, what the robot applies along each equation's unit
             gradient [N, N m]; those on the tip are told from the wrench instead.
         sensor: makes the wrench from readings; None where the wrench is written itself.
-        period: of control [s].
+        period: of control [s]. runners: of the stages, in their order.
         torque: (n,) the command [N m]. outputs: the numbers of `ports.fields`.
         index: number of the current stage. t: [s] since it began.
         ended: `end` or `fail` once the task is over, else empty. transitions: so far.
@@ -71,14 +72,14 @@ class Machine:
         self.q, self.v, self.wrench, self.reactions, self.torque, self.outputs = views
         self._now = np.zeros(2 + len(stages))
         self._inputs = (self._now, self.q, self.v, *self._terms.arrays, self.wrench, self.reactions)
-        self._runners = tuple(
+        self.runners = tuple(
             StageRunner(s, self._inputs, self.torque, self.outputs) for s in stages
         )
         self._names = [s.name for s in stages]
         self.index, self.t = 0, 0.0
         self._ticks = 0
         self._applied, self._fading = np.zeros(len(self.torque)), Fading(len(self.torque))
-        self._runner = self._runners[0]
+        self._runner = self.runners[0]
         self.ended = ""
         self.transitions: list[Transition] = []
 
@@ -91,15 +92,6 @@ class Machine:
     def resolver(self) -> Resolver | None:
         """What keeps the limits of the current stage; None without a program."""
         return self._runner.resolver
-
-    @property
-    def accounts(self) -> Mapping[str, Account]:
-        """What the solver did, for each stage that keeps its limits by a program."""
-        return {
-            runner.stage.name: runner.resolver.account
-            for runner in self._runners
-            if runner.resolver is not None
-        }
 
     @property
     def visits(self) -> Mapping[str, int]:
@@ -118,7 +110,7 @@ class Machine:
         None for a stage that solves no program, asks for no force, or begins in a frame that is
         yet to be felt.
         """
-        runner = self._runners[index]
+        runner = self.runners[index]
         if runner.resolver is None or self._learning.missing(runner.stage):
             return None
         self.update_terms()
@@ -202,7 +194,7 @@ class Machine:
             self._end(clock, event, value, to)
             return
         index = self._names.index(to)
-        attempts = self._runners[index].stage.spec.attempts
+        attempts = self.runners[index].stage.spec.attempts
         if attempts is not None and self._now[2 + index] >= attempts:
             text = f"{event.text}; stage {to!r} has had its {attempts} attempts"
             self._end(clock, events.Event(event.kind, "attempts", text), value, FAIL)
@@ -210,7 +202,7 @@ class Machine:
         carried = leave(stage, self.named_outputs(), clock)
         if self._learning.on:
             self._learning.end(stage, self._terms.tip(), self.wrench)
-        unknown = self._learning.missing(self._runners[index].stage)
+        unknown = self._learning.missing(self.runners[index].stage)
         if unknown:
             text = f"stage {to!r} cannot begin: {unknown}"
             self._end(clock, events.Event(events.LIMIT, "frame_not_felt", text), 0.0, "")
@@ -242,7 +234,7 @@ class Machine:
         )
 
     def _enter(self, index: int, carried: Carried, clock: float) -> None:
-        self.index, self._runner = index, self._runners[index]
+        self.index, self._runner = index, self.runners[index]
         self._ticks, self.t = 0, 0.0
         self.outputs[_CONDITIONING] = 1.0
         self._now[0], self._now[1] = 0.0, clock
