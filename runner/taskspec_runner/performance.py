@@ -7,9 +7,9 @@ from dataclasses import asdict
 from typing import Any
 
 from taskspec.compiler import Program
-from taskspec.program.machine import Machine
-from taskspec.program.resolver import Account
-from taskspec.program.stage import CompiledStage
+from taskspec.program.execution.machine import Machine
+from taskspec.program.execution.resolver import Account
+from taskspec.program.stages.stage import CompiledStage
 from taskspec_runner.given_up import given_up
 from taskspec_runner.history import History
 from taskspec_runner.metrics import metrics, peaks, set_points

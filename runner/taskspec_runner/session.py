@@ -5,16 +5,14 @@ from __future__ import annotations
 import contextlib
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from taskspec.compiler import Program, compile_task
 from taskspec.control.state import AXES
 from taskspec.program.execution.machine import Machine
-from taskspec.program.execution.transition import Transition
 from taskspec.robot.description import listening
-from taskspec.program.machine import Machine
 from taskspec.spec import LoadedTask
 from taskspec_runner import folder as folders
 from taskspec_runner import manifest
@@ -165,8 +163,7 @@ def _run(program: Program, folder: RunFolder, manner: _Manner) -> RunResult:
     wall = time.perf_counter() - began
     history = read_history(folder.log)
     if simulated.by_signal:
-        logged = _as_logged(simulated.outcome, history, program.context.period)
-        simulated = replace(simulated, outcome=logged)
+        simulated = simulated.as_logged(history, program.context.period)
     outcome, judged = simulated.outcome, _judge(program, history)
     summary = summarise(program, simulated, history, judged, manner.seed)
     factor = outcome.clock / wall
@@ -228,13 +225,6 @@ def _glimpse(machine: Machine, clock: float, wall: float) -> Glimpse:
         number = AXES.index(axis)
         force, reference = (float(outputs[k][number]) for k in ("measured", "force_ref"))
     return Glimpse(clock, machine.stage.name, axis, force, reference, clock / wall)
-
-
-def _as_logged(outcome: Outcome, history: History, period: float) -> Outcome:
-    """How far an interrupted run came, as its log has it."""
-    ticks = len(history)
-    stage = str(history.stages[-1]) if ticks else outcome.stage
-    return Outcome(outcome.status, outcome.reason, outcome.text, stage, ticks * period, ticks)
 
 
 def _judge(program: Program, history: History) -> tuple[Judged, ...]:

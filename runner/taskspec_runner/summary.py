@@ -5,18 +5,16 @@ from __future__ import annotations
 import re
 import signal
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from taskspec.compiler import Program
 from taskspec.program import events
+from taskspec.program.execution.resolver import Account
 from taskspec.program.execution.transition import FAIL, Transition
 from taskspec.program.stages.stage import CompiledStage
-from taskspec.program.resolver import Account
-from taskspec.program.stage import CompiledStage
-from taskspec.program.transition import FAIL, Transition
 from taskspec.robot import RobotModel
 from taskspec.text.show import show
 from taskspec_runner.diagnosed import diagnosed
@@ -61,6 +59,13 @@ class Simulated:
     transitions: Sequence[Transition]
     accounts: Mapping[str, Account]
     by_signal: int = 0
+
+    def as_logged(self, history: History, period: float) -> Simulated:
+        """The same of a run that was broken off, which came as far as its log has it."""
+        ticks, was = len(history), self.outcome
+        stage = str(history.stages[-1]) if ticks else was.stage
+        logged = Outcome(was.status, was.reason, was.text, stage, ticks * period, ticks)
+        return replace(self, outcome=logged)
 
 
 def summarise(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
 from collections.abc import Callable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 

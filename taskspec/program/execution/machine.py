@@ -22,12 +22,6 @@ from taskspec.program.ports import OUTPUTS, slices
 from taskspec.program.reference.modes import not_finite
 from taskspec.program.stages.stage import CompiledStage
 from taskspec.program.world.felt import Estimates
-from taskspec.program.resolver import Account, Asked, Resolver
-from taskspec.program.resolver import Asked, Resolver
-from taskspec.program.sensor_zero import SensorZero
-from taskspec.program.stage import CompiledStage
-from taskspec.program.stage_runner import StageRunner
-from taskspec.program.transition import END, FAIL, Transition, leads_to
 from taskspec.robot import RobotModel
 
 Vector = NDArray[np.float64]
