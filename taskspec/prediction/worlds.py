@@ -37,8 +37,7 @@ class World:
 def worlds(context: Context, name: str) -> Iterator[World]:
     """The corners of `vary` for contact `name`, the world of the file first.
 
-    All corners up to `MOST_AT_ONCE` components, beyond that one component at a time; those without
-    a contact, its stiffness being nothing, are left out.
+    All corners up to `MOST_AT_ONCE` components, beyond that one component at a time.
     """
     believed = World({}, _stiffness(context, context.loaded.task, name))
     yield believed
@@ -48,8 +47,7 @@ def worlds(context: Context, name: str) -> Iterator[World]:
         corners = [dict(values) for values in chosen]
     else:
         corners = [dict([value]) for part in parts for value in part]
-    found = (_world(context, name, values) for values in corners)
-    yield from (world for world in found if world.stiffness > 0)
+    yield from (_world(context, name, values) for values in corners)
 
 
 def extreme(

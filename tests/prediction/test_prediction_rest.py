@@ -202,7 +202,6 @@ def test_a_stage_in_the_air_rests_on_nothing():
          "AXES": "x: {force: 1 N}, z: {velocity: -5 mm/s, force: -20 N}"},
         {"LAW": "{kind: impedance, stiffness: 0}", "AXES": DEEP},
         {"AXES": "z: {force: -10 N * position.z / (1 mm)}"},
-        {"AXES": "z: {force: -1 N * sqrt(1 - t/(1 s))}"},
     ],
 )  # fmt: skip
 def test_what_no_spring_or_integral_decides_is_left_open(changes):
@@ -210,8 +209,3 @@ def test_what_no_spring_or_integral_decides_is_left_open(changes):
     stage = foreseen(text(**changes))
     assert "force.z" not in stage.equilibrium
     assert "table" not in stage.depths
-
-
-def test_a_world_without_the_contact_is_no_corner():
-    stage = foreseen(text() + "vary: {world.table.stiffness: +- 10 kN/m}\n")
-    assert stage.depths["table"].worst is None
