@@ -9,9 +9,10 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from taskspec.analysis.friction import friction_rows
 from taskspec.analysis.plant import LinearPlant, Rows
+from taskspec.analysis.points import normal_at, skew
 from taskspec.program.context import Context
-from taskspec.program.world import frames
 from taskspec.program.world.grip import GRIP
 from taskspec.program.world.stiffness import (
     added_mass,
@@ -24,13 +25,16 @@ from taskspec.spec import Mechanism, Task
 Matrix = NDArray[np.float64]
 
 
-def linear_plant(context: Context, task: Task, pressed: Mapping[str, float]) -> LinearPlant:
+def linear_plant(
+    context: Context, task: Task, pressed: Mapping[str, float], *, sticking: bool = False
+) -> LinearPlant:
     """The plant at the start pose.
 
     Args:
         context: of the task that is believed. task: whose world and robot are the true ones.
         pressed: what the robot applies to each contact that is there [N]: into a shape, along the
             unit gradient of an equation.
+        sticking: whether friction is below its limit, and holds the tool; else there is none.
     """
     n = context.robot.pin.nv
     held = task.mechanisms.get(context.held)
@@ -45,6 +49,8 @@ def linear_plant(context: Context, task: Task, pressed: Mapping[str, float]) -> 
             rows.append(_equation(context, task, name, force, c))
         elif name in context.surfaces:
             rows.append(_contact(context, task, name, force, c))
+            if sticking and task.shapes[name].friction > 0:
+                rows.append(friction_rows(context, task, name, c))
     if held is not None:
         H[n, n], damping[n] = _inertia(held), held.damping
         rows.append(_grip(context, task, held))
@@ -72,13 +78,13 @@ def _contact(context: Context, task: Task, name: str, force: float, c: int) -> R
     G, W, turning = np.zeros((r, c)), np.zeros((6, r)), np.zeros((6, c))
     for i, (center, radius) in enumerate(zip(centers, robot.tool.radii, strict=True)):
         lever = context.start_R @ center
-        normal, bend = _normal(context, task, name, context.start_p + lever, float(radius))
-        at = context.start_jacobian[:3] - _skew(lever) @ context.start_jacobian[3:]
-        turned = -_skew(lever) @ context.start_jacobian[3:]
+        normal, bend = normal_at(context, task, name, context.start_p + lever, float(radius))
+        at = context.start_jacobian[:3] - skew(lever) @ context.start_jacobian[3:]
+        turned = -skew(lever) @ context.start_jacobian[3:]
         G[i, :n] = normal @ at
         W[:3, i], W[3:, i] = normal, np.cross(lever, normal)
         turning[:3, :n] += force / r * bend @ at
-        moment = _skew(lever) @ bend @ at - _skew(normal) @ turned
+        moment = skew(lever) @ bend @ at - skew(normal) @ turned
         turning[3:, :n] += force / r * moment
     bending = np.zeros((c, c))
     bending[:n] = context.start_jacobian.T @ turning
@@ -93,25 +99,6 @@ def _contact(context: Context, task: Task, name: str, force: float, c: int) -> R
         turning=turning,
         bending=bending,
     )
-
-
-def _normal(
-    context: Context, task: Task, name: str, center: Matrix, radius: float
-) -> tuple[Matrix, Matrix]:
-    """Outward normal (3,) at a sphere of the tool that touches, and its change (3, 3) [1/m]."""
-    surface = frames.surface(task.shapes[name])
-    x = ca.SX.sym("x", 3)
-    gradient = surface.gradient(x)
-    function = ca.Function("normal", [x], [gradient, ca.jacobian(gradient, x), surface.distance(x)])
-    A, a = np.eye(3), np.zeros(3)
-    if name in context.carriers:
-        A, a = context.carriers[name].pose(0.0)
-    local = A.T @ (center - a)
-    normal, _, distance = (np.array(part) for part in function(local))
-    # The normal's change is that of the tool brought to the surface.
-    touching = local - (float(distance[0, 0]) - radius) * normal.ravel()
-    normal, bend, _ = (np.array(part) for part in function(touching))
-    return A @ normal.ravel(), A @ bend @ A.T
 
 
 def _equation(context: Context, task: Task, name: str, force: float, c: int) -> Rows:
@@ -188,11 +175,7 @@ def _tool(context: Context) -> Matrix:
     """(6, 6) inertia of the tool's body about the tip, world axes."""
     body = context.robot.model.body(context.robot.tip_body)
     R, mass = context.start_R, float(body.mass[0])
-    lever = _skew(R @ np.array(body.ipos))
+    lever = skew(R @ np.array(body.ipos))
     own = R @ pin.Quaternion(*(float(part) for part in body.iquat)).matrix()
     about = own @ np.diag(np.array(body.inertia)) @ own.T - mass * lever @ lever
     return np.block([[mass * np.eye(3), -mass * lever], [mass * lever, about]])
-
-
-def _skew(v: Matrix) -> Matrix:
-    return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])

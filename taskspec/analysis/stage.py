@@ -39,6 +39,7 @@ class Analysed:
         pressed: what the robot applies to each contact at the equilibrium [N, N m].
         meets: the contact is one that the stage may come to, not one that it is in.
         controller: its law. nominal: what it drives in the world of the file.
+        sticking: friction holds the tool; else it slides.
     """
 
     context: Context
@@ -48,12 +49,13 @@ class Analysed:
     meets: bool
     controller: LinearController
     nominal: LinearPlant
+    sticking: bool = False
 
     def plant(self, task: Task | None = None) -> LinearPlant:
         """What it drives; `task` is the one whose world and robot are true."""
         if task is None or task is self.context.loaded.task:
             return self.nominal
-        return linear_plant(self.context, task, self.pressed)
+        return linear_plant(self.context, task, self.pressed, sticking=self.sticking)
 
     def modes(self, task: Task | None = None) -> tuple[Mode, ...]:
         """Modes of the closed loop, the least stable first."""
@@ -65,6 +67,15 @@ class Analysed:
         """The same stage before it meets its contact."""
         plant = linear_plant(self.context, self.context.loaded.task, {})
         return replace(self, pressed={}, meets=False, nominal=plant)
+
+    def stuck(self) -> Analysed | None:
+        """The same stage while friction holds the tool; None where there is none."""
+        context, task = self.context, self.context.loaded.task
+        shapes = [task.shapes[name] for name in self.pressed if name in context.surfaces]
+        if not any(shape.friction > 0 for shape in shapes):
+            return None
+        plant = linear_plant(context, task, self.pressed, sticking=True)
+        return replace(self, nominal=plant, sticking=True)
 
     def axis(self, mode: Mode) -> str:
         """The equation or task axis that moves most in a mode, by its energy.

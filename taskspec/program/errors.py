@@ -60,6 +60,7 @@ register(
         "TS503": "a stage that is unstable in a world that `vary` allows",
         "TS504": "a stage that rings in a world that `vary` allows",
         "TS505": "a contact in which a motion would be unstable",
+        "TS506": "a stage that is unstable while friction holds the tool",
         "TS611": "a guard that can never hold",
         "TS612": "a guard whose force has the wrong sign",
         "TS613": "a guard that holds before anything is touched",

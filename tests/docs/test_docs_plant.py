@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 from documents import CONVENTIONS, table, words
 
+from taskspec.program.world import stiffness
 from taskspec.program.world.grip import GRIP
 from taskspec.robot import load_robot
 from taskspec.spec import Robot, Shape, Tool
@@ -28,8 +29,8 @@ def test_creep():
         found = contact.most_creep(load_robot(Robot(model=model, tool=tool)), 1e-3)
         assert quantity(most) == pytest.approx(found, rel=5e-3)
         assert quantity(slip) == pytest.approx(0.2 * 20 / found, rel=0.05)
-    assert f"c is {contact.IMPRATIO:.0f} times the contact's damping" in TEXT
-    assert contact.SETTLING == 0.5
+    assert f"c is {stiffness.IMPRATIO:.0f} times the contact's damping" in TEXT
+    assert stiffness.SETTLING == 0.5
     assert "no more than takes away half of a slip" in TEXT
 
 

@@ -20,8 +20,9 @@ contact that the file states, with the sampling, the sensor's filter and its del
 and closed around the same linear plant that the simulator steps: semi-implicit Euler steps, the
 torque held between them, the contact as spring, damper and the mass that the simulator adds, the
 force one tick late. The eigenvalues of the map over one period say how each motion goes on. It
-holds about the pose of the start; H, g and the tip's Jacobian stay as they are there, and friction
-is left out.
+holds about the pose of the start; H, g and the tip's Jacobian stay as they are there, and there is
+no friction. A tool that friction holds (TS506) is held against runs in
+`tests/stability/test_stability_sticking.py`: 5 % on either side of the boundary.
 
 **A case.** An arm presses with 10 N on a plane without damping, under gains that settle. Then one
 gain becomes a multiple of its critical value, the arm gets a small push (about 0.2 N), and the

@@ -8,15 +8,19 @@ form (-k (1 - d) A, -b (1 - d) A) makes a press deform f/k; a small d keeps the 
 
 from __future__ import annotations
 
+import math
+
 import mujoco
 
-from taskspec.program.world.stiffness import IMPEDANCE, Compliance, virtual_mass_scale
+from taskspec.program.world.stiffness import (
+    IMPEDANCE,
+    Compliance,
+    creep,
+    settling_rate,
+    virtual_mass_scale,
+)
 from taskspec.robot import RobotModel
 
-#: Share of a sticking contact's slip that friction may take away in one step of the plant.
-SETTLING = 0.5
-#: How much stiffer friction is against a slip than the contact is damped along its normal.
-IMPRATIO = 100.0
 _NO_SPRING = 1e-9
 #: A friction of exactly zero would leave MuJoCo's elliptic cone without a size.
 _LEAST_FRICTION = 1e-5
@@ -42,10 +46,8 @@ def contact_parameters(
     scale = (1 - IMPEDANCE) * mobility
     k, b = declared.stiffness / points, declared.damping / points
     pair.solref = [-k * scale, -b * scale]
-    # The friction rows would take the contact's damping for their own rate of settling. Past one
-    # over the step they overshoot, and the friction force flips between the cone's limits.
-    slowest = min(b * scale, IMPEDANCE * SETTLING / plant_period)
-    pair.solreffriction = [-_NO_SPRING, -max(slowest, _NO_SPRING)]
+    rate = settling_rate(b, mobility, plant_period)
+    pair.solreffriction = [-_NO_SPRING, -max(rate, _NO_SPRING)]
     pair.solimp = [IMPEDANCE, IMPEDANCE, 0.001, 0.5, 2.0]
     sliding = max(friction, _LEAST_FRICTION)
     pair.friction = [sliding, sliding, 0.0, 0.0, 0.0]
@@ -59,5 +61,4 @@ def most_creep(robot: RobotModel, plant_period: float) -> float:
     What halves a slip of the contact's mean mass 1/A in one step, as MuJoCo counts it: IMPRATIO
     divides the friction rows' (1 - d)/d.
     """
-    slowest = IMPEDANCE * SETTLING / plant_period
-    return IMPRATIO * slowest * virtual_mass_scale(robot) / (1 - IMPEDANCE)
+    return creep(math.inf, 1.0 / virtual_mass_scale(robot), plant_period)[0]

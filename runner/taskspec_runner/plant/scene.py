@@ -8,11 +8,11 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from taskspec.program.world.stiffness import IMPRATIO
 from taskspec.robot import RobotModel
 from taskspec.spec import Task
 from taskspec_runner.plant import grasp
 from taskspec_runner.plant.carriers import moving
-from taskspec_runner.plant.contact import IMPRATIO
 from taskspec_runner.plant.looks import dress
 from taskspec_runner.plant.mechanisms import add_mechanism, add_thread
 from taskspec_runner.plant.names import PREFIX

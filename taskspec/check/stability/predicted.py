@@ -72,6 +72,7 @@ def _check_stage(context: Context, name: str, found: Diagnostics) -> None:
         return
     if _check_nominal(context, seen, found):
         _check_corners(context, seen, found)
+        _check_sticking(context, seen, found)
 
 
 def _resolved(seen: Analysed, task: Task) -> bool:
@@ -101,6 +102,15 @@ def _check_nominal(context: Context, seen: Analysed, found: Diagnostics) -> bool
         _report(context, seen, ringing, found, "TS502", Severity.WARNING, text)
         return False
     return True
+
+
+def _check_sticking(context: Context, seen: Analysed, found: Diagnostics) -> None:
+    """Reports a stage that is stable while the tool slides, but not while friction holds it."""
+    stuck = seen.stuck()
+    worst = None if stuck is None else _worst(stuck.modes())
+    if stuck is not None and worst is not None and grows(worst):
+        text = f"stage {seen.stage.name!r} is unstable while friction holds the tool"
+        _report(context, stuck, worst, found, "TS506", Severity.WARNING, text)
 
 
 def _check_corners(context: Context, seen: Analysed, found: Diagnostics) -> None:

@@ -19,6 +19,10 @@ Vector = NDArray[np.float64]
 
 #: Impedance d with which the simulator makes every contact.
 IMPEDANCE = 0.02
+#: Share of a sticking contact's slip that friction may take away in one step of the plant.
+SETTLING = 0.5
+#: How much stiffer friction is against a slip than the contact is damped along its normal.
+IMPRATIO = 100.0
 #: `rigid` is a contact that turns half a radian of its own oscillation in one step of the plant.
 RIGID_PHASE = 0.5
 #: The inertia [kg m^2] for which an equation on joints has a tenth of critical damping.
@@ -147,3 +151,25 @@ def added_mass(mobility: float) -> float:
     A is the sum of their translational `invweight0`.
     """
     return IMPEDANCE / ((1 - IMPEDANCE) * mobility)
+
+
+def settling_rate(damping: float, mobility: float, plant_period: float) -> float:
+    """At which friction takes a slip away [1/s], as MuJoCo's `solreffriction` counts it.
+
+    Friction rows would take the contact's damping for it. Past one over the step they overshoot,
+    and the friction force flips between the cone's limits.
+
+    Args:
+        damping: of one point of the contact [N s/m]. mobility: A [1/kg]. plant_period: [s].
+    """
+    return min(damping * (1 - IMPEDANCE) * mobility, IMPEDANCE * SETTLING / plant_period)
+
+
+def creep(damping: float, mobility: float, plant_period: float) -> tuple[float, float]:
+    """What friction below its limit is at one point: force over slip [N s/m], and added mass [kg].
+
+    Args:
+        damping: of the point [N s/m]. mobility: A [1/kg]. plant_period: [s].
+    """
+    rate = settling_rate(damping, mobility, plant_period)
+    return IMPRATIO * rate / ((1 - IMPEDANCE) * mobility), IMPRATIO * added_mass(mobility)
