@@ -23,8 +23,8 @@ from timed import seconds
 from taskspec.compiler import compile_task
 from taskspec.program.execution.resolver import Resolver
 from taskspec.spec import load_task
-from taskspec_runner.assembly import assemble
-from taskspec_runner.sensing import Sensing
+from taskspec_runner.loop.assembly import assemble
+from taskspec_runner.loop.sensing import Sensing
 
 TASKS = Path(__file__).resolve().parent.parent / "tasks"
 AFTER = 0.5

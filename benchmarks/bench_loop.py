@@ -20,8 +20,8 @@ from timed import seconds
 
 from taskspec.compiler import compile_task
 from taskspec.spec import load_task
-from taskspec_runner.assembly import assemble
-from taskspec_runner.sensing import Sensing
+from taskspec_runner.loop.assembly import assemble
+from taskspec_runner.loop.sensing import Sensing
 
 TASKS = Path(__file__).resolve().parent.parent / "tasks"
 ROUNDS, STEPS = 15, 1000

@@ -21,8 +21,8 @@ import numpy as np
 from taskspec.compiler import compile_task
 from taskspec.control.qp import SOLVERS, Problem, Status, make_solver
 from taskspec.spec import load_task
-from taskspec_runner.assembly import assemble
-from taskspec_runner.sensing import Sensing
+from taskspec_runner.loop.assembly import assemble
+from taskspec_runner.loop.sensing import Sensing
 
 TASK = Path(__file__).resolve().parent.parent / "tasks" / "wipe-table.yaml"
 SIZES = ((7, 20), (10, 30), (13, 40))

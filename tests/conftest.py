@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 from taskspec.compiler import Program, compile_task
 from taskspec.program.execution.transition import Transition
 from taskspec.spec import load_task, load_text
-from taskspec_runner import loop
-from taskspec_runner.assembly import assemble
-from taskspec_runner.history import History, read_history
+from taskspec_runner.loop import fixed_step as loop
+from taskspec_runner.loop.assembly import assemble
+from taskspec_runner.record.history import History, read_history
 
 TASKS = Path(__file__).resolve().parent.parent / "tasks"
 

@@ -41,9 +41,9 @@ def run(
     """
     from pathlib import Path
 
+    from taskspec_runner.loop.telemetry import sending
     from taskspec_runner.result import read_result
     from taskspec_runner.session import execute
-    from taskspec_runner.telemetry import sending
 
     folder = None if out is None else Path(out)
     with sending(telemetry) as sink:

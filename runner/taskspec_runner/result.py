@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from taskspec.text.suggest import suggestion
 from taskspec_runner.errors import InputError
-from taskspec_runner.folder import LOG, MANIFEST, REPORT
-from taskspec_runner.history import History, read_history
+from taskspec_runner.record.folder import LOG, MANIFEST, REPORT
+from taskspec_runner.record.history import History, read_history
 from taskspec_runner.report.data import Run, read_run
 from taskspec_runner.report.judged import Expectation
 from taskspec_runner.report.verdict import verdict

@@ -14,19 +14,19 @@ from taskspec.control.state import AXES
 from taskspec.program.execution.machine import Machine
 from taskspec.robot.description import listening
 from taskspec.spec import LoadedTask
-from taskspec_runner import folder as folders
-from taskspec_runner import manifest
-from taskspec_runner.assembly import assemble
 from taskspec_runner.errors import OutputError, RunCrashedError
-from taskspec_runner.folder import RunFolder, open_folder
-from taskspec_runner.history import History, read_history
-from taskspec_runner.interrupt import BY_SIGNAL, Interrupt, Termination, signal_of
-from taskspec_runner.loop import STOPPED, Outcome, Rows, run
-from taskspec_runner.performance import accounts
-from taskspec_runner.replay import Replay
-from taskspec_runner.summary import Simulated, reason_of, summarise
-from taskspec_runner.telemetry import Tap, Telemetry
-from taskspec_runner.verdict import Judged, judge
+from taskspec_runner.loop.assembly import assemble
+from taskspec_runner.loop.fixed_step import STOPPED, Outcome, Rows, run
+from taskspec_runner.loop.interrupt import BY_SIGNAL, Interrupt, Termination, signal_of
+from taskspec_runner.loop.telemetry import Tap, Telemetry
+from taskspec_runner.record import folder as folders
+from taskspec_runner.record import manifest
+from taskspec_runner.record.folder import RunFolder, open_folder
+from taskspec_runner.record.history import History, read_history
+from taskspec_runner.verdict.judge import Judged, judge
+from taskspec_runner.verdict.performance import accounts
+from taskspec_runner.verdict.replay import Replay
+from taskspec_runner.verdict.summary import Simulated, reason_of, summarise
 
 
 @dataclass(frozen=True, slots=True)

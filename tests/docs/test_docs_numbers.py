@@ -30,17 +30,18 @@ from taskspec.spec.law import LAWS, NULL_SPACE_GOALS
 from taskspec.spec.world import Shape
 from taskspec.text.expression import Expression, parse, signals
 from taskspec.text.units import FORCE, split_quantity, to_si
-from taskspec_runner import folder, loop
 from taskspec_runner.cli import guard
 from taskspec_runner.compare import folder as compared
 from taskspec_runner.export import FORMATS
 from taskspec_runner.export.mcap import POSES, SCALARS, TOPICS
 from taskspec_runner.export.messages import SIGNALS
 from taskspec_runner.export.source import ROWS
+from taskspec_runner.loop import fixed_step as loop
+from taskspec_runner.loop.telemetry import RATE, message
 from taskspec_runner.plant.plant import Plant as SimulatedPlant
-from taskspec_runner.record import BATCH
-from taskspec_runner.summary import BY_SIGNAL, EXIT_GOOD, EXIT_MISSED, EXIT_STOPPED
-from taskspec_runner.telemetry import RATE, message
+from taskspec_runner.record import folder
+from taskspec_runner.record.recorder import BATCH
+from taskspec_runner.verdict.summary import BY_SIGNAL, EXIT_GOOD, EXIT_MISSED, EXIT_STOPPED
 
 
 def test_defaults():

@@ -9,7 +9,7 @@ from taskspec.check import check_task
 from taskspec.program.world import felt
 from taskspec.program.world.frames import FrameModel
 from taskspec.spec import load_text
-from taskspec_runner.replay import Replay
+from taskspec_runner.verdict.replay import Replay
 
 ANGLE = 20.0
 PLANAR = """

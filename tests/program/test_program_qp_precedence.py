@@ -18,8 +18,8 @@ from taskspec.program.execution.resolver import HELD_TICKS
 from taskspec.program.limits.bounds import PRECEDENCE
 from taskspec.program.limits.relaxing import relax
 from taskspec.spec import load_text
-from taskspec_runner import loop
-from taskspec_runner.assembly import assemble
+from taskspec_runner.loop import fixed_step as loop
+from taskspec_runner.loop.assembly import assemble
 
 T = 1e-3
 #: What bounds are widened by beyond what it takes, and rounding of rows of up to 1e3.

@@ -16,8 +16,8 @@ from taskspec.program.prepare import prepare
 from taskspec.robot import RobotModel
 from taskspec.spec import LAWS, load_text
 from taskspec.text.diagnostic import SpecError
-from taskspec_runner import loop
-from taskspec_runner.assembly import assemble
+from taskspec_runner.loop import fixed_step as loop
+from taskspec_runner.loop.assembly import assemble
 
 Vector = NDArray[np.float64]
 

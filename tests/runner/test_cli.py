@@ -22,7 +22,7 @@ from taskspec.spec import load_task
 from taskspec.spec.schema import FILE_NAME, schema_text
 from taskspec_runner.cli import app
 from taskspec_runner.cli import new as template_command
-from taskspec_runner.summary import told
+from taskspec_runner.verdict.summary import told
 
 SHIPPED = Path(__file__).resolve().parent.parent.parent / "tasks"
 COMMAND = [sys.executable, "-c", "from taskspec_runner.cli import main; main()"]

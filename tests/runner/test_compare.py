@@ -21,7 +21,7 @@ from taskspec_runner.compare import read_comparison
 from taskspec_runner.compare.overlay import COLOURS, overlay, role
 from taskspec_runner.compare.picture import HERE
 from taskspec_runner.compare.tracking import best, force_axes, tracking
-from taskspec_runner.history import read_history
+from taskspec_runner.record.history import read_history
 
 #: Motion and force on one axis, which only the parallel laws can do.
 BOTH = TAP.replace("{x: {force: press, ramp: 50 ms}}", "{x: {hold: start, force: press}}")

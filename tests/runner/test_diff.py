@@ -20,8 +20,8 @@ from taskspec_runner.diff import diff_runs
 from taskspec_runner.diff.logs import diff_logs
 from taskspec_runner.export import source
 from taskspec_runner.export.source import open_source
-from taskspec_runner.folder import plain
-from taskspec_runner.history import read_history
+from taskspec_runner.record.folder import plain
+from taskspec_runner.record.history import read_history
 from taskspec_runner.session import execute
 
 

@@ -26,10 +26,10 @@ from taskspec_runner.export import MissingLibraryError, export_run, source
 from taskspec_runner.export.cdr import Layout
 from taskspec_runner.export.poses import PoseStream
 from taskspec_runner.export.source import columns_of, open_source
-from taskspec_runner.history import read_history
-from taskspec_runner.rebuild import rebuild
-from taskspec_runner.replay import Replay
+from taskspec_runner.record.history import read_history
+from taskspec_runner.record.rebuild import rebuild
 from taskspec_runner.session import execute
+from taskspec_runner.verdict.replay import Replay
 
 SHIPPED = Path(__file__).resolve().parent.parent.parent / "tasks"
 

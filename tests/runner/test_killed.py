@@ -16,9 +16,9 @@ from short_tasks import TAP
 from typer.testing import CliRunner, Result
 
 from taskspec_runner.cli import app
-from taskspec_runner.folder import RunFolder
-from taskspec_runner.history import read_history
-from taskspec_runner.record import BATCH
+from taskspec_runner.record.folder import RunFolder
+from taskspec_runner.record.history import read_history
+from taskspec_runner.record.recorder import BATCH
 from taskspec_runner.report.data import read_run
 from taskspec_runner.report.verdict import verdict
 

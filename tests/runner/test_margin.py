@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from test_verdict import judged
 
-from taskspec_runner.margin import lost_share, room
+from taskspec_runner.verdict.margin import lost_share, room
 
 
 @pytest.mark.parametrize(

@@ -12,8 +12,8 @@ from short_tasks import TAP
 
 from taskspec.compiler import compile_task
 from taskspec.spec import load_text
-from taskspec_runner import predicted as foretelling
 from taskspec_runner.session import execute_program
+from taskspec_runner.verdict import predicted as foretelling
 
 
 def summary(folder: Path, text: str = TAP, **overrides: str) -> dict[str, Any]:

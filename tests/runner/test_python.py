@@ -18,7 +18,7 @@ from taskspec import load
 from taskspec.text.diagnostic import SpecError
 from taskspec_runner import read, run
 from taskspec_runner.errors import InputError
-from taskspec_runner.history import read_history
+from taskspec_runner.record.history import read_history
 from taskspec_runner.result import Result
 from taskspec_runner.signals import Signal
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from taskspec_runner.replay import Replay
+from taskspec_runner.verdict.replay import Replay
 
 ORBIT = """
 taskspec: 1

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from taskspec_runner.history import History
-from taskspec_runner.response import contact_losses, response, responses, time_constant
+from taskspec_runner.record.history import History
+from taskspec_runner.verdict.response import contact_losses, response, responses, time_constant
 
 PERIOD = 1e-3
 

@@ -17,8 +17,8 @@ import pytest
 from taskspec.spec import load_task, load_text
 from taskspec.text.diagnostic import SpecError
 from taskspec_runner.errors import OutputError, RunCrashedError
-from taskspec_runner.history import read_history
-from taskspec_runner.record import Recorder
+from taskspec_runner.record.history import read_history
+from taskspec_runner.record.recorder import Recorder
 from taskspec_runner.session import Glimpse, RunResult, execute
 
 

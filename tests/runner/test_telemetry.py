@@ -21,14 +21,14 @@ from short_tasks import TAP
 from typer.testing import CliRunner, Result
 
 from taskspec.spec import load_task
-from taskspec_runner import telemetry
 from taskspec_runner.cli import app
 from taskspec_runner.cli.progress import Trail, describe, sparkline
 from taskspec_runner.errors import InputError
-from taskspec_runner.history import read_history
-from taskspec_runner.nested import path_of
+from taskspec_runner.loop import telemetry
+from taskspec_runner.loop.telemetry import Address, Telemetry, message, read_address
+from taskspec_runner.record.history import read_history
+from taskspec_runner.record.nested import path_of
 from taskspec_runner.session import Glimpse, execute
-from taskspec_runner.telemetry import Address, Telemetry, message, read_address
 
 COMMAND = [sys.executable, "-c", "from taskspec_runner.cli import main; main()"]
 

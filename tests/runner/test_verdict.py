@@ -9,9 +9,9 @@ from short_tasks import DRUM
 from taskspec.geometry.rotation import from_rpy
 from taskspec.program.world.frames import FrameModel
 from taskspec.spec import load_text
-from taskspec_runner.history import History, read_history
-from taskspec_runner.replay import Replay
-from taskspec_runner.verdict import Judged, judge
+from taskspec_runner.record.history import History, read_history
+from taskspec_runner.verdict.judge import Judged, judge
+from taskspec_runner.verdict.replay import Replay
 
 NAN = np.nan
 

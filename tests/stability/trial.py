@@ -14,8 +14,8 @@ from taskspec.analysis.stage import Analysed, analyse
 from taskspec.compiler import compile_task
 from taskspec.program.prepare import prepare
 from taskspec.spec import load_text
-from taskspec_runner import loop
-from taskspec_runner.assembly import Assembly, assemble
+from taskspec_runner.loop import fixed_step as loop
+from taskspec_runner.loop.assembly import Assembly, assemble
 
 #: A run lasts so many predicted time constants, and at most so long [s].
 CONSTANTS, LONGEST = 10.0, 60.0

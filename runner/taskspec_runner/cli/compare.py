@@ -26,8 +26,8 @@ from taskspec_runner.compare.page import write_comparison
 from taskspec_runner.compare.session import run_attempts
 from taskspec_runner.compare.summary import opening, summarise
 from taskspec_runner.errors import InputError
-from taskspec_runner.folder import RunFolder
-from taskspec_runner.interrupt import Termination
+from taskspec_runner.loop.interrupt import Termination
+from taskspec_runner.record.folder import RunFolder
 from taskspec_runner.session import Progress
 
 

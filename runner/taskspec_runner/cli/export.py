@@ -8,7 +8,7 @@ from pathlib import Path
 import typer
 
 from taskspec_runner.errors import InputError
-from taskspec_runner.folder import LOG, MANIFEST
+from taskspec_runner.record.folder import LOG, MANIFEST
 
 
 def export_log(folder: Path, path: Path | None, forms: Sequence[str]) -> int:

@@ -23,7 +23,7 @@ import typer
 from taskspec.text.diagnostic import SpecError
 from taskspec_runner.cli.findings import show_findings
 from taskspec_runner.errors import InputError, OutputError, RunCrashedError
-from taskspec_runner.interrupt import BY_SIGNAL, signal_of
+from taskspec_runner.loop.interrupt import BY_SIGNAL, signal_of
 
 P = ParamSpec("P")
 

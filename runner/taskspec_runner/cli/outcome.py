@@ -10,8 +10,8 @@ import typer
 
 from taskspec_runner.cli.console import show, table
 from taskspec_runner.cli.measures import force, small_length
-from taskspec_runner.given_up import told
 from taskspec_runner.session import RunResult
+from taskspec_runner.verdict.given_up import told
 
 if TYPE_CHECKING:
     from rich.table import Table

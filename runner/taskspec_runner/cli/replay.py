@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import typer
 
 from taskspec_runner.errors import InputError
-from taskspec_runner.folder import LOG
+from taskspec_runner.record.folder import LOG
 
 if TYPE_CHECKING:
     from taskspec.compiler import Program

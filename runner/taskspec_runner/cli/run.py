@@ -15,7 +15,7 @@ from taskspec.text.diagnostic import Diagnostic, Diagnostics, SpecError
 from taskspec_runner.cli.findings import record, show_findings
 from taskspec_runner.cli.formats import RunFormat
 from taskspec_runner.cli.loading import load
-from taskspec_runner.interrupt import BY_SIGNAL
+from taskspec_runner.loop.interrupt import BY_SIGNAL
 
 if TYPE_CHECKING:
     from taskspec.compiler import Program
@@ -44,8 +44,8 @@ def run_task(
     from taskspec.compiler import compile_task
     from taskspec_runner.cli.outcome import show_outcome
     from taskspec_runner.cli.progress import progress_line
+    from taskspec_runner.loop.telemetry import read_address, sending
     from taskspec_runner.session import execute_program
-    from taskspec_runner.telemetry import read_address, sending
 
     as_data = form is RunFormat.JSON
     if telemetry is not None:

@@ -22,7 +22,7 @@ from taskspec_runner.cli.defaults import defaults_taken
 from taskspec_runner.cli.foreseen import duration_text
 from taskspec_runner.cli.objects import object_accounts
 from taskspec_runner.cli.poles import StabilityAccount, stability_account
-from taskspec_runner.folder import plain
+from taskspec_runner.record.folder import plain
 
 Pairs = tuple[tuple[str, str], ...]
 

@@ -8,7 +8,7 @@ import typer
 
 from taskspec_runner.compare.folder import COMPARISON
 from taskspec_runner.errors import InputError, OutputError
-from taskspec_runner.folder import LOG, MANIFEST
+from taskspec_runner.record.folder import LOG, MANIFEST
 
 
 def show_schema(write: Path | None, check: Path | None) -> int:

@@ -19,8 +19,8 @@ from taskspec_runner.cli.loading import load
 from taskspec_runner.cli.parallel import in_order
 from taskspec_runner.cli.reporters import REPORTERS
 from taskspec_runner.errors import InputError
-from taskspec_runner.folder import MANIFEST
-from taskspec_runner.interrupt import Termination
+from taskspec_runner.loop.interrupt import Termination
+from taskspec_runner.record.folder import MANIFEST
 
 _SUFFIXES = (".yaml", ".yml")
 

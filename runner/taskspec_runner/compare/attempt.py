@@ -9,7 +9,7 @@ from taskspec.compiler import Program, compile_task
 from taskspec.spec import LoadedTask
 from taskspec.text.diagnostic import Diagnostic, Severity, SpecError
 from taskspec.text.source import Source
-from taskspec_runner.interrupt import BY_SIGNAL
+from taskspec_runner.loop.interrupt import BY_SIGNAL
 from taskspec_runner.session import RunResult
 
 #: Outcomes, besides `failed` and `stopped`, which are those of a run.

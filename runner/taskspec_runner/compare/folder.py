@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 from taskspec.spec import LAWS
-from taskspec_runner import folder as folders
 from taskspec_runner.errors import OutputError
-from taskspec_runner.folder import MANIFEST, RUNS, RunFolder
+from taskspec_runner.record import folder as folders
+from taskspec_runner.record.folder import MANIFEST, RUNS, RunFolder
 
 COMPARISON, PAGE, PICTURE = "compare.json", "compare.html", "compare.svg"
 #: What the folder's name adds to that of the task.

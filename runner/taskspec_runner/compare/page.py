@@ -15,7 +15,7 @@ from taskspec_runner.compare.folder import PAGE, PICTURE
 from taskspec_runner.compare.overlay import Overlay, overlay, role
 from taskspec_runner.compare.picture import CUT_SHORT, HERE, counted, picture_svg, time_of
 from taskspec_runner.compare.tracking import KINDS, best
-from taskspec_runner.folder import REPORT, RunFolder
+from taskspec_runner.record.folder import REPORT, RunFolder
 from taskspec_runner.report.drawn import points
 from taskspec_runner.report.highlight import highlighted
 from taskspec_runner.report.quantities import quantity

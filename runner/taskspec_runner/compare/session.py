@@ -8,7 +8,7 @@ from dataclasses import replace
 
 from taskspec_runner.compare.attempt import Attempt
 from taskspec_runner.errors import RunCrashedError
-from taskspec_runner.folder import RunFolder
+from taskspec_runner.record.folder import RunFolder
 from taskspec_runner.session import Progress, execute_program
 
 #: Law, its number from 1, how many there are -> what shows its progress.

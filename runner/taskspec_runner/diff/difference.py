@@ -11,7 +11,7 @@ from typing import Any
 from taskspec_runner.diff.logs import LogDifference, diff_logs
 from taskspec_runner.errors import InputError
 from taskspec_runner.export.source import open_source
-from taskspec_runner.folder import LOG, MANIFEST, TASK
+from taskspec_runner.record.folder import LOG, MANIFEST, TASK
 from taskspec_runner.report.data import Run, read_run
 from taskspec_runner.report.values import mapping, number
 from taskspec_runner.report.verdict import verdict

@@ -15,7 +15,7 @@ from taskspec_runner.compare.picture import HERE as COMPARE
 from taskspec_runner.compare.tracking import force_axes
 from taskspec_runner.diff.difference import NAMES, Difference
 from taskspec_runner.diff.wording import largest_text, parting
-from taskspec_runner.folder import RunFolder, plain
+from taskspec_runner.record.folder import RunFolder, plain
 from taskspec_runner.report.quantities import quantity
 from taskspec_runner.report.template import part, script, template
 

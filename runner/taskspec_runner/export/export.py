@@ -16,9 +16,9 @@ from taskspec_runner.export.poses import PoseStream
 from taskspec_runner.export.rerun import write_rerun
 from taskspec_runner.export.source import Source, open_source
 from taskspec_runner.export.tables import write_csv, write_parquet
-from taskspec_runner.extent import Extent
-from taskspec_runner.folder import LOG
-from taskspec_runner.rebuild import RebuildError, rebuild
+from taskspec_runner.record.extent import Extent
+from taskspec_runner.record.folder import LOG
+from taskspec_runner.record.rebuild import RebuildError, rebuild
 
 Writer = Callable[[Source, Iterator[pa.RecordBatch], Path, PoseStream | None], None]
 

@@ -21,8 +21,8 @@ from taskspec_runner.export.missing import library
 from taskspec_runner.export.poses import Poses, PoseStream
 from taskspec_runner.export.source import Source, columns_of
 from taskspec_runner.export.tables import run_metadata
-from taskspec_runner.folder import SUMMARY, TASK
-from taskspec_runner.history import History
+from taskspec_runner.record.folder import SUMMARY, TASK
+from taskspec_runner.record.history import History
 
 WORLD, TOOL, TASK_FRAME = "world", "tool", "task"
 #: Topic to message.

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from taskspec_runner.nested import path_of
+from taskspec_runner.record.nested import path_of
 
 _RULE = "\n" + 80 * "=" + "\n"
 _PARTS = {

@@ -10,8 +10,8 @@ from scipy.spatial.transform import Rotation
 
 from taskspec.compiler import Program
 from taskspec.program.world import felt
-from taskspec_runner.history import History
-from taskspec_runner.replay import Replay
+from taskspec_runner.record.history import History
+from taskspec_runner.verdict.replay import Replay
 
 Vector = NDArray[np.float64]
 

@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
-from taskspec_runner.extent import Extent, status_of
-from taskspec_runner.folder import LOG, MANIFEST, SUMMARY
-from taskspec_runner.history import History, stream_log, units_of
+from taskspec_runner.record.extent import Extent, status_of
+from taskspec_runner.record.folder import LOG, MANIFEST, SUMMARY
+from taskspec_runner.record.history import History, stream_log, units_of
 
 Json = Mapping[str, Any]
 

@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec_runner.extent import ENDED, Extent, status_of
-from taskspec_runner.folder import LOG, MANIFEST, SUMMARY, TASK, RunFolder
-from taskspec_runner.history import History, read_history
+from taskspec_runner.record.extent import ENDED, Extent, status_of
+from taskspec_runner.record.folder import LOG, MANIFEST, SUMMARY, TASK, RunFolder
+from taskspec_runner.record.history import History, read_history
 from taskspec_runner.report.judged import Expectation, read_expectation
 from taskspec_runner.report.values import Json, mapping, mappings, number
 

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from taskspec_runner.metrics import set_points
 from taskspec_runner.report import foretold
 from taskspec_runner.report.chart import (
     Chart,
@@ -22,6 +21,7 @@ from taskspec_runner.report.gaps import gap_charts
 from taskspec_runner.report.joints import joint_positions, joint_torques
 from taskspec_runner.report.mechanisms import coordinate_charts, effort_charts
 from taskspec_runner.report.quantities import plain_scale, quantity, scale
+from taskspec_runner.verdict.metrics import set_points
 
 LINEAR, ANGULAR = ("x", "y", "z"), ("rx", "ry", "rz")
 #: Colour roles of the axes; a rotation has the colour of its axis.

@@ -6,13 +6,13 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 
-from taskspec_runner.history import Mask
-from taskspec_runner.predicted import axis_of
+from taskspec_runner.record.history import Mask
 from taskspec_runner.report.chart import Level, Trace
 from taskspec_runner.report.data import Run, Vector, Visit
 from taskspec_runner.report.quantities import figure
 from taskspec_runner.report.values import Json, mapping, number
-from taskspec_runner.response import stays
+from taskspec_runner.verdict.predicted import axis_of
+from taskspec_runner.verdict.response import stays
 
 ROLE = "predicted"
 #: A decay is drawn for so many time constants, and only of an error that is this share of the

@@ -6,11 +6,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from taskspec_runner.metrics import set_points
 from taskspec_runner.report import foretold
 from taskspec_runner.report.chart import Chart, Trace, bands, size
 from taskspec_runner.report.data import Run
 from taskspec_runner.report.quantities import quantity, scale
+from taskspec_runner.verdict.metrics import set_points
 
 _GAP = ".gap"
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from taskspec_runner.margin import Broken, Margin
 from taskspec_runner.report.values import Json, mapping, mappings, number
+from taskspec_runner.verdict.margin import Broken, Margin
 
 
 @dataclass(frozen=True, slots=True)

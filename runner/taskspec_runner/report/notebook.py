@@ -6,7 +6,7 @@ from pathlib import Path
 
 from markupsafe import Markup
 
-from taskspec_runner.folder import REPORT
+from taskspec_runner.record.folder import REPORT
 from taskspec_runner.report.data import Run
 from taskspec_runner.report.overview import overview_svg
 from taskspec_runner.report.template import template

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 
-from taskspec_runner.given_up import held_joints
 from taskspec_runner.report import figures, foretold
 from taskspec_runner.report.chart import Chart, size
 from taskspec_runner.report.data import Run, Vector, Visit, read_run
@@ -18,6 +17,7 @@ from taskspec_runner.report.plane import Plane, Times
 from taskspec_runner.report.stages import label, tints
 from taskspec_runner.report.template import template
 from taskspec_runner.report.verdict import verdict
+from taskspec_runner.verdict.given_up import held_joints
 
 WIDTH = 860
 _LEFT, _RIGHT, _TOP, _BOTTOM = 58.0, 24.0, 92.0, 44.0

@@ -10,7 +10,6 @@ from typing import Any
 from markupsafe import Markup
 
 from taskspec.compiler import Program
-from taskspec_runner.margin import SHARE, Margin
 from taskspec_runner.report import annotated, drawn, figures, tables
 from taskspec_runner.report.chart import Chart, Section
 from taskspec_runner.report.data import Run, Visit, read_run
@@ -22,6 +21,7 @@ from taskspec_runner.report.stages import label, tints
 from taskspec_runner.report.template import part, script, template
 from taskspec_runner.report.values import Json, mapping, number
 from taskspec_runner.report.verdict import first_broken, so_far, verdict
+from taskspec_runner.verdict.margin import SHARE, Margin
 from taskspec_runner.video.still import still_for_report
 
 #: The chart on which a limit is drawn, by its name.

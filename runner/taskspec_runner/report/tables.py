@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from taskspec_runner.given_up import told
-from taskspec_runner.predicted import axis_of
 from taskspec_runner.report.data import Run
 from taskspec_runner.report.foretold import stage_told
 from taskspec_runner.report.quantities import figure, quantity
 from taskspec_runner.report.stages import tints
 from taskspec_runner.report.values import Json, mapping, number
+from taskspec_runner.verdict.given_up import told
+from taskspec_runner.verdict.predicted import axis_of
 
 #: Columns of a response; see the note below the table.
 _RESPONSES = [

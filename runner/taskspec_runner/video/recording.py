@@ -15,9 +15,9 @@ from taskspec.program.stages.stage import CompiledStage
 from taskspec.spec import LoadedTask, load_text
 from taskspec.text.diagnostic import SpecError
 from taskspec_runner.errors import InputError
-from taskspec_runner.folder import LOG, MANIFEST, TASK
-from taskspec_runner.history import History, Visit, read_history
-from taskspec_runner.replay import Replay
+from taskspec_runner.record.folder import LOG, MANIFEST, TASK
+from taskspec_runner.record.history import History, Visit, read_history
+from taskspec_runner.verdict.replay import Replay
 
 Vector = NDArray[np.float64]
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.control.state import AXES
-from taskspec_runner.history import Visit
+from taskspec_runner.record.history import Visit
 from taskspec_runner.video.recording import Recording
 
 Vector = NDArray[np.float64]

@@ -8,7 +8,7 @@ from pathlib import Path
 from taskspec.compiler import Program, compile_task
 from taskspec.spec import load_text
 from taskspec.text.diagnostic import SpecError
-from taskspec_runner.folder import MANIFEST, TASK
+from taskspec_runner.record.folder import MANIFEST, TASK
 
 
 class RebuildError(Exception):

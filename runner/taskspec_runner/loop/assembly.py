@@ -10,9 +10,9 @@ import numpy as np
 from taskspec.compiler import Program
 from taskspec.program.execution.machine import Machine
 from taskspec.spec import Task
-from taskspec_runner.bus import Bus
+from taskspec_runner.loop.bus import Bus
 from taskspec_runner.plant.plant import Plant
-from taskspec_runner.record import Recorder
+from taskspec_runner.record.recorder import Recorder
 
 
 @dataclass(frozen=True, slots=True)

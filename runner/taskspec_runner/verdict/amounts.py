@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from taskspec.text.units import to_si
-from taskspec_runner.series import Series
+from taskspec_runner.verdict.series import Series
 
 DIGITS = 4
 _LONG = 10_000

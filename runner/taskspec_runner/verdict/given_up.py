@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from taskspec.program.stages.stage import CompiledStage
-from taskspec_runner.history import History
+from taskspec_runner.record.history import History
 
 #: Limits that are named in a line.
 _FEW = 3

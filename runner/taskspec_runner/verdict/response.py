@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec_runner.history import History
-from taskspec_runner.history import Visit as Stay
+from taskspec_runner.record.history import History
+from taskspec_runner.record.history import Visit as Stay
 
 Vector = NDArray[np.float64]
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from taskspec_runner.manifest import RUNNING
+from taskspec_runner.record.manifest import RUNNING
 
 #: Statuses of a run whose log is complete.
 ENDED = ("done", "failed", "stopped")

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from taskspec.text.expression import Expression, Scope, infer, tree
 from taskspec.text.units import NUMBER, fitting, to_si
-from taskspec_runner.amounts import DIGITS, digits_of, handy, in_unit, shown
-from taskspec_runner.margin import Broken
-from taskspec_runner.series import NO_TICK, Series
+from taskspec_runner.verdict.amounts import DIGITS, digits_of, handy, in_unit, shown
+from taskspec_runner.verdict.margin import Broken
+from taskspec_runner.verdict.series import NO_TICK, Series
 
 Vector = NDArray[np.float64]
 

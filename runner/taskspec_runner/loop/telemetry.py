@@ -14,8 +14,8 @@ from urllib.parse import parse_qs, urlsplit
 from warnings import warn
 
 from taskspec_runner.errors import InputError
-from taskspec_runner.nested import path_of
-from taskspec_runner.record import Recorder
+from taskspec_runner.record.nested import path_of
+from taskspec_runner.record.recorder import Recorder
 
 #: Messages in a second of simulated time, unless the address says otherwise.
 RATE = 100.0

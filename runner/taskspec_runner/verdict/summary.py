@@ -17,12 +17,12 @@ from taskspec.program.execution.transition import FAIL, Transition
 from taskspec.program.stages.stage import CompiledStage
 from taskspec.robot import RobotModel
 from taskspec.text.show import show
-from taskspec_runner.diagnosed import diagnosed
-from taskspec_runner.history import History
-from taskspec_runner.interrupt import BY_SIGNAL
-from taskspec_runner.loop import DONE, Outcome
-from taskspec_runner.performance import performance
-from taskspec_runner.verdict import Judged
+from taskspec_runner.loop.fixed_step import DONE, Outcome
+from taskspec_runner.loop.interrupt import BY_SIGNAL
+from taskspec_runner.record.history import History
+from taskspec_runner.verdict.diagnosed import diagnosed
+from taskspec_runner.verdict.judge import Judged
+from taskspec_runner.verdict.performance import performance
 
 EXIT_GOOD, EXIT_MISSED, EXIT_STOPPED = 0, 1, 4
 _LIMIT_UNITS = {"force": "N", "torque": "N*m", "speed": "mm/s", "deviation": "mm"}

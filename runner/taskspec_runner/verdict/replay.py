@@ -16,8 +16,8 @@ from taskspec.program.world import felt
 from taskspec.program.world.carriers import Carrier
 from taskspec.program.world.frames import FrameModel
 from taskspec.robot import RobotModel
-from taskspec_runner.history import History, Visit
-from taskspec_runner.moving import Ride, handle_axes, handle_coordinates, ride
+from taskspec_runner.record.history import History, Visit
+from taskspec_runner.verdict.moving import Ride, handle_axes, handle_coordinates, ride
 
 Vector = NDArray[np.float64]
 _PART = (slice(0, 3), slice(3, 6))

@@ -7,10 +7,19 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from taskspec.text.expression import tree
-from taskspec_runner.amounts import in_unit
-from taskspec_runner.margin import SHARE, Broken, Margin, Vector, left, lost_share, reached, room
-from taskspec_runner.series import Series
-from taskspec_runner.wording import Sides, Wording
+from taskspec_runner.verdict.amounts import in_unit
+from taskspec_runner.verdict.margin import (
+    SHARE,
+    Broken,
+    Margin,
+    Vector,
+    left,
+    lost_share,
+    reached,
+    room,
+)
+from taskspec_runner.verdict.series import Series
+from taskspec_runner.verdict.wording import Sides, Wording
 
 Bounds = tuple[Vector | None, Vector | None]
 _ONE = Series.one(np.nan)

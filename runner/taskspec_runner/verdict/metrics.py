@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec_runner.history import History, Mask
+from taskspec_runner.record.history import History, Mask
 
 Vector = NDArray[np.float64]
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.text.expression import tree
-from taskspec_runner.series import Series
+from taskspec_runner.verdict.series import Series
 
 Vector = NDArray[np.float64]
 Mask = NDArray[np.bool_]

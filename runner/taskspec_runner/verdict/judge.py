@@ -6,13 +6,13 @@ from dataclasses import dataclass
 
 from taskspec.spec import Expectation, Task
 from taskspec.text.expression import Expression, evaluate, tree
-from taskspec_runner.diagnosed import line_of
-from taskspec_runner.extents import Extents
-from taskspec_runner.history import History
-from taskspec_runner.lookup import Elsewhere, Lookup, column_of, scope_of
-from taskspec_runner.margin import Broken, Margin
-from taskspec_runner.series import Series, SeriesAlgebra
-from taskspec_runner.wording import Measured, Said, Sides, Wording
+from taskspec_runner.record.history import History
+from taskspec_runner.verdict.diagnosed import line_of
+from taskspec_runner.verdict.extents import Extents
+from taskspec_runner.verdict.lookup import Elsewhere, Lookup, column_of, scope_of
+from taskspec_runner.verdict.margin import Broken, Margin
+from taskspec_runner.verdict.series import Series, SeriesAlgebra
+from taskspec_runner.verdict.wording import Measured, Said, Sides, Wording
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,12 +10,12 @@ from taskspec.compiler import Program
 from taskspec.program.execution.machine import Machine
 from taskspec.program.execution.resolver import Account
 from taskspec.program.stages.stage import CompiledStage
-from taskspec_runner.given_up import given_up
-from taskspec_runner.history import History
-from taskspec_runner.metrics import metrics, peaks, set_points
-from taskspec_runner.predicted import predicted
-from taskspec_runner.response import contact_losses, responses
-from taskspec_runner.verdict import Judged
+from taskspec_runner.record.history import History
+from taskspec_runner.verdict.given_up import given_up
+from taskspec_runner.verdict.judge import Judged
+from taskspec_runner.verdict.metrics import metrics, peaks, set_points
+from taskspec_runner.verdict.predicted import predicted
+from taskspec_runner.verdict.response import contact_losses, responses
 
 
 def accounts(machine: Machine) -> dict[str, Account]:
