@@ -15,10 +15,10 @@ from taskspec.analysis.plant import LinearPlant
 from taskspec.control.gains import Gains
 from taskspec.control.sensor import SensorModel
 from taskspec.control.state import AXES
+from taskspec.program.axes import MOSTLY
 from taskspec.program.context import Context
 from taskspec.program.limits.contacts import pressed_objects, touched_objects
 from taskspec.program.prepare import frame_at_start
-from taskspec.program.reference.modes import MOSTLY
 from taskspec.program.reference.paths import path_shape
 from taskspec.program.stages.stage import CompiledStage, compile_stage
 from taskspec.spec import Task

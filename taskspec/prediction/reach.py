@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from taskspec.control.state import AXES
 from taskspec.prediction.begin import Begin
+from taskspec.program.axes import MOSTLY
 from taskspec.program.limits.contacts import pressed_objects, touched_objects
-from taskspec.program.reference.modes import MOSTLY
 
 Vector = NDArray[np.float64]
 

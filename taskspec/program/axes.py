@@ -8,6 +8,8 @@ from numpy.typing import NDArray
 from taskspec.control.state import AXES
 
 _ALIGNED = 1e-6
+#: An axis is along a normal if it carries at least half of the square of a force along that.
+MOSTLY = 0.7071
 
 
 class SkewedAxisError(ValueError):

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from taskspec.control import gains as gain_design
 from taskspec.control.state import AXES
 from taskspec.geometry.surface import Surface
-from taskspec.program.reference.modes import MOSTLY
+from taskspec.program.axes import MOSTLY
 from taskspec.program.world.carriers import Carrier
 from taskspec.program.world.equations import EquationModel, StartEquation
 from taskspec.program.world.frames import FrameModel

@@ -12,8 +12,7 @@ from taskspec.control.reference import opposite
 from taskspec.control.state import AXES
 from taskspec.geometry.surface import Surface
 from taskspec.program.layout import Layout
-from taskspec.program.reference import kinematics
-from taskspec.program.world import felt
+from taskspec.program.world import felt, kinematics
 from taskspec.program.world.carriers import Carrier
 from taskspec.program.world.frames import FrameModel
 from taskspec.robot import RobotModel

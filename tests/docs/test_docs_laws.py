@@ -25,8 +25,8 @@ from test_docs_keys import units_needed
 from taskspec.control.gains import Plant, design, design_joint_damping
 from taskspec.control.state import ARM_LENGTH, AXES
 from taskspec.motion.blend import BLEND_TIME
+from taskspec.program.reference.constraints import FORCED, NAMED, UNNAMED, weigh
 from taskspec.program.stages import candidates
-from taskspec.program.world.constraints import FORCED, NAMED, UNNAMED, weigh
 from taskspec.spec import LAWS, Axis, Law
 from taskspec.spec.law import ForceGains
 from taskspec.text.expression import Expression, parse

@@ -17,7 +17,7 @@ from taskspec.control.laws import hybrid, impedance, parallel
 from taskspec.control.reference import Reference
 from taskspec.geometry.surface import Surface
 from taskspec.program.clock import Clock
-from taskspec.program.reference import kinematics
+from taskspec.program.world import kinematics
 from taskspec.program.world.frames import FrameModel
 from taskspec.robot import load_robot
 

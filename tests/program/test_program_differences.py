@@ -14,7 +14,7 @@ import pytest
 
 from taskspec.compiler import compile_task
 from taskspec.control import model_terms
-from taskspec.program.world.constraints import equation_rows
+from taskspec.program.reference.constraints import equation_rows
 from taskspec.robot import load_robot
 from taskspec.spec import load_text
 

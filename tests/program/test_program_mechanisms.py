@@ -14,7 +14,7 @@ import pytest
 from arms import MovingArm
 from taskspec.control.state import AXES, task_state
 from taskspec.geometry import rotation
-from taskspec.program.reference import kinematics
+from taskspec.program.world import kinematics
 from taskspec.program.world.frames import FrameModel
 from taskspec.program.world.mechanisms import MechanismModel
 

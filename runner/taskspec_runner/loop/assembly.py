@@ -10,8 +10,8 @@ import numpy as np
 from taskspec.compiler import Program
 from taskspec.program.execution.machine import Machine
 from taskspec.spec import Task
-from taskspec_runner.loop.bus import Bus
 from taskspec_runner.plant.plant import Plant
+from taskspec_runner.record.bus import Bus
 from taskspec_runner.record.recorder import Recorder
 
 

@@ -9,9 +9,9 @@ from typing import Protocol
 from taskspec.program import events
 from taskspec.program.execution.machine import Machine
 from taskspec.program.execution.transition import END, Transition
-from taskspec_runner.loop.bus import Bus
 from taskspec_runner.loop.sensing import Sensing
 from taskspec_runner.plant.plant import Plant
+from taskspec_runner.record.bus import Bus
 
 #: Squared joint torques, velocities and positions of a sane run stay far below this.
 _HEALTHY = 1e12

@@ -8,8 +8,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec.program.reference import kinematics
-from taskspec.program.world import frames
+from taskspec.program.world import frames, kinematics
 from taskspec.program.world.carriers import carriers
 from taskspec.program.world.equations import equation_models
 from taskspec.robot import RobotModel

@@ -16,7 +16,7 @@ from taskspec.robot import RobotModel
 from taskspec.spec import Task
 from taskspec.text.expression.signals import OBJECT
 from taskspec.text.units import ANGLE, FORCE, LENGTH, MOMENT
-from taskspec_runner.loop.bus import Bus
+from taskspec_runner.record.bus import Bus
 from taskspec_runner.record.distances import Distances
 
 Vector = NDArray[np.float64]

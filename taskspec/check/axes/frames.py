@@ -9,9 +9,9 @@ import numpy as np
 
 from taskspec.control.gains import has_force
 from taskspec.control.state import AXES
+from taskspec.program.axes import MOSTLY
 from taskspec.program.context import Context
 from taskspec.program.prepare import box_face_at, pose_of_carrier, tool_center
-from taskspec.program.reference.modes import MOSTLY
 from taskspec.program.signals import TOUCHING
 from taskspec.program.world.stiffness import RESOLVED_PHASE
 from taskspec.text.diagnostic import Diagnostics

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 from taskspec.control.gains import has_force
 from taskspec.control.state import AXES
 from taskspec.program.context import Context
+from taskspec.program.reference.constraints import active_equations
 from taskspec.program.signals import TOUCHING
-from taskspec.program.world.constraints import active_equations
 from taskspec.spec import LAWS
 from taskspec.text.diagnostic import Diagnostics
 from taskspec.text.show import show

@@ -11,10 +11,10 @@ from taskspec.check.foresight.nominal import Walk
 from taskspec.control.gains import design, has_force
 from taskspec.control.state import AXES
 from taskspec.motion.path import PathShape
+from taskspec.program.axes import MOSTLY
 from taskspec.program.context import Context
-from taskspec.program.reference.modes import MOSTLY
+from taskspec.program.reference.constraints import active_equations
 from taskspec.program.signals import TOUCHING
-from taskspec.program.world.constraints import active_equations
 from taskspec.program.world.equations import EquationModel
 from taskspec.spec import LAWS, Axis, Stage
 from taskspec.text.diagnostic import Diagnostics

@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 from taskspec.check.foresight.known import known_value
 from taskspec.check.reach.rows import shares_of
 from taskspec.control.state import AXES
+from taskspec.program.axes import MOSTLY
 from taskspec.program.context import Context
 from taskspec.program.limits.consistency import SET_POINT_SHARE
-from taskspec.program.reference.modes import MOSTLY
 from taskspec.spec import Axis, Stage
 from taskspec.text.diagnostic import Diagnostics
 from taskspec.text.source import Span

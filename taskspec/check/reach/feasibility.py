@@ -14,8 +14,8 @@ from taskspec.check.reach.rows import Asked, Line, System, shares_of
 from taskspec.check.reach.statics import TORQUE, statics, steady
 from taskspec.control.qp.certificate import Certificate, contradiction, feasible
 from taskspec.control.state import AXES
+from taskspec.program.axes import MOSTLY
 from taskspec.program.context import Context
-from taskspec.program.reference.modes import MOSTLY
 from taskspec.spec import LAWS
 from taskspec.text.diagnostic import Diagnostics, Severity
 from taskspec.text.show import show

@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 from taskspec.check.foresight.known import known_value
 from taskspec.control.gains import design
 from taskspec.control.state import AXES
+from taskspec.program.axes import MOSTLY
 from taskspec.program.context import Context
 from taskspec.program.reference.force_references import DEFAULT_RAMP
-from taskspec.program.reference.modes import MOSTLY
 from taskspec.spec import LAWS
 from taskspec.text.diagnostic import Diagnostics
 from taskspec.text.show import show

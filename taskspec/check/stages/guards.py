@@ -15,8 +15,8 @@ from taskspec.check.foresight.ranges import Ranges, longest
 from taskspec.check.reach.statics import steady
 from taskspec.check.stages.conditions import names, parts, value_of
 from taskspec.control.state import AXES
+from taskspec.program.axes import MOSTLY
 from taskspec.program.context import Context
-from taskspec.program.reference.modes import MOSTLY
 from taskspec.spec import LAWS, Axis
 from taskspec.text.diagnostic import Diagnostics, Severity
 from taskspec.text.expression import Expression, evaluate

@@ -17,8 +17,8 @@ from taskspec.check.foresight.ranges import Ranges
 from taskspec.check.stages.conditions import names, value_of
 from taskspec.control.gains import design
 from taskspec.control.state import AXES
+from taskspec.program.axes import MOSTLY
 from taskspec.program.context import Context
-from taskspec.program.reference.modes import MOSTLY
 from taskspec.spec import Stage
 from taskspec.text.diagnostic import Diagnostics, Severity
 from taskspec.text.expression.tree import Held

@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from taskspec.check.contact.set_points import steady_force
 from taskspec.control.state import AXES
+from taskspec.program.axes import MOSTLY
 from taskspec.program.context import Context
-from taskspec.program.reference.modes import MOSTLY
 from taskspec.text.diagnostic import Diagnostics
 from taskspec.text.show import show
 

@@ -17,10 +17,11 @@ from taskspec.control.model_terms import TermSymbols
 from taskspec.control.state import AXES
 from taskspec.geometry.surface import Surface
 from taskspec.program import signals
+from taskspec.program.axes import MOSTLY
 from taskspec.program.context import Context
-from taskspec.program.reference import kinematics
-from taskspec.program.reference.modes import MOSTLY, AxisPlan
-from taskspec.program.world.constraints import EquationRow
+from taskspec.program.reference.constraints import EquationRow
+from taskspec.program.reference.modes import AxisPlan
+from taskspec.program.world import kinematics
 
 #: Closer than this [m] to the believed object, the tool counts as touching it.
 NEAR = 1e-3

@@ -28,9 +28,9 @@ from taskspec.program.limits.contacts import (
 )
 from taskspec.program.limits.limited import limit_rows
 from taskspec.program.limits.resolution import Resolved
-from taskspec.program.reference import kinematics
 from taskspec.program.reference.measured import Measured
 from taskspec.program.reference.planned import PlannedStage
+from taskspec.program.world import kinematics
 from taskspec.spec import LAWS
 
 

@@ -19,10 +19,10 @@ from taskspec.control.model_terms import TermSymbols
 from taskspec.control.state import AXES
 from taskspec.geometry import rotation
 from taskspec.program.clock import Clock
-from taskspec.program.reference import kinematics
 from taskspec.program.reference.measured import Measured
 from taskspec.program.reference.modes import AxisPlan
 from taskspec.program.reference.planned import PlannedStage
+from taskspec.program.world import kinematics
 from taskspec.program.world.frames import FrameModel
 
 

@@ -19,8 +19,8 @@ from taskspec.control.state import AXES
 from taskspec.program.context import Context
 from taskspec.program.layout import Layout
 from taskspec.program.reference.axis_reference import AxisReference
+from taskspec.program.reference.believed import Believed
 from taskspec.program.reference.modes import AxisPlan
-from taskspec.program.world.believed import Believed
 from taskspec.program.world.frames import FrameModel
 
 _ALIGNED = 1e-6

@@ -16,13 +16,13 @@ from taskspec.program.algebra import CasadiAlgebra, constants
 from taskspec.program.clock import Clock
 from taskspec.program.context import Context
 from taskspec.program.layout import Layout
-from taskspec.program.reference import kinematics
+from taskspec.program.reference.believed import Believed, believe, mechanism_signals
+from taskspec.program.reference.constraints import EquationRow, equation_rows, reactions
 from taskspec.program.reference.planned import PlannedStage
 from taskspec.program.reference.unreached import Unreached, requested, unreached_of
 from taskspec.program.signals import SignalTable
-from taskspec.program.world.believed import Believed, believe, mechanism_signals
+from taskspec.program.world import kinematics
 from taskspec.program.world.carriers import Instant
-from taskspec.program.world.constraints import EquationRow, equation_rows, reactions
 from taskspec.program.world.frames import FrameModel
 from taskspec.text.expression import Expression
 

@@ -11,11 +11,9 @@ from numpy.typing import NDArray
 from taskspec.control.gains import has_force, is_soft
 from taskspec.control.state import AXES
 from taskspec.motion.path import PathShape
+from taskspec.program.axes import MOSTLY
 from taskspec.program.reference.axis_reference import mode_of
 from taskspec.spec import LAWS, Axis, Law
-
-#: An axis is along the normal if it carries at least half of the normal force's square.
-MOSTLY = 0.7071
 
 
 @dataclass(frozen=True, slots=True)

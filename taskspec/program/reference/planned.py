@@ -13,10 +13,10 @@ from taskspec.motion.path import PathShape
 from taskspec.program.axes import existing_axes
 from taskspec.program.context import Context
 from taskspec.program.reference import orientation
+from taskspec.program.reference.constraints import active_equations, equation_gains
 from taskspec.program.reference.coupling import Coupling, coupling
 from taskspec.program.reference.modes import AxisPlan, plan_axes
 from taskspec.program.world.carriers import Carrier
-from taskspec.program.world.constraints import active_equations, equation_gains
 from taskspec.program.world.frames import FrameModel
 from taskspec.spec import LAWS, Law, Limits, Stage
 

@@ -9,6 +9,7 @@ import casadi as ca
 from taskspec.program.context import Context
 from taskspec.program.events import Condition
 from taskspec.program.reference import orientation
+from taskspec.program.reference.constraints import ConstraintSet, constraint_set
 from taskspec.program.reference.measured import Measured
 from taskspec.program.reference.planned import PlannedStage
 from taskspec.program.reference.reference_set import ReferenceSet
@@ -16,7 +17,6 @@ from taskspec.program.reference.references import build_references
 from taskspec.program.stages import laws
 from taskspec.program.stages.multipliers import EquationForces, constrain, equation_forces
 from taskspec.program.stages.null_space import null_space_acceleration
-from taskspec.program.world.constraints import ConstraintSet, constraint_set
 from taskspec.spec import LAWS
 
 

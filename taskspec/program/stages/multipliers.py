@@ -13,11 +13,11 @@ from taskspec.motion import blend
 from taskspec.program.clock import Clock
 from taskspec.program.context import Context
 from taskspec.program.layout import Layout
+from taskspec.program.reference.constraints import ConstraintSet
 from taskspec.program.reference.force_references import risen, wound
 from taskspec.program.reference.measured import Measured
 from taskspec.program.reference.planned import PlannedStage
 from taskspec.program.reference.reference_set import ReferenceSet
-from taskspec.program.world.constraints import ConstraintSet
 
 
 @dataclass(frozen=True, slots=True)

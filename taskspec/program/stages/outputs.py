@@ -9,10 +9,10 @@ import numpy as np
 
 from taskspec.program.limits.resolution import Resolved
 from taskspec.program.ports import OUTPUTS, PROBE
+from taskspec.program.reference.believed import Believed
 from taskspec.program.reference.measured import Measured
 from taskspec.program.signals import SignalTable, applied
 from taskspec.program.stages.commanded import Commanded
-from taskspec.program.world.believed import Believed
 from taskspec.program.world.carriers import Instant
 
 
