@@ -2,8 +2,8 @@
 
     python docs/images/screens.py
 
-They are what is seen without scrolling on a desk (1280 x 900) and on a phone (390 x 844), of tasks of
-the tutorial: its readers have the same pages. Without chromium or chrome they stay as they are.
+They are what is seen without scrolling in a window (1100 x 940), so narrow that it can be read in the
+column of a page, and on a phone (390 x 844), of tasks of the tutorial: its readers have the same pages. Without chromium or chrome they stay as they are.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ REPORTS = {"report": "press-3", "report-missed": "wipe-1"}
 COMPARED = "wipe-2"
 LAWS = ("hybrid", "parallel", "impedance", "pd")
 #: Width and height [CSS px], and pixels of the picture for each of them.
-SIZES = {"desktop": (1280, 900, 1.0), "phone": (390, 844, 1.5)}
+SIZES = {"desktop": (1100, 940, 1.2), "phone": (390, 844, 1.5)}
 
 
 def main() -> None:

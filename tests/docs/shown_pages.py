@@ -47,9 +47,9 @@ class Shown:
 
 
 def pages() -> list[Path]:
-    """Every page with such blocks."""
-    texts = ((path, path.read_text(encoding="utf-8")) for path in sorted(DOCS.rglob("*.md")))
-    return [path for path, text in texts if _SHOWN.search(text)]
+    """Every page with such blocks, the README of the repository among them."""
+    paths = [ROOT / "README.md", *sorted(DOCS.rglob("*.md"))]
+    return [path for path in paths if _SHOWN.search(path.read_text(encoding="utf-8"))]
 
 
 def task_file(what: str) -> tuple[Path, str]:
@@ -71,7 +71,7 @@ def shown(path: Path, folder: Path) -> Iterator[Shown]:
             (folder / name).write_text(content, encoding="utf-8")
             fresh = block if kind == "part" and block in content else content
         line = text.count("\n", 0, match.start()) + 1
-        yield Shown(f"{path.relative_to(DOCS)}:{line}", kind, what, block, fresh)
+        yield Shown(f"{path.relative_to(ROOT)}:{line}", kind, what, block, fresh)
 
 
 def said(command: str, folder: Path) -> str:

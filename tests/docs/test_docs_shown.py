@@ -9,7 +9,7 @@ from shown_pages import DOCS, pages, same, shown, task_file
 PAGES = pages()
 
 
-@pytest.mark.parametrize("path", PAGES, ids=lambda path: path.relative_to(DOCS).as_posix())
+@pytest.mark.parametrize("path", PAGES, ids=lambda path: path.relative_to(ROOT).as_posix())
 def test_blocks_are_those_of_files_and_commands(path, tmp_path):
     for block in shown(path, tmp_path):
         assert same(block.text, block.fresh), f"{block.label}: python tests/docs/shown_pages.py"

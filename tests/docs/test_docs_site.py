@@ -10,7 +10,7 @@ from types import ModuleType
 
 import pytest
 import yaml
-from documents import CONVENTIONS, ROOT, first_words, text_of
+from documents import CONVENTIONS, DOCUMENTS, ROOT, first_words, text_of
 
 from taskspec_runner.cli.app import app
 
@@ -72,15 +72,18 @@ def test_the_log_has_the_columns_that_are_plotted():
     assert "log.stage" in block
 
 
-def test_pictures_are_there_and_are_made():
-    """Every picture of a page exists, and the script that makes them names what it shows."""
-    shown = set()
-    for path in DOCS.rglob("*.md"):
-        for target in re.findall(r"!\[[^\]]+\]\(([^)]+)\)", text_of(path)):
-            shown.add((path.parent / target).resolve())
-    assert all(path.is_file() for path in shown)
+def test_pictures_are_there_and_are_shown():
+    """Every picture of a page exists, and every picture that is kept is on a page.
+
+    The page of a task has the picture of its name.
+    """
+    shown = {DOCS / "images" / f"{path.stem}.svg" for path in (ROOT / "tasks").glob("*.yaml")}
     kept = {p for p in (DOCS / "images").iterdir() if p.suffix in (".svg", ".png")}
-    assert kept >= shown
+    shown &= kept
+    for path in DOCUMENTS:
+        for targets in re.findall(r"!\[[^\]]+\]\(([^)]+)\)|<img src=\"([^\"]+)\"", text_of(path)):
+            shown.add((path.parent / "".join(targets)).resolve())
+    assert kept == shown
 
 
 def test_the_reference_has_every_command_and_option(monkeypatch):
