@@ -2,8 +2,9 @@
 
     python docs/images/screens.py
 
-They are what is seen without scrolling in a window (1100 x 940), so narrow that it can be read in the
-column of a page, and on a phone (390 x 844), of tasks of the tutorial: its readers have the same pages. Without chromium or chrome they stay as they are.
+They are what is seen without scrolling in a window (1100 x 940), so narrow that it can be read in
+the column of a page, and on a phone (390 x 844). The tasks are those of the tutorial, so that its
+readers have the same pages. Without chromium or chrome the pictures stay as they are.
 """
 
 from __future__ import annotations
@@ -39,7 +40,7 @@ def main() -> None:
     """Makes all of them."""
     path = browser_path()
     if path is None:
-        print("no chromium or chrome: pictures of pages stay as they are")
+        sys.stderr.write("no chromium or chrome: pictures of pages stay as they are\n")
         return
     with tempfile.TemporaryDirectory() as folder, Browser(path) as browser:
         for name, step in REPORTS.items():
