@@ -57,7 +57,7 @@ def test_nothing_is_fetched_by_a_reader():
     theme = site["theme"]
     assert isinstance(theme, dict)
     assert theme["font"] is False
-    # The plugin that makes search work from a disk fetches a script, unless one of this name is here.
+    # What makes search work from a disk is fetched, unless a script of this name is here.
     (script,) = site["extra"]["polyfills"]  # type: ignore[index]
     assert "offline" in site["plugins"]  # type: ignore[operator]
     assert "iframe-worker" in script
