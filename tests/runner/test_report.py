@@ -160,7 +160,7 @@ class TestPage:
     def test_escapes_everything_from_outside(self, folder: Path) -> None:
         text = page(folder)
         assert NASTY not in text
-        assert f"press.force.z within -15 N +- 0.5 N {ESCAPED}" in text
+        assert f'within <span class="whole">-15</span> N +- 0.5 N {ESCAPED}' in text
         assert f"About {ESCAPED}" in text
         assert "100 % of ticks &amp; more" in text
         assert text.count(ESCAPED) >= 4

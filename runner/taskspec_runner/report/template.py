@@ -11,6 +11,8 @@ from markupsafe import Markup, escape
 
 #: A sign before a number, and not a hyphen in a word or a minus between two numbers.
 _MINUS = re.compile(r"(?<![\w)])-(?=[\d.])")
+#: A sign with what it is the sign of: a browser would break the line after a hyphen.
+_SIGNED = re.compile(r"((?<!\S)[+-]+\w\S*)")
 _HERE = Path(__file__).parent
 
 
@@ -28,6 +30,7 @@ def template(name: str, beside: Path = _HERE) -> Template:
         lstrip_blocks=True,
     )
     environment.filters["prose"] = prose
+    environment.filters["expression"] = expression
     return environment.get_template(name)
 
 
@@ -40,6 +43,15 @@ def prose(text: str) -> Markup:
     shown = [escape(word) for word in words]
     codes = [Markup("<code>{}</code>").format(code) for code in parts[1::2]]
     return Markup("").join(x for pair in zip_longest(shown, codes, fillvalue="") for x in pair)
+
+
+def expression(text: str) -> Markup:
+    """An expression as code whose lines are broken between words, not after a sign."""
+    parts = enumerate(_SIGNED.split(text))
+    whole = Markup('<span class="whole">{}</span>')
+    return Markup("<code>{}</code>").format(
+        Markup("").join(whole.format(part) if i % 2 else escape(part) for i, part in parts)
+    )
 
 
 def part(name: str, beside: Path = _HERE) -> Markup:
