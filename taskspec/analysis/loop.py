@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -145,17 +146,21 @@ def modes(
 
 def _balance(F: Matrix) -> tuple[Matrix, Matrix]:
     """D^-1 F D with rows and columns of like size, and the diagonal of D (Osborne's iteration)."""
-    balanced, scale = F.copy(), np.ones(len(F))
+    sizes, scale = np.abs(F), np.ones(len(F))
+    np.fill_diagonal(sizes, 0.0)
     for _ in range(_BALANCINGS):
+        before = scale.copy()
         for i in range(len(F)):
-            column = np.abs(balanced[:, i]).sum() - abs(balanced[i, i])
-            row = np.abs(balanced[i]).sum() - abs(balanced[i, i])
+            column, row = float(sizes[:, i].sum()), float(sizes[i].sum())
             if column > 0 and row > 0:
-                factor = 2.0 ** np.round(0.5 * np.log2(row / column))
-                balanced[:, i] *= factor
-                balanced[i] /= factor
-                scale[i] *= factor
-    return balanced, scale
+                power = round(0.5 * math.log2(row / column))
+                if power:
+                    sizes[:, i] *= 2.0**power
+                    sizes[i] *= 2.0**-power
+                    scale[i] *= 2.0**power
+        if np.array_equal(scale, before):
+            break
+    return F * scale / scale[:, None], scale
 
 
 def _sensitivity(right: NDArray[np.complex128]) -> Matrix:

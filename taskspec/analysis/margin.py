@@ -6,12 +6,10 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
-from taskspec.analysis.controller import LinearController
+from taskspec.analysis.family import Family
+from taskspec.analysis.given import together
 from taskspec.analysis.loop import Mode, modes, states
-from taskspec.analysis.stage import Analysed, analyse
-from taskspec.control.gains import Gain, Gains
+from taskspec.analysis.stage import Analysed
 from taskspec.control.sensor import SensorModel
 from taskspec.program.context import Context
 from taskspec.spec import Task
@@ -23,7 +21,7 @@ LEAST_GROWTH, LEAST_NEGATIVE_DAMPING = 0.1, 2e-3
 #: [1/s]: it takes more than seven swings to a hundredth of what began it, and longer than 0.2 s.
 LEAST_DAMPING_RATIO, QUICK = 0.1, 20.0
 #: How far from its value a gain is looked for, either way, and in which steps.
-_REACH, _STEP = 1e3, 10 ** (1 / 3)
+REACH, _STEP = 1e3, 10 ** (1 / 3)
 #: Systems with more states than this are not searched for boundaries: it would take a second.
 _MOST_SEARCHED = 100
 #: A boundary is found to this part of its value.
@@ -37,8 +35,11 @@ PROPOSED = (
     "mass",
     "stiffness",
     "bandwidth",
+    "damping_ratio",
     "joint_damping",
 )
+#: Those of them that a motion loop has.
+MOTION = ("bandwidth", "damping_ratio")
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,13 +47,13 @@ class Limit:
     """The largest or smallest value of something for which a stage is stable.
 
     Attributes:
-        what: the gain, or the object whose stiffness it is. on: the axis or joint; empty for an
-            object. value: at the boundary [SI]. now: as it is. upper: stable below it.
-        given: the value of now stands in the file.
+        what: the gain, or the object whose stiffness it is. on: axes, equations or joints whose
+            gain moves; empty for an object. value: at the boundary, on the first of them [SI].
+        now: as it is there. upper: stable below it. given: the value of now stands in the file.
     """
 
     what: str
-    on: str
+    on: tuple[str, ...]
     value: float
     now: float
     upper: bool
@@ -91,32 +92,57 @@ class Search:
         context: the task. seen: the stage as it is.
         task: whose world and robot are true; None for the believed ones.
         good: what the modes are to be on the one side, and not on the other.
+        reach: how far from its value anything is looked for, either way.
     """
 
     context: Context
     seen: Analysed
     task: Task | None = None
     good: Quality = stable
+    reach: float = REACH
 
-    def gains(self, axes: Sequence[str], *, given: bool | None = None) -> Iterator[Limit]:
-        """Boundaries of the gains on some axes, each by itself with all others as they are.
+    def gains(
+        self, axes: Sequence[str], *, given: bool | None = None, of: Sequence[str] = PROPOSED
+    ) -> Iterator[Limit]:
+        """Boundaries of the gains on some axes, each number by itself with all others as they are.
 
         Args:
-            axes: whose gains are moved.
+            axes: whose gains are moved, with those of others that are the same number.
             given: only gains that stand in the file, or only designed ones; None for both.
+            of: the gains.
+        """
+        for what in of:
+            by = self.seen.stage.gains.get(what, {})
+            moved: set[str] = set()
+            for axis in [next(iter(by))] if by and what == "joint_damping" else axes:
+                if axis not in by or axis in moved:
+                    continue
+                if given is not None and (by[axis].origin == "file") != given:
+                    continue
+                on = together(self.context, self.seen, what, axis)
+                moved.update(on)
+                limit = self.gain(what, on)
+                if limit is not None:
+                    yield limit
+
+    def everywhere(self, but: str, *, given: bool) -> Iterator[Limit]:
+        """Boundaries of gains that are moved by one factor on all axes.
+
+        Args:
+            but: gains that `gains` moves as a whole for this axis are left out.
+            given: only gains that stand in the file, or only designed ones.
         """
         for what in PROPOSED:
-            by_axis = self.seen.stage.gains.get(what, {})
-            joints = what == "joint_damping"
-            for on in ([*by_axis],) if joints and by_axis else ([a] for a in axes if a in by_axis):
-                if given is not None and (by_axis[on[0]].origin == "file") != given:
-                    continue
+            by = self.seen.stage.gains.get(what, {})
+            on = [a for a, gain in by.items() if (gain.origin == "file") == given]
+            whole = but in on and set(together(self.context, self.seen, what, but)) == set(on)
+            if on and not whole:
                 limit = self.gain(what, on)
                 if limit is not None:
                     yield limit
 
     def gain(self, what: str, on: Sequence[str]) -> Limit | None:
-        """The boundary of one gain nearest to its value; None without one within a thousandfold.
+        """The boundary of one gain nearest to its value; None without one within `reach`.
 
         Args:
             what: the gain. on: axes or joints it is of.
@@ -124,19 +150,21 @@ class Search:
         now = self.seen.stage.gains[what][on[0]]
         if now.value <= 0:
             return None
-        family = _Family.of(self.context, self.seen, what, on)
-        if family is None:
-            return None
         task = self.seen.context.loaded.task if self.task is None else self.task
         plant, period = self.seen.plant(task), self.context.period
         sensor = SensorModel.of(task.robot.sensor, period)
         if states(self.seen.controller, plant, sensor) > _MOST_SEARCHED:
             return None
-        found = _boundary(lambda factor: self.good(modes(family.at(factor), plant, sensor, period)))
+        family = Family.of(self.context, self.seen, what, on)
+        if family is None:
+            return None
+        found = _boundary(
+            lambda factor: self.good(modes(family.at(factor), plant, sensor, period)), self.reach
+        )
         if found is None:
             return None
         factor, upper = found
-        return Limit(what, on[0], now.value * factor, now.value, upper, now.origin == "file")
+        return Limit(what, tuple(on), now.value * factor, now.value, upper, now.origin == "file")
 
     def stiffness(self, name: str) -> Limit | None:
         """The boundary of a contact's stiffness nearest to its value; None where it has none."""
@@ -145,12 +173,14 @@ class Search:
         sensor = SensorModel.of(task.robot.sensor, self.context.period)
         if states(seen.controller, seen.plant(task), sensor) > _MOST_SEARCHED:
             return None
-        found = _boundary(lambda factor: self.good(seen.modes(_stiffer(task, name, factor, seen))))
+        found = _boundary(
+            lambda factor: self.good(seen.modes(_stiffer(task, name, factor, seen))), self.reach
+        )
         if found is None:
             return None
         factor, upper = found
         now = compliance.stiffness
-        return Limit(name, "", now * factor, now, upper, given=True)
+        return Limit(name, (), now * factor, now, upper, given=True)
 
 
 def _stiffer(task: Task, name: str, factor: float, seen: Analysed) -> Task:
@@ -162,10 +192,10 @@ def _stiffer(task: Task, name: str, factor: float, seen: Analysed) -> Task:
     return task.model_copy(update={"world": {**task.world, name: changed}})
 
 
-def _boundary(holds: Callable[[float], bool]) -> tuple[float, bool] | None:
+def _boundary(holds: Callable[[float], bool], reach: float) -> tuple[float, bool] | None:
     """The factor nearest to 1 at which `holds` changes; and whether it holds below, not above."""
     at_one = holds(1.0)
-    for k in range(1, math.ceil(math.log(_REACH) / math.log(_STEP)) + 1):
+    for k in range(1, math.ceil(math.log(reach) / math.log(_STEP)) + 1):
         for way in (1 / _STEP, _STEP):
             if holds(way**k) != at_one:
                 return _bisect(holds, way ** (k - 1), way**k, at_one), at_one == (way > 1)
@@ -181,62 +211,3 @@ def _bisect(holds: Callable[[float], bool], a: float, b: float, at_a: bool) -> f
         else:
             b = middle
     return a if at_a else b
-
-
-@dataclass(frozen=True, slots=True)
-class _Family:
-    """A stage for every value of one gain.
-
-    Torque and memory are polynomials of second degree in a gain, in 1/gain for an apparent mass:
-    three compiled stages say them all.
-
-    Attributes:
-        seen: the stage as it is. controllers: at `_AT` times its gain. inverse: in 1/gain.
-    """
-
-    seen: Analysed
-    controllers: tuple[LinearController, ...]
-    inverse: bool
-
-    @staticmethod
-    def of(context: Context, seen: Analysed, what: str, on: Sequence[str]) -> _Family | None:
-        """The family of a gain on some axes; None where a member has no derivative."""
-        members: list[LinearController] = []
-        for factor in _AT:
-            moved = 1 / factor if what == "mass" else factor
-            if moved == 1:
-                members.append(seen.controller)
-                continue
-            other = analyse(
-                context, seen.stage.name, gains=scaled(seen.stage.gains, what, on, moved)
-            )
-            if other is None or other.controller.slots != seen.controller.slots:
-                return None
-            members.append(other.controller)
-        return _Family(seen, tuple(members), what == "mass")
-
-    def at(self, factor: float) -> LinearController:
-        """The controller with its gain times `factor`."""
-        x = 1 / factor if self.inverse else factor
-        torque = np.zeros_like(self.seen.controller.torque)
-        memory = np.zeros_like(self.seen.controller.memory)
-        for i, member in enumerate(self.controllers):
-            others = [a for j, a in enumerate(_AT) if j != i]
-            weight = np.prod([(x - a) / (_AT[i] - a) for a in others])
-            torque += weight * member.torque
-            memory += weight * member.memory
-        return LinearController(torque, memory, self.seen.controller.slots)
-
-
-_AT = (1.0, 0.5, 2.0)
-
-
-def scaled(gains: Gains, what: str, on: Sequence[str], factor: float) -> Gains:
-    """Gains with one of them multiplied on some axes, and with it what follows from it."""
-    found = {name: dict(by_axis) for name, by_axis in gains.items()}
-    powers = {"bandwidth": {"bandwidth": 1, "K_P": 2, "K_D": 1}}.get(what, {what: 1})
-    for name, power in powers.items():
-        for axis in on:
-            old = found[name][axis]
-            found[name][axis] = Gain(old.value * factor**power, old.origin)
-    return found

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.analysis.loop import Mode, one_step
+from taskspec.analysis.margin import grows
 from taskspec.analysis.stage import Analysed
 from taskspec.control.sensor import SensorModel
 from taskspec.control.state import AXES
@@ -35,11 +36,14 @@ _NULL_SPACE = "null space"
 def settling(seen: Analysed, modes: Sequence[Mode]) -> dict[str, Settling]:
     """The slowest pole of each axis, each equation and the null space.
 
-    An axis that nothing brings back, or that goes back at once, has none.
+    An axis that nothing brings back, or that goes back at once, has none; nor has any axis of a
+    stage that is unstable.
 
     Args:
         seen: the stage. modes: its own, the least stable first.
     """
+    if any(grows(mode) for mode in modes):
+        return {}
     poles = _distinct(modes)
     dying = [1 / -mode.s.real for mode in poles if mode.s.real < 0]
     found: dict[str, Settling] = {}

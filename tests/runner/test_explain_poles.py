@@ -83,3 +83,23 @@ def test_a_stage_in_free_space_has_no_table():
     )
     program = compile_task(load_text(text, "free.yaml"))
     assert stability_account(program, look(program, program.stages[0].name)) is None
+
+
+def test_bounds_of_motion_loops_are_told_where_they_are_near():
+    """132 Hz bounds the motion loop (docs/laws/hybrid.md): 80 Hz is near it, 5 Hz is not."""
+    near = account("{kind: hybrid, bandwidth: 80 Hz}")
+    assert list(bounds(near, "bandwidth on x y").values()) == ["< 131.8 Hz"]
+    assert not bounds(near, "damping_ratio on rx ry rz")
+    far = account("hybrid")
+    assert not [b for b in far.bounds if b.what.startswith(("bandwidth", "damping_ratio"))]
+
+
+def test_a_free_stage_near_a_bound_has_a_table():
+    text = (
+        "taskspec: 1\nname: free\nrobot: {model: panda}\nlaw: {kind: hybrid, bandwidth: 200 Hz}\n"
+        "stages: {go: {axes: {z: {move: 10 mm}}}}\n"
+    )
+    program = compile_task(load_text(text, "free.yaml"))
+    found = stability_account(program, look(program, program.stages[0].name))
+    assert found.where == "nothing touched, at the start pose"
+    assert list(bounds(found, "bandwidth on x y z").values()) == ["< 131.8 Hz"]

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+from taskspec.analysis.given import turns
 from taskspec.compiler import Program
-from taskspec.control.state import AXES
 from taskspec.prediction import StagePrediction
 from taskspec.program.stages.null_space import goals
 from taskspec.program.stages.stage import CompiledStage
@@ -142,18 +142,10 @@ def _gains(program: Program, stage: CompiledStage) -> Iterator[GainAccount]:
     for name, by_axis in stage.gains.items():
         groups: dict[tuple[str, str], list[str]] = {}
         for axis, gain in by_axis.items():
-            text = gain_text(name, _is_angular(program, axis), gain.value)
+            text = gain_text(name, turns(program.context, axis), gain.value)
             groups.setdefault((text, gain.origin), []).append(axis)
         for (value, origin), axes in groups.items():
             yield GainAccount(name, tuple(axes), value, origin)
-
-
-def _is_angular(program: Program, on: str) -> bool:
-    """Whether a gain is on a rotation, on a joint or on an equation of the joints."""
-    equation = program.context.equations.get(on)
-    if equation is not None:
-        return equation.joints
-    return on in AXES[3:] or on.startswith("joint.")
 
 
 def _ends(program: Program, stage: CompiledStage) -> Iterator[tuple[str, str]]:

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from taskspec.analysis.given import turns
 from taskspec.analysis.loop import Mode, UnfitError
-from taskspec.analysis.margin import Limit, Search, grows, rings
+from taskspec.analysis.margin import MOTION, Limit, Search, grows, rings
 from taskspec.analysis.stage import Analysed
 from taskspec.analysis.textbook import Condition, conditions
 from taskspec.compiler import Program
-from taskspec.control.state import AXES
 from taskspec.prediction import Looked
 from taskspec.text.show import number, show
 from taskspec_runner.cli.measures import gain_text, stiffness
@@ -21,6 +21,8 @@ from taskspec_runner.cli.measures import gain_text, stiffness
 _MOST = 6
 #: What is gone after one tick is no pole that anyone looks for.
 _AT_ONCE = 1e-3
+#: Bounds of motion loops that are farther off than so many times their gain say nothing.
+_NEAR = 5.0
 #: Slower swinging than this is rounding [Hz].
 _STILL = 1e-6
 
@@ -56,17 +58,19 @@ class StabilityAccount:
 
 
 def stability_account(program: Program, looked: Looked | None) -> StabilityAccount | None:
-    """One stage; None where it touches and holds nothing, or cannot be looked at.
+    """One stage; None where it cannot be looked at, or is free and far from every bound.
 
     Args:
         program: the task. looked: the stage's sampled loop.
     """
-    if looked is None or not (looked.seen.pressed or looked.seen.stage.held):
+    if looked is None:
         return None
     seen = looked.seen
     try:
         bounds = tuple(_bounds(program, seen))
     except (UnfitError, np.linalg.LinAlgError):
+        return None
+    if not (bounds or seen.pressed or seen.stage.held):
         return None
     return StabilityAccount(_where(seen), tuple(_poles(seen, looked.modes)), bounds)
 
@@ -77,6 +81,7 @@ def _where(seen: Analysed) -> str:
         for name, force in seen.pressed.items()
     ]
     parts += [f"{seen.stage.held} held"] if seen.stage.held else []
+    parts = parts or ["nothing touched"]
     return f"{'in contact, ' if seen.meets else ''}{', '.join(parts)}, at the start pose"
 
 
@@ -112,7 +117,9 @@ def _bounds(program: Program, seen: Analysed) -> Iterator[BoundAccount]:
     """What the sampled model allows, and beside it what the textbook does."""
     search = Search(program.context, seen)
     forced = [a for a, p in seen.stage.plans.items() if p.force] + list(seen.stage.active)
-    for limit in search.gains(forced):
+    near = replace(search, reach=_NEAR)
+    moved = [a for a in seen.stage.axes if a not in forced]
+    for limit in (*search.gains(forced), *near.gains(moved, of=MOTION)):
         yield BoundAccount(*_limit(seen, limit), "this stage as it is sampled")
     for name in seen.pressed:
         if name in seen.context.surfaces:
@@ -129,12 +136,11 @@ def _bounds(program: Program, seen: Analysed) -> Iterator[BoundAccount]:
 
 
 def _limit(seen: Analysed, limit: Limit) -> tuple[str, str, str]:
-    angular = limit.on in AXES[3:] or limit.on.startswith("joint.")
-    if limit.on in seen.context.equations:
-        angular = seen.context.equations[limit.on].joints
+    first = limit.on[0]
+    angular = turns(seen.context, first)
     way = "<" if limit.upper else ">"
     return (
-        f"{limit.what} on {limit.on}",
+        f"{limit.what} on {first if limit.what == 'joint_damping' else ' '.join(limit.on)}",
         gain_text(limit.what, angular, limit.now),
         f"{way} {gain_text(limit.what, angular, limit.value)}",
     )

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
+from taskspec.analysis.given import gain_path, law_path, together, turns
 from taskspec.analysis.loop import Mode
 from taskspec.analysis.margin import PROPOSED, Limit, Search, grows, quiet, stable
 from taskspec.analysis.stage import Analysed
@@ -26,6 +27,7 @@ _UNITS = {
     "mass": ("kg", "kg*m^2"),
     "stiffness": ("N/m", "N*m/rad"),
     "bandwidth": ("Hz", "Hz"),
+    "damping_ratio": ("", ""),
     "joint_damping": ("N*m*s/rad", "N*m*s/rad"),
 }
 
@@ -39,12 +41,8 @@ def mending(
         context: the task. seen: the stage. axis: on which `mode` moves most.
         task: whose world and robot are true; None for the believed ones. mode: that is to go.
     """
-    own = seen.stage.gains
-    axes = [axis] if any(axis in by for by in own.values()) else list(seen.stage.axes)
     search = Search(context, seen, task, stable if grows(mode) else quiet)
-    best = list(itertools.islice(search.gains(axes, given=True), _MOST_PROPOSED))
-    if not best:
-        best = list(itertools.islice(search.gains(axes, given=False), _MOST_PROPOSED))
+    best = list(itertools.islice(_gains(seen, search, axis), _MOST_PROPOSED))
     for name in seen.pressed:
         if task is None and name in context.surfaces:
             limit = search.stiffness(name)
@@ -52,39 +50,62 @@ def mending(
     return best
 
 
-def said(limit: Limit) -> str:
+def _gains(seen: Analysed, search: Search, axis: str) -> Iterator[Limit]:
+    """Boundaries of gains in the best group that has any: one number, else one on all axes."""
+    others = [
+        other
+        for other in dict.fromkeys(a for by in seen.stage.gains.values() for a in by)
+        if other != axis
+    ]
+    ways = [
+        search.gains([axis], given=True),
+        search.gains(others, given=True),
+        search.everywhere(axis, given=True),
+        search.gains([axis], given=False),
+        search.everywhere(axis, given=False),
+    ]
+    for way in ways:
+        first = next(way, None)
+        if first is not None:
+            yield first
+            yield from way
+            return
+
+
+def said(context: Context, seen: Analysed, limit: Limit) -> str:
     """A boundary as a way to mend a stage, in words."""
     way = "up to" if limit.upper else "from"
     if not limit.on:
-        return f"a contact of {way} {show(_inside(limit), 'kN/m', 3)}"
+        return f"a contact of {way} {show(_inside(limit.value, limit.upper), 'kN/m', 3)}"
     what = "damping" if limit.what == "joint_damping" else limit.what
-    unit = _UNITS[limit.what][limit.on.startswith(("r", "joint"))]
-    value = number(_inside(limit), 3)
+    gains, first = seen.stage.gains[limit.what], limit.on[0]
+    if set(limit.on) != set(together(context, seen, limit.what, first)):
+        what += " on all its axes"
+        if len({(gains[on].value, turns(context, on)) for on in limit.on}) > 1:
+            factor = number(_inside(limit.value / limit.now, limit.upper), 3)
+            return f"{what} {way} {factor} times what it is"
+    unit = _UNITS[limit.what][turns(context, first)]
+    value = number(_inside(limit.value, limit.upper), 3)
     return f"{what} {way} {f'{value} {unit}'.strip()}"
 
 
-def _inside(limit: Limit) -> float:
-    """The boundary in three digits, rounded to the stable side."""
-    scale = 10.0 ** (math.floor(math.log10(limit.value)) - 2)
-    rounding = math.floor if limit.upper else math.ceil
-    return rounding(limit.value / scale) * scale
+def _inside(value: float, upper: bool) -> float:
+    """A boundary in three digits, rounded to the stable side."""
+    scale = 10.0 ** (math.floor(math.log10(value)) - 2)
+    rounding = math.floor if upper else math.ceil
+    return rounding(value / scale) * scale
 
 
 def place_of(context: Context, seen: Analysed, axis: str, limits: Sequence[Limit]) -> Span | None:
     """The gain to be changed, if it stands in the file, else any on the axis, else the law."""
-    gains = seen.stage.gains
-    wanted = [limit.what for limit in limits if limit.given and limit.on]
-    wanted += [g for g in PROPOSED if axis in gains.get(g, {}) and gains[g][axis].origin == "file"]
-    name = seen.stage.name
-    stage = context.loaded.task.stages[name]
-    law: tuple[str, ...] = ("stages", name, "law") if stage.law is not None else ("law",)
-    for what in wanted:
-        entry = stage.axes.get(axis)
-        if entry is not None and getattr(entry, what, None) is not None:
-            return context.loaded.span(("stages", name, "axes", axis, what))
-        keys = ("damping",) if what == "joint_damping" else tuple(what.split("."))
-        last = axis if len(axis) <= 2 else ""
-        return context.loaded.span((*law, *keys, last))
-    if stage.law is None and "law" not in context.loaded.root.entries:
+    gains, name = seen.stage.gains, seen.stage.name
+    wanted = [(limit.what, limit.on[0]) for limit in limits if limit.given and limit.on]
+    wanted += [
+        (g, axis) for g in PROPOSED if axis in gains.get(g, {}) and gains[g][axis].origin == "file"
+    ]
+    for what, on in wanted:
+        return context.loaded.span(gain_path(context, name, what, on))
+    law = law_path(context, name)
+    if law == ("law",) and "law" not in context.loaded.root.entries:
         return context.loaded.span(("stages", name, "axes", axis))
     return context.loaded.span(law)

@@ -188,7 +188,7 @@ def _report(
     if place is not None and found.says(code, place):
         return
     message = f"{text}: {on_axis(axis)} {describe(mode, context.period)}"
-    hint = "; or ".join(said(limit) for limit in limits)
+    hint = "; or ".join(said(context, seen, limit) for limit in limits)
     found.add(severity, code, message, place, hint or "no single gain of this stage mends that")
 
 

@@ -1,0 +1,77 @@
+"""A stage for every value of one of its gains, from three compiled ones."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from taskspec.analysis.controller import LinearController
+from taskspec.analysis.stage import Analysed, analyse
+from taskspec.control.gains import Gain, Gains
+from taskspec.program.context import Context
+
+
+@dataclass(frozen=True, slots=True)
+class Family:
+    """A stage for every value of one gain.
+
+    Torque and memory are polynomials of second degree in a gain, in 1/gain for an apparent mass:
+    three compiled stages say them all.
+
+    Attributes:
+        seen: the stage as it is. controllers: at `_AT` times its gain. inverse: in 1/gain.
+    """
+
+    seen: Analysed
+    controllers: tuple[LinearController, ...]
+    inverse: bool
+
+    @staticmethod
+    def of(context: Context, seen: Analysed, what: str, on: Sequence[str]) -> Family | None:
+        """The family of a gain on some axes; None where a member has no derivative."""
+        members: list[LinearController] = []
+        for factor in _AT:
+            moved = 1 / factor if what == "mass" else factor
+            if moved == 1:
+                members.append(seen.controller)
+                continue
+            other = analyse(
+                context, seen.stage.name, gains=scaled(seen.stage.gains, what, on, moved)
+            )
+            if other is None or other.controller.slots != seen.controller.slots:
+                return None
+            members.append(other.controller)
+        return Family(seen, tuple(members), what == "mass")
+
+    def at(self, factor: float) -> LinearController:
+        """The controller with its gain times `factor`."""
+        x = 1 / factor if self.inverse else factor
+        torque = np.zeros_like(self.seen.controller.torque)
+        memory = np.zeros_like(self.seen.controller.memory)
+        for i, member in enumerate(self.controllers):
+            others = [a for j, a in enumerate(_AT) if j != i]
+            weight = np.prod([(x - a) / (_AT[i] - a) for a in others])
+            torque += weight * member.torque
+            memory += weight * member.memory
+        return LinearController(torque, memory, self.seen.controller.slots)
+
+
+#: Factors of the compiled members.
+_AT = (1.0, 0.5, 2.0)
+#: Gain -> what follows from it, with which power.
+_POWERS = {
+    "bandwidth": {"bandwidth": 1, "K_P": 2, "K_D": 1},
+    "damping_ratio": {"damping_ratio": 1, "K_D": 1},
+}
+
+
+def scaled(gains: Gains, what: str, on: Sequence[str], factor: float) -> Gains:
+    """Gains with one of them multiplied on some axes, and with it what follows from it."""
+    found = {name: dict(by_axis) for name, by_axis in gains.items()}
+    for name, power in _POWERS.get(what, {what: 1}).items():
+        for axis in on:
+            old = found[name][axis]
+            found[name][axis] = Gain(old.value * factor**power, old.origin)
+    return found
