@@ -18,6 +18,7 @@ from taskspec.spec.names import collect_names
 from taskspec.spec.params import evaluate_params
 from taskspec.spec.reading import Reading
 from taskspec.spec.task import Task
+from taskspec.spec.unused import unused, warn_unused
 from taskspec.text import nodes
 from taskspec.text.characters import normal
 from taskspec.text.data import Map, to_data
@@ -124,12 +125,15 @@ def _load(
     root = read(source, found)
     if not isinstance(root, nodes.Mapping):
         raise SpecError(found.sorted(), sources)
+    idle = unused(root)
     if overrides:
         keys = tuple(Task.model_fields)
         sources[overriding.NAME] = overriding.apply(root, overrides, keys, found)
     task = _validate(root, found, path or Path(name))
     if task is None or found.has_errors:
         raise SpecError(found.sorted(), sources)
+    # An override may use a name, or take the place of what used one.
+    warn_unused(root, idle & unused(root), found)
     return LoadedTask(task, source, path, base, dict(overrides), found.sorted(), sources, root)
 
 

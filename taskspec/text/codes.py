@@ -54,6 +54,7 @@ READING: dict[str, str] = {
     "TS126": "a name given twice",
     "TS127": "params that define each other in a circle",
     "TS128": "something that cannot be held",
+    "TS130": "a name that nothing uses",
     # Axes, laws, frames.
     "TS201": "an axis without a mode",
     "TS202": "two motions on one axis",

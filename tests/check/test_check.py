@@ -25,7 +25,7 @@ VARY
 GOOD = {
     "ROBOT": "model: panda, start: {xyz: [500 mm, 0, 340 mm]}",
     "CONTACT": "stiffness: 20 kN/m",
-    "FRAMES": "jig: {parent: block}",
+    "FRAMES": "",
     "FRAME": "task",
     "LAW": "hybrid",
     "STAGE": "axes: {z: {velocity: -20 mm/s}}, until: touching, within: {time: 3 s}",

@@ -32,8 +32,13 @@ def text(**changes):
     return filled
 
 
+def findings(task):
+    """All but that a stage does not use both frames."""
+    return [d for d in check_task(load_text(task, "t")) if d.code != "TS130"]
+
+
 def codes(**changes):
-    return [d.code for d in check_task(load_text(text(**changes), "t"))]
+    return [d.code for d in findings(text(**changes))]
 
 
 @pytest.mark.parametrize(
@@ -95,7 +100,7 @@ def test_an_equation_without_a_gradient_on_the_way():
 
 def test_a_run_presses_as_hard_as_said(simulate):
     task = text(STAGE="axes: {z: {move: -40 mm}}")
-    (found,) = check_task(load_text(task, "t"))
+    (found,) = findings(task)
     said = float(re.search(r"about ([\d.]+) N", found.message)[1])
     # Two digits; the mass felt at the start and 30 mm lower differ by less than that.
     assert -simulate(task)["force.z"][-1] == pytest.approx(said, rel=0.05)
