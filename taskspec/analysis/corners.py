@@ -43,6 +43,15 @@ class Corner:
     values: Mapping[tuple[str, int | None], float]
     task: Task
 
+    @property
+    def plant(self) -> tuple[tuple[tuple[str, int | None], float], ...]:
+        """Values that arm and contact depend on: the sensor is none of theirs."""
+        return tuple(
+            (key, value)
+            for key, value in self.values.items()
+            if not key[0].startswith("robot.sensor.")
+        )
+
 
 def corners(context: Context, objects: Sequence[str]) -> Iterator[Corner]:
     """The worlds to try for a stage.

@@ -21,6 +21,8 @@ _ROUNDING = 1e-9
 #: How much of rounding, as its own sensitivity tells, may move an eigenvalue off 1, and how far:
 #: a chain of three is off by the cube root of rounding.
 _TRUSTED, _FARTHEST = 1e3, 1e-4
+#: An eigenvalue below this is gone after one tick.
+_GONE = 1e-12
 #: Sweeps over all states while rows and columns are brought to like size.
 _BALANCINGS = 4
 #: More states than this are not looked at.
@@ -124,12 +126,7 @@ def modes(
     Raises:
         UnfitError: the loop is too large, or has numbers without bounds.
     """
-    F = one_step(controller, plant, sensor, samples=True)
-    if sensor.hold_ticks > 1:
-        held = one_step(controller, plant, sensor, samples=False)
-        F = np.linalg.matrix_power(held, sensor.hold_ticks - 1) @ F
-    if not np.isfinite(F).all():
-        raise UnfitError("numbers without bounds")
+    F = _between_samples(controller, plant, sensor)
     span = sensor.hold_ticks * period
     balanced, scale = _balance(F)
     values, right = np.linalg.eig(balanced)
@@ -137,11 +134,42 @@ def modes(
     found = []
     for z, doubt, shape in zip(values, uncertain, (scale[:, None] * right).T, strict=True):
         moved = max(_ROUNDING, min(_TRUSTED * doubt, _FARTHEST))
-        if abs(z - 1) < moved or z.imag < 0 or abs(z) < 1e-12:
+        if abs(z - 1) < moved or z.imag < 0 or abs(z) < _GONE:
             continue
         s = np.log(complex(z)) / span
         found.append(Mode(complex(np.exp(s * period)), s, shape[: plant.n]))
     return tuple(sorted(found, key=lambda mode: -mode.s.real))
+
+
+def poles(
+    controller: LinearController, plant: LinearPlant, sensor: SensorModel, period: float
+) -> NDArray[np.complex128]:
+    """ln(z)/T of all eigenvalues that are not 1 to rounding [1/s], neutral chains among them.
+
+    It takes a fifth of the time of `modes`, which alone tells which of them are neutral.
+
+    Args:
+        controller: the stage. plant: what it drives. sensor: between them. period: T [s].
+
+    Raises:
+        UnfitError: the loop is too large, or has numbers without bounds.
+    """
+    z = np.linalg.eigvals(_between_samples(controller, plant, sensor)).astype(complex)
+    z = z[(np.abs(z - 1) > _ROUNDING) & (np.abs(z) > _GONE)]
+    return np.asarray(np.log(z) / (sensor.hold_ticks * period))
+
+
+def _between_samples(
+    controller: LinearController, plant: LinearPlant, sensor: SensorModel
+) -> Matrix:
+    """The map from one sample of the sensor to the next."""
+    F = one_step(controller, plant, sensor, samples=True)
+    if sensor.hold_ticks > 1:
+        held = one_step(controller, plant, sensor, samples=False)
+        F = np.linalg.matrix_power(held, sensor.hold_ticks - 1) @ F
+    if not np.isfinite(F).all():
+        raise UnfitError("numbers without bounds")
+    return F
 
 
 def _balance(F: Matrix) -> tuple[Matrix, Matrix]:

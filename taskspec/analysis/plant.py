@@ -16,7 +16,8 @@ model cancels.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -122,6 +123,21 @@ class LinearPlant:
                 found[row.equation] = -f[at]
             at += len(row.G)
         return found
+
+
+def pressing(plant: LinearPlant, forces: Mapping[str, float]) -> LinearPlant:
+    """A plant of unit forces under other ones: what turns with the pose grows with the force.
+
+    Args:
+        plant: with 1 N or 1 N m on each contact. forces: what the robot applies to them.
+    """
+    rows = tuple(
+        replace(row, turning=forces[row.name] * row.turning, bending=forces[row.name] * row.bending)
+        if row.name in forces
+        else row
+        for row in plant.rows
+    )
+    return replace(plant, rows=rows)
 
 
 def _blocks(parts: list[Matrix]) -> Matrix:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from taskspec.analysis.controller import LinearController, Operating
 from taskspec.analysis.environment import linear_plant
-from taskspec.analysis.loop import Mode, modes
+from taskspec.analysis.loop import Mode, modes, poles
 from taskspec.analysis.plant import LinearPlant
 from taskspec.control.gains import Gains
 from taskspec.control.sensor import SensorModel
@@ -57,11 +57,29 @@ class Analysed:
             return self.nominal
         return linear_plant(self.context, task, self.pressed, sticking=self.sticking)
 
-    def modes(self, task: Task | None = None) -> tuple[Mode, ...]:
-        """Modes of the closed loop, the least stable first."""
+    def modes(self, task: Task | None = None, plant: LinearPlant | None = None) -> tuple[Mode, ...]:
+        """Modes of the closed loop, the least stable first.
+
+        Args:
+            task: whose world and robot are true. plant: that of `task`, if it is known.
+        """
+        return modes(*self._loop(task, plant))
+
+    def poles(self, task: Task, plant: LinearPlant) -> NDArray[np.complex128]:
+        """Poles of the closed loop, neutral chains among them; quicker than `modes`.
+
+        Args:
+            task: whose world and robot are true. plant: that of `task`.
+        """
+        return poles(*self._loop(task, plant))
+
+    def _loop(
+        self, task: Task | None, plant: LinearPlant | None
+    ) -> tuple[LinearController, LinearPlant, SensorModel, float]:
         task = self.context.loaded.task if task is None else task
         sensor = SensorModel.of(task.robot.sensor, self.context.period)
-        return modes(self.controller, self.plant(task), sensor, self.context.period)
+        plant = self.plant(task) if plant is None else plant
+        return self.controller, plant, sensor, self.context.period
 
     def free(self) -> Analysed:
         """The same stage before it meets its contact."""

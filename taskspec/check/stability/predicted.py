@@ -6,10 +6,13 @@ import math
 from collections.abc import Callable, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from taskspec.analysis.corners import Corner, at, corners
+from taskspec.analysis.environment import linear_plant
 from taskspec.analysis.loop import Mode, UnfitError
-from taskspec.analysis.margin import LEAST_DAMPING_RATIO, grows, rings
+from taskspec.analysis.margin import LEAST_DAMPING_RATIO, LEAST_GROWTH, QUICK, grows, rings
+from taskspec.analysis.plant import LinearPlant, pressing
 from taskspec.analysis.stage import Analysed, analyse
 from taskspec.check.stability.mending import mending, place_of, said
 from taskspec.program.context import Context
@@ -25,13 +28,14 @@ _AS_MUCH = 0.95
 def check_stability(context: Context, found: Diagnostics) -> None:
     """Reports stages that are predicted to be unstable or to ring, each way of control once."""
     seen: set[str] = set()
+    plants = _Plants()
     for name, stage in context.loaded.task.stages.items():
         key = _control(context, stage)
         if key in seen:
             continue
         seen.add(key)
         try:
-            _check_stage(context, name, found)
+            _check_stage(context, name, plants, found)
         except (UnfitError, np.linalg.LinAlgError):
             continue
 
@@ -55,7 +59,7 @@ def _kind(axis: Axis) -> tuple[object, ...]:
     )
 
 
-def _check_stage(context: Context, name: str, found: Diagnostics) -> None:
+def _check_stage(context: Context, name: str, plants: _Plants, found: Diagnostics) -> None:
     seen = analyse(context, name)
     if seen is None or not _resolved(seen, context.loaded.task):
         return
@@ -71,7 +75,7 @@ def _check_stage(context: Context, name: str, found: Diagnostics) -> None:
             )  # fmt: skip
         return
     if _check_nominal(context, seen, found):
-        _check_corners(context, seen, found)
+        _check_corners(context, seen, plants, found)
         _check_sticking(context, seen, found)
 
 
@@ -113,7 +117,7 @@ def _check_sticking(context: Context, seen: Analysed, found: Diagnostics) -> Non
         _report(context, stuck, worst, found, "TS506", Severity.WARNING, text)
 
 
-def _check_corners(context: Context, seen: Analysed, found: Diagnostics) -> None:
+def _check_corners(context: Context, seen: Analysed, plants: _Plants, found: Diagnostics) -> None:
     """Reports the worst world that `vary` allows, if that is unstable or rings."""
     objects = [*seen.pressed, *([seen.stage.held] if seen.stage.held else [])]
     unstable: tuple[float, Corner] | None = None
@@ -121,7 +125,16 @@ def _check_corners(context: Context, seen: Analysed, found: Diagnostics) -> None
     for corner in corners(context, objects):
         if not _resolved(seen, corner.task):
             continue
-        modes = seen.modes(corner.task)
+        plant = plants.under(seen, corner)
+        growth, damping = _suspected(seen.poles(corner.task, plant))
+        # Few corners are worse than all before them: only these are looked at in full.
+        worse = growth > (LEAST_GROWTH if unstable is None else unstable[0])
+        weaker = unstable is None and damping < (
+            LEAST_DAMPING_RATIO if ringing is None else ringing[0]
+        )
+        if not (worse or weaker):
+            continue
+        modes = seen.modes(corner.task, plant)
         worst, swings = _worst(modes), _ringing(modes)
         if worst is not None and grows(worst) and (unstable is None or worst.s.real > unstable[0]):
             unstable = (worst.s.real, corner)
@@ -138,6 +151,28 @@ def _check_corners(context: Context, seen: Analysed, found: Diagnostics) -> None
         assert swings is not None
         text = f"stage {name!r} rings in a world that `vary` allows, {_named(corner)}"
         _report(context, seen, swings, found, "TS504", Severity.WARNING, text, corner)
+
+
+def _suspected(s: NDArray[np.complex128]) -> tuple[float, float]:
+    """Fastest growth [1/s], and least damping ratio of what dies away slowly, of some poles."""
+    growth = float(s.real.max(initial=-math.inf))
+    slow = s[-s.real < QUICK]
+    return growth, float((-slow.real / np.abs(slow)).min(initial=math.inf))
+
+
+class _Plants:
+    """Arm and contacts of worlds, which stages that touch the same have in common."""
+
+    def __init__(self) -> None:
+        self._known: dict[object, LinearPlant] = {}
+
+    def under(self, seen: Analysed, corner: Corner) -> LinearPlant:
+        """The plant that a stage drives in a world."""
+        key = (tuple(seen.pressed), corner.plant)
+        if key not in self._known:
+            ones = dict.fromkeys(seen.pressed, 1.0)
+            self._known[key] = linear_plant(seen.context, corner.task, ones)
+        return pressing(self._known[key], seen.pressed)
 
 
 def _undamped(modes: Sequence[Mode]) -> float:
