@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from taskspec.analysis.budget import Budget
 from taskspec.program.context import Context
 from taskspec.spec import Task, Variation
 
@@ -53,16 +55,18 @@ class Corner:
         )
 
 
-def corners(context: Context, objects: Sequence[str]) -> Iterator[Corner]:
+def corners(context: Context, objects: Sequence[str], budget: Budget) -> Iterator[Corner]:
     """The worlds to try for a stage.
 
     Args:
         context: the task. objects: that the stage touches or holds.
+        budget: of worlds; where all are more than that, one value varies at a time.
     """
     parts = list(_uncertain(context, objects))
     if not parts:
         return
-    if len(parts) <= MOST_AT_ONCE:
+    count = math.prod(len(part.values) for part in parts)
+    if len(parts) <= MOST_AT_ONCE and budget.take(count):
         chosen = itertools.product(*(part.values for part in parts))
         for values in chosen:
             yield _corner(context, parts, values)

@@ -15,12 +15,13 @@ from taskspec.analysis.plant import LinearPlant
 from taskspec.control.sensor import SensorModel
 
 Matrix = NDArray[np.float64]
+Poles = NDArray[np.complex128]
 
 #: An eigenvalue nearer to 1 than this is one that rounding has moved off it.
 _ROUNDING = 1e-9
 #: How much of rounding, as its own sensitivity tells, may move an eigenvalue off 1, and how far:
 #: a chain of three is off by the cube root of rounding.
-_TRUSTED, _FARTHEST = 1e3, 1e-4
+_TRUSTED, FARTHEST = 1e3, 1e-4
 #: An eigenvalue below this is gone after one tick.
 _GONE = 1e-12
 #: Sweeps over all states while rows and columns are brought to like size.
@@ -133,7 +134,7 @@ def modes(
     uncertain = np.finfo(float).eps * np.linalg.norm(balanced) * _sensitivity(right)
     found = []
     for z, doubt, shape in zip(values, uncertain, (scale[:, None] * right).T, strict=True):
-        moved = max(_ROUNDING, min(_TRUSTED * doubt, _FARTHEST))
+        moved = max(_ROUNDING, min(_TRUSTED * doubt, FARTHEST))
         if abs(z - 1) < moved or z.imag < 0 or abs(z) < _GONE:
             continue
         s = np.log(complex(z)) / span
@@ -143,7 +144,7 @@ def modes(
 
 def poles(
     controller: LinearController, plant: LinearPlant, sensor: SensorModel, period: float
-) -> NDArray[np.complex128]:
+) -> Poles:
     """ln(z)/T of all eigenvalues that are not 1 to rounding [1/s], neutral chains among them.
 
     It takes a fifth of the time of `modes`, which alone tells which of them are neutral.

@@ -6,9 +6,15 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import NDArray
+
+from taskspec.analysis.budget import Budget
+from taskspec.analysis.controller import LinearController
 from taskspec.analysis.family import Family
 from taskspec.analysis.given import together
-from taskspec.analysis.loop import Mode, modes, states
+from taskspec.analysis.loop import FARTHEST, Mode, Poles, modes, poles, states
+from taskspec.analysis.plant import LinearPlant
 from taskspec.analysis.stage import Analysed
 from taskspec.control.sensor import SensorModel
 from taskspec.program.context import Context
@@ -65,23 +71,41 @@ def grows(mode: Mode) -> bool:
     return mode.s.real > LEAST_GROWTH and mode.damping_ratio < -LEAST_NEGATIVE_DAMPING
 
 
-#: Whether modes are as they should be.
-Quality = Callable[[Sequence[Mode]], bool]
+@dataclass(frozen=True, slots=True)
+class Quality:
+    """What poles are to be.
 
+    Attributes:
+        bad: of some poles [1/s] those that are not so.
+    """
 
-def stable(found: Sequence[Mode]) -> bool:
-    """Whether no mode grows at all."""
-    return all(mode.s.real <= 0 for mode in found)
+    bad: Callable[[Poles], NDArray[np.bool_]]
+
+    def holds(
+        self, controller: LinearController, plant: LinearPlant, sensor: SensorModel, period: float
+    ) -> bool:
+        """Whether all modes of a loop are so; eigenvalues alone mostly tell."""
+        s = poles(controller, plant, sensor, period)
+        bad = s[self.bad(s)]
+        if not len(bad):
+            return True
+        if np.any(np.abs(np.exp(bad * sensor.hold_ticks * period) - 1) > FARTHEST):
+            return False
+        found = np.array([m.s for m in modes(controller, plant, sensor, period)], dtype=complex)
+        return not self.bad(found).any()
 
 
 def rings(mode: Mode) -> bool:
     """Whether a mode that dies away takes many swings, and long, to do so."""
-    return mode.damping_ratio < LEAST_DAMPING_RATIO and -mode.s.real < QUICK
+    return bool(_ring(np.array([mode.s]))[0])
 
 
-def quiet(found: Sequence[Mode]) -> bool:
-    """Whether no mode grows or rings."""
-    return not any(rings(mode) for mode in found)
+def _ring(s: Poles) -> NDArray[np.bool_]:
+    return np.asarray((-s.real < LEAST_DAMPING_RATIO * np.abs(s)) & (-s.real < QUICK))
+
+
+#: No mode grows at all; no mode grows or rings.
+STABLE, QUIET = Quality(lambda s: np.asarray(s.real > 0)), Quality(_ring)
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,13 +117,15 @@ class Search:
         task: whose world and robot are true; None for the believed ones.
         good: what the modes are to be on the one side, and not on the other.
         reach: how far from its value anything is looked for, either way.
+        budget: of gains; None for all.
     """
 
     context: Context
     seen: Analysed
     task: Task | None = None
-    good: Quality = stable
+    good: Quality = STABLE
     reach: float = REACH
+    budget: Budget | None = None
 
     def gains(
         self, axes: Sequence[str], *, given: bool | None = None, of: Sequence[str] = PROPOSED
@@ -155,11 +181,13 @@ class Search:
         sensor = SensorModel.of(task.robot.sensor, period)
         if states(self.seen.controller, plant, sensor) > _MOST_SEARCHED:
             return None
+        if self.budget is not None and not self.budget.take():
+            return None
         family = Family.of(self.context, self.seen, what, on)
         if family is None:
             return None
         found = _boundary(
-            lambda factor: self.good(modes(family.at(factor), plant, sensor, period)), self.reach
+            lambda factor: self.good.holds(family.at(factor), plant, sensor, period), self.reach
         )
         if found is None:
             return None
@@ -173,9 +201,12 @@ class Search:
         sensor = SensorModel.of(task.robot.sensor, self.context.period)
         if states(seen.controller, seen.plant(task), sensor) > _MOST_SEARCHED:
             return None
-        found = _boundary(
-            lambda factor: self.good(seen.modes(_stiffer(task, name, factor, seen))), self.reach
-        )
+
+        def holds(factor: float) -> bool:
+            plant = seen.plant(_stiffer(task, name, factor, seen))
+            return self.good.holds(seen.controller, plant, sensor, self.context.period)
+
+        found = _boundary(holds, self.reach)
         if found is None:
             return None
         factor, upper = found

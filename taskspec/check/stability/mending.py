@@ -6,9 +6,10 @@ import itertools
 import math
 from collections.abc import Iterator, Sequence
 
+from taskspec.analysis.budget import Budget
 from taskspec.analysis.given import gain_path, law_path, together, turns
 from taskspec.analysis.loop import Mode
-from taskspec.analysis.margin import PROPOSED, Limit, Search, grows, quiet, stable
+from taskspec.analysis.margin import PROPOSED, QUIET, STABLE, Limit, Search, grows
 from taskspec.analysis.stage import Analysed
 from taskspec.program.context import Context
 from taskspec.spec import Task
@@ -33,18 +34,20 @@ _UNITS = {
 
 
 def mending(
-    context: Context, seen: Analysed, axis: str, task: Task | None, mode: Mode
+    context: Context, seen: Analysed, axis: str, task: Task | None, mode: Mode, budget: Budget
 ) -> list[Limit]:
     """What would mend the stage: gains of the file before designed ones, a softer contact.
 
     Args:
         context: the task. seen: the stage. axis: on which `mode` moves most.
         task: whose world and robot are true; None for the believed ones. mode: that is to go.
+        budget: of gains that may be searched.
     """
-    search = Search(context, seen, task, stable if grows(mode) else quiet)
+    quality = STABLE if grows(mode) else QUIET
+    search = Search(context, seen, task, quality, budget=budget)
     best = list(itertools.islice(_gains(seen, search, axis), _MOST_PROPOSED))
     for name in seen.pressed:
-        if task is None and name in context.surfaces:
+        if task is None and name in context.surfaces and budget.left > 0:
             limit = search.stiffness(name)
             best += [limit] if limit is not None and limit.upper else []
     return best
