@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 #: What a file may take: seconds of processor time, and memory above what was held before [MiB].
-SECONDS, MEMORY = 3.0, 150
+SECONDS, MEMORY = 2.0, 150
 #: Real seconds after which the process counts as hanging, on a machine that others use too.
 _GIVEN_UP = 60
 #: All memory that the process may ask for; what grows without bound ends in a MemoryError.
