@@ -114,7 +114,7 @@ def test_a_pitch_of_90_deg_is_singular_for_rpy_alone():
 DRUM = (
     "world: {drum: {shape: cylinder, xyz: [450 mm, 0, 100 mm], rpy: [0, 90 deg, 0], "
     "radius: 200 mm, length: 400 mm}, table: {shape: plane}}\n"
-    "frames: {skin: {surface: drum}, flat: {surface: table}}\nframe: FRAME"
+    "frames: {skin: {surface: SURFACE}}\nframe: skin"
 )
 
 
@@ -124,7 +124,7 @@ DRUM = (
         ({"model": "planar3", "start": "{xyz: [450 mm, 100 mm, 0]}"}, "about rz only"),
         ({"model": "planar2", "start": "{xyz: [350 mm, 100 mm, 0]}",
           "stages": "  go: {axes: {x: {move: 10 mm}}}"}, "does not turn"),
-        ({"extra": DRUM.replace("FRAME", "skin")}, "'skin' turns"),
+        ({"extra": DRUM.replace("SURFACE", "drum")}, "'skin' turns"),
         ({"extra": "frame: tool"}, "'tool' turns"),
         ({"law": "hybrid", "stages": "  go: {axes: {rx: {torque: 0}}, time: 1 s}"}, "torque"),
     ],
@@ -136,7 +136,7 @@ def test_where_angles_are_not_to_be_had(keys, reason):
 
 
 def test_a_frame_that_follows_a_plane_does_not_turn():
-    assert findings("rpy", extra=DRUM.replace("FRAME", "flat")) == ()
+    assert findings("rpy", extra=DRUM.replace("SURFACE", "table")) == ()
 
 
 @pytest.mark.parametrize("law", ["impedance", "pd", "hybrid", "parallel", "hybrid-multipliers"])
