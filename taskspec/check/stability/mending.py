@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import math
 from collections.abc import Iterator, Sequence
 
 from taskspec.analysis.budget import Budget
@@ -13,7 +12,7 @@ from taskspec.analysis.margin import PROPOSED, QUIET, STABLE, Limit, Search, gro
 from taskspec.analysis.stage import Analysed
 from taskspec.program.context import Context
 from taskspec.spec import Task
-from taskspec.text.show import number, show
+from taskspec.text.show import inside, number, show
 from taskspec.text.source import Span
 
 #: No more ways to mend a stage are proposed than these of its gains.
@@ -79,24 +78,17 @@ def said(context: Context, seen: Analysed, limit: Limit) -> str:
     """A boundary as a way to mend a stage, in words."""
     way = "up to" if limit.upper else "from"
     if not limit.on:
-        return f"a contact of {way} {show(_inside(limit.value, limit.upper), 'kN/m', 3)}"
+        return f"a contact of {way} {show(inside(limit.value, limit.upper), 'kN/m', 3)}"
     what = "damping" if limit.what == "joint_damping" else limit.what
     gains, first = seen.stage.gains[limit.what], limit.on[0]
     if set(limit.on) != set(together(context, seen, limit.what, first)):
         what += " on all its axes"
         if len({(gains[on].value, turns(context, on)) for on in limit.on}) > 1:
-            factor = number(_inside(limit.value / limit.now, limit.upper), 3)
+            factor = number(inside(limit.value / limit.now, limit.upper), 3)
             return f"{what} {way} {factor} times what it is"
     unit = _UNITS[limit.what][turns(context, first)]
-    value = number(_inside(limit.value, limit.upper), 3)
+    value = number(inside(limit.value, limit.upper), 3)
     return f"{what} {way} {f'{value} {unit}'.strip()}"
-
-
-def _inside(value: float, upper: bool) -> float:
-    """A boundary in three digits, rounded to the stable side."""
-    scale = 10.0 ** (math.floor(math.log10(value)) - 2)
-    rounding = math.floor if upper else math.ceil
-    return rounding(value / scale) * scale
 
 
 def place_of(context: Context, seen: Analysed, axis: str, limits: Sequence[Limit]) -> Span | None:

@@ -22,7 +22,7 @@ from taskspec.program.context import Context
 from taskspec.spec import Stage
 from taskspec.text.diagnostic import Diagnostics, Severity
 from taskspec.text.expression.tree import Held
-from taskspec.text.show import show
+from taskspec.text.show import inside, show
 
 Vector = NDArray[np.float64]
 
@@ -206,15 +206,15 @@ def _report_peak(
     softest = min([k, *_stiffnesses(context, contact)])
     certain = _LEAST_SHARE * closing * math.sqrt(h * softest) > most
     stops = certain and context.law_of(stage).solve == "closed-form"
+    slower = show(inside(closing * most / peak, upper=True, digits=2), "mm/s")
     found.add(
         Severity.ERROR if stops else Severity.WARNING,
         "TS616",
         f"stage {name!r} meets {contact!r} with {show(closing, 'mm/s', 3)}: {show(h, 'kg', 2)} on "
-        f"{show(k, 'kN/m', 3)} {'make' if certain else 'may make'} about {show(peak, 'N', 2)}, and "
-        f"the "
-        f"limit on force is {show(most, 'N')}",
+        f"{show(k, 'kN/m', 3)} {'make' if certain else 'may make'} about {show(peak, 'N', 3)}, and "
+        f"the limit on force is {show(most, 'N')}",
         loaded.span(("stages", name, "axes", met.axis, "velocity")),
-        f"approach with {show(closing * most / peak, 'mm/s', 2)} or less, or raise the limit",
+        f"approach with {slower} or less, or raise the limit",
     )
 
 
