@@ -24,6 +24,8 @@ _ROUNDING = 1e-9
 _TRUSTED, FARTHEST = 1e3, 1e-4
 #: An eigenvalue below this is gone after one tick.
 _GONE = 1e-12
+#: Less than this in a row or a column is nothing: what balances it has no finite size.
+_NOTHING = 1e-200
 #: Sweeps over all states while rows and columns are brought to like size.
 _BALANCINGS = 4
 #: More states than this are not looked at.
@@ -181,8 +183,8 @@ def _balance(F: Matrix) -> tuple[Matrix, Matrix]:
         before = scale.copy()
         for i in range(len(F)):
             column, row = float(sizes[:, i].sum()), float(sizes[i].sum())
-            if column > 0 and row > 0:
-                power = round(0.5 * math.log2(row / column))
+            if min(column, row) > _NOTHING:
+                power = round(0.5 * (math.log2(row) - math.log2(column)))
                 if power:
                     sizes[:, i] *= 2.0**power
                     sizes[i] *= 2.0**-power

@@ -20,6 +20,12 @@ FOUND = {
         HEAD + "stages: {a: {path: {to: [0, 1e15 mm, 0, 0 deg], speed: 5 mm/s}}}\n",
         {"TS118"},
     ),
+    "a gain that is hardly a number": (
+        "taskspec: 1\nrobot: {model: ur5e}\n"
+        "world: {table: {shape: plane, stiffness: 1 N/m, damping: 0}}\nframe: table\n"
+        "law: {kind: stiffness, stiffness: {linear: 5e-324 kN/m, angular: 0}}\n" + WAIT,
+        set(),
+    ),
     "a stiffness that may become negative": (
         "taskspec: 1\nrobot: {model: panda, start: {xyz: [500 mm, 0, 300 mm]}}\n"
         "world: {table: {shape: plane, xyz: [0, 0, 300 mm]}}\nframe: table\n"
