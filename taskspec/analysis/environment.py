@@ -17,8 +17,8 @@ from taskspec.program.world.grip import GRIP
 from taskspec.program.world.stiffness import (
     added_mass,
     compliance,
+    contact_mobility,
     equation_compliance,
-    virtual_mass_scale,
 )
 from taskspec.spec import Mechanism, Task
 
@@ -72,7 +72,7 @@ def _contact(context: Context, task: Task, name: str, force: float, c: int) -> R
     """A shape under every sphere of the tool; each bears its share."""
     robot, n, shape = context.robot, context.robot.pin.nv, task.shapes[name]
     declared = compliance(shape, robot, context.start, 1.0 / task.control.plant_rate)
-    mobility = 1.0 / virtual_mass_scale(robot) + (1.0 / shape.mass if shape.mass else 0.0)
+    mobility = contact_mobility(robot, shape)
     centers = robot.tool.centers
     r = len(centers)
     G, W, turning = np.zeros((r, c)), np.zeros((6, r)), np.zeros((6, c))

@@ -13,7 +13,7 @@ import numpy as np
 from taskspec.analysis.plant import Rows
 from taskspec.analysis.points import normal_at, skew
 from taskspec.program.context import Context
-from taskspec.program.world.stiffness import compliance, creep, virtual_mass_scale
+from taskspec.program.world.stiffness import compliance, contact_mobility, creep
 from taskspec.spec import Task
 
 
@@ -28,7 +28,7 @@ def friction_rows(context: Context, task: Task, name: str, c: int) -> Rows:
     period = 1.0 / task.control.plant_rate
     points = len(robot.tool.centers)
     damping = compliance(shape, robot, context.start, period).damping / points
-    mobility = 1.0 / virtual_mass_scale(robot) + (1.0 / shape.mass if shape.mass else 0.0)
+    mobility = contact_mobility(robot, shape)
     force, mass = creep(damping, mobility, period)
     r = 2 * points
     G, W = np.zeros((r, c)), np.zeros((6, r))

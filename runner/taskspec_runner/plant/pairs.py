@@ -10,9 +10,14 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec.program.world.stiffness import compliance, pair_compliance, virtual_mass_scale
+from taskspec.program.world.stiffness import (
+    compliance,
+    contact_mobility,
+    mobility_of,
+    pair_compliance,
+)
 from taskspec.robot import RobotModel
-from taskspec.spec import Shape, Task
+from taskspec.spec import Task
 from taskspec_runner.plant.contact import contact_parameters
 from taskspec_runner.plant.loose import loose, point_name, points, resting_points
 from taskspec_runner.plant.names import PREFIX
@@ -28,7 +33,7 @@ def add_pairs(spec: mujoco.MjSpec, robot: RobotModel, task: Task, start: Vector)
         if name == held:
             continue
         declared = compliance(shape, robot, start, period)
-        mobility = 1.0 / virtual_mass_scale(robot) + _mobility(shape)
+        mobility = contact_mobility(robot, shape)
         for geom in robot.tool_geoms:
             pair = spec.add_pair(geomname1=PREFIX + name, geomname2=geom, condim=3)
             contact_parameters(
@@ -42,18 +47,13 @@ def add_pairs(spec: mujoco.MjSpec, robot: RobotModel, task: Task, start: Vector)
     _add_loose_pairs(spec, task, period)
 
 
-def _mobility(shape: Shape) -> float:
-    """Inverse mass [1/kg] of a loose body; 0 for what stands still or is driven."""
-    return 1.0 / shape.mass if shape.free and shape.mass else 0.0
-
-
 def _add_loose_pairs(spec: mujoco.MjSpec, task: Task, period: float) -> None:
     order = list(task.shapes)
     for name, body in loose(task).items():
         for other, shape in task.shapes.items():
             if other == name or (shape.free and order.index(other) > order.index(name)):
                 continue
-            mobility = _mobility(body) + _mobility(shape)
+            mobility = mobility_of(body) + mobility_of(shape)
             # `rigid` is what one step of the plant resolves with this body's mass.
             declared = pair_compliance(shape, 1.0 / mobility, period)
             own, friction = pair_compliance(body, 1.0 / mobility, period), shape.friction

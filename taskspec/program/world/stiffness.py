@@ -145,6 +145,16 @@ def virtual_mass_scale(robot: RobotModel) -> float:
     return 1.0 / float(robot.model.body_invweight0[body, 0])
 
 
+def mobility_of(shape: Shape) -> float:
+    """Inverse mass [1/kg] of a loose body; 0 for what stands still or is driven."""
+    return 1.0 / shape.mass if shape.free and shape.mass else 0.0
+
+
+def contact_mobility(robot: RobotModel, shape: Shape) -> float:
+    """A [1/kg] of a contact of the tool, the sum of both inverse masses as MuJoCo counts them."""
+    return 1.0 / virtual_mass_scale(robot) + mobility_of(shape)
+
+
 def added_mass(mobility: float) -> float:
     """d/((1 - d) A) [kg]: what the simulator adds to a contact between bodies of mobility A [1/kg].
 
