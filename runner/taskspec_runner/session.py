@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from taskspec.compiler import Program, compile_task
-from taskspec.control.state import AXES
+from taskspec.geometry.axis import AXES
 from taskspec.program.execution.machine import Machine
 from taskspec.robot.description import listening
 from taskspec.spec import LoadedTask

@@ -15,7 +15,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from taskspec.control.model_terms import ModelTerms
-from taskspec.control.state import AXES
+from taskspec.geometry.axis import AXES
 from taskspec.program.bound import BoundFunction
 from taskspec.program.context import Context
 from taskspec.program.execution import entry
@@ -119,7 +119,7 @@ class Operating:
             if carried:
                 offset = float(self.memory[stage.memory.slots[last]][0]) - own[i]
             else:
-                offset = -own[i] if name.startswith("r") else -error[i]
+                offset = -own[i] if name.is_rotation else -error[i]
             write(self.parameters, f"offset.{name}", float(offset))
             write(self.parameters, f"blend.{name}", _FOR_EVER)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from taskspec.analysis.stage import Analysed
+from taskspec.geometry.axis import as_axis
 from taskspec.program.context import Context
 from taskspec.text import nodes
 
@@ -21,7 +22,8 @@ def gain_path(context: Context, stage: str, what: str, on: str) -> Path:
     Args:
         context: the task. stage: its name. what: the gain. on: what it is of.
     """
-    entry = context.loaded.task.stages[stage].axes.get(on)
+    axis = as_axis(on)
+    entry = None if axis is None else context.loaded.task.stages[stage].axes.get(axis)
     if entry is not None and getattr(entry, what, None) is not None:
         return ("stages", stage, "axes", on, what)
     keys = ("damping",) if what == "joint_damping" else tuple(what.split("."))

@@ -14,7 +14,7 @@ from taskspec.analysis.loop import Mode, modes, poles
 from taskspec.analysis.plant import LinearPlant
 from taskspec.control.gains import Gains
 from taskspec.control.sensor import SensorModel
-from taskspec.control.state import AXES
+from taskspec.geometry.axis import AXES, Axis
 from taskspec.program.axes import MOSTLY
 from taskspec.program.context import Context
 from taskspec.program.limits.contacts import pressed_objects, touched_objects
@@ -197,9 +197,9 @@ def _pressed(
     return found, False
 
 
-def along(context: Context, rotation: Matrix, name: str, axis: str) -> bool:
+def along(context: Context, rotation: Matrix, name: str, axis: Axis) -> bool:
     """Whether an axis of a stage is along the normal of object `name`."""
-    if axis.startswith("r"):
+    if axis.is_rotation:
         return False
     normal = context.start_normals[name]
     return abs(float(rotation[:, AXES.index(axis)] @ normal)) > MOSTLY

@@ -13,7 +13,7 @@ import numpy as np
 
 from taskspec.analysis.stage import Analysed, along
 from taskspec.control.sensor import SensorModel
-from taskspec.control.state import AXES
+from taskspec.geometry.axis import AXES, Axis
 from taskspec.spec import LAWS
 
 #: A contact on which more than this share of a step's acceleration comes back is called rigid.
@@ -31,7 +31,7 @@ class Condition:
     """
 
     equation: str
-    axis: str
+    axis: Axis
     text: str
     gain: str
     now: float
@@ -56,7 +56,7 @@ def conditions(seen: Analysed) -> tuple[Condition, ...]:
     return tuple(found)
 
 
-def _on_axis(seen: Analysed, name: str, axis: str) -> Iterator[Condition]:
+def _on_axis(seen: Analysed, name: str, axis: Axis) -> Iterator[Condition]:
     law, plan = seen.stage.law, seen.stage.plans[axis]
     gains = {gain: by[axis].value for gain, by in seen.stage.gains.items() if axis in by}
     contact = seen.context.compliances[name]
@@ -70,13 +70,13 @@ def _on_axis(seen: Analysed, name: str, axis: str) -> Iterator[Condition]:
         yield from _rigid(seen, axis, gains, felt)
 
 
-def felt_mass(seen: Analysed, axis: str) -> float:
+def felt_mass(seen: Analysed, axis: Axis) -> float:
     """Lambda_n = 1/(a^T J H^-1 J^T a) along a translation of the stage's frame [kg]."""
     row = seen.rotation[:, AXES.index(axis)] @ seen.context.start_jacobian[:3]
     return float(1.0 / (row @ np.linalg.solve(seen.context.start_inertia, row)))
 
 
-def _routh(axis: str, g: dict[str, float], k_e: float) -> Condition:
+def _routh(axis: Axis, g: dict[str, float], k_e: float) -> Condition:
     """(4.46): d_m (k_m + k_F k_e) > h_m k_I k_e."""
     bound = g["damping"] * (g["stiffness"] + g["force.proportional"] * k_e) / (g["mass"] * k_e)
     return Condition(
@@ -86,7 +86,7 @@ def _routh(axis: str, g: dict[str, float], k_e: float) -> Condition:
 
 
 def _regulator(
-    seen: Analysed, axis: str, g: dict[str, float], k_e: float, felt: float
+    seen: Analysed, axis: Axis, g: dict[str, float], k_e: float, felt: float
 ) -> Iterator[Condition]:
     """(4.70), (4.71) with the region shrunk to the equilibrium, and the scalar twin of (4.61)."""
     d, k, k_F, k_I = (
@@ -95,7 +95,7 @@ def _regulator(
     rows = [AXES.index(a) for a in seen.stage.axes]
     J = (np.kron(np.eye(2), seen.rotation.T) @ seen.context.start_jacobian)[rows]
     H_x = np.linalg.inv(J @ np.linalg.solve(seen.context.start_inertia, J.T))
-    linear = [i for i, a in enumerate(seen.stage.axes) if not a.startswith("r")]
+    linear = [i for i, a in enumerate(seen.stage.axes) if not a.is_rotation]
     largest = float(np.max(np.linalg.eigvalsh(H_x[np.ix_(linear, linear)])))
     yield Condition(
         "(4.70), (4.71)", axis, "rho (1 + k_F) > k_I, d_m > rho lambda_max(H_x)",
@@ -107,7 +107,7 @@ def _regulator(
     )  # fmt: skip
 
 
-def _rigid(seen: Analysed, axis: str, g: dict[str, float], felt: float) -> Iterator[Condition]:
+def _rigid(seen: Analysed, axis: Axis, g: dict[str, float], felt: float) -> Iterator[Condition]:
     """On a rigid contact, one tick late: -1 < K < 1 and 0 < K_I T < 2 (1 - K)."""
     kind, plan, T = seen.stage.law.kind, seen.stage.plans[axis], seen.context.period
     facts = LAWS[kind]

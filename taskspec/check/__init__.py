@@ -35,6 +35,7 @@ from taskspec.check.values.lasting import check_lasting
 from taskspec.check.values.plausible import check_depth, check_plausible
 from taskspec.check.values.references import check_motions, check_references
 from taskspec.check.values.variations import check_variations
+from taskspec.geometry.axis import Axis
 from taskspec.program.axes import SkewedAxisError, existing_axes
 from taskspec.program.context import Context
 from taskspec.program.prepare import frame_at_start, prepare
@@ -72,7 +73,7 @@ def check_stages(context: Context) -> tuple[Diagnostic, ...]:
     check_equations(context, found)
     check_felt(context, found)
     check_sensor(context, found)
-    axes_of: dict[str, tuple[str, ...]] = {}
+    axes_of: dict[str, tuple[Axis, ...]] = {}
     walk = Walk(context)
     for name, stage in loaded.task.stages.items():
         frame = context.frame_of(stage)

@@ -10,7 +10,8 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from taskspec.spec import LAWS, Axis, AxisValues, Law, LawFacts
+from taskspec.geometry.axis import Axis
+from taskspec.spec import LAWS, AxisEntry, AxisValues, Law, LawFacts
 
 _SMALLEST_MASS = {"linear": 1.0, "angular": 0.05}
 _MOTION_BANDWIDTH = 5.0
@@ -51,12 +52,12 @@ class Plant:
         return self.h / (3 * self.period)
 
 
-def has_force(axis: Axis) -> bool:
+def has_force(axis: AxisEntry) -> bool:
     """Whether the axis has a force or torque set point."""
     return axis.force is not None or axis.torque is not None
 
 
-def is_soft(axis: Axis) -> bool:
+def is_soft(axis: AxisEntry) -> bool:
     """Whether the axis is a motion axis with a stiffness or damping of its own."""
     return axis.stiffness is not None or axis.damping is not None
 
@@ -65,7 +66,7 @@ def is_soft(axis: Axis) -> bool:
 Gains = dict[str, dict[str, Gain]]
 
 
-def design(law: Law, axes: Mapping[str, Axis], plants: Mapping[str, Plant]) -> Gains:
+def design(law: Law, axes: Mapping[Axis, AxisEntry], plants: Mapping[Axis, Plant]) -> Gains:
     """All gains of a stage, by name and axis.
 
     Args:
@@ -89,7 +90,7 @@ def design_constraint(law: Law, joints: bool, plant: Plant) -> dict[str, Gain]:
             joints what is given for rotations.
         joints: whether it is on joints. plant: mass and stiffness along its unit gradient.
     """
-    return _force_loop(law, "rx" if joints else "x", plant)
+    return _force_loop(law, Axis.RX if joints else Axis.X, plant)
 
 
 def design_joint_damping(law: Law, joints: Sequence[Plant]) -> dict[str, Gain]:
@@ -119,7 +120,7 @@ def _limited(wanted: float, plant: Plant, rule: str) -> Gain:
     return Gain(plant.most_damping, "designed: h / (3 T), the most that sampling allows")
 
 
-def _accelerations(law: Law, name: str, axis: Axis, plant: Plant) -> dict[str, Gain]:
+def _accelerations(law: Law, name: Axis, axis: AxisEntry, plant: Plant) -> dict[str, Gain]:
     if has_force(axis):
         return _force_loop(law, name, plant)
     if is_soft(axis):
@@ -135,7 +136,7 @@ def _accelerations(law: Law, name: str, axis: Axis, plant: Plant) -> dict[str, G
     }
 
 
-def _springs(law: Law, name: str, axis: Axis, plant: Plant) -> dict[str, Gain]:
+def _springs(law: Law, name: Axis, axis: AxisEntry, plant: Plant) -> dict[str, Gain]:
     facts = LAWS[law.kind]
     # Where the arm keeps its own inertia, an axis moves the mass that it feels while the springs
     # of the other axes hold them: at the wrist ten times the free one.
@@ -176,7 +177,7 @@ def _spring_damping(mass: Gain, stiffness: Gain, k: float, plant: Plant) -> Gain
     return _limited(wanted, plant, "designed: 2 0.7 sqrt(h (stiffness + k))")
 
 
-def _force_loop(law: Law, name: str, plant: Plant, damping: Gain | None = None) -> dict[str, Gain]:
+def _force_loop(law: Law, name: Axis, plant: Plant, damping: Gain | None = None) -> dict[str, Gain]:
     facts = LAWS[law.kind]
     damping = damping or _force_given(law, "damping", name)
     if damping is None:
@@ -196,7 +197,7 @@ def _force_loop(law: Law, name: str, plant: Plant, damping: Gain | None = None) 
     return loop | ({"force.integral": integral} if "force.integral" in facts.gains else {})
 
 
-def _soft(axis: Axis, plant: Plant) -> dict[str, Gain]:
+def _soft(axis: AxisEntry, plant: Plant) -> dict[str, Gain]:
     stiffness = _own(axis.stiffness) or Gain(0.0, "none given")
     damping = _own(axis.damping)
     if damping is None:
@@ -205,19 +206,19 @@ def _soft(axis: Axis, plant: Plant) -> dict[str, Gain]:
     return {"stiffness": stiffness, "damping": damping}
 
 
-def _smallest(name: str) -> float:
-    return _SMALLEST_MASS["angular" if name.startswith("r") else "linear"]
+def _smallest(name: Axis) -> float:
+    return _SMALLEST_MASS["angular" if name.is_rotation else "linear"]
 
 
 def _own(value: float | None) -> Gain | None:
     return None if value is None else Gain(value, "file")
 
 
-def _given(values: AxisValues | None, name: str) -> Gain | None:
+def _given(values: AxisValues | None, name: Axis) -> Gain | None:
     return _own(None if values is None else values.get(name))
 
 
-def _force_given(law: Law, gain: str, name: str) -> Gain | None:
+def _force_given(law: Law, gain: str, name: Axis) -> Gain | None:
     return None if law.force is None else _given(getattr(law.force, gain), name)
 
 

@@ -22,7 +22,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.control import linear
-from taskspec.control.state import ARM_LENGTH, AXES
+from taskspec.control.state import ARM_LENGTH
+from taskspec.geometry.axis import AXES, Axis
 
 Vector = NDArray[np.float64]
 
@@ -93,7 +94,7 @@ def widths(lower: Vector, upper: Vector, units: Vector) -> Vector:
     return np.asarray(np.minimum(share, LIMIT_WIDTH * units))
 
 
-def manipulability(J: ca.SX, axes: Sequence[str], J_task: ca.SX, units: Vector) -> ca.SX:
+def manipulability(J: ca.SX, axes: Sequence[Axis], J_task: ca.SX, units: Vector) -> ca.SX:
     """Pull (n,) along the null space in which w = sqrt(det(J J^T)) rises.
 
     With g = P grad ln w the pull is GAIN^2 g, bent so that it stays below MOST.
@@ -106,7 +107,7 @@ def manipulability(J: ca.SX, axes: Sequence[str], J_task: ca.SX, units: Vector) 
     return units * pull / ca.sqrt(1 + ca.sumsqr(pull) / MOST**2)
 
 
-def log_gradient(J: ca.SX, axes: Sequence[str], units: Vector) -> ca.SX:
+def log_gradient(J: ca.SX, axes: Sequence[Axis], units: Vector) -> ca.SX:
     """Gradient (n,) [1/rad, 1/m] of ln w, w^2 = det(J_s J_s^T + LEAST^2 I), J_s = S J U.
 
     S scales the rows and U the joints. d/dq_j ln w = tr(J_s^T A^-1 S (dJ/dq_j) U), A the matrix
@@ -145,9 +146,9 @@ def along_null_space(g: ca.SX, J: ca.SX) -> ca.SX:
     return g - J.T @ linear.solve(_factor(J, NONE), J @ g)
 
 
-def scale(J: ca.SX, axes: Sequence[str], units: Vector) -> ca.SX:
+def scale(J: ca.SX, axes: Sequence[Axis], units: Vector) -> ca.SX:
     """J (m, n) with its rows `axes` in metres and its joints in radians [m/rad]."""
-    rows = [ARM_LENGTH if a.startswith("r") else 1.0 for a in axes]
+    rows = [ARM_LENGTH if a.is_rotation else 1.0 for a in axes]
     return ca.diag(ca.DM(rows)) @ J @ ca.diag(ca.DM(units))
 
 

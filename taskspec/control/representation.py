@@ -20,8 +20,9 @@ from dataclasses import dataclass, replace
 import casadi as ca
 
 from taskspec.control.reference import Reference
-from taskspec.control.state import AXES, TaskState
+from taskspec.control.state import TaskState
 from taskspec.geometry import rotation
+from taskspec.geometry.axis import AXES
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import casadi as ca
 
 from taskspec.control import linear
+from taskspec.geometry.axis import AXES, Axis
 
-AXES = ("x", "y", "z", "rx", "ry", "rz")
 #: Characteristic length [m]: where ways and angles are compared, 1 rad counts as this way.
 ARM_LENGTH = 0.3
 
@@ -28,7 +28,7 @@ class TaskState:
         f: (m,) measured wrench, exerted by the environment on the tool [N, N m].
     """
 
-    axes: tuple[str, ...]
+    axes: tuple[Axis, ...]
     H_factor: ca.SX
     J: ca.SX
     drift: ca.SX
@@ -43,7 +43,7 @@ class TaskState:
 
 def task_state(
     *,
-    axes: tuple[str, ...],
+    axes: tuple[Axis, ...],
     H: ca.SX,
     J: ca.SX,
     drift: ca.SX,
@@ -55,7 +55,7 @@ def task_state(
     """Resolves world quantities at the control point in a task frame that may itself turn.
 
     Args:
-        axes: the rows to keep, in the order of `AXES`.
+        axes: the rows to keep, in the order of the axes.
         H: (n, n) joint inertia, upper triangle.
         J: (6, n) Jacobian, drift: (6,) J' q', twist: (6,) J q', wrench: (6,) by the environment;
             all at the control point, in world axes.

@@ -12,12 +12,10 @@ from dataclasses import dataclass, field, replace
 import casadi as ca
 import numpy as np
 
+from taskspec.geometry.axis import AXES, Axis
 from taskspec.motion.polynomial import PiecewiseCubic, evaluate
 from taskspec.motion.profile import timing
 from taskspec.motion.table import Table
-
-#: The axes of a list of path coordinates, in order.
-ORDER = ("x", "y", "z", "rx", "ry", "rz")
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,8 +33,8 @@ class PathShape:
     """
 
     kind: str
-    axes: tuple[str, ...]
-    numbers: Mapping[str, float] = field(default_factory=dict)
+    axes: tuple[Axis, ...]
+    numbers: Mapping[Axis, float] = field(default_factory=dict)
     turns: Mapping[str, float] = field(default_factory=dict)
     center: tuple[float, float] = (0.0, 0.0)
     table: Table | None = None
@@ -45,8 +43,8 @@ class PathShape:
     time: float | None = None
 
     def curve(
-        self, s: ca.SX, start: Mapping[str, ca.SX], segments: Mapping[str, ca.SX]
-    ) -> dict[str, ca.SX]:
+        self, s: ca.SX, start: Mapping[Axis, ca.SX], segments: Mapping[Axis, ca.SX]
+    ) -> dict[Axis, ca.SX]:
         """Coordinates of the driven axes at path parameter s.
 
         Args:
@@ -65,10 +63,10 @@ class PathShape:
             }
         if self.kind == "arc":
             angle = 2 * ca.pi * self.turns[""] * s
-            dx, dy = start["x"] - self.center[0], start["y"] - self.center[1]
+            dx, dy = start[Axis.X] - self.center[0], start[Axis.Y] - self.center[1]
             point = {
-                "x": self.center[0] + ca.cos(angle) * dx - ca.sin(angle) * dy,
-                "y": self.center[1] + ca.sin(angle) * dx + ca.cos(angle) * dy,
+                Axis.X: self.center[0] + ca.cos(angle) * dx - ca.sin(angle) * dy,
+                Axis.Y: self.center[1] + ca.sin(angle) * dx + ca.cos(angle) * dy,
             }
             return {a: point[a] for a in self.axes}
         return {a: evaluate(segments[a], s) for a in self.axes}
@@ -80,7 +78,7 @@ class PathShape:
         splines = {a: p for a, p in self.table.splines().items() if a in self.axes}
         return replace(self, splines=splines)
 
-    def plan(self, start: Mapping[str, float]) -> PathPlan:
+    def plan(self, start: Mapping[Axis, float]) -> PathPlan:
         """Times the path from the coordinates at which its stage was entered."""
         if self.table is not None:
             splines = self.splines
@@ -97,15 +95,15 @@ class PathShape:
         along = timing(self.length(start), speed=self.speed, time=self.time)
         return PathPlan(along, {}, _rest(along))
 
-    def length(self, start: Mapping[str, float]) -> float:
+    def length(self, start: Mapping[Axis, float]) -> float:
         """Length [m] over the driven translations; [rad] for a path that only turns."""
         if self.kind == "arc":
-            dx, dy = start["x"] - self.center[0], start["y"] - self.center[1]
+            dx, dy = start[Axis.X] - self.center[0], start[Axis.Y] - self.center[1]
             return math.hypot(dx, dy) * 2 * math.pi * abs(self.turns[""])
-        moved = self._length([a for a in self.axes if not a.startswith("r")], start)
-        return moved or self._length([a for a in self.axes if a.startswith("r")], start)
+        moved = self._length([a for a in self.axes if not a.is_rotation], start)
+        return moved or self._length([a for a in self.axes if a.is_rotation], start)
 
-    def _length(self, axes: Sequence[str], start: Mapping[str, float]) -> float:
+    def _length(self, axes: Sequence[Axis], start: Mapping[Axis, float]) -> float:
         if not axes:
             return 0.0
         if self.kind == "lissajous":
@@ -136,6 +134,6 @@ def _rest(along: PiecewiseCubic) -> float:
     return float(along.knots[-2])
 
 
-def coordinates(values: Sequence[float]) -> dict[str, float]:
+def coordinates(values: Sequence[float]) -> dict[Axis, float]:
     """A list of path coordinates by axis name, in the order x, y, z, rx, ry, rz."""
-    return dict(zip(ORDER, values, strict=False))
+    return dict(zip(AXES, values, strict=False))

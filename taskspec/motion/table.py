@@ -10,11 +10,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from taskspec.geometry.axis import AXES, ROTATIONS
 from taskspec.motion.polynomial import PiecewiseCubic
 from taskspec.text.confined import Confines
 
 #: Columns that a table may have.
-COLUMNS = ("t", "x", "y", "z", "rx", "ry", "rz")
+COLUMNS = ("t", *AXES)
 SUFFIX = ".csv"
 """What the name of a table ends with, that of a file behind a link too."""
 _MOST_ROWS = 100_000
@@ -54,7 +55,7 @@ class Table:
         return float(self._chord()[-1])
 
     def _chord(self) -> NDArray[np.float64]:
-        translations = [v for k, v in self.points.items() if not k.startswith("r")]
+        translations = [v for k, v in self.points.items() if k not in ROTATIONS]
         steps = np.diff(np.array(translations or list(self.points.values())), axis=1)
         return np.concatenate([[0.0], np.cumsum(np.linalg.norm(steps, axis=0))])
 

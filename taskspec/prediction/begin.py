@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from taskspec.check.foresight.course import Course
 from taskspec.check.foresight.nominal import Walk
 from taskspec.compiler import Program
+from taskspec.geometry.axis import Axis
 from taskspec.program.context import Context
 from taskspec.program.prepare import frame_at_start
 from taskspec.program.stages.stage import CompiledStage
@@ -35,7 +36,7 @@ class Begin:
     rotation: Vector
     gap: float | None
     nearing: float
-    coordinates: Mapping[str, float] | None
+    coordinates: Mapping[Axis, float] | None
     course: Course | None
 
 

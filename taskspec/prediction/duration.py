@@ -11,6 +11,7 @@ from taskspec.check.foresight.flow import good_end
 from taskspec.check.foresight.interval import ANY, Interval, point
 from taskspec.check.foresight.known import known_value
 from taskspec.control.gains import has_force
+from taskspec.geometry.axis import AXES, TRANSLATIONS, Axis
 from taskspec.motion import profile
 from taskspec.prediction.begin import Begin
 from taskspec.prediction.forecast import Forecast, Signal, coming, moved, touching
@@ -64,7 +65,7 @@ def _path_duration(begin: Begin) -> float | None:
         return 0.0
     if start is None and path.kind in ("to", "arc"):
         return path.time
-    zero = dict.fromkeys(("x", "y", "z", "rx", "ry", "rz"), 0.0)
+    zero = dict.fromkeys(AXES, 0.0)
     return path.plan(zero if start is None else dict(start)).duration
 
 
@@ -94,7 +95,7 @@ def _signals(begin: Begin, known: Known) -> dict[str, Signal]:
         if own > 0:
             found |= touching(begin, met, own)
         # Where it is stopped by what it meets, the reference goes on alone.
-        found |= {f"position.{a}": _unknown for a in "xyz" if rates.get(a)}
+        found |= {f"position.{a}": _unknown for a in TRANSLATIONS if rates.get(a)}
     found |= _mechanism(begin, known)
     return found
 
@@ -103,7 +104,7 @@ def _unknown(_: float) -> Interval:
     return ANY
 
 
-def _rates(begin: Begin) -> dict[str, float]:
+def _rates(begin: Begin) -> dict[Axis, float]:
     """Rates of motion axes that are constant [m/s, rad/s]."""
     found = {}
     for axis, plan in begin.stage.plans.items():

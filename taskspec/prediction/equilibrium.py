@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.check.contact.yielding import coordinate_rate
-from taskspec.control.state import AXES
+from taskspec.geometry.axis import AXES, Axis
 from taskspec.prediction.begin import Begin
 from taskspec.prediction.reach import Bearing, bearing
 from taskspec.prediction.set_points import drift, settled, span_of
@@ -72,7 +72,7 @@ def _set_points(
         if plan.force and expression is not None:
             spans[axis] = span_of(begin.context, expression, lasts)
     known = {axis: span for axis, span in spans.items() if span is not None}
-    linear = [axis for axis in known if not axis.startswith("r")]
+    linear = [axis for axis in known if not axis.is_rotation]
     if len(known) < len(spans):
         known = {a: s for a, s in known.items() if a not in linear} if linear else known
         linear = []
@@ -94,7 +94,7 @@ def _set_points(
         _depths(begin, on, {a: rest.forces[applied(a)] for a in linear}, rest)
 
 
-def _loop(begin: Begin, axis: str, *, reached: bool) -> str:
+def _loop(begin: Begin, axis: Axis, *, reached: bool) -> str:
     kind = begin.stage.law.kind
     if LAWS[kind].shares:
         moves = begin.stage.plans[axis].axis.velocity is not None

@@ -10,6 +10,7 @@ import numpy as np
 
 from taskspec.check.foresight.interval import ANY, Interval, IntervalAlgebra, point
 from taskspec.check.foresight.ranges import Ranges
+from taskspec.geometry.axis import Axis
 from taskspec.motion.blend import BLEND_TIME
 from taskspec.prediction.begin import Begin
 from taskspec.prediction.types import Impact
@@ -72,7 +73,7 @@ def moved(rate: float, t: float) -> float:
     return rate * (t - LAG) if t > BLEND_TIME else rate * t * t / (2 * BLEND_TIME)
 
 
-def coming(rates: Mapping[str, float], start: Mapping[str, float] | None) -> dict[str, Signal]:
+def coming(rates: Mapping[Axis, float], start: Mapping[Axis, float] | None) -> dict[str, Signal]:
     """Positions of axes that go at constant rates [m/s, rad/s], held ones among them.
 
     Args:
@@ -80,7 +81,7 @@ def coming(rates: Mapping[str, float], start: Mapping[str, float] | None) -> dic
     """
     found: dict[str, Signal] = {}
     for axis, rate in rates.items():
-        if axis.startswith("r"):
+        if axis.is_rotation:
             found[f"position.{axis}"] = _linear(0.0, rate)
         elif start is not None:
             found[f"position.{axis}"] = _linear(start[axis], rate)

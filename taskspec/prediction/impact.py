@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from taskspec.check.stages.impact import meeting, striking_mass
+from taskspec.geometry.axis import Axis
 from taskspec.prediction.begin import Begin
 from taskspec.prediction.types import Impact
 from taskspec.prediction.worlds import extreme
@@ -34,7 +35,7 @@ def impact(begin: Begin) -> Impact | None:
     return replace(found, worst=worst)
 
 
-def _drag(begin: Begin, axis: str) -> float | None:
+def _drag(begin: Begin, axis: Axis) -> float | None:
     """Damping of an axis against its velocity itself, not its error [N s/m]; None if on joints."""
     facts = LAWS[begin.stage.law.kind]
     if facts.damps_joints or facts.bare:

@@ -17,7 +17,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec.control.state import ARM_LENGTH, AXES
+from taskspec.control.state import ARM_LENGTH
+from taskspec.geometry.axis import AXES, Axis
 from taskspec.prediction.begin import Begin
 from taskspec.prediction.reactions import Reactions, mechanism_twists, reactions
 from taskspec.prediction.types import Natural, StagePrediction
@@ -54,7 +55,9 @@ def natural(begin: Begin, foreseen: StagePrediction) -> tuple[Natural, ...]:
     return tuple(found[axis] for axis in axes)
 
 
-def _decided(begin: Begin, axis: str, i: int, R: Vector, mixed: Vector, rows: Reactions) -> Natural:
+def _decided(
+    begin: Begin, axis: Axis, i: int, R: Vector, mixed: Vector, rows: Reactions
+) -> Natural:
     """An axis whose velocity the world decides."""
     row = int(np.argmax(np.abs(mixed[i])))
     terms = {a: -float(c) for a, c in zip(begin.stage.axes, R[i], strict=True) if a != axis}
@@ -68,24 +71,24 @@ def _decided(begin: Begin, axis: str, i: int, R: Vector, mixed: Vector, rows: Re
 
 def _free(
     begin: Begin,
-    axis: str,
-    factors: Mapping[str, float],
+    axis: Axis,
+    factors: Mapping[Axis, float],
     decided: Sequence[Natural],
     rows: Reactions,
     effort: float,
 ) -> Natural:
     """An axis whose force the world decides: by ratio, by friction, by what a mechanism takes."""
-    terms: tuple[tuple[str, float], ...] = ()
+    terms: tuple[tuple[Axis, float], ...] = ()
     for one in decided:
         own = {one.axis: factors[one.axis]}
         terms += _kept(axis, own, _least(begin, one.by), forces=True)
     rubs = 0.0
-    pressing = {one.by: one for one in decided if not one.axis.startswith("r")}
+    pressing = {one.by: one for one in decided if not one.axis.is_rotation}
     by = max(terms, key=lambda term: abs(term[1]))[0] if terms else ""
     source = next((one for one in decided if one.axis == by), None)
-    if source is None and not axis.startswith("r"):
+    if source is None and not axis.is_rotation:
         source = next((pressing[o] for o in rows.friction if o in pressing), None)
-    if source is not None and not axis.startswith("r"):
+    if source is not None and not axis.is_rotation:
         rubs = rows.friction.get(source.by, 0.0)
     if effort:
         return Natural(axis, "force", terms, begin.stage.held, effort=effort)
@@ -98,8 +101,8 @@ def _free(
 
 
 def _kept(
-    axis: str, terms: Mapping[str, float], least: float, *, forces: bool = False
-) -> tuple[tuple[str, float], ...]:
+    axis: Axis, terms: Mapping[Axis, float], least: float, *, forces: bool = False
+) -> tuple[tuple[Axis, float], ...]:
     """The terms of a sum of velocities, or of forces, that are more than the least share."""
     way = -1 if forces else 1
     return tuple(
@@ -111,13 +114,13 @@ def _least(begin: Begin, name: str) -> float:
     return _INEXACT if name in begin.context.surfaces else _NONE
 
 
-def _size(axis: str) -> float:
+def _size(axis: Axis) -> float:
     """What a velocity along or about an axis counts: a turn by its way at an arm's length [m]."""
-    return ARM_LENGTH if axis.startswith("r") else 1.0
+    return ARM_LENGTH if axis.is_rotation else 1.0
 
 
 def reduced(
-    A: Vector, axes: Sequence[str], wanted: Sequence[str] = ()
+    A: Vector, axes: Sequence[Axis], wanted: Sequence[Axis] = ()
 ) -> tuple[list[int], Vector, Vector]:
     """Rows of constraints with the identity on some of the axes, by Gauss and Jordan.
 
@@ -153,7 +156,7 @@ def reduced(
     return pivots, A[done], mixed[done]
 
 
-def _efforts(begin: Begin, pivots: Sequence[int], R: Vector) -> dict[str, float]:
+def _efforts(begin: Begin, pivots: Sequence[int], R: Vector) -> dict[Axis, float]:
     """s_j: rate of the held mechanism's coordinate per velocity of each axis that is left free."""
     T, axes = mechanism_twists(begin), begin.stage.axes
     if T is None:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec.control.state import AXES
+from taskspec.geometry.axis import AXES, Axis
 from taskspec.prediction.begin import Begin
 from taskspec.program.axes import MOSTLY
 from taskspec.program.limits.contacts import pressed_objects, touched_objects
@@ -58,9 +58,9 @@ def moment_arms(begin: Begin, normal: Vector) -> Vector:
     return np.concatenate([normal, np.cross(begin.rotation.T @ lever, normal)])
 
 
-def along(normals: Vector, axis: str) -> int | None:
+def along(normals: Vector, axis: Axis) -> int | None:
     """The contact whose normal a translation is mostly along; None for none."""
-    if axis.startswith("r") or not normals.shape[1]:
+    if axis.is_rotation or not normals.shape[1]:
         return None
     shares = np.abs(normals[AXES.index(axis)])
     best = int(np.argmax(shares))

@@ -110,7 +110,7 @@ def _contacts(begin: Begin, foreseen: StagePrediction) -> Iterator[tuple[str, St
 def _state(begin: Begin, foreseen: StagePrediction, name: str) -> State | None:
     """Whether a contact is there; None for one that the stage stays away from."""
     if name in foreseen.depths or any(
-        p.set_point and not a.startswith("r") and p.axis.force is not None
+        p.set_point and not a.is_rotation and p.axis.force is not None
         for a, p in begin.stage.plans.items()
     ):
         return State.THERE

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec.control.state import AXES
+from taskspec.geometry.axis import AXES, Axis
 from taskspec.prediction.begin import Begin
 from taskspec.prediction.natural import reduced
 from taskspec.prediction.reactions import equation_wrenches
@@ -35,7 +35,7 @@ def selection(begin: Begin) -> Selection | None:
     return Selection(axes, force, _reciprocal(force, axes, soft), soft)
 
 
-def _reciprocal(force: Vector, axes: tuple[str, ...], soft: tuple[str, ...]) -> Vector:
+def _reciprocal(force: Vector, axes: tuple[Axis, ...], soft: tuple[str, ...]) -> Vector:
     """(m, k) twists on which no wrench of (m, r) does work, one for each axis that is left."""
     pivots, R, _ = reduced(force.T, axes)
     columns = []

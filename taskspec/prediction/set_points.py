@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.check.foresight.known import known_value
-from taskspec.control.state import AXES
+from taskspec.geometry.axis import AXES, Axis
 from taskspec.prediction.begin import Begin
 from taskspec.prediction.reach import Bearing
 from taskspec.program.context import Context
@@ -47,7 +47,7 @@ def span_of(
     return values[0], min(values), max(values)
 
 
-def settled(begin: Begin, on: Bearing, wanted: Mapping[str, float]) -> dict[str, float] | None:
+def settled(begin: Begin, on: Bearing, wanted: Mapping[Axis, float]) -> dict[Axis, float] | None:
     """What is applied on force axes, by axis; None where the law leaves that open.
 
     Set points that contacts cannot return drift: then a f_E = a a^T f_d, (4.48), with each axis
@@ -76,7 +76,7 @@ def settled(begin: Begin, on: Bearing, wanted: Mapping[str, float]) -> dict[str,
     return dict(zip(wanted, returned.tolist(), strict=True))
 
 
-def drift(begin: Begin, missing: Mapping[str, float]) -> float:
+def drift(begin: Begin, missing: Mapping[Axis, float]) -> float:
     """Speed to which loops drive the tool along what returns no more force [m/s]; may be infinite.
 
     Parallel control goes (k_I / k_m)(f_d - f), (4.49), less what is asked for as a velocity; the
@@ -97,7 +97,7 @@ def drift(begin: Begin, missing: Mapping[str, float]) -> float:
     )  # fmt: skip
 
 
-def _weights(begin: Begin, wanted: Mapping[str, float]) -> Vector | None:
+def _weights(begin: Begin, wanted: Mapping[Axis, float]) -> Vector | None:
     """How fast each loop gives way to a force that is not returned, per newton of it."""
     gains, kind = begin.stage.gains, begin.stage.law.kind
     if LAWS[kind].multipliers:
@@ -112,7 +112,7 @@ def _weights(begin: Begin, wanted: Mapping[str, float]) -> Vector | None:
     return np.asarray(integral / held)
 
 
-def _pull(begin: Begin, axis: str) -> float:
+def _pull(begin: Begin, axis: Axis) -> float:
     """What a motion on a force axis adds: a.(f - f_d) = -(k_m / k_I) a.x'_d, from (4.39)."""
     gains, plan = begin.stage.gains, begin.stage.plans[axis]
     if not plan.motion or plan.axis.velocity is None:

@@ -17,7 +17,7 @@ from taskspec.analysis.loop import Mode, one_step
 from taskspec.analysis.margin import grows
 from taskspec.analysis.stage import Analysed
 from taskspec.control.sensor import SensorModel
-from taskspec.control.state import AXES
+from taskspec.geometry.axis import AXES
 from taskspec.prediction.types import Settling
 
 Vector = NDArray[np.float64]

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.check.foresight.known import known_value
-from taskspec.control.state import AXES
+from taskspec.geometry.axis import AXES, Axis
 from taskspec.prediction.begin import Begin
 from taskspec.prediction.reach import along, moment_arms
 from taskspec.prediction.worlds import World
@@ -39,7 +39,7 @@ def yield_of(begin: Begin, normal: Vector) -> float | None:
     return found if found > 0 else None
 
 
-def behind(begin: Begin, normals: Vector) -> tuple[str, float] | None:
+def behind(begin: Begin, normals: Vector) -> tuple[Axis, float] | None:
     """The axis whose reference goes behind the surface, and how far [m].
 
     None where no such axis is planned to, or the place of its reference is not known.
@@ -83,7 +83,7 @@ def push(depth: float, own: float, world: World) -> float:
     return max(depth - world.farther, 0.0) / (1 / world.stiffness + own)
 
 
-def spring_behind(begin: Begin, axis: str, mass: float) -> float:
+def spring_behind(begin: Begin, axis: Axis, mass: float) -> float:
     """Stiffness with which a motion axis holds on to its reference [N/m].
 
     Args:

@@ -10,6 +10,8 @@ from enum import Enum
 import numpy as np
 from numpy.typing import NDArray
 
+from taskspec.geometry.axis import Axis
+
 Vector = NDArray[np.float64]
 
 #: Component of a varied value of the file -> its value there [SI], as `analysis.corners` has it.
@@ -104,7 +106,7 @@ class Impact:
     """
 
     contact: str
-    axis: str
+    axis: Axis
     speed: float
     mass: float
     stiffness: float
@@ -160,9 +162,9 @@ class Natural:
         turns: the direction is that where the stage, or the run, begins, and changes on the way.
     """
 
-    axis: str
+    axis: Axis
     decides: str
-    terms: tuple[tuple[str, float], ...] = ()
+    terms: tuple[tuple[Axis, float], ...] = ()
     by: str = ""
     state: State = State.THERE
     pushes: int = 0
@@ -182,7 +184,7 @@ class Selection:
         soft: axes with a spring of their own, which are in neither.
     """
 
-    axes: tuple[str, ...]
+    axes: tuple[Axis, ...]
     force: Vector
     motion: Vector
     soft: tuple[str, ...] = ()

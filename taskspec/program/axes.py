@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec.control.state import AXES
+from taskspec.geometry.axis import AXES, Axis
 
 _ALIGNED = 1e-6
 #: An axis is along a normal if it carries at least half of the square of a force along that.
@@ -15,14 +15,14 @@ MOSTLY = 0.7071
 class SkewedAxisError(ValueError):
     """A frame's axis is neither within the arm's motions nor free of them."""
 
-    def __init__(self, axis: str) -> None:
+    def __init__(self, axis: Axis) -> None:
         super().__init__(f"axis {axis!r} is askew to the plane in which the arm moves")
         self.axis = axis
 
 
 def existing_axes(
-    world_axes: tuple[str, ...], rotation: NDArray[np.float64], orthogonal: bool = True
-) -> tuple[str, ...]:
+    world_axes: tuple[Axis, ...], rotation: NDArray[np.float64], orthogonal: bool = True
+) -> tuple[Axis, ...]:
     """The axes of a frame that exist for an arm.
 
     Args:
@@ -35,7 +35,7 @@ def existing_axes(
     """
     available = []
     for name in AXES:
-        block = AXES[3:] if name.startswith("r") else AXES[:3]
+        block = AXES[3:] if name.is_rotation else AXES[:3]
         inside = np.array([a in world_axes for a in block], dtype=float)
         column = rotation[:, AXES.index(name) % 3]
         share = float(np.sum(inside * column**2))

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.control import gains as gain_design
-from taskspec.control.state import AXES
+from taskspec.geometry.axis import AXES, Axis
 from taskspec.geometry.surface import Surface
 from taskspec.program.axes import MOSTLY
 from taskspec.program.world.carriers import Carrier
@@ -142,8 +142,8 @@ class Context:
         return GRIP.stiffness if self.gripped(frame) else 0.0
 
     def felt_stiffness(
-        self, frame: FrameModel, axes: tuple[str, ...], rotation: NDArray[np.float64]
-    ) -> float | dict[str, float]:
+        self, frame: FrameModel, axes: tuple[Axis, ...], rotation: NDArray[np.float64]
+    ) -> float | dict[Axis, float]:
         """Believed stiffness of the environment, for `plants`: of a grip, axis by axis.
 
         Along the way that the mechanism leaves open there is none [N/m, N m/rad].
@@ -157,10 +157,10 @@ class Context:
         if self.held:
             point = frame.origin if frame.at_origin else self.start_p
             open_ways = np.array(self.mechanisms[self.held].open_ways(point))
-        found = {}
+        found: dict[Axis, float] = {}
         lever = self.lever_of(frame)
         for a in axes:
-            turns = a.startswith("r")
+            turns = a.is_rotation
             axis = rotation[:, AXES.index(a) % 3]
             free = abs(float(axis @ open_ways[int(turns)])) > MOSTLY
             k = GRIP.stiffness
@@ -187,12 +187,12 @@ class Context:
 
     def plants(
         self,
-        axes: tuple[str, ...],
+        axes: tuple[Axis, ...],
         rotation: NDArray[np.float64],
-        k: float | Mapping[str, float],
+        k: float | Mapping[Axis, float],
         rates: NDArray[np.float64] = _GEOMETRIC,
         lever: NDArray[np.float64] | None = None,
-    ) -> dict[str, gain_design.Plant]:
+    ) -> dict[Axis, gain_design.Plant]:
         """Mass and stiffness of each axis at the start pose, for gain design.
 
         Args:
@@ -215,7 +215,7 @@ class Context:
         tool = self.robot.tool
         reach = float(np.max(np.linalg.norm(tool.centers[:, :2], axis=1) + tool.radii))
         if not isinstance(k, Mapping):
-            k = {a: k * reach**2 if a.startswith("r") else k for a in axes}
+            k = {a: k * reach**2 if a.is_rotation else k for a in axes}
         return {
             a: gain_design.Plant(h=1.0 / mobility[i, i], held=held[i], k=k[a], period=self.period)
             for i, a in enumerate(axes)
@@ -223,7 +223,7 @@ class Context:
 
     def joint_plants(
         self,
-        axes: tuple[str, ...],
+        axes: tuple[Axis, ...],
         rotation: NDArray[np.float64],
         stiffness: list[float],
         rates: NDArray[np.float64] = _GEOMETRIC,

@@ -9,7 +9,7 @@ import casadi as ca
 
 from taskspec.control.model_terms import TermSymbols
 from taskspec.control.reference import opposite
-from taskspec.control.state import AXES
+from taskspec.geometry.axis import AXES, ROTATIONS, Axis
 from taskspec.geometry.surface import Surface
 from taskspec.program.layout import Layout
 from taskspec.program.world import felt, kinematics
@@ -38,7 +38,7 @@ class SignalTable:
     """
 
     scalars: dict[str, ca.SX]
-    axes: tuple[str, ...]
+    axes: tuple[Axis, ...]
     elsewhere: Callable[[str, str], ca.SX]
 
     def lookup(self, name: Name) -> ca.SX:
@@ -54,12 +54,12 @@ class SignalTable:
         raise UnknownSignalError(text)
 
 
-def applied(axis: str) -> str:
+def applied(axis: Axis) -> str:
     """The signal of what the robot applies on an axis: `force.z`, `torque.rx`."""
     return f"{'torque' if axis.startswith('r') else 'force'}.{axis}"
 
 
-def wrench_signals(axes: tuple[str, ...], wrench: ca.SX) -> dict[str, ca.SX]:
+def wrench_signals(axes: tuple[Axis, ...], wrench: ca.SX) -> dict[str, ca.SX]:
     """`force.*` and `torque.*` of a (6,) wrench that the robot applies, in frame axes."""
     return {applied(a): wrench[AXES.index(a)] for a in axes}
 
@@ -101,7 +101,7 @@ class Resolver:
             vector = ca.vertcat(R.T @ wrench[:3], R.T @ wrench[3:])
         elif kind == "velocity":
             vector = ca.vertcat(R.T @ point.twist[:3], R.T @ point.twist[3:])
-        elif kind == "position" and frame.still and not axis.startswith("r"):
+        elif kind == "position" and frame.still and axis not in ROTATIONS:
             vector = R.T @ (point.p - at.origin)
         else:
             raise UnknownSignalError(f"{signal} in {frame_name}")

@@ -8,11 +8,12 @@ from xml.etree import ElementTree
 
 import mujoco
 
+from taskspec.geometry.axis import AXES, Axis
 from taskspec.robot.description import Description, texts, velocity_limits
 from taskspec.robot.types import RobotSummary
 
 _MODELS = Path(__file__).parent / "models"
-_PLANAR = {"planar2": ("x", "y"), "planar3": ("x", "y", "rz")}
+_PLANAR = {"planar2": (Axis.X, Axis.Y), "planar3": (Axis.X, Axis.Y, Axis.RZ)}
 
 
 @cache
@@ -28,7 +29,7 @@ def builtin_robots() -> tuple[RobotSummary, ...]:
     for name in builtin_names():
         root = ElementTree.parse(_MODELS / f"{name}.xml").getroot()
         text = {e.get("name"): e.get("data", "") for e in root.iterfind("custom/text")}
-        axes = _PLANAR.get(name, ("x", "y", "z", "rx", "ry", "rz"))
+        axes = _PLANAR.get(name, AXES)
         joints = _joints(_MODELS / f"{name}.xml")
         summaries.append(RobotSummary(name, text["about"], joints, axes, text["source"]))
     return tuple(summaries)

@@ -10,6 +10,7 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 
+from taskspec.geometry.axis import Axis
 from taskspec.robot.chain import Chain, find_chain
 from taskspec.robot.description import Description, listening, torque_limit
 from taskspec.robot.errors import RobotError
@@ -126,9 +127,9 @@ def _check_mimics(description: Description, chain: Chain) -> None:
             )
 
 
-def _short_of(axes: tuple[str, ...], m: mujoco.MjModel, chain: Chain) -> tuple[str, ...]:
+def _short_of(axes: tuple[Axis, ...], m: mujoco.MjModel, chain: Chain) -> tuple[str, ...]:
     turns = (m.jnt_type[list(chain.joints)] == mujoco.mjtJoint.mjJNT_HINGE).any()
-    if not turns or len(axes) < 3 or any(axis.startswith("r") for axis in axes):
+    if not turns or len(axes) < 3 or any(axis.is_rotation for axis in axes):
         return ()
     return (f"only {', '.join(axes)} of the tool tip can be controlled: orientations follow",)
 

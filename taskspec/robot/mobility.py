@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 
+from taskspec.geometry.axis import AXES, Axis
 from taskspec.robot.chain import Chain
 from taskspec.robot.errors import RobotError
 
@@ -16,14 +17,12 @@ if TYPE_CHECKING:
 
     Array = npt.NDArray[np.float64]
 
-AXES = ("x", "y", "z", "rx", "ry", "rz")
-
 _SAMPLES = 5
 _ZERO = 1e-9
 _RANK = 1e-6
 
 
-def tip_axes(model: pin.Model, joint: int, tip: pin.SE3) -> tuple[str, ...]:
+def tip_axes(model: pin.Model, joint: int, tip: pin.SE3) -> tuple[Axis, ...]:
     """The world axes along and about which the tip can move independently.
 
     Those are the rows of the tip's Jacobian that are not identically zero; where an arm has fewer

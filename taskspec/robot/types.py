@@ -6,6 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
+from taskspec.geometry.axis import Axis
+
 if TYPE_CHECKING:
     import mujoco
     import numpy as np
@@ -103,7 +105,7 @@ class RobotModel:
     model: mujoco.MjModel
     pin: pin.Model
     joint_names: tuple[str, ...]
-    axes: tuple[str, ...]
+    axes: tuple[Axis, ...]
     home: Array
     lower: Array
     upper: Array
@@ -134,5 +136,5 @@ class RobotSummary:
     name: str
     about: str
     joints: int
-    axes: tuple[str, ...]
+    axes: tuple[Axis, ...]
     source: str

@@ -1,6 +1,6 @@
 """What a task file may say: one model per noun, and the way from text to a checked task."""
 
-from taskspec.spec.axis import Axis
+from taskspec.spec.axis import AxisEntry
 from taskspec.spec.control import Control
 from taskspec.spec.equation import Constraint, EquationObject, JointEquation
 from taskspec.spec.expectation import Expectation
@@ -23,7 +23,7 @@ from taskspec.spec.world import Motion, Shape
 __all__ = [
     "LAWS",
     "Arc",
-    "Axis",
+    "AxisEntry",
     "AxisValues",
     "Constraint",
     "Control",

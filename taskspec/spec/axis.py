@@ -7,6 +7,7 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import Field, GetCoreSchemaHandler
 from pydantic_core import CoreSchema, core_schema
 
+from taskspec.geometry.axis import AXES, Axis
 from taskspec.spec.fields import MechanismName
 from taskspec.spec.model import Model, complete, short_form
 from taskspec.spec.quantities import Constant, Formula
@@ -41,7 +42,7 @@ Hold = Annotated[Literal["start", "world"], Word(("start", "world"), "hold")]
 Ramp = Annotated[float, Constant(TIME, least=0)]
 
 
-class Axis(Model):
+class AxisEntry(Model):
     """One axis: one motion or one force; both only under a parallel law.
 
     Attributes:
@@ -125,7 +126,7 @@ class Axis(Model):
                 reading.error("TS204", f"'{key}' on a force axis", data.node.key_span(key), hint)
 
 
-class Translation(Axis):
+class Translation(AxisEntry):
     """A translation: lengths and forces."""
 
     foreign: ClassVar[str] = "torque"
@@ -152,7 +153,7 @@ class Translation(Axis):
     )
 
 
-class Rotation(Axis):
+class Rotation(AxisEntry):
     """A rotation: angles and moments."""
 
     foreign: ClassVar[str] = "force"
@@ -204,8 +205,8 @@ class ByName:
         return core_schema.with_info_wrap_validator_function(_unless_final, named)
 
 
-def _named(form: AxesForm) -> dict[str, Axis]:
-    return {name: axis for name in AxesForm.model_fields if (axis := getattr(form, name))}
+def _named(form: AxesForm) -> dict[Axis, AxisEntry]:
+    return {name: entry for name in AXES if (entry := getattr(form, name))}
 
 
 def _unless_final(

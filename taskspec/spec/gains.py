@@ -5,13 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+from taskspec.geometry.axis import AXES, ROTATIONS, TRANSLATIONS, Axis
 from taskspec.spec.kinds import Kind
 from taskspec.spec.quantities import Constant
 from taskspec.spec.reading import Reading
 from taskspec.text.data import Map
-from taskspec.text.expression.signals import AXES, ROTATIONS, TRANSLATIONS
 from taskspec.text.suggest import suggestion
 from taskspec.text.units import Dimension
+
+_GROUPS = {"linear": TRANSLATIONS, "angular": ROTATIONS}
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,7 +27,7 @@ class AxisValues:
     ry: float | None = None
     rz: float | None = None
 
-    def get(self, axis: str) -> float | None:
+    def get(self, axis: Axis) -> float | None:
         """Return the value of an axis.
 
         Raises:
@@ -56,10 +58,10 @@ class Gain(Kind):
     def read(self, value: object, reading: Reading) -> AxisValues:
         """Return the values of all axes."""
         if not isinstance(value, Map):
-            return AxisValues(**dict.fromkeys(TRANSLATIONS, self._one(value, "x", reading)))
+            return AxisValues(**dict.fromkeys(TRANSLATIONS, self._one(value, Axis.X, reading)))
         found: dict[str, float] = {}
         grouped = "linear" in value or "angular" in value
-        words = ("linear", "angular") if grouped else AXES
+        words = tuple(_GROUPS) if grouped else AXES
         for key, entry in value.items():
             if key not in words:
                 hint = suggestion(key, words if grouped else [*AXES, "linear", "angular"], "keys")
@@ -70,12 +72,12 @@ class Gain(Kind):
                 else:
                     reading.error("TS020", f"unknown key '{key}' in a gain", span, hint)
                 continue
-            axes = {"linear": TRANSLATIONS, "angular": ROTATIONS}.get(key, (key,))
+            axes = _GROUPS.get(key) or (Axis(key),)
             found |= dict.fromkeys(axes, self._one(entry, axes[0], reading))
         return AxisValues(**found)
 
-    def _one(self, value: object, axis: str, reading: Reading) -> float:
-        dimension = self.linear if axis in TRANSLATIONS else self.angular
+    def _one(self, value: object, axis: Axis, reading: Reading) -> float:
+        dimension = self.angular if axis.is_rotation else self.linear
         number = Constant(dimension, self.above, self.least).read(value, reading)
         assert isinstance(number, float)
         return number

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from taskspec.geometry.axis import Axis
 from taskspec.spec.schema_meanings import MEANINGS
 
 _NAME = "A name given elsewhere in the file"
@@ -101,4 +102,4 @@ def annotate(model: str, form: dict[str, Any]) -> None:
 
 
 def _axis(name: str) -> str:
-    return f"About {name[1:]}" if name.startswith("r") else f"Along {name}"
+    return f"About {name[1:]}" if Axis(name).is_rotation else f"Along {name}"

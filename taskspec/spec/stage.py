@@ -7,7 +7,8 @@ from typing import Annotated
 
 from pydantic import Field
 
-from taskspec.spec.axis import FORCES, MOTIONS, Axis, ByName
+from taskspec.geometry.axis import Axis
+from taskspec.spec.axis import FORCES, MOTIONS, AxisEntry, ByName
 from taskspec.spec.fields import FrameName
 from taskspec.spec.law import Law, law_of
 from taskspec.spec.laws import LAWS
@@ -71,7 +72,7 @@ class Stage(Model):
 
     noun = "a stage"
     example = "approach: {axes: {z: {move: -50 mm}}}"
-    axes: Annotated[dict[str, Axis], ByName()] = Field({}, title="What each axis does")
+    axes: Annotated[dict[Axis, AxisEntry], ByName()] = Field({}, title="What each axis does")
     path: Path | None = Field(None, title="A curve that drives axes")
     constraints: Annotated[dict[str, SetPoint], SetPoints()] = Field(
         {}, title="Set points of the world's equations"
@@ -142,7 +143,7 @@ def _damaged(data: Map) -> bool:
 
 def _is_damaged(axis: object) -> bool:
     if isinstance(axis, Map):
-        return axis.node.broken or not axis.keys() <= Axis.model_fields.keys()
+        return axis.node.broken or not axis.keys() <= AxisEntry.model_fields.keys()
     return axis != "hold"
 
 

@@ -6,6 +6,7 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
+from taskspec.geometry.axis import AXES, ROTATIONS, Axis
 from taskspec.spec.fields import RPY, XYZ
 from taskspec.spec.model import Model, complete
 from taskspec.spec.quantities import Constant, Entries, Formula
@@ -23,7 +24,7 @@ ShapeName = Literal["plane", "box", "cylinder", "sphere"]
 KIND_KEYS = ("shape", "equation", "mechanism")
 """The keys of which one says what an object is."""
 
-MOTION = {axis: LENGTH for axis in ("x", "y", "z")} | {a: ANGLE for a in ("rx", "ry", "rz")}
+MOTION = {axis: ANGLE if axis.is_rotation else LENGTH for axis in AXES}
 """How an object may move by itself, and what each axis measures."""
 
 
@@ -46,7 +47,7 @@ class Motion(Model):
     rz: Annotated[Expression, Formula(ANGLE, ScopeKind.WORLD)] | None = Field(None, title="About z")
 
     @property
-    def axes(self) -> dict[str, Expression]:
+    def axes(self) -> dict[Axis, Expression]:
         """The axes that move."""
         return {axis: e for axis in MOTION if (e := getattr(self, axis)) is not None}
 
@@ -55,7 +56,7 @@ class Motion(Model):
         """Ask for an axis, and for no more than one rotation."""
         if not data and complete(data, reading):
             reading.error("TS021", "a motion needs an axis", pointer(data.node), cls.example)
-        turns = [axis for axis in ("rx", "ry", "rz") if axis in data]
+        turns = [axis for axis in ROTATIONS if axis in data]
         if len(turns) > 1:
             message = "an object turns about one of its axes"
             reading.error("TS026", message, data.node.key_span(turns[1]), "keep one of them")

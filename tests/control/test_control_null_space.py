@@ -10,6 +10,7 @@ import pytest
 from arms import MovingArm
 from taskspec.control import null_space
 from taskspec.control.state import AXES
+from taskspec.geometry.axis import Axis
 
 H = 1e-5
 
@@ -51,7 +52,7 @@ def log_w(J, axes, units):
 
 
 @pytest.mark.parametrize("arm", [panda, arm_with_slides])
-@pytest.mark.parametrize("axes", [AXES, AXES[:3], ("x", "y", "rz")], ids=" ".join)
+@pytest.mark.parametrize("axes", [AXES, AXES[:3], (Axis.X, Axis.Y, Axis.RZ)], ids=" ".join)
 def test_the_gradient_of_manipulability_is_that_of_finite_differences(arm, axes):
     """From columns of J alone; ln w is of order 1, so 1e-6 is far above H^2 and 1e-16 / H."""
     model, joint, tip, turns = arm()

@@ -23,11 +23,12 @@ from documents import (
 from test_docs_keys import units_needed
 
 from taskspec.control.gains import Plant, design, design_joint_damping
-from taskspec.control.state import ARM_LENGTH, AXES
+from taskspec.control.state import ARM_LENGTH
+from taskspec.geometry.axis import AXES
 from taskspec.motion.blend import BLEND_TIME
 from taskspec.program.reference.constraints import FORCED, NAMED, UNNAMED, weigh
 from taskspec.program.stages import candidates
-from taskspec.spec import LAWS, Axis, Law
+from taskspec.spec import LAWS, AxisEntry, Law
 from taskspec.spec.law import ForceGains
 from taskspec.text.expression import Expression, parse
 from taskspec.text.units import FORCE, split_quantity
@@ -99,8 +100,8 @@ def test_tasks_that_are_shown_are_the_shipped_ones(path):
 # Gains
 
 KINDS = {
-    "motion": Axis(hold="start"),
-    "force": Axis(force=Expression("", parse("1 N", "sum"), FORCE)),
+    "motion": AxisEntry(hold="start"),
+    "force": AxisEntry(force=Expression("", parse("1 N", "sum"), FORCE)),
 }
 PLANTS = (
     Plant(h=3.0, held=8.0, k=20e3, period=1e-3),

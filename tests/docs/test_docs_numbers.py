@@ -15,6 +15,7 @@ from taskspec.compiler import Program, compile_task
 from taskspec.control import null_space
 from taskspec.control.gains import Plant, design, design_joint_damping
 from taskspec.control.state import ARM_LENGTH
+from taskspec.geometry.axis import Axis
 from taskspec.motion.blend import BLEND_TIME
 from taskspec.motion.profile import RISE_TIME
 from taskspec.program import events
@@ -22,7 +23,7 @@ from taskspec.program.execution.tracks import MOVE_SPEED
 from taskspec.program.reference.force_references import DEFAULT_RAMP
 from taskspec.program.signals import TOUCHING
 from taskspec.robot.tool import LENGTH, RADIUS
-from taskspec.spec import Axis, Law, Task
+from taskspec.spec import AxisEntry, Law, Task
 from taskspec.spec.control import Control
 from taskspec.spec.equation import EquationObject
 from taskspec.spec.gains import AxisValues
@@ -87,9 +88,9 @@ def test_numbers_of_the_null_space():
 
 
 AXES = {
-    "motion": Axis(hold="start"),
-    "force": Axis(force=Expression("", parse("1 N", "sum"), FORCE)),
-    "soft": Axis(hold="start", damping=None, stiffness=800.0),
+    "motion": AxisEntry(hold="start"),
+    "force": AxisEntry(force=Expression("", parse("1 N", "sum"), FORCE)),
+    "soft": AxisEntry(hold="start", damping=None, stiffness=800.0),
 }
 PLANTS = (
     Plant(h=3.0, held=8.0, k=20e3, period=1e-3),
@@ -117,12 +118,12 @@ def test_designed_gains_follow_the_documented_rules(law, plant):
         axis = AXES[mode]
         if mode == "soft":
             # One of the two is always given on a soft axis.
-            damped = design(Law(kind=law), {"x": replace_axis(axis, None, 5.0)}, {"x": plant})
-            assert damped["stiffness"]["x"].value == value(own.pop("stiffness"))
+            damped = design(Law(kind=law), {Axis.X: replace_axis(axis, None, 5.0)}, {Axis.X: plant})
+            assert damped["stiffness"][Axis.X].value == value(own.pop("stiffness"))
             known["K"] = 800.0
         gains = {
-            name: by_axis["x"].value
-            for name, by_axis in design(Law(kind=law), {"x": axis}, {"x": plant}).items()
+            name: by_axis[Axis.X].value
+            for name, by_axis in design(Law(kind=law), {Axis.X: axis}, {Axis.X: plant}).items()
         }
         for name, letter in (("mass", "M"), ("stiffness", "K"), ("damping", "d")):
             known[letter] = gains.get(name, known.get(letter, 0.0))
@@ -136,14 +137,14 @@ def test_designed_gains_follow_the_documented_rules(law, plant):
         assert designed - ({"stiffness"} if mode == "soft" else set()) == set(own), mode
 
 
-def replace_axis(axis: Axis, stiffness: float | None, damping: float | None) -> Axis:
+def replace_axis(axis: AxisEntry, stiffness: float | None, damping: float | None) -> AxisEntry:
     return axis.model_copy(update={"stiffness": stiffness, "damping": damping})
 
 
 def test_the_smaller_mass_of_a_rotation_stands_in_the_text():
     light = replace(PLANTS[0], h=1e-6, held=1e-6)
-    gains = design(Law(kind="impedance"), {"rx": AXES["motion"]}, {"rx": light})
-    number = gains["mass"]["rx"].value
+    gains = design(Law(kind="impedance"), {Axis.RX: AXES["motion"]}, {Axis.RX: light})
+    number = gains["mass"][Axis.RX].value
     text = " ".join(LANGUAGE.read_text(encoding="utf-8").split())
     assert f"On rotations {number:g} kg·m² takes the place" in text
 

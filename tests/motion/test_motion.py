@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
+from taskspec.geometry.axis import Axis
 from taskspec.motion import blend, profile
 from taskspec.motion.path import PathShape
 from taskspec.motion.table import TableError, read_table
@@ -148,10 +149,12 @@ def test_a_spoiled_table_says_what_and_where(tmp_path, text, message, line):
 
 
 def test_lengths_of_paths():
-    start = {"x": 0.1, "y": 0.0}
-    assert PathShape("to", ("x", "y"), {"x": 0.4, "y": 0.4}).length(start) == pytest.approx(0.5)
-    assert PathShape("line", ("x",), {"x": -0.2}).length(start) == pytest.approx(0.2)
-    arc = PathShape("arc", ("x", "y"), turns={"": -0.5}, center=(0.0, 0.0))
+    start = {Axis.X: 0.1, Axis.Y: 0.0}
+    assert PathShape("to", (Axis.X, Axis.Y), {Axis.X: 0.4, Axis.Y: 0.4}).length(
+        start
+    ) == pytest.approx(0.5)
+    assert PathShape("line", (Axis.X,), {Axis.X: -0.2}).length(start) == pytest.approx(0.2)
+    arc = PathShape("arc", (Axis.X, Axis.Y), turns={"": -0.5}, center=(0.0, 0.0))
     assert arc.length(start) == pytest.approx(0.1 * np.pi)
-    circle = PathShape("lissajous", ("x",), {"x": 0.1}, {"x": 2.0})
+    circle = PathShape("lissajous", (Axis.X,), {Axis.X: 0.1}, {Axis.X: 2.0})
     assert circle.length(start) == pytest.approx(8 * 0.1, rel=1e-6)

@@ -12,8 +12,9 @@ import pinocchio as pin
 import pytest
 
 from arms import MovingArm
-from taskspec.control.state import AXES, task_state
+from taskspec.control.state import task_state
 from taskspec.geometry import rotation
+from taskspec.geometry.axis import AXES
 from taskspec.program.world import kinematics
 from taskspec.program.world.frames import FrameModel
 from taskspec.program.world.mechanisms import MechanismModel

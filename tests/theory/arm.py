@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from sampled import Loop
 
-from taskspec.control.state import AXES
+from taskspec.geometry.axis import AXES
 from taskspec.program.world.stiffness import IMPEDANCE
 from taskspec_runner.plant.plant import Plant
 

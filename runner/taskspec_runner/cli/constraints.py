@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 from taskspec.compiler import Program
+from taskspec.geometry.axis import Axis
 from taskspec.motion.path import PathShape
 from taskspec.prediction import Natural, StagePrediction, State
 from taskspec.program.reference.modes import AxisPlan
@@ -33,7 +34,7 @@ class AxisAccount:
 
 
 def axis_account(
-    program: Program, stage: CompiledStage, foreseen: StagePrediction, axis: str
+    program: Program, stage: CompiledStage, foreseen: StagePrediction, axis: Axis
 ) -> AxisAccount:
     """One axis of a stage's frame."""
     plan = stage.plans[axis]
@@ -53,12 +54,12 @@ def equation_account(program: Program, stage: CompiledStage, name: str) -> AxisA
     return AxisAccount(name, f"{declared.equation}{side}", artificial, "force control")
 
 
-def _velocity(axis: str) -> str:
-    return f"w_{axis[1:]}" if axis.startswith("r") else f"v_{axis}"
+def _velocity(axis: Axis) -> str:
+    return f"w_{axis[1:]}" if axis.is_rotation else f"v_{axis}"
 
 
-def _force(axis: str) -> str:
-    return f"m_{axis[1:]}" if axis.startswith("r") else f"f_{axis}"
+def _force(axis: Axis) -> str:
+    return f"m_{axis[1:]}" if axis.is_rotation else f"f_{axis}"
 
 
 def _natural(program: Program, world: Natural) -> str:
@@ -77,24 +78,24 @@ def _natural(program: Program, world: Natural) -> str:
 
 def _natural_force(program: Program, world: Natural, screw: bool) -> str:
     own, total = _force(world.axis), _sum(world, _force, screw)
-    rubs = f"{world.friction:.3g} |{_force(world.against)}|" if world.friction else ""
+    rubs = f"{world.friction:.3g} |{_force(Axis(world.against))}|" if world.friction else ""
     if rubs and not total:
         return f"|{own}| <= {rubs} ({world.by})"
     if world.effort:
         angular = program.context.loaded.task.mechanisms[world.by].angular
-        lever = int(world.axis.startswith("r")) - int(angular)
+        lever = int(world.axis.is_rotation) - int(angular)
         effort = f"{world.by}.{'torque' if angular else 'force'}"
         return f"{own} = {_product(effort, world.effort, lever)}{_signed(total)}"
     by = f" ({world.by})" if world.by else ""
     return f"{own} = {total or '0'}{f' +- {rubs}' if rubs else ''}{by}"
 
 
-def _sum(world: Natural, name: Callable[[str], str], screw: bool) -> str:
+def _sum(world: Natural, name: Callable[[Axis], str], screw: bool) -> str:
     """The terms that a velocity or a force is the sum of; empty for none."""
-    turns = int(world.axis.startswith("r"))
+    turns = int(world.axis.is_rotation)
     text = ""
     for axis, factor in world.terms:
-        lever = int(axis.startswith("r")) - turns
+        lever = int(axis.is_rotation) - turns
         lever = lever if name is _velocity else -lever
         pitch = screw and {axis, world.axis} == {axis[-1], f"r{axis[-1]}"}
         term = _product(name(axis), factor, lever, pitch=pitch)
@@ -119,7 +120,7 @@ def _product(symbol: str, factor: float, lever: int, *, pitch: bool = False) -> 
     return f"{sign}{symbol}" if rounded == "1" else f"{sign}{rounded} {symbol}"
 
 
-def _artificial(stage: CompiledStage, axis: str, plan: AxisPlan) -> str:
+def _artificial(stage: CompiledStage, axis: Axis, plan: AxisPlan) -> str:
     parts = []
     if plan.motion and not plan.open_loop:
         parts.append(_motion(stage, axis, plan))
@@ -130,7 +131,7 @@ def _artificial(stage: CompiledStage, axis: str, plan: AxisPlan) -> str:
     return "; ".join(parts)
 
 
-def _motion(stage: CompiledStage, axis: str, plan: AxisPlan) -> str:
+def _motion(stage: CompiledStage, axis: Axis, plan: AxisPlan) -> str:
     entry = plan.axis
     if plan.mode == "path":
         assert stage.path is not None
@@ -149,15 +150,15 @@ def _motion(stage: CompiledStage, axis: str, plan: AxisPlan) -> str:
     return f"{axis} = {entry.position}"
 
 
-def _turns_along(stage: CompiledStage, axis: str, plan: AxisPlan) -> bool:
+def _turns_along(stage: CompiledStage, axis: Axis, plan: AxisPlan) -> bool:
     """Whether a rotation is held in a frame that turns as the tool moves."""
     frame = stage.frame
     curved = frame.surface is not None and frame.surface.kind in ("cylinder", "sphere")
-    held = plan.mode == "hold" and axis.startswith("r") and not plan.world
+    held = plan.mode == "hold" and axis.is_rotation and not plan.world
     return held and (frame.mechanism is not None or curved)
 
 
-def _on_path(path: PathShape, axis: str) -> str:
+def _on_path(path: PathShape, axis: Axis) -> str:
     if path.kind == "to":
         return f"to {length(path.numbers[axis], axis)}"
     return f"line of {length(path.numbers[axis], axis)}" if path.kind == "line" else path.kind

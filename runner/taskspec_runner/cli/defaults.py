@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from taskspec.compiler import Program
+from taskspec.geometry.axis import Axis
 from taskspec.program.execution.tracks import move_speed
 from taskspec.program.reference.force_references import DEFAULT_RAMP
 from taskspec.program.stages.null_space import goals
 from taskspec.program.stages.stage import CompiledStage
 from taskspec.program.world.stiffness import Compliance
 from taskspec.robot.tool import LENGTH
-from taskspec.spec import Axis, EquationObject, Mechanism, Robot, Shape, Task
+from taskspec.spec import AxisEntry, EquationObject, Mechanism, Robot, Shape, Task
 from taskspec.text.nodes import find
 from taskspec.text.show import show
 from taskspec_runner.cli.measures import speed, stiffness
@@ -26,12 +27,12 @@ _SENSOR = {
 }
 
 
-def speed_of(axis: str, entry: Axis) -> str:
+def speed_of(axis: Axis, entry: AxisEntry) -> str:
     """The speed of a move, given or not."""
     return speed(entry.speed or float(move_speed(axis)), axis)
 
 
-def ramp_of(entry: Axis) -> str:
+def ramp_of(entry: AxisEntry) -> str:
     """The time in which a force is reached, given or not."""
     return show(DEFAULT_RAMP if entry.ramp is None else entry.ramp, "s")
 

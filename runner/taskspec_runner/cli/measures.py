@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from taskspec.geometry.axis import Axis
 from taskspec.text.show import show
 from taskspec.text.units import to_si
 
@@ -37,14 +38,14 @@ def gain_text(name: str, angular: bool, value: float) -> str:
     return scaled(value, units[angular])
 
 
-def length(value: float, axis: str) -> str:
+def length(value: float, axis: Axis) -> str:
     """A distance [m] along an axis, or an angle [rad] about it."""
-    return show(value, "deg" if axis.startswith("r") else "mm")
+    return show(value, "deg" if axis.is_rotation else "mm")
 
 
-def speed(value: float, axis: str) -> str:
+def speed(value: float, axis: Axis) -> str:
     """A speed [m/s] along an axis, or [rad/s] about it."""
-    return show(value, "deg/s" if axis.startswith("r") else "mm/s")
+    return show(value, "deg/s" if axis.is_rotation else "mm/s")
 
 
 def stiffness(value: float) -> str:

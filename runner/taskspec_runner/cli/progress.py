@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 
+from taskspec.geometry.axis import Axis
 from taskspec_runner.cli.console import console
 from taskspec_runner.session import Glimpse, Progress
 
@@ -86,7 +87,7 @@ def describe(glimpse: Glimpse) -> str:
     """A glimpse in one line: time, stage, force against reference, real-time factor."""
     parts = [f"{glimpse.clock:7.2f} s", f"{glimpse.stage:<12}"]
     if glimpse.axis:
-        kind, unit = ("torque", "N*m") if glimpse.axis.startswith("r") else ("force", "N")
+        kind, unit = ("torque", "N*m") if Axis(glimpse.axis).is_rotation else ("force", "N")
         numbers = f"{glimpse.force:8.2f} of {glimpse.reference:.2f} {unit}"
         parts.append(f"{kind}.{glimpse.axis} {numbers:<22}")
     return "  ".join([*parts, f"{glimpse.real_time_factor:.0f} x real time"])

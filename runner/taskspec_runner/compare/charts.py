@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import maximum_filter1d
 
+from taskspec.geometry.axis import Axis
 from taskspec_runner.compare.overlay import Overlay, role
 from taskspec_runner.report.chart import Band, bands, size
 from taskspec_runner.report.data import Run, Vector
@@ -125,7 +126,7 @@ def _motion(laid: Overlay) -> Iterator[Overlaid]:
                 yield _position(laid, axis)
 
 
-def _error_size(laid: Overlay, axes: tuple[str, ...], key: str, title: str) -> Overlaid:
+def _error_size(laid: Overlay, axes: tuple[Axis, ...], key: str, title: str) -> Overlaid:
     # One unit for all orders, so that the marks of the axis can be read off.
     unit = plain_scale("rad" if axes is ANGULAR else "m", 1.0)
     over = ", over the axes without a force"

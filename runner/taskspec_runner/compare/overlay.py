@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from taskspec.geometry.axis import Axis
 from taskspec.spec import LAWS
 from taskspec_runner.compare.comparison import Comparison
 from taskspec_runner.report.data import Run, Vector, Visit
@@ -70,7 +71,7 @@ class Overlay:
         known = (*LINEAR, *ANGULAR)
         return list(dict.fromkeys(a for axes in forces.values() for a in axes if a in known))
 
-    def motion_error(self, run: Run, axes: tuple[str, ...]) -> Vector:
+    def motion_error(self, run: Run, axes: tuple[Axis, ...]) -> Vector:
         """(rows,) Size of the motion error [m, rad] over those axes that no law gives a force.
 
         Args:

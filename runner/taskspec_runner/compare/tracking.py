@@ -10,6 +10,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from taskspec.geometry.axis import ROTATIONS
+
 Json = Mapping[str, Any]
 
 #: Kind -> the part of a signal's name before its axis, and whether the axis is a rotation.
@@ -79,7 +81,7 @@ def _worst(signals: Json, kind: str, forces: Sequence[str]) -> dict[str, Any] | 
         axis: values
         for name, values in signals.items()
         if (axis := name.removeprefix(f"{prefix}.")) != name
-        and axis.startswith("r") == turning
+        and (axis in ROTATIONS) == turning
         and (prefix != "position" or axis not in forces)
     }
     if not errors:

@@ -14,7 +14,7 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from taskspec.control.state import AXES
+from taskspec.geometry.axis import AXES
 from taskspec_runner.export.cdr import Layout, stamps
 from taskspec_runner.export.messages import SIGNALS, definition, signals_message
 from taskspec_runner.export.missing import library

@@ -21,7 +21,6 @@ Vector = NDArray[np.float64]
 
 #: Of each driven coordinate [kg, kg m^2]: 100 N move it by 5e-13 m in a step of 1 ms.
 INERTIA = 1e8
-_TURNS = ("rx", "ry", "rz")
 
 
 def moving(task: Task) -> dict[str, Shape]:
@@ -36,7 +35,7 @@ def add_carrier(spec: mujoco.MjSpec, name: str, shape: Shape) -> mujoco.MjsBody:
     body.explicitinertial = True
     body.mass, body.inertia = 1.0, [1.0, 1.0, 1.0]
     for axis in shape.motion.axes:
-        turns = axis in _TURNS
+        turns = axis.is_rotation
         body.add_joint(
             name=f"{PREFIX}{name}/{axis}",
             type=mujoco.mjtJoint.mjJNT_HINGE if turns else mujoco.mjtJoint.mjJNT_SLIDE,

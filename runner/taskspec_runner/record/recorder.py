@@ -9,7 +9,7 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from taskspec.control.state import AXES
+from taskspec.geometry.axis import AXES
 from taskspec.program import signals
 from taskspec.program.stages.stage import CompiledStage
 from taskspec.robot import RobotModel

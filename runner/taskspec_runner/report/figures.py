@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from taskspec.geometry.axis import AXES, ROTATIONS, TRANSLATIONS
 from taskspec_runner.report import foretold
 from taskspec_runner.report.chart import (
     Chart,
@@ -23,9 +24,9 @@ from taskspec_runner.report.mechanisms import coordinate_charts, effort_charts
 from taskspec_runner.report.quantities import plain_scale, quantity, scale
 from taskspec_runner.verdict.metrics import set_points
 
-LINEAR, ANGULAR = ("x", "y", "z"), ("rx", "ry", "rz")
+LINEAR, ANGULAR = TRANSLATIONS, ROTATIONS
 #: Colour roles of the axes; a rotation has the colour of its axis.
-_ROLES = {"x": "x", "y": "y", "z": "z", "rx": "x", "ry": "y", "rz": "z"}
+_ROLES: dict[str, str] = {axis: axis.letter for axis in AXES}
 
 
 def sections(run: Run) -> tuple[Section, ...]:

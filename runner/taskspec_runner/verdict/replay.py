@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from taskspec.control.state import AXES
+from taskspec.geometry.axis import AXES
 from taskspec.geometry.surface import Chart, Surface, box_face
 from taskspec.program.stages.stage import CompiledStage
 from taskspec.program.world import felt

@@ -9,6 +9,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from taskspec.geometry.axis import TRANSLATIONS, Axis
 from taskspec.program.stages.stage import CompiledStage
 from taskspec_runner.video.equations import equation_surfaces
 from taskspec_runner.video.world import World
@@ -54,7 +55,7 @@ class Arm:
 COLORS = {"force": FORCE, "motion": MOTION, "free": FREE, "applied": APPLIED}
 
 
-def kind_of(stage: CompiledStage, axis: str) -> str:
+def kind_of(stage: CompiledStage, axis: Axis) -> str:
     """Who controls a translation in a stage: force, motion or free."""
     plan = stage.plans.get(axis)
     if plan is None:
@@ -101,7 +102,7 @@ class Marks:
         stage = recording.stage(recording.visit(row))
         at, axes = recording.point[row], recording.axes[row]
         arms = []
-        for i, name in enumerate("xyz"):
+        for i, name in enumerate(TRANSLATIONS):
             if name in stage.axes and np.isfinite(axes[:, i]).all():
                 end = at + self._size * _TRIAD * axes[:, i]
                 arms.append(Arm(kind_of(stage, name), name, at, end))

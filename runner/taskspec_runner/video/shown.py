@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec.control.state import AXES
+from taskspec.geometry.axis import AXES
 from taskspec_runner.record.history import Visit
 from taskspec_runner.video.recording import Recording
 

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from taskspec.geometry.axis import Axis
 from taskspec.program.context import Context
 from taskspec.robot import RobotError
 from taskspec.robot import check_joints as posture_of_joints
 from taskspec.text.diagnostic import Diagnostics
 
 
-def check_axes(context: Context, name: str, axes: tuple[str, ...], found: Diagnostics) -> None:
+def check_axes(context: Context, name: str, axes: tuple[Axis, ...], found: Diagnostics) -> None:
     """Reports axes of stage `name` that do not exist in its frame; `axes` are those that do."""
     loaded, robot = context.loaded, context.robot
     frame = context.frame_of(loaded.task.stages[name])
@@ -50,5 +51,5 @@ def check_joints(context: Context, found: Diagnostics) -> None:
             )
 
 
-def _how(axis: str) -> str:
-    return f"about {axis[1:]!r}" if axis.startswith("r") else f"along {axis!r}"
+def _how(axis: Axis) -> str:
+    return f"about {axis[1:]!r}" if axis.is_rotation else f"along {axis!r}"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from taskspec.geometry.axis import Axis
 from taskspec.motion.path import PathShape
 from taskspec.program.context import Context
 from taskspec.program.reference.coupling import UncoupledError, coupling
@@ -15,7 +16,7 @@ from taskspec.text.diagnostic import Diagnostics
 def check_following(
     context: Context,
     name: str,
-    axes: tuple[str, ...],
+    axes: tuple[Axis, ...],
     rotation: NDArray[np.float64],
     path: PathShape | None,
     found: Diagnostics,

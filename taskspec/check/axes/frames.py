@@ -8,7 +8,7 @@ import casadi as ca
 import numpy as np
 
 from taskspec.control.gains import has_force
-from taskspec.control.state import AXES
+from taskspec.geometry.axis import AXES, Axis
 from taskspec.program.axes import MOSTLY
 from taskspec.program.context import Context
 from taskspec.program.prepare import box_face_at, pose_of_carrier, tool_center
@@ -126,7 +126,7 @@ def _turning_fits(context: Context, name: str, found: Diagnostics) -> bool:
     return True
 
 
-def _check_knob(context: Context, name: str, held: list[str], found: Diagnostics) -> None:
+def _check_knob(context: Context, name: str, held: list[Axis], found: Diagnostics) -> None:
     """Reports rotations held against the world about the axis of a handle with a fixed knob."""
     loaded = context.loaded
     frame = context.frame_of(loaded.task.stages[name])

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from taskspec.geometry.axis import Axis
 from taskspec.program.context import Context
 from taskspec.program.stages.null_space import bounded
 from taskspec.text.diagnostic import Diagnostics
 
 
 def check_null_space(
-    context: Context, name: str, axes: tuple[str, ...], found: Diagnostics
+    context: Context, name: str, axes: tuple[Axis, ...], found: Diagnostics
 ) -> None:
     """Warns of goals in the null space that change nothing in stage `name` with its `axes`."""
     loaded, robot = context.loaded, context.robot

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from taskspec.control.gains import has_force
 from taskspec.control.representation import Representation
-from taskspec.control.state import AXES
+from taskspec.geometry.axis import AXES, Axis
 from taskspec.program.context import Context
 from taskspec.program.reference.orientation import NEAREST, angles_of, representation_of
 from taskspec.program.world.frames import FrameModel
@@ -21,7 +21,7 @@ _WAY_OUT = "'orientation: so3' has no such limit"
 def check_orientation(
     context: Context,
     name: str,
-    axes: tuple[str, ...],
+    axes: tuple[Axis, ...],
     rotation: NDArray[np.float64],
     found: Diagnostics,
 ) -> None:
@@ -56,7 +56,7 @@ def check_orientation(
         )
 
 
-def _why_not(context: Context, name: str, axes: tuple[str, ...]) -> str | None:
+def _why_not(context: Context, name: str, axes: tuple[Axis, ...]) -> str | None:
     """Why the tool has no Euler angles that a law could control; None if it has."""
     stage = context.loaded.task.stages[name]
     frame = context.frame_of(stage)

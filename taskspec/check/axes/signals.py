@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 
 from taskspec.check.foresight.known import known_value
 from taskspec.control.gains import has_force
-from taskspec.control.state import AXES
+from taskspec.geometry.axis import ROTATIONS, Axis, as_axis
 from taskspec.program.context import Context
 from taskspec.spec import LAWS
 from taskspec.text.diagnostic import Diagnostics
@@ -17,7 +17,7 @@ from taskspec.text.expression.tree import Call, Name, Node, children
 _VECTORS = ("force", "torque", "position", "velocity", "error")
 
 
-def check_signals(context: Context, name: str, axes: tuple[str, ...], found: Diagnostics) -> None:
+def check_signals(context: Context, name: str, axes: tuple[Axis, ...], found: Diagnostics) -> None:
     """Reports signals in the expressions of stage `name` that it cannot evaluate."""
     stage = context.loaded.task.stages[name]
     expressions = [stage.until, stage.fail_if]
@@ -53,7 +53,7 @@ def check_signals(context: Context, name: str, axes: tuple[str, ...], found: Dia
 
 
 def check_expectations(
-    context: Context, axes_of: Mapping[str, tuple[str, ...]], found: Diagnostics
+    context: Context, axes_of: Mapping[str, tuple[Axis, ...]], found: Diagnostics
 ) -> None:
     """Reports expectations about axes that their stage does not have."""
     for expectation in context.loaded.task.expect:
@@ -68,7 +68,7 @@ def check_expectations(
             if reason is not None:
                 hint = ""
                 if inner.path[0] == "error" and inner.path[-1] in axes_of[stage]:
-                    kind = "torque" if inner.path[-1].startswith("r") else "force"
+                    kind = Axis(inner.path[-1]).effort
                     hint = f"judge what it controls: {stage}.{kind}.{inner.path[-1]}"
                 found.error("TS224", f"{node}: {reason}", expression.where(node), hint)
 
@@ -94,7 +94,7 @@ def _not_elsewhere(context: Context, node: Name) -> str | None:
     frame, kind = context.frames[node.frame], node.path[0]
     if frame.surface is not None and frame.surface.kind == "box":
         return "the faces of a box are followed only by the stage's own frame"
-    place = kind == "position" and frame.still and not node.path[-1].startswith("r")
+    place = kind == "position" and frame.still and node.path[-1] not in ROTATIONS
     if kind in ("force", "torque", "velocity") or place:
         return None
     return "in another frame: force, torque, velocity, and positions in fixed frames"
@@ -109,7 +109,7 @@ def _names(node: Node, inside_norm: bool) -> Iterator[tuple[Name, bool]]:
 
 
 def no_such_signal(
-    context: Context, stage_name: str, axes: tuple[str, ...], node: Name, *, inside_norm: bool
+    context: Context, stage_name: str, axes: tuple[Axis, ...], node: Name, *, inside_norm: bool
 ) -> str | None:
     """Why a stage has no such signal, None if it has it."""
     path = node.path
@@ -128,8 +128,8 @@ def no_such_signal(
         return f"{context.robot.name!r} has {context.robot.pin.nv} joints"
     if path[0] not in _VECTORS or len(path) != 2 or inside_norm:
         return None
-    axis = path[1]
-    if axis not in AXES:
+    axis = as_axis(path[1])
+    if axis is None:
         return None
     if node.frame is None and axis not in axes:
         return f"this arm has no axis {axis!r} in this frame; it has {', '.join(axes)}"

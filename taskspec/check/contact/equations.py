@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.control.gains import has_force
-from taskspec.control.state import AXES
+from taskspec.geometry.axis import AXES, Axis
 from taskspec.program.context import Context
 from taskspec.program.reference.constraints import active_equations
 from taskspec.program.signals import TOUCHING
@@ -56,7 +56,7 @@ def check_equations(context: Context, found: Diagnostics) -> None:
 def check_constraints(
     context: Context,
     name: str,
-    axes: tuple[str, ...],
+    axes: tuple[Axis, ...],
     rotation: NDArray[np.float64],
     found: Diagnostics,
 ) -> None:

@@ -9,18 +9,18 @@ from numpy.typing import NDArray
 
 from taskspec.check.contact.set_points import steady_force
 from taskspec.control.gains import design
-from taskspec.control.state import AXES
+from taskspec.geometry.axis import AXES, Axis
 from taskspec.motion.path import PathShape
 from taskspec.program.context import Context
 from taskspec.program.reference.modes import plan_axes
-from taskspec.spec import Axis, Variation
+from taskspec.spec import AxisEntry, Variation
 from taskspec.text.diagnostic import Diagnostics
 
 
 def check_forces(
     context: Context,
     name: str,
-    axes: tuple[str, ...],
+    axes: tuple[Axis, ...],
     rotation: NDArray[np.float64],
     path: PathShape | None,
     found: Diagnostics,
@@ -36,7 +36,7 @@ def check_forces(
         return
     place = ("stages", name, "axes", open_loop[0])
     gripped = context.gripped(frame)
-    if contact is None and not gripped and not all(a.startswith("r") for a in open_loop):
+    if contact is None and not gripped and not all(a.is_rotation for a in open_loop):
         found.error(
             "TS303",
             f"under {law.kind!r} a force is reached by pressing below a surface, and the world "
@@ -60,7 +60,7 @@ def check_forces(
                 "give the law a stiffness above zero, or use a law with a force loop",
             )
             continue
-        if axis.startswith("r") or contact is None:
+        if axis.is_rotation or contact is None:
             continue
         normal = rotation[:, AXES.index(axis)]
         span = _span(context, contact, normal, entries[axis], own, k)
@@ -79,7 +79,7 @@ def _span(
     context: Context,
     contact: str,
     normal: NDArray[np.float64],
-    axis: Axis,
+    axis: AxisEntry,
     own: float,
     k: float,
 ) -> tuple[float, float] | None:

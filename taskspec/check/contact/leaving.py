@@ -9,14 +9,14 @@ from numpy.typing import NDArray
 from taskspec.check.foresight.course import moving_axes
 from taskspec.check.foresight.nominal import Walk
 from taskspec.control.gains import design, has_force
-from taskspec.control.state import AXES
+from taskspec.geometry.axis import AXES, Axis
 from taskspec.motion.path import PathShape
 from taskspec.program.axes import MOSTLY
 from taskspec.program.context import Context
 from taskspec.program.reference.constraints import active_equations
 from taskspec.program.signals import TOUCHING
 from taskspec.program.world.equations import EquationModel
-from taskspec.spec import LAWS, Axis, Stage
+from taskspec.spec import LAWS, AxisEntry, Stage
 from taskspec.text.diagnostic import Diagnostics
 from taskspec.text.expression.tree import Name, walk
 from taskspec.text.show import show
@@ -35,7 +35,7 @@ _FLAT = 1e-3
 def check_leaving(
     context: Context,
     name: str,
-    axes: tuple[str, ...],
+    axes: tuple[Axis, ...],
     path: PathShape | None,
     walked: Walk,
     found: Diagnostics,
@@ -58,7 +58,7 @@ def check_leaving(
 def _check_surface(
     context: Context,
     name: str,
-    axes: tuple[str, ...],
+    axes: tuple[Axis, ...],
     walked: Walk,
     way: list[tuple[float, Vector]],
     found: Diagnostics,
@@ -96,7 +96,7 @@ def _check_surface(
 def _check_equations(
     context: Context,
     name: str,
-    axes: tuple[str, ...],
+    axes: tuple[Axis, ...],
     path: PathShape | None,
     walked: Walk,
     way: list[tuple[float, Vector]],
@@ -160,8 +160,8 @@ def _moves(model: EquationModel) -> bool:
     return any(isinstance(n, Name) and n.path == ("clock",) for n in nodes)
 
 
-def _motion(stage: Stage, axis: str) -> Axis:
-    return stage.axes.get(axis) or Axis()
+def _motion(stage: Stage, axis: Axis) -> AxisEntry:
+    return stage.axes.get(axis) or AxisEntry()
 
 
 def _place(context: Context, name: str, stage: Stage) -> Span | None:

@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.check.foresight.known import known_value
-from taskspec.control.state import AXES
+from taskspec.geometry.axis import AXES, Axis
 from taskspec.program.context import Context
 from taskspec.program.world.equations import EquationModel
-from taskspec.spec import LAWS, Axis, Stage
+from taskspec.spec import LAWS, AxisEntry, Stage
 from taskspec.text.diagnostic import Diagnostics, Severity
 from taskspec.text.show import show
 from taskspec.text.source import Span
@@ -34,7 +34,7 @@ _NONE = np.zeros((3, 0))
 
 
 def check_resisting(
-    context: Context, name: str, axes: tuple[str, ...], rotation: Vector, found: Diagnostics
+    context: Context, name: str, axes: tuple[Axis, ...], rotation: Vector, found: Diagnostics
 ) -> None:
     """Reports set points of stage `name` on axes along and about which nothing resists.
 
@@ -51,7 +51,7 @@ def check_resisting(
         wanted = _wanted(context, entry) if axis in axes else None
         if wanted is None:
             continue
-        turns = axis.startswith("r")
+        turns = axis.is_rotation
         key, unit = ("torque", "N*m") if turns else ("force", "N")
         place = context.loaded.span(("stages", name, "axes", axis, key))
         if _is_told(place, found):
@@ -75,14 +75,14 @@ def check_resisting(
 
 
 def _report_undetermined(
-    context: Context, axis: str, place: Span | None, found: Diagnostics
+    context: Context, axis: Axis, place: Span | None, found: Diagnostics
 ) -> None:
     """Tells of an axis without a motion, along which neither a force is asked for nor can be.
 
     That f = 0 there is natural already, so stating it is no constraint: what is left of the law is
     its damping.
     """
-    turns = axis.startswith("r")
+    turns = axis.is_rotation
     if turns and any(d.code == "TS228" for d in found.sorted()):
         return  # No rotation can be left to a torque there.
     found.info(
@@ -100,7 +100,7 @@ def _is_told(place: Span | None, found: Diagnostics) -> bool:
     return any(place in (d.span, *(note.span for note in d.notes)) for d in told)
 
 
-def _wanted(context: Context, entry: Axis) -> float | None:
+def _wanted(context: Context, entry: AxisEntry) -> float | None:
     """A set point, not zero if it is ever another [N, N m]; None where signals decide it."""
     expression = entry.force if entry.torque is None else entry.torque
     if expression is None:

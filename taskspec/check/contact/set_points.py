@@ -7,11 +7,11 @@ from numpy.typing import NDArray
 
 from taskspec.check.foresight.known import known_value
 from taskspec.check.reach.rows import shares_of
-from taskspec.control.state import AXES
+from taskspec.geometry.axis import AXES, Axis
 from taskspec.program.axes import MOSTLY
 from taskspec.program.context import Context
 from taskspec.program.limits.consistency import SET_POINT_SHARE
-from taskspec.spec import Axis, Stage
+from taskspec.spec import AxisEntry, Stage
 from taskspec.text.diagnostic import Diagnostics
 from taskspec.text.source import Span
 
@@ -19,7 +19,7 @@ from taskspec.text.source import Span
 def check_set_points(
     context: Context,
     name: str,
-    axes: tuple[str, ...],
+    axes: tuple[Axis, ...],
     rotation: NDArray[np.float64],
     found: Diagnostics,
 ) -> None:
@@ -98,6 +98,6 @@ def _check_constraints(context: Context, name: str, found: Diagnostics) -> None:
         )
 
 
-def steady_force(context: Context, axis: Axis) -> float | None:
+def steady_force(context: Context, axis: AxisEntry) -> float | None:
     """The set point where it does not depend on time or signals [N]."""
     return None if axis.force is None else known_value(context, axis.force)

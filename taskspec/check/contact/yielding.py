@@ -14,12 +14,13 @@ from numpy.typing import NDArray
 
 from taskspec.check.foresight.known import known_value
 from taskspec.control.gains import has_force
-from taskspec.control.state import ARM_LENGTH, AXES
+from taskspec.control.state import ARM_LENGTH
+from taskspec.geometry.axis import AXES, Axis
 from taskspec.motion.path import PathShape
 from taskspec.program.context import Context
 from taskspec.program.execution.tracks import MOVE_SPEED
 from taskspec.program.world.mechanisms import MechanismModel
-from taskspec.spec import LAWS, Axis
+from taskspec.spec import LAWS, AxisEntry
 from taskspec.text.diagnostic import Diagnostics
 from taskspec.text.show import show
 
@@ -34,7 +35,7 @@ _NOTHING = 1e-9
 def check_yielding(
     context: Context,
     name: str,
-    axes: tuple[str, ...],
+    axes: tuple[Axis, ...],
     rotation: Vector,
     path: PathShape | None,
     found: Diagnostics,
@@ -65,11 +66,11 @@ def check_yielding(
     others = [i for i in rows if i != worst]
     if others:  # What the others ask of it, not a compromise with it.
         s = np.asarray(np.linalg.lstsq(A[others], b[others], rcond=_DIFFERS)[0])
-    unit = "deg/s" if axis.startswith("r") else "mm/s"
+    unit = "deg/s" if axis.is_rotation else "mm/s"
     has = float((A @ s)[worst]) / scale[axis]
     has = has if abs(has) > _NOTHING else 0.0
     asked = f"is to move with {show(wanted[axis] or 0.0, unit, 3)}" if wanted[axis] else "is held"
-    free = "torque" if axis.startswith("r") else "force"
+    free = "torque" if axis.is_rotation else "force"
     place = ("stages", name, "axes", axis if axis in stage.axes else moved[0])
     found.warning(
         "TS322",
@@ -81,7 +82,7 @@ def check_yielding(
 
 
 def coordinate_rate(
-    context: Context, name: str, axes: tuple[str, ...], rotation: Vector
+    context: Context, name: str, axes: tuple[Axis, ...], rotation: Vector
 ) -> float | None:
     """Rate at which stage `name` moves the mechanism that it holds [rad/s, m/s].
 
@@ -96,8 +97,8 @@ def coordinate_rate(
 
 
 def _solve(
-    context: Context, name: str, axes: tuple[str, ...], rotation: Vector
-) -> tuple[dict[str, float], dict[str, float], Vector, Vector, list[int], Vector] | None:
+    context: Context, name: str, axes: tuple[Axis, ...], rotation: Vector
+) -> tuple[dict[Axis, float], dict[Axis, float], Vector, Vector, list[int], Vector] | None:
     """A s = b of the motion axes with a constant rate; None where none of them moves.
 
     Returns:
@@ -110,7 +111,7 @@ def _solve(
     if not moved:
         return None
     T = _resolved_twists(context, name, rotation)
-    scale = {a: ARM_LENGTH if a.startswith("r") else 1.0 for a in wanted}
+    scale = {a: ARM_LENGTH if a.is_rotation else 1.0 for a in wanted}
     A = np.array([scale[a] * T[AXES.index(a)] for a in wanted])
     b = np.array([scale[a] * rate for a, rate in wanted.items()])
     rows = [list(wanted).index(a) for a in moved]
@@ -132,14 +133,14 @@ def _with_holds(A: Vector, b: Vector, rows: list[int], s: Vector) -> Vector:
     return np.asarray(s + free @ more)
 
 
-def _rate(context: Context, axis: str, entry: Axis | None) -> float | None:
+def _rate(context: Context, axis: Axis, entry: AxisEntry | None) -> float | None:
     """The constant rate of a stiff motion axis [m/s, rad/s]; None of any other."""
     if entry is None or entry.hold is not None:
         return 0.0
     if has_force(entry) or entry.follows is not None or entry.stiffness is not None:
         return None
     if entry.move is not None:
-        kind = "angular" if axis.startswith("r") else "linear"
+        kind = "angular" if axis.is_rotation else "linear"
         return math.copysign(entry.speed or MOVE_SPEED[kind], entry.move)
     value = None if entry.velocity is None else known_value(context, entry.velocity)
     return value if value is None or math.isfinite(value) else None

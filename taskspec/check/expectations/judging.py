@@ -11,6 +11,7 @@ from taskspec.check.foresight.interval import ANY, MAYBE, Interval, IntervalAlge
 from taskspec.check.foresight.known import known_value
 from taskspec.check.foresight.ranges import longest
 from taskspec.check.stages.conditions import bounds_of, names, parts, value_of
+from taskspec.geometry.axis import Axis, as_axis
 from taskspec.program.context import Context
 from taskspec.spec import LAWS, Expectation
 from taskspec.text.diagnostic import Diagnostics
@@ -25,7 +26,7 @@ _LATE = ("last",)
 
 
 def check_judging(
-    context: Context, axes_of: Mapping[str, tuple[str, ...]], found: Diagnostics
+    context: Context, axes_of: Mapping[str, tuple[Axis, ...]], found: Diagnostics
 ) -> None:
     """Reports expectations that fail whatever happens, or in every run that ends well.
 
@@ -86,7 +87,7 @@ def _check_visited(context: Context, expectation: Expectation, found: Diagnostic
 
 def _check_valued(
     context: Context,
-    axes_of: Mapping[str, tuple[str, ...]],
+    axes_of: Mapping[str, tuple[Axis, ...]],
     expectation: Expectation,
     found: Diagnostics,
 ) -> None:
@@ -263,9 +264,9 @@ def _set_point(context: Context, signal: Name) -> float | None:
         or len(signal.path) != len(("stage", "force", "z"))
     ):
         return None
-    declared, axis = context.loaded.task.stages[stage], signal.path[2]
+    declared, axis = context.loaded.task.stages[stage], as_axis(signal.path[2])
     law = context.law_of(declared)
-    entry = declared.axes.get(axis)
+    entry = None if axis is None else declared.axes.get(axis)
     # Motion that shares the axis, or a program, may leave another force.
     if entry is None or not LAWS[law.kind].force_loop or LAWS[law.kind].shares or law.solve == "qp":
         return None

@@ -10,14 +10,15 @@ import numpy as np
 
 from taskspec.check.foresight.known import known_value
 from taskspec.control.gains import has_force
+from taskspec.geometry.axis import Axis
 from taskspec.motion.path import PathShape
 from taskspec.motion.profile import RISE_TIME
 from taskspec.program.context import Context
 from taskspec.program.execution.tracks import MOVE_SPEED
-from taskspec.spec import Axis, Stage
+from taskspec.spec import AxisEntry, Stage
 
 Way = Callable[[float], float]
-Coordinates = Callable[[float], dict[str, float]]
+Coordinates = Callable[[float], dict[Axis, float]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,21 +32,21 @@ class Course:
     """
 
     duration: float
-    ways: Mapping[str, Way]
+    ways: Mapping[Axis, Way]
     bends: bool
 
-    def moved(self, time: float) -> dict[str, float]:
+    def moved(self, time: float) -> dict[Axis, float]:
         """Displacement along and about each axis since the stage began."""
         return {axis: way(time) for axis, way in self.ways.items()}
 
 
-def moving_axes(stage: Stage) -> dict[str, Axis]:
+def moving_axes(stage: Stage) -> dict[Axis, AxisEntry]:
     """The axes that a stage's `axes` move."""
     return {a: e for a, e in stage.axes.items() if e.hold is None and not has_force(e)}
 
 
 def course_of(
-    context: Context, stage: Stage, start: Mapping[str, float], path: PathShape | None
+    context: Context, stage: Stage, start: Mapping[Axis, float], path: PathShape | None
 ) -> Course | None:
     """How a stage moves; None where that is not planned, or nothing says how long it lasts.
 
@@ -53,7 +54,7 @@ def course_of(
         context: the task. stage: the stage. start: coordinates of the tip in its frame as it
             begins [m, rad]. path: its path.
     """
-    ways: dict[str, Way] = {}
+    ways: dict[Axis, Way] = {}
     lasts = []
     if path is not None:
         duration, coordinates = _timed(path, start)
@@ -61,7 +62,7 @@ def course_of(
         ways |= {a: _on_path(coordinates, a, duration, start[a]) for a in path.axes}
     for axis, entry in moving_axes(stage).items():
         if entry.move is not None:
-            kind = "angular" if axis.startswith("r") else "linear"
+            kind = "angular" if axis.is_rotation else "linear"
             lasts.append(abs(entry.move) / (entry.speed or MOVE_SPEED[kind]) + RISE_TIME)
             ways[axis] = _ramp(entry.move, lasts[-1])
             continue
@@ -77,7 +78,7 @@ def course_of(
     return Course(max(lasts), ways, bends)
 
 
-def _formula(context: Context, entry: Axis, start: float) -> Way | None:
+def _formula(context: Context, entry: AxisEntry, start: float) -> Way | None:
     """Way of an axis whose velocity, or whose position at any time, is known."""
     if entry.velocity is not None:
         rate = known_value(context, entry.velocity)
@@ -98,16 +99,16 @@ def _ramp(way: float, duration: float) -> Way:
     return lambda time: way * min(time / duration, 1.0)
 
 
-def _on_path(coordinates: Coordinates, axis: str, duration: float, start: float) -> Way:
+def _on_path(coordinates: Coordinates, axis: Axis, duration: float, start: float) -> Way:
     return lambda time: coordinates(min(time, duration))[axis] - start
 
 
-def _timed(path: PathShape, start: Mapping[str, float]) -> tuple[float, Coordinates]:
+def _timed(path: PathShape, start: Mapping[Axis, float]) -> tuple[float, Coordinates]:
     """Duration [s] of a path, and its coordinates at a time; a table is taken as a polygon."""
     if path.table is None:
         plan = path.plan(start)
 
-        def on_curve(time: float) -> dict[str, float]:
+        def on_curve(time: float) -> dict[Axis, float]:
             curve = path.curve(plan.timing(time), start, {})
             return {a: float(value) for a, value in curve.items()}
 
@@ -118,7 +119,7 @@ def _timed(path: PathShape, start: Mapping[str, float]) -> tuple[float, Coordina
     if table.time is not None:
         duration = float(table.time[-1] - table.time[0])
 
-    def on_polygon(time: float) -> dict[str, float]:
+    def on_polygon(time: float) -> dict[Axis, float]:
         at = along[0] + (along[-1] - along[0]) * time / duration
         return {a: float(np.interp(at, along, table.points[a])) for a in path.axes}
 

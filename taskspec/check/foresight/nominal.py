@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from taskspec.check.foresight.course import Course, course_of, moving_axes
 from taskspec.check.foresight.known import known_value
 from taskspec.control.gains import has_force
-from taskspec.control.state import AXES
+from taskspec.geometry.axis import AXES, Axis
 from taskspec.motion.path import PathShape
 from taskspec.motion.profile import RISE_TIME
 from taskspec.program.context import Context
@@ -51,7 +51,7 @@ class Place:
     words: str
     rotation: Vector
     q: Vector | None
-    rates: Mapping[str, float] = field(default_factory=dict)
+    rates: Mapping[Axis, float] = field(default_factory=dict)
     missed: str = ""
 
 
@@ -81,7 +81,7 @@ class Walk:
         #: Where the tip of the last stage is as it begins (3,); None where that is unknown.
         self.begin: Vector | None = None
         #: Its coordinates there [m, rad]; None where they are unknown.
-        self.coordinates: dict[str, float] | None = None
+        self.coordinates: dict[Axis, float] | None = None
         #: How the last stage moves from there; None where that is not planned.
         self.course: Course | None = None
         #: Its frame as it begins (3, 3).
@@ -89,7 +89,7 @@ class Walk:
         self._searches = _SEARCHES
 
     def places(
-        self, name: str, axes: tuple[str, ...], rotation: Vector, path: PathShape | None
+        self, name: str, axes: tuple[Axis, ...], rotation: Vector, path: PathShape | None
     ) -> tuple[Place, ...]:
         """The beginning of stage `name`, and samples of its path.
 
@@ -141,7 +141,7 @@ class Walk:
         if not self._known:
             return None, ""
         if self._at[0] is not p or self._at[1] is not R:
-            turns = any(a.startswith("r") for a in self._context.robot.axes)
+            turns = any(a.is_rotation for a in self._context.robot.axes)
             target = Target(p, R if turns else None)
             q, size = self._solver.descend(self._q, target)
             if size > SOLVED:
@@ -155,7 +155,7 @@ class Walk:
             self._q, self._at = q, (p, R)
         return self._q, ""
 
-    def _rates(self, stage: Stage, axes: tuple[str, ...]) -> dict[str, float]:
+    def _rates(self, stage: Stage, axes: tuple[Axis, ...]) -> dict[Axis, float]:
         """Velocities of motion axes that are constant, once blended."""
         found = {}
         for axis in axes:
@@ -211,7 +211,7 @@ class Walk:
         return [(t, self.begin + self.rotation @ d) for t, d in steps if np.isfinite(d).all()]
 
     def _along(
-        self, course: Course, frame: FrameModel, rotation: Vector, rates: Mapping[str, float]
+        self, course: Course, frame: FrameModel, rotation: Vector, rates: Mapping[Axis, float]
     ) -> Iterator[Place]:
         if not course.duration > 0:
             return
@@ -231,17 +231,17 @@ class Walk:
                 self._known = False  # What comes after it would only be told again.
                 return
 
-    def _start_coordinates(self, frame: FrameModel) -> dict[str, float]:
+    def _start_coordinates(self, frame: FrameModel) -> dict[Axis, float]:
         """Coordinates of the tip in a frame as a stage begins; rotations count from there."""
         found = dict.fromkeys(AXES, 0.0)
         if frame.still:
             R, origin = self._context.placed(frame)
-            found |= dict(zip("xyz", (R.T @ (self._p - origin)).tolist(), strict=True))
+            found |= dict(zip(AXES[:3], (R.T @ (self._p - origin)).tolist(), strict=True))
         elif frame.surface_name:
-            found["z"] = self._gap(frame.surface_name)
+            found[Axis.Z] = self._gap(frame.surface_name)
         return found
 
-    def _moved(self, moved: Mapping[str, float], rotation: Vector) -> tuple[Vector, Vector]:
+    def _moved(self, moved: Mapping[Axis, float], rotation: Vector) -> tuple[Vector, Vector]:
         """(3,), (3, 3) the pose here after a displacement along and about the frame's axes."""
         d = np.array([moved.get(a, 0.0) for a in AXES])
         turn = pin.exp3(rotation @ d[3:]) if d[3:].any() else np.eye(3)
@@ -257,7 +257,7 @@ class Walk:
         course: Course | None,
     ) -> None:
         """Goes to the end of a stage, or forgets where the tool is."""
-        moved: dict[str, float] | None = {}
+        moved: dict[Axis, float] | None = {}
         if path is not None or moving_axes(stage):
             moved = self._until_felt(stage, frame, rotation)
             if course is not None and stage.until is None:
@@ -272,15 +272,15 @@ class Walk:
 
     def _until_felt(
         self, stage: Stage, frame: FrameModel, rotation: Vector
-    ) -> dict[str, float] | None:
+    ) -> dict[Axis, float] | None:
         """Displacement of a stage that moves towards its surface until a guard ends it."""
         contact = self._context.contact_of(frame)
         if contact is None or stage.until is None or not self._to_surface(stage, frame):
             return None
-        rates: dict[str, float] = {}
+        rates: dict[Axis, float] = {}
         for axis, entry in moving_axes(stage).items():
             value = None if entry.velocity is None else known_value(self._context, entry.velocity)
-            if value is None or axis.startswith("r"):
+            if value is None or axis.is_rotation:
                 return None
             rates[axis] = value
         v = rotation @ [rates.get(a, 0.0) for a in AXES[:3]]

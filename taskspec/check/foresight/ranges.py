@@ -14,7 +14,7 @@ import numpy as np
 
 from taskspec.check.foresight.interval import ANY, MAYBE, Interval, point
 from taskspec.check.foresight.known import known_value
-from taskspec.control.state import AXES
+from taskspec.geometry.axis import AXES, Axis
 from taskspec.program.context import Context
 from taskspec.spec import Stage
 from taskspec.text.expression.tree import Call, Name, Node, walk
@@ -198,7 +198,7 @@ def driven_way(context: Context, name: str) -> Driven | None:
     first = name == next(iter(context.loaded.task.stages))
     if held is None or not first or not math.isfinite(lasts):
         return None
-    axis = "y" if frame.mechanism is not None else "z"
+    axis = Axis.Y if frame.mechanism is not None else Axis.Z
     entry = stage.axes.get(axis)
     rate = None if entry is None or entry.velocity is None else known_value(context, entry.velocity)
     if rate is None or frame.name != f"{context.held}.handle":

@@ -13,7 +13,7 @@ from taskspec.check.reach.rates import VELOCITY, motion
 from taskspec.check.reach.rows import Asked, Line, System, shares_of
 from taskspec.check.reach.statics import TORQUE, statics, steady
 from taskspec.control.qp.certificate import Certificate, contradiction, feasible
-from taskspec.control.state import AXES
+from taskspec.geometry.axis import AXES, Axis
 from taskspec.program.axes import MOSTLY
 from taskspec.program.context import Context
 from taskspec.spec import LAWS
@@ -35,7 +35,7 @@ _FEW = 2
 def check_feasibility(
     context: Context,
     name: str,
-    axes: tuple[str, ...],
+    axes: tuple[Axis, ...],
     places: Sequence[Place],
     found: Diagnostics,
 ) -> None:
@@ -206,16 +206,16 @@ def _possible(system: System, wanted: Line) -> float:
     return least
 
 
-def _limited(context: Context, name: str, forces: dict[str, float]) -> bool:
+def _limited(context: Context, name: str, forces: dict[Axis, float]) -> bool:
     """Whether no force alone is beyond `limits.force`, which TS610 reports."""
     most = context.limits_of(context.loaded.task.stages[name]).force
-    own = [abs(value) for axis, value in forces.items() if not axis.startswith("r")]
+    own = [abs(value) for axis, value in forces.items() if not axis.is_rotation]
     share = shares_of(context, name).force
     return most is not None and all(value <= share * most for value in own)
 
 
 def _leaned_on(
-    context: Context, name: str, forces: dict[str, float], place: Place
+    context: Context, name: str, forces: dict[Axis, float], place: Place
 ) -> dict[str, Vector] | None:
     """Outward normals of all that the tool may lean on; None where these cannot be told.
 
@@ -239,7 +239,7 @@ def _leaned_on(
             return None
     contact = context.contact_of(frame)
     for axis, value in forces.items():
-        if contact is None or axis.startswith("r"):
+        if contact is None or axis.is_rotation:
             continue
         along = float(place.rotation[:, AXES.index(axis)] @ context.start_normals[contact])
         if abs(along) > MOSTLY and value * along > 0:

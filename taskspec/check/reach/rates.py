@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from taskspec.check.foresight.nominal import Place
 from taskspec.check.reach.rows import Asked, Line, System, kept, limit_place, shares_of
-from taskspec.control.state import AXES
+from taskspec.geometry.axis import AXES, Axis
 from taskspec.program.context import Context
 from taskspec.robot.inverse_kinematics import turns_at
 from taskspec.robot.mobility import tip_jacobian
@@ -54,10 +54,10 @@ def motion(context: Context, asked: Asked, place: Place) -> tuple[System, Vector
     return system, np.linalg.lstsq(inside[rows], rates, rcond=None)[0]
 
 
-def _line(context: Context, name: str, axis: str, rates: Mapping[str, float]) -> Line:
+def _line(context: Context, name: str, axis: Axis, rates: Mapping[Axis, float]) -> Line:
     """What the velocity of an axis comes from: its own entry, the path, or nothing at all."""
     stage = context.loaded.task.stages[name]
-    entry, turns = stage.axes.get(axis), axis.startswith("r")
+    entry, turns = stage.axes.get(axis), axis.is_rotation
     unit = "deg/s" if turns else "mm/s"
     if entry is not None and entry.hold is None:
         keys = ("velocity", "position", "speed", "move")
@@ -67,7 +67,7 @@ def _line(context: Context, name: str, axis: str, rates: Mapping[str, float]) ->
         return Line("velocity", words, span, "move slower", rates[axis], unit)
     if stage.path is None or entry is not None or rates[axis] == 0:
         return Line("hold", repr(axis), None, "")
-    own = [rate for a, rate in rates.items() if a not in stage.axes and a.startswith("r") == turns]
+    own = [rate for a, rate in rates.items() if a not in stage.axes and a.is_rotation == turns]
     pace = float(np.linalg.norm(own))
     key = next((k for k in ("speed", "time") if getattr(stage.path, k) is not None), "file")
     span = context.loaded.span(("stages", name, "path", key))

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from taskspec.geometry.axis import Axis
 from taskspec.program.context import Context
 from taskspec.program.limits.bounds import SPEED_SHARE, VELOCITY_SHARE
 from taskspec.program.limits.consistency import FRICTION_SHARE, SET_POINT_SHARE, STATIC_SHARE
@@ -102,7 +103,7 @@ class Asked:
     """
 
     name: str
-    forces: Mapping[str, float]
+    forces: Mapping[Axis, float]
     normals: Mapping[str, Vector] | None
     limited: bool
 

@@ -9,7 +9,8 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from taskspec.check.foresight.nominal import Place
-from taskspec.control.state import ARM_LENGTH, AXES
+from taskspec.control.state import ARM_LENGTH
+from taskspec.geometry.axis import AXES, Axis
 from taskspec.program.context import Context
 from taskspec.program.stages.conditions import SINGULAR
 from taskspec.robot.mobility import tip_jacobian
@@ -25,7 +26,7 @@ _NEAR = 100 * SINGULAR
 def check_singular(
     context: Context,
     name: str,
-    axes: tuple[str, ...],
+    axes: tuple[Axis, ...],
     places: Sequence[Place],
     found: Diagnostics,
 ) -> None:
@@ -57,7 +58,7 @@ def check_singular(
     )
 
 
-def _rows(context: Context, axes: tuple[str, ...], place: Place) -> Vector:
+def _rows(context: Context, axes: tuple[Axis, ...], place: Place) -> Vector:
     """(m, n) Jacobian of the tip on the axes of the stage's frame."""
     robot = context.robot
     assert place.q is not None
@@ -66,7 +67,7 @@ def _rows(context: Context, axes: tuple[str, ...], place: Place) -> Vector:
     return np.asarray(resolved[[AXES.index(a) for a in axes]])
 
 
-def _pivot(context: Context, axes: tuple[str, ...], place: Place) -> float:
+def _pivot(context: Context, axes: tuple[Axis, ...], place: Place) -> float:
     """The least pivot of J H^-1 J^T [1/kg, 1/(kg m^2)]; 0 where it is singular."""
     robot = context.robot
     J = _rows(context, axes, place)
@@ -83,8 +84,8 @@ def _pivot(context: Context, axes: tuple[str, ...], place: Place) -> float:
     return max(least, 0.0)
 
 
-def _singular_values(context: Context, axes: tuple[str, ...], place: Place) -> Vector:
+def _singular_values(context: Context, axes: tuple[Axis, ...], place: Place) -> Vector:
     """(m,) singular values of the Jacobian, rotations times a length [m], the largest first."""
-    lengths = np.array([ARM_LENGTH if a.startswith("r") else 1.0 for a in axes])
+    lengths = np.array([ARM_LENGTH if a.is_rotation else 1.0 for a in axes])
     J = lengths[:, None] * _rows(context, axes, place)
     return np.asarray(np.linalg.svd(J, compute_uv=False))

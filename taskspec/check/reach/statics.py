@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from taskspec.check.foresight.known import known_value
 from taskspec.check.foresight.nominal import Place
 from taskspec.check.reach.rows import Asked, Line, System, kept, limit_place, shares_of
-from taskspec.control.state import AXES
+from taskspec.geometry.axis import AXES, Axis
 from taskspec.program.context import Context
 from taskspec.robot.inverse_kinematics import turns_at
 from taskspec.robot.mobility import tip_jacobian
@@ -94,7 +94,7 @@ def _add_set_points(
 ) -> None:
     inside = np.kron(np.eye(2), rotation.T) @ about
     for axis, value in asked.forces.items():
-        key, unit = ("torque", "N*m") if axis.startswith("r") else ("force", "N")
+        key, unit = ("torque", "N*m") if axis.is_rotation else ("force", "N")
         span = context.loaded.span(("stages", asked.name, "axes", axis, key))
         words = f"{show(value, unit)} {'about' if key == 'torque' else 'along'} {axis!r}"
         line = Line("set point", words, span, f"lower the {key}", value, unit)
@@ -205,11 +205,11 @@ def _reach(context: Context) -> float:
     return float(np.max(np.linalg.norm(tool.centers, axis=1) + tool.radii))
 
 
-def steady(context: Context, name: str, axes: tuple[str, ...]) -> dict[str, float]:
+def steady(context: Context, name: str, axes: tuple[Axis, ...]) -> dict[Axis, float]:
     """Set points of stage `name` that are constant and not zero [N, N m]."""
     found = {}
     for axis, entry in context.loaded.task.stages[name].axes.items():
-        expression = entry.torque if axis.startswith("r") else entry.force
+        expression = entry.torque if axis.is_rotation else entry.force
         value = None if expression is None else known_value(context, expression)
         if value and axis in axes:
             found[axis] = value

@@ -18,7 +18,7 @@ from taskspec.check.stability.worlds import (
     worst_of,
 )
 from taskspec.program.context import Context
-from taskspec.spec import Axis, Stage
+from taskspec.spec import AxisEntry, Stage
 from taskspec.text.diagnostic import Diagnostics, Severity
 
 #: So many gains are searched for what mends the stages of a file: a third of a second's work.
@@ -45,13 +45,15 @@ def check_stability(context: Context, found: Diagnostics) -> None:
 
 def _control(context: Context, stage: Stage) -> str:
     """What the stability of a stage depends on: stages that have it in common need one look."""
-    axes = {name: _kind(axis) for name, axis in stage.axes.items() if _kind(axis) != _kind(Axis())}
+    axes = {
+        name: _kind(axis) for name, axis in stage.axes.items() if _kind(axis) != _kind(AxisEntry())
+    }
     frame = context.frame_of(stage).name
     law = context.law_of(stage).model_dump_json()
     return repr((sorted(axes.items()), frame, law, sorted(stage.constraints)))
 
 
-def _kind(axis: Axis) -> tuple[object, ...]:
+def _kind(axis: AxisEntry) -> tuple[object, ...]:
     return (
         axis.force is not None,
         axis.torque is not None,

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from taskspec.check.foresight.known import known_value
 from taskspec.control.gains import design
-from taskspec.control.state import AXES
+from taskspec.geometry.axis import AXES, Axis
 from taskspec.program.axes import MOSTLY
 from taskspec.program.context import Context
 from taskspec.program.reference.force_references import DEFAULT_RAMP
@@ -16,7 +16,7 @@ from taskspec.text.diagnostic import Diagnostics
 from taskspec.text.show import show
 
 
-def check_ramps(context: Context, name: str, axes: tuple[str, ...], found: Diagnostics) -> None:
+def check_ramps(context: Context, name: str, axes: tuple[Axis, ...], found: Diagnostics) -> None:
     """Reports set points of stage `name` that are not reached before its time is over.
 
     Args:
@@ -27,7 +27,7 @@ def check_ramps(context: Context, name: str, axes: tuple[str, ...], found: Diagn
     if stage.time is None or stage.until is not None:
         return
     for axis, entry in stage.axes.items():
-        key = "torque" if axis.startswith("r") else "force"
+        key = "torque" if axis.is_rotation else "force"
         expression = getattr(entry, key)
         wanted = None if expression is None else known_value(context, expression)
         ramp = DEFAULT_RAMP if entry.ramp is None else entry.ramp
@@ -46,7 +46,7 @@ def check_ramps(context: Context, name: str, axes: tuple[str, ...], found: Diagn
 def check_entering(
     context: Context,
     name: str,
-    axes: tuple[str, ...],
+    axes: tuple[Axis, ...],
     rotation: NDArray[np.float64],
     gap: float | None,
     found: Diagnostics,

@@ -14,10 +14,10 @@ from taskspec.check.foresight.nominal import AT_SURFACE
 from taskspec.check.foresight.ranges import Ranges, longest
 from taskspec.check.reach.statics import steady
 from taskspec.check.stages.conditions import names, parts, value_of
-from taskspec.control.state import AXES
+from taskspec.geometry.axis import AXES, Axis
 from taskspec.program.axes import MOSTLY
 from taskspec.program.context import Context
-from taskspec.spec import LAWS, Axis
+from taskspec.spec import LAWS, AxisEntry
 from taskspec.text.diagnostic import Diagnostics, Severity
 from taskspec.text.expression import Expression, evaluate
 from taskspec.text.expression.tree import Compare, Held, Name, Node, walk
@@ -32,7 +32,7 @@ _SLIGHTLY = 0.1
 def check_guards(
     context: Context,
     name: str,
-    axes: tuple[str, ...],
+    axes: tuple[Axis, ...],
     rotation: Vector,
     gap: float | None,
     found: Diagnostics,
@@ -122,7 +122,7 @@ def _always(node: Node, algebra: IntervalAlgebra, ranges: Ranges) -> bool:
 def _held_by_set_points(
     context: Context,
     name: str,
-    axes: tuple[str, ...],
+    axes: tuple[Axis, ...],
     guard: Expression,
     algebra: IntervalAlgebra,
 ) -> bool:
@@ -142,7 +142,7 @@ def _held_by_set_points(
 
 
 def _signs(
-    context: Context, name: str, axes: tuple[str, ...], rotation: Vector
+    context: Context, name: str, axes: tuple[Axis, ...], rotation: Vector
 ) -> dict[str, Interval]:
     """Half-lines of the forces along axes on which a stage moves or presses into its contact.
 
@@ -155,7 +155,7 @@ def _signs(
         return {}
     found = {}
     for axis, entry in stage.axes.items():
-        if axis not in axes or axis.startswith("r"):
+        if axis not in axes or axis.is_rotation:
             continue
         direction = rotation[:, AXES.index(axis)]
         along = {o: float(direction @ n) for o, n in context.start_normals.items()}
@@ -170,7 +170,7 @@ def _signs(
     return found
 
 
-def _direction(context: Context, entry: Axis) -> float:
+def _direction(context: Context, entry: AxisEntry) -> float:
     """Which way along its axis an entry moves or presses, as far as it is constant; else 0."""
     if entry.move is not None:
         return entry.move

@@ -16,7 +16,7 @@ from taskspec.check.foresight.nominal import AT_SURFACE
 from taskspec.check.foresight.ranges import Ranges
 from taskspec.check.stages.conditions import names, value_of
 from taskspec.control.gains import design
-from taskspec.control.state import AXES
+from taskspec.geometry.axis import AXES, Axis
 from taskspec.program.axes import MOSTLY
 from taskspec.program.context import Context
 from taskspec.spec import Stage
@@ -34,7 +34,7 @@ _LEAST_SHARE = math.exp(-1.0)
 def check_impact(
     context: Context,
     name: str,
-    axes: tuple[str, ...],
+    axes: tuple[Axis, ...],
     rotation: Vector,
     gap: float | None,
     found: Diagnostics,
@@ -66,13 +66,13 @@ class Meeting:
     """
 
     contact: str
-    axis: str
+    axis: Axis
     rates: Vector
     closing: float
 
 
 def meeting(
-    context: Context, name: str, axes: tuple[str, ...], rotation: Vector, gap: float | None
+    context: Context, name: str, axes: tuple[Axis, ...], rotation: Vector, gap: float | None
 ) -> Meeting | None:
     """How stage `name` comes to its surface; None where it does not, or is there already.
 
@@ -89,22 +89,24 @@ def meeting(
     rates = _rates(context, stage, axes)
     closing = -float(normal @ rotation @ rates)
     fits = {a: abs(float(normal @ rotation[:, AXES.index(a)])) for a in _moved(rates)}
-    axis = max(fits, key=lambda a: fits[a], default="")
-    if closing <= 0 or fits[axis] < MOSTLY or not _waits_for_contact(context, name):
+    if closing <= 0:
+        return None
+    axis = max(fits, key=lambda a: fits[a])
+    if fits[axis] < MOSTLY or not _waits_for_contact(context, name):
         return None
     return Meeting(contact, axis, rates, closing)
 
 
-def _rates(context: Context, stage: Stage, axes: tuple[str, ...]) -> Vector:
+def _rates(context: Context, stage: Stage, axes: tuple[Axis, ...]) -> Vector:
     """(3,) constant velocities of a stage along its frame's axes [m/s]."""
     rates = np.zeros(3)
     for axis, entry in moving_axes(stage).items():
-        if axis in axes[:3] and not axis.startswith("r") and entry.velocity is not None:
+        if axis in axes[:3] and not axis.is_rotation and entry.velocity is not None:
             rates[AXES.index(axis)] = known_value(context, entry.velocity) or 0.0
     return np.where(np.isfinite(rates), rates, 0.0)
 
 
-def _moved(rates: Vector) -> list[str]:
+def _moved(rates: Vector) -> list[Axis]:
     return [a for a, rate in zip(AXES[:3], rates, strict=True) if rate]
 
 
@@ -124,7 +126,7 @@ def _waits_for_contact(context: Context, name: str) -> bool:
 def _check_away(
     context: Context,
     name: str,
-    axes: tuple[str, ...],
+    axes: tuple[Axis, ...],
     rotation: Vector,
     gap: float | None,
     found: Diagnostics,
@@ -183,7 +185,7 @@ def _report_short(
 def _report_peak(
     context: Context,
     name: str,
-    axes: tuple[str, ...],
+    axes: tuple[Axis, ...],
     rotation: Vector,
     met: Meeting,
     found: Diagnostics,
@@ -219,7 +221,7 @@ def _report_peak(
 
 
 def striking_mass(
-    context: Context, stage: Stage, axes: tuple[str, ...], rotation: Vector, axis: str
+    context: Context, stage: Stage, axes: tuple[Axis, ...], rotation: Vector, axis: Axis
 ) -> float:
     """What strikes [kg]: the arm's own mass along an axis, or impedance control's apparent one."""
     frame, law = context.frame_of(stage), context.law_of(stage)

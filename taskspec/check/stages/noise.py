@@ -12,7 +12,7 @@ from taskspec.check.foresight.nominal import AT_SURFACE
 from taskspec.check.foresight.ranges import Ranges, longest
 from taskspec.check.stages.conditions import bounds_of, names
 from taskspec.control.sensor import SensorModel
-from taskspec.control.state import AXES
+from taskspec.geometry.axis import AXES
 from taskspec.program.context import Context
 from taskspec.text.diagnostic import Diagnostics
 from taskspec.text.expression import Expression

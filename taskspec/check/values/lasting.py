@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from taskspec.control.state import AXES
+from taskspec.geometry.axis import AXES
 from taskspec.motion.path import PathShape
 from taskspec.program.context import Context
 from taskspec.program.execution.tracks import MOVE_SPEED
@@ -26,7 +26,7 @@ def check_lasting(context: Context, name: str, path: PathShape | None, found: Di
     fits = True
     for axis, entry in stage.axes.items():
         if entry.move is not None:
-            kind = "angular" if axis.startswith("r") else "linear"
+            kind = "angular" if axis.is_rotation else "linear"
             key = "move" if entry.speed is None else "speed"
             place = loaded.span(("stages", name, "axes", axis, key))
             fits &= _fits(abs(entry.move), entry.speed or MOVE_SPEED[kind], place, found)

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.check.contact.set_points import steady_force
-from taskspec.control.state import AXES
+from taskspec.geometry.axis import AXES, Axis
 from taskspec.program.axes import MOSTLY
 from taskspec.program.context import Context
 from taskspec.text.diagnostic import Diagnostics
@@ -34,7 +34,7 @@ def check_plausible(context: Context, found: Diagnostics) -> None:
 
 
 def check_depth(
-    context: Context, name: str, axes: tuple[str, ...], rotation: Vector, found: Diagnostics
+    context: Context, name: str, axes: tuple[Axis, ...], rotation: Vector, found: Diagnostics
 ) -> None:
     """Reports a force of stage `name` that deforms its contact farther than contacts give way.
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.check.foresight.ranges import longest
+from taskspec.geometry.axis import Axis
 from taskspec.program.algebra import CasadiAlgebra
 from taskspec.program.context import Context
 from taskspec.spec import Stage
@@ -31,7 +32,7 @@ _NEAR = (2, 3)
 
 
 def check_references(
-    context: Context, name: str, axes: tuple[str, ...], found: Diagnostics
+    context: Context, name: str, axes: tuple[Axis, ...], found: Diagnostics
 ) -> None:
     """Reports references of stage `name` that depend on time alone and are not finite, or jump.
 
@@ -57,7 +58,7 @@ def check_references(
             surely = stage.until is None
             _report_undefined(expression, values, times, int(wrong[0]), found, surely=surely)
         elif planned:
-            _report_jump(axis, expression, values[0], times, found)
+            _report_jump(Axis(axis), expression, values[0], times, found)
 
 
 def check_motions(context: Context, found: Diagnostics) -> None:
@@ -91,7 +92,7 @@ def _ticks(context: Context, end: float) -> Vector:
     return np.arange(0.0, ticks, max(1, ticks // _MOST)) * float(context.period)
 
 
-def _references(stage: Stage, axes: tuple[str, ...]) -> Iterator[tuple[str, Expression, bool]]:
+def _references(stage: Stage, axes: tuple[Axis, ...]) -> Iterator[tuple[str, Expression, bool]]:
     """Axis, expression, and whether it is a position, which is differentiated."""
     for axis, entry in stage.axes.items():
         if axis not in axes:
@@ -152,7 +153,7 @@ def _report_undefined(
 
 
 def _report_jump(
-    axis: str, expression: Expression, values: Vector, times: Vector, found: Diagnostics
+    axis: Axis, expression: Expression, values: Vector, times: Vector, found: Diagnostics
 ) -> None:
     """Reports the first step of a position that is far from those beside it."""
     steps = np.abs(np.diff(values))
@@ -160,7 +161,7 @@ def _report_jump(
     for k in _NEAR:
         near[k:] = np.maximum(near[k:], steps[:-k])
         near[:-k] = np.maximum(near[:-k], steps[k:])
-    turns = axis.startswith("r")
+    turns = axis.is_rotation
     least = _JUMP["angular" if turns else "linear"]
     jumps = np.flatnonzero((steps > least) & (steps > _TIMES * near))
     if len(jumps) == 0:

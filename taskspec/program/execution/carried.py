@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec.control.state import AXES
+from taskspec.geometry.axis import AXES
 from taskspec.program.reference.orientation import displaced
 from taskspec.program.stages.stage import CompiledStage
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec.control.state import AXES
+from taskspec.geometry.axis import AXES, Axis
 from taskspec.geometry.surface import box_face
 from taskspec.motion import blend
 from taskspec.program.execution.carried import Carried
@@ -43,10 +43,10 @@ class Continuation:
             the force that the last stage held is held on.
     """
 
-    error: Mapping[str, float]
-    start: Mapping[str, float]
-    rate: Mapping[str, float]
-    pressed: Mapping[str, float]
+    error: Mapping[Axis, float]
+    start: Mapping[Axis, float]
+    rate: Mapping[Axis, float]
+    pressed: Mapping[Axis, float]
 
 
 def enter(
@@ -180,7 +180,7 @@ class _Entry:
                 rate[name] = 0.0
         return Continuation(error, start, rate, self._pressed())
 
-    def _pressed(self) -> dict[str, float]:
+    def _pressed(self) -> dict[Axis, float]:
         if LAWS[self.stage.law.kind].force_loop:
             return {}
         local = np.concatenate([self.frame.T @ part for part in np.split(self.carried.held, 2)])
@@ -200,7 +200,7 @@ class _Entry:
                 self._write(f"force_at_entry.{name}", self.seen["measured"][i])
             elif plan.yields or plan.soft:
                 self._write(f"force_at_entry.{name}", held[i])
-            if plan.open_loop and name.startswith("r"):
+            if plan.open_loop and name.is_rotation:
                 self._write(f"start.{name}", going.start[name])
 
     def _equations(self) -> None:
@@ -249,7 +249,7 @@ class _Entry:
             for axis in AXES[:3]:
                 self._remember(f"last.{axis}", first.get(axis, 0.0))
         for name, plan in self.stage.plans.items():
-            if plan.force and plan.motion and not name.startswith("r"):
+            if plan.force and plan.motion and not name.is_rotation:
                 integral = self.stage.gains["force.integral"][name].value
                 stiffness = self.stage.gains["stiffness"][name].value
                 held = stiffness * float(away[AXES.index(name)])

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from taskspec.geometry.axis import Axis
 from taskspec.motion import profile
 from taskspec.motion.path import PathPlan
 from taskspec.motion.polynomial import PiecewiseCubic
@@ -19,9 +20,9 @@ Vector = NDArray[np.float64]
 MOVE_SPEED = {"linear": 0.05, "angular": np.deg2rad(30.0)}
 
 
-def move_speed(axis: str) -> float:
+def move_speed(axis: Axis) -> float:
     """Speed of a move along or about an axis that names none [m/s, rad/s]."""
-    return float(MOVE_SPEED["angular" if axis.startswith("r") else "linear"])
+    return float(MOVE_SPEED["angular" if axis.is_rotation else "linear"])
 
 
 @dataclass(slots=True)
@@ -59,7 +60,7 @@ class Tracks:
 
 
 def plan_tracks(
-    stage: CompiledStage, start: Mapping[str, float], rate: Mapping[str, float]
+    stage: CompiledStage, start: Mapping[Axis, float], rate: Mapping[Axis, float]
 ) -> Tracks:
     """Plans a stage's moves and its path from the coordinates and rates at which it is entered."""
     tracks = Tracks()

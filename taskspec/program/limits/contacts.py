@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from taskspec.control import linear
 from taskspec.control.model_terms import TermSymbols
-from taskspec.control.state import AXES
+from taskspec.geometry.axis import AXES, Axis
 from taskspec.geometry.surface import Surface
 from taskspec.program import signals
 from taskspec.program.axes import MOSTLY
@@ -77,7 +77,7 @@ class ContactRow:
 def touched_objects(
     context: Context,
     primary: str | None,
-    plans: Mapping[str, AxisPlan],
+    plans: Mapping[Axis, AxisPlan],
     rotation: NDArray[np.float64],
 ) -> tuple[str, ...]:
     """Objects that a stage touches: the believed contact, and one for each other force axis.
@@ -94,7 +94,7 @@ def touched_objects(
     found = [primary]
     normals = context.start_normals
     for name, plan in plans.items():
-        if not plan.set_point or name.startswith("r"):
+        if not plan.set_point or name.is_rotation:
             continue
         axis = rotation[:, AXES.index(name)]
         along = [o for o, n in normals.items() if abs(float(axis @ n)) > MOSTLY]
@@ -114,14 +114,14 @@ def all_objects(context: Context, first: Sequence[str]) -> tuple[str, ...]:
 def pressed_objects(
     context: Context,
     objects: Sequence[str],
-    plans: Mapping[str, AxisPlan],
+    plans: Mapping[Axis, AxisPlan],
     rotation: NDArray[np.float64],
 ) -> set[str]:
     """Those of `objects` that a force axis of the stage is along."""
     forced = [
         rotation[:, AXES.index(a)]
         for a, plan in plans.items()
-        if plan.set_point and not a.startswith("r")
+        if plan.set_point and not a.is_rotation
     ]
     normals = context.start_normals
     return {o for o in objects if any(abs(float(d @ normals[o])) > MOSTLY for d in forced)}

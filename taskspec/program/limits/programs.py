@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 import casadi as ca
 import numpy as np
 
+from taskspec.geometry.axis import Axis
 from taskspec.program import signals
 from taskspec.program.context import Context
 from taskspec.program.limits.consistency import (
@@ -118,7 +119,7 @@ def _generators(
     towards = ca.SX.zeros(3)
     for i, name in enumerate(axes):
         direction = turned[:, "xyz".index(name[-1])]
-        if name.startswith("r"):
+        if Axis(name).is_rotation:
             resolve_axes[i, 3:] = direction.T
         else:
             resolve_axes[i, :3] = direction.T

@@ -7,10 +7,11 @@ from dataclasses import dataclass
 
 import casadi as ca
 
+from taskspec.geometry.axis import Axis
 from taskspec.motion import blend, polynomial
 from taskspec.program.clock import Clock
 from taskspec.program.layout import Layout
-from taskspec.spec import Axis
+from taskspec.spec import AxisEntry
 from taskspec.text.expression import Expression
 
 #: Turns an expression of the task file into CasADi.
@@ -51,7 +52,7 @@ class Blending:
     letting_go: ca.SX
 
 
-def mode_of(axis: Axis, *, driven_by_path: bool, open_loop: bool) -> str:
+def mode_of(axis: AxisEntry, *, driven_by_path: bool, open_loop: bool) -> str:
     """Which kind of reference an axis has."""
     if open_loop:
         return "open-loop"
@@ -73,7 +74,7 @@ class ReferenceBuilder:
     translate: Translate
     period: float
 
-    def blendings(self, names: Sequence[str]) -> dict[str, Blending]:
+    def blendings(self, names: Sequence[Axis]) -> dict[str, Blending]:
         """What entry adds to the references of the named axes, which all blend alike."""
         offset, slope, time, pressed = (
             ca.vertcat(ca.SX(0, 1), *(self.parameters.add(f"{slot}.{name}") for name in names))
@@ -91,9 +92,9 @@ class ReferenceBuilder:
 
     def build(
         self,
-        name: str,
+        name: Axis,
         mode: str,
-        axis: Axis,
+        axis: AxisEntry,
         blending: Blending,
         *,
         path_value: ca.SX | None = None,
@@ -129,9 +130,9 @@ class ReferenceBuilder:
 
     def _own(
         self,
-        name: str,
+        name: Axis,
         mode: str,
-        axis: Axis,
+        axis: AxisEntry,
         start: ca.SX,
         path_value: ca.SX | None,
         open_loop_value: ca.SX | None,

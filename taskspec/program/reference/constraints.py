@@ -19,6 +19,7 @@ from taskspec.control.model_terms import TermSymbols
 from taskspec.control.reference import Reference, opposite
 from taskspec.control.resolution import inverse_directions
 from taskspec.control.state import ARM_LENGTH, TaskState
+from taskspec.geometry.axis import Axis
 from taskspec.program.context import Context
 from taskspec.program.layout import Layout
 from taskspec.program.world.equations import EquationModel, EquationTerms
@@ -155,11 +156,11 @@ class ConstraintSet:
 FORCED, UNNAMED, NAMED = 100.0, 10.0, 1.0
 
 
-def weigh(axes: Sequence[str], named: Sequence[str], forced: Sequence[str]) -> list[float]:
+def weigh(axes: Sequence[Axis], named: Sequence[str], forced: Sequence[str]) -> list[float]:
     """Weights of the task axes."""
     return [
         (FORCED if a in forced else NAMED if a in named else UNNAMED)
-        / (ARM_LENGTH if a.startswith("r") else 1.0)
+        / (ARM_LENGTH if a.is_rotation else 1.0)
         for a in axes
     ]
 
@@ -167,7 +168,7 @@ def weigh(axes: Sequence[str], named: Sequence[str], forced: Sequence[str]) -> l
 def constraint_set(
     *,
     state: TaskState,
-    forced: Sequence[str],
+    forced: Sequence[Axis],
     named: Sequence[str],
     rows: Mapping[str, EquationRow],
     measured: Mapping[str, ca.SX],

@@ -16,8 +16,8 @@ from dataclasses import dataclass
 import casadi as ca
 
 from taskspec.control.model_terms import TermSymbols
-from taskspec.control.state import AXES
 from taskspec.geometry import rotation
+from taskspec.geometry.axis import AXES, Axis
 from taskspec.program.clock import Clock
 from taskspec.program.reference.measured import Measured
 from taskspec.program.reference.modes import AxisPlan
@@ -36,7 +36,7 @@ class Coordinates:
         turned: (3, 3) rotation in those axes since the stage's start.
     """
 
-    position: dict[str, ca.SX]
+    position: dict[Axis, ca.SX]
     base: ca.SX
     turned: ca.SX
     frame: FrameModel
@@ -45,7 +45,7 @@ class Coordinates:
     point: kinematics.ControlPoint
     terms: TermSymbols
     clock: Clock
-    plans: Mapping[str, AxisPlan]
+    plans: Mapping[Axis, AxisPlan]
     marks: Mapping[str, ca.SX]
 
 
@@ -54,7 +54,7 @@ def frame_coordinates(plan: PlannedStage, seen: Measured) -> Coordinates:
     frame, plans, at, terms = plan.frame, plan.plans, seen.at, seen.terms
     memory, parameters = seen.memory, seen.parameters
     marks: dict[str, ca.SX] = {}
-    position: dict[str, ca.SX] = {}
+    position: dict[Axis, ca.SX] = {}
     if frame.still:
         local = at.R.T @ (seen.point.p - at.origin)
         position = {a: local[i] for i, a in enumerate(AXES[:3]) if a in plans}
@@ -73,10 +73,10 @@ def frame_coordinates(plan: PlannedStage, seen: Measured) -> Coordinates:
         here = at.foot if frame.kind == "following" else seen.point.p
         moved = at.R.T @ (here - marks["place"])
         position = {a: marks[f"way.{a}"] + moved[i] for i, a in enumerate(AXES[:3]) if a in plans}
-        if frame.kind == "following" and "z" in plans:
-            position["z"] = seen.table.scalars["gap"]
+        if frame.kind == "following" and Axis.Z in plans:
+            position[Axis.Z] = seen.table.scalars["gap"]
     base, turned = at.R, ca.SX.eye(3)
-    if any(a.startswith("r") for a in plans):
+    if any(a.is_rotation for a in plans):
         marks["orientation"] = parameters.add("orientation", 9)
         if not frame.still:
             marks["base"] = parameters.add("base", 9)

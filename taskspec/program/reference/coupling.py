@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.control.gains import is_soft
-from taskspec.control.state import AXES
+from taskspec.geometry.axis import AXES, Axis
 from taskspec.program.context import Context
 from taskspec.program.layout import Layout
 from taskspec.program.reference.axis_reference import AxisReference
@@ -42,15 +42,15 @@ class Coupling:
     """
 
     ratio: float
-    leader: str | None
+    leader: Axis | None
 
 
 def coupling(
     context: Context,
     frame: FrameModel,
     rotation: NDArray[np.float64],
-    plans: Mapping[str, AxisPlan],
-    name: str,
+    plans: Mapping[Axis, AxisPlan],
+    name: Axis,
 ) -> Coupling:
     """How axis `name` follows the mechanism that its entry names.
 
@@ -76,7 +76,7 @@ def coupling(
             f"{name!r} of frame {frame.name!r} is not along the axis of {followed!r}",
             f"take a frame whose axis is that of the mechanism, such as {followed}",
         )
-    turns = name.startswith("r")
+    turns = name.is_rotation
     if turns and not mechanism.swings:
         raise UncoupledError(
             f"the handle of {followed!r} does not go around its axis, so nothing tells an angle "
@@ -92,7 +92,7 @@ def coupling(
         return Coupling(0.0, None)
     if turns:
         return Coupling(float(np.sign(along)), None)
-    leader = f"r{name}"
+    leader = Axis(f"r{name}")
     plan = plans.get(leader)
     commanded = plan is not None and plan.motion and not plan.force and plan.mode != "follows"
     if commanded and plan is not None and not is_soft(plan.axis):
@@ -101,10 +101,10 @@ def coupling(
 
 
 def coupled_motion(
-    axis: str,
+    axis: Axis,
     found: Coupling,
     believed: Believed,
-    motions: Mapping[str, AxisReference],
+    motions: Mapping[Axis, AxisReference],
     parameters: Layout,
 ) -> tuple[ca.SX, ca.SX, ca.SX]:
     """Displacement since the stage's start, rate and acceleration that a coupling asks for.

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import casadi as ca
 
-from taskspec.control.state import AXES
+from taskspec.geometry.axis import AXES, Axis
 from taskspec.motion import blend
 from taskspec.program.clock import Clock
 from taskspec.program.context import Context
@@ -20,7 +20,7 @@ from taskspec.program.signals import applied
 DEFAULT_RAMP = 0.2
 
 
-def set_point(name: str, plan: AxisPlan, seen: Measured) -> ca.SX:
+def set_point(name: Axis, plan: AxisPlan, seen: Measured) -> ca.SX:
     """The set point of an axis."""
     expression = plan.axis.force if plan.axis.force is not None else plan.axis.torque
     assert expression is not None
@@ -41,22 +41,22 @@ def risen(name: str, wanted: ca.SX, ramp: float | None, clock: Clock, parameters
     return at_entry + share * (wanted - at_entry)
 
 
-def fading(name: str, seen: Measured) -> ca.SX:
+def fading(name: Axis, seen: Measured) -> ca.SX:
     """The force that the last stage held on what is now a motion axis, as it is let go of."""
     at_entry = seen.parameters.add(f"force_at_entry.{name}")
     return at_entry * blend.offset_shape(seen.clock.t / blend.BLEND_TIME)
 
 
-def displacement(name: str, plan: PlannedStage, forces: Mapping[str, ca.SX]) -> ca.SX | None:
+def displacement(name: Axis, plan: PlannedStage, forces: Mapping[Axis, ca.SX]) -> ca.SX | None:
     """f (1/k_m + 1/k_e): how far an open-loop force displaces the motion reference."""
     if not plan.plans[name].open_loop:
         return None
     own, k = 1 / plan.gains["stiffness"][name].value, plan.stiffness
-    contact = 1 / k if k > 0 and not name.startswith("r") else 0.0
+    contact = 1 / k if k > 0 and not name.is_rotation else 0.0
     return forces[name] * (own + contact)
 
 
-def open_loop_normals(plans: Mapping[str, AxisPlan], seen: Measured) -> dict[str, ca.SX]:
+def open_loop_normals(plans: Mapping[Axis, AxisPlan], seen: Measured) -> dict[Axis, ca.SX]:
     """The believed gap counted along each open-loop translation."""
     gap = seen.table.scalars.get("gap")
     if gap is None or seen.normal is None:
@@ -64,7 +64,7 @@ def open_loop_normals(plans: Mapping[str, AxisPlan], seen: Measured) -> dict[str
     return {
         name: gap * ca.dot(seen.at.R[:, AXES.index(name)], seen.normal)
         for name, plan in plans.items()
-        if plan.open_loop and not name.startswith("r")
+        if plan.open_loop and not name.is_rotation
     }
 
 
@@ -72,9 +72,9 @@ def integrals(
     context: Context,
     plan: PlannedStage,
     seen: Measured,
-    forces: Mapping[str, ca.SX],
-    errors: Mapping[str, ca.SX],
-) -> dict[str, ca.SX]:
+    forces: Mapping[Axis, ca.SX],
+    errors: Mapping[Axis, ca.SX],
+) -> dict[Axis, ca.SX]:
     """Integrals of f_d - f, as the robot applies it, of the axes whose loop has one.
 
     They hold the tick's own measurement: a tick later, the sampled loops would bear half the gain.

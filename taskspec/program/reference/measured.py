@@ -10,7 +10,8 @@ import casadi as ca
 from taskspec.control import model_terms
 from taskspec.control.model_terms import TermSymbols
 from taskspec.control.reference import opposite
-from taskspec.control.state import AXES, TaskState, task_state
+from taskspec.control.state import TaskState, task_state
+from taskspec.geometry.axis import AXES
 from taskspec.program import ports, signals
 from taskspec.program.algebra import CasadiAlgebra, constants
 from taskspec.program.clock import Clock

@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.control.gains import has_force, is_soft
-from taskspec.control.state import AXES
+from taskspec.geometry.axis import AXES, Axis
 from taskspec.motion.path import PathShape
 from taskspec.program.axes import MOSTLY
 from taskspec.program.reference.axis_reference import mode_of
-from taskspec.spec import LAWS, Axis, Law
+from taskspec.spec import LAWS, AxisEntry, Law
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,7 +32,7 @@ class AxisPlan:
             uncancelled: cancelled, the arm would push through a surface as if it were not there.
     """
 
-    axis: Axis
+    axis: AxisEntry
     mode: str
     force: bool
     motion: bool
@@ -48,12 +48,12 @@ class AxisPlan:
 
 
 def plan_axes(
-    axes: tuple[str, ...],
-    declared: Mapping[str, Axis],
+    axes: tuple[Axis, ...],
+    declared: Mapping[Axis, AxisEntry],
     path: PathShape | None,
     law: Law,
     normal: NDArray[np.float64] | None,
-) -> dict[str, AxisPlan]:
+) -> dict[Axis, AxisPlan]:
     """The plan of every axis that exists.
 
     Args:
@@ -63,7 +63,7 @@ def plan_axes(
     facts = LAWS[law.kind]
     plans = {}
     for name in axes:
-        axis = declared.get(name) or Axis()
+        axis = declared.get(name) or AxisEntry()
         on_path = path is not None and name in path.axes
         open_loop = has_force(axis) and not facts.force_loop
         force = has_force(axis) and facts.force_loop
@@ -74,19 +74,19 @@ def plan_axes(
             motion=not force or facts.shares,
             soft=law.kind == "hybrid" and is_soft(axis) and not force,
             open_loop=open_loop,
-            world=axis.hold == "world" and name.startswith("r"),
+            world=axis.hold == "world" and name.is_rotation,
             yields=not force and _along(name, normal),
         )
     return plans
 
 
-def _along(name: str, normal: NDArray[np.float64] | None) -> bool:
-    if normal is None or name.startswith("r"):
+def _along(name: Axis, normal: NDArray[np.float64] | None) -> bool:
+    if normal is None or name.is_rotation:
         return False
     return bool(abs(normal[AXES.index(name)]) > MOSTLY)
 
 
-def not_finite(plans: Mapping[str, AxisPlan], outputs: Mapping[str, NDArray[np.float64]]) -> str:
+def not_finite(plans: Mapping[Axis, AxisPlan], outputs: Mapping[str, NDArray[np.float64]]) -> str:
     """Which reference is not a number, as `force.z`; empty where all are.
 
     Args:

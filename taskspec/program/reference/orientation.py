@@ -10,7 +10,8 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from taskspec.control.representation import REPRESENTATIONS, Representation, analytical
-from taskspec.control.state import AXES, TaskState
+from taskspec.control.state import TaskState
+from taskspec.geometry.axis import AXES
 from taskspec.program import events
 from taskspec.program.events import Condition, Event
 from taskspec.program.reference.reference_set import ReferenceSet

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path as FilePath
 
 import numpy as np
 from numpy.typing import NDArray
 
+from taskspec.geometry.axis import ROTATIONS, Axis
 from taskspec.motion.path import PathShape, coordinates
 from taskspec.motion.table import OutsideError, Table, TableError, read_table
 from taskspec.program.axes import existing_axes
@@ -32,9 +34,9 @@ def path_shape(context: Context, name: str, rotation: NDArray[np.float64]) -> Pa
         return None
     axes = existing_axes(context.robot.axes, rotation)
     kind, numbers, turns, table = _contents(context, name, path)
-    own = list(table.points) if table is not None else list(numbers)
+    own = [Axis(a) for a in table.points] if table is not None else list(numbers)
     if kind == "arc":
-        own = ["x", "y"]
+        own = [Axis.X, Axis.Y]
     missing = [a for a in own if a not in axes and _moves(a, numbers, table)]
     if missing:
         raise spec_error(
@@ -53,7 +55,7 @@ def path_shape(context: Context, name: str, rotation: NDArray[np.float64]) -> Pa
             "the path drives no axis: `axes` names every axis that it has coordinates for",
             "leave the axes that the path drives out of `axes`",
         )
-    still = not any(_moves(a, numbers, table) for a in driven if not a.startswith("r"))
+    still = not any(_moves(a, numbers, table) for a in driven if not a.is_rotation)
     if path.speed is not None and still and kind != "to":
         raise spec_error(
             context.loaded,
@@ -76,14 +78,15 @@ def path_shape(context: Context, name: str, rotation: NDArray[np.float64]) -> Pa
 
 def _contents(
     context: Context, name: str, path: Path
-) -> tuple[str, dict[str, float], dict[str, float], Table | None]:
+) -> tuple[str, dict[Axis, float], Mapping[str, float], Table | None]:
     if path.to is not None:
         return "to", coordinates(path.to), {}, None
     if path.line is not None:
         return "line", coordinates(path.line.by), {}, None
     if path.lissajous is not None:
         shape = path.lissajous
-        return "lissajous", coordinates(shape.amplitude), coordinates(shape.turns), None
+        turns: dict[str, float] = dict(coordinates(shape.turns).items())
+        return "lissajous", coordinates(shape.amplitude), turns, None
     if path.arc is not None:
         return "arc", {}, {"": path.arc.turns}, None
     assert path.file is not None
@@ -130,7 +133,7 @@ def _factor(unit: str, column: str) -> float:
     Raises:
         ValueError: the unit does not exist or does not fit the column.
     """
-    wanted = TIME if column == "t" else ANGLE if column.startswith("r") else LENGTH
+    wanted = TIME if column == "t" else ANGLE if column in ROTATIONS else LENGTH
     fits = alternatives(fitting(wanted))
     try:
         found = parse_unit(unit)
@@ -141,7 +144,7 @@ def _factor(unit: str, column: str) -> float:
     return float(found.scale)
 
 
-def _moves(axis: str, numbers: dict[str, float], table: Table | None) -> bool:
+def _moves(axis: Axis, numbers: dict[Axis, float], table: Table | None) -> bool:
     if table is not None:
         return bool(np.ptp(table.points[axis]) > 0)
     return numbers.get(axis, 1.0) != 0.0

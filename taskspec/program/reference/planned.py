@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.control.gains import Gains, Plant, design, design_joint_damping, has_force
+from taskspec.geometry.axis import Axis
 from taskspec.motion.path import PathShape
 from taskspec.program.axes import existing_axes
 from taskspec.program.context import Context
@@ -42,11 +43,11 @@ class PlannedStage:
     limits: Limits
     frame: FrameModel
     axes_rotation: NDArray[np.float64]
-    axes: tuple[str, ...]
-    plans: Mapping[str, AxisPlan]
+    axes: tuple[Axis, ...]
+    plans: Mapping[Axis, AxisPlan]
     gains: Gains
     path: PathShape | None
-    couplings: Mapping[str, Coupling]
+    couplings: Mapping[Axis, Coupling]
     contact: str | None
     stiffness: float
     carrier: Carrier | None
@@ -104,7 +105,7 @@ def _design(
     context: Context,
     frame: FrameModel,
     law: Law,
-    plans: Mapping[str, AxisPlan],
+    plans: Mapping[Axis, AxisPlan],
     active: Sequence[str],
     axes_rotation: NDArray[np.float64],
 ) -> Gains:
@@ -124,7 +125,7 @@ def _design(
 
 
 def _stiffness(
-    gains: Gains, plans: Mapping[str, AxisPlan], plants: Mapping[str, Plant], axis: str
+    gains: Gains, plans: Mapping[Axis, AxisPlan], plants: Mapping[Axis, Plant], axis: Axis
 ) -> float:
     """Of spring and contact together, on an axis [N/m, N m/rad]."""
     contact = plants[axis].k if has_force(plans[axis].axis) else 0.0

@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 
 from taskspec.control.reference import Reference
-from taskspec.control.state import AXES
+from taskspec.geometry.axis import AXES, Axis
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,18 +26,18 @@ class ReferenceSet:
         own, own_rate: (6,) r(0) of each mode before blending and its rate, for the entry.
     """
 
-    position: Mapping[str, ca.SX]
-    error: Mapping[str, ca.SX]
-    coordinate: Mapping[str, ca.SX]
-    position_ref: Mapping[str, ca.SX]
-    velocity_ref: Mapping[str, ca.SX]
-    force_ref: Mapping[str, ca.SX]
+    position: Mapping[Axis, ca.SX]
+    error: Mapping[Axis, ca.SX]
+    coordinate: Mapping[Axis, ca.SX]
+    position_ref: Mapping[Axis, ca.SX]
+    velocity_ref: Mapping[Axis, ca.SX]
+    force_ref: Mapping[Axis, ca.SX]
     law: Reference
-    integrals: Mapping[str, ca.SX]
+    integrals: Mapping[Axis, ca.SX]
     updates: dict[str, ca.SX]
     own: ca.SX
     own_rate: ca.SX
 
-    def six(self, values: Mapping[str, ca.SX]) -> ca.SX:
+    def six(self, values: Mapping[Axis, ca.SX]) -> ca.SX:
         """(6,) in the order of the axes, NaN where there is no value."""
         return ca.vertcat(*(values.get(a, ca.SX(np.nan)) for a in AXES))

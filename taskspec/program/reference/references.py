@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import casadi as ca
 
 from taskspec.control.reference import Reference, opposite
-from taskspec.control.state import AXES
+from taskspec.geometry.axis import AXES, Axis
 from taskspec.motion import polynomial
 from taskspec.motion.path import PathShape
 from taskspec.program.clock import Clock
@@ -63,15 +63,15 @@ def _path_done(context: Context, plan: PlannedStage, seen: Measured) -> ca.SX:
 
 
 def _motions(
-    context: Context, plan: PlannedStage, seen: Measured, forces: Mapping[str, ca.SX]
-) -> dict[str, AxisReference]:
+    context: Context, plan: PlannedStage, seen: Measured, forces: Mapping[Axis, ca.SX]
+) -> dict[Axis, AxisReference]:
     """References of the axes whose motion is controlled."""
     parameters = seen.parameters
     builder = ReferenceBuilder(seen.clock, parameters, seen.memory, seen.translate, context.period)
     on_path = _path(plan.path, seen.clock, parameters)
     moving = {name: axis for name, axis in plan.plans.items() if axis.motion}
     blendings = builder.blendings(list(moving))
-    found: dict[str, AxisReference] = {}
+    found: dict[Axis, AxisReference] = {}
     # An axis that follows another one comes after it.
     for name, axis in sorted(moving.items(), key=lambda item: item[0] in plan.couplings):
         coupled = None
@@ -93,8 +93,8 @@ def _motions(
 def _updates(
     seen: Measured,
     tracked: Tracking,
-    motions: Mapping[str, AxisReference],
-    integrals: Mapping[str, ca.SX],
+    motions: Mapping[Axis, AxisReference],
+    integrals: Mapping[Axis, ca.SX],
 ) -> dict[str, ca.SX]:
     """Memory of the references after this tick."""
     updates = tracked.updates | (seen.believed.updates() if seen.believed is not None else {})
@@ -109,8 +109,8 @@ def _of_the_law(
     plan: PlannedStage,
     seen: Measured,
     tracked: Tracking,
-    forces: Mapping[str, ca.SX],
-    integrals: Mapping[str, ca.SX],
+    forces: Mapping[Axis, ca.SX],
+    integrals: Mapping[Axis, ca.SX],
 ) -> Reference:
     """References as vectors over the rows of the task state, in the theory's sign."""
     fading = {
@@ -128,14 +128,14 @@ def _of_the_law(
     )
 
 
-def _path(path: PathShape | None, clock: Clock, parameters: Layout) -> dict[str, ca.SX]:
+def _path(path: PathShape | None, clock: Clock, parameters: Layout) -> dict[Axis, ca.SX]:
     """Coordinates of the axes that a path drives."""
     if path is None:
         return {}
     timing = parameters.add("segment.path", polynomial.SEGMENT_SIZE)
     needed = path.axes if path.table is None else ()
     # An arc needs both coordinates of its start even where it drives one of them.
-    needed = ("x", "y") if path.kind == "arc" else needed
+    needed = AXES[:2] if path.kind == "arc" else needed
     start = {a: parameters.add(f"path_start.{a}") for a in needed}
     segments = (
         {a: parameters.add(f"table.{a}", polynomial.SEGMENT_SIZE) for a in path.axes}

@@ -11,8 +11,8 @@ from dataclasses import dataclass, field
 
 import casadi as ca
 
-from taskspec.control.state import AXES
 from taskspec.geometry import rotation
+from taskspec.geometry.axis import AXES, Axis
 from taskspec.program.reference.axis_reference import AxisReference
 from taskspec.program.reference.coordinates import Coordinates
 
@@ -28,14 +28,14 @@ class Tracking:
         updates: memory after this tick.
     """
 
-    error: dict[str, ca.SX]
-    velocity: dict[str, ca.SX]
-    acceleration: dict[str, ca.SX]
+    error: dict[Axis, ca.SX]
+    velocity: dict[Axis, ca.SX]
+    acceleration: dict[Axis, ca.SX]
     updates: dict[str, ca.SX] = field(default_factory=dict)
 
 
 def track(
-    on: Coordinates, motions: Mapping[str, AxisReference], normals: Mapping[str, ca.SX]
+    on: Coordinates, motions: Mapping[Axis, AxisReference], normals: Mapping[Axis, ca.SX]
 ) -> Tracking:
     """Errors and rates of the given references.
 
@@ -55,7 +55,7 @@ def track(
     return tracking
 
 
-def _rotations(on: Coordinates, motions: Mapping[str, AxisReference], out: Tracking) -> ca.SX:
+def _rotations(on: Coordinates, motions: Mapping[Axis, AxisReference], out: Tracking) -> ca.SX:
     """Rotation errors; returns the reference angular velocity (3,) in frame axes."""
     names = [a for a in AXES[3:] if a in on.plans]
     if not names:
@@ -65,7 +65,7 @@ def _rotations(on: Coordinates, motions: Mapping[str, AxisReference], out: Track
     rate = [motions[a].rate if a in motions else zero for a in AXES[3:]]
     acceleration = [motions[a].acceleration if a in motions else zero for a in AXES[3:]]
     theta, theta_rate = ca.vertcat(*angle), ca.vertcat(*rate)
-    own = rotation_rate(theta, theta_rate, [m for m in motions if m.startswith("r")], motions)
+    own = rotation_rate(theta, theta_rate, [m for m in motions if m.is_rotation], motions)
     own_acceleration = ca.vertcat(*acceleration) if own is theta_rate else on.clock.rate(own)
     # log(B Exp(theta) Q R^T) = B log(Exp(theta) (B^T R Q^T)^T): the rotation made so far serves
     # both as coordinate and in the error.
@@ -99,8 +99,8 @@ def _rotations(on: Coordinates, motions: Mapping[str, AxisReference], out: Track
 
 def _fixed(
     on: Coordinates,
-    motions: Mapping[str, AxisReference],
-    normals: Mapping[str, ca.SX],
+    motions: Mapping[Axis, AxisReference],
+    normals: Mapping[Axis, ca.SX],
     out: Tracking,
 ) -> None:
     for name in _translations(on):
@@ -113,8 +113,8 @@ def _fixed(
 
 def _turning(
     on: Coordinates,
-    motions: Mapping[str, AxisReference],
-    normals: Mapping[str, ca.SX],
+    motions: Mapping[Axis, AxisReference],
+    normals: Mapping[Axis, ca.SX],
     out: Tracking,
 ) -> None:
     """Tracking of the coordinates of a handle's circle and thread."""
@@ -133,7 +133,7 @@ def _velocity_map(on: Coordinates) -> ca.SX:
     return placed.T @ mechanism.velocity_map(on.terms.p) @ placed
 
 
-def _handle_rate(on: Coordinates, motions: Mapping[str, AxisReference]) -> tuple[ca.SX, ca.SX]:
+def _handle_rate(on: Coordinates, motions: Mapping[Axis, AxisReference]) -> tuple[ca.SX, ca.SX]:
     """Angular velocity (3,) and acceleration (3,) that the references ask of the frame.
 
     Where nothing commands the way along the circle, the measured rate takes its place, and
@@ -152,8 +152,8 @@ def _handle_rate(on: Coordinates, motions: Mapping[str, AxisReference]) -> tuple
 
 def _carried(
     on: Coordinates,
-    motions: Mapping[str, AxisReference],
-    normals: Mapping[str, ca.SX],
+    motions: Mapping[Axis, AxisReference],
+    normals: Mapping[Axis, ca.SX],
     out: Tracking,
     spin: ca.SX,
 ) -> None:
@@ -181,7 +181,7 @@ def _carried(
     for name in names:
         i, motion = AXES.index(name), motions.get(name)
         if following and name == "z":
-            out.error[name] = motion.value - on.position["z"] if motion else ca.SX(0)
+            out.error[name] = motion.value - on.position[Axis.Z] if motion else ca.SX(0)
         else:
             out.error[name] = error[i] if motion else ca.SX(0)
         if name in normals and motion:
@@ -189,24 +189,26 @@ def _carried(
         out.velocity[name], out.acceleration[name] = wanted[i], wanted_rate[i]
 
 
-def _step(on: Coordinates, axis: str, motions: Mapping[str, AxisReference]) -> ca.SX:
+def _step(on: Coordinates, axis: Axis, motions: Mapping[Axis, AxisReference]) -> ca.SX:
     """How far the reference of an axis has moved since the last tick."""
     if axis not in motions or (axis == "z" and on.frame.kind == "following"):
         return ca.SX(0)
     return motions[axis].value - on.marks[f"last.{axis}"]
 
 
-def _way(on: Coordinates, motions: Mapping[str, AxisReference]) -> ca.SX:
+def _way(on: Coordinates, motions: Mapping[Axis, AxisReference]) -> ca.SX:
     """World velocity (3,) at which the tool point is to pass over the surface."""
     assert on.at.foot_map is not None
     actual = on.at.R.T @ on.tool.velocity
     foot = on.at.foot_map @ actual[:2]
-    rates = ca.vertcat(*(motions[a].rate if a in motions else foot[i] for i, a in enumerate("xy")))
+    rates = ca.vertcat(
+        *(motions[a].rate if a in motions else foot[i] for i, a in enumerate(AXES[:2]))
+    )
     passing = _solve2(on.at.foot_map, rates)
     return on.at.R @ ca.vertcat(passing, 0)
 
 
-def _point_velocity(on: Coordinates, motions: Mapping[str, AxisReference], spin: ca.SX) -> ca.SX:
+def _point_velocity(on: Coordinates, motions: Mapping[Axis, AxisReference], spin: ca.SX) -> ca.SX:
     """Velocity (3,) of the control point that realises the reference's rates, frame axes."""
     rates = ca.vertcat(*(motions[a].rate if a in motions else 0 for a in AXES[:3]))
     if on.frame.kind == "tool":
@@ -216,7 +218,7 @@ def _point_velocity(on: Coordinates, motions: Mapping[str, AxisReference], spin:
     return over - ca.cross(spin, on.at.R.T @ on.tool.lever)
 
 
-def _translations(on: Coordinates) -> list[str]:
+def _translations(on: Coordinates) -> list[Axis]:
     return [a for a in AXES[:3] if a in on.plans]
 
 
@@ -228,7 +230,7 @@ def _solve2(A: ca.SX, b: ca.SX) -> ca.SX:
 
 
 def rotation_rate(
-    theta: ca.SX, theta_rate: ca.SX, names: list[str], motions: Mapping[str, AxisReference]
+    theta: ca.SX, theta_rate: ca.SX, names: list[Axis], motions: Mapping[Axis, AxisReference]
 ) -> ca.SX:
     """Angular velocity (3,) of the rotation vector theta(t).
 

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from taskspec.control.state import ARM_LENGTH, AXES
+from taskspec.control.state import ARM_LENGTH
+from taskspec.geometry.axis import AXES, Axis
 from taskspec.program.layout import Layout
 from taskspec.program.reference.modes import AxisPlan
 from taskspec.spec import Law
@@ -57,7 +58,7 @@ def unreached_of(names: Sequence[str], parameters: Layout) -> Unreached:
     )
 
 
-def requested(law: Law, plans: Mapping[str, AxisPlan], active: Sequence[str]) -> tuple[str, ...]:
+def requested(law: Law, plans: Mapping[Axis, AxisPlan], active: Sequence[str]) -> tuple[str, ...]:
     """Names of a stage's force set points, axes before equations; none without a program."""
     if law.solve != "qp":
         return ()

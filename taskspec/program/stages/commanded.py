@@ -41,7 +41,8 @@ class Commanded:
     @property
     def set_points(self) -> dict[str, ca.SX]:
         """Of every force by axis or equation, as the robot applies it [N, N m]."""
-        return {**self.references.force_ref, **self.forces.desired}
+        found: dict[str, ca.SX] = dict(self.references.force_ref.items())
+        return found | self.forces.desired
 
 
 def command(context: Context, plan: PlannedStage, seen: Measured) -> Commanded:

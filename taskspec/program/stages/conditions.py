@@ -5,6 +5,7 @@ from __future__ import annotations
 import casadi as ca
 
 from taskspec.control import linear
+from taskspec.geometry.axis import AXES, Axis
 from taskspec.program import events
 from taskspec.program.events import Condition, Event
 from taskspec.program.reference.measured import Measured
@@ -28,12 +29,12 @@ def limit_conditions(
     plans, frame, limits = plan.plans, plan.frame, plan.limits
     table, q, v, margin = seen.table, seen.inputs.q, seen.inputs.v, seen.at.margin
     found = []
-    force = _norm(table, "force", ("x", "y", "z"))
-    torque = _norm(table, "torque", ("rx", "ry", "rz"))
+    force = _norm(table, "force", AXES[:3])
+    torque = _norm(table, "torque", AXES[3:])
     moving = [
         e
         for a, e in references.error.items()
-        if not (a.startswith("r") or plans[a].force or plans[a].open_loop)
+        if not (a.is_rotation or plans[a].force or plans[a].open_loop)
     ]
     deviation = ca.norm_2(ca.vertcat(0, *moving))
     for name, value, unit in (
@@ -103,6 +104,6 @@ def stage_conditions(stage: Stage, seen: Measured, period: float) -> list[Condit
     return found
 
 
-def _norm(table: SignalTable, kind: str, axes: tuple[str, ...]) -> ca.SX:
+def _norm(table: SignalTable, kind: str, axes: tuple[Axis, ...]) -> ca.SX:
     names = [f"{kind}.{a}" for a in axes if f"{kind}.{a}" in table.scalars]
     return ca.norm_2(ca.vertcat(0, *(table.scalars[name] for name in names)))

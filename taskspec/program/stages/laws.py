@@ -16,6 +16,7 @@ from taskspec.control.model_terms import TermSymbols
 from taskspec.control.reference import opposite
 from taskspec.control.resolution import Command, full_acceleration, torque
 from taskspec.control.state import TaskState
+from taskspec.geometry.axis import Axis
 from taskspec.program.reference.modes import AxisPlan
 from taskspec.program.reference.reference_set import ReferenceSet
 from taskspec.program.signals import SignalTable, applied
@@ -33,7 +34,7 @@ class Case:
 
     state: TaskState
     references: ReferenceSet
-    plans: Mapping[str, AxisPlan]
+    plans: Mapping[Axis, AxisPlan]
     gains: Gains
     table: SignalTable
     joint_velocity: ca.SX
@@ -103,7 +104,7 @@ def _hybrid(case: Case) -> Command:
     )
 
 
-def _drive(case: Case, name: str) -> ca.SX:
+def _drive(case: Case, name: Axis) -> ca.SX:
     """The force that the robot applies on a force-controlled or soft axis."""
     i = case.state.axes.index(name)
     reference = case.references.law

@@ -83,8 +83,10 @@ def constrain(
     parameters: Layout,
 ) -> ConstraintControl:
     """The constraints of a stage as its law sees them."""
-    desired = {**references.force_ref, **forces.desired}
-    integrals = {**references.integrals, **forces.integrals}
+    desired: dict[str, ca.SX] = dict(references.force_ref.items())
+    desired |= forces.desired
+    integrals: dict[str, ca.SX] = dict(references.integrals.items())
+    integrals |= forces.integrals
     zero = ca.SX(0)
     n = chosen.J.shape[1]
     held, since = parameters.add("held", n), parameters.add("chosen_at")

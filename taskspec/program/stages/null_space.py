@@ -10,13 +10,14 @@ import numpy as np
 from taskspec.control import null_space
 from taskspec.control.model_terms import TermSymbols
 from taskspec.control.state import TaskState
+from taskspec.geometry.axis import Axis
 from taskspec.program.context import Context
 from taskspec.robot import RobotModel
 from taskspec.robot.inverse_kinematics import turns_at
 from taskspec.spec import LAWS, Law
 
 
-def goals(law: Law, robot: RobotModel, axes: tuple[str, ...]) -> tuple[str, ...]:
+def goals(law: Law, robot: RobotModel, axes: tuple[Axis, ...]) -> tuple[str, ...]:
     """The goals that a law follows with an arm whose task has these axes.
 
     Empty where there is no null space, and under the laws that leave it alone.

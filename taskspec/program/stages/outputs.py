@@ -7,6 +7,7 @@ from collections.abc import Mapping
 import casadi as ca
 import numpy as np
 
+from taskspec.geometry.axis import Axis
 from taskspec.program.limits.resolution import Resolved
 from taskspec.program.ports import OUTPUTS, PROBE
 from taskspec.program.reference.believed import Believed
@@ -110,6 +111,6 @@ def _angle(believed: Believed | None) -> ca.SX:
     return ca.SX(0) if believed is None else believed.angle
 
 
-def _applied(table: SignalTable) -> dict[str, ca.SX]:
+def _applied(table: SignalTable) -> dict[Axis, ca.SX]:
     """Measured force and moment that the robot applies, by axis."""
     return {a: table.scalars[applied(a)] for a in table.axes}

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.control.gains import Gains
+from taskspec.geometry.axis import Axis
 from taskspec.motion.path import PathShape
 from taskspec.program.context import Context
 from taskspec.program.events import Condition, Event, code
@@ -63,15 +64,15 @@ class CompiledStage:
     law: Law
     limits: Limits
     frame: FrameModel
-    axes: tuple[str, ...]
-    plans: Mapping[str, AxisPlan]
+    axes: tuple[Axis, ...]
+    plans: Mapping[Axis, AxisPlan]
     gains: Gains
     contact: str | None
     stiffness: float
     held: str
     carrier: Carrier | None
     tracked: str
-    couplings: Mapping[str, Coupling]
+    couplings: Mapping[Axis, Coupling]
     equations: tuple[str, ...]
     active: tuple[str, ...]
     path: PathShape | None

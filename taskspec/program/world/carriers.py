@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from taskspec.control.model_terms import TermSymbols
 from taskspec.geometry import rotation
+from taskspec.geometry.axis import ROTATIONS, Axis
 from taskspec.program.algebra import CasadiAlgebra, constants
 from taskspec.spec import Shape, Task
 from taskspec.spec.world import MOTION
@@ -117,7 +118,7 @@ def carriers(task: Task) -> dict[str, Carrier]:
     }
 
 
-def displacements(task: Task, shape: Shape, clock: ca.SX) -> dict[str, ca.SX]:
+def displacements(task: Task, shape: Shape, clock: ca.SX) -> dict[Axis, ca.SX]:
     """How far a shape has moved at a time [s]: along its moving axes [m], or about one [rad]."""
     assert shape.motion is not None
     params = {name: quantity.value for name, quantity in task.params.items()}
@@ -136,7 +137,7 @@ def _carrier(task: Task, name: str, shape: Shape) -> Carrier:
     moved = [by_axis.get(axis, ca.SX(0)) for axis in MOTION]
     R = ca.DM(rotation.from_rpy(shape.rpy))
     origin = ca.DM(np.array(shape.xyz, dtype=float))
-    turning = [axis for axis in by_axis if axis.startswith("r")]
+    turning = [axis for axis in by_axis if axis.is_rotation]
     A = ca.SX.eye(3)
     if turning:
         A = R @ _about(turning[0], by_axis[turning[0]]) @ R.T
@@ -147,8 +148,8 @@ def _carrier(task: Task, name: str, shape: Shape) -> Carrier:
     return Carrier(name, clock, A, a, ca.Function("carrier", [clock], values), bool(turning))
 
 
-def _about(axis: str, angle: ca.SX) -> ca.SX:
+def _about(axis: Axis, angle: ca.SX) -> ca.SX:
     """Rotation (3, 3) by an angle [rad] about one of the axes rx, ry, rz."""
-    unit = ca.DM([float(axis == other) for other in ("rx", "ry", "rz")])
+    unit = ca.DM([float(axis == other) for other in ROTATIONS])
     K = ca.skew(unit)
     return ca.SX.eye(3) + ca.sin(angle) * K + (1 - ca.cos(angle)) * (K @ K)

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
+from taskspec.geometry.axis import ROTATIONS, TRANSLATIONS, Axis
 from taskspec.text.units import (
     ANGLE,
     ANGULAR_VELOCITY,
@@ -15,16 +18,17 @@ from taskspec.text.units import (
     Dimension,
 )
 
-TRANSLATIONS = ("x", "y", "z")
-ROTATIONS = ("rx", "ry", "rz")
-AXES = TRANSLATIONS + ROTATIONS
+
+def _of(axes: Sequence[Axis], dimension: Dimension) -> dict[str, Dimension]:
+    return dict.fromkeys(axes, dimension)
+
 
 VECTORS: dict[str, dict[str, Dimension]] = {
-    "force": dict.fromkeys(TRANSLATIONS, FORCE),
-    "torque": dict.fromkeys(ROTATIONS, MOMENT),
-    "position": dict.fromkeys(TRANSLATIONS, LENGTH) | dict.fromkeys(ROTATIONS, ANGLE),
-    "velocity": dict.fromkeys(TRANSLATIONS, VELOCITY) | dict.fromkeys(ROTATIONS, ANGULAR_VELOCITY),
-    "error": dict.fromkeys(TRANSLATIONS, LENGTH) | dict.fromkeys(ROTATIONS, ANGLE),
+    "force": _of(TRANSLATIONS, FORCE),
+    "torque": _of(ROTATIONS, MOMENT),
+    "position": _of(TRANSLATIONS, LENGTH) | _of(ROTATIONS, ANGLE),
+    "velocity": _of(TRANSLATIONS, VELOCITY) | _of(ROTATIONS, ANGULAR_VELOCITY),
+    "error": _of(TRANSLATIONS, LENGTH) | _of(ROTATIONS, ANGLE),
 }
 """Signals with axes. Without an axis they mean the translations, `torque` the moments."""
 
@@ -60,7 +64,7 @@ OBJECT: dict[str, dict[str, Dimension]] = {
 }
 """Signals of an object of the world, by its kind."""
 
-COORDINATES: dict[str, Dimension] = dict.fromkeys(TRANSLATIONS, LENGTH)
+COORDINATES: dict[str, Dimension] = _of(TRANSLATIONS, LENGTH)
 """Coordinates of the tool tip, for equations; joints are q1, q2 and so on."""
 
 CONSTANTS: dict[str, tuple[float, Dimension]] = {"pi": (3.141592653589793, NUMBER)}

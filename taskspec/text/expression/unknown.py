@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from taskspec.geometry.axis import AXES, ROTATIONS
 from taskspec.text.expression import signals
 from taskspec.text.expression.functions import FUNCTIONS, REDUCERS
 from taskspec.text.expression.problem import Problem
@@ -89,7 +90,7 @@ def _single(word: str, scope: Scope) -> tuple[str, str, str]:
     if word in scope.objects:
         first = next(iter(signals.OBJECT[scope.objects[word]]))
         return "TS120", f"'{word}' is an object, not a value", f"add a signal: {word}.{first}"
-    if word in signals.AXES or coordinate(word) is not None:
+    if word in AXES or coordinate(word) is not None:
         return _axis(word, scope)
     if word[:1] == "q" and word[1:].isdigit():
         return "TS120", f"there is no joint '{word}'", "joints are counted from 1: q1, q2, ..."
@@ -161,7 +162,7 @@ def _signal(
 
 
 def _axis_hint(name: str, axis: str, axes: list[str]) -> str:
-    if name == "force" and axis in signals.ROTATIONS:
+    if name == "force" and axis in ROTATIONS:
         return f"moments are 'torque.{axis}'"
     if name == "torque" and f"r{axis}" in axes:
         return f"moments are about an axis: 'torque.r{axis}'"
