@@ -9,8 +9,7 @@ import pytest
 
 from arms import MovingArm
 from taskspec.control import null_space
-from taskspec.control.state import AXES
-from taskspec.geometry.axis import Axis
+from taskspec.geometry.axis import AXES, Axis
 
 H = 1e-5
 

@@ -153,14 +153,14 @@ def test_the_smaller_mass_of_a_rotation_stands_in_the_text():
 @pytest.mark.parametrize("law", ["parallel", "parallel-pid"])
 def test_a_damping_of_the_file_enters_the_integral_gain(law, plant):
     given = Law(kind=law, damping=AxisValues(z=7e3))
-    gains = design(given, {"z": AXES["force"]}, {"z": plant})
+    gains = design(given, {Axis.Z: AXES["force"]}, {Axis.Z: plant})
     (rule,) = (
         words(row[3])[0]
         for row in table(LANGUAGE, "table: designed")
         if law in words(row[0]) and words(row[2]) == ["force.integral"]
     )
     expected = value(rule, {"k": plant.k, "d": 7e3})
-    assert gains["force.integral"]["z"].value == pytest.approx(expected, rel=1e-12)
+    assert gains["force.integral"][Axis.Z].value == pytest.approx(expected, rel=1e-12)
 
 
 @pytest.mark.parametrize("plant", PLANTS)
