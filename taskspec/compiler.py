@@ -18,7 +18,7 @@ from taskspec.program.reference.paths import path_shape
 from taskspec.program.signals import UnknownSignalError
 from taskspec.program.stages.stage import CompiledStage, compile_stage
 from taskspec.program.world.felt import estimates
-from taskspec.spec import LoadedTask
+from taskspec.spec import FILE, LoadedTask
 from taskspec.text.diagnostic import Diagnostic, Severity, SpecError
 
 Vector = NDArray[np.float64]
@@ -80,5 +80,5 @@ def compile_task(loaded: LoadedTask) -> Program:
             stages.append(compile_stage(context, name, ready, rotation))
         except UnknownSignalError as error:
             message = f"stage {name!r} cannot evaluate {error}"
-            raise spec_error(loaded, ("stages", name), "TS224", message) from error
+            raise spec_error(loaded, FILE.stages[name], "TS224", message) from error
     return Program(context, tuple(stages), (*loaded.warnings, *found))

@@ -5,19 +5,17 @@ from __future__ import annotations
 from taskspec.analysis.stage import Analysed
 from taskspec.geometry.axis import as_axis
 from taskspec.program.context import Context
-from taskspec.text import nodes
-
-Path = tuple[str, ...]
+from taskspec.spec import FILE, KeyPath, below
 
 
-def law_path(context: Context, stage: str) -> Path:
-    """Keys of the law that stage `stage` follows."""
+def law_path(context: Context, stage: str) -> KeyPath:
+    """Where the file has the law that stage `stage` follows."""
     own = context.loaded.task.stages[stage].law is not None
-    return ("stages", stage, "law") if own else ("law",)
+    return FILE.stages[stage].law if own else FILE.law
 
 
-def gain_path(context: Context, stage: str, what: str, on: str) -> Path:
-    """Keys of a gain on an axis, a joint or an equation, as far as the file has them.
+def gain_path(context: Context, stage: str, what: str, on: str) -> KeyPath:
+    """Where the file has a gain on an axis, a joint or an equation.
 
     Args:
         context: the task. stage: its name. what: the gain. on: what it is of.
@@ -25,12 +23,14 @@ def gain_path(context: Context, stage: str, what: str, on: str) -> Path:
     axis = as_axis(on)
     entry = None if axis is None else context.loaded.task.stages[stage].axes.get(axis)
     if entry is not None and getattr(entry, what, None) is not None:
-        return ("stages", stage, "axes", on, what)
-    keys = ("damping",) if what == "joint_damping" else tuple(what.split("."))
-    path = (*law_path(context, stage), *keys)
+        return FILE.stages[stage].axes[on][what]
+    law = law_path(context, stage)
+    if what == "joint_damping":
+        return law.damping
+    path = below(law, *what.split("."))
     for last in (_as_axis(context, on), "angular" if turns(context, on) else "linear"):
-        if nodes.find(context.loaded.root, (*path, last))[1] == len(path) + 1:
-            return (*path, last)
+        if context.loaded.has(path[last]):
+            return path[last]
     return path
 
 

@@ -40,8 +40,11 @@ from taskspec.program.axes import SkewedAxisError, existing_axes
 from taskspec.program.context import Context
 from taskspec.program.prepare import frame_at_start, prepare
 from taskspec.program.reference.paths import path_shape
-from taskspec.spec import LoadedTask
+from taskspec.spec import FILE, LoadedTask
+from taskspec.text.codes import register
 from taskspec.text.diagnostic import Diagnostic, Diagnostics, SpecError
+
+register({"TS221": "a frame that is askew to the plane of a planar arm"})
 
 
 def check_task(loaded: LoadedTask) -> tuple[Diagnostic, ...]:
@@ -83,7 +86,7 @@ def check_stages(context: Context) -> tuple[Diagnostic, ...]:
         try:
             axes = existing_axes(context.robot.axes, rotation)
         except SkewedAxisError as error:
-            place = ("stages", name, "frame") if stage.frame else ("frame",)
+            place = FILE.stages[name].frame if stage.frame else FILE.frame
             message = f"in frame {frame.name!r} {error}"
             hint = "align the frame with that plane"
             found.error("TS221", message, loaded.span(place), hint)

@@ -24,7 +24,7 @@ from taskspec.program.world.mechanisms import MechanismModel, mechanism_models
 from taskspec.program.world.preconditions import check_equations, check_motions, check_parents
 from taskspec.program.world.stiffness import compliance, equation_compliance
 from taskspec.robot import RobotError, RobotModel, load_robot, solve_start
-from taskspec.spec import LoadedTask
+from taskspec.spec import FILE, LoadedTask, below
 
 Vector = NDArray[np.float64]
 
@@ -115,7 +115,7 @@ def _robot(loaded: LoadedTask, models: Mapping[str, MechanismModel]) -> tuple[Ro
         return model, solve_start(model, xyz, rpy, joints)
     except RobotError as error:
         raise spec_error(
-            loaded, ("robot", *error.field), error.code, error.message, error.hint
+            loaded, below(FILE.robot, *error.field), error.code, error.message, error.hint
         ) from error
 
 

@@ -10,6 +10,9 @@ import mujoco
 import numpy as np
 
 from taskspec.robot.errors import RobotError
+from taskspec.text.codes import register
+
+register({"TS403": "something in a robot file that is refused"})
 
 MOST_ELEMENTS = 20_000
 MOST_DEPTH = 200

@@ -12,6 +12,14 @@ import pinocchio as pin
 from taskspec.robot.bounds import MOST_JOINTS
 from taskspec.robot.errors import RobotError
 from taskspec.robot.poses import pose
+from taskspec.text.codes import register
+
+register(
+    {
+        "TS405": "a robot file that does not describe an arm",
+        "TS406": "a flange that is unknown or cannot be told",
+    }
+)
 
 FRAME_SITE = "taskspec:frame:"
 """What the names of the sites begin with that stand for MJCF's `<frame>` elements."""

@@ -11,7 +11,16 @@ from xml.etree import ElementTree
 
 from taskspec.robot.bounds import MOST_DEPTH, MOST_ELEMENTS, check_text, too_large
 from taskspec.robot.errors import RobotError
+from taskspec.text.codes import register
 from taskspec.text.confined import MEND, Confines
+
+register(
+    {
+        "TS401": "an unknown robot",
+        "TS402": "a robot file that cannot be read",
+        "TS409": "a file outside of the task's project",
+    }
+)
 
 SUFFIXES = (".xml", ".mjcf", ".urdf")
 MESH_SUFFIXES = (".stl", ".obj", ".msh")

@@ -23,6 +23,9 @@ from taskspec.robot.poses import pose_of_rpy
 from taskspec.robot.rebuild import rebuild
 from taskspec.robot.tool import attach, make_tool
 from taskspec.robot.types import RobotLike, RobotModel
+from taskspec.text.codes import register
+
+register({"TS404": "a robot file that does not compile"})
 
 if TYPE_CHECKING:
     import numpy.typing as npt

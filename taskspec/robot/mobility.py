@@ -11,6 +11,9 @@ import pinocchio as pin
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.robot.chain import Chain
 from taskspec.robot.errors import RobotError
+from taskspec.text.codes import register
+
+register({"TS408": "a tool tip that cannot move along the world's axes"})
 
 if TYPE_CHECKING:
     import numpy.typing as npt

@@ -19,7 +19,16 @@ from taskspec.robot.inverse_kinematics import (
     turns_at,
 )
 from taskspec.robot.types import RobotModel
+from taskspec.text.codes import register
 from taskspec.text.units import ANGLE, LENGTH, describe
+
+register(
+    {
+        "TS411": "joint positions that do not fit the robot",
+        "TS412": "a start out of reach",
+        "TS413": "an orientation that the robot cannot take at its start",
+    }
+)
 
 if TYPE_CHECKING:
     import numpy.typing as npt

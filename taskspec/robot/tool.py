@@ -12,6 +12,9 @@ import pinocchio as pin
 from taskspec.robot.errors import RobotError
 from taskspec.robot.poses import quaternion
 from taskspec.robot.types import ToolGeometry, ToolLike
+from taskspec.text.codes import register
+
+register({"TS407": "a tool that is not complete or not possible"})
 
 if TYPE_CHECKING:
     import numpy.typing as npt

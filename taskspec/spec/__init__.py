@@ -6,6 +6,7 @@ from taskspec.spec.equation import Constraint, EquationObject, JointEquation
 from taskspec.spec.expectation import Expectation
 from taskspec.spec.frame import Frame
 from taskspec.spec.gains import AxisValues
+from taskspec.spec.key_path import FILE, KeyPath, below, key_of
 from taskspec.spec.law import ForceGains, Law
 from taskspec.spec.laws import LAWS, LawFacts
 from taskspec.spec.limits import Limits
@@ -21,6 +22,7 @@ from taskspec.spec.vary import Variation
 from taskspec.spec.world import Motion, Shape
 
 __all__ = [
+    "FILE",
     "LAWS",
     "Arc",
     "AxisEntry",
@@ -33,6 +35,7 @@ __all__ = [
     "Frame",
     "Hinge",
     "JointEquation",
+    "KeyPath",
     "Law",
     "LawFacts",
     "Limits",
@@ -56,6 +59,8 @@ __all__ = [
     "Tool",
     "Variation",
     "Within",
+    "below",
+    "key_of",
     "load_task",
     "load_text",
 ]

@@ -13,6 +13,7 @@ from taskspec.spec.model import Model, complete, short_form
 from taskspec.spec.quantities import Constant, Formula
 from taskspec.spec.reading import Reading
 from taskspec.spec.words import Word
+from taskspec.text.codes import register
 from taskspec.text.data import Map, Text
 from taskspec.text.expression import Expression, ScopeKind
 from taskspec.text.nodes import pointer
@@ -28,6 +29,15 @@ from taskspec.text.units import (
     STIFFNESS,
     TIME,
     VELOCITY,
+)
+
+register(
+    {
+        "TS201": "an axis without a mode",
+        "TS202": "two motions on one axis",
+        "TS204": "a key that does not belong to the axis's mode",
+        "TS205": "a force on a rotation, or a torque on a translation",
+    }
 )
 
 MOTIONS = ("hold", "position", "velocity", "move", "follows")

@@ -13,6 +13,7 @@ from taskspec.spec.kinds import Kind
 from taskspec.spec.model import Model
 from taskspec.spec.quantities import Constant
 from taskspec.spec.reading import Reading, kind_of, span_of
+from taskspec.text.codes import register
 from taskspec.text.data import Map, Text
 from taskspec.text.expression import Expression, Problem, ScopeKind, infer, parse
 from taskspec.text.expression.problem import ExpressionError
@@ -25,6 +26,8 @@ from taskspec.text.units import (
     NUMBER,
     STIFFNESS,
 )
+
+register({"TS310": "an equation that is no constraint"})
 
 Relation = Literal["=", "<=", ">="]
 

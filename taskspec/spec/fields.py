@@ -7,7 +7,10 @@ from typing import Annotated
 from taskspec.spec.quantities import Entries
 from taskspec.spec.reading import Reading
 from taskspec.spec.words import Reference
+from taskspec.text.codes import register
 from taskspec.text.units import ANGLE, LENGTH
+
+register({"TS123": "an unknown object"})
 
 MECHANISMS = ("hinge", "slide", "screw")
 """Kinds of objects that the robot moves by a handle."""

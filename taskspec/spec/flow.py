@@ -5,8 +5,16 @@ from __future__ import annotations
 from taskspec.spec.model import mapping
 from taskspec.spec.reading import Reading
 from taskspec.spec.words import ENDS
+from taskspec.text.codes import register
 from taskspec.text.data import Map
 from taskspec.text.source import Span
+
+register(
+    {
+        "TS604": "a cycle of stages without `attempts`",
+        "TS605": "a stage that is never reached",
+    }
+)
 
 Edges = dict[str, list[tuple[str, Span]]]
 

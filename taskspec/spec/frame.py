@@ -11,9 +11,17 @@ from taskspec.spec.model import Model, complete, mapping
 from taskspec.spec.quantities import Entries
 from taskspec.spec.reading import Reading
 from taskspec.spec.words import Reference, Word
+from taskspec.text.codes import register
 from taskspec.text.data import Map
 from taskspec.text.nodes import pointer
 from taskspec.text.units import NUMBER
+
+register(
+    {
+        "TS208": "frames that are placed in each other in a circle",
+        "TS209": "a frame that is both fixed and following",
+    }
+)
 
 _FIXED = ("parent", "xyz", "rpy")
 

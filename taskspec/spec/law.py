@@ -13,6 +13,7 @@ from taskspec.spec.model import Model, mapping, short_form
 from taskspec.spec.quantities import ForJoints
 from taskspec.spec.reading import Reading
 from taskspec.spec.words import Word, Words
+from taskspec.text.codes import register
 from taskspec.text.data import Map, Text
 from taskspec.text.units import (
     ANGULAR_DAMPING,
@@ -23,6 +24,14 @@ from taskspec.text.units import (
     MASS,
     NUMBER,
     STIFFNESS,
+)
+
+register(
+    {
+        "TS206": "an unknown law",
+        "TS207": "a gain that the law does not have",
+        "TS213": "a goal in the null space under a law that leaves it alone",
+    }
 )
 
 _GAINS = ("mass", "stiffness", "damping", "bandwidth", "damping_ratio")

@@ -13,6 +13,7 @@ from pydantic_core import ErrorDetails
 
 from taskspec.spec import overrides as overriding
 from taskspec.spec.control import settle_rates
+from taskspec.spec.key_path import KeyPath, is_key, steps_of
 from taskspec.spec.model import REPORTED, mapping
 from taskspec.spec.names import collect_names
 from taskspec.spec.params import evaluate_params
@@ -21,10 +22,13 @@ from taskspec.spec.task import Task
 from taskspec.spec.unused import unused, warn_unused
 from taskspec.text import nodes
 from taskspec.text.characters import normal
+from taskspec.text.codes import register
 from taskspec.text.data import Map, to_data
 from taskspec.text.diagnostic import Diagnostic, Diagnostics, SpecError
 from taskspec.text.source import Source, Span
 from taskspec.text.yaml import MAX_BYTES, read
+
+register({"TS021": "a missing key"})
 
 _EXAMPLES = {
     "taskspec": "begin the file with 'taskspec: 1'",
@@ -60,14 +64,18 @@ class LoadedTask:
     sources: Mapping[str, Source]
     root: nodes.Mapping = field(repr=False, compare=False)
 
-    def span(self, loc: tuple[str | int, ...], *, key: bool = False) -> Span:
-        """Return the place of a value, or of its nearest ancestor that the file has.
+    def span(self, path: KeyPath) -> Span:
+        """Return the place of a path, or of its nearest ancestor that the file has.
 
         Args:
-            loc: keys and list indices from the root, such as `("stages", "wipe", "axes", "z")`.
-            key: whether to point at the last key rather than at its value.
+            path: such as `FILE.stages["wipe"].axes["z"]`; `key_of` it is the key itself.
         """
-        return nodes.place(self.root, loc, key=key)
+        return nodes.place(self.root, steps_of(path), key=is_key(path))
+
+    def has(self, path: KeyPath) -> bool:
+        """Whether the file has a path as it is, without a short form that stands for it."""
+        steps = steps_of(path)
+        return nodes.find(self.root, steps)[1] == len(steps)
 
 
 def load_task(path: Path, overrides: Mapping[str, str] | None = None) -> LoadedTask:

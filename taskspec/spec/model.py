@@ -14,11 +14,20 @@ from pydantic import (
 from pydantic_core import CoreSchema, PydanticCustomError
 
 from taskspec.spec.reading import Reading, kind_of, span_of
+from taskspec.text.codes import register
 from taskspec.text.data import Map
 from taskspec.text.expression.spelling import KEY_WORDS
 from taskspec.text.nodes import Mapping as MappingNode
 from taskspec.text.nodes import Scalar
 from taskspec.text.suggest import suggestion
+
+register(
+    {
+        "TS020": "an unknown key",
+        "TS022": "a value of the wrong kind",
+        "TS026": "keys that do not go together",
+    }
+)
 
 REPORTED = "reported"
 """Type of a pydantic error that is already in the diagnostics."""

@@ -10,12 +10,20 @@ from taskspec.spec.objects import kind_of_object
 from taskspec.spec.reading import Reading
 from taskspec.spec.words import ENDS
 from taskspec.spec.world import is_free
+from taskspec.text.codes import register
 from taskspec.text.data import Map
 from taskspec.text.expression import signals
 from taskspec.text.expression.functions import FUNCTIONS, REDUCERS
 from taskspec.text.nodes import Mapping
 from taskspec.text.source import Span
 from taskspec.text.units import UNITS
+
+register(
+    {
+        "TS125": "a name that cannot be given",
+        "TS126": "a name given twice",
+    }
+)
 
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,63}\Z")
 _SHARED = ("world", "frames", "stages")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from taskspec.text.codes import register
 from taskspec.text.diagnostic import Diagnostics
 from taskspec.text.nodes import Mapping as MappingNode
 from taskspec.text.nodes import Node, Scalar, Sequence
@@ -11,6 +12,8 @@ from taskspec.text.origin import Origin
 from taskspec.text.source import Source, Span
 from taskspec.text.suggest import suggestion
 from taskspec.text.yaml import read
+
+register({"TS027": "an override of something that the task does not have"})
 
 NAME = "--set"
 """The source in which overrides are shown."""

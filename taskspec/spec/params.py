@@ -9,8 +9,11 @@ from typing import Any
 from taskspec.spec import values
 from taskspec.spec.kinds import Kind
 from taskspec.spec.reading import Reading, kind_of, span_of
+from taskspec.text.codes import register
 from taskspec.text.data import Map, Text
 from taskspec.text.units import Quantity
+
+register({"TS127": "params that define each other in a circle"})
 
 _WORD = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 

@@ -10,9 +10,12 @@ from taskspec.spec.model import Model, complete
 from taskspec.spec.quantities import Constant, Entries, Series
 from taskspec.spec.reading import Reading
 from taskspec.spec.words import Free
+from taskspec.text.codes import register
 from taskspec.text.data import Items, Map
 from taskspec.text.nodes import pointer
 from taskspec.text.units import ANGLE, LENGTH, NUMBER, TIME, VELOCITY, alternatives
+
+register({"TS606": "a path that is not one path"})
 
 FORMS = ("to", "line", "arc", "lissajous", "file")
 _PACE = {"speed", "time"}

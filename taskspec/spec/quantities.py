@@ -9,6 +9,7 @@ from typing import Any
 from taskspec.spec import values
 from taskspec.spec.kinds import Kind
 from taskspec.spec.reading import Reading, kind_of, span_of
+from taskspec.text.codes import register
 from taskspec.text.data import Items, Real, Text, Whole
 from taskspec.text.expression import Expression, ScopeKind
 from taskspec.text.expression.tree import Number
@@ -23,6 +24,8 @@ from taskspec.text.units import (
     in_si,
     noun,
 )
+
+register({"TS023": "a list of the wrong length"})
 
 _SCALAR: dict[str, Any] = {"type": ["string", "number"]}
 """A quantity in JSON Schema: text with a unit, or a plain number such as 0."""

@@ -5,11 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from taskspec.text import nodes
+from taskspec.text.codes import register
 from taskspec.text.data import Items, Map, Real, Text, Truth, Whole
 from taskspec.text.diagnostic import Diagnostics
 from taskspec.text.expression import Problem, Scope, ScopeKind
 from taskspec.text.source import Span
 from taskspec.text.units import Quantity
+
+register({"TS090": "part of the language, but not supported yet"})
 
 
 @dataclass(slots=True)

@@ -12,6 +12,7 @@ from taskspec.spec.quantities import Constant, Entries, ForJoints, Series
 from taskspec.spec.reading import Reading
 from taskspec.spec.sizes import check_sizes
 from taskspec.spec.words import Free, Reference, Switch, Word
+from taskspec.text.codes import register
 from taskspec.text.data import Map
 from taskspec.text.units import (
     ANGLE,
@@ -23,6 +24,8 @@ from taskspec.text.units import (
     MOMENT,
     TIME,
 )
+
+register({"TS128": "something that cannot be held"})
 
 Held = Annotated[
     str,

@@ -6,8 +6,16 @@ from collections.abc import Mapping
 
 from taskspec.spec.model import complete
 from taskspec.spec.reading import Reading
+from taskspec.text.codes import register
 from taskspec.text.data import Map
 from taskspec.text.nodes import pointer
+
+register(
+    {
+        "TS301": "a shape's size is missing",
+        "TS302": "a size that the shape does not have",
+    }
+)
 
 SIZES = ("radius", "size", "length")
 

@@ -19,10 +19,25 @@ from taskspec.spec.quantities import Constant, Formula
 from taskspec.spec.reading import Reading
 from taskspec.spec.set_point import SetPoint, SetPoints
 from taskspec.spec.words import Count, Reference, Switch
+from taskspec.text.codes import register
 from taskspec.text.data import Map, Text
 from taskspec.text.expression import Expression, ScopeKind
 from taskspec.text.nodes import pointer
 from taskspec.text.units import LENGTH, TIME
+
+register(
+    {
+        "TS124": "an unknown stage",
+        "TS203": "a motion and a force on one axis",
+        "TS210": "a damping of an axis under a law that damps no axis",
+        "TS211": "set points of equations under a law without multipliers",
+        "TS212": "a soft axis under a law that has none",
+        "TS601": "a guard without a bound",
+        "TS602": "a stage that nothing ends",
+        "TS603": "a stage with two ends",
+        "TS607": "`path_done` in a stage without a path",
+    }
+)
 
 StageName = Annotated[str, Reference(lambda r: r.targets, "stage", "TS124")]
 Condition = Annotated[Expression, Formula(None, ScopeKind.GUARD)]

@@ -26,8 +26,16 @@ from taskspec.spec.stage import Stage
 from taskspec.spec.vary import Variation, Variations
 from taskspec.spec.words import Free
 from taskspec.spec.world import Shape
+from taskspec.text.codes import register
 from taskspec.text.data import Map, Real, Text, Whole
 from taskspec.text.units import Quantity
+
+register(
+    {
+        "TS016": "a text that a comment cuts short",
+        "TS024": "an unknown version of the language",
+    }
+)
 
 VERSION = 1
 _NAME = re.compile(r"[a-z][a-z0-9-]*\Z")

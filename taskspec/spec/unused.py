@@ -6,7 +6,10 @@ import re
 from collections.abc import Iterator
 
 from taskspec.text import nodes
+from taskspec.text.codes import register
 from taskspec.text.diagnostic import Diagnostics
+
+register({"TS130": "a name that nothing uses"})
 
 _WORD = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 #: Texts for people, in which a word is no use of a name.

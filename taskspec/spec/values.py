@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from taskspec.spec.reading import Reading, kind_of, span_of
+from taskspec.text.codes import register
 from taskspec.text.data import Real, Text, Whole
 from taskspec.text.expression import (
     Expression,
@@ -22,6 +23,8 @@ from taskspec.text.expression.signals import CONSTANTS
 from taskspec.text.expression.tree import Name, Node, Number, walk
 from taskspec.text.expression.widths import interval_problems
 from taskspec.text.units import LARGEST, NUMBER, Dimension, Quantity, describe
+
+register({"TS117": "a value that is not finite"})
 
 _FLOATS = FloatAlgebra()
 

@@ -11,6 +11,7 @@ from taskspec.spec.model import mapping
 from taskspec.spec.reading import Reading, kind_of, span_of
 from taskspec.spec.sizes import SIZES
 from taskspec.spec.world import Shape, is_free
+from taskspec.text.codes import register
 from taskspec.text.data import Items, Map
 from taskspec.text.expression import Problem, ScopeKind, check
 from taskspec.text.expression.tree import Interval, Node, Spread
@@ -32,6 +33,8 @@ from taskspec.text.units import (
     Dimension,
     describe,
 )
+
+register({"TS710": "a variation of something that cannot vary"})
 
 Target = tuple[Dimension, ...]
 """Dimension of each component."""

@@ -9,8 +9,11 @@ from typing import Any
 
 from taskspec.spec.kinds import Kind
 from taskspec.spec.reading import Reading, kind_of, span_of
+from taskspec.text.codes import register
 from taskspec.text.data import Items, Text, Truth, Whole
 from taskspec.text.suggest import suggestion
+
+register({"TS025": "not one of the words that fit"})
 
 ENDS = ("end", "fail")
 """Where a run may go instead of to a stage."""

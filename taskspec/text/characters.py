@@ -5,8 +5,16 @@ from __future__ import annotations
 import re
 import unicodedata
 
+from taskspec.text.codes import register
 from taskspec.text.diagnostic import Diagnostics
 from taskspec.text.source import Span
+
+register(
+    {
+        "TS002": "a character that task files may not contain",
+        "TS003": "a tab",
+    }
+)
 
 _FORBIDDEN = re.compile(
     "[\x00-\x08\x0b-\x1f\x7f-\xa0\xad\u061c\u1680\u180e\u2000-\u200a\u202f\u205f\u3000"

@@ -12,7 +12,15 @@ from functools import partial
 from typing import TypeVar
 
 from taskspec.text import nodes
+from taskspec.text.codes import register
 from taskspec.text.diagnostic import Diagnostics
+
+register(
+    {
+        "TS011": "a key without a value",
+        "TS015": "a number that is not finite",
+    }
+)
 
 _INT = re.compile(r"[-+]?[0-9]+\Z")
 _FLOAT = re.compile(r"[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?\Z")

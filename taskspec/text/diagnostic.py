@@ -70,6 +70,13 @@ class Diagnostics:
         """Whether a finding of this code is already there at this place."""
         return span is not None and any(d.code == code and d.span == span for d in self._found)
 
+    def covers(self, codes: tuple[str, ...], span: Span | None) -> bool:
+        """Whether a finding of one of these codes is already there, or has a note there."""
+        return span is not None and any(
+            d.code in codes and span in (d.span, *(note.span for note in d.notes))
+            for d in self._found
+        )
+
     def error(
         self,
         code: str,

@@ -4,10 +4,18 @@ from __future__ import annotations
 
 import re
 
+from taskspec.text.codes import register
 from taskspec.text.diagnostic import Diagnostics
 from taskspec.text.nodes import Mapping, Node, Scalar, Sequence
 from taskspec.text.origin import origin_of
 from taskspec.text.source import Source, Span
+
+register(
+    {
+        "TS012": "a comma that ends a value too early",
+        "TS013": "no space after a colon",
+    }
+)
 
 GLUED = re.compile(r"([A-Za-z_][A-Za-z0-9_.]*):(\S.*)\Z", re.DOTALL)
 """A key and its value without the space between them."""

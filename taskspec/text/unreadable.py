@@ -7,10 +7,18 @@ from dataclasses import dataclass
 
 import yaml
 
+from taskspec.text.codes import register
 from taskspec.text.diagnostic import Diagnostics
 from taskspec.text.nodes import Node, Scalar, Sequence, pointer
 from taskspec.text.source import Source, Span
 from taskspec.text.traps import GLUED
+
+register(
+    {
+        "TS001": "the file is not readable as YAML",
+        "TS010": "the file holds no task",
+    }
+)
 
 _BEGIN = "a task begins with 'taskspec: 1'"
 

@@ -13,10 +13,23 @@ import yaml
 
 from taskspec.text import traps, unreadable
 from taskspec.text.characters import first_forbidden, readable
+from taskspec.text.codes import register
 from taskspec.text.diagnostic import Diagnostics
 from taskspec.text.nodes import Mapping, Node, Scalar, Sequence
 from taskspec.text.origin import origin_of
 from taskspec.text.source import Source, Span
+
+register(
+    {
+        "TS004": "a key is given twice",
+        "TS005": "an anchor or an alias",
+        "TS006": "a merge key",
+        "TS007": "a tag",
+        "TS008": "more than one document",
+        "TS009": "the file is too large or too deeply nested",
+        "TS014": "a key that is not a word",
+    }
+)
 
 MAX_BYTES = 256 * 1024
 MAX_EVENTS = 20_000

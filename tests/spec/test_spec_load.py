@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from taskspec.spec import LoadedTask, Robot, Shape, Start, load_task, load_text
+from taskspec.spec import FILE, LoadedTask, Robot, Shape, Start, key_of, load_task, load_text
 from taskspec.text.diagnostic import SpecError
 from taskspec.text.expression import FloatAlgebra, evaluate
 from taskspec.text.source import Span
@@ -128,15 +128,15 @@ def test_paths() -> None:
 
 def test_places() -> None:
     loaded = load_task(WIPE)
-    z = ("stages", "wipe", "axes", "z", "force")
+    z = FILE.stages["wipe"].axes["z"].force
     assert piece(loaded, loaded.span(z)) == "-press"
-    assert piece(loaded, loaded.span(z, key=True)) == "force"
-    assert piece(loaded, loaded.span(("stages", "wipe", "axes", "z"))) == "{"
-    assert piece(loaded, loaded.span(("stages", "wipe"))) == "wipe"
-    assert piece(loaded, loaded.span(("stages", "wipe", "path", "to"))) == "wipe"
-    assert piece(loaded, loaded.span(("world", "table", "xyz", 2))) == "300 mm"
-    assert piece(loaded, loaded.span(("nothing",))) == "t"
-    assert piece(loaded, loaded.span(("expect", 1))) == "rms(wipe.error.x) < 0.5 mm"
+    assert piece(loaded, loaded.span(key_of(z))) == "force"
+    assert piece(loaded, loaded.span(FILE.stages["wipe"].axes["z"])) == "{"
+    assert piece(loaded, loaded.span(FILE.stages["wipe"])) == "wipe"
+    assert piece(loaded, loaded.span(FILE.stages["wipe"].path.to)) == "wipe"
+    assert piece(loaded, loaded.span(FILE.world["table"].xyz[2])) == "300 mm"
+    assert piece(loaded, loaded.span(FILE)) == "t"
+    assert piece(loaded, loaded.span(FILE.expect[1])) == "rms(wipe.error.x) < 0.5 mm"
 
 
 def test_parts_of_expressions_have_places() -> None:
@@ -190,7 +190,7 @@ def test_overrides() -> None:
     assert task.vary["world.table.friction"][0] is not None
     assert task.expect[0].text == "max(gap) < 1 m"
     assert loaded.overrides["press"] == "20N"
-    span = loaded.span(("world", "table", "stiffness"))
+    span = loaded.span(FILE.world["table"].stiffness)
     assert span == Span(2, 23, 2, 30, "--set")
 
 
@@ -272,7 +272,7 @@ def test_tasks_and_errors_pass_between_processes() -> None:
     loaded = load_task(WIPE)
     copy = pickle.loads(pickle.dumps(loaded))
     assert copy.task == loaded.task
-    assert copy.span(("law",)) == loaded.span(("law",))
+    assert copy.span(FILE.law) == loaded.span(FILE.law)
     with pytest.raises(SpecError) as caught:
         load_text(HEAD, "t")
     again = pickle.loads(pickle.dumps(caught.value))

@@ -6,7 +6,11 @@ from taskspec.geometry.axis import Axis
 from taskspec.program.context import Context
 from taskspec.robot import RobotError
 from taskspec.robot import check_joints as posture_of_joints
+from taskspec.spec import FILE, KeyPath, below, key_of
+from taskspec.text.codes import register
 from taskspec.text.diagnostic import Diagnostics
+
+register({"TS414": "values for joints that do not fit the robot"})
 
 
 def check_axes(context: Context, name: str, axes: tuple[Axis, ...], found: Diagnostics) -> None:
@@ -18,7 +22,7 @@ def check_axes(context: Context, name: str, axes: tuple[Axis, ...], found: Diagn
             found.error(
                 "TS220",
                 f"{robot.name!r} cannot move {_how(axis)} of frame {frame.name!r}",
-                loaded.span(("stages", name, "axes", axis), key=True),
+                loaded.span(key_of(FILE.stages[name].axes[axis])),
                 f"axes that exist here: {', '.join(axes)}",
             )
 
@@ -31,13 +35,13 @@ def check_joints(context: Context, found: Diagnostics) -> None:
         try:
             posture_of_joints(context.robot, task.robot.posture, "the posture", ("posture",))
         except RobotError as error:
-            place = ("robot", *error.field)
+            place = below(FILE.robot, *error.field)
             found.error(error.code, error.message, loaded.span(place), error.hint)
-    lists: list[tuple[tuple[str, ...], tuple[float, ...]]] = [
-        (("robot", "joint_damping"), task.robot.joint_damping)
+    lists: list[tuple[KeyPath, tuple[float, ...]]] = [
+        (FILE.robot.joint_damping, task.robot.joint_damping)
     ]
     lists += [
-        (("stages", name, "law", "damping") if stage.law else ("law", "damping"), damping)
+        (FILE.stages[name].law.damping if stage.law else FILE.law.damping, damping)
         for name, stage in task.stages.items()
         if (damping := context.law_of(stage).joint_damping) is not None
     ]

@@ -10,11 +10,19 @@ from taskspec.check.foresight.flow import followers, reached
 from taskspec.program.context import Context
 from taskspec.program.world.felt import LEAST_SINE
 from taskspec.program.world.frames import FrameModel
-from taskspec.spec import Stage
+from taskspec.spec import FILE, Stage
+from taskspec.text.codes import register
 from taskspec.text.diagnostic import Diagnostics
 from taskspec.text.expression import Expression
 from taskspec.text.expression.tree import Name, walk
 from taskspec.text.source import Span
+
+register(
+    {
+        "TS245": "a measured frame that is used before it is measured",
+        "TS246": "a measured frame that may be used before it is measured",
+    }
+)
 
 
 def check_felt(context: Context, found: Diagnostics) -> None:
@@ -59,7 +67,7 @@ def _check_heading(context: Context, name: str, frame: FrameModel, found: Diagno
         found.error(
             "TS225",
             f"frame {name!r} has no x axis: its heading is along the normal of {nearest!r}",
-            context.loaded.span(("frames", name)),
+            context.loaded.span(FILE.frames[name]),
             "give a heading that lies in the surface, such as heading: [0, 1, 0]",
         )
 
@@ -69,7 +77,7 @@ def _used(context: Context, name: str, stage: Stage) -> Iterator[tuple[FrameMode
     loaded = context.loaded
     own = context.frame_of(stage)
     if own.felt:
-        yield own, loaded.span(("stages", name, "frame") if stage.frame else ("frame",))
+        yield own, loaded.span(FILE.stages[name].frame if stage.frame else FILE.frame)
     for expression in _expressions(stage):
         for node in walk(expression.tree):
             if isinstance(node, Name) and node.frame is not None:

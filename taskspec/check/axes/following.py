@@ -10,7 +10,11 @@ from taskspec.motion.path import PathShape
 from taskspec.program.context import Context
 from taskspec.program.reference.coupling import UncoupledError, coupling
 from taskspec.program.reference.modes import plan_axes
+from taskspec.spec import FILE
+from taskspec.text.codes import register
 from taskspec.text.diagnostic import Diagnostics
+
+register({"TS230": "an axis that does not follow from the mechanism's geometry"})
 
 
 def check_following(
@@ -36,5 +40,5 @@ def check_following(
         try:
             coupling(context, context.frame_of(stage), rotation, plans, axis)
         except UncoupledError as error:
-            place = loaded.span(("stages", name, "axes", axis, "follows"))
+            place = loaded.span(FILE.stages[name].axes[axis].follows)
             found.error("TS230", str(error), place, error.hint)

@@ -14,8 +14,21 @@ from taskspec.program.context import Context
 from taskspec.program.prepare import box_face_at, pose_of_carrier, tool_center
 from taskspec.program.signals import TOUCHING
 from taskspec.program.world.stiffness import RESOLVED_PHASE
+from taskspec.spec import FILE
+from taskspec.text.codes import register
 from taskspec.text.diagnostic import Diagnostics
 from taskspec.text.show import show
+
+register(
+    {
+        "TS225": "a following frame without an x axis at the start",
+        "TS232": "a rotation held against the world on an object that turns",
+        "TS248": "a frame that does not go with its loose body",
+        "TS305": "a start inside an object",
+        "TS307": "a contact stiffer than the plant's steps resolve",
+        "TS326": "a tool that points away from its surface",
+    }
+)
 
 #: Cosine from which on a tool points away: 60 deg.
 _AWAY = 0.5
@@ -47,14 +60,14 @@ def check_frame(context: Context, name: str, found: Diagnostics) -> bool:
             "TS225",
             f"the tool does not start over the part of {frame.surface_name!r} that frame "
             f"{frame.name!r} follows",
-            loaded.span(("robot", "start")),
+            loaded.span(FILE.robot.start),
             "start over the face of a box, the side of a cylinder, outside of a sphere",
         )
         return False
     if share < 1 - 1e-3:
         return True
     given = frame.heading is not None
-    place = ("frames", frame.name, "heading" if given else "surface")
+    place = FILE.frames[frame.name]["heading" if given else "surface"]
     found.error(
         "TS225",
         f"frame {frame.name!r} has no x axis where the tool starts: its heading is along the "
@@ -74,7 +87,7 @@ def _check_loose(context: Context, name: str, found: Diagnostics) -> None:
     shape = loaded.task.shapes.get(owner or "")
     if shape is None or not shape.free or owner == loaded.task.robot.grasp:
         return
-    place = loaded.span(("stages", name, "frame") if stage.frame else ("frame",))
+    place = loaded.span(FILE.stages[name].frame if stage.frame else FILE.frame)
     if found.says("TS248", place):
         return
     found.warning(
@@ -91,14 +104,14 @@ def _turning_fits(context: Context, name: str, found: Diagnostics) -> bool:
     loaded = context.loaded
     stage = loaded.task.stages[name]
     frame, carrier = context.frame_of(stage), context.carrier_of(context.frame_of(stage))
-    place = loaded.span(("stages", name, "frame") if stage.frame else ("frame",))
+    place = loaded.span(FILE.stages[name].frame if stage.frame else FILE.frame)
     held = [a for a, entry in stage.axes.items() if entry.hold == "world"]
     if carrier is not None and carrier.turns and held:
         found.error(
             "TS232",
             f"{carrier.name!r} turns, and {held[0]!r} of a frame on it cannot hold the world's "
             "orientation",
-            loaded.span(("stages", name, "axes", held[0])),
+            loaded.span(FILE.stages[name].axes[held[0]]),
             "take a frame that does not turn with the object, or write 'hold'",
         )
         return False
@@ -119,7 +132,7 @@ def _turning_fits(context: Context, name: str, found: Diagnostics) -> bool:
             "TS231",
             f"the tool starts at the axis of {frame.mechanism.name!r}, where frame "
             f"{frame.name!r} has no axes",
-            loaded.span(("robot", "start")),
+            loaded.span(FILE.robot.start),
             f"start at the handle: robot.grasp: {frame.mechanism.name}.handle",
         )
         return False
@@ -140,7 +153,7 @@ def _check_knob(context: Context, name: str, held: list[Axis], found: Diagnostic
                 "TS232",
                 f"the knob of {mechanism.name!r} is fixed, so the tool turns with it, and {axis!r} "
                 "holds against that",
-                loaded.span(("stages", name, "axes", axis)),
+                loaded.span(FILE.stages[name].axes[axis]),
                 f"write {axis}: {{follows: {mechanism.name}}}, or knob: free",
             )
 
@@ -160,7 +173,7 @@ def check_pointing(context: Context, name: str, found: Diagnostics) -> None:
     if len(context.robot.axes) <= _PLANAR or context.start_gaps[contact] < 0:
         return
     along = float(context.start_R[:, 2] @ context.start_normals[contact])
-    place = loaded.span(("robot", "start"))
+    place = loaded.span(FILE.robot.start)
     if along > _AWAY and not found.says("TS326", place):
         found.warning(
             "TS326",
@@ -181,7 +194,7 @@ def check_stiffness(context: Context, found: Diagnostics) -> None:
                 "TS307",
                 f"{name!r} is stiffer than the plant's steps resolve: up to "
                 f"{show(most, 'kN/m', 3)} on this arm at this rate",
-                loaded.span(("world", name, "stiffness")),
+                loaded.span(FILE.world[name].stiffness),
                 "raise control.plant_rate, or write `rigid`",
             )
 
@@ -196,6 +209,6 @@ def check_start(context: Context, found: Diagnostics) -> None:
                 "TS305",
                 f"the tool starts {show(-gap, 'mm')} inside {name!r}: the run begins with "
                 f"{show(force, 'N', 3)} of contact",
-                loaded.span(("robot", "start")),
+                loaded.span(FILE.robot.start),
                 "start above the surface, and approach it with a guarded stage",
             )

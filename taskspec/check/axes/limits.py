@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 from taskspec.program.context import Context
+from taskspec.spec import FILE, key_of
+from taskspec.text.codes import register
 from taskspec.text.diagnostic import Diagnostics
+
+register({"TS214": "a limit that nothing keeps"})
 
 
 def check_limits(context: Context, name: str, found: Diagnostics) -> None:
@@ -13,8 +17,8 @@ def check_limits(context: Context, name: str, found: Diagnostics) -> None:
     if context.law_of(stage).solve == "qp" or context.limits_of(stage).torque_rate is None:
         return
     own = stage.limits is not None and stage.limits.torque_rate is not None
-    owner = ("stages", name, "limits") if own else ("limits",)
-    place = context.loaded.span((*owner, "torque_rate"), key=True)
+    owner = FILE.stages[name].limits if own else FILE.limits
+    place = context.loaded.span(key_of(owner.torque_rate))
     if found.says("TS214", place):
         return  # The file's limits are those of several stages.
     found.error(

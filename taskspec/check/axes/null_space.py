@@ -5,7 +5,11 @@ from __future__ import annotations
 from taskspec.geometry.axis import Axis
 from taskspec.program.context import Context
 from taskspec.program.stages.null_space import bounded
+from taskspec.spec import FILE
+from taskspec.text.codes import register
 from taskspec.text.diagnostic import Diagnostics
+
+register({"TS233": "a goal in the null space that has no effect on this arm"})
 
 
 def check_null_space(
@@ -17,8 +21,8 @@ def check_null_space(
     law = context.law_of(stage)
     if "null_space" not in law.model_fields_set:
         return
-    owner = ("stages", name, "law") if stage.law is not None else ("law",)
-    n, place = robot.pin.nv, loaded.span((*owner, "null_space"))
+    owner = FILE.stages[name].law if stage.law is not None else FILE.law
+    n, place = robot.pin.nv, loaded.span(owner.null_space)
     if n == len(axes):
         found.warning(
             "TS233",

@@ -11,7 +11,16 @@ from taskspec.geometry.axis import AXES, Axis
 from taskspec.program.context import Context
 from taskspec.program.reference.orientation import NEAREST, angles_of, representation_of
 from taskspec.program.world.frames import FrameModel
+from taskspec.spec import FILE
+from taskspec.text.codes import register
 from taskspec.text.diagnostic import Diagnostics
+
+register(
+    {
+        "TS228": "Euler angles where the task frame turns or a rotation is not held to a motion",
+        "TS229": "Euler angles at their singularity at the start",
+    }
+)
 
 _ROTATIONS = AXES[3:]
 _FLAT = ("plane", "box")
@@ -36,8 +45,8 @@ def check_orientation(
     representation = representation_of(law)
     if representation is None:
         return
-    owner = ("stages", name, "law") if stage.law is not None else ("law",)
-    place = context.loaded.span((*owner, "orientation"))
+    owner = FILE.stages[name].law if stage.law is not None else FILE.law
+    place = context.loaded.span(owner.orientation)
     if found.says("TS228", place) or found.says("TS229", place):
         return  # One law of several stages is one mistake.
     reason = _why_not(context, name, axes)

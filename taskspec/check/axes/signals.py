@@ -10,9 +10,12 @@ from taskspec.control.gains import has_force
 from taskspec.geometry.axis import ROTATIONS, Axis, as_axis
 from taskspec.program.context import Context
 from taskspec.spec import LAWS
+from taskspec.text.codes import register
 from taskspec.text.diagnostic import Diagnostics
 from taskspec.text.expression import Expression
 from taskspec.text.expression.tree import Call, Name, Node, children
+
+register({"TS224": "a signal that this stage cannot evaluate"})
 
 _VECTORS = ("force", "torque", "position", "velocity", "error")
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from taskspec.geometry import rotation
 from taskspec.program.context import Context
-from taskspec.spec import Shape
+from taskspec.spec import FILE, Shape, key_of
 from taskspec.text.diagnostic import Diagnostics
 from taskspec.text.show import show
 
@@ -43,7 +43,7 @@ def check_bodies(context: Context, found: Diagnostics) -> None:
                     "TS305",
                     f"{name!r} starts {show(depth, 'mm', 3)} inside {other!r}: the run begins with "
                     f"{show(depth * stiffness, 'N', 3)} between them",
-                    loaded.span(("world", name), key=True),
+                    loaded.span(key_of(FILE.world[name])),
                     "let the body lie on it: the contact gives way by weight / stiffness",
                 )
 

@@ -10,10 +10,19 @@ from taskspec.geometry.axis import AXES, Axis
 from taskspec.program.context import Context
 from taskspec.program.reference.constraints import active_equations
 from taskspec.program.signals import TOUCHING
-from taskspec.spec import LAWS
+from taskspec.spec import FILE, LAWS, key_of
+from taskspec.text.codes import register
 from taskspec.text.diagnostic import Diagnostics
 from taskspec.text.show import show
 from taskspec.text.source import Span
+
+register(
+    {
+        "TS311": "an equation without a gradient",
+        "TS312": "a start off a constraint",
+        "TS313": "constraints that depend on each other",
+    }
+)
 
 #: Below this length a gradient, in its own units, is none.
 _FLAT = 1e-9
@@ -26,7 +35,7 @@ def check_equations(context: Context, found: Diagnostics) -> None:
     loaded = context.loaded
     for name, at in context.start_equations.items():
         model = context.equations[name]
-        place = loaded.span(("world", name, "equation"))
+        place = loaded.span(FILE.world[name].equation)
         what = "joints start" if model.joints else "tool starts"
         if not (np.isfinite(at.distance) and np.isfinite(at.normal).all()):
             found.error("TS117", f"this has no finite value where the {what}", place)
@@ -48,7 +57,7 @@ def check_equations(context: Context, found: Diagnostics) -> None:
                 "TS312",
                 f"the {what} {show(abs(at.distance), unit)} off {name!r}: the run begins with "
                 f"{effort} of it",
-                loaded.span(("robot", "start")),
+                loaded.span(FILE.robot.start),
                 "start on the constraint",
             )
 
@@ -108,7 +117,7 @@ def _place(context: Context, stage: str, row: str) -> Span | None:
     name, span = row.removeprefix("axis ").strip("'"), context.loaded.span
     declared = context.loaded.task.stages[stage]
     if row.startswith("axis "):
-        return span(("stages", stage, "axes", name), key=True)
+        return span(key_of(FILE.stages[stage].axes[name]))
     if name in declared.constraints:
-        return span(("stages", stage, "constraints", name), key=True)
-    return span(("stages", stage), key=True)
+        return span(key_of(FILE.stages[stage].constraints[name]))
+    return span(key_of(FILE.stages[stage]))

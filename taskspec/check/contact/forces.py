@@ -13,8 +13,17 @@ from taskspec.geometry.axis import AXES, Axis
 from taskspec.motion.path import PathShape
 from taskspec.program.context import Context
 from taskspec.program.reference.modes import plan_axes
-from taskspec.spec import AxisEntry, Variation
+from taskspec.spec import FILE, AxisEntry, Variation
+from taskspec.text.codes import register
 from taskspec.text.diagnostic import Diagnostics
+
+register(
+    {
+        "TS303": "a force without a surface to press on",
+        "TS304": "an open-loop force that `vary` makes vague",
+        "TS306": "an open-loop force on an axis without a spring",
+    }
+)
 
 
 def check_forces(
@@ -34,14 +43,14 @@ def check_forces(
     open_loop = [a for a, p in plans.items() if p.open_loop]
     if not open_loop:
         return
-    place = ("stages", name, "axes", open_loop[0])
+    place = FILE.stages[name].axes[open_loop[0]]
     gripped = context.gripped(frame)
     if contact is None and not gripped and not all(a.is_rotation for a in open_loop):
         found.error(
             "TS303",
             f"under {law.kind!r} a force is reached by pressing below a surface, and the world "
             "has none",
-            loaded.span((*place, "force")),
+            loaded.span(place.force),
             "declare the surface under `world`, or use a law with a force loop: hybrid, "
             "parallel, parallel-pid",
         )
@@ -56,7 +65,7 @@ def check_forces(
             found.error(
                 "TS306",
                 f"under {law.kind!r} a force stretches the law's spring, and {axis!r} has none",
-                loaded.span(("stages", name, "axes", axis)),
+                loaded.span(FILE.stages[name].axes[axis]),
                 "give the law a stiffness above zero, or use a law with a force loop",
             )
             continue
@@ -70,7 +79,7 @@ def check_forces(
                 "TS304",
                 f"under {law.kind!r} this force is open loop: for the surfaces that `vary` allows "
                 f"it becomes {low:.3g} to {high:.3g} N",
-                loaded.span(("stages", name, "axes", axis, "force")),
+                loaded.span(FILE.stages[name].axes[axis].force),
                 "a law with a force loop (hybrid, parallel, parallel-pid) reaches it on all",
             )
 

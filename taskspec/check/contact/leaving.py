@@ -16,11 +16,20 @@ from taskspec.program.context import Context
 from taskspec.program.reference.constraints import active_equations
 from taskspec.program.signals import TOUCHING
 from taskspec.program.world.equations import EquationModel
-from taskspec.spec import LAWS, AxisEntry, Stage
+from taskspec.spec import FILE, LAWS, AxisEntry, Stage, key_of
+from taskspec.text.codes import register
 from taskspec.text.diagnostic import Diagnostics
 from taskspec.text.expression.tree import Name, walk
 from taskspec.text.show import show
 from taskspec.text.source import Span
+
+register(
+    {
+        "TS321": "a motion into a surface",
+        "TS323": "a motion that leaves a constraint",
+        "TS324": "a motion to where a constraint has no gradient",
+    }
+)
 
 Vector = NDArray[np.float64]
 
@@ -168,6 +177,6 @@ def _place(context: Context, name: str, stage: Stage) -> Span | None:
     """Where a stage says how it moves."""
     span = context.loaded.span
     if stage.path is not None:
-        return span(("stages", name, "path"), key=True)
+        return span(key_of(FILE.stages[name].path))
     axis = next(iter(moving_axes(stage)), None)
-    return span(("stages", name, "axes", axis) if axis else ("stages", name), key=True)
+    return span(key_of(FILE.stages[name].axes[axis] if axis else FILE.stages[name]))

@@ -17,10 +17,18 @@ from taskspec.check.foresight.known import known_value
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.program.context import Context
 from taskspec.program.world.equations import EquationModel
-from taskspec.spec import LAWS, AxisEntry, Stage
+from taskspec.spec import FILE, LAWS, AxisEntry, Stage
+from taskspec.text.codes import register
 from taskspec.text.diagnostic import Diagnostics, Severity
 from taskspec.text.show import show
 from taskspec.text.source import Span
+
+register(
+    {
+        "TS320": "a force that nothing resists",
+        "TS325": "an axis that nothing determines",
+    }
+)
 
 Vector = NDArray[np.float64]
 
@@ -53,7 +61,7 @@ def check_resisting(
             continue
         turns = axis.is_rotation
         key, unit = ("torque", "N*m") if turns else ("force", "N")
-        place = context.loaded.span(("stages", name, "axes", axis, key))
+        place = context.loaded.span(FILE.stages[name].axes[axis][key])
         if _is_told(place, found):
             continue
         direction = rotation[:, AXES.index(axis) % 3]

@@ -11,9 +11,17 @@ from taskspec.geometry.axis import AXES, Axis
 from taskspec.program.axes import MOSTLY
 from taskspec.program.context import Context
 from taskspec.program.limits.consistency import SET_POINT_SHARE
-from taskspec.spec import AxisEntry, Stage
+from taskspec.spec import FILE, AxisEntry, Stage
+from taskspec.text.codes import register
 from taskspec.text.diagnostic import Diagnostics
 from taskspec.text.source import Span
+
+register(
+    {
+        "TS308": "a pull on a surface that can only push",
+        "TS610": "a limit below a set point",
+    }
+)
 
 
 def check_set_points(
@@ -37,7 +45,7 @@ def check_set_points(
         wanted = steady_force(context, entry) if axis in axes else None
         if wanted is None:
             continue
-        place = loaded.span(("stages", name, "axes", axis, "force"))
+        place = loaded.span(FILE.stages[name].axes[axis].force)
         if contact is not None:
             along = float(rotation[:, AXES.index(axis)] @ context.start_normals[contact])
             if abs(along) > MOSTLY and wanted * along > 0:
@@ -83,7 +91,7 @@ def _check_constraints(context: Context, name: str, found: Diagnostics) -> None:
         if wanted is None:
             continue
         kind, unit = ("torque", "N*m") if model.joints else ("force", "N")
-        place = loaded.span(("stages", name, "constraints", equation, kind))
+        place = loaded.span(FILE.stages[name].constraints[equation][kind])
         share = shares_of(context, name).force
         if most is not None and abs(wanted) > share * most and not model.joints:
             _beyond(context, stage, wanted, place, found)

@@ -20,9 +20,12 @@ from taskspec.motion.path import PathShape
 from taskspec.program.context import Context
 from taskspec.program.execution.tracks import MOVE_SPEED
 from taskspec.program.world.mechanisms import MechanismModel
-from taskspec.spec import LAWS, AxisEntry
+from taskspec.spec import FILE, LAWS, AxisEntry, key_of
+from taskspec.text.codes import register
 from taskspec.text.diagnostic import Diagnostics
 from taskspec.text.show import show
+
+register({"TS322": "a motion that the mechanism does not allow"})
 
 Vector = NDArray[np.float64]
 
@@ -61,7 +64,7 @@ def check_yielding(
     if missing[worst] <= _DIFFERS * float(np.max(np.abs(b))):
         return
     axis = list(wanted)[worst]
-    if found.says("TS232", loaded.span(("stages", name, "axes", axis))):
+    if found.says("TS232", loaded.span(FILE.stages[name].axes[axis])):
         return
     others = [i for i in rows if i != worst]
     if others:  # What the others ask of it, not a compromise with it.
@@ -71,12 +74,12 @@ def check_yielding(
     has = has if abs(has) > _NOTHING else 0.0
     asked = f"is to move with {show(wanted[axis] or 0.0, unit, 3)}" if wanted[axis] else "is held"
     free = "torque" if axis.is_rotation else "force"
-    place = ("stages", name, "axes", axis if axis in stage.axes else moved[0])
+    place = FILE.stages[name].axes[axis if axis in stage.axes else moved[0]]
     found.warning(
         "TS322",
         f"{axis!r} {asked}, and {context.held!r} lets it move with {show(has, unit, 3)} where the "
         "run begins: the arm works against the grip",
-        loaded.span(place, key=True),
+        loaded.span(key_of(place)),
         f"let it give way: {axis}: {{{free}: 0}}",
     )
 

@@ -14,10 +14,21 @@ from taskspec.check.stages.conditions import bounds_of, names, parts, value_of
 from taskspec.geometry.axis import Axis, as_axis
 from taskspec.program.context import Context
 from taskspec.spec import LAWS, Expectation
+from taskspec.text.codes import register
 from taskspec.text.diagnostic import Diagnostics
 from taskspec.text.expression import evaluate
 from taskspec.text.expression.tree import Call, Held, Name, Node, Reduce, Within, walk
 from taskspec.text.show import show
+
+register(
+    {
+        "TS720": "an expectation of a stage that is not entered",
+        "TS721": "an expectation of a signal that a stage does not have",
+        "TS722": "an expectation that can never hold",
+        "TS723": "an expectation that a set point contradicts",
+        "TS724": "an expectation of a time finer than a tick",
+    }
+)
 
 _POSITIVE = Interval(0.0, math.inf)
 _ALGEBRA = IntervalAlgebra()

@@ -16,9 +16,17 @@ from taskspec.control.qp.certificate import Certificate, contradiction, feasible
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.program.axes import MOSTLY
 from taskspec.program.context import Context
-from taskspec.spec import LAWS
+from taskspec.spec import FILE, LAWS, key_of
+from taskspec.text.codes import register
 from taskspec.text.diagnostic import Diagnostics, Severity
 from taskspec.text.show import show
+
+register(
+    {
+        "TS420": "lines that contradict each other",
+        "TS421": "a motion that leads out of reach",
+    }
+)
 
 Vector = NDArray[np.float64]
 Model = Callable[[Context, Asked, Place], tuple[System, Vector]]
@@ -116,7 +124,8 @@ def _report_reach(context: Context, name: str, place: Place, found: Diagnostics)
     law = context.law_of(stage)
     possible = law.solve == "qp" or stage.until is not None
     moved = next(iter(moving_axes(stage)), None)
-    where = ("path",) if stage.path else ("axes",) if moved is None else ("axes", moved)
+    own = FILE.stages[name]
+    where = own.path if stage.path else own.axes if moved is None else own.axes[moved]
     frame = context.frame_of(stage)
     placed = stage.path is not None and stage.path.to is not None
     placed = placed or any(e.position is not None for e in stage.axes.values())
@@ -127,7 +136,7 @@ def _report_reach(context: Context, name: str, place: Place, found: Diagnostics)
         "TS421",
         f"in stage {name!r}, {place.words}, the arm cannot be where the motion leads: it misses "
         f"that by {place.missed}",
-        context.loaded.span(("stages", name, *where), key=True),
+        context.loaded.span(key_of(where)),
         f"shorten the way, start elsewhere, or leave the orientation to the arm{counts}",
     )
 

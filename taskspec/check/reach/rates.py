@@ -13,6 +13,7 @@ from taskspec.geometry.axis import AXES, Axis
 from taskspec.program.context import Context
 from taskspec.robot.inverse_kinematics import turns_at
 from taskspec.robot.mobility import tip_jacobian
+from taskspec.spec import FILE
 from taskspec.text.show import show
 
 Vector = NDArray[np.float64]
@@ -63,12 +64,12 @@ def _line(context: Context, name: str, axis: Axis, rates: Mapping[Axis, float]) 
         keys = ("velocity", "position", "speed", "move")
         key = next(k for k in keys if getattr(entry, k) is not None)
         words = f"{show(rates[axis], unit, 3)} {'about' if turns else 'along'} {axis!r}"
-        span = context.loaded.span(("stages", name, "axes", axis, key))
+        span = context.loaded.span(FILE.stages[name].axes[axis][key])
         return Line("velocity", words, span, "move slower", rates[axis], unit)
     if stage.path is None or entry is not None or rates[axis] == 0:
         return Line("hold", repr(axis), None, "")
     own = [rate for a, rate in rates.items() if a not in stage.axes and a.is_rotation == turns]
     pace = float(np.linalg.norm(own))
     key = next((k for k in ("speed", "time") if getattr(stage.path, k) is not None), "file")
-    span = context.loaded.span(("stages", name, "path", key))
+    span = context.loaded.span(FILE.stages[name].path[key])
     return Line("velocity", f"the path's {show(pace, unit, 3)}", span, "move slower", pace, unit)

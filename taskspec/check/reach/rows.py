@@ -12,6 +12,7 @@ from taskspec.geometry.axis import Axis
 from taskspec.program.context import Context
 from taskspec.program.limits.bounds import SPEED_SHARE, VELOCITY_SHARE
 from taskspec.program.limits.consistency import FRICTION_SHARE, SET_POINT_SHARE, STATIC_SHARE
+from taskspec.spec import FILE
 from taskspec.text.source import Span
 
 Vector = NDArray[np.float64]
@@ -112,5 +113,5 @@ def limit_place(context: Context, name: str, key: str) -> Span | None:
     """Where the limit `key` of stage `name` stands."""
     own = context.loaded.task.stages[name].limits
     if own is not None and getattr(own, key) is not None:
-        return context.loaded.span(("stages", name, "limits", key))
-    return context.loaded.span(("limits", key))
+        return context.loaded.span(FILE.stages[name].limits[key])
+    return context.loaded.span(FILE.limits[key])

@@ -9,10 +9,19 @@ from taskspec.control.gains import INTEGRAL_FREQUENCY, has_force
 from taskspec.control.sensor import SensorModel
 from taskspec.program.context import Context
 from taskspec.program.signals import TOUCHING
-from taskspec.spec import Stage
+from taskspec.spec import FILE, Stage
+from taskspec.text.codes import register
 from taskspec.text.diagnostic import Diagnostics
 from taskspec.text.expression.tree import Name, walk
 from taskspec.text.show import show
+
+register(
+    {
+        "TS430": "a force sensor too slow for a force loop",
+        "TS431": "a sensor's rate that does not divide the controller's",
+        "TS620": "a tare while a force acts",
+    }
+)
 
 
 def check_sensor(context: Context, found: Diagnostics) -> None:
@@ -32,7 +41,7 @@ def _check_times(context: Context, found: Diagnostics) -> None:
                 "TS431",
                 f"samples come at {show(becomes, 'Hz', 4)}: {show(sensor.rate, 'Hz', 4)} does not "
                 f"divide the controller's {show(1 / period, 'Hz', 4)}",
-                loaded.span(("robot", "sensor", "rate")),
+                loaded.span(FILE.robot.sensor.rate),
                 "choose a rate that divides that of the controller",
             )
     lag, slowest = model.lag(period), 1.0 / (2 * math.pi * INTEGRAL_FREQUENCY)
@@ -43,7 +52,7 @@ def _check_times(context: Context, found: Diagnostics) -> None:
             "TS430",
             f"the controller sees a force {late} late, by delay, sampling and filter; a designed "
             f"force loop answers within {show(slowest, 'ms', 2)} and is not made for that",
-            loaded.span(("robot", "sensor")),
+            loaded.span(FILE.robot.sensor),
             "shorten the delay, raise rate or filter, or give the law a lower force.integral",
         )
 
@@ -60,7 +69,7 @@ def _check_tares(context: Context, found: Diagnostics) -> None:
             found.error(
                 "TS620",
                 f"the force on {pressed[0]!r} would become the sensor's zero",
-                loaded.span(("stages", name, "axes", pressed[0])),
+                loaded.span(FILE.stages[name].axes[pressed[0]]),
                 "tare in a stage of its own, that holds its axes away from everything",
             )
             continue
@@ -74,7 +83,7 @@ def _check_tares(context: Context, found: Diagnostics) -> None:
         found.warning(
             "TS620",
             f"{why}: the contact force would become the sensor's zero",
-            loaded.span(("stages", name, "tare")),
+            loaded.span(FILE.stages[name].tare),
             "move away from the surface first",
         )
 

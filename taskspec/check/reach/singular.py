@@ -14,8 +14,12 @@ from taskspec.geometry.axis import AXES, Axis
 from taskspec.program.context import Context
 from taskspec.program.stages.conditions import SINGULAR
 from taskspec.robot.mobility import tip_jacobian
+from taskspec.spec import FILE, key_of
+from taskspec.text.codes import register
 from taskspec.text.diagnostic import Diagnostics
 from taskspec.text.show import number, show
+
+register({"TS422": "a place close to a singularity"})
 
 Vector = NDArray[np.float64]
 
@@ -53,7 +57,7 @@ def check_singular(
         "TS422",
         f"in stage {name!r}, {place.words}, the arm is close to a singularity: {felt}, and {stops} "
         f"(singular values {number(sizes[-1], 2)} to {number(sizes[0], 2)} m)",
-        context.loaded.span(("stages", name, "path") if planned else ("stages", name), key=True),
+        context.loaded.span(key_of(FILE.stages[name].path if planned else FILE.stages[name])),
         "keep the arm bent, start elsewhere, or leave an axis to it that it need not control",
     )
 

@@ -29,6 +29,7 @@ from taskspec.geometry.axis import AXES, Axis
 from taskspec.program.context import Context
 from taskspec.robot.inverse_kinematics import turns_at
 from taskspec.robot.mobility import tip_jacobian
+from taskspec.spec import FILE, key_of
 from taskspec.text.show import show
 
 Vector = NDArray[np.float64]
@@ -95,7 +96,7 @@ def _add_set_points(
     inside = np.kron(np.eye(2), rotation.T) @ about
     for axis, value in asked.forces.items():
         key, unit = ("torque", "N*m") if axis.is_rotation else ("force", "N")
-        span = context.loaded.span(("stages", asked.name, "axes", axis, key))
+        span = context.loaded.span(FILE.stages[asked.name].axes[axis][key])
         words = f"{show(value, unit)} {'about' if key == 'torque' else 'along'} {axis!r}"
         line = Line("set point", words, span, f"lower the {key}", value, unit)
         system.add(inside[AXES.index(axis)], value, value, line)
@@ -132,12 +133,13 @@ def _add_contacts(
         friction = share * whole
         push = np.zeros(system.size)
         push[own] = -normal
-        span = context.loaded.span(("world", name), key=True)
+        span = context.loaded.span(key_of(FILE.world[name]))
         words = f"{name!r}, which can only push back"
         line = Line("contact", words, span, "press against the outward normal")
         system.add(push, 0.0, np.inf, line)
         given = "friction" in context.loaded.task.shapes[name].model_fields_set
-        span = context.loaded.span(("world", name, "friction"), key=not given)
+        place = FILE.world[name].friction
+        span = context.loaded.span(place if given else key_of(place))
         words = f"the friction of {name!r}, {whole:g}{kept(share) if whole else ''}"
         line = Line("contact", words, span, "press harder")
         for tangent in _tangents(normal, wanted):

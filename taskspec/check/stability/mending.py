@@ -11,7 +11,7 @@ from taskspec.analysis.loop import Mode
 from taskspec.analysis.margin import PROPOSED, QUIET, STABLE, Limit, Search, grows
 from taskspec.analysis.stage import Analysed
 from taskspec.program.context import Context
-from taskspec.spec import Task
+from taskspec.spec import FILE, Task
 from taskspec.text.show import inside, number, show
 from taskspec.text.source import Span
 
@@ -101,6 +101,6 @@ def place_of(context: Context, seen: Analysed, axis: str, limits: Sequence[Limit
     for what, on in wanted:
         return context.loaded.span(gain_path(context, name, what, on))
     law = law_path(context, name)
-    if law == ("law",) and "law" not in context.loaded.root.entries:
-        return context.loaded.span(("stages", name, "axes", axis))
+    if law == FILE.law and "law" not in context.loaded.root.entries:
+        return context.loaded.span(FILE.stages[name].axes[axis])
     return context.loaded.span(law)

@@ -19,7 +19,17 @@ from taskspec.check.stability.worlds import (
 )
 from taskspec.program.context import Context
 from taskspec.spec import AxisEntry, Stage
+from taskspec.text.codes import register
 from taskspec.text.diagnostic import Diagnostics, Severity
+
+register(
+    {
+        "TS501": "a stage that is predicted to be unstable",
+        "TS502": "a stage that is predicted to ring",
+        "TS505": "a contact in which a motion would be unstable",
+        "TS506": "a stage that is unstable while friction holds the tool",
+    }
+)
 
 #: So many gains are searched for what mends the stages of a file: a third of a second's work.
 _MOST_SEARCHED = 12

@@ -10,6 +10,7 @@ from taskspec.analysis.loop import Mode
 from taskspec.analysis.stage import Analysed
 from taskspec.check.stability.mending import mending, place_of, said
 from taskspec.program.context import Context
+from taskspec.spec import FILE
 from taskspec.text.diagnostic import Diagnostics, Severity
 from taskspec.text.show import number, show
 
@@ -37,7 +38,7 @@ def report(
         limits = mending(context, seen, axis, None, mode, budget)
         place = place_of(context, seen, axis, limits)
     else:
-        place = context.loaded.span(("vary", next(iter(corner.values))[0]))
+        place = context.loaded.span(FILE.vary[next(iter(corner.values))[0]])
     if place is not None and found.says(code, place):
         return
     if corner is not None:

@@ -19,7 +19,15 @@ from taskspec.check.stability.reporting import named, report
 from taskspec.program.context import Context
 from taskspec.program.world.stiffness import RESOLVED_PHASE
 from taskspec.spec import Task
+from taskspec.text.codes import register
 from taskspec.text.diagnostic import Diagnostics, Severity
+
+register(
+    {
+        "TS503": "a stage that is unstable in a world that `vary` allows",
+        "TS504": "a stage that rings in a world that `vary` allows",
+    }
+)
 
 #: A varied value is left out of a message if without it a mode grows, or is damped, as much.
 _AS_MUCH = 0.95

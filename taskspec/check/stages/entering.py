@@ -11,9 +11,17 @@ from taskspec.geometry.axis import AXES, Axis
 from taskspec.program.axes import MOSTLY
 from taskspec.program.context import Context
 from taskspec.program.reference.force_references import DEFAULT_RAMP
-from taskspec.spec import LAWS
+from taskspec.spec import FILE, LAWS
+from taskspec.text.codes import register
 from taskspec.text.diagnostic import Diagnostics
 from taskspec.text.show import show
+
+register(
+    {
+        "TS615": "force control that begins off the surface",
+        "TS619": "a ramp that is longer than its stage",
+    }
+)
 
 
 def check_ramps(context: Context, name: str, axes: tuple[Axis, ...], found: Diagnostics) -> None:
@@ -38,7 +46,7 @@ def check_ramps(context: Context, name: str, axes: tuple[Axis, ...], found: Diag
             "TS619",
             f"the set point is reached in {show(ramp, 's', 3)}, and the stage ends after "
             f"{show(stage.time, 's', 3)}",
-            context.loaded.span(("stages", name, "axes", axis, "ramp" if given else key)),
+            context.loaded.span(FILE.stages[name].axes[axis]["ramp" if given else key]),
             "let the stage last longer, or shorten the ramp",
         )
 
@@ -88,6 +96,6 @@ def check_entering(
             "TS615",
             f"stage {name!r} presses {show(gap, 'mm', 3)} off {contact!r}: nothing returns the "
             f"force, and the tool goes there{speed}",
-            loaded.span(("stages", name, "axes", axis, "force")),
+            loaded.span(FILE.stages[name].axes[axis].force),
             "let a stage before it touch: a velocity until a force is felt",
         )

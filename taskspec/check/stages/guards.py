@@ -18,10 +18,20 @@ from taskspec.geometry.axis import AXES, Axis
 from taskspec.program.axes import MOSTLY
 from taskspec.program.context import Context
 from taskspec.spec import LAWS, AxisEntry
+from taskspec.text.codes import register
 from taskspec.text.diagnostic import Diagnostics, Severity
 from taskspec.text.expression import Expression, evaluate
 from taskspec.text.expression.tree import Compare, Held, Name, Node, walk
 from taskspec.text.show import show
+
+register(
+    {
+        "TS611": "a guard that can never hold",
+        "TS612": "a guard whose force has the wrong sign",
+        "TS613": "a guard that holds before anything is touched",
+        "TS618": "a failure that the set point brings about",
+    }
+)
 
 Vector = NDArray[np.float64]
 

@@ -19,10 +19,18 @@ from taskspec.control.gains import design
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.program.axes import MOSTLY
 from taskspec.program.context import Context
-from taskspec.spec import Stage
+from taskspec.spec import FILE, Stage
+from taskspec.text.codes import register
 from taskspec.text.diagnostic import Diagnostics, Severity
 from taskspec.text.expression.tree import Held
 from taskspec.text.show import inside, show
+
+register(
+    {
+        "TS616": "an impact beyond the limit on force",
+        "TS617": "a bound that ends a stage before it comes to its surface",
+    }
+)
 
 Vector = NDArray[np.float64]
 
@@ -148,7 +156,7 @@ def _check_away(
         "TS617",
         f"stage {name!r} begins {show(gap, 'mm', 3)} away from {contact!r}, moves away from it and "
         "waits to feel something: its bound ends it before",
-        loaded.span(("stages", name, "axes", axis, "velocity")),
+        loaded.span(FILE.stages[name].axes[axis].velocity),
         f"did you mean {show(back, 'mm/s')}? the outward normal points away from the object",
     )
 
@@ -175,7 +183,7 @@ def _report_short(
             "TS617",
             f"stage {name!r} begins {show(gap, 'mm', 3)} away from {contact!r} and comes there "
             f"after {show(need, units[key], 3)}: this bound ends it before",
-            loaded.span(("stages", name, "within", key)),
+            loaded.span(FILE.stages[name].within[key]),
             f"raise it, or begin nearer to {contact!r}",
         )
         return True
@@ -215,7 +223,7 @@ def _report_peak(
         f"stage {name!r} meets {contact!r} with {show(closing, 'mm/s', 3)}: {show(h, 'kg', 2)} on "
         f"{show(k, 'kN/m', 3)} {'make' if certain else 'may make'} about {show(peak, 'N', 3)}, and "
         f"the limit on force is {show(most, 'N')}",
-        loaded.span(("stages", name, "axes", met.axis, "velocity")),
+        loaded.span(FILE.stages[name].axes[met.axis].velocity),
         f"approach with {slower} or less, or raise the limit",
     )
 

@@ -14,10 +14,13 @@ from taskspec.check.stages.conditions import bounds_of, names
 from taskspec.control.sensor import SensorModel
 from taskspec.geometry.axis import AXES
 from taskspec.program.context import Context
+from taskspec.text.codes import register
 from taskspec.text.diagnostic import Diagnostics
 from taskspec.text.expression import Expression
 from taskspec.text.expression.tree import Binary, Call, Held, Name, Node, Number
 from taskspec.text.show import number, show
+
+register({"TS614": "a guard finer than the sensor's noise"})
 
 Vector = NDArray[np.float64]
 

@@ -6,6 +6,7 @@ from taskspec.geometry.axis import AXES
 from taskspec.motion.path import PathShape
 from taskspec.program.context import Context
 from taskspec.program.execution.tracks import MOVE_SPEED
+from taskspec.spec import FILE
 from taskspec.text.diagnostic import Diagnostics
 from taskspec.text.show import show
 from taskspec.text.source import Span
@@ -28,13 +29,13 @@ def check_lasting(context: Context, name: str, path: PathShape | None, found: Di
         if entry.move is not None:
             kind = "angular" if axis.is_rotation else "linear"
             key = "move" if entry.speed is None else "speed"
-            place = loaded.span(("stages", name, "axes", axis, key))
+            place = loaded.span(FILE.stages[name].axes[axis][key])
             fits &= _fits(abs(entry.move), entry.speed or MOVE_SPEED[kind], place, found)
     if path is not None:
         _check_radius(context, name, path, found)
     if path is not None and path.speed is not None:
         length = path.table.length if path.table else path.length(dict.fromkeys(AXES, 0.0))
-        place = loaded.span(("stages", name, "path", "speed"))
+        place = loaded.span(FILE.stages[name].path.speed)
         fits &= _fits(length, path.speed, place, found)
     return fits
 
@@ -48,7 +49,7 @@ def _check_radius(context: Context, name: str, path: PathShape, found: Diagnosti
         found.warning(
             "TS222",
             "this arc has no radius: in this frame x and y count from where the stage begins",
-            loaded.span(("stages", name, "path", "arc")),
+            loaded.span(FILE.stages[name].path.arc),
             "put the center beside the tool, such as center: [20 mm, 0]",
         )
 

@@ -9,8 +9,12 @@ from taskspec.check.contact.set_points import steady_force
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.program.axes import MOSTLY
 from taskspec.program.context import Context
+from taskspec.spec import FILE
+from taskspec.text.codes import register
 from taskspec.text.diagnostic import Diagnostics
 from taskspec.text.show import show
+
+register({"TS129": "a number that is hardly meant"})
 
 Vector = NDArray[np.float64]
 
@@ -28,7 +32,7 @@ def check_plausible(context: Context, found: Diagnostics) -> None:
             found.warning(
                 "TS129",
                 f"a coefficient of friction of {shape.friction:g}: dry rubber has about 1",
-                loaded.span(("world", name, "friction")),
+                loaded.span(FILE.world[name].friction),
                 "it is a plain number, such as 0.2; a percentage takes its sign: 20 %",
             )
 
@@ -56,7 +60,7 @@ def check_depth(
         depth = abs(wanted) / stiffness
         if abs(along) < MOSTLY or depth < _DEEPEST:
             continue
-        place = loaded.span(("world", contact, "stiffness"))
+        place = loaded.span(FILE.world[contact].stiffness)
         if not found.says("TS129", place):
             found.warning(
                 "TS129",

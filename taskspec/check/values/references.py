@@ -14,10 +14,13 @@ from taskspec.geometry.axis import Axis
 from taskspec.program.algebra import CasadiAlgebra
 from taskspec.program.context import Context
 from taskspec.spec import Stage
+from taskspec.text.codes import register
 from taskspec.text.diagnostic import Diagnostics, Severity
 from taskspec.text.expression import Expression
 from taskspec.text.expression.tree import Name, walk
 from taskspec.text.show import show
+
+register({"TS423": "a position that jumps"})
 
 Vector = NDArray[np.float64]
 

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 from taskspec.analysis.corners import nominal
 from taskspec.program.context import Context
+from taskspec.spec import FILE
 from taskspec.spec.vary import OBJECT, ROBOT, Target
 from taskspec.text.diagnostic import Diagnostics
 from taskspec.text.units import in_si
@@ -42,7 +43,7 @@ def check_variations(context: Context, found: Diagnostics) -> Context:
                 "TS118",
                 f"this lets {path!r} become {in_si(low, unit)}{declared}: it has to be "
                 f"{'above 0' if positive else '0 or more'}",
-                loaded.span(("vary", path) if index is None else ("vary", path, index)),
+                loaded.span(FILE.vary[path] if index is None else FILE.vary[path][index]),
                 "narrow the interval, or write its ends: a..b",
             )
     if possible:

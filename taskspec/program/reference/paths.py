@@ -14,9 +14,19 @@ from taskspec.motion.table import OutsideError, Table, TableError, read_table
 from taskspec.program.axes import existing_axes
 from taskspec.program.context import Context
 from taskspec.program.errors import spec_error
-from taskspec.spec import Path
+from taskspec.spec import FILE, Path
+from taskspec.text.codes import register
 from taskspec.text.confined import MEND, confines
 from taskspec.text.units import ANGLE, LENGTH, TIME, alternatives, fitting, parse_unit
+
+register(
+    {
+        "TS220": "an axis that the arm does not have in this frame",
+        "TS222": "a path that drives no axis",
+        "TS223": "a table of points that cannot be used",
+        "TS227": "a path that only turns, at a speed of translation",
+    }
+)
 
 
 def path_shape(context: Context, name: str, rotation: NDArray[np.float64]) -> PathShape | None:
@@ -41,7 +51,7 @@ def path_shape(context: Context, name: str, rotation: NDArray[np.float64]) -> Pa
     if missing:
         raise spec_error(
             context.loaded,
-            ("stages", name, "path"),
+            FILE.stages[name].path,
             "TS220",
             f"the path moves along {missing[0]!r}, which this arm cannot in this frame",
             f"axes that exist here: {', '.join(axes)}",
@@ -50,7 +60,7 @@ def path_shape(context: Context, name: str, rotation: NDArray[np.float64]) -> Pa
     if not driven:
         raise spec_error(
             context.loaded,
-            ("stages", name, "path"),
+            FILE.stages[name].path,
             "TS222",
             "the path drives no axis: `axes` names every axis that it has coordinates for",
             "leave the axes that the path drives out of `axes`",
@@ -59,7 +69,7 @@ def path_shape(context: Context, name: str, rotation: NDArray[np.float64]) -> Pa
     if path.speed is not None and still and kind != "to":
         raise spec_error(
             context.loaded,
-            ("stages", name, "path", "speed"),
+            FILE.stages[name].path.speed,
             "TS227",
             "this path only turns, and `speed` is one along a way",
             "give the path a `time`",
@@ -97,7 +107,7 @@ def _table(context: Context, name: str, path: Path) -> Table:
     assert path.file is not None
     loaded = context.loaded
     folder = loaded.base or FilePath()
-    place = ("stages", name, "path", "file")
+    place = FILE.stages[name].path.file
     try:
         table = read_table(folder / path.file, _factor, confines(loaded.base))
     except OutsideError as error:
@@ -115,7 +125,7 @@ def _table(context: Context, name: str, path: Path) -> Table:
         key = "speed" if path.speed is not None else "time"
         message = f"{path.file} has a t column, which times the path already"
         raise spec_error(
-            loaded, ("stages", name, "path", key), "TS223", message, f"leave '{key}' out"
+            loaded, FILE.stages[name].path[key], "TS223", message, f"leave '{key}' out"
         )
     if not timed and path.speed is None and path.time is None:
         raise spec_error(

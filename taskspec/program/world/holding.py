@@ -11,9 +11,17 @@ from numpy.typing import NDArray
 from taskspec.program.errors import spec_error
 from taskspec.program.world.mechanisms import MechanismModel
 from taskspec.robot import RobotError, RobotModel, solve_start
-from taskspec.spec import LoadedTask, Robot
+from taskspec.spec import FILE, LoadedTask, Robot
+from taskspec.text.codes import register
 from taskspec.text.diagnostic import SpecError
 from taskspec.text.show import show
+
+register(
+    {
+        "TS415": "a start away from the handle that the robot is to hold",
+        "TS416": "a knob that the robot cannot turn",
+    }
+)
 
 Vector = NDArray[np.float64]
 
@@ -47,7 +55,7 @@ def holding_start(
     if name in models and models[name].free and models[name].angular and not models[name].swings:
         raise spec_error(
             loaded,
-            ("world", name, "knob"),
+            FILE.world[name].knob,
             "TS416",
             f"the knob of {name!r} is free and on its axis: the robot cannot turn it",
             "write knob: fixed, or place the handle off the axis",
@@ -84,7 +92,7 @@ def _away(loaded: LoadedTask, distance: float) -> SpecError:
     grasp = loaded.task.robot.grasp
     return spec_error(
         loaded,
-        ("robot", "start"),
+        FILE.robot.start,
         "TS415",
         f"the tool tip starts {show(distance, 'mm', 3)} away from {grasp!r}, which it is to hold",
         "leave xyz out: the start is then found from the handle",

@@ -11,9 +11,19 @@ from taskspec.program.world.carriers import Carrier
 from taskspec.program.world.frames import FrameModel
 from taskspec.program.world.mechanisms import mechanism_models
 from taskspec.robot import RobotModel
-from taskspec.spec import LoadedTask
+from taskspec.spec import FILE, LoadedTask
+from taskspec.text.codes import register
 from taskspec.text.diagnostic import Diagnostics, SpecError
 from taskspec.text.expression.tree import Name, walk
+
+register(
+    {
+        "TS226": "a frame placed in one that follows a surface",
+        "TS231": "a frame that turns with a handle, and cannot be as the file says",
+        "TS247": "an equation in a frame that is not fixed in the world",
+        "TS314": "an equation on a joint that the arm does not have",
+    }
+)
 
 _NOT_FIXED = {
     "tool": "goes with the tool",
@@ -38,7 +48,7 @@ def check_equations(
                 "TS247",
                 f"equation {name!r} is written in frame {frame.name!r}, which "
                 f"{_NOT_FIXED.get(frame.kind, 'moves')}",
-                loaded.span(("world", name, "frame")),
+                loaded.span(FILE.world[name].frame),
                 "write it in a frame that is fixed in the world",
             )
         if not declared.equation.joints:
@@ -70,7 +80,7 @@ def check_motions(loaded: LoadedTask, carried: Mapping[str, Carrier]) -> None:
             found.error(
                 "TS117",
                 "this motion has no finite place, velocity and acceleration at clock = 0 s",
-                loaded.span(("world", name, "motion")),
+                loaded.span(FILE.world[name].motion),
             )
     if found.has_errors:
         raise SpecError(found.sorted(), loaded.sources)
@@ -89,7 +99,7 @@ def check_parents(loaded: LoadedTask) -> None:
         if parent is not None and parent.surface is not None:
             raise spec_error(
                 loaded,
-                ("frames", name, "parent"),
+                FILE.frames[name].parent,
                 "TS226",
                 f"frame {name!r} is placed in {frame.parent!r}, which follows a surface",
                 "follow the surface itself, and turn x with 'heading'",
@@ -109,7 +119,7 @@ def _check_turning(loaded: LoadedTask, name: str) -> None:
     if parent in handles:
         raise spec_error(
             loaded,
-            ("frames", name, "point"),
+            FILE.frames[name].point,
             "TS231",
             f"frame {name!r} turns with {parent!r}, and keeps the control point at the tool tip",
             "leave 'point' out, or place the frame in the mechanism's own axes",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from taskspec.text.codes import register
 from taskspec.text.expression import signals, tree
 from taskspec.text.expression.functions import FUNCTIONS, REDUCERS, Function
 from taskspec.text.expression.problem import Problem
@@ -29,6 +30,20 @@ from taskspec.text.units import (
     describe,
     fitting_text,
     noun,
+)
+
+register(
+    {
+        "TS110": "a number without its unit",
+        "TS112": "the wrong dimension",
+        "TS113": "dimensions that do not go together",
+        "TS114": "the wrong kind of value in an expression",
+        "TS115": "the wrong number of arguments",
+        "TS118": "a number out of its range",
+        "TS119": "`for`, a reducer or an interval where it has no meaning",
+        "TS121": "an unknown function",
+        "TS122": "an unknown frame",
+    }
 )
 
 

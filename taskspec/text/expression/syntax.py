@@ -7,10 +7,21 @@ from dataclasses import dataclass
 
 from lark.exceptions import UnexpectedInput, UnexpectedToken
 
+from taskspec.text.codes import register
 from taskspec.text.expression.problem import Problem
 from taskspec.text.expression.spelling import CHARACTERS, ELSEWHERE, UNIT_WORDS
 from taskspec.text.suggest import closest
 from taskspec.text.units import UNITS, usual_units
+
+register(
+    {
+        "TS101": "an expression that cannot be read",
+        "TS103": "`==` in an expression",
+        "TS104": "chained comparisons",
+        "TS105": "`and` and `or` mixed without parentheses",
+        "TS111": "an unknown unit",
+    }
+)
 
 _WRITTEN = "it is written with =, <= or >=, such as x^2 + y^2 = (300 mm)^2"
 _UNFINISHED = re.compile(r"(?:\b(?:and|or|not|for|within|in)|[-+*/<>=(,])$")

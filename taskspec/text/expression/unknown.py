@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from taskspec.geometry.axis import AXES, ROTATIONS
+from taskspec.text.codes import register
 from taskspec.text.expression import signals
 from taskspec.text.expression.functions import FUNCTIONS, REDUCERS
 from taskspec.text.expression.problem import Problem
@@ -10,6 +11,13 @@ from taskspec.text.expression.scope import Scope, ScopeKind, coordinate
 from taskspec.text.expression.tree import Name
 from taskspec.text.suggest import closest, suggestion
 from taskspec.text.units import UNITS
+
+register(
+    {
+        "TS116": "a name that cannot be used here",
+        "TS120": "an unknown name in an expression",
+    }
+)
 
 _ONLY_HERE = {
     ScopeKind.CONSTANT: "a fixed value may use params and pi only",

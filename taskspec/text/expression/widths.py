@@ -5,9 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 
+from taskspec.text.codes import register
 from taskspec.text.expression import tree
 from taskspec.text.expression.evaluate import FloatAlgebra, evaluate
 from taskspec.text.expression.problem import Problem
+
+register({"TS711": "an interval whose ends are the wrong way round"})
 
 #: Signals that are counted, so that one value can be met.
 _COUNTED = ("visits",)

@@ -1,0 +1,18 @@
+"""Rules: registered functions that find what is wrong with a plan before anything moves."""
+
+from taskspec.rules.finding import Finding, Place, error, info, warning
+from taskspec.rules.registry import RULES, Phase, Rule, ask, rule, rule_of
+
+__all__ = [
+    "RULES",
+    "Finding",
+    "Phase",
+    "Place",
+    "Rule",
+    "ask",
+    "error",
+    "info",
+    "rule",
+    "rule_of",
+    "warning",
+]
