@@ -2,9 +2,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from random_tasks import LAWS, random_task, write_tasks
+
 import taskspec
 import taskspec_runner
-from random_tasks import LAWS, random_task, write_tasks
 
 
 def test_a_task_is_its_number() -> None:
