@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
 .PHONY: demo test theory proof stability lint types schema validate fuzz bench docs docs-shown docs-site
-.PHONY: docs-serve check clean
+.PHONY: docs-serve equivalence check clean
 
 demo: $(READY)  ## run the wiping task and say where its report is
 	$(BIN)/taskspec run tasks/wipe-table.yaml
@@ -38,6 +38,10 @@ validate: $(READY)
 
 fuzz: $(READY)  ## hold 100 000 spoiled files to what is promised of any text; failing ones in runs/fuzz
 	$(BIN)/python tests/fuzz/campaign.py --files 100000
+
+BASE ?= 19f4a73
+equivalence: $(READY)  ## hold the tree against commit BASE: shipped and 200 random tasks, diagnostics
+	$(BIN)/python tests/campaigns/equivalence.py --base $(BASE)
 
 bench: $(READY)  ## what control costs, as multiples of bare mj_step
 	$(BIN)/python benchmarks/bench_loop.py

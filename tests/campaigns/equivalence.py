@@ -78,12 +78,12 @@ def _guarded(what: Any, *args: Any) -> dict[str, Any]:
 
 
 def validated(file: str) -> dict[str, Any]:
-    """What `taskspec validate` finds in a file, or `explain` in one that asks for overrides."""
+    """What `taskspec validate` finds in a file, or `run` in one whose overrides are wrong."""
     from taskspec_runner.cli import main
 
     lines = Path(file).read_text("utf-8", "replace").splitlines()
     sets = [line.removeprefix("# --set ") for line in lines if line.startswith("# --set ")]
-    words = ["explain" if sets else "validate", "--format", "json", file]
+    words = ["run" if sets else "validate", "--format", "json", file]
     words += [word for pair in sets for word in ("--set", pair)]
     printed, sys.argv = io.StringIO(), ["taskspec", *words]
     try:
@@ -343,8 +343,8 @@ class Case:
     runs: bool
 
 
-def shipped_cases() -> Iterator[Case]:
-    for path in sorted((ROOT / "tasks").rglob("*.yaml")):
+def shipped_cases(tree: Path) -> Iterator[Case]:
+    for path in sorted((tree / "tasks").rglob("*.yaml")):
         yield Case(f"shipped/{path.stem}", path, True)
 
 
@@ -353,8 +353,8 @@ def random_cases(folder: Path, numbers: Sequence[int]) -> Iterator[Case]:
         yield Case(f"random/{path.stem}", path, True)
 
 
-def corpus_cases() -> Iterator[Case]:
-    for path in sorted((ROOT / "tests" / "corpus").rglob("*.yaml")):
+def corpus_cases(tree: Path) -> Iterator[Case]:
+    for path in sorted((tree / "tests" / "corpus").rglob("*.yaml")):
         yield Case(f"corpus/{path.stem}", path, False)
 
 
@@ -365,12 +365,12 @@ def key_of(case: Case, around: str) -> str:
     return digest.hexdigest()[:24]
 
 
-def surroundings() -> str:
+def surroundings(tree: Path) -> str:
     """A digest of packages, interpreter and processor, and of the files that tasks refer to."""
     parts = [platform.python_version(), platform.machine(), _processor()]
     parts += [f"{name} {importlib.metadata.version(name)}" for name in PACKAGES]
     parts += [f"{name} {text}" for name, text in COMPANIONS.items()]
-    beside = (ROOT / "tasks", ROOT / "tests" / "corpus")
+    beside = (tree / "tasks", tree / "tests" / "corpus")
     others = (p for folder in beside for p in sorted(folder.rglob("*")) if p.is_file())
     digest = hashlib.sha256("\n".join(parts).encode())
     for path in others:
@@ -400,16 +400,22 @@ def export_commit(commit: str, folder: Path) -> None:
         archive.extractall(folder, filter="data")
 
 
+def copy_tree(folder: Path) -> None:
+    """Writes the tree as it is now into a folder, so that it may change while it is compared."""
+    unwanted = shutil.ignore_patterns(".*", "__pycache__", "runs", "build", "dist", "*.egg-info")
+    shutil.copytree(ROOT, folder, ignore=unwanted, symlinks=True)
+
+
 # --- the command -----------------------------------------------------------------------------
 
 
 class Bench:
-    """The two sides, and what the base made before."""
+    """The two sides, `base` and `tree` in the folder `scratch`, and what the base made before."""
 
-    def __init__(self, commit: str, checkout: Path, kept: Path, scratch: Path) -> None:
-        self._kept, self._checkout, self._scratch = kept / commit[:16], checkout, scratch
+    def __init__(self, commit: str, kept: Path, scratch: Path) -> None:
+        self._kept, self._scratch = kept / commit[:16], scratch
         self._kept.mkdir(parents=True, exist_ok=True)
-        self._around = surroundings()
+        self._around = surroundings(scratch / "tree")
         self._local = threading.local()
         self._workers: list[Worker] = []
 
@@ -433,7 +439,7 @@ class Bench:
     def _worker(self, side: str) -> Worker:
         """The worker of this thread."""
         if not hasattr(self._local, side):
-            worker = Worker(self._checkout if side == "base" else ROOT)
+            worker = Worker(self._scratch / side)
             setattr(self._local, side, worker)
             self._workers.append(worker)
         return getattr(self._local, side)  # type: ignore[no-any-return]
@@ -533,16 +539,18 @@ def main() -> int:
     if not asked.base:
         parser.error("--base is required")
     began, groups, commit = time.monotonic(), asked.only or GROUPS, commit_of(asked.base)
-    scratch = Path(tempfile.mkdtemp(prefix="equivalence-"))
+    scratch = Path(tempfile.mkdtemp(prefix="equivalence-")).resolve()
+    tree = scratch / "tree"
     try:
         export_commit(commit, scratch / "base")
-        cases = [*(shipped_cases() if "shipped" in groups else ())]
+        copy_tree(tree)
+        cases = [*(shipped_cases(tree) if "shipped" in groups else ())]
         if "random" in groups:
             numbers = range(asked.first, asked.first + asked.tasks)
             cases += random_cases(scratch / "random", numbers)
-        cases += corpus_cases() if "corpus" in groups else ()
+        cases += corpus_cases(tree) if "corpus" in groups else ()
         cases = [case for case in cases if asked.match in case.name]
-        bench = Bench(commit, scratch / "base", asked.cache.resolve(), scratch)
+        bench = Bench(commit, asked.cache.resolve(), scratch)
         rows: list[Row] = []
         for row in rows_of(bench, cases, asked.jobs):
             rows.append(row)
