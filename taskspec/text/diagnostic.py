@@ -1,4 +1,8 @@
-"""Diagnostics: what is wrong, where, and what to do about it."""
+"""Diagnostics: what is wrong, where in a text, and what to do about it.
+
+What a rule finds about a plan is a `taskspec.rules.Finding` until its place is looked up in the
+text of the file; from there on, and for everything that reading a file reports, it is a diagnostic.
+"""
 
 from __future__ import annotations
 
@@ -29,7 +33,17 @@ class Note:
 
 @dataclass(frozen=True, slots=True)
 class Diagnostic:
-    """One finding: a stable code, a message, its place, and a hint at what to do."""
+    """One thing that is wrong with a text.
+
+    Attributes:
+        code: stable; `taskspec.text.codes` has its title.
+        severity: how bad it is.
+        message: what is wrong, without a full stop.
+        source: name of the text.
+        span: the place in it; None where there is nothing to point at.
+        hint: what to do about it, or empty.
+        notes: second places.
+    """
 
     code: str
     severity: Severity

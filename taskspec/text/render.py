@@ -1,15 +1,38 @@
-"""Diagnostics as text: the place, the line it is in, a caret and a hint."""
+"""Diagnostics as lines of styled text: the place, the line it is in, a caret and a hint.
+
+This is the only place that lays a diagnostic out. Terminals colour the pieces, everything else
+takes them plain.
+"""
 
 from __future__ import annotations
 
 import unicodedata
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from enum import StrEnum
 
-from taskspec.text.diagnostic import Diagnostic, Note
+from taskspec.text.diagnostic import Diagnostic
 from taskspec.text.source import Source, Span
 
 _WIDTH = 120
 """Longer lines are cut around the caret."""
+
+
+class Style(StrEnum):
+    """What a piece of a rendered diagnostic is; each output gives it a look of its own."""
+
+    PLAIN = "plain"
+    PLACE = "place"
+    ERROR = "error"
+    WARNING = "warning"
+    INFO = "info"
+    NOTE = "note"
+    MESSAGE = "message"
+    MARGIN = "margin"
+    CARET = "caret"
+
+
+Line = tuple[tuple[str, Style], ...]
+"""A line as its pieces, from the left."""
 
 
 def render(diagnostics: Iterable[Diagnostic], sources: Mapping[str, Source]) -> str:
@@ -19,30 +42,43 @@ def render(diagnostics: Iterable[Diagnostic], sources: Mapping[str, Source]) -> 
         diagnostics: what was found.
         sources: the texts by name; a diagnostic without its text is shown without a snippet.
     """
-    return "\n\n".join(render_one(d, sources.get(d.source), sources) for d in diagnostics)
+    return plain(diagnostic_lines(diagnostics, sources))
 
 
-def render_one(
-    diagnostic: Diagnostic, source: Source | None, sources: Mapping[str, Source] | None = None
-) -> str:
-    """Return one diagnostic in full: header, snippet with caret and hint, second places."""
-    lines = [headline(diagnostic)]
-    if source is None or diagnostic.span is None:
-        if diagnostic.hint:
-            lines.append("   = " + visible(diagnostic.hint).replace("\n", "\n   | "))
-    else:
-        lines += _snippet(source, diagnostic.span, diagnostic.hint)
-    for note in diagnostic.notes:
-        lines += _note(note, (sources or {}).get(note.source))
-    return "\n".join(lines)
+def plain(rendered: Iterable[Line]) -> str:
+    """Return lines without their styles."""
+    return "\n".join("".join(text for text, _ in line) for line in rendered)
 
 
-def headline(diagnostic: Diagnostic) -> str:
+def diagnostic_lines(
+    diagnostics: Iterable[Diagnostic], sources: Mapping[str, Source]
+) -> Iterator[Line]:
+    """Yield the lines of every diagnostic in full, a blank one between two.
+
+    A diagnostic is a header, a snippet with caret and hint, and its second places.
+    """
+    for number, diagnostic in enumerate(diagnostics):
+        if number:
+            yield ()
+        yield headline(diagnostic)
+        source = sources.get(diagnostic.source)
+        if source is not None and diagnostic.span is not None:
+            yield from _snippet(source, diagnostic.span, diagnostic.hint)
+        elif diagnostic.hint:
+            first, *rest = visible(diagnostic.hint).split("\n")
+            yield ((f"   = {first}", Style.PLAIN),)
+            yield from ((("   |", Style.MARGIN), (f" {line}", Style.PLAIN)) for line in rest)
+        for note in diagnostic.notes:
+            yield _header(note.source, note.span, Style.NOTE, "", note.message)
+            if (text := sources.get(note.source)) is not None:
+                yield from _snippet(text, note.span, "")
+
+
+def headline(diagnostic: Diagnostic) -> Line:
     """Return `file:line:column: severity[code]: message`."""
-    return (
-        f"{_place(diagnostic.source, diagnostic.span)}: "
-        f"{diagnostic.severity}[{diagnostic.code}]: {_on_one_line(diagnostic.message)}"
-    )
+    style = Style(diagnostic.severity.value)
+    code = f"[{diagnostic.code}]"
+    return _header(diagnostic.source, diagnostic.span, style, code, diagnostic.message)
 
 
 def visible(text: str) -> str:
@@ -59,17 +95,18 @@ def _on_one_line(text: str) -> str:
     return visible(text).replace("\n", "\\n")
 
 
-def _place(source: str, span: Span | None) -> str:
-    name = _on_one_line(source)
-    return f"{name}:{span.line}:{span.column}" if span else name
+def _header(source: str, span: Span | None, style: Style, code: str, message: str) -> Line:
+    place = _on_one_line(source)
+    if span is not None:
+        place = f"{place}:{span.line}:{span.column}"
+    return (
+        (f"{place}: ", Style.PLACE),
+        (f"{style}{code}", style),
+        (f": {_on_one_line(message)}", Style.MESSAGE),
+    )
 
 
-def _note(note: Note, source: Source | None) -> list[str]:
-    lines = [f"{_place(note.source, note.span)}: note: {_on_one_line(note.message)}"]
-    return lines + (_snippet(source, note.span, "") if source else [])
-
-
-def _snippet(source: Source, span: Span, hint: str) -> list[str]:
+def _snippet(source: Source, span: Span, hint: str) -> Iterator[Line]:
     full = source.line(span.line)
     start = min(max(span.column - 1, 0), len(full))
     end = span.end_column - 1 if span.end_line == span.line else len(full)
@@ -84,17 +121,18 @@ def _snippet(source: Source, span: Span, hint: str) -> list[str]:
     after = visible(shown[end - cut :]) + suffix
     number = str(span.line)
     margin = " " * len(number)
-    caret = " " * _columns(before) + "^" * max(_columns(token), 1)
+    indent, caret = " " * _columns(before), "^" * max(_columns(token), 1)
     first, *rest = visible(hint).split("\n")
-    return [
-        f"{margin} |",
-        f"{number} | {before}{token}{after}".rstrip(),
-        f"{margin} | {caret} {first}".rstrip(),
-        *(
-            f"{margin} | {' ' * _columns(before)}{' ' * (len(caret) - _columns(before))} {line}"
-            for line in rest
-        ),
-    ]
+    yield _in_margin(margin, "")
+    yield _in_margin(number, f" {before}{token}{after}")
+    yield _in_margin(margin, f" {indent}{caret} {first}", Style.CARET)
+    for line in rest:
+        yield _in_margin(margin, f" {indent}{' ' * len(caret)} {line}")
+
+
+def _in_margin(number: str, text: str, style: Style = Style.PLAIN) -> Line:
+    margin, text = f"{number} |", text.rstrip()
+    return ((margin, Style.MARGIN), (text, style)) if text else ((margin, Style.MARGIN),)
 
 
 def _columns(text: str) -> int:

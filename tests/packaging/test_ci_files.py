@@ -15,7 +15,7 @@ from xml.etree import ElementTree
 import pytest
 import yaml
 
-from taskspec_runner.cli.formats import FindingFormat
+from taskspec_runner.cli.formats import DiagnosticFormat
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = (ROOT / "docs" / "how-to" / "ci.md").read_text(encoding="utf-8")
@@ -159,7 +159,9 @@ def test_the_page_names_every_input_and_format() -> None:
                 assert default.strip("`") == ACTION["inputs"][name]["default"]
             else:
                 assert ACTION["inputs"][name]["default"] == ""
-    assert set(FindingFormat) <= set(re.findall(r"`(\w+)`", PAGE.partition("## Anything else")[2]))
+    assert set(DiagnosticFormat) <= set(
+        re.findall(r"`(\w+)`", PAGE.partition("## Anything else")[2])
+    )
 
 
 def test_the_page_uses_gitlab_as_it_runs(repository: Path) -> None:

@@ -19,13 +19,13 @@ from taskspec.text.diagnostic import Diagnostic, Note, Severity
 from taskspec.text.source import Source, Span
 from taskspec_runner.cli import app
 from taskspec_runner.cli.chosen import choice
-from taskspec_runner.cli.examined import Failure, Findings
-from taskspec_runner.cli.formats import FindingFormat
+from taskspec_runner.cli.formats import DiagnosticFormat
 from taskspec_runner.cli.reporters import REPORTERS
+from taskspec_runner.cli.validation import Failure, Validation
 from taskspec_runner.errors import InputError
 
 SCHEMA = json.loads((Path(__file__).parent / "schemas" / "sarif-2.1.0-rtm.5.json").read_text())
-FORMS = [form.value for form in FindingFormat]
+FORMS = [form.value for form in DiagnosticFormat]
 MACHINES = ["json", "github", "sarif", "junit"]
 TWICE = TAP + "name: again\n"
 WARNED = TAP.replace("time: 0.3 s", "time: 0.3 s\n    limits: {force: 4 N}")
@@ -44,8 +44,8 @@ def validate(*args: str | Path) -> Result:
     return result
 
 
-def told(form: str, found: Findings) -> str:
-    return REPORTERS[FindingFormat(form)].report(found)
+def told(form: str, found: Validation) -> str:
+    return REPORTERS[DiagnosticFormat(form)].report(found)
 
 
 def finding(severity: Severity = Severity.ERROR, **changes: Any) -> Diagnostic:
@@ -61,10 +61,12 @@ def finding(severity: Severity = Severity.ERROR, **changes: Any) -> Diagnostic:
     return Diagnostic(**(given | changes))  # type: ignore[arg-type]
 
 
-def found(*diagnostics: Diagnostic, strict: bool = False, **failures: Any) -> Findings:
+def found(*diagnostics: Diagnostic, strict: bool = False, **failures: Any) -> Validation:
     name = "a,b:c.yaml"
     source = Source(name, "x: 1\ny: {}\n")
-    return Findings((name,), {name: diagnostics}, {name: {name: source}}, strict=strict, **failures)
+    return Validation(
+        (name,), {name: diagnostics}, {name: {name: source}}, strict=strict, **failures
+    )
 
 
 def folder_of_everything(here: Path) -> None:
@@ -250,7 +252,7 @@ def test_junit_of_every_kind_of_file(here: Path) -> None:
 def test_junit_holds_what_xml_cannot() -> None:
     name = "<&\x01\udc80>.yaml"
     bad = finding(message="a\x00b <c>", source=name, hint="\ud800")
-    given = Findings((name,), {name: (bad,)}, {name: {name: Source(name, "\x02\n\x03 ]]>\n")}})
+    given = Validation((name,), {name: (bad,)}, {name: {name: Source(name, "\x02\n\x03 ]]>\n")}})
     root = ET.fromstring(told("junit", given))
     failure = root[0][0][0]
     assert failure.attrib["message"] == r"a\x00b <c>"
@@ -353,7 +355,7 @@ def test_colours_only_for_people_at_a_terminal(
 def test_every_form_has_a_reporter_and_is_named_in_the_help(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    assert set(REPORTERS) == set(FindingFormat)
+    assert set(REPORTERS) == set(DiagnosticFormat)
     monkeypatch.setenv("COLUMNS", "200")
     help_ = re.sub(r"\x1b\[[0-9;]*m", "", validate("--help").stdout)
     assert "|".join(FORMS) in help_

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from taskspec_runner.cli import parallel
-from taskspec_runner.cli.formats import FindingFormat
+from taskspec_runner.cli.formats import DiagnosticFormat
 from taskspec_runner.cli.reporters import REPORTERS
 from taskspec_runner.cli.validate import examine
 
@@ -43,7 +43,7 @@ def test_same_findings_by_several_processes(
     assert together == alone
     assert list(together.diagnostics) == list(alone.diagnostics)
     assert together.exit_code == 2
-    for form in FindingFormat:
+    for form in DiagnosticFormat:
         assert REPORTERS[form].report(together) == REPORTERS[form].report(alone)
 
 

@@ -5,7 +5,7 @@ import pytest
 import taskspec.spec  # noqa: F401  (it registers the codes of reading a file)
 from taskspec.text.codes import CODES, register
 from taskspec.text.diagnostic import Diagnostics, Severity, SpecError
-from taskspec.text.render import headline, render, visible
+from taskspec.text.render import Style, diagnostic_lines, headline, plain, render, visible
 from taskspec.text.source import Source, Span
 from taskspec.text.suggest import closest, suggestion
 
@@ -77,7 +77,22 @@ def test_nothing_moves_the_cursor_of_a_terminal() -> None:
     shown = render(found.sorted(), {source.name: source})
     assert all(c == "\n" or c.isprintable() for c in shown)
     assert visible("a\x00") == "a\\x00"
-    assert headline(found.sorted()[0]).startswith("a\\x1bb\\n:1:4: error[TS001]: ")
+    assert plain([headline(found.sorted()[0])]).startswith("a\\x1bb\\n:1:4: error[TS001]: ")
+
+
+def test_pieces_have_styles() -> None:
+    """Even where a line of the file looks like a part of the layout."""
+    source = Source("t", "^^ | t: error[TS001]: x")
+    found = Diagnostics("t")
+    found.error("TS001", "bad", Span(1, 1, 1, 3), "one\ntwo", notes=(("other", Span(1, 4, 1, 5)),))
+    assert list(diagnostic_lines(found.sorted(), {"t": source}))[:6] == [
+        (("t:1:1: ", Style.PLACE), ("error[TS001]", Style.ERROR), (": bad", Style.MESSAGE)),
+        (("  |", Style.MARGIN),),
+        (("1 |", Style.MARGIN), (" ^^ | t: error[TS001]: x", Style.PLAIN)),
+        (("  |", Style.MARGIN), (" ^^ one", Style.CARET)),
+        (("  |", Style.MARGIN), ("    two", Style.PLAIN)),
+        (("t:1:4: ", Style.PLACE), ("note", Style.NOTE), (": other", Style.MESSAGE)),
+    ]
 
 
 def test_caret_stands_under_wide_characters() -> None:

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from taskspec_runner.cli import options
-from taskspec_runner.cli.formats import FindingFormat, RunFormat
+from taskspec_runner.cli.formats import DiagnosticFormat, RunFormat
 from taskspec_runner.cli.guard import guarded
 
 app = typer.Typer(
@@ -108,8 +108,8 @@ def validate(
         list[Path], typer.Argument(metavar="PATH...", help="Task files, or folders of them.")
     ],
     form: Annotated[
-        FindingFormat, typer.Option("--format", help="Of the findings.")
-    ] = FindingFormat.FULL,
+        DiagnosticFormat, typer.Option("--format", help="Of the findings.")
+    ] = DiagnosticFormat.FULL,
     strict: Annotated[bool, typer.Option("--strict", help="Warnings fail as errors do.")] = False,
     select: Annotated[
         list[str] | None,

@@ -16,7 +16,7 @@ from taskspec.spec import LAWS, Law, LoadedTask
 from taskspec.spec.words import Word
 from taskspec.text.diagnostic import Diagnostic, SpecError
 from taskspec.text.suggest import suggestion
-from taskspec_runner.cli.findings import record, show_findings
+from taskspec_runner.cli.diagnostics import record, show_diagnostics
 from taskspec_runner.cli.formats import RunFormat
 from taskspec_runner.cli.loading import load
 from taskspec_runner.cli.progress import progress_line
@@ -142,7 +142,7 @@ def _notes(file: Path, sets: Sequence[str], loaded: LoadedTask | None) -> list[s
 def _show_warnings(attempts: Sequence[Attempt]) -> None:
     found = dict.fromkeys(d for each in attempts if each.program for d in each.diagnostics)
     sources = {name: text for each in attempts for name, text in each.sources.items()}
-    show_findings(found, sources, concise=True, err=True)
+    show_diagnostics(found, sources, concise=True, err=True)
 
 
 def _whereabouts(folder: RunFolder | None) -> dict[str, str | None]:

@@ -20,7 +20,7 @@ from taskspec.text.suggest import suggestion
 from taskspec_runner.cli.account import StageAccount
 from taskspec_runner.cli.console import console, show, table
 from taskspec_runner.cli.constraints import LEGEND
-from taskspec_runner.cli.findings import record, show_findings
+from taskspec_runner.cli.diagnostics import record, show_diagnostics
 from taskspec_runner.cli.formats import RunFormat
 from taskspec_runner.cli.loading import load
 from taskspec_runner.cli.pages import page
@@ -67,7 +67,7 @@ def _explain_file(path: Path, sets: Sequence[str], law: str | None, *, as_json: 
     if as_json:
         _print(as_data(told) | {"diagnostics": [record(d) for d in program.warnings]})
         return
-    show_findings(program.warnings, program.context.loaded.sources, err=True)
+    show_diagnostics(program.warnings, program.context.loaded.sources, err=True)
     about = [Text(told.about)] if told.about else []
     show(Text(told.name, style="bold"), *about, _pairs((*told.robot, ("lasts", told.duration))))
     if told.world:

@@ -6,14 +6,14 @@ from enum import StrEnum
 
 
 class RunFormat(StrEnum):
-    """How a run tells its outcome."""
+    """How a run reports its outcome."""
 
     TEXT = "text"
     JSON = "json"
 
 
-class FindingFormat(StrEnum):
-    """How findings about task files are told."""
+class DiagnosticFormat(StrEnum):
+    """How diagnostics of task files are reported."""
 
     FULL = "full"
     CONCISE = "concise"

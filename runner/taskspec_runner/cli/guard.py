@@ -21,7 +21,7 @@ from typing import ParamSpec
 import typer
 
 from taskspec.text.diagnostic import SpecError
-from taskspec_runner.cli.findings import show_findings
+from taskspec_runner.cli.diagnostics import show_diagnostics
 from taskspec_runner.errors import InputError, OutputError, RunCrashedError
 from taskspec_runner.loop.interrupt import BY_SIGNAL, signal_of
 
@@ -51,7 +51,7 @@ def _outcome(command: Callable[[], int]) -> int:
     except (typer.Exit, typer.Abort, typer.BadParameter):
         raise
     except SpecError as error:
-        show_findings(error.diagnostics, error.sources, err=True)
+        show_diagnostics(error.diagnostics, error.sources, err=True)
         return WRONG
     except (InputError, OutputError) as error:
         _say(str(error))

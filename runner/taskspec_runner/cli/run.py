@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from taskspec.text.diagnostic import Diagnostic, Diagnostics, SpecError
-from taskspec_runner.cli.findings import record, show_findings
+from taskspec_runner.cli.diagnostics import record, show_diagnostics
 from taskspec_runner.cli.formats import RunFormat
 from taskspec_runner.cli.loading import load
 from taskspec_runner.loop.interrupt import BY_SIGNAL
@@ -66,7 +66,7 @@ def run_task(
         return 1
     loaded = program.context.loaded
     if warnings and not quiet:
-        show_findings(warnings, loaded.sources, err=True)
+        show_diagnostics(warnings, loaded.sources, err=True)
     with (
         sending(telemetry, _say) as sink,
         progress_line(shown=not quiet and sys.stderr.isatty()) as progress,

@@ -12,12 +12,12 @@ import typer
 from taskspec.text.diagnostic import Diagnostic, SpecError
 from taskspec.text.source import Source
 from taskspec_runner.cli.chosen import choice
-from taskspec_runner.cli.examined import Failure, Findings
-from taskspec_runner.cli.formats import FindingFormat
+from taskspec_runner.cli.formats import DiagnosticFormat
 from taskspec_runner.cli.guard import keep_trace
 from taskspec_runner.cli.loading import load
 from taskspec_runner.cli.parallel import in_order
 from taskspec_runner.cli.reporters import REPORTERS
+from taskspec_runner.cli.validation import Failure, Validation
 from taskspec_runner.errors import InputError
 from taskspec_runner.loop.interrupt import Termination
 from taskspec_runner.record.folder import MANIFEST
@@ -27,7 +27,7 @@ _SUFFIXES = (".yaml", ".yml")
 
 def validate_paths(
     paths: Sequence[Path],
-    form: FindingFormat,
+    form: DiagnosticFormat,
     *,
     strict: bool = False,
     select: Sequence[str] = (),
@@ -94,7 +94,7 @@ def _below(folder: Path) -> Iterator[Path]:
             yield entry
 
 
-def examine(files: Sequence[Path], *, strict: bool = False) -> Findings:
+def examine(files: Sequence[Path], *, strict: bool = False) -> Validation:
     """Everything that is found about the files; many of them are shared out to the processors."""
     diagnostics: dict[str, tuple[Diagnostic, ...]] = {}
     sources: dict[str, dict[str, Source]] = {}
@@ -110,7 +110,7 @@ def examine(files: Sequence[Path], *, strict: bool = False) -> Findings:
             else:
                 diagnostics[name], sources[name] = outcome
     named = tuple(map(str, files))
-    return Findings(named, diagnostics, sources, tuple(unreadable), tuple(broken), strict)
+    return Validation(named, diagnostics, sources, tuple(unreadable), tuple(broken), strict)
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from taskspec_runner.report.values import Json, mappings
 
 
 @dataclass(frozen=True, slots=True)
-class Finding:
+class Remark:
     """A remark on a line: `kind` is error, warning, info, passed or missed."""
 
     kind: str
@@ -26,21 +26,21 @@ class Line:
     """A line of the task file, marked up, and the remarks on it."""
 
     text: Markup
-    findings: tuple[Finding, ...]
+    findings: tuple[Remark, ...]
 
 
 def task_lines(run: Run) -> list[Line]:
     """The task file of a run; empty where there is none."""
     if not run.task:
         return []
-    remarks: dict[int, list[Finding]] = {}
+    remarks: dict[int, list[Remark]] = {}
     for line, finding in (*_placed(run), *_judged(run)):
         remarks.setdefault(line, []).append(finding)
     lines = str(highlighted(run.task)).split("\n")
     return [Line(Markup(text), tuple(remarks.get(i, ()))) for i, text in enumerate(lines, 1)]
 
 
-def elsewhere(run: Run) -> list[Finding]:
+def elsewhere(run: Run) -> list[Remark]:
     """Findings about what the task file itself does not hold, such as an override."""
     return [_finding(d) for d in _diagnostics(run) if not isinstance(d.get("line"), int)]
 
@@ -56,21 +56,21 @@ def _diagnostics(run: Run) -> list[Json]:
     return mappings(run.summary.get("diagnostics"))
 
 
-def _placed(run: Run) -> Iterator[tuple[int, Finding]]:
+def _placed(run: Run) -> Iterator[tuple[int, Remark]]:
     for each in _diagnostics(run):
         if isinstance(each.get("line"), int):
             yield each["line"], _finding(each)
 
 
-def _finding(each: Json) -> Finding:
+def _finding(each: Json) -> Remark:
     kind, code = str(each.get("severity")), each.get("code")
     where = f" in {each['source']}" if each.get("source") else ""
-    return Finding(
+    return Remark(
         kind, f"{kind}[{code}]{where}: {each.get('message')}", str(each.get("hint") or "")
     )
 
 
-def _judged(run: Run) -> Iterator[tuple[int, Finding]]:
+def _judged(run: Run) -> Iterator[tuple[int, Remark]]:
     for each in run.expectations:
         if each.line is not None and not each.passed:
-            yield each.line, Finding("missed", f"missed: {each.explanation}")
+            yield each.line, Remark("missed", f"missed: {each.explanation}")

@@ -1,15 +1,15 @@
-"""Findings as JSON, all that is known of them."""
+"""Diagnostics as JSON, all that is known of them."""
 
 from __future__ import annotations
 
 import json
 
 from taskspec.text.diagnostic import Severity
-from taskspec_runner.cli.examined import Findings
-from taskspec_runner.cli.findings import record
+from taskspec_runner.cli.diagnostics import record
+from taskspec_runner.cli.validation import Validation
 
 
-def report(found: Findings) -> str:
+def report(found: Validation) -> str:
     """One object; lines and columns count from 1, ends are exclusive."""
     diagnostics = [record(d) for path in found.diagnostics for d in found.diagnostics[path]]
     data = {

@@ -1,4 +1,4 @@
-"""Findings as workflow commands: GitHub shows each of them at its line of a pull request."""
+"""Diagnostics as workflow commands: GitHub shows each of them at its line of a pull request."""
 
 from __future__ import annotations
 
@@ -9,18 +9,18 @@ from pathlib import Path
 from taskspec.text.diagnostic import Diagnostic, Severity
 from taskspec.text.render import visible
 from taskspec.text.source import Span
-from taskspec_runner.cli.examined import Findings
 from taskspec_runner.cli.reporters.paths import within
+from taskspec_runner.cli.validation import Validation
 
 _COMMANDS = {Severity.ERROR: "error", Severity.WARNING: "warning", Severity.INFO: "notice"}
 
 
-def report(found: Findings) -> str:
+def report(found: Validation) -> str:
     """One command a line; columns count characters from 1, the end is exclusive."""
     return "\n".join(_commands(found))
 
 
-def _commands(found: Findings) -> Iterator[str]:
+def _commands(found: Validation) -> Iterator[str]:
     for failure in (*found.unreadable, *found.broken):
         yield _command("error", {"file": _file(failure.path)}, failure.message)
     for diagnostics in found.diagnostics.values():

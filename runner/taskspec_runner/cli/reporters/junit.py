@@ -1,15 +1,15 @@
-"""Findings as JUnit XML: a suite for each file with a test for each finding, or one that passes."""
+"""Diagnostics as JUnit XML: a suite for each file, in it a test for each, or one that passes."""
 
 from __future__ import annotations
 
 from xml.etree import ElementTree as ET
 
 from taskspec.text.diagnostic import Diagnostic
-from taskspec.text.render import render_one, visible
-from taskspec_runner.cli.examined import Failure, Findings
+from taskspec.text.render import render, visible
+from taskspec_runner.cli.validation import Failure, Validation
 
 
-def report(found: Findings) -> str:
+def report(found: Validation) -> str:
     """One document in plain ASCII, so that it is the same whatever the terminal's encoding."""
     root = ET.Element("testsuites", name="taskspec validate")
     failures = {f.path: f for f in (*found.unreadable, *found.broken)}
@@ -38,12 +38,12 @@ def _failed(suite: ET.Element, failure: Failure) -> None:
     error.text = visible(failure.message)
 
 
-def _examined(suite: ET.Element, path: str, found: Findings) -> None:
+def _examined(suite: ET.Element, path: str, found: Validation) -> None:
     diagnostics, sources = found.diagnostics[path], found.sources[path]
     if not diagnostics:
         _case(suite, "validate")
     for diagnostic in diagnostics:
-        told = render_one(diagnostic, sources.get(diagnostic.source), sources)
+        told = render([diagnostic], sources)
         case = _case(suite, _name(diagnostic))
         if found.fails(diagnostic):
             message = _one_line(diagnostic.message)

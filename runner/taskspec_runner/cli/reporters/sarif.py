@@ -1,4 +1,4 @@
-"""Findings as SARIF 2.1.0, the form in which code hosts and editors exchange them."""
+"""Diagnostics as SARIF 2.1.0, the form in which code hosts and editors exchange them."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from taskspec import __version__
 from taskspec.text.codes import CODES
 from taskspec.text.diagnostic import Diagnostic, Severity
 from taskspec.text.source import Source, Span
-from taskspec_runner.cli.examined import Failure, Findings
 from taskspec_runner.cli.pages import page, severities_of
 from taskspec_runner.cli.reporters.paths import uri
+from taskspec_runner.cli.validation import Failure, Validation
 
 SCHEMA = (
     "https://docs.oasis-open.org/sarif/sarif/v2.1.0/errata01/os/schemas/sarif-schema-2.1.0.json"
@@ -23,7 +23,7 @@ SCHEMA = (
 _LEVELS = {Severity.ERROR: "error", Severity.WARNING: "warning", Severity.INFO: "note"}
 
 
-def report(found: Findings) -> str:
+def report(found: Validation) -> str:
     """One log with one run; only the codes that were found are listed as its rules."""
     diagnostics = [d for path in found.diagnostics for d in found.diagnostics[path]]
     codes = sorted({d.code for d in diagnostics})
@@ -111,7 +111,7 @@ def _fingerprint(diagnostic: Diagnostic, sources: Mapping[str, Source], seen: Co
     return f"{mark}:{seen[mark]}"
 
 
-def _invocation(found: Findings) -> dict[str, Any]:
+def _invocation(found: Validation) -> dict[str, Any]:
     failures = (*found.unreadable, *found.broken)
     told = {"toolExecutionNotifications": [_notification(failure) for failure in failures]}
     return {

@@ -1,32 +1,24 @@
-"""Findings for people: with the line and a caret, or one line each."""
+"""Diagnostics for people: with the line and a caret, or one line each."""
 
 from __future__ import annotations
 
 import sys
 
-from taskspec_runner.cli.examined import Findings
-from taskspec_runner.cli.findings import is_colored, painted, text_of
+from taskspec.text.render import Line, diagnostic_lines, headline
+from taskspec_runner.cli.diagnostics import text_for
+from taskspec_runner.cli.validation import Validation
 
 
-def full(found: Findings) -> str:
-    """Every finding with its line, a caret and a hint, a blank line after each."""
-    parts = [
-        text_of(diagnostics, found.sources[path])
-        for path, diagnostics in found.diagnostics.items()
-        if diagnostics
-    ]
-    return _shown("\n\n".join(parts) + "\n" if parts else "")
+def full(found: Validation) -> str:
+    """Every diagnostic with its line, a caret and a hint, a blank line after each."""
+    lines: list[Line] = []
+    for path, diagnostics in found.diagnostics.items():
+        if diagnostics:
+            lines += [*diagnostic_lines(diagnostics, found.sources[path]), ()]
+    return text_for(sys.stdout, lines)
 
 
-def concise(found: Findings) -> str:
-    """One line a finding: place, severity, code and message."""
-    parts = [
-        text_of(diagnostics, found.sources[path], concise=True)
-        for path, diagnostics in found.diagnostics.items()
-        if diagnostics
-    ]
-    return _shown("\n".join(parts))
-
-
-def _shown(text: str) -> str:
-    return painted(text) if is_colored(sys.stdout) else text
+def concise(found: Validation) -> str:
+    """One line a diagnostic: place, severity, code and message."""
+    of_all = (d for diagnostics in found.diagnostics.values() for d in diagnostics)
+    return text_for(sys.stdout, map(headline, of_all))

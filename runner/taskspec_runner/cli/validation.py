@@ -1,4 +1,4 @@
-"""What `validate` finds in many files, which of them could not be examined, and the verdict."""
+"""The validation of many files: their diagnostics, files that could not be read, the verdict."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ class Failure:
 
     Attributes:
         path: the file as it was named.
-        message: what is told about it, the path included.
+        message: why, the path included.
     """
 
     path: str
@@ -23,8 +23,8 @@ class Failure:
 
 
 @dataclass(frozen=True, slots=True)
-class Findings:
-    """What was found about a number of files.
+class Validation:
+    """What validating a number of files comes to.
 
     Attributes:
         files: the files that were looked at, in order.
@@ -42,8 +42,8 @@ class Findings:
     broken: tuple[Failure, ...] = ()
     strict: bool = False
 
-    def only(self, chosen: Callable[[str], bool]) -> Findings:
-        """The same with the findings whose codes are chosen."""
+    def only(self, chosen: Callable[[str], bool]) -> Validation:
+        """The same with the diagnostics whose codes are chosen."""
         kept = {
             path: tuple(d for d in found if chosen(d.code))
             for path, found in self.diagnostics.items()
@@ -51,11 +51,11 @@ class Findings:
         return replace(self, diagnostics=kept)
 
     def count(self, severity: Severity) -> int:
-        """How many findings are of a severity."""
+        """How many diagnostics are of a severity."""
         return sum(d.severity is severity for found in self.diagnostics.values() for d in found)
 
     def fails(self, diagnostic: Diagnostic) -> bool:
-        """Whether a finding is one that lets a file fail."""
+        """Whether a diagnostic is one that lets a file fail."""
         counted = (Severity.ERROR, Severity.WARNING) if self.strict else (Severity.ERROR,)
         return diagnostic.severity in counted
 
