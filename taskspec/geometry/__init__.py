@@ -1,1 +1,1 @@
-"""Surfaces as signed distances, feet and normals, and rotations, all as CasADi expressions."""
+"""Rotations and axes of space, as CasADi expressions and as arrays."""

@@ -22,7 +22,6 @@ Vector = NDArray[np.float64]
 _FLUSH = np.cos(np.deg2rad(1.0))
 #: What is left of a constraint on joints that no wrench on the tool returns.
 _OFF = 1e-6
-_CURVED = ("cylinder", "sphere")
 #: Unit gradients that differ by less are one.
 _STRAIGHT = 1e-6
 
@@ -83,7 +82,7 @@ def _turns(begin: Begin, name: str) -> bool:
     """Whether the direction of an object changes as the tool moves in a stage's frame."""
     context, frame = begin.context, begin.stage.frame
     if name in context.surfaces:
-        return context.surfaces[name].kind in _CURVED and frame.surface_name != name
+        return not context.surfaces[name].flat and frame.surface_name != name
     if name in context.equations:
         model = context.equations[name]
         return not model.joints and np.ptp(gradients(context, model), axis=1).max() > _STRAIGHT

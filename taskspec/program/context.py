@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from taskspec.control import gains as gain_design
 from taskspec.geometry.axis import AXES, Axis
-from taskspec.geometry.surface import Surface
 from taskspec.program.axes import MOSTLY
 from taskspec.program.world.carriers import Carrier
 from taskspec.program.world.equations import EquationModel, StartEquation
@@ -19,6 +18,7 @@ from taskspec.program.world.grip import GRIP
 from taskspec.program.world.mechanisms import MechanismModel
 from taskspec.program.world.stiffness import Compliance
 from taskspec.robot import RobotModel
+from taskspec.shapes import Surface
 from taskspec.spec import Law, Limits, LoadedTask, Stage
 
 #: From here on J H^-1 J^T counts as singular.

@@ -10,7 +10,6 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from taskspec.control.model_terms import ModelTerms
-from taskspec.geometry.surface import Surface, box_face
 from taskspec.program.context import Context
 from taskspec.program.errors import spec_error
 from taskspec.program.signals import gaps, normal
@@ -24,6 +23,7 @@ from taskspec.program.world.mechanisms import MechanismModel, mechanism_models
 from taskspec.program.world.preconditions import check_equations, check_motions, check_parents
 from taskspec.program.world.stiffness import compliance, equation_compliance
 from taskspec.robot import RobotError, RobotModel, load_robot, solve_start
+from taskspec.shapes import Surface, SurfaceChart
 from taskspec.spec import FILE, LoadedTask, below
 
 Vector = NDArray[np.float64]
@@ -127,11 +127,10 @@ def tool_center(context: Context) -> Vector:
     return np.asarray(context.start_p + context.start_R @ tool.centers[0])
 
 
-def box_face_at(surface: Surface, center: Vector) -> ca.SX | None:
-    """The 14 numbers of the box face nearest to a point (3,); None for other shapes."""
-    if surface.kind != "box":
-        return None
-    return ca.SX(box_face(surface, surface.face(center)))
+def chart_at(surface: Surface, center: Vector) -> SurfaceChart:
+    """The part of a surface that a frame follows whose stage begins at a point (3,)."""
+    face = surface.face_at(center)
+    return surface.chart(None if face is None else ca.SX(face))
 
 
 def frame_at_start(context: Context, frame: FrameModel) -> Vector:
@@ -146,7 +145,7 @@ def frame_at_start(context: Context, frame: FrameModel) -> Vector:
     assert frame.surface is not None
     A, a = pose_of_carrier(context, frame)
     center = A.T @ (tool_center(context) - a)
-    chart = frame.surface.chart(box_face_at(frame.surface, center))
+    chart = chart_at(frame.surface, center)
     axes = np.array(ca.evalf(chart.frame(ca.SX(center), frame.heading)))
     return np.asarray(A @ axes)
 

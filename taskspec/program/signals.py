@@ -10,12 +10,12 @@ import casadi as ca
 from taskspec.control.model_terms import TermSymbols
 from taskspec.control.reference import opposite
 from taskspec.geometry.axis import AXES, ROTATIONS, Axis
-from taskspec.geometry.surface import Surface
 from taskspec.program.layout import Layout
 from taskspec.program.world import felt, kinematics
 from taskspec.program.world.carriers import Carrier
 from taskspec.program.world.frames import FrameModel
 from taskspec.robot import RobotModel
+from taskspec.shapes import Surface
 from taskspec.text.expression.tree import Name
 
 #: |force| above which the tool touches [N] (docs/language.md).
@@ -80,9 +80,10 @@ class Resolver:
     def __call__(self, signal: str, frame_name: str) -> ca.SX:
         """The component or vector `signal` in the axes of frame `frame_name`."""
         frame = self.frames[frame_name]
-        if frame.kind == "following" and frame.surface is not None and frame.surface.kind == "box":
+        surface = frame.surface
+        if surface is not None and surface.parts:
             raise UnknownSignalError(
-                f"{signal} in {frame_name}: the faces of a box are followed "
+                f"{signal} in {frame_name}: the {surface.parts} of a {surface.name} are followed "
                 "only by the stage's own frame"
             )
         face = felt.symbols(self.parameters, frame) if frame.kind == "estimated" else None

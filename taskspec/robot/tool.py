@@ -10,8 +10,10 @@ import numpy as np
 import pinocchio as pin
 
 from taskspec.robot.errors import RobotError
+from taskspec.robot.geoms import add_geom
 from taskspec.robot.poses import quaternion
 from taskspec.robot.types import ToolGeometry, ToolLike
+from taskspec.shapes import BoundedSurface, Cylinder, tool_shapes
 from taskspec.text.codes import register
 
 register({"TS407": "a tool that is not complete or not possible"})
@@ -23,8 +25,6 @@ if TYPE_CHECKING:
 
 RADIUS = 0.010
 LENGTH = 0.100
-_POINT = 0.0005
-_RIM_POINTS = 8
 _STEM = 0.008
 _STEEL = (0.62, 0.65, 0.69, 1.0)
 _TIP = (0.90, 0.47, 0.13, 1.0)
@@ -35,31 +35,21 @@ class Part:
     """One solid of a tool, about its own centre on the tool's axis; z along the axis.
 
     Attributes:
-        kind: "sphere", "cylinder" or "box".
-        half: (3,) half extents [m]: radius thrice, radius twice and half length, half edges.
+        solid: Its shape.
         z: Height of its centre in the tip frame [m], negative is towards the flange.
+        color: Red, green, blue, opacity.
+        drawn: Whether it is more than what the tool touches with.
     """
 
-    kind: str
-    half: tuple[float, float, float]
+    solid: BoundedSurface
     z: float
-
-    @property
-    def volume(self) -> float:
-        """Volume [m³]."""
-        factor = {"sphere": 4 / 3 * np.pi, "cylinder": 2 * np.pi, "box": 8.0}[self.kind]
-        return float(factor * np.prod(self.half))
+    color: tuple[float, float, float, float]
+    drawn: bool = True
 
     def inertia(self, mass: float) -> pin.Inertia:
         """Inertia of this solid with `mass` [kg], uniform, in the tip frame."""
-        a, b, c = np.square(self.half)
-        if self.kind == "sphere":
-            moments = np.full(3, 0.4 * a)
-        elif self.kind == "cylinder":
-            moments = np.array([a / 4 + c / 3, a / 4 + c / 3, a / 2])
-        else:
-            moments = np.array([b + c, a + c, a + b]) / 3
-        return pin.Inertia(mass, np.array([0.0, 0.0, self.z]), np.diag(mass * moments))
+        moments = mass * np.array(self.solid.inertia(1.0))
+        return pin.Inertia(mass, np.array([0.0, 0.0, self.z]), np.diag(moments))
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,7 +58,7 @@ class Tool:
 
     Attributes:
         length: Distance from the flange to the tip along the flange's z [m].
-        parts: Its solids; the last is the head.
+        parts: Its solids.
         geometry: What it touches with.
         mass: [kg]
     """
@@ -81,10 +71,10 @@ class Tool:
     @property
     def inertia(self) -> pin.Inertia:
         """Inertia in the tip frame, the mass shared out by volume."""
-        total = sum(part.volume for part in self.parts)
+        total = sum(part.solid.volume for part in self.parts)
         body = pin.Inertia.Zero()
         for part in self.parts:
-            body += part.inertia(self.mass * part.volume / total)
+            body += part.inertia(self.mass * part.solid.volume / total)
         return body
 
 
@@ -106,37 +96,25 @@ def make_tool(tool: ToolLike, planar: bool) -> Tool:
     _check("length", length, zero=True)
     _check("mass", tool.mass, zero=True)
     _check("radius", radius)
-    if tool.shape == "sphere":
-        head = Part("sphere", (radius, radius, radius), -radius)
-        centers, radii = np.array([[0.0, 0.0, -radius]]), np.array([radius])
-    elif tool.shape == "cylinder":
-        head = Part("cylinder", (radius, radius, radius / 4), -radius / 4)
-        point = min(_POINT, radius / 4)
-        angles = 2 * np.pi * np.arange(_RIM_POINTS) / _RIM_POINTS
-        rim = radius - point
-        centers = np.column_stack(
-            (rim * np.cos(angles), rim * np.sin(angles), np.full(_RIM_POINTS, -point))
+    kind = tool_shapes()[tool.shape]
+    if tool.size is None and "size" in kind.tool_keys:
+        raise RobotError(
+            "TS407",
+            f"a {tool.shape} needs its size",
+            "size: [40 mm, 20 mm, 10 mm]",
+            ("tool", "size"),
         )
-        radii = np.full(_RIM_POINTS, point)
-    else:
-        if tool.size is None:
-            raise RobotError(
-                "TS407", "a box needs its size", "size: [40 mm, 20 mm, 10 mm]", ("tool", "size")
-            )
-        for edge in tool.size:
-            _check("size", edge)
-        x, y, z = (edge / 2 for edge in tool.size)
-        head = Part("box", (x, y, z), -z)
-        point = min(_POINT, x / 4, y / 4)
-        signs = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]])
-        centers = np.column_stack((signs * (x - point, y - point), np.full(4, -point)))
-        radii = np.full(4, point)
-    geometry = ToolGeometry(centers, radii, flat=tool.shape != "sphere")
-    stem = length + 2 * head.z if tool.shape != "sphere" else length - radius
+    for edge in tool.size or ():
+        _check("size", edge)
+    end = kind.tool_end(radius, tool.size or ())
+    geometry = ToolGeometry(end.centers, end.radii, flat=end.flat)
+    head = Part(end.solid, end.center, _TIP, drawn=end.flat)
+    stem = length + end.stem
     parts: tuple[Part, ...] = (head,)
     if stem > 0:
-        thick = min(_STEM, 0.6 * min(head.half[:2]))
-        parts = (Part("cylinder", (thick, thick, stem / 2), stem / 2 - length), head)
+        thick = min(_STEM, 0.6 * end.half_width)
+        rod = Cylinder(np.zeros(3), np.eye(3), thick, stem)
+        parts = (Part(rod, stem / 2 - length, _STEEL), head)
     return Tool(length, parts, geometry, tool.mass)
 
 
@@ -163,18 +141,17 @@ def attach(
     body.ipos = inertia.lever if tool.mass else np.zeros(3)
     body.iquat = np.array([1.0, 0.0, 0.0, 0.0])
     body.inertia = np.diag(inertia.inertia) if tool.mass else np.zeros(3)
-    for i, part in enumerate(tool.parts):
-        if part.kind == "sphere":
-            continue
-        body.add_geom(
-            type=_TYPES[part.kind],
-            pos=[0.0, 0.0, part.z],
-            size=_size(part),
-            rgba=_TIP if i == len(tool.parts) - 1 else _STEEL,
-            group=1,
-            contype=0,
-            conaffinity=0,
-        )
+    for part in tool.parts:
+        if part.drawn:
+            add_geom(
+                body,
+                part.solid.geom(),
+                [0.0, 0.0, part.z],
+                rgba=part.color,
+                group=1,
+                contype=0,
+                conaffinity=0,
+            )
     geoms = []
     for i, (center, radius) in enumerate(
         zip(tool.geometry.centers, tool.geometry.radii, strict=True)
@@ -191,19 +168,6 @@ def attach(
             conaffinity=0,
         )
     return name, tuple(geoms)
-
-
-_TYPES = {
-    "sphere": mujoco.mjtGeom.mjGEOM_SPHERE,
-    "cylinder": mujoco.mjtGeom.mjGEOM_CYLINDER,
-    "box": mujoco.mjtGeom.mjGEOM_BOX,
-}
-
-
-def _size(part: Part) -> list[float]:
-    if part.kind == "cylinder":
-        return [part.half[0], part.half[2], 0.0]
-    return list(part.half)
 
 
 def _check(what: str, value: float, *, zero: bool = False) -> None:

@@ -6,6 +6,7 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
+from taskspec.shapes import tool_shapes
 from taskspec.spec.fields import RPY, XYZ
 from taskspec.spec.model import Model, complete, mapping, short_form
 from taskspec.spec.quantities import Constant, Entries, ForJoints, Series
@@ -37,7 +38,7 @@ Held = Annotated[
         "'{}' is neither a mechanism's handle nor a loose body",
     ),
 ]
-ToolShape = Literal["sphere", "cylinder", "box"]
+_ENDS = tool_shapes()
 
 
 class Pose(Model):
@@ -61,14 +62,9 @@ class Tool(Model):
     """
 
     noun = "a tool"
-    sizes: ClassVar[dict[str, tuple[tuple[str, ...], tuple[str, ...]]]] = {
-        "sphere": ((), ("radius",)),
-        "cylinder": (("radius",), ()),
-        "box": (("size",), ()),
-    }
 
-    shape: Annotated[ToolShape, Word(("sphere", "cylinder", "box"), "tool shape")] = Field(
-        "sphere", title="Shape of the tool's end"
+    shape: Annotated[str, Word(tuple(_ENDS), "tool shape")] = Field(
+        next(iter(_ENDS)), title="Shape of the tool's end"
     )
     radius: Annotated[float, Constant(LENGTH, above=0)] | None = Field(None, title="Radius")
     size: Annotated[tuple[float, float, float], Entries((LENGTH,) * 3, above=0)] | None = Field(
@@ -82,7 +78,12 @@ class Tool(Model):
     @classmethod
     def rules(cls, data: Map, reading: Reading) -> None:
         """Ask for the sizes of the tool's shape."""
-        check_sizes("tool", data.get("shape", "sphere"), cls.sizes, data, reading)
+        shape = data.get("shape", cls.model_fields["shape"].default)
+        if isinstance(shape, str) and shape in _ENDS:
+            keys = _ENDS[shape].tool_keys
+            needed = [key for key, is_needed in keys.items() if is_needed]
+            # A tool of every shape has a length.
+            check_sizes(shape, needed, {*keys, "length"}, data, reading)
 
 
 class Start(Model):

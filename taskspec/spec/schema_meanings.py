@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
+from taskspec.shapes import SHAPES, size_keys, with_size
+from taskspec.text.units import alternatives
+
 Meaning = tuple[str, tuple[Any, ...]]
 
 _PLACED = {
@@ -45,6 +48,14 @@ _EQUATION = {
     "stiffness": ("How stiffly the world keeps it, along the unit gradient.", ("50 kN/m",)),
     "damping": ("Damping along the unit gradient.", ("50 N*s/m",)),
 }
+
+
+def _size(name: str) -> Meaning:
+    key = size_keys()[name]
+    owners = alternatives([f"a {owner}" for owner in with_size(name)])
+    return key.description or f"Of {owners}{key.extent}.", key.shown
+
+
 _GAIN = "; a value for all, {linear, angular}, or one for each axis. Left out, it is designed."
 
 MEANINGS: dict[str, dict[str, Meaning]] = {
@@ -151,9 +162,9 @@ MEANINGS: dict[str, dict[str, Meaning]] = {
         "filter": ("Corner frequency of its first-order low-pass; by default none.", ("60 Hz",)),
     },
     "Shape": _PLACED | {
-        "shape": ("What it is; a plane is solid below its z = 0.", ()),
-        "radius": ("Of a cylinder or a sphere.", ("50 mm",)),
-        "length": ("Of a cylinder, along its z.", ("200 mm",)),
+        **{name: _size(name) for name in size_keys()},
+        "shape": ("; ".join(("What it is", *(s.remark for s in SHAPES.values() if s.remark))) + ".",
+                  ()),
         "stiffness": ("Of the whole contact; 20 kN/m by default. A press deforms it by f/k.",
                       ("20 kN/m", "rigid")),
         "damping": ("Of the whole contact; by default a tenth of the critical one of 1 kg.",

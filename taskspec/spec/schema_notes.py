@@ -57,7 +57,6 @@ NOTES: dict[str, tuple[str, tuple[Any, ...]]] = {
     "Rotation.torque": ("", ("-2 N*m", 0)),
     "Screw.mechanism": ("Always this word", ()),
     "Shape.shape": (_WORDS, ()),
-    "Shape.size": ("Full edges along x, y and z", (["200 mm", "100 mm", "50 mm"],)),
     "Shape.free": ("true or false", (True,)),
     "Shape.friction": ("", (0.3,)),
     "Slide.mechanism": ("Always this word", ()),

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection
 
+from taskspec.shapes import size_keys
 from taskspec.spec.model import complete
 from taskspec.spec.reading import Reading
 from taskspec.text.codes import register
@@ -17,36 +18,27 @@ register(
     }
 )
 
-SIZES = ("radius", "size", "length")
-
 
 def check_sizes(
-    owner: str,
-    shape: object,
-    table: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]],
-    data: Map,
-    reading: Reading,
+    shape: str, needed: Collection[str], allowed: Collection[str], data: Map, reading: Reading
 ) -> None:
     """Report sizes that a shape needs or does not have.
 
     Args:
-        owner: `object` or `tool`; a tool of every shape has a length.
-        shape: the raw shape; anything that is not in the table is reported elsewhere.
-        table: shape to (needed sizes, further sizes).
+        shape: its name.
+        needed: keys of the sizes that it needs.
+        allowed: keys of those that it can have.
         data: the mapping that holds the sizes.
         reading: the pass.
     """
-    if not isinstance(shape, str) or shape not in table:
-        return
-    needed, further = table[shape]
-    allowed = {*needed, *further, *({"length"} if owner == "tool" else ())}
-    for key in SIZES:
+    sizes = size_keys()
+    for key in sizes:
         if key in data and key not in allowed:
             has = f"its sizes: {', '.join(sorted(allowed))}" if allowed else "it has no size"
             reading.error("TS302", f"a {shape} has no '{key}'", data.node.key_span(key), has)
     missing = [key for key in needed if key not in data]
     if missing and complete(data, reading):
         span = data.node.key_span("shape") if "shape" in data else pointer(data.node)
-        example = "[100 mm, 100 mm, 50 mm]" if missing[0] == "size" else "50 mm"
         names = " and ".join(f"'{key}'" for key in missing)
-        reading.error("TS301", f"a {shape} needs {names}", span, f"such as {missing[0]}: {example}")
+        example = f"such as {missing[0]}: {sizes[missing[0]].example}"
+        reading.error("TS301", f"a {shape} needs {names}", span, example)

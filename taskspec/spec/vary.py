@@ -5,12 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+from taskspec.shapes import SHAPES, size_keys
 from taskspec.spec import values
 from taskspec.spec.kinds import Kind
 from taskspec.spec.model import mapping
 from taskspec.spec.reading import Reading, kind_of, span_of
-from taskspec.spec.sizes import SIZES
-from taskspec.spec.world import Shape, is_free
+from taskspec.spec.world import is_free
 from taskspec.text.codes import register
 from taskspec.text.data import Items, Map
 from taskspec.text.expression import Problem, ScopeKind, check
@@ -41,7 +41,7 @@ Target = tuple[Dimension, ...]
 
 _CONTACT: dict[str, Target] = {"stiffness": (STIFFNESS,), "damping": (DAMPING,)}
 _PLACE: dict[str, Target] = {"xyz": (LENGTH,) * 3, "rpy": (ANGLE,) * 3}
-_SIZES: dict[str, Target] = {"size": (LENGTH,) * 3, "radius": (LENGTH,), "length": (LENGTH,)}
+_SIZES: dict[str, Target] = {k.name: (k.dimension,) * k.entries for k in size_keys().values()}
 _TURNING: dict[str, Target] = {"damping": (ANGULAR_DAMPING,), "friction": (MOMENT,)}
 _INERTIA: dict[str, Target] = {"inertia": (INERTIA,)}
 _MASS: dict[str, Target] = {"mass": (MASS,)}
@@ -144,10 +144,10 @@ def _fields(data: Map, kind: str) -> list[str] | None:
     if kind != "shape":
         return list(OBJECT[kind])
     name = data.get("shape")
-    if not isinstance(name, str) or name not in Shape.sizes:
+    if not isinstance(name, str) or name not in SHAPES:
         return None
-    own, further = Shape.sizes[name]
-    missing = {*SIZES} - {*own, *further} | (set() if is_free(data) else {"mass"})
+    missing = size_keys().keys() - {key.name for key in SHAPES[name].keys}
+    missing |= set() if is_free(data) else {"mass"}
     return [key for key in OBJECT[kind] if key not in missing]
 
 
@@ -161,7 +161,7 @@ def _components(value: object, target: Target, reading: Reading) -> tuple[Variat
         return (_variation(value, target[0], reading),)
     if not isinstance(value, Items) or len(value) != count:
         if not (isinstance(value, Items) and value.node.broken):
-            hint = _SUCH_AS[target[0]]
+            hint = _SUCH_AS.get(target[0], "")
             message = f"{count} components are needed here, 0 for one that does not vary"
             reading.error("TS023", message, span_of(value), hint)
         return ()

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Annotated, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from pydantic import Field
+from pydantic import Field, create_model
 
 from taskspec.geometry.axis import AXES, ROTATIONS, Axis
+from taskspec.shapes import BoundedSurface, SizeKey, all_shapes, size_keys
 from taskspec.spec.fields import RPY, XYZ
 from taskspec.spec.model import Model, complete
 from taskspec.spec.quantities import Constant, Entries, Formula
@@ -19,7 +20,10 @@ from taskspec.text.nodes import pointer
 from taskspec.text.suggest import closest
 from taskspec.text.units import ANGLE, DAMPING, LENGTH, MASS, NUMBER, STIFFNESS
 
-ShapeName = Literal["plane", "box", "cylinder", "sphere"]
+_SHAPES = all_shapes(__name__)
+#: Words of the language that are not supported yet, as shapes and as their sizes.
+_LATER = tuple(name for name in ("groove", "hole") if name not in _SHAPES)
+_LATER_SIZES = frozenset({"angle", "depth", "chamfer"}) - size_keys().keys()
 
 KIND_KEYS = ("shape", "equation", "mechanism")
 """The keys of which one says what an object is."""
@@ -62,16 +66,43 @@ class Motion(Model):
             reading.error("TS026", message, data.node.key_span(turns[1]), "keep one of them")
 
 
-class Shape(Model):
+class _PlacedShape(Model):
+    """The keys of a shape that come before its sizes."""
+
+    shape: Annotated[str, Word(tuple(_SHAPES), "shape", reserved=_LATER)] = Field(title="Shape")
+    xyz: XYZ = Field((0.0, 0.0, 0.0), title="Position in the world", description="[x, y, z]")
+    rpy: RPY = Field((0.0, 0.0, 0.0), title="Orientation", description="[roll, pitch, yaw]")
+
+
+def _field(key: SizeKey) -> tuple[Any, Any]:
+    """A size as a field of a model: its type, and what is known of it."""
+    form: Any = Annotated[float, Constant(key.dimension, above=0)]
+    if key.entries > 1:
+        dimensions = (key.dimension,) * key.entries
+        form = Annotated[tuple[float, ...], Entries(dimensions, above=0)]
+    return form | None, Field(None, title=key.title)
+
+
+if TYPE_CHECKING:
+    _SizedShape = _PlacedShape
+else:
+    _SizedShape = create_model(
+        "_SizedShape",
+        __base__=_PlacedShape,
+        __module__=__name__,
+        **{name: _field(key) for name, key in size_keys().items()},
+    )
+
+
+class Shape(_SizedShape):
     """An object: a shape at a place, with the contact that it makes.
 
+    Its sizes are attributes too, by the names of their keys; None for those that it does not have.
+
     Attributes:
-        shape: `plane` (z = 0, outward normal z), `box`, `cylinder` (axis z) or `sphere`.
+        shape: the name of its kind, one of `taskspec.shapes.SHAPES`.
         xyz: position in the world [m].
         rpy: orientation in the world [rad].
-        size: full edges of a box [m].
-        radius: of a cylinder or sphere [m].
-        length: of a cylinder [m].
         stiffness: of the whole contact [N/m], or `rigid`.
         damping: of the whole contact [N*s/m]; None for 0.1 * 2 * sqrt(stiffness * 1 kg).
         friction: Coulomb's coefficient.
@@ -82,27 +113,8 @@ class Shape(Model):
 
     noun = "an object"
     example = "table: {shape: plane, xyz: [0, 0, 300 mm]}"
-    reserved = frozenset({"angle", "depth", "chamfer"})
-    sizes: ClassVar[dict[str, tuple[tuple[str, ...], tuple[str, ...]]]] = {
-        "plane": ((), ()),
-        "box": (("size",), ()),
-        "cylinder": (("radius", "length"), ()),
-        "sphere": (("radius",), ()),
-    }
+    reserved = _LATER_SIZES
 
-    shape: Annotated[
-        ShapeName,
-        Word(("plane", "box", "cylinder", "sphere"), "shape", reserved=("groove", "hole")),
-    ] = Field(title="Shape")
-    xyz: XYZ = Field((0.0, 0.0, 0.0), title="Position in the world", description="[x, y, z]")
-    rpy: RPY = Field((0.0, 0.0, 0.0), title="Orientation", description="[roll, pitch, yaw]")
-    size: Annotated[tuple[float, float, float], Entries((LENGTH,) * 3, above=0)] | None = Field(
-        None, title="Full edges of a box"
-    )
-    radius: Annotated[float, Constant(LENGTH, above=0)] | None = Field(None, title="Radius")
-    length: Annotated[float, Constant(LENGTH, above=0)] | None = Field(
-        None, title="Length of a cylinder"
-    )
     stiffness: Annotated[
         float | Literal["rigid"], Constant(STIFFNESS, above=0, words=("rigid",))
     ] = Field(20e3, title="Stiffness of the whole contact")
@@ -123,6 +135,11 @@ class Shape(Model):
         """Of its signals."""
         return "shape"
 
+    @property
+    def sizes(self) -> dict[str, Any]:
+        """Its sizes by key [SI units]."""
+        return {key.name: getattr(self, key.name) for key in _SHAPES[self.shape].keys}
+
     @classmethod
     def expand(cls, data: object, reading: Reading) -> object:
         """Report an object of a kind that comes later or of none, and look no further into it."""
@@ -130,7 +147,7 @@ class Shape(Model):
             return data
         if "shape" not in data:
             return _of_no_kind(data, reading, [*cls.model_fields, *cls.reserved])
-        if data.get("shape") not in ("groove", "hole"):
+        if data.get("shape") not in _LATER:
             return data
         reading.quiet.add(id(data.node))
         rest = Map({"shape": data["shape"]})
@@ -140,7 +157,10 @@ class Shape(Model):
     @classmethod
     def rules(cls, data: Map, reading: Reading) -> None:
         """Ask for the sizes of the shape."""
-        check_sizes("object", data.get("shape"), cls.sizes, data, reading)
+        shape = data.get("shape")
+        if isinstance(shape, str) and shape in _SHAPES:
+            needed = tuple(key.name for key in _SHAPES[shape].keys)
+            check_sizes(shape, needed, needed, data, reading)
         _check_free(data, reading)
 
 
@@ -167,9 +187,12 @@ def is_free(data: Map) -> bool:
 def _check_free(data: Map, reading: Reading) -> None:
     """Ask for a mass of a loose body, and of a loose body alone."""
     sure, free = complete(data, reading), is_free(data)
-    if free and data.get("shape") == "plane":
-        message = "a plane is endless and cannot be loose"
-        reading.error("TS302", message, data.node.key_span("free"), "take a box")
+    shape = data.get("shape")
+    kind = _SHAPES.get(shape) if isinstance(shape, str) else None
+    if free and kind is not None and not issubclass(kind, BoundedSurface):
+        message = f"a {kind.name} is endless and cannot be loose"
+        other = next(name for name, k in _SHAPES.items() if issubclass(k, BoundedSurface))
+        reading.error("TS302", message, data.node.key_span("free"), f"take a {other}")
     if free and "motion" in data:
         message, span = "a loose body has no 'motion' of its own", data.node.key_span("motion")
         reading.error("TS026", message, span, "keep one of the two")

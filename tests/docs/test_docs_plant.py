@@ -8,11 +8,11 @@ from documents import CONVENTIONS, table, words
 from taskspec.program.world import stiffness
 from taskspec.program.world.grip import GRIP
 from taskspec.robot import load_robot
-from taskspec.spec import Robot, Shape, Tool
+from taskspec.shapes import Box, Cylinder, Sphere
+from taskspec.spec import Robot, Tool
 from taskspec.text.units import split_quantity, to_si
-from taskspec_runner.plant import contact, loose, mechanisms
+from taskspec_runner.plant import contact, mechanisms
 
-BOX, CYLINDER, SPHERE = (Shape(shape=shape) for shape in ("box", "cylinder", "sphere"))
 TEXT = " ".join(CONVENTIONS.read_text(encoding="utf-8").split())
 
 
@@ -56,6 +56,6 @@ def test_mechanisms():
 
 
 def test_loose_bodies():
-    on = [loose.resting_points(shape) for shape in (BOX, CYLINDER, SPHERE)]
+    on = [kind.resting_points for kind in (Box, Cylinder, Sphere)]
     assert on == [4, 8, 1]
     assert "a flat face rests on four points at its corners, a cylinder's end on eight" in TEXT

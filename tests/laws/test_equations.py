@@ -15,11 +15,11 @@ import pytest
 from taskspec.control import linear, model_terms, resolution, state
 from taskspec.control.laws import hybrid, impedance, parallel
 from taskspec.control.reference import Reference
-from taskspec.geometry.surface import Surface
 from taskspec.program.clock import Clock
 from taskspec.program.world import kinematics
 from taskspec.program.world.frames import FrameModel
 from taskspec.robot import load_robot
+from taskspec.shapes import SHAPES
 
 RNG = np.random.default_rng(4)
 POSE = SimpleNamespace(xyz=(0.0, 0.0, 0.0), rpy=(0.0, 0.0, 0.0))
@@ -115,8 +115,9 @@ def test_control_point_by_finite_differences(arm):
 @pytest.mark.parametrize("kind", ["cylinder", "sphere"])
 def test_following_frame_by_finite_differences(kind):
     arm = Arm("panda")
-    half = np.array([0.2, 0.2, 0.4]) if kind == "cylinder" else np.full(3, 0.2)
-    surface = Surface(kind, np.array([0.5, 0.0, 0.1]), np.eye(3)[:, [2, 1, 0]] * [1, 1, -1], half)
+    sizes = {"radius": 0.2, "length": 0.8} if kind == "cylinder" else {"radius": 0.2}
+    R = np.eye(3)[:, [2, 1, 0]] * [1, 1, -1]
+    surface = SHAPES[kind](np.array([0.5, 0.0, 0.1]), R, **sizes)
     frame = FrameModel("f", "following", np.eye(3), np.zeros(3), surface=surface,
                        heading=np.array([0.3, 1.0, 0.2]))  # fmt: skip
     tool = kinematics.tool_point(arm.robot, arm.terms)

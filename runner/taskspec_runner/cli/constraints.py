@@ -153,7 +153,7 @@ def _motion(stage: CompiledStage, axis: Axis, plan: AxisPlan) -> str:
 def _turns_along(stage: CompiledStage, axis: Axis, plan: AxisPlan) -> bool:
     """Whether a rotation is held in a frame that turns as the tool moves."""
     frame = stage.frame
-    curved = frame.surface is not None and frame.surface.kind in ("cylinder", "sphere")
+    curved = frame.surface is not None and not frame.surface.flat
     held = plan.mode == "hold" and axis.is_rotation and not plan.world
     return held and (frame.mechanism is not None or curved)
 

@@ -12,6 +12,7 @@ from taskspec.program.stages.null_space import goals
 from taskspec.program.stages.stage import CompiledStage
 from taskspec.program.world.stiffness import Compliance
 from taskspec.robot.tool import LENGTH
+from taskspec.shapes import tool_shapes
 from taskspec.spec import AxisEntry, EquationObject, Mechanism, Robot, Shape, Task
 from taskspec.text.nodes import find
 from taskspec.text.show import show
@@ -76,10 +77,10 @@ def _robot(program: Program) -> Iterator[tuple[str, str]]:
     else:
         own = robot.tool.model_fields_set
         if "shape" not in own:
-            yield "robot.tool.shape", "sphere"
+            yield "robot.tool.shape", robot.tool.shape
         if "length" not in own:
             yield "robot.tool.length", show(LENGTH if "z" in model.axes else 0.0, "mm")
-        if robot.tool.shape == "sphere" and "radius" not in own:
+        if "radius" not in own and tool_shapes()[robot.tool.shape].tool_keys.get("radius") is False:
             yield "robot.tool.radius", show(float(model.tool.radii[0]), "mm")
         if "mass" not in own:
             yield "robot.tool.mass", "0 kg"

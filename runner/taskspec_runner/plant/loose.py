@@ -13,19 +13,24 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from taskspec.program.world.frames import surface
+from taskspec.shapes import BoundedSurface
 from taskspec.spec import Shape, Task
 from taskspec_runner.plant.names import INERT, PREFIX, placed
 
 Vector = NDArray[np.float64]
 
-#: Radius of the spheres at corners and rims [m], or a quarter of the least half extent.
-_POINT = 0.0005
-_RIM_POINTS = 8
-
 
 def loose(task: Task) -> dict[str, Shape]:
     """The loose bodies."""
     return {name: shape for name, shape in task.shapes.items() if shape.free}
+
+
+def solid_of(shape: Shape) -> BoundedSurface:
+    """The geometry of a loose body."""
+    solid = surface(shape)
+    assert isinstance(solid, BoundedSurface)
+    return solid
 
 
 def add_loose(spec: mujoco.MjSpec, name: str, shape: Shape) -> mujoco.MjsBody:
@@ -34,9 +39,10 @@ def add_loose(spec: mujoco.MjSpec, name: str, shape: Shape) -> mujoco.MjsBody:
     body.add_freejoint(name=PREFIX + name)
     body.explicitinertial = True
     assert shape.mass is not None
-    body.mass, body.inertia = shape.mass, inertia(shape)
+    solid = solid_of(shape)
+    body.mass, body.inertia = shape.mass, solid.inertia(shape.mass)
     body.ipos, body.iquat = [0.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0]
-    centers, radius = points(shape)
+    centers, radius = solid.contact_points()
     for number, center in enumerate(centers):
         body.add_geom(
             name=point_name(name, number),
@@ -48,41 +54,6 @@ def add_loose(spec: mujoco.MjSpec, name: str, shape: Shape) -> mujoco.MjsBody:
             **INERT,
         )
     return body
-
-
-def inertia(shape: Shape) -> list[float]:
-    """Principal moments (3,) [kg m^2] about its own axes, of uniform density."""
-    m = shape.mass or 0.0
-    if shape.size is not None:
-        x, y, z = np.square(shape.size)
-        return [float(m * s / 12) for s in (y + z, x + z, x + y)]
-    r = shape.radius or 0.0
-    if shape.shape == "sphere":
-        return [0.4 * m * r**2] * 3
-    across = m * (r**2 / 4 + (shape.length or 0.0) ** 2 / 12)
-    return [across, across, m * r**2 / 2]
-
-
-def points(shape: Shape) -> tuple[Vector, float]:
-    """Centres (k, 3) [m] of a body's contact spheres in its own axes, and their radius."""
-    if shape.shape == "sphere":
-        return np.zeros((1, 3)), float(shape.radius or 0.0)
-    if shape.size is not None:
-        half = np.array(shape.size) / 2
-        point = min(_POINT, float(half.min()) / 4)
-        signs = np.array(np.meshgrid(*[(-1, 1)] * 3, indexing="ij")).reshape(3, -1).T
-        return signs * (half - point), point
-    r, z = float(shape.radius or 0.0), (shape.length or 0.0) / 2
-    point = min(_POINT, r / 4, z / 4)
-    angles = 2 * np.pi * np.arange(_RIM_POINTS) / _RIM_POINTS
-    rim = (r - point) * np.column_stack((np.cos(angles), np.sin(angles)))
-    ends = [np.column_stack((rim, np.full(_RIM_POINTS, s * (z - point)))) for s in (-1, 1)]
-    return np.vstack(ends), point
-
-
-def resting_points(shape: Shape) -> int:
-    """How many points carry a body that lies flat."""
-    return {"sphere": 1, "box": 4, "cylinder": _RIM_POINTS}[shape.shape]
 
 
 def point_name(name: str, number: int) -> str:

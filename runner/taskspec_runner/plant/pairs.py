@@ -19,7 +19,7 @@ from taskspec.program.world.stiffness import (
 from taskspec.robot import RobotModel
 from taskspec.spec import Task
 from taskspec_runner.plant.contact import contact_parameters
-from taskspec_runner.plant.loose import loose, point_name, points, resting_points
+from taskspec_runner.plant.loose import loose, point_name, solid_of
 from taskspec_runner.plant.names import PREFIX
 
 Vector = NDArray[np.float64]
@@ -50,6 +50,7 @@ def add_pairs(spec: mujoco.MjSpec, robot: RobotModel, task: Task, start: Vector)
 def _add_loose_pairs(spec: mujoco.MjSpec, task: Task, period: float) -> None:
     order = list(task.shapes)
     for name, body in loose(task).items():
+        solid = solid_of(body)
         for other, shape in task.shapes.items():
             if other == name or (shape.free and order.index(other) > order.index(name)):
                 continue
@@ -59,7 +60,7 @@ def _add_loose_pairs(spec: mujoco.MjSpec, task: Task, period: float) -> None:
             own, friction = pair_compliance(body, 1.0 / mobility, period), shape.friction
             if shape.free and own.stiffness < declared.stiffness:
                 declared, friction = own, body.friction
-            for number in range(len(points(body)[0])):
+            for number in range(len(solid.contact_points()[0])):
                 pair = spec.add_pair(
                     geomname1=PREFIX + other, geomname2=point_name(name, number), condim=3
                 )
@@ -67,7 +68,7 @@ def _add_loose_pairs(spec: mujoco.MjSpec, task: Task, period: float) -> None:
                     pair,
                     declared,
                     friction,
-                    points=resting_points(body),
+                    points=solid.resting_points,
                     mobility=mobility,
                     plant_period=period,
                 )

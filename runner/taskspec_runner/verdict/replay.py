@@ -10,12 +10,13 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from taskspec.geometry.axis import AXES
-from taskspec.geometry.surface import Chart, Surface, box_face
+from taskspec.program.prepare import chart_at
 from taskspec.program.stages.stage import CompiledStage
 from taskspec.program.world import felt
 from taskspec.program.world.carriers import Carrier
 from taskspec.program.world.frames import FrameModel
 from taskspec.robot import RobotModel
+from taskspec.shapes import SurfaceChart
 from taskspec_runner.record.history import History, Visit
 from taskspec_runner.verdict.moving import Ride, handle_axes, handle_coordinates, ride
 
@@ -198,7 +199,7 @@ class Replay:
         feet, axes = np.empty_like(p), np.empty_like(R)
         for visit in self._visits:
             rows = visit.rows
-            follow = _follower(frame, _chart(frame.surface, centers[visit.first]))
+            follow = _follower(frame, chart_at(frame.surface, centers[visit.first]))
             turned, foot = (np.array(v) for v in follow(centers[rows].T))
             feet[rows], axes[rows] = foot.T, turned.T.reshape(-1, 3, 3).transpose(0, 2, 1)
         return carried.world(feet), carried.A @ axes
@@ -235,14 +236,7 @@ class Replay:
         return -np.asarray(np.einsum("kij,kj->ki", R, seen).mean(axis=0))
 
 
-def _chart(surface: Surface, center: Vector) -> Chart:
-    face = None
-    if surface.kind == "box":
-        face = ca.SX(ca.DM(box_face(surface, surface.face(center))))
-    return surface.chart(face)
-
-
-def _follower(frame: FrameModel, chart: Chart) -> ca.Function:
+def _follower(frame: FrameModel, chart: SurfaceChart) -> ca.Function:
     """Centre of the tool (3,) -> axes (9,) and foot (3,) of a following frame; maps columns."""
     center = ca.SX.sym("center", 3)
     R = chart.frame(center, frame.heading)

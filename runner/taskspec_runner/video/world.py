@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec.geometry.rotation import from_rpy
+from taskspec.program.world.frames import surface
 from taskspec.spec import Shape, Task
 from taskspec_runner.plant.carriers import Carriers, moving
 from taskspec_runner.plant.loose import loose
@@ -14,12 +14,12 @@ from taskspec_runner.plant.mechanisms import coordinate_joint
 from taskspec_runner.plant.names import PREFIX
 from taskspec_runner.plant.plant import Plant
 from taskspec_runner.plant.scene import build_scene
-from taskspec_runner.plant.shapes import slab_name
+from taskspec_runner.plant.shapes import seen_name
 from taskspec_runner.video.recording import Recording
 
 Vector = NDArray[np.float64]
 
-#: What is seen of a plane goes beyond the tool's way over it by this much [m].
+#: What is seen of an endless shape goes beyond the tool's way over it by this much [m].
 _MARGIN = 0.14
 #: Samples that multisampling takes of a pixel.
 _SAMPLES = 4
@@ -44,8 +44,7 @@ class World:
         model.vis.quality.offsamples = _SAMPLES
         model.vis.quality.shadowsize = _SHADOW
         for name, shape in task.shapes.items():
-            if shape.shape == "plane":
-                self._patch(model.geom(slab_name(name)).id, shape)
+            self._show_endless(name, shape)
         self.links = _bare_links(model, context.robot.tip_body)
         self._n = recording.q.shape[1]
         self._carriers = Carriers(model, self.data, task) if moving(task) else None
@@ -71,18 +70,20 @@ class World:
         mujoco.mj_camlight(self.model, data)
         return data
 
-    def _patch(self, geom: int, shape: Shape) -> None:
-        """Lets a plane be seen where the tool goes over it."""
-        R, origin = from_rpy(shape.rpy), np.array(shape.xyz)
+    def _show_endless(self, name: str, shape: Shape) -> None:
+        """Lets a shape that is endless be seen where the tool goes over it."""
+        solid = surface(shape)
+        R, origin = solid.rotation, solid.origin
         over = (self.recording.tip - origin) @ R
         low, high = over.min(axis=0) - _MARGIN, over.max(axis=0) + _MARGIN
-        size, middle = self.model.geom_size[geom], np.zeros(3)
-        size[:2] = (high - low)[:2] / 2
-        middle[:2] = (high + low)[:2] / 2
-        middle[2] = -size[2]
-        place = middle if shape.motion is not None else origin + R @ middle
+        seen = solid.seen_geom((high + low) / 2, (high - low)[:2] / 2)
+        if seen is None:
+            return
+        geom, center = self.model.geom(seen_name(name)).id, np.array(seen.center)
+        place = center if shape.motion is not None else origin + R @ center
+        self.model.geom_size[geom] = seen.size
         self.model.geom_pos[geom] = place
-        self.model.geom_rbound[geom] = float(np.linalg.norm(size))
+        self.model.geom_rbound[geom] = float(np.linalg.norm(seen.size))
 
 
 def _bare_links(model: mujoco.MjModel, tip_body: str) -> tuple[tuple[int, int], ...]:

@@ -11,9 +11,10 @@ from taskspec.control.gains import has_force
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.program.axes import MOSTLY
 from taskspec.program.context import Context
-from taskspec.program.prepare import box_face_at, pose_of_carrier, tool_center
+from taskspec.program.prepare import chart_at, pose_of_carrier, tool_center
 from taskspec.program.signals import TOUCHING
 from taskspec.program.world.stiffness import RESOLVED_PHASE
+from taskspec.shapes import SHAPES
 from taskspec.spec import FILE
 from taskspec.text.codes import register
 from taskspec.text.diagnostic import Diagnostics
@@ -49,8 +50,7 @@ def check_frame(context: Context, name: str, found: Diagnostics) -> bool:
     assert frame.surface is not None
     A, a = pose_of_carrier(context, frame)
     center = A.T @ (tool_center(context) - a)
-    face = box_face_at(frame.surface, center)
-    chart = frame.surface.chart(face)
+    chart = chart_at(frame.surface, center)
     normal = np.array(ca.evalf(chart.normal(ca.SX(center)))).ravel()
     heading = np.array(ca.evalf(chart.reference_direction(frame.heading))).ravel()
     share = abs(normal @ heading) / np.linalg.norm(heading)
@@ -61,7 +61,7 @@ def check_frame(context: Context, name: str, found: Diagnostics) -> bool:
             f"the tool does not start over the part of {frame.surface_name!r} that frame "
             f"{frame.name!r} follows",
             loaded.span(FILE.robot.start),
-            "start over the face of a box, the side of a cylinder, outside of a sphere",
+            "start " + ", ".join(s.start_over for s in SHAPES.values() if s.start_over),
         )
         return False
     if share < 1 - 1e-3:

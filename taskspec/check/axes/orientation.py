@@ -23,7 +23,6 @@ register(
 )
 
 _ROTATIONS = AXES[3:]
-_FLAT = ("plane", "box")
 _WAY_OUT = "'orientation: so3' has no such limit"
 
 
@@ -89,7 +88,7 @@ def _turns(context: Context, frame: FrameModel) -> bool:
         return True
     if frame.kind == "following":
         assert frame.surface is not None
-        return frame.surface.kind not in _FLAT
+        return not frame.surface.flat
     return not frame.still
 
 

@@ -95,8 +95,10 @@ def _not_elsewhere(context: Context, node: Name) -> str | None:
     """Why a signal has no meaning in another frame while the task runs, None if it has."""
     assert node.frame is not None
     frame, kind = context.frames[node.frame], node.path[0]
-    if frame.surface is not None and frame.surface.kind == "box":
-        return "the faces of a box are followed only by the stage's own frame"
+    surface = frame.surface
+    if surface is not None and surface.parts:
+        of = f"the {surface.parts} of a {surface.name}"
+        return f"{of} are followed only by the stage's own frame"
     place = kind == "position" and frame.still and node.path[-1] not in ROTATIONS
     if kind in ("force", "torque", "velocity") or place:
         return None

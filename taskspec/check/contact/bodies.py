@@ -2,22 +2,19 @@
 
 from __future__ import annotations
 
-from itertools import product
-
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec.geometry import rotation
 from taskspec.program.context import Context
-from taskspec.spec import FILE, Shape, key_of
+from taskspec.shapes import BoundedSurface, Surface
+from taskspec.spec import FILE, key_of
 from taskspec.text.diagnostic import Diagnostics
 from taskspec.text.show import show
 
 _GRAVITY = 9.81
 #: A contact that pushes with this many times a body's weight lifts it off.
 _LIFTS = 2.0
-_RIM_POINTS = 8
 
 
 def check_bodies(context: Context, found: Diagnostics) -> None:
@@ -28,7 +25,7 @@ def check_bodies(context: Context, found: Diagnostics) -> None:
     for name, body in shapes.items():
         if not body.free or body.mass is None:
             continue
-        points, radius = _points(body)
+        points, radius = _points(context.surfaces[name])
         for other in shapes:
             pair = frozenset((name, other))
             if other == name or pair in seen:
@@ -48,21 +45,11 @@ def check_bodies(context: Context, found: Diagnostics) -> None:
                 )
 
 
-def _points(body: Shape) -> tuple[NDArray[np.float64], float]:
+def _points(body: Surface) -> tuple[NDArray[np.float64], float]:
     """World points (k, 3) that a body reaches furthest with [m], and a radius about them."""
-    R, origin = rotation.from_rpy(body.rpy), np.array(body.xyz, dtype=float)
-    radius = body.radius or 0.0
-    if body.shape == "sphere":
-        return origin[None], radius
-    if body.size is not None:
-        own = np.array(list(product((-0.5, 0.5), repeat=3))) * body.size
-    else:
-        angles = 2 * np.pi * np.arange(_RIM_POINTS) / _RIM_POINTS
-        half = (body.length or 0.0) / 2
-        own = np.array(
-            [(radius * np.cos(a), radius * np.sin(a), z) for a in angles for z in (-half, half)]
-        )
-    return origin + own @ R.T, 0.0
+    assert isinstance(body, BoundedSurface)
+    own, radius = body.extremes()
+    return body.origin + own @ body.rotation.T, radius
 
 
 def _distance(context: Context, name: str, point: NDArray[np.float64]) -> float:

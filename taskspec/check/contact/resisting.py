@@ -132,8 +132,8 @@ def forces(context: Context, stage: Stage, rotation: Vector) -> Vector:
     columns = [_NONE]
     for name, shape in task.shapes.items():
         moves = name in context.carriers and context.carriers[name].turns
-        flat = shape.shape == "plane" and not shape.free and not moves
-        if shape.friction > 0 or not (flat or name == frame.surface_name):
+        level = context.surfaces[name].level and not shape.free and not moves
+        if shape.friction > 0 or not (level or name == frame.surface_name):
             return _ALL
         normal = rotation[:, 2] if name == frame.surface_name else context.start_normals[name]
         columns.append(normal[:, None])

@@ -127,7 +127,7 @@ class Walk:
             return False
         if context.loaded.task.robot.grasp is not None:
             return False
-        return frame.surface is None or frame.surface.kind in ("plane", "box")
+        return frame.surface is None or frame.surface.flat
 
     def _to_surface(self, stage: Stage, frame: FrameModel) -> bool:
         """Whether the way to the surface is straight: also along the normal of a curved one."""

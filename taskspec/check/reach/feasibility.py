@@ -239,11 +239,11 @@ def _leaned_on(
     if any(carrier.turns for carrier in context.carriers.values()):
         return None
     normals = {}
-    for surface, shape in task.shapes.items():
-        if surface == frame.surface_name:
-            normals[surface] = place.rotation[:, 2]
-        elif shape.shape == "plane":
-            normals[surface] = context.start_normals[surface]
+    for object_name, surface in context.surfaces.items():
+        if object_name == frame.surface_name:
+            normals[object_name] = place.rotation[:, 2]
+        elif surface.level:
+            normals[object_name] = context.start_normals[object_name]
         else:
             return None
     contact = context.contact_of(frame)

@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.geometry.axis import AXES, Axis
-from taskspec.geometry.surface import box_face
 from taskspec.motion import blend
 from taskspec.program.execution.carried import Carried
 from taskspec.program.execution.choice import choose_first
@@ -139,10 +138,11 @@ class _Entry:
             self._remember("angle", self.carried.angle)
         origin = self.A @ felt.origin(frame, self.felt_poses) + self.a
         self._write("lever", self.R.T @ (origin - self.p))
-        if frame.surface is not None and frame.surface.kind == "box":
+        if frame.surface is not None:
             center = self.p if robot.tool.flat else self.p + self.R @ robot.tool.centers[0]
-            center = self.A.T @ (center - self.a)
-            self._write("frame.face", box_face(frame.surface, frame.surface.face(center)))
+            face = frame.surface.face_at(self.A.T @ (center - self.a))
+            if face is not None:
+                self._write("frame.face", face)
 
     def _look(self) -> dict[str, Vector]:
         """The stage's probe, with the frame turning as the reference moves on."""

@@ -15,13 +15,13 @@ from numpy.typing import NDArray
 from taskspec.control import linear
 from taskspec.control.model_terms import TermSymbols
 from taskspec.geometry.axis import AXES, Axis
-from taskspec.geometry.surface import Surface
 from taskspec.program import signals
 from taskspec.program.axes import MOSTLY
 from taskspec.program.context import Context
 from taskspec.program.reference.constraints import EquationRow
 from taskspec.program.reference.modes import AxisPlan
 from taskspec.program.world import kinematics
+from taskspec.shapes import Surface
 
 #: Closer than this [m] to the believed object, the tool counts as touching it.
 NEAR = 1e-3

@@ -162,7 +162,7 @@ def _carried(
     R, following = on.at.R, on.frame.kind == "following"
     here = on.at.foot if following else on.point.p
     steps = ca.vertcat(*(_step(on, a, motions) for a in AXES[:3]))
-    flat = following and on.at.chart is not None and on.at.chart.flat
+    flat = on.frame.surface is not None and on.frame.surface.flat
     target = on.marks["reference_point"] + R @ steps
     if following:
         assert on.at.chart is not None

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.geometry import rotation
-from taskspec.geometry.surface import Surface
 from taskspec.program.world.mechanisms import MechanismModel, mechanism_models
+from taskspec.shapes import SHAPES, Surface
 from taskspec.spec import Shape, Task
 
 Matrix = NDArray[np.float64]
@@ -81,16 +81,7 @@ def pose(of: Posed) -> tuple[Matrix, Matrix]:
 def surface(shape: Shape) -> Surface:
     """The geometry of a declared shape, in the world."""
     R, origin = pose(shape)
-    if shape.shape == "box":
-        assert shape.size is not None
-        half = np.array(shape.size) / 2
-    elif shape.shape == "cylinder":
-        assert shape.radius is not None
-        assert shape.length is not None
-        half = np.array([shape.radius, shape.radius, shape.length / 2])
-    else:
-        half = np.full(3, shape.radius or 0.0)
-    return Surface(shape.shape, origin, R, half)
+    return SHAPES[shape.shape](origin, R, **shape.sizes)
 
 
 def resolve(task: Task) -> dict[str, FrameModel]:

@@ -10,12 +10,12 @@ import numpy as np
 
 from taskspec.control.model_terms import TermSymbols
 from taskspec.geometry import rotation
-from taskspec.geometry.surface import Chart, Surface
 from taskspec.program.layout import Layout
 from taskspec.program.world import felt
 from taskspec.program.world.frames import FrameModel
 from taskspec.program.world.mechanisms import MechanismModel
 from taskspec.robot import RobotModel
+from taskspec.shapes import Surface, SurfaceChart
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,7 +120,7 @@ class FrameState:
     R_rate: ca.SX
     margin: ca.SX
     origin: ca.SX | None = None
-    chart: Chart | None = None
+    chart: SurfaceChart | None = None
     foot: ca.SX | None = None
     foot_map: ca.SX | None = None
     turning: Callable[[ca.SX], ca.SX] = lambda _velocity: ca.SX.zeros(3)
@@ -132,7 +132,7 @@ def frame_state(
 ) -> FrameState:
     """Evaluates a frame.
 
-    `face` holds the 14 numbers of the box face that it follows, or the 12 of a measured pose.
+    `face` holds the numbers of the part that it follows, or the 12 of a measured pose.
     """
     always = ca.SX(1)
     if frame.kind == "fixed":
@@ -150,7 +150,7 @@ def frame_state(
     assert frame.surface is not None
     chart = frame.surface.chart(face)
     margin = chart.margin(tool.center, frame.heading)
-    if chart.flat:
+    if frame.surface.flat:
         R = chart.frame(tool.center, frame.heading)
         return FrameState(
             R=R,
@@ -197,9 +197,9 @@ def _handle_state(frame: FrameModel, mechanism: MechanismModel, terms: TermSymbo
 
 
 def new_face(layout: Layout, frame: FrameModel, prefix: str) -> ca.SX | None:
-    """The parameters of a frame: of the box face that it follows, of where it was felt, or None."""
+    """The parameters of a frame: of the part that it follows, of where it was felt, or None."""
     if frame.kind == "estimated":
         return felt.symbols(layout, frame)
-    if frame.kind != "following" or frame.surface is None or frame.surface.kind != "box":
+    if frame.kind != "following" or frame.surface is None or not frame.surface.face_size:
         return None
-    return layout.add(f"{prefix}.face", 14)
+    return layout.add(f"{prefix}.face", frame.surface.face_size)

@@ -7,15 +7,16 @@ import numpy as np
 import pytest
 
 from taskspec.geometry.rotation import from_rpy
-from taskspec.geometry.surface import Surface, box_face
+from taskspec.program.prepare import chart_at
+from taskspec.shapes import Box, Cylinder, Plane, Sphere
 
 RNG = np.random.default_rng(2)
 ORIGIN, R = np.array([0.3, -0.2, 0.5]), from_rpy((0.4, -0.3, 0.9))
 SURFACES = {
-    "plane": Surface("plane", ORIGIN, R, np.zeros(3)),
-    "box": Surface("box", ORIGIN, R, np.array([0.1, 0.2, 0.15])),
-    "cylinder": Surface("cylinder", ORIGIN, R, np.array([0.1, 0.1, 0.3])),
-    "sphere": Surface("sphere", ORIGIN, R, np.full(3, 0.15)),
+    "plane": Plane(ORIGIN, R),
+    "box": Box(ORIGIN, R, size=(0.2, 0.4, 0.3)),
+    "cylinder": Cylinder(ORIGIN, R, radius=0.1, length=0.6),
+    "sphere": Sphere(ORIGIN, R, radius=0.15),
 }
 
 
@@ -53,8 +54,7 @@ def test_a_following_frame_is_right_handed_with_z_outward(name, heading):
     surface = SURFACES[name]
     for _ in range(20):
         x = ORIGIN + R @ (RNG.normal(size=3) * 0.1 + np.array([0.25, 0.05, 0.2]))
-        face = ca.SX(box_face(surface, surface.face(x))) if name == "box" else None
-        chart = surface.chart(face)
+        chart = chart_at(surface, x)
         F = number(chart.frame(ca.SX(x), heading))
         np.testing.assert_allclose(F.T @ F, np.eye(3), atol=1e-9)
         assert np.linalg.det(F) == pytest.approx(1)
@@ -73,11 +73,11 @@ def test_a_cylinders_x_is_its_axis():
 @pytest.mark.parametrize("index", range(6))
 def test_box_faces(index):
     surface = SURFACES["box"]
-    numbers = box_face(surface, index)
+    numbers = surface.face(index)
     F, center = numbers[:9].reshape(3, 3, order="F"), numbers[9:12]
     assert np.linalg.det(F) == pytest.approx(1)
     outside = center + 0.01 * F[:, 2]
-    assert surface.face(outside) == index
+    assert surface.nearest_face(outside) == index
     assert number(surface.distance(ca.SX(outside))) == pytest.approx(0.01)
     # Just inside each edge of the face the margin is what is left of it.
     chart = surface.chart(ca.SX(numbers))

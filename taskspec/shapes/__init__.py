@@ -1,0 +1,41 @@
+"""The shapes of the world: one class each, which says all that depends on the shape.
+
+To add one, derive it from `Surface`, or from `BoundedSurface` where it is finite, and `register`
+it before the language is imported.
+"""
+
+from taskspec.shapes.box import Box
+from taskspec.shapes.cylinder import Cylinder
+from taskspec.shapes.plane import Plane
+from taskspec.shapes.registry import (
+    SHAPES,
+    all_shapes,
+    register,
+    size_keys,
+    tool_shapes,
+    with_size,
+)
+from taskspec.shapes.sphere import Sphere
+from taskspec.shapes.surface import BoundedSurface, Geom, SizeKey, Surface, SurfaceChart, ToolEnd
+
+for _kind in (Plane, Box, Cylinder, Sphere):
+    register(_kind)
+
+__all__ = [
+    "SHAPES",
+    "BoundedSurface",
+    "Box",
+    "Cylinder",
+    "Geom",
+    "Plane",
+    "SizeKey",
+    "Sphere",
+    "Surface",
+    "SurfaceChart",
+    "ToolEnd",
+    "all_shapes",
+    "register",
+    "size_keys",
+    "tool_shapes",
+    "with_size",
+]

@@ -1,0 +1,286 @@
+"""What a shape is: its sizes in a file, its distance, its parts, its body, its geom.
+
+A surface is written on CasADi expressions of a point in world coordinates. Its sizes are numbers:
+the nominal ones in the controller, the true ones in the plant.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from taskspec.deferred import ca, np
+from taskspec.text.units import LENGTH, Dimension
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    Vector = NDArray[np.float64]
+
+#: Largest radius of the spheres with which edges and rims touch [m].
+POINT_RADIUS = 0.0005
+#: How many of them stand for a round edge.
+RIM_POINTS = 8
+
+
+@dataclass(frozen=True, slots=True)
+class SizeKey:
+    """A key of a file that gives a size of a shape; every size is more than zero.
+
+    Attributes:
+        name: the key, and the shape's argument of that name [SI units].
+        title: for editors.
+        dimension: what it measures.
+        entries: how many numbers it takes; with more than one they stand in a list.
+        extent: what it is, after the names of the shapes that have it.
+        description: what it is where those names are left out.
+        example: a value, as a message shows it.
+        shown: values that editors show.
+    """
+
+    name: str
+    title: str
+    dimension: Dimension = LENGTH
+    entries: int = 1
+    extent: str = ""
+    description: str = ""
+    example: str = "50 mm"
+    shown: tuple[Any, ...] = ()
+
+
+RADIUS = SizeKey("radius", "Radius", shown=("50 mm",))
+
+
+@dataclass(frozen=True, slots=True)
+class Geom:
+    """A geom of MuJoCo as data, in the axes of the shape.
+
+    Attributes:
+        kind: MuJoCo's word for its type.
+        size: (3,) as MuJoCo counts it [m].
+        center: (3,) [m].
+    """
+
+    kind: str
+    size: tuple[float, float, float]
+    center: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Surface(ABC):
+    """A kind of shape, and of that kind one that is somewhere.
+
+    A subclass is a kind; besides these attributes it takes its sizes, by the names of its keys.
+
+    Attributes:
+        origin: (3,) [m], world.
+        rotation: (3, 3), columns are the shape's own axes in the world.
+        name: the kind's word in a file.
+        keys: its sizes in a file, all of them needed.
+        remark: what else an editor says of it.
+        flat: whether every part of it that a frame follows is flat.
+        level: whether its outward normal is the same everywhere.
+        start_over: where a tool starts that is to follow it; empty for anywhere.
+        parts: what its parts are called of which a stage follows one; empty for one part alone.
+        face_size: how many numbers describe the part that a stage follows; 0 for one part alone.
+    """
+
+    origin: Vector
+    rotation: Vector
+
+    name: ClassVar[str]
+    keys: ClassVar[tuple[SizeKey, ...]] = ()
+    remark: ClassVar[str] = ""
+    flat: ClassVar[bool] = False
+    level: ClassVar[bool] = False
+    start_over: ClassVar[str] = ""
+    parts: ClassVar[str] = ""
+    face_size: ClassVar[int] = 0
+
+    @abstractmethod
+    def height(self, x: ca.SX) -> ca.SX:
+        """Signed distance [m] of a point (3,) in the shape's own coordinates, positive outside."""
+
+    @abstractmethod
+    def chart(self, face: ca.SX | None = None) -> SurfaceChart:
+        """The smooth part of the surface that a following frame moves on.
+
+        Args:
+            face: (face_size,) numbers of the part, chosen as the stage is entered.
+        """
+
+    @abstractmethod
+    def geom(self) -> Geom:
+        """The geom of the shape where it stands still."""
+
+    def local(self, point: ca.SX) -> ca.SX:
+        """The world point (3,) in the shape's own coordinates (3,) [m]."""
+        return ca.DM(self.rotation.T) @ (point - ca.DM(self.origin))
+
+    def distance(self, point: ca.SX) -> ca.SX:
+        """Signed distance [m] of a world point (3,) from the solid shape, positive outside."""
+        return self.height(self.local(point))
+
+    def gradient(self, point: ca.SX) -> ca.SX:
+        """Direction (3,), world, in which the distance grows: the outward normal."""
+        x = ca.SX.sym("x", 3)
+        gradient = ca.Function("gradient", [x], [ca.gradient(self.distance(x), x)])
+        return gradient(point)
+
+    def face_at(self, point: Vector) -> Vector | None:  # noqa: ARG002
+        """(face_size,) numbers of the part nearest to a world point (3,); None for one part."""
+        return None
+
+    def moving_geom(self) -> Geom:
+        """The geom of the shape where it moves."""
+        return self.geom()
+
+    def seen_geom(self, center: Vector, half: Vector) -> Geom | None:  # noqa: ARG002
+        """What is seen of a shape that is endless; None where its own geom is seen.
+
+        Args:
+            center: (3,) about which, in the shape's own axes [m].
+            half: (2,) how far along its x and y [m].
+        """
+        return None
+
+
+@dataclass(frozen=True, slots=True)
+class BoundedSurface(Surface):
+    """A shape of finite size: it has a volume, and may be a loose body.
+
+    Attributes:
+        resting_points: how many of the contact points carry a body that lies flat.
+    """
+
+    resting_points: ClassVar[int]
+
+    @property
+    @abstractmethod
+    def volume(self) -> float:
+        """Volume [m^3]."""
+
+    @abstractmethod
+    def inertia(self, mass: float) -> list[float]:
+        """Principal moments (3,) [kg m^2] about its own axes, of a mass [kg] spread evenly."""
+
+    @abstractmethod
+    def contact_points(self) -> tuple[Vector, float]:
+        """Centres (k, 3) [m] of the spheres with which a body touches, own axes, and their radius.
+
+        A face that lies flat rests on some of them, each with an equal share.
+        """
+
+    @abstractmethod
+    def extremes(self) -> tuple[Vector, float]:
+        """Points (k, 3) [m] that it reaches furthest with, own axes, and a radius about them."""
+
+
+@dataclass(frozen=True, slots=True)
+class ToolEnd:
+    """The end of a tool, in the tip frame: z out of the tool, its lowest points in z = 0.
+
+    Attributes:
+        solid: about its own centre, z along the tool's axis.
+        center: height of that centre [m], negative is towards the flange.
+        half_width: least across the tool's axis [m].
+        stem: height at which the tool's stem meets it [m].
+        centers: (k, 3) of the spheres with which it touches [m].
+        radii: (k,) [m].
+        flat: whether those spheres stand for a flat face.
+    """
+
+    solid: BoundedSurface
+    center: float
+    half_width: float
+    stem: float
+    centers: Vector
+    radii: Vector
+    flat: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class ToolSurface(BoundedSurface):
+    """A shape that can be the end of a tool.
+
+    Attributes:
+        tool_keys: its sizes as the end of a tool, and whether a file has to give each.
+    """
+
+    tool_keys: ClassVar[dict[str, bool]]
+
+    @classmethod
+    @abstractmethod
+    def tool_end(cls, radius: float, size: Sequence[float]) -> ToolEnd:
+        """The end of a tool.
+
+        Args:
+            radius: of what is round [m].
+            size: (3,) full edges of what has edges [m], the third along the tool's axis.
+        """
+
+
+class SurfaceChart(ABC):
+    """Distance, foot, normal and frame of the part of a surface that the tool follows."""
+
+    __slots__ = ()
+
+    @abstractmethod
+    def distance(self, point: ca.SX) -> ca.SX:
+        """Signed distance [m] from the chart, continued beyond its edges."""
+
+    @abstractmethod
+    def normal(self, point: ca.SX) -> ca.SX:
+        """Outward unit normal (3,), world, at the foot of a world point (3,)."""
+
+    @abstractmethod
+    def own_x(self) -> ca.SX:
+        """The world direction (3,) that becomes x where a frame has no heading."""
+
+    @abstractmethod
+    def margin(self, point: ca.SX, heading: Vector | None) -> ca.SX:
+        """Positive while the foot of a world point (3,) is on the chart and x is defined there."""
+
+    def foot(self, point: ca.SX) -> ca.SX:
+        """The surface point (3,) [m], world, nearest to a world point (3,)."""
+        return point - self.distance(point) * self.normal(point)
+
+    def frame(self, point: ca.SX, heading: Vector | None) -> ca.SX:
+        """The following frame (3, 3) at the foot of a point: z the outward normal.
+
+        x is `heading` (world, (3,)) laid on the tangent plane, by default the surface's own x,
+        for a cylinder its axis (docs/language.md).
+        """
+        n = self.normal(point)
+        x = _tangent(ca.SX(self.reference_direction(heading)), n)
+        return ca.horzcat(x, ca.cross(n, x), n)
+
+    def reference_direction(self, heading: Vector | None) -> ca.SX:
+        """The world direction (3,) that is laid on the tangent plane to become x."""
+        if heading is not None:
+            return ca.SX(ca.DM(np.asarray(heading, dtype=float)))
+        return self.own_x()
+
+    def away_from_pole(self, point: ca.SX, heading: Vector | None) -> ca.SX:
+        """Positive where x is defined: where the reference direction is not along the normal."""
+        n, x = self.normal(point), self.reference_direction(heading)
+        return 1 - ca.fabs(ca.dot(n, x)) / ca.norm_2(x) - 1e-3
+
+
+def _tangent(direction: ca.SX, n: ca.SX) -> ca.SX:
+    x = direction - ca.dot(direction, n) * n
+    return x / ca.sqrt(ca.sumsqr(x) + 1e-30)
+
+
+def outside(excess: ca.SX) -> ca.SX:
+    """Signed distance [m] from a solid that its coordinates leave by `excess` (k,) [m]."""
+    away = ca.sqrt(ca.sumsqr(ca.fmax(excess, 0)) + 1e-30)
+    return away + ca.fmin(ca.mmax(excess), 0)
+
+
+def radius_about_z(x: ca.SX) -> ca.SX:
+    """Distance [m] of a point (3,) from the z axis."""
+    return ca.sqrt(x[0] ** 2 + x[1] ** 2 + 1e-30)
