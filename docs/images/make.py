@@ -21,7 +21,8 @@ from pathlib import Path
 from PIL import Image
 
 from taskspec.compiler import compile_task
-from taskspec.spec import LAWS, load_task
+from taskspec.laws import LAWS
+from taskspec.spec import load_task
 from taskspec_runner.cli.compare import compare_laws
 from taskspec_runner.cli.formats import RunFormat
 from taskspec_runner.compare import PICTURE

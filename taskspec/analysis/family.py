@@ -9,7 +9,8 @@ import numpy as np
 
 from taskspec.analysis.controller import LinearController
 from taskspec.analysis.stage import Analysed, analyse
-from taskspec.control.gains import Gain, Gains
+from taskspec.laws.gains import Gain, Gains
+from taskspec.laws.law import gain_named
 from taskspec.program.context import Context
 
 
@@ -60,17 +61,12 @@ class Family:
 
 #: Factors of the compiled members.
 _AT = (1.0, 0.5, 2.0)
-#: Gain -> what follows from it, with which power.
-_POWERS = {
-    "bandwidth": {"bandwidth": 1, "K_P": 2, "K_D": 1},
-    "damping_ratio": {"damping_ratio": 1, "K_D": 1},
-}
 
 
 def scaled(gains: Gains, what: str, on: Sequence[str], factor: float) -> Gains:
     """Gains with one of them multiplied on some axes, and with it what follows from it."""
     found = {name: dict(by_axis) for name, by_axis in gains.items()}
-    for name, power in _POWERS.get(what, {what: 1}).items():
+    for name, power in (gain_named(what).powers or {what: 1}).items():
         for axis in on:
             old = found[name][axis]
             found[name][axis] = Gain(old.value * factor**power, old.origin)

@@ -17,6 +17,8 @@ class Reference:
         acceleration: (m,) d/dt of `velocity` as components [m/s^2, rad/s^2].
         force: (m,) f_d in the theory's sign, by the environment on the tool [N, N m].
         force_integral: (m,) integral of f_d - f in the theory's sign [N s, N m s].
+        released: (m,) what the last stage held on axes without a set point now, as it fades out, in
+            the theory's sign [N, N m].
     """
 
     error: ca.SX
@@ -24,6 +26,7 @@ class Reference:
     acceleration: ca.SX
     force: ca.SX
     force_integral: ca.SX
+    released: ca.SX
 
 
 def opposite(wrench: ca.SX) -> ca.SX:

@@ -182,6 +182,7 @@ def analytical(
             force_integral=_put(
                 reference.force_integral, rows, back @ reference.force_integral[rows]
             ),
+            released=_put(reference.released, rows, back @ reference.released[rows]),
         ),
         regularity=ca.fmin(representation.regularity(phi), representation.regularity(phi_d)),
     )

@@ -2,33 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import casadi as ca
 
 from taskspec.control import linear
+from taskspec.control.command import Command
 from taskspec.control.state import TaskState
-
-
-@dataclass(frozen=True, slots=True)
-class Command:
-    """What a law asks for.
-
-    Attributes:
-        wrench: (m,) w*, sent through J^T.
-        acceleration: (m,) a* for the inverse-dynamics core (4.14), or None for the laws that
-            only send a wrench through J^T and compensate gravity.
-        joint: (n,) torque added in the joints, such as their damping, or None.
-        joint_acceleration: (n,) q'' of the whole arm, in place of `acceleration` and posture, from
-            laws that decide all its coordinates.
-        bare: nothing is compensated, not even gravity.
-    """
-
-    wrench: ca.SX
-    acceleration: ca.SX | None = None
-    joint: ca.SX | None = None
-    joint_acceleration: ca.SX | None = None
-    bare: bool = False
 
 
 def torque(

@@ -10,7 +10,6 @@ from taskspec.check.contact.yielding import coordinate_rate
 from taskspec.check.foresight.flow import good_end
 from taskspec.check.foresight.interval import ANY, Interval, point
 from taskspec.check.foresight.known import known_value
-from taskspec.control.gains import has_force
 from taskspec.geometry.axis import AXES, TRANSLATIONS, Axis
 from taskspec.motion import profile
 from taskspec.prediction.begin import Begin
@@ -108,7 +107,7 @@ def _rates(begin: Begin) -> dict[Axis, float]:
     """Rates of motion axes that are constant [m/s, rad/s]."""
     found = {}
     for axis, plan in begin.stage.plans.items():
-        if not plan.motion or has_force(plan.axis):
+        if not plan.motion or plan.axis.has_force:
             continue
         if plan.mode == "hold":
             found[axis] = 0.0

@@ -18,23 +18,11 @@ from taskspec.prediction.types import Depth, Equilibrium
 from taskspec.prediction.worlds import World, extreme
 from taskspec.program.execution.resolver import Asked
 from taskspec.program.signals import applied
-from taskspec.spec import LAWS
 
 Vector = NDArray[np.float64]
 
 #: What a force axis reaches differs from its set point by more than this share: it is told.
 _DIFFERS = 1e-3
-#: Where the rest position of each law with springs stands.
-_SPRINGS = {
-    "impedance": "(4.15), (4.24)",
-    "impedance-natural": "(4.18), (4.24)",
-    "pd": "(4.26), (4.27)",
-    "pd-joint": "(4.26), (4.27)",
-    "stiffness": "(4.33)",
-    "parallel": "(4.15), (4.24)",
-    "parallel-pid": "(4.26), (4.27)",
-    "hybrid": "K e of the soft axis",
-}
 
 
 @dataclass(slots=True)
@@ -95,13 +83,11 @@ def _set_points(
 
 
 def _loop(begin: Begin, axis: Axis, *, reached: bool) -> str:
-    kind = begin.stage.law.kind
-    if LAWS[kind].shares:
-        moves = begin.stage.plans[axis].axis.velocity is not None
-        return "(4.39)" if moves else "(4.41)" if reached else "(4.48)"
-    if begin.stage.resolution is not None and not reached:
+    stage = begin.stage
+    law, moves = stage.law.control_law, stage.plans[axis].axis.velocity is not None
+    if not law.shares and stage.resolution is not None and not reached:
         return "nearest that contacts return"
-    return "set point"
+    return law.settles_at(moves=moves, reached=reached)
 
 
 def _depths(begin: Begin, on: Bearing, forces: Mapping[str, Equilibrium], rest: Rest) -> None:
@@ -149,7 +135,8 @@ def _springs(begin: Begin, on: Bearing, rest: Rest) -> None:
 
     worst = extreme(context, name, applies, lambda force: abs(force - value))
     signal = applied(axis)
-    rest.forces[signal] = Equilibrium(signal, value, value, value, _SPRINGS[stage.law.kind], worst)
+    source = stage.law.control_law.rest
+    rest.forces[signal] = Equilibrium(signal, value, value, value, source, worst)
     deepest = extreme(context, name, lambda w: push(depth, own, w) / w.stiffness, abs)
     rest.depths[name] = Depth(name, bears, bears / k, worst=deepest)
 
@@ -157,7 +144,7 @@ def _springs(begin: Begin, on: Bearing, rest: Rest) -> None:
 def _equations(begin: Begin, lasts: float | None, asked: Asked | None, rest: Rest) -> None:
     """Constraints of a law with multipliers: the set point along the unit gradient."""
     context, stage = begin.context, begin.stage
-    if not LAWS[stage.law.kind].multipliers:
+    if not stage.law.control_law.multipliers:
         return
     for name in stage.active:
         joints = context.equations[name].joints

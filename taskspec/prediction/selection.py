@@ -10,7 +10,6 @@ from taskspec.prediction.begin import Begin
 from taskspec.prediction.natural import reduced
 from taskspec.prediction.reactions import equation_wrenches
 from taskspec.prediction.types import Selection
-from taskspec.spec import LAWS
 
 Vector = NDArray[np.float64]
 
@@ -22,13 +21,13 @@ def selection(begin: Begin) -> Selection | None:
     taken where the run begins. An equation that no wrench on the tool returns is in neither.
     """
     stage = begin.stage
-    axes, facts = stage.axes, LAWS[stage.law.kind]
-    if "bandwidth" not in facts.gains:
+    axes, law = stage.axes, stage.law.control_law
+    if not law.selects:
         return None
     soft = tuple(a for a in axes if stage.plans[a].soft)
     forced = [a for a in axes if stage.plans[a].force]
     columns = [np.eye(len(axes))[axes.index(a)] for a in forced]
-    if facts.multipliers:
+    if law.multipliers:
         rows = [AXES.index(a) for a in axes]
         columns += [w[rows] for name, w, _ in equation_wrenches(begin) if name in stage.active]
     force = np.array(columns).reshape(-1, len(axes)).T

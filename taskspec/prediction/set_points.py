@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from taskspec.check.foresight.known import known_value
 from taskspec.geometry.axis import AXES, Axis
+from taskspec.laws.gains import on_axis
 from taskspec.prediction.begin import Begin
 from taskspec.prediction.reach import Bearing
 from taskspec.program.context import Context
-from taskspec.spec import LAWS
 from taskspec.text.expression import Expression
 
 Vector = NDArray[np.float64]
@@ -57,9 +57,10 @@ def settled(begin: Begin, on: Bearing, wanted: Mapping[Axis, float]) -> dict[Axi
     Args:
         begin: the stage. on: its contacts. wanted: set points of its force axes [N].
     """
-    weights = _weights(begin, wanted)
-    if weights is None:
+    found = begin.stage.law.control_law.gives_way(begin.stage.gains, [*wanted])
+    if found is None:
         return None
+    weights = np.array(found)
     rows = [AXES.index(a) for a in wanted]
     asked = np.array([*wanted.values()]) + [_pull(begin, a) for a in wanted]
     if not on.names:
@@ -79,43 +80,20 @@ def settled(begin: Begin, on: Bearing, wanted: Mapping[Axis, float]) -> dict[Axi
 def drift(begin: Begin, missing: Mapping[Axis, float]) -> float:
     """Speed to which loops drive the tool along what returns no more force [m/s]; may be infinite.
 
-    Parallel control goes (k_I / k_m)(f_d - f), (4.49), less what is asked for as a velocity; the
-    integral of a hybrid law has no spring that it works against.
-
     Args:
         begin: the stage. missing: f_d - f by force axis [N].
     """
     unreturned = {axis: _pull(begin, axis) + f for axis, f in missing.items()}
     if all(abs(f) < _NOTHING for f in unreturned.values()):
         return 0.0
-    if not LAWS[begin.stage.law.kind].shares:
-        return math.inf
-    gains = begin.stage.gains
-    return math.hypot(
-        *(gains["force.integral"][a].value / gains["stiffness"][a].value * f
-          for a, f in unreturned.items())
-    )  # fmt: skip
-
-
-def _weights(begin: Begin, wanted: Mapping[Axis, float]) -> Vector | None:
-    """How fast each loop gives way to a force that is not returned, per newton of it."""
-    gains, kind = begin.stage.gains, begin.stage.law.kind
-    if LAWS[kind].multipliers:
-        return np.ones(len(wanted))
-    by = "stiffness" if LAWS[kind].shares else "force.damping"
-    integral = np.array([gains["force.integral"][a].value for a in wanted])
-    held = np.array([gains[by][a].value for a in wanted])
-    if LAWS[kind].shares and (integral <= 0).any():
-        return None
-    if not (integral > 0).all() or not (held > 0).all():
-        return np.ones(len(wanted))
-    return np.asarray(integral / held)
+    law, gains = begin.stage.law.control_law, begin.stage.gains
+    return math.hypot(*(law.runs_away(on_axis(gains, a), f) for a, f in unreturned.items()))
 
 
 def _pull(begin: Begin, axis: Axis) -> float:
-    """What a motion on a force axis adds: a.(f - f_d) = -(k_m / k_I) a.x'_d, from (4.39)."""
-    gains, plan = begin.stage.gains, begin.stage.plans[axis]
+    """What a motion on a force axis adds to its set point [N]."""
+    stage, plan = begin.stage, begin.stage.plans[axis]
     if not plan.motion or plan.axis.velocity is None:
         return 0.0
     rate = known_value(begin.context, plan.axis.velocity) or 0.0
-    return gains["stiffness"][axis].value / gains["force.integral"][axis].value * rate
+    return stage.law.control_law.pulls(on_axis(stage.gains, axis), rate)

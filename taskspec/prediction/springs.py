@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from taskspec.check.foresight.known import known_value
 from taskspec.geometry.axis import AXES, Axis
+from taskspec.laws.gains import BANDWIDTH, on_axis
 from taskspec.prediction.begin import Begin
 from taskspec.prediction.reach import along, moment_arms
 from taskspec.prediction.worlds import World
@@ -23,15 +24,15 @@ Vector = NDArray[np.float64]
 def yield_of(begin: Begin, normal: Vector) -> float | None:
     """w^T K_m^-1 w [m/N] of the axes with a spring along a normal (3,); None where there is none.
 
-    Axes of a hybrid law without a spring of their own are stiff beside those with one.
+    Axes that have a bandwidth instead of a spring are stiff beside those with one.
     """
     springs = begin.stage.gains.get("stiffness", {})
-    hybrid = "bandwidth" in begin.stage.gains
+    stiff = BANDWIDTH.name in begin.stage.gains
     w = moment_arms(begin, normal)
     found = 0.0
     for axis in begin.stage.axes:
         share = float(w[AXES.index(axis)]) ** 2
-        if share < 1e-12 or (hybrid and axis not in springs):
+        if share < 1e-12 or (stiff and axis not in springs):
             continue
         if axis not in springs or springs[axis].value <= 0:
             return None
@@ -89,7 +90,4 @@ def spring_behind(begin: Begin, axis: Axis, mass: float) -> float:
     Args:
         begin: the stage. axis: a translation. mass: felt along it [kg].
     """
-    gains = begin.stage.gains
-    if axis in gains.get("stiffness", {}):
-        return gains["stiffness"][axis].value
-    return mass * gains["K_P"][axis].value
+    return begin.stage.law.control_law.spring(on_axis(begin.stage.gains, axis), mass)

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec.control import gains as gain_design
 from taskspec.geometry.axis import AXES, Axis
+from taskspec.laws.gains import AxisPlant
 from taskspec.program.axes import MOSTLY
 from taskspec.program.world.carriers import Carrier
 from taskspec.program.world.equations import EquationModel, StartEquation
@@ -192,7 +192,7 @@ class Context:
         k: float | Mapping[Axis, float],
         rates: NDArray[np.float64] = _GEOMETRIC,
         lever: NDArray[np.float64] | None = None,
-    ) -> dict[Axis, gain_design.Plant]:
+    ) -> dict[Axis, AxisPlant]:
         """Mass and stiffness of each axis at the start pose, for gain design.
 
         Args:
@@ -217,7 +217,7 @@ class Context:
         if not isinstance(k, Mapping):
             k = {a: k * reach**2 if a.is_rotation else k for a in axes}
         return {
-            a: gain_design.Plant(h=1.0 / mobility[i, i], held=held[i], k=k[a], period=self.period)
+            a: AxisPlant(h=1.0 / mobility[i, i], held=held[i], k=k[a], period=self.period)
             for i, a in enumerate(axes)
         }
 
@@ -227,7 +227,7 @@ class Context:
         rotation: NDArray[np.float64],
         stiffness: list[float],
         rates: NDArray[np.float64] = _GEOMETRIC,
-    ) -> list[gain_design.Plant]:
+    ) -> list[AxisPlant]:
         """Inertia and stiffness about each joint at the start pose, for gain design.
 
         Args:
@@ -241,7 +241,7 @@ class Context:
         free = 1.0 / np.diag(np.linalg.inv(self.start_inertia))
         held = np.diag(self.start_inertia)
         return [
-            gain_design.Plant(h=free[j], held=held[j], k=about[j], period=self.period)
+            AxisPlant(h=free[j], held=held[j], k=about[j], period=self.period)
             for j in range(len(held))
         ]
 

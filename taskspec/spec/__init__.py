@@ -8,7 +8,6 @@ from taskspec.spec.frame import Frame
 from taskspec.spec.gains import AxisValues
 from taskspec.spec.key_path import FILE, KeyPath, below, key_of
 from taskspec.spec.law import ForceGains, Law
-from taskspec.spec.laws import LAWS, LawFacts
 from taskspec.spec.limits import Limits
 from taskspec.spec.load import LoadedTask, load_task, load_text
 from taskspec.spec.mechanism import Hinge, Mechanism, Screw, Slide
@@ -23,7 +22,6 @@ from taskspec.spec.world import Motion, Shape
 
 __all__ = [
     "FILE",
-    "LAWS",
     "Arc",
     "AxisEntry",
     "AxisValues",
@@ -37,7 +35,6 @@ __all__ = [
     "JointEquation",
     "KeyPath",
     "Law",
-    "LawFacts",
     "Limits",
     "Line",
     "Lissajous",

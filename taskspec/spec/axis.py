@@ -89,6 +89,16 @@ class AxisEntry(Model):
     stiffness: float | None = None
     damping: float | None = None
 
+    @property
+    def has_force(self) -> bool:
+        """Whether it has a force or torque set point."""
+        return self.force is not None or self.torque is not None
+
+    @property
+    def is_soft(self) -> bool:
+        """Whether it is a motion axis with a stiffness or damping of its own."""
+        return self.stiffness is not None or self.damping is not None
+
     @classmethod
     def expand(cls, data: object, reading: Reading) -> object:
         """Read `hold` as `{hold: start}`; report the force of the other kind of axis."""

@@ -40,7 +40,7 @@ class AxisValues:
 
 
 @dataclass(frozen=True)
-class Gain(Kind):
+class GainField(Kind):
     """A gain: one quantity for all translations, `{linear, angular}`, or one for each axis.
 
     Attributes:

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 from pydantic.json_schema import SkipJsonSchema
 
-from taskspec.spec.gains import AxisValues, Gain
-from taskspec.spec.laws import LAWS
+from taskspec.geometry.axis import Axis
+from taskspec.laws import DEFAULT, LAWS, ControlLaw
+from taskspec.laws.design import joint_damping
+from taskspec.laws.gains import AxisDesign, AxisPlant, Gain, Gains
+from taskspec.spec.axis import AxisEntry
+from taskspec.spec.gains import AxisValues, GainField
 from taskspec.spec.model import Model, mapping, short_form
 from taskspec.spec.quantities import ForJoints
 from taskspec.spec.reading import Reading
@@ -35,11 +40,9 @@ register(
 )
 
 _GAINS = ("mass", "stiffness", "damping", "bandwidth", "damping_ratio")
-DEFAULT = "hybrid"
 NULL_SPACE_GOALS = ("posture", "joint-limits", "manipulability")
-_SAY_DAMPING = "the law pd-joint calls it 'damping'"
 
-Damping = Annotated[AxisValues, Gain(DAMPING, ANGULAR_DAMPING, least=0)]
+Damping = Annotated[AxisValues, GainField(DAMPING, ANGULAR_DAMPING, least=0)]
 
 
 class ForceGains(Model):
@@ -53,10 +56,10 @@ class ForceGains(Model):
 
     noun = "the gains of a force loop"
 
-    proportional: Annotated[AxisValues, Gain(NUMBER, NUMBER, least=0)] | None = Field(
+    proportional: Annotated[AxisValues, GainField(NUMBER, NUMBER, least=0)] | None = Field(
         None, title="Proportional gain"
     )
-    integral: Annotated[AxisValues, Gain(FREQUENCY, FREQUENCY, least=0)] | None = Field(
+    integral: Annotated[AxisValues, GainField(FREQUENCY, FREQUENCY, least=0)] | None = Field(
         None, title="Integral gain"
     )
     damping: Damping | None = Field(None, title="Damping along force axes")
@@ -89,20 +92,20 @@ class Law(Model):
     kind: Annotated[str, Word(tuple(LAWS), "law", code="TS206")] = Field(
         DEFAULT, title="Control law"
     )
-    mass: Annotated[AxisValues, Gain(MASS, INERTIA, above=0)] | None = Field(
+    mass: Annotated[AxisValues, GainField(MASS, INERTIA, above=0)] | None = Field(
         None, title="Apparent mass"
     )
-    stiffness: Annotated[AxisValues, Gain(STIFFNESS, ANGULAR_STIFFNESS, least=0)] | None = Field(
-        None, title="Stiffness"
+    stiffness: Annotated[AxisValues, GainField(STIFFNESS, ANGULAR_STIFFNESS, least=0)] | None = (
+        Field(None, title="Stiffness")
     )
     damping: Damping | None = Field(None, title="Damping")
     joint_damping: SkipJsonSchema[
         Annotated[tuple[float, ...], ForJoints(ANGULAR_DAMPING)] | None
     ] = None
-    bandwidth: Annotated[AxisValues, Gain(FREQUENCY, FREQUENCY, above=0)] | None = Field(
+    bandwidth: Annotated[AxisValues, GainField(FREQUENCY, FREQUENCY, above=0)] | None = Field(
         None, title="Bandwidth of motion axes"
     )
-    damping_ratio: Annotated[AxisValues, Gain(NUMBER, NUMBER, above=0)] | None = Field(
+    damping_ratio: Annotated[AxisValues, GainField(NUMBER, NUMBER, above=0)] | None = Field(
         None, title="Damping ratio of motion axes"
     )
     force: ForceGains | None = Field(None, title="Gains of the force loop")
@@ -118,6 +121,65 @@ class Law(Model):
     solver: Annotated[Literal["daqp", "osqp"], Word(("daqp", "osqp"), "solver")] = Field(
         "daqp", title="Solver of the quadratic program"
     )
+
+    @property
+    def control_law(self) -> ControlLaw:
+        """What is known of the law that `kind` names."""
+        return LAWS[self.kind]
+
+    def given(self, axis: Axis) -> dict[str, float]:
+        """Return the gains that the file gives on an axis, by name [SI]."""
+        found: dict[str, float] = {}
+        for owner, names in ((self, _GAINS), (self.force, tuple(ForceGains.model_fields))):
+            for name in names if owner is not None else ():
+                values: AxisValues | None = getattr(owner, name)
+                value = None if values is None else values.get(axis)
+                if value is not None:
+                    found[name if owner is self else f"force.{name}"] = value
+        return found
+
+    def design(self, axes: Mapping[Axis, AxisEntry], plants: Mapping[Axis, AxisPlant]) -> Gains:
+        """Return all gains of a stage: those of the file, and designed ones for what it leaves out.
+
+        Args:
+            axes: modes of the axes that exist.
+            plants: mass and stiffness of the same axes.
+        """
+        gains: Gains = {}
+        for name, axis in axes.items():
+            designed = self.control_law.design(
+                AxisDesign(
+                    plant=plants[name],
+                    given=self.given(name),
+                    rotation=name.is_rotation,
+                    force=axis.has_force,
+                    stiffness=axis.stiffness,
+                    damping=axis.damping,
+                )
+            )
+            for gain, value in designed.items():
+                gains.setdefault(gain, {})[name] = value
+        return gains
+
+    def design_equation(self, joints: bool, plant: AxisPlant) -> dict[str, Gain]:
+        """Return the gains of the force loop of one equation.
+
+        An equation takes what is given for translations, one on joints what is given for rotations.
+
+        Args:
+            joints: whether it is on joints. plant: mass and stiffness along its unit gradient.
+        """
+        given = self.given(Axis.RX if joints else Axis.X)
+        return self.control_law.design_equation(AxisDesign(plant, given, rotation=joints))
+
+    def design_joints(self, joints: Sequence[AxisPlant]) -> dict[str, Gain]:
+        """Return the damping of each joint [N m s/rad], by `joint.N`.
+
+        Args:
+            joints: for each joint, its inertia with the others free (h) and held, and the
+                stiffness that springs and contact have about it (k).
+        """
+        return joint_damping(self.joint_damping, joints)
 
     @classmethod
     def expand(cls, data: object, reading: Reading) -> object:  # noqa: ARG003
@@ -137,7 +199,13 @@ class Law(Model):
         """Report gains, and goals of the null space, that the named law does not have."""
         if "joint_damping" in data.node.entries:
             span = data.node.key_span("joint_damping")
-            reading.error("TS020", "unknown key 'joint_damping' in a law", span, _SAY_DAMPING)
+            having = " or ".join(name for name, law in LAWS.items() if law.damps_joints)
+            reading.error(
+                "TS020",
+                "unknown key 'joint_damping' in a law",
+                span,
+                f"the law {having} calls it 'damping'",
+            )
         if "solver" in data and data.get("solve", "closed-form") == "closed-form":
             reading.error(
                 "TS026",
@@ -155,7 +223,7 @@ class Law(Model):
                 data.node.key_span("null_space"),
                 f"laws that do not: {', '.join(k for k, f in LAWS.items() if f.holds_null_space)}",
             )
-        has = LAWS[kind].gains
+        has = LAWS[kind].gain_names
         force = mapping(data.get("force"))
         given = [(key, data) for key in _GAINS if key in data]
         if "force" in data and not any(gain.startswith("force.") for gain in has):

@@ -8,10 +8,10 @@ from typing import Annotated
 from pydantic import Field
 
 from taskspec.geometry.axis import Axis
+from taskspec.laws import LAWS
 from taskspec.spec.axis import FORCES, MOTIONS, AxisEntry, ByName
 from taskspec.spec.fields import FrameName
 from taskspec.spec.law import Law, law_of
-from taskspec.spec.laws import LAWS
 from taskspec.spec.limits import Limits
 from taskspec.spec.model import Model, complete, mapping
 from taskspec.spec.path import Path
@@ -193,16 +193,15 @@ def _check_modes(data: Map, reading: Reading) -> None:
                 pointer(modes.node),
                 "one or the other; a parallel law lets force win over position",
             )
-        if "damping" in modes and (facts.damps_joints or facts.bare):
+        if "damping" in modes and facts.undamped:
             reading.error(
                 "TS210",
                 f"a 'damping' of axis '{name}' under the law {law}, which damps no axis",
                 modes.node.key_span("damping"),
-                "its damping is one of the joints" if facts.damps_joints else
-                "damping comes from 'robot.joint_damping'; or take the law pd",
-            )  # fmt: skip
+                facts.undamped,
+            )
         soft = next((key for key in ("stiffness", "damping") if key in modes), None)
-        if soft is not None and motion and not force and facts.multipliers:
+        if soft is not None and motion and not force and not facts.axis_springs:
             reading.error(
                 "TS212",
                 f"a '{soft}' of axis '{name}' under the law {law}, which has no soft axes",

@@ -5,7 +5,8 @@ from __future__ import annotations
 import pytest
 
 from taskspec.check import check_task
-from taskspec.spec import LAWS, load_text
+from taskspec.laws import LAWS
+from taskspec.spec import load_text
 from taskspec.text.diagnostic import Severity
 
 PRESS = """

@@ -9,8 +9,8 @@ from documents import DOCUMENTS, LANGUAGE, ROOT, TASKS, blocks, completed, is_ta
 
 from taskspec.check import check_task
 from taskspec.compiler import compile_task
+from taskspec.laws import LAWS
 from taskspec.motion.table import read_table
-from taskspec.spec.laws import LAWS
 from taskspec.text.codes import CODES
 from taskspec.text.confined import confines
 from taskspec.text.diagnostic import Severity

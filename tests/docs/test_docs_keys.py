@@ -14,7 +14,7 @@ from taskspec.spec.axis import Rotation, Translation
 from taskspec.spec.control import Control
 from taskspec.spec.equation import EquationObject, JointEquation
 from taskspec.spec.frame import Frame
-from taskspec.spec.gains import Gain
+from taskspec.spec.gains import GainField
 from taskspec.spec.law import ForceGains
 from taskspec.spec.limits import Limits
 from taskspec.spec.mechanism import (
@@ -62,7 +62,7 @@ KEYS: dict[str, tuple[type[Model], ...]] = {
 def kinds(annotation: object) -> Iterator[object]:
     """What reads a field, wherever it stands in the field's type."""
     for part in get_args(annotation):
-        if isinstance(part, Constant | Entries | Series | ForJoints | Gain | Formula | Reach):
+        if isinstance(part, Constant | Entries | Series | ForJoints | GainField | Formula | Reach):
             yield part
         else:
             yield from kinds(part)
@@ -91,7 +91,7 @@ def units_needed(model: type[Model], key: str) -> set[object]:
             found.add(kind.dimension)
         elif isinstance(kind, Entries):
             found.update(kind.dimensions)
-        elif isinstance(kind, Gain):
+        elif isinstance(kind, GainField):
             found.update((kind.linear, kind.angular))
     return found
 

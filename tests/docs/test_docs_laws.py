@@ -22,13 +22,14 @@ from documents import (
 )
 from test_docs_keys import units_needed
 
-from taskspec.control.gains import Plant, design, design_joint_damping
 from taskspec.control.state import ARM_LENGTH
-from taskspec.geometry.axis import AXES
+from taskspec.geometry.axis import AXES, Axis
+from taskspec.laws import LAWS
+from taskspec.laws.gains import AxisPlant
 from taskspec.motion.blend import BLEND_TIME
 from taskspec.program.reference.constraints import FORCED, NAMED, UNNAMED, weigh
 from taskspec.program.stages import candidates
-from taskspec.spec import LAWS, AxisEntry, Law
+from taskspec.spec import AxisEntry, Law
 from taskspec.spec.law import ForceGains
 from taskspec.text.expression import Expression, parse
 from taskspec.text.units import FORCE, split_quantity
@@ -65,7 +66,7 @@ def tables(path: Path, name: str) -> list[list[str]]:
 @law_pages
 def test_page_names_its_equations(law):
     text = text_of(page(law))
-    assert text.startswith(f"# `{law}`: ")
+    assert text.startswith(f"# `{law}`: {LAWS[law].title}\n")
     for equation in LAWS[law].equations.split(", "):
         assert equation.replace("-", "–").lower() in text.lower(), equation
     assert "$$" in text
@@ -78,7 +79,7 @@ def test_tasks_of_a_page_are_under_its_law(law):
     assert others
     assert {load(task).task.law.kind for task in (first, *others)} == {law}
     given = load(others[-1]).task.law
-    for gain in LAWS[law].gains:
+    for gain in LAWS[law].gain_names:
         owner, _, key = gain.rpartition(".")
         if LAWS[law].damps_joints and gain == "damping":
             key = "joint_damping"
@@ -104,16 +105,16 @@ KINDS = {
     "force": AxisEntry(force=Expression("", parse("1 N", "sum"), FORCE)),
 }
 PLANTS = (
-    Plant(h=3.0, held=8.0, k=20e3, period=1e-3),
-    Plant(h=0.4, held=0.7, k=1e3, period=1e-3),
-    Plant(h=1.5, held=2.0, k=2e5, period=4e-3),
+    AxisPlant(h=3.0, held=8.0, k=20e3, period=1e-3),
+    AxisPlant(h=0.4, held=0.7, k=1e3, period=1e-3),
+    AxisPlant(h=1.5, held=2.0, k=2e5, period=4e-3),
 )
 
 
 @law_pages
 def test_gains_and_their_units(law):
     rows = table(page(law), "table: gains")
-    assert {words(row[0])[0] for row in rows} == set(LAWS[law].gains)
+    assert {words(row[0])[0] for row in rows} == set(LAWS[law].gain_names)
     for gain, kind, unit, *_ in rows:
         (name,) = words(gain)
         owner, _, key = name.rpartition(".")
@@ -130,12 +131,10 @@ def test_designed_gains(law, plant):
         (name,), (formula,) = words(gain), words(rule)
         if kind == "joint":
             known = {"H": plant.held, "h": plant.h, "S": plant.k, "T": plant.period}
-            found = design_joint_damping(Law(kind=law), [plant])["joint.1"].value
+            found = Law(kind=law).design_joints([plant])["joint.1"].value
         else:
-            gains = {
-                name: by_axis["x"].value
-                for name, by_axis in design(Law(kind=law), {"x": KINDS[kind]}, {"x": plant}).items()
-            }
+            designed = Law(kind=law).design({Axis.X: KINDS[kind]}, {Axis.X: plant})
+            gains = {name: by_axis[Axis.X].value for name, by_axis in designed.items()}
             known = {"h": plant.h, "L": plant.held, "k": plant.k, "T": plant.period}
             known |= {"M": gains.get("mass", 0.0), "K": gains.get("stiffness", 0.0)}
             known["d"] = gains.get("force.damping", gains.get("damping", 0.0))
@@ -147,9 +146,10 @@ def test_designed_gains(law, plant):
 def test_gains_that_differ_with_a_force_have_a_row_for_it(law):
     rows = {(words(row[0])[0], row[1]) for row in table(page(law), "table: gains")}
     motion, force = (
-        design(Law(kind=law), {"x": KINDS[kind]}, {"x": PLANTS[0]}) for kind in ("motion", "force")
+        Law(kind=law).design({Axis.X: KINDS[kind]}, {Axis.X: PLANTS[0]})
+        for kind in ("motion", "force")
     )
-    for gain in LAWS[law].gains:
+    for gain in LAWS[law].gain_names:
         if gain in motion and gain in force and motion[gain]["x"].value != force[gain]["x"].value:
             assert {(gain, "motion"), (gain, "force")} <= rows, gain
 

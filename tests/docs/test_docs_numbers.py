@@ -13,9 +13,10 @@ from documents import CONVENTIONS, LANGUAGE, completed, first_words, load, table
 
 from taskspec.compiler import Program, compile_task
 from taskspec.control import null_space
-from taskspec.control.gains import Plant, design, design_joint_damping
 from taskspec.control.state import ARM_LENGTH
 from taskspec.geometry.axis import Axis
+from taskspec.laws import LAWS
+from taskspec.laws.gains import AxisPlant
 from taskspec.motion.blend import BLEND_TIME
 from taskspec.motion.profile import RISE_TIME
 from taskspec.program import events
@@ -27,7 +28,7 @@ from taskspec.spec import AxisEntry, Law, Task
 from taskspec.spec.control import Control
 from taskspec.spec.equation import EquationObject
 from taskspec.spec.gains import AxisValues
-from taskspec.spec.law import LAWS, NULL_SPACE_GOALS
+from taskspec.spec.law import NULL_SPACE_GOALS
 from taskspec.spec.world import Shape
 from taskspec.text.expression import Expression, parse, signals
 from taskspec.text.units import FORCE, split_quantity, to_si
@@ -93,9 +94,9 @@ AXES = {
     "soft": AxisEntry(hold="start", damping=None, stiffness=800.0),
 }
 PLANTS = (
-    Plant(h=3.0, held=8.0, k=20e3, period=1e-3),
-    Plant(h=0.4, held=0.7, k=1e3, period=1e-3),
-    Plant(h=1.5, held=2.0, k=2e5, period=4e-3),
+    AxisPlant(h=3.0, held=8.0, k=20e3, period=1e-3),
+    AxisPlant(h=0.4, held=0.7, k=1e3, period=1e-3),
+    AxisPlant(h=1.5, held=2.0, k=2e5, period=4e-3),
 )
 
 
@@ -113,17 +114,17 @@ def test_designed_gains_follow_the_documented_rules(law, plant):
             continue
         own = {gain: rule for (kind, gain), rule in rules.items() if kind == mode}
         inherited = {gain: rule for (kind, gain), rule in rules.items() if kind == "motion"}
-        if "bandwidth" not in LAWS[law].gains:
+        if not LAWS[law].selects:
             own = inherited | own
         axis = AXES[mode]
         if mode == "soft":
             # One of the two is always given on a soft axis.
-            damped = design(Law(kind=law), {Axis.X: replace_axis(axis, None, 5.0)}, {Axis.X: plant})
+            damped = Law(kind=law).design({Axis.X: replace_axis(axis, None, 5.0)}, {Axis.X: plant})
             assert damped["stiffness"][Axis.X].value == value(own.pop("stiffness"))
             known["K"] = 800.0
         gains = {
             name: by_axis[Axis.X].value
-            for name, by_axis in design(Law(kind=law), {Axis.X: axis}, {Axis.X: plant}).items()
+            for name, by_axis in Law(kind=law).design({Axis.X: axis}, {Axis.X: plant}).items()
         }
         for name, letter in (("mass", "M"), ("stiffness", "K"), ("damping", "d")):
             known[letter] = gains.get(name, known.get(letter, 0.0))
@@ -132,7 +133,9 @@ def test_designed_gains_follow_the_documented_rules(law, plant):
             assert gains[name] == pytest.approx(value(rule, known), rel=1e-12), (mode, name)
         # `mass` of the laws at the arm's own inertia is no gain of theirs; K_P and K_D follow.
         designed = (
-            set(gains) - {"K_P", "K_D"} - ({"mass"} if "mass" not in LAWS[law].gains else set())
+            set(gains)
+            - {"K_P", "K_D"}
+            - ({"mass"} if "mass" not in LAWS[law].gain_names else set())
         )
         assert designed - ({"stiffness"} if mode == "soft" else set()) == set(own), mode
 
@@ -143,7 +146,7 @@ def replace_axis(axis: AxisEntry, stiffness: float | None, damping: float | None
 
 def test_the_smaller_mass_of_a_rotation_stands_in_the_text():
     light = replace(PLANTS[0], h=1e-6, held=1e-6)
-    gains = design(Law(kind="impedance"), {Axis.RX: AXES["motion"]}, {Axis.RX: light})
+    gains = Law(kind="impedance").design({Axis.RX: AXES["motion"]}, {Axis.RX: light})
     number = gains["mass"][Axis.RX].value
     text = " ".join(LANGUAGE.read_text(encoding="utf-8").split())
     assert f"On rotations {number:g} kg·m² takes the place" in text
@@ -153,7 +156,7 @@ def test_the_smaller_mass_of_a_rotation_stands_in_the_text():
 @pytest.mark.parametrize("law", ["parallel", "parallel-pid"])
 def test_a_damping_of_the_file_enters_the_integral_gain(law, plant):
     given = Law(kind=law, damping=AxisValues(z=7e3))
-    gains = design(given, {Axis.Z: AXES["force"]}, {Axis.Z: plant})
+    gains = given.design({Axis.Z: AXES["force"]}, {Axis.Z: plant})
     (rule,) = (
         words(row[3])[0]
         for row in table(LANGUAGE, "table: designed")
@@ -168,7 +171,7 @@ def test_designed_damping_of_the_joints(plant):
     (row,) = (row for row in table(LANGUAGE, "table: designed") if row[1] == "joint")
     assert words(row[0]) == [law for law, facts in LAWS.items() if facts.damps_joints]
     known = {"H": plant.held, "h": plant.h, "S": plant.k, "T": plant.period}
-    designed = design_joint_damping(Law(kind="pd-joint"), [plant])
+    designed = Law(kind="pd-joint").design_joints([plant])
     assert designed["joint.1"].value == pytest.approx(value(words(row[3])[0], known), rel=1e-12)
 
 

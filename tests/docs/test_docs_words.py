@@ -18,9 +18,9 @@ from documents import (
     words,
 )
 
+from taskspec.laws import LAWS
 from taskspec.robot import builtin_robots
 from taskspec.spec import Robot, Task
-from taskspec.spec.laws import LAWS
 from taskspec.spec.model import Model
 from taskspec.spec.path import Path
 from taskspec.spec.robot import Noise, Pose, Sensor, Start, Tool
@@ -57,7 +57,7 @@ def test_reducers():
 
 def test_laws_and_their_gains():
     rows = {words(row[0])[0]: tuple(words(row[2])) for row in table(LANGUAGE, "table: laws")}
-    assert rows == {law: facts.gains for law, facts in LAWS.items()}
+    assert rows == {law: facts.gain_names for law, facts in LAWS.items()}
 
 
 def test_laws_name_their_equations():

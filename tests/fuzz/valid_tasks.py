@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from hypothesis import strategies as st
 
-from taskspec.spec import LAWS
+from taskspec.laws import LAWS
 
 Text = st.SearchStrategy[str]
 _ROBOTS = ("panda", "ur5e", "iiwa14")

@@ -6,13 +6,17 @@ Random inertias, constraints and torques; matrices whose condition is below 1e3,
 from __future__ import annotations
 
 import itertools
+from types import SimpleNamespace
 
 import casadi as ca
 import numpy as np
 import pytest
+from law_cases import gains_on
 
 from taskspec.control import constrained, linear
-from taskspec.control.laws import multipliers as laws
+from taskspec.laws import LAWS
+from taskspec.laws.case import Case
+from taskspec.laws.multipliers import Multipliers
 
 RNG = np.random.default_rng(11)
 SIZES = [(2, 1), (3, 1), (3, 2), (6, 2), (7, 3)]
@@ -113,7 +117,23 @@ def on_constraint(sample, first, desired, measured, integral):
     reduced = constrained.reduction(sx(sample.J), sx(sample.gamma), first)
     zero = np.zeros(sample.m)
     vectors = (sx(x) for x in (zero, desired, measured, integral))
-    return laws.Multipliers(sx(sample.J), sx(sample.gamma), reduced.eliminated, *vectors), reduced
+    names = tuple(f"equation {i}" for i in range(sample.m))
+    held = ca.SX.zeros(sample.n)
+    directions = (sx(sample.J), sx(sample.gamma), reduced.eliminated)
+    return Multipliers(names, *directions, *vectors, held), reduced
+
+
+class Constrained(Case):
+    """A case whose motion loops ask for given joint accelerations."""
+
+    def joint_motion(self):
+        return self.joint_velocity
+
+
+def command_of(kind, on, wanted, **gains):
+    nothing = SimpleNamespace(released=ca.SX(0, 1))
+    given = gains_on(on.names, **gains, force__damping=1.0)
+    return LAWS[kind].command(Constrained(None, nothing, given, sx(wanted), constraints=on))
 
 
 def test_pi_on_multipliers(sample):
@@ -122,8 +142,8 @@ def test_pi_on_multipliers(sample):
     desired, measured, integral = (RNG.normal(size=m) for _ in range(3))
     on, reduced = on_constraint(sample, range(m), desired, measured, integral)
     k_p, k_i = RNG.uniform(0.1, 2, size=(2, m))
-    command = laws.hybrid_multipliers(
-        sx(wanted), on, ca.DM(k_p), ca.DM(k_i), ca.DM.ones(m), ca.SX(0, 1)
+    command = command_of(
+        "hybrid-multipliers", on, wanted, force__proportional=k_p, force__integral=k_i
     )
     a, force = closed_loop(sample, command)
     assert a[m:] == pytest.approx(wanted[m:], abs=1e-9)
@@ -138,7 +158,7 @@ def test_p_on_reaction_torque(sample):
     desired, measured = (RNG.normal(size=m) for _ in range(2))
     on, reduced = on_constraint(sample, range(m), desired, measured, np.zeros(m))
     k = RNG.uniform(0.1, 2, size=m)
-    command = laws.hybrid_reaction(sx(wanted), on, ca.DM(k), ca.DM.ones(m), ca.SX(0, 1))
+    command = command_of("hybrid-reaction", on, wanted, force__proportional=k)
     a, force = closed_loop(sample, command)
     assert a[m:] == pytest.approx(wanted[m:], abs=1e-9)
     on_first = value(reduced.T)[:, :m].T @ sample.J.T

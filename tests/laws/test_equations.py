@@ -11,10 +11,10 @@ import casadi as ca
 import numpy as np
 import pinocchio as pin
 import pytest
+from law_cases import as_reference, command_of, gains_on
 
 from taskspec.control import linear, model_terms, resolution, state
-from taskspec.control.laws import hybrid, impedance, parallel
-from taskspec.control.reference import Reference
+from taskspec.control.command import Command
 from taskspec.program.clock import Clock
 from taskspec.program.world import kinematics
 from taskspec.program.world.frames import FrameModel
@@ -184,7 +184,7 @@ def test_the_core_gives_the_wanted_acceleration_whatever_the_posture(arm):
     m = len(axes)
     task = task_state(arm, axes)
     wanted = RNG.normal(size=m)
-    command = resolution.Command(acceleration=ca.SX(wanted), wrench=-task.f)
+    command = Command(acceleration=ca.SX(wanted), wrench=-task.f)
     redundant = arm.n > m
     for _ in range(10):
         values = arm.random()
@@ -209,7 +209,7 @@ def test_for_n_equal_m_it_is_the_chapters_form():
     arm = Arm("ur5e")
     task = task_state(arm, state.AXES)
     wanted = RNG.normal(size=6)
-    command = resolution.Command(acceleration=ca.SX(wanted), wrench=-task.f)
+    command = Command(acceleration=ca.SX(wanted), wrench=-task.f)
     for _ in range(10):
         values = _, _, w = arm.random()
         u, H, bias, J, drift = arm(
@@ -233,11 +233,9 @@ def reference(m, seed):
     return [rng.normal(size=m) * s for s in (1e-2, 0.1, 0.5, 10.0, 1.0)]
 
 
-def as_reference(numbers):
-    return Reference(*(ca.SX(x) for x in numbers))
-
-
-@pytest.mark.parametrize("law", ["impedance", "natural", "pd", "parallel", "parallel-pid"])
+@pytest.mark.parametrize(
+    "law", ["impedance", "impedance-natural", "pd", "parallel", "parallel-pid"]
+)
 def test_laws_written_out(arm, law):
     """Closed-loop accelerations of (4.15), (4.20), (4.39); torques of (4.21), (4.50)."""
     axes = AXES[arm.robot.name]
@@ -247,21 +245,14 @@ def test_laws_written_out(arm, law):
     e, rate, acceleration, f_d, integral = reference(m, 7)
     M, K, D = (RNG.uniform(1, 5, m) * s for s in (1, 200, 30))
     K_F, K_I = RNG.uniform(0.5, 2, m), RNG.uniform(0.5, 5, m)
-    ref = as_reference((e, rate, acceleration, f_d, integral))
-    command = {
-        "impedance": lambda: impedance.impedance(task, ref, ca.DM(M), ca.DM(K), ca.DM(D)),
-        "natural": lambda: impedance.impedance_natural(task, ref, ca.DM(K), ca.DM(D)),
-        "pd": lambda: impedance.pd(task, ref, ca.DM(K), ca.DM(D)),
-        "parallel": lambda: parallel.parallel(
-            task, ref, ca.DM(M), ca.DM(K), ca.DM(D), ca.DM(K_F), ca.DM(K_I)
-        ),
-        "parallel-pid": lambda: parallel.parallel_pid(
-            task, ref, ca.DM(K), ca.DM(D), ca.DM(K_F), ca.DM(K_I)
-        ),
-    }[law]()
+    ref = as_reference(e, rate, acceleration, f_d, integral)
+    gains = gains_on(
+        axes, mass=M, stiffness=K, damping=D, force__proportional=K_F, force__integral=K_I
+    )
+    wanted = command_of(law, task, ref, gains)
     posture = ca.SX.zeros(arm.n) if arm.n > m else None
     u_symbol = resolution.torque(
-        command, task, arm.terms.H, arm.terms.bias, arm.terms.gravity, posture
+        wanted, task, arm.terms.H, arm.terms.bias, arm.terms.gravity, posture
     )
     for _ in range(5):
         values = _, _, w = arm.random()
@@ -273,7 +264,7 @@ def test_laws_written_out(arm, law):
         spring = D * (rate - x_rate) + K * e
         if law == "impedance":
             expected = acceleration + (spring + f) / M
-        elif law == "natural":
+        elif law == "impedance-natural":
             expected = acceleration + mobility @ (spring + f)
         elif law == "parallel":
             expected = acceleration + (spring - K_F * (f_d - f) - K_I * integral) / M
@@ -297,13 +288,17 @@ def test_hybrid_axes_do_not_disturb_each_other():
     task = task_state(arm, state.AXES)
     e, rate, acceleration, f_d, integral = reference(6, 9)
     acceleration[2] = 0.0
-    ref = as_reference((e, rate, acceleration, f_d, integral))
+    drive = -12.3
+    # The robot's force, so the opposite of the theory's f_d.
+    f_d[2] = -drive
+    ref = as_reference(e, rate, acceleration, f_d, integral)
     K = np.array([900.0, 900, 0, 900, 900, 900])
     D = np.array([60.0, 60, 0, 60, 60, 60])
-    drive = -12.3
-    command = hybrid.hybrid(task, ref, ca.DM(K), ca.DM(D), ["z"], ca.SX(drive))
+    gains = gains_on(state.AXES, K_P=K, K_D=D)
+    gains |= gains_on("z", force__proportional=0.0, force__integral=0.0, force__damping=0.0)
+    wanted = command_of("hybrid", task, ref, gains, force=("z",))
     u_symbol = resolution.torque(
-        command, task, arm.terms.H, arm.terms.bias, arm.terms.gravity, ca.SX.zeros(7)
+        wanted, task, arm.terms.H, arm.terms.bias, arm.terms.gravity, ca.SX.zeros(7)
     )
     for _ in range(10):
         values = _, _, w = arm.random()
@@ -317,20 +312,56 @@ def test_hybrid_axes_do_not_disturb_each_other():
         assert got_other[2] == pytest.approx(mobility[2, 2] * (drive + other[2]), rel=1e-8)
 
 
+def test_a_motion_axis_of_hybrid_along_a_normal_yields_to_the_surface():
+    """x'' = x''_d + K_D e' + K_P e + h^-1 (f - f_r), f_r what the last stage held there."""
+    arm = Arm("panda")
+    task = task_state(arm, state.AXES)
+    e, rate, acceleration, released, _ = reference(6, 10)
+    ref = as_reference(e, rate, acceleration, released=released)
+    K, D = np.full(6, 900.0), np.full(6, 60.0)
+    wanted = command_of("hybrid", task, ref, gains_on(state.AXES, K_P=K, K_D=D), normal=("z",))
+    zero = ca.SX.zeros(7)
+    u_symbol = resolution.torque(wanted, task, arm.terms.H, arm.terms.bias, arm.terms.gravity, zero)
+    for _ in range(5):
+        values = _, _, w = arm.random()
+        u, twist, mobility = arm([u_symbol, arm.terms.twist, task.mobility], values)
+        got, _ = closed_loop(arm, state.AXES, u, values, w)
+        expected = acceleration + D * (rate - twist) + K * e
+        expected[2] += mobility[2, 2] * (w[2] - released[2])
+        np.testing.assert_allclose(got, expected, rtol=1e-8, atol=1e-8)
+
+
+def test_parallel_control_along_a_normal_is_impedance_control(arm):
+    """(4.16) with the force that the last stage held as its f_d: K_F is 1 whatever is given."""
+    axes = AXES[arm.robot.name]
+    m = len(axes)
+    task = task_state(arm, axes)
+    e, rate, acceleration, released, _ = reference(m, 12)
+    M, K, D = (RNG.uniform(1, 5, m) * s for s in (1, 200, 30))
+    ref = as_reference(e, rate, acceleration, released=released)
+    gains = gains_on(axes, mass=M, stiffness=K, damping=D)
+    parallel = command_of("parallel", task, ref, gains, normal=axes)
+    impedance = command_of("impedance", task, ref, gains)
+    for _ in range(5):
+        got, expected = arm([parallel.acceleration, impedance.acceleration], arm.random())
+        np.testing.assert_allclose(got, expected - released / M, rtol=1e-12, atol=1e-12)
+
+
 def test_laws_that_push_with_a_spring_alone(arm):
     """Torques of (4.31) and (4.33) written out."""
     axes = AXES[arm.robot.name]
     m = len(axes)
     task = task_state(arm, axes)
     e, *_ = numbers = reference(m, 11)
-    ref = as_reference(numbers)
+    ref = as_reference(*numbers)
     K, D_q = RNG.uniform(100, 500, m), RNG.uniform(1, 5, arm.n)
-    damped = impedance.pd_joint(ref, arm.v, ca.DM(K), ca.DM(D_q))
-    bare = impedance.stiffness_control(ref, ca.DM(K))
+    joints = gains_on([f"joint.{i + 1}" for i in range(arm.n)], joint_damping=D_q)
+    damped = command_of("pd-joint", task, ref, gains_on(axes, stiffness=K) | joints, arm.v)
+    bare = command_of("stiffness", task, ref, gains_on(axes, stiffness=K))
     terms = arm.terms
     symbols = [
-        resolution.torque(command, task, terms.H, terms.bias, terms.gravity, None)
-        for command in (damped, bare)
+        resolution.torque(wanted, task, terms.H, terms.bias, terms.gravity, None)
+        for wanted in (damped, bare)
     ]
     for _ in range(5):
         values = _, v, _ = arm.random()

@@ -10,10 +10,9 @@ import casadi as ca
 import numpy as np
 import pinocchio as pin
 import pytest
+from law_cases import as_reference, command_of, gains_on
 
 from taskspec.control import model_terms, resolution, state
-from taskspec.control.laws import impedance
-from taskspec.control.reference import Reference
 from taskspec.control.representation import REPRESENTATIONS, analytical
 from taskspec.geometry.rotation import from_rpy
 from taskspec.program.reference.orientation import angles_of, displaced, rates_of
@@ -75,10 +74,7 @@ class Reference6:
         self.velocity, self.acceleration = rng.normal(size=6) * 0.3, rng.normal(size=6)
 
     def symbolic(self):
-        zero = ca.SX.zeros(6)
-        return Reference(
-            ca.SX(self.error), ca.SX(self.velocity), ca.SX(self.acceleration), zero, zero
-        )
+        return as_reference(self.error, self.velocity, self.acceleration)
 
 
 class EulerArm:
@@ -180,7 +176,8 @@ def test_impedance_is_linear_in_the_angles(name):
     task = arm.stated(reference)
 
     def law(found):
-        return impedance.impedance(found.state, found.reference, ca.DM(M), ca.DM(K), ca.DM(D))
+        gains = gains_on(state.AXES, mass=M, stiffness=K, damping=D)
+        return command_of("impedance", found.state, found.reference, gains)
 
     u_symbol = arm.torque(task, law)
     data = arm.robot.pin.createData()

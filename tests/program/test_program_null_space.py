@@ -10,12 +10,13 @@ import pytest
 
 from measures import rms
 from taskspec.control.state import ARM_LENGTH
+from taskspec.laws import LAWS
 from taskspec.program.execution.machine import Machine
 from taskspec.program.ports import fields
 from taskspec.program.prepare import frame_at_start, prepare
 from taskspec.program.stages.stage import compile_stage
 from taskspec.robot import load_robot, solve_start
-from taskspec.spec import LAWS, load_text
+from taskspec.spec import load_text
 
 GOALS = (
     "posture",

@@ -8,8 +8,8 @@ import pytest
 from random_states import States, press_text
 
 from taskspec.control.qp import Problem, Status, make_solver, residual
+from taskspec.laws import LAWS
 from taskspec.program.limits.relaxing import relax
-from taskspec.spec import LAWS
 
 CASES = [
     (law, robot) for k, law in enumerate(LAWS) for robot in ("panda", ("ur5e", "planar3")[k % 2])

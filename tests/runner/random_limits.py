@@ -11,10 +11,11 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from taskspec.compiler import Program, compile_task
+from taskspec.laws import LAWS
 from taskspec.program.execution.resolver import Account
 from taskspec.program.prepare import prepare
 from taskspec.robot import RobotModel
-from taskspec.spec import LAWS, load_text
+from taskspec.spec import load_text
 from taskspec.text.diagnostic import SpecError
 from taskspec_runner.loop import fixed_step as loop
 from taskspec_runner.loop.assembly import assemble

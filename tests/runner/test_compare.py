@@ -15,7 +15,7 @@ import pytest
 from short_tasks import TAP
 from typer.testing import CliRunner, Result
 
-from taskspec.spec import LAWS
+from taskspec.laws import LAWS
 from taskspec_runner.cli import app
 from taskspec_runner.compare import read_comparison
 from taskspec_runner.compare.overlay import COLOURS, overlay, role

@@ -11,7 +11,6 @@ from taskspec.prediction import StagePrediction
 from taskspec.program.stages.null_space import goals
 from taskspec.program.stages.stage import CompiledStage
 from taskspec.program.world.grip import GRIP
-from taskspec.spec import LAWS
 from taskspec.text.show import show
 from taskspec_runner.cli.constraints import AxisAccount, axis_account, equation_account
 from taskspec_runner.cli.foreseen import ExpectedAccount, expected_account, selection_account
@@ -101,7 +100,7 @@ def stage_account(
     return StageAccount(
         name=stage.name,
         law=stage.law.kind,
-        equations=LAWS[stage.law.kind].equations,
+        equations=stage.law.control_law.equations,
         frame=stage.frame.name,
         contact=_contact(program, stage),
         null_space=_null_space(program, stage),

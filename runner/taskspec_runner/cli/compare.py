@@ -12,7 +12,8 @@ from typing import Any
 
 import typer
 
-from taskspec.spec import LAWS, Law, LoadedTask
+from taskspec.laws import LAWS
+from taskspec.spec import Law, LoadedTask
 from taskspec.spec.words import Word
 from taskspec.text.diagnostic import Diagnostic, SpecError
 from taskspec.text.suggest import suggestion
@@ -125,7 +126,7 @@ def _notes(file: Path, sets: Sequence[str], loaded: LoadedTask | None) -> list[s
         own = load(file, sets).task.law
     except SpecError:
         own = None
-    gains = {gain.partition(".")[0] for facts in LAWS.values() for gain in facts.gains}
+    gains = {gain.partition(".")[0] for facts in LAWS.values() for gain in facts.gain_names}
     if own is not None and own.model_dump(include={*gains, "joint_damping"}, exclude_none=True):
         notes.append(
             f"every law has designed gains; those that the file gives {own.kind} are left out"

@@ -14,7 +14,7 @@ from taskspec.motion.path import PathShape
 from taskspec.prediction import Natural, StagePrediction, State
 from taskspec.program.reference.modes import AxisPlan
 from taskspec.program.stages.stage import CompiledStage
-from taskspec.spec import LAWS, Screw
+from taskspec.spec import Screw
 from taskspec.text.show import number, show
 from taskspec_runner.cli.defaults import ramp_of, speed_of
 from taskspec_runner.cli.measures import length, stiffness
@@ -166,17 +166,11 @@ def _on_path(path: PathShape, axis: Axis) -> str:
 
 def _enforcer(stage: CompiledStage, plan: AxisPlan, world: Natural) -> str:
     """Who sees to the artificial constraint."""
-    if plan.force and plan.motion:
-        return "force over motion"
-    if plan.force:
-        return "force control"
-    if _by_equation(stage, plan, world):
+    if not plan.force and _by_equation(stage, plan, world):
         return f"the world ({world.by})"
-    if plan.open_loop:
-        return "impedance, open loop"
-    facts = LAWS[stage.law.kind]
-    springs = "bandwidth" not in facts.gains and not facts.shares
-    return "impedance" if plan.soft or springs else "motion control"
+    return stage.law.control_law.enforces(
+        force=plan.force, motion=plan.motion, open_loop=plan.open_loop, soft=plan.soft
+    )
 
 
 def _by_equation(stage: CompiledStage, plan: AxisPlan, world: Natural) -> bool:

@@ -6,7 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from taskspec.spec import LAWS, LoadedTask, load_task
+from taskspec.laws import LAWS
+from taskspec.spec import LoadedTask, load_task
 from taskspec.spec.overrides import NAME as SET
 from taskspec.text import nodes
 from taskspec.text.characters import normal

@@ -5,23 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from taskspec.geometry.axis import Axis
+from taskspec.laws.law import gain_named
 from taskspec.text.show import show
 from taskspec.text.units import to_si
-
-#: Gain -> units on a translation and on a rotation, the first of which fits is taken.
-_GAIN_UNITS: dict[str, tuple[Sequence[str], Sequence[str]]] = {
-    "bandwidth": (("Hz",), ("Hz",)),
-    "damping_ratio": ((), ()),
-    "K_P": (("1/s^2",), ("1/s^2",)),
-    "K_D": (("1/s",), ("1/s",)),
-    "mass": (("kg",), ("kg*m^2",)),
-    "stiffness": (("kN/m", "N/m"), ("N*m/rad",)),
-    "damping": (("N*s/m",), ("N*m*s/rad",)),
-    "force.proportional": ((), ()),
-    "force.integral": (("1/s",), ("1/s",)),
-    "force.damping": (("N*s/m",), ("N*m*s/rad",)),
-    "joint_damping": ((), ("N*m*s/rad",)),
-}
 
 
 def scaled(value: float, units: Sequence[str], digits: int = 4, least: float = 1.0) -> str:
@@ -34,8 +20,7 @@ def scaled(value: float, units: Sequence[str], digits: int = 4, least: float = 1
 
 def gain_text(name: str, angular: bool, value: float) -> str:
     """A gain with its unit on a translation, or on a rotation or a joint."""
-    units = _GAIN_UNITS[name]
-    return scaled(value, units[angular])
+    return scaled(value, gain_named(name).units(angular=angular))
 
 
 def length(value: float, axis: Axis) -> str:

@@ -11,8 +11,9 @@ from taskspec.analysis.given import turns
 from taskspec.analysis.loop import Mode, UnfitError
 from taskspec.analysis.margin import MOTION, Limit, Search, grows, rings
 from taskspec.analysis.stage import Analysed
-from taskspec.analysis.textbook import Condition, conditions
+from taskspec.analysis.textbook import conditions
 from taskspec.compiler import Program
+from taskspec.laws.conditions import StabilityCondition
 from taskspec.prediction import Looked
 from taskspec.text.show import number, show
 from taskspec_runner.cli.measures import gain_text, stiffness
@@ -146,7 +147,7 @@ def _limit(seen: Analysed, limit: Limit) -> tuple[str, str, str]:
     )
 
 
-def _condition(condition: Condition) -> BoundAccount:
+def _condition(condition: StabilityCondition) -> BoundAccount:
     way = "<" if condition.upper else ">"
     kept = "" if condition.holds else ", not kept"
     return BoundAccount(

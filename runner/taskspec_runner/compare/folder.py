@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from taskspec.spec import LAWS
+from taskspec.laws import LAWS
 from taskspec_runner.errors import OutputError
 from taskspec_runner.record import folder as folders
 from taskspec_runner.record.folder import MANIFEST, RUNS, RunFolder

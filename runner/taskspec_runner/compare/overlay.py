@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from taskspec.geometry.axis import Axis
-from taskspec.spec import LAWS
+from taskspec.laws import LAWS
 from taskspec_runner.compare.comparison import Comparison
 from taskspec_runner.report.data import Run, Vector, Visit
 from taskspec_runner.report.figures import ANGULAR, LINEAR

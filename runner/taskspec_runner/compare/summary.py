@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from taskspec.spec import LAWS
+from taskspec.laws import LAWS
 from taskspec_runner.compare.attempt import CRASHED, Attempt
 from taskspec_runner.compare.tracking import Json, force_axes, tracking
 

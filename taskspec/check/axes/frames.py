@@ -7,7 +7,6 @@ import math
 import casadi as ca
 import numpy as np
 
-from taskspec.control.gains import has_force
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.program.axes import MOSTLY
 from taskspec.program.context import Context
@@ -167,7 +166,7 @@ def check_pointing(context: Context, name: str, found: Diagnostics) -> None:
     loaded = context.loaded
     stage = loaded.task.stages[name]
     contact = context.contact_of(context.frame_of(stage))
-    touches = stage.until is not None or any(has_force(e) for e in stage.axes.values())
+    touches = stage.until is not None or any(e.has_force for e in stage.axes.values())
     if contact is None or not touches or loaded.task.robot.grasp is not None:
         return
     if len(context.robot.axes) <= _PLANAR or context.start_gaps[contact] < 0:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec.control.gains import has_force
 from taskspec.control.representation import Representation
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.program.context import Context
@@ -76,7 +75,7 @@ def _why_not(context: Context, name: str, axes: tuple[Axis, ...]) -> str | None:
     if _turns(context, frame):
         return f"frame {frame.name!r} turns, and the angles are those in a frame at rest"
     for axis in rotations:
-        if axis in stage.axes and has_force(stage.axes[axis]):
+        if axis in stage.axes and stage.axes[axis].has_force:
             return f"{axis!r} has a torque, and a moment is about an axis of the frame"
     return None
 

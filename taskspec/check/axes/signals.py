@@ -6,10 +6,8 @@ import math
 from collections.abc import Iterator, Mapping
 
 from taskspec.check.foresight.known import known_value
-from taskspec.control.gains import has_force
 from taskspec.geometry.axis import ROTATIONS, Axis, as_axis
 from taskspec.program.context import Context
-from taskspec.spec import LAWS
 from taskspec.text.codes import register
 from taskspec.text.diagnostic import Diagnostics
 from taskspec.text.expression import Expression
@@ -139,8 +137,8 @@ def no_such_signal(
     if node.frame is None and axis not in axes:
         return f"this arm has no axis {axis!r} in this frame; it has {', '.join(axes)}"
     declared = stage.axes.get(axis)
-    facts = LAWS[context.law_of(stage).kind]
+    facts = context.law_of(stage).control_law
     loop = facts.force_loop and not facts.shares
-    if path[0] == "error" and loop and declared is not None and has_force(declared):
+    if path[0] == "error" and loop and declared is not None and declared.has_force:
         return f"{axis!r} is force-controlled here and has no motion error"
     return None

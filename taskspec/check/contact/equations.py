@@ -5,12 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec.control.gains import has_force
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.program.context import Context
 from taskspec.program.reference.constraints import active_equations
 from taskspec.program.signals import TOUCHING
-from taskspec.spec import FILE, LAWS, key_of
+from taskspec.spec import FILE, key_of
 from taskspec.text.codes import register
 from taskspec.text.diagnostic import Diagnostics
 from taskspec.text.show import show
@@ -78,13 +77,13 @@ def check_constraints(
     loaded = context.loaded
     stage = loaded.task.stages[name]
     law = context.law_of(stage)
-    if not LAWS[law.kind].multipliers:
+    if not law.control_law.multipliers:
         return
     J = np.kron(np.eye(2), rotation.T) @ context.start_jacobian
     rows: dict[str, NDArray[np.float64]] = {
         f"axis {a!r}": J[AXES.index(a)]
         for a, axis in stage.axes.items()
-        if a in axes and has_force(axis)
+        if a in axes and axis.has_force
     }
     for equation in active_equations(law, stage, context.equations):
         at = context.start_equations[equation]

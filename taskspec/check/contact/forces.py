@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.check.contact.set_points import steady_force
-from taskspec.control.gains import design
 from taskspec.geometry.axis import AXES, Axis
+from taskspec.laws.gains import on_axis
 from taskspec.motion.path import PathShape
 from taskspec.program.context import Context
 from taskspec.program.reference.modes import plan_axes
@@ -58,9 +58,9 @@ def check_forces(
     k = context.stiffness_of(frame)
     felt, lever = context.felt_stiffness(frame, axes, rotation), context.lever_of(frame)
     entries = {a: p.axis for a, p in plans.items()}
-    gains = design(law, entries, context.plants(axes, rotation, felt, lever=lever))
+    gains = law.design(entries, context.plants(axes, rotation, felt, lever=lever))
     for axis in open_loop:
-        own = gains["stiffness"][axis].value
+        own = on_axis(gains, axis).get("stiffness", 0.0)
         if own == 0:
             found.error(
                 "TS306",

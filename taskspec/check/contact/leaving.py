@@ -8,15 +8,15 @@ from numpy.typing import NDArray
 
 from taskspec.check.foresight.course import moving_axes
 from taskspec.check.foresight.nominal import Walk
-from taskspec.control.gains import design, has_force
 from taskspec.geometry.axis import AXES, Axis
+from taskspec.laws.gains import on_axis
 from taskspec.motion.path import PathShape
 from taskspec.program.axes import MOSTLY
 from taskspec.program.context import Context
 from taskspec.program.reference.constraints import active_equations
 from taskspec.program.signals import TOUCHING
 from taskspec.program.world.equations import EquationModel
-from taskspec.spec import FILE, LAWS, AxisEntry, Stage, key_of
+from taskspec.spec import FILE, AxisEntry, Stage, key_of
 from taskspec.text.codes import register
 from taskspec.text.diagnostic import Diagnostics
 from taskspec.text.expression.tree import Name, walk
@@ -59,7 +59,7 @@ def check_leaving(
     way = walked.way()
     if not way or stage.until is not None:
         return
-    if "bandwidth" in LAWS[context.law_of(stage).kind].gains:
+    if context.law_of(stage).control_law.selects:
         _check_surface(context, name, axes, walked, way, found)
         _check_equations(context, name, axes, path, walked, way, found)
 
@@ -82,15 +82,16 @@ def _check_surface(
     along = {a: abs(float(walked.rotation[:, AXES.index(a)] @ normal)) for a in axes if a[0] != "r"}
     axis = max(along, key=lambda a: along[a])
     entry = stage.axes.get(axis)
-    if along[axis] < MOSTLY or any(has_force(e) for e in stage.axes.values()):
+    if along[axis] < MOSTLY or any(e.has_force for e in stage.axes.values()):
         return
     depth = max(-walked.gap - float(normal @ (p - walked.begin)) for _, p in way)
     if depth <= max(0.0, -walked.gap) or (entry is not None and entry.stiffness is not None):
         return
     felt = context.felt_stiffness(frame, axes, walked.rotation)
     plant = context.plants(axes, walked.rotation, felt)[axis]
-    bandwidth = design(law, {axis: _motion(stage, axis)}, {axis: plant})["bandwidth"][axis].value
-    own, k = plant.h * (2 * np.pi * bandwidth) ** 2, context.compliances[contact].stiffness
+    gains = law.design({axis: _motion(stage, axis)}, {axis: plant})
+    own = law.control_law.spring(on_axis(gains, axis), plant.h)
+    k = context.compliances[contact].stiffness
     force = depth * own * k / (own + k)
     if force > TOUCHING:
         found.warning(
@@ -118,7 +119,7 @@ def _check_equations(
     """
     stage = context.loaded.task.stages[name]
     law = context.law_of(stage)
-    multipliers = LAWS[law.kind].multipliers
+    multipliers = law.control_law.multipliers
     active = active_equations(law, stage, context.equations) if multipliers else ()
     free = [
         walked.rotation[:, AXES.index(a)]

@@ -17,7 +17,7 @@ from taskspec.check.foresight.known import known_value
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.program.context import Context
 from taskspec.program.world.equations import EquationModel
-from taskspec.spec import FILE, LAWS, AxisEntry, Stage
+from taskspec.spec import FILE, AxisEntry, Stage
 from taskspec.text.codes import register
 from taskspec.text.diagnostic import Diagnostics, Severity
 from taskspec.text.show import show
@@ -52,9 +52,9 @@ def check_resisting(
     """
     stage = context.loaded.task.stages[name]
     law = context.law_of(stage)
-    if not LAWS[law.kind].force_loop:
+    if not law.control_law.force_loop:
         return
-    gives_way = LAWS[law.kind].shares or law.solve == "qp"
+    gives_way = law.control_law.shares or law.solve == "qp"
     for axis, entry in stage.axes.items():
         wanted = _wanted(context, entry) if axis in axes else None
         if wanted is None:
@@ -69,7 +69,7 @@ def check_resisting(
         if np.linalg.norm(direction @ space) > _RESISTED:
             continue
         if wanted == 0.0:
-            if not LAWS[law.kind].shares:
+            if not law.control_law.shares:
                 _report_undetermined(context, axis, place, found)
             continue
         found.add(

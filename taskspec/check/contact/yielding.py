@@ -13,14 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.check.foresight.known import known_value
-from taskspec.control.gains import has_force
 from taskspec.control.state import ARM_LENGTH
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.motion.path import PathShape
 from taskspec.program.context import Context
 from taskspec.program.execution.tracks import MOVE_SPEED
 from taskspec.program.world.mechanisms import MechanismModel
-from taskspec.spec import FILE, LAWS, AxisEntry, key_of
+from taskspec.spec import FILE, AxisEntry, key_of
 from taskspec.text.codes import register
 from taskspec.text.diagnostic import Diagnostics
 from taskspec.text.show import show
@@ -52,7 +51,7 @@ def check_yielding(
     loaded = context.loaded
     stage = loaded.task.stages[name]
     law = context.law_of(stage)
-    if not context.held or path is not None or "bandwidth" not in LAWS[law.kind].gains:
+    if not context.held or path is not None or not law.control_law.selects:
         return
     solved = _solve(context, name, axes, rotation)
     if solved is None:
@@ -140,7 +139,7 @@ def _rate(context: Context, axis: Axis, entry: AxisEntry | None) -> float | None
     """The constant rate of a stiff motion axis [m/s, rad/s]; None of any other."""
     if entry is None or entry.hold is not None:
         return 0.0
-    if has_force(entry) or entry.follows is not None or entry.stiffness is not None:
+    if entry.has_force or entry.follows is not None or entry.stiffness is not None:
         return None
     if entry.move is not None:
         kind = "angular" if axis.is_rotation else "linear"

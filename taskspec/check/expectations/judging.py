@@ -13,7 +13,7 @@ from taskspec.check.foresight.ranges import longest
 from taskspec.check.stages.conditions import bounds_of, names, parts, value_of
 from taskspec.geometry.axis import Axis, as_axis
 from taskspec.program.context import Context
-from taskspec.spec import LAWS, Expectation
+from taskspec.spec import Expectation
 from taskspec.text.codes import register
 from taskspec.text.diagnostic import Diagnostics
 from taskspec.text.expression import evaluate
@@ -279,7 +279,12 @@ def _set_point(context: Context, signal: Name) -> float | None:
     law = context.law_of(declared)
     entry = None if axis is None else declared.axes.get(axis)
     # Motion that shares the axis, or a program, may leave another force.
-    if entry is None or not LAWS[law.kind].force_loop or LAWS[law.kind].shares or law.solve == "qp":
+    if (
+        entry is None
+        or not law.control_law.force_loop
+        or law.control_law.shares
+        or law.solve == "qp"
+    ):
         return None
     wanted = {"force": entry.force, "torque": entry.torque}.get(signal.path[1])
     return None if wanted is None else known_value(context, wanted)

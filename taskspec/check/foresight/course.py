@@ -9,7 +9,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from taskspec.check.foresight.known import known_value
-from taskspec.control.gains import has_force
 from taskspec.geometry.axis import Axis
 from taskspec.motion.path import PathShape
 from taskspec.motion.profile import RISE_TIME
@@ -42,7 +41,7 @@ class Course:
 
 def moving_axes(stage: Stage) -> dict[Axis, AxisEntry]:
     """The axes that a stage's `axes` move."""
-    return {a: e for a, e in stage.axes.items() if e.hold is None and not has_force(e)}
+    return {a: e for a, e in stage.axes.items() if e.hold is None and not e.has_force}
 
 
 def course_of(

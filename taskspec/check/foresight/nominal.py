@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from taskspec.check.foresight.course import Course, course_of, moving_axes
 from taskspec.check.foresight.known import known_value
-from taskspec.control.gains import has_force
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.motion.path import PathShape
 from taskspec.motion.profile import RISE_TIME
@@ -162,7 +161,7 @@ class Walk:
             entry = stage.axes.get(axis)
             if entry is None or entry.hold is not None:
                 found[axis] = 0.0
-            elif has_force(entry) or entry.follows is not None:
+            elif entry.has_force or entry.follows is not None:
                 continue
             elif entry.velocity is not None:
                 value = known_value(self._context, entry.velocity)
@@ -180,12 +179,12 @@ class Walk:
     def _touch(self, stage: Stage, frame: FrameModel, rotation: Vector) -> None:
         """Closes the gap of a stage that presses on its surface."""
         contact = self._context.contact_of(frame)
-        if contact is None or not any(has_force(a) for a in stage.axes.values()):
+        if contact is None or not any(a.has_force for a in stage.axes.values()):
             return
         normal = self._context.start_normals[contact]
         gap = self._gap(contact)
         along = max((abs(rotation[:, AXES.index(a) % 3] @ normal), a) for a in stage.axes)
-        if gap > 0 and has_force(stage.axes[along[1]]):
+        if gap > 0 and stage.axes[along[1]].has_force:
             self._p = self._p - gap * normal
 
     def _gap_of(self, frame: FrameModel) -> float | None:

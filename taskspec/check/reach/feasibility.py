@@ -16,7 +16,7 @@ from taskspec.control.qp.certificate import Certificate, contradiction, feasible
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.program.axes import MOSTLY
 from taskspec.program.context import Context
-from taskspec.spec import FILE, LAWS, key_of
+from taskspec.spec import FILE, key_of
 from taskspec.text.codes import register
 from taskspec.text.diagnostic import Diagnostics, Severity
 from taskspec.text.show import show
@@ -150,7 +150,7 @@ def _severity(context: Context, name: str, against: Sequence[Line]) -> Severity:
     law = context.law_of(context.loaded.task.stages[name])
     kinds = {line.kind for line in against}
     torque, contact = TORQUE in kinds, bool(kinds & {"contact", "face"})
-    refused = torque or (contact and not LAWS[law.kind].shares)
+    refused = torque or (contact and not law.control_law.shares)
     return Severity.ERROR if refused and law.solve == "closed-form" else Severity.WARNING
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 from taskspec.check.foresight.flow import good_end
-from taskspec.control.gains import INTEGRAL_FREQUENCY, has_force
 from taskspec.control.sensor import SensorModel
+from taskspec.laws.design import INTEGRAL_FREQUENCY
 from taskspec.program.context import Context
 from taskspec.program.signals import TOUCHING
 from taskspec.spec import FILE, Stage
@@ -45,7 +45,7 @@ def _check_times(context: Context, found: Diagnostics) -> None:
                 "choose a rate that divides that of the controller",
             )
     lag, slowest = model.lag(period), 1.0 / (2 * math.pi * INTEGRAL_FREQUENCY)
-    uses = any(has_force(a) for s in loaded.task.stages.values() for a in s.axes.values())
+    uses = any(a.has_force for s in loaded.task.stages.values() for a in s.axes.values())
     if lag > slowest and uses:
         late = show(lag, "ms" if lag < 1 else "s", 3)
         found.warning(
@@ -64,7 +64,7 @@ def _check_tares(context: Context, found: Diagnostics) -> None:
     for number, (name, stage) in enumerate(stages.items()):
         if not stage.tare:
             continue
-        pressed = [a for a, axis in stage.axes.items() if has_force(axis)]
+        pressed = [a for a, axis in stage.axes.items() if axis.has_force]
         if pressed:
             found.error(
                 "TS620",
@@ -96,7 +96,7 @@ def _force_at_start(context: Context) -> float:
 
 def _ends_in_contact(stage: Stage) -> bool:
     """Whether a stage holds a force, or ends as soon as one is felt."""
-    if any(has_force(axis) for axis in stage.axes.values()):
+    if any(axis.has_force for axis in stage.axes.values()):
         return True
     if stage.until is None:
         return False

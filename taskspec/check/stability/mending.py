@@ -10,6 +10,7 @@ from taskspec.analysis.given import gain_path, law_path, together, turns
 from taskspec.analysis.loop import Mode
 from taskspec.analysis.margin import PROPOSED, QUIET, STABLE, Limit, Search, grows
 from taskspec.analysis.stage import Analysed
+from taskspec.laws.law import gain_named
 from taskspec.program.context import Context
 from taskspec.spec import FILE, Task
 from taskspec.text.show import inside, number, show
@@ -17,19 +18,6 @@ from taskspec.text.source import Span
 
 #: No more ways to mend a stage are proposed than these of its gains.
 _MOST_PROPOSED = 2
-
-#: Gain -> units on a translation and on a rotation.
-_UNITS = {
-    "force.integral": ("1/s", "1/s"),
-    "force.proportional": ("", ""),
-    "force.damping": ("N*s/m", "N*m*s/rad"),
-    "damping": ("N*s/m", "N*m*s/rad"),
-    "mass": ("kg", "kg*m^2"),
-    "stiffness": ("N/m", "N*m/rad"),
-    "bandwidth": ("Hz", "Hz"),
-    "damping_ratio": ("", ""),
-    "joint_damping": ("N*m*s/rad", "N*m*s/rad"),
-}
 
 
 def mending(
@@ -86,7 +74,7 @@ def said(context: Context, seen: Analysed, limit: Limit) -> str:
         if len({(gains[on].value, turns(context, on)) for on in limit.on}) > 1:
             factor = number(inside(limit.value / limit.now, limit.upper), 3)
             return f"{what} {way} {factor} times what it is"
-    unit = _UNITS[limit.what][turns(context, first)]
+    unit = (gain_named(limit.what).units(angular=turns(context, first)) or ("",))[-1]
     value = number(inside(limit.value, limit.upper), 3)
     return f"{what} {way} {f'{value} {unit}'.strip()}"
 

@@ -6,12 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.check.foresight.known import known_value
-from taskspec.control.gains import design
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.program.axes import MOSTLY
 from taskspec.program.context import Context
 from taskspec.program.reference.force_references import DEFAULT_RAMP
-from taskspec.spec import FILE, LAWS
+from taskspec.spec import FILE
 from taskspec.text.codes import register
 from taskspec.text.diagnostic import Diagnostics
 from taskspec.text.show import show
@@ -74,7 +73,7 @@ def check_entering(
     stage = loaded.task.stages[name]
     frame, law = context.frame_of(stage), context.law_of(stage)
     contact = context.contact_of(frame)
-    if contact is None or gap is None or not LAWS[law.kind].force_loop:
+    if contact is None or gap is None or not law.control_law.force_loop:
         return
     normal = context.start_normals[contact]
     for axis, entry in stage.axes.items():
@@ -86,7 +85,7 @@ def check_entering(
             continue
         felt = context.felt_stiffness(frame, axes, rotation)
         plants = context.plants(axes, rotation, felt, lever=context.lever_of(frame))
-        gains = design(law, {axis: entry}, {axis: plants[axis]})
+        gains = law.design({axis: entry}, {axis: plants[axis]})
         damping = (gains.get("force.damping") or gains["damping"])[axis].value
         ramp = DEFAULT_RAMP if entry.ramp is None else entry.ramp
         if gap * damping <= abs(wanted) * ramp / 2:

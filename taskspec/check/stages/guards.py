@@ -17,7 +17,7 @@ from taskspec.check.stages.conditions import names, parts, value_of
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.program.axes import MOSTLY
 from taskspec.program.context import Context
-from taskspec.spec import LAWS, AxisEntry
+from taskspec.spec import AxisEntry
 from taskspec.text.codes import register
 from taskspec.text.diagnostic import Diagnostics, Severity
 from taskspec.text.expression import Expression, evaluate
@@ -138,7 +138,7 @@ def _held_by_set_points(
 ) -> bool:
     """Whether a guard holds at the forces which the stage's loops are to reach and keep."""
     stage = context.loaded.task.stages[name]
-    if not LAWS[context.law_of(stage).kind].force_loop or isinstance(guard.tree, Held):
+    if not context.law_of(stage).control_law.force_loop or isinstance(guard.tree, Held):
         return False
     reached = {
         f"{'torque' if axis.startswith('r') else 'force'}.{axis}": point(value)

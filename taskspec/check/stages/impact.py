@@ -15,7 +15,6 @@ from taskspec.check.foresight.known import known_value
 from taskspec.check.foresight.nominal import AT_SURFACE
 from taskspec.check.foresight.ranges import Ranges
 from taskspec.check.stages.conditions import names, value_of
-from taskspec.control.gains import design
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.program.axes import MOSTLY
 from taskspec.program.context import Context
@@ -231,13 +230,13 @@ def _report_peak(
 def striking_mass(
     context: Context, stage: Stage, axes: tuple[Axis, ...], rotation: Vector, axis: Axis
 ) -> float:
-    """What strikes [kg]: the arm's own mass along an axis, or impedance control's apparent one."""
+    """Mass that strikes [kg]: the arm's own along an axis, or the apparent one of its law."""
     frame, law = context.frame_of(stage), context.law_of(stage)
     felt = context.felt_stiffness(frame, axes, rotation)
     plant = context.plants(axes, rotation, felt, lever=context.lever_of(frame))[axis]
-    if law.kind == "impedance":
-        return design(law, {axis: stage.axes[axis]}, {axis: plant})["mass"][axis].value
-    return float(plant.h)
+    gains = law.design({axis: stage.axes[axis]}, {axis: plant})
+    own = {name: by_axis[axis] for name, by_axis in gains.items()}
+    return float(law.control_law.strikes_with(own, plant.h))
 
 
 def _stiffnesses(context: Context, contact: str) -> list[float]:

@@ -17,7 +17,6 @@ from taskspec.program.ports import PROBE, slices
 from taskspec.program.stages.stage import CompiledStage
 from taskspec.program.world import felt
 from taskspec.robot import RobotModel
-from taskspec.spec import LAWS
 
 Vector = NDArray[np.float64]
 _FIELDS = slices(PROBE)
@@ -181,14 +180,14 @@ class _Entry:
         return Continuation(error, start, rate, self._pressed())
 
     def _pressed(self) -> dict[Axis, float]:
-        if LAWS[self.stage.law.kind].force_loop:
+        if self.stage.law.control_law.force_loop:
             return {}
         local = np.concatenate([self.frame.T @ part for part in np.split(self.carried.held, 2)])
-        stiffness = self.stage.gains["stiffness"]
+        stiffness = self.stage.gains.get("stiffness", {})
         return {
             name: float(local[AXES.index(name)] / stiffness[name].value)
             for name in self.stage.plans
-            if stiffness[name].value > 0
+            if name in stiffness and stiffness[name].value > 0
         }
 
     def _forces(self, going: Continuation) -> None:

@@ -32,7 +32,6 @@ from taskspec.program.limits.resolution import Resolved
 from taskspec.program.reference.measured import Measured
 from taskspec.program.reference.planned import PlannedStage
 from taskspec.program.world import kinematics
-from taskspec.spec import LAWS
 
 
 def resolve(
@@ -148,7 +147,7 @@ def _generators(
             resolve=resolve_axes,
             requested=towards,
         )
-    if LAWS[plan.law.kind].multipliers:
+    if plan.law.control_law.multipliers:
         for k, contact in enumerate(equations):
             effect = ca.SX.zeros(count)
             effect[len(axes) + k] = pushing(seen.rows[contact.name])

@@ -14,16 +14,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.control import linear
-from taskspec.control.gains import Gains, Plant, design_constraint
 from taskspec.control.model_terms import TermSymbols
 from taskspec.control.reference import Reference, opposite
 from taskspec.control.resolution import inverse_directions
 from taskspec.control.state import ARM_LENGTH, TaskState
 from taskspec.geometry.axis import Axis
+from taskspec.laws.gains import AxisPlant, Gains
 from taskspec.program.context import Context
 from taskspec.program.layout import Layout
 from taskspec.program.world.equations import EquationModel, EquationTerms
-from taskspec.spec import LAWS, Law, Stage
+from taskspec.spec import Law, Stage
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,7 +88,7 @@ def active_equations(
     law: Law, stage: Stage, models: Mapping[str, EquationModel]
 ) -> tuple[str, ...]:
     """Names of the equations that constrain a stage; none under a law without multipliers."""
-    if not LAWS[law.kind].multipliers:
+    if not law.control_law.multipliers:
         return ()
     return tuple(
         name
@@ -107,8 +107,8 @@ def equation_gains(
         normal = context.start_equations[name].normal
         inverse = float(normal @ np.linalg.solve(context.start_inertia, normal))
         h = 1.0 / inverse if inverse > 0 else 1.0
-        plant = Plant(h=h, held=h, k=context.compliances[name].stiffness, period=context.period)
-        for gain, value in design_constraint(law, model.joints, plant).items():
+        plant = AxisPlant(h=h, held=h, k=context.compliances[name].stiffness, period=context.period)
+        for gain, value in law.design_equation(model.joints, plant).items():
             gains.setdefault(gain, {})[name] = value
     return gains
 

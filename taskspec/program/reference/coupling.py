@@ -14,7 +14,6 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec.control.gains import is_soft
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.program.context import Context
 from taskspec.program.layout import Layout
@@ -95,7 +94,7 @@ def coupling(
     leader = Axis(f"r{name}")
     plan = plans.get(leader)
     commanded = plan is not None and plan.motion and not plan.force and plan.mode != "follows"
-    if commanded and plan is not None and not is_soft(plan.axis):
+    if commanded and plan is not None and not plan.axis.is_soft:
         return Coupling(mechanism.lead, leader)
     return Coupling(float(np.sign(along)) * mechanism.lead, None)
 

@@ -41,8 +41,8 @@ def risen(name: str, wanted: ca.SX, ramp: float | None, clock: Clock, parameters
     return at_entry + share * (wanted - at_entry)
 
 
-def fading(name: Axis, seen: Measured) -> ca.SX:
-    """The force that the last stage held on what is now a motion axis, as it is let go of."""
+def released(name: Axis, seen: Measured) -> ca.SX:
+    """The force that the last stage held on what is now a motion axis, as it fades out."""
     at_entry = seen.parameters.add(f"force_at_entry.{name}")
     return at_entry * blend.offset_shape(seen.clock.t / blend.BLEND_TIME)
 

@@ -8,12 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec.control.gains import has_force, is_soft
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.motion.path import PathShape
 from taskspec.program.axes import MOSTLY
 from taskspec.program.reference.axis_reference import mode_of
-from taskspec.spec import LAWS, AxisEntry, Law
+from taskspec.spec import AxisEntry, Law
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,7 +24,7 @@ class AxisPlan:
         mode: of its motion reference; see `axis_reference.mode_of`.
         force: it has a force set point under a law with a force loop.
         motion: its motion error is controlled.
-        soft: a motion axis of a hybrid law with its own stiffness or damping.
+        soft: a motion axis with its own stiffness or damping, under a law that has such.
         open_loop: its force set point displaces the motion reference.
         world: a rotation that holds against the world although the frame turns.
         yields: a motion axis along the believed contact's normal. The contact force on it is left
@@ -60,19 +59,19 @@ def plan_axes(
         axes: those of the frame that exist. declared: the stage's entries. path, law: the stage's.
         normal: (3,) of the believed contact in the frame's axes, None without a contact.
     """
-    facts = LAWS[law.kind]
+    facts = law.control_law
     plans = {}
     for name in axes:
         axis = declared.get(name) or AxisEntry()
         on_path = path is not None and name in path.axes
-        open_loop = has_force(axis) and not facts.force_loop
-        force = has_force(axis) and facts.force_loop
+        open_loop = axis.has_force and not facts.force_loop
+        force = axis.has_force and facts.force_loop
         plans[name] = AxisPlan(
             axis=axis,
             mode=mode_of(axis, driven_by_path=on_path, open_loop=open_loop),
             force=force,
             motion=not force or facts.shares,
-            soft=law.kind == "hybrid" and is_soft(axis) and not force,
+            soft=facts.soft_axes and axis.is_soft and not force,
             open_loop=open_loop,
             world=axis.hold == "world" and name.is_rotation,
             yields=not force and _along(name, normal),

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec.control.gains import Gains, Plant, design, design_joint_damping, has_force
 from taskspec.geometry.axis import Axis
+from taskspec.laws.gains import AxisPlant, Gains
 from taskspec.motion.path import PathShape
 from taskspec.program.axes import existing_axes
 from taskspec.program.context import Context
@@ -19,7 +19,7 @@ from taskspec.program.reference.coupling import Coupling, coupling
 from taskspec.program.reference.modes import AxisPlan, plan_axes
 from taskspec.program.world.carriers import Carrier
 from taskspec.program.world.frames import FrameModel
-from taskspec.spec import LAWS, Law, Limits, Stage
+from taskspec.spec import Law, Limits, Stage
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,19 +114,19 @@ def _design(
     felt = context.felt_stiffness(frame, axes, axes_rotation)
     rates = orientation.rates_of(law, axes_rotation.T @ context.start_R)
     plants = context.plants(axes, axes_rotation, felt, rates, context.lever_of(frame))
-    gains = design(law, {a: p.axis for a, p in plans.items()}, plants)
+    gains = law.design({a: p.axis for a, p in plans.items()}, plants)
     for gain, by_name in equation_gains(context, law, active, context.equations).items():
         gains.setdefault(gain, {}).update(by_name)
-    if LAWS[law.kind].damps_joints:
+    if law.control_law.damps_joints:
         stiffness = [_stiffness(gains, plans, plants, a) for a in axes]
         joints = context.joint_plants(axes, axes_rotation, stiffness, rates)
-        gains["joint_damping"] = design_joint_damping(law, joints)
+        gains["joint_damping"] = law.design_joints(joints)
     return gains
 
 
 def _stiffness(
-    gains: Gains, plans: Mapping[Axis, AxisPlan], plants: Mapping[Axis, Plant], axis: Axis
+    gains: Gains, plans: Mapping[Axis, AxisPlan], plants: Mapping[Axis, AxisPlant], axis: Axis
 ) -> float:
     """Of spring and contact together, on an axis [N/m, N m/rad]."""
-    contact = plants[axis].k if has_force(plans[axis].axis) else 0.0
+    contact = plants[axis].k if plans[axis].axis.has_force else 0.0
     return gains["stiffness"][axis].value + contact

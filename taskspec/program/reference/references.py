@@ -113,8 +113,8 @@ def _of_the_law(
     integrals: Mapping[Axis, ca.SX],
 ) -> Reference:
     """References as vectors over the rows of the task state, in the theory's sign."""
-    fading = {
-        name: force_references.fading(name, seen)
+    released = {
+        name: force_references.released(name, seen)
         for name, axis in plan.plans.items()
         if (axis.yields or axis.soft) and not axis.open_loop
     }
@@ -123,8 +123,9 @@ def _of_the_law(
         error=ca.vertcat(*(tracked.error.get(a, zero) for a in axes)),
         velocity=ca.vertcat(*(tracked.velocity[a] for a in axes)),
         acceleration=ca.vertcat(*(tracked.acceleration[a] for a in axes)),
-        force=opposite(ca.vertcat(*({**forces, **fading}.get(a, zero) for a in axes))),
+        force=opposite(ca.vertcat(*(forces.get(a, zero) for a in axes))),
         force_integral=opposite(ca.vertcat(*(integrals.get(a, zero) for a in axes))),
+        released=opposite(ca.vertcat(*(released.get(a, zero) for a in axes))),
     )
 
 

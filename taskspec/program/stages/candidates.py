@@ -8,8 +8,6 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec.control.constrained import eliminate
-from taskspec.program.stages import laws
 from taskspec.program.stages.commanded import Commanded
 
 #: Coordinates are chosen again when an exchange would make their minor so many times as large. As
@@ -38,9 +36,8 @@ def candidates(arguments: list[ca.SX], asked: Commanded) -> Choice | None:
     control, chosen = asked.case.constraints, asked.chosen
     if control is None or chosen is None:
         return None
-    wanted = laws.free_motion(asked.case)
-    on = control.multipliers
-    kept = eliminate(on.J, on.gamma, on.directions, wanted + control.held)
+    wanted = asked.case.joint_motion()
+    kept = control.kept(wanted + control.held)
     return Choice(
         look=ca.Function("look", arguments, [chosen.J @ chosen.candidates, wanted, kept]),
         weights=chosen.weights,

@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 import casadi as ca
 
+from taskspec.control import resolution
+from taskspec.laws.case import Case
 from taskspec.program.context import Context
 from taskspec.program.events import Condition
 from taskspec.program.reference import orientation
@@ -14,10 +16,8 @@ from taskspec.program.reference.measured import Measured
 from taskspec.program.reference.planned import PlannedStage
 from taskspec.program.reference.reference_set import ReferenceSet
 from taskspec.program.reference.references import build_references
-from taskspec.program.stages import laws
 from taskspec.program.stages.multipliers import EquationForces, constrain, equation_forces
 from taskspec.program.stages.null_space import null_space_acceleration
-from taskspec.spec import LAWS
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +34,7 @@ class Commanded:
     references: ReferenceSet
     forces: EquationForces
     chosen: ConstraintSet | None
-    case: laws.Case
+    case: Case
     torque: ca.SX
     conditions: list[Condition]
 
@@ -55,7 +55,7 @@ def command(context: Context, plan: PlannedStage, seen: Measured) -> Commanded:
     forces = equation_forces(context, plan, seen)
     on_path = plan.path.axes if plan.path is not None else ()
     chosen = control = None
-    if LAWS[law.kind].multipliers:
+    if law.control_law.multipliers:
         chosen = constraint_set(
             state=state,
             forced=[a for a in plan.axes if plan.plans[a].force],
@@ -68,8 +68,18 @@ def command(context: Context, plan: PlannedStage, seen: Measured) -> Commanded:
     if chosen:
         control = constrain(chosen, forces, references, seen.clock, seen.parameters)
     posture = null_space_acceleration(law, context, seen.state, seen.world, inputs.q, inputs.v)
-    case = laws.Case(
-        state, references, plan.plans, plan.gains, seen.table, inputs.v, posture, control
+    plans = plan.plans
+    case = Case(
+        state=state,
+        reference=references.law,
+        gains=plan.gains,
+        joint_velocity=inputs.v,
+        force=tuple(a for a in state.axes if plans[a].force),
+        soft=tuple(a for a in state.axes if plans[a].soft),
+        normal=tuple(a for a in state.axes if plans[a].yields),
+        posture=posture,
+        constraints=control,
     )
-    torque = laws.joint_torque(law.kind, case, seen.terms)
+    wanted, terms = law.control_law.command(case), seen.terms
+    torque = resolution.torque(wanted, state, terms.H, terms.bias, terms.gravity, posture)
     return Commanded(references, forces, chosen, case, torque, conditions)

@@ -6,9 +6,8 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from taskspec.control.gains import Gains
-from taskspec.control.laws.multipliers import Multipliers
 from taskspec.control.reference import opposite
+from taskspec.laws.multipliers import Multipliers
 from taskspec.motion import blend
 from taskspec.program.clock import Clock
 from taskspec.program.context import Context
@@ -18,24 +17,6 @@ from taskspec.program.reference.force_references import risen, wound
 from taskspec.program.reference.measured import Measured
 from taskspec.program.reference.planned import PlannedStage
 from taskspec.program.reference.reference_set import ReferenceSet
-
-
-@dataclass(frozen=True, slots=True)
-class ConstraintControl:
-    """What a multiplier law needs of a stage's constraints.
-
-    Attributes:
-        names: force axes, then equations. multipliers: in the theory's sign.
-        held: (n,) what keeps q'' continuous after another choice of coordinates, as it fades.
-    """
-
-    names: tuple[str, ...]
-    multipliers: Multipliers
-    held: ca.SX
-
-    def diagonal(self, gains: Gains, name: str) -> ca.DM:
-        """(m,) one gain on all constraints."""
-        return ca.DM([gains[name][constraint].value for constraint in self.names])
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,7 +62,7 @@ def constrain(
     references: ReferenceSet,
     clock: Clock,
     parameters: Layout,
-) -> ConstraintControl:
+) -> Multipliers:
     """The constraints of a stage as its law sees them."""
     desired: dict[str, ca.SX] = dict(references.force_ref.items())
     desired |= forces.desired
@@ -90,16 +71,14 @@ def constrain(
     zero = ca.SX(0)
     n = chosen.J.shape[1]
     held, since = parameters.add("held", n), parameters.add("chosen_at")
-    return ConstraintControl(
-        chosen.names,
-        Multipliers(
-            J=chosen.J,
-            gamma=chosen.gamma,
-            directions=chosen.directions,
-            closing=chosen.closing,
-            desired=opposite(ca.vertcat(*(desired[name] for name in chosen.names))),
-            measured=opposite(chosen.measured),
-            integral=opposite(ca.vertcat(*(integrals.get(name, zero) for name in chosen.names))),
-        ),
-        held * blend.offset_shape((clock.t - since) / blend.BLEND_TIME),
+    return Multipliers(
+        names=chosen.names,
+        J=chosen.J,
+        gamma=chosen.gamma,
+        directions=chosen.directions,
+        closing=chosen.closing,
+        desired=opposite(ca.vertcat(*(desired[name] for name in chosen.names))),
+        measured=opposite(chosen.measured),
+        integral=opposite(ca.vertcat(*(integrals.get(name, zero) for name in chosen.names))),
+        held=held * blend.offset_shape((clock.t - since) / blend.BLEND_TIME),
     )

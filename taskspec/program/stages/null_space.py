@@ -14,7 +14,7 @@ from taskspec.geometry.axis import Axis
 from taskspec.program.context import Context
 from taskspec.robot import RobotModel
 from taskspec.robot.inverse_kinematics import turns_at
-from taskspec.spec import LAWS, Law
+from taskspec.spec import Law
 
 
 def goals(law: Law, robot: RobotModel, axes: tuple[Axis, ...]) -> tuple[str, ...]:
@@ -23,7 +23,7 @@ def goals(law: Law, robot: RobotModel, axes: tuple[Axis, ...]) -> tuple[str, ...
     Empty where there is no null space, and under the laws that leave it alone.
     """
     redundant = robot.pin.nv > len(axes)
-    return law.null_space if redundant and LAWS[law.kind].holds_null_space else ()
+    return law.null_space if redundant and law.control_law.holds_null_space else ()
 
 
 def null_space_acceleration(

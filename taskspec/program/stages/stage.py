@@ -12,8 +12,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec.control.gains import Gains
 from taskspec.geometry.axis import Axis
+from taskspec.laws.gains import Gains
 from taskspec.motion.path import PathShape
 from taskspec.program.context import Context
 from taskspec.program.events import Condition, Event, code

@@ -1,0 +1,80 @@
+"""What a law is filled in with."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import casadi as ca
+
+from taskspec.control.reference import Reference, opposite
+from taskspec.control.resolution import full_acceleration
+from taskspec.control.state import TaskState
+from taskspec.geometry.axis import Axis
+from taskspec.laws.gains import Gains, diagonal
+from taskspec.laws.multipliers import Multipliers
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """A stage as its law sees it: state, references and gains on the task axes.
+
+    Forces are in the theory's sign: what the environment exerts on the tool.
+
+    Attributes:
+        state: the arm at the control point.
+        reference: of motion and force, on the same axes.
+        gains: by name and axis.
+        joint_velocity: (n,) q' [rad/s, m/s].
+        force: names of the axes under a force loop.
+        soft: names of the motion axes with a spring or damper of their own.
+        normal: names of the motion axes along a contact's normal.
+        posture: (n,) acceleration that a redundant arm has in its null space, else None.
+        constraints: of a stage under a law with multipliers; None where it has none.
+    """
+
+    state: TaskState
+    reference: Reference
+    gains: Gains
+    joint_velocity: ca.SX
+    force: tuple[Axis, ...] = ()
+    soft: tuple[Axis, ...] = ()
+    normal: tuple[Axis, ...] = ()
+    posture: ca.SX | None = None
+    constraints: Multipliers | None = None
+
+    def gain(self, name: str, axis: Axis) -> float:
+        """One gain on one axis [SI]."""
+        return self.gains[name][axis].value
+
+    def diagonal(self, name: str) -> ca.DM:
+        """(m,) one gain on all axes, zero where an axis has none."""
+        return ca.DM(diagonal(self.gains, name, self.state.axes))
+
+    def diagonals(self, *names: str) -> list[ca.DM]:
+        """(m,) of each of some gains."""
+        return [self.diagonal(name) for name in names]
+
+    def of_joints(self, name: str) -> ca.DM:
+        """(n,) one gain on all joints."""
+        return ca.DM([gain.value for gain in self.gains[name].values()])
+
+    @staticmethod
+    def column(values: Iterable[ca.SX]) -> ca.SX:
+        """Numbers one below the other."""
+        return ca.vertcat(ca.SX(0, 1), *values)
+
+    @staticmethod
+    def applied(wrench: ca.SX) -> ca.SX:
+        """A force in the sign of what the robot applies."""
+        return opposite(wrench)
+
+    def joint_motion(self) -> ca.SX:
+        """q'' (n,) that the motion loops ask for, whatever constrains the arm."""
+        reference, state = self.reference, self.state
+        acceleration = (
+            reference.acceleration
+            + self.diagonal("K_D") * (reference.velocity - state.velocity)
+            + self.diagonal("K_P") * reference.error
+        )
+        return full_acceleration(acceleration, state, self.posture)

@@ -1,0 +1,153 @@
+"""Designed gains: rules for what a file leaves out, shared by the laws (docs/language.md).
+
+A designed gain follows from the mass h that the axis feels, the nominal contact stiffness k and
+the control period T, so that a task file need not know any of them.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from taskspec.laws.gains import AxisDesign, AxisPlant, Gain
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from taskspec.laws.law import ControlLaw
+
+_SMALLEST_MASS = {"linear": 1.0, "angular": 0.05}
+_MOTION_BANDWIDTH = 5.0
+_SPRING_FREQUENCY = 2.0
+_SPRING_DAMPING_RATIO = 0.7
+#: A designed force loop answers at this frequency [Hz].
+INTEGRAL_FREQUENCY = 2.0
+#: K_F of (4.121), which has no integral to rely on.
+_REACTION_GAIN = 0.5
+
+
+def accelerations(law: ControlLaw, axis: AxisDesign) -> dict[str, Gain]:
+    """Gains of an axis that either moves by acceleration, is soft, or follows a force."""
+    if axis.force:
+        return force_loop(law, axis)
+    if axis.soft:
+        return _soft(axis)
+    bandwidth = axis.of_the_law("bandwidth") or Gain(_MOTION_BANDWIDTH, "designed: 5 Hz")
+    ratio = axis.of_the_law("damping_ratio") or Gain(1.0, "designed: 1")
+    w = 2 * math.pi * bandwidth.value
+    return {
+        "bandwidth": bandwidth,
+        "damping_ratio": ratio,
+        "K_P": Gain(w**2, "(2 pi bandwidth)^2"),
+        "K_D": Gain(2 * ratio.value * w, "2 damping_ratio 2 pi bandwidth"),
+    }
+
+
+def springs(law: ControlLaw, axis: AxisDesign) -> dict[str, Gain]:
+    """Gains of an axis that a spring and a damper hold, beside a force loop if the law has one."""
+    plant = axis.plant
+    # Where the arm keeps its own inertia, an axis moves the mass that it feels while the springs
+    # of the other axes hold them: at the wrist ten times the free one.
+    smallest = _SMALLEST_MASS["angular" if axis.rotation else "linear"]
+    h = max(plant.held if law.natural else plant.h, smallest)
+    mass = axis.of_the_law("mass") or Gain(h, "designed: mass felt on the axis")
+    # The inverse-dynamics core leaves nothing to move but `mass`, so that is what dampers stop.
+    moved = plant if law.natural else replace(plant, h=mass.value)
+    stiffness = (
+        axis.own_stiffness
+        or axis.of_the_law("stiffness")
+        or Gain(h * (2 * math.pi * _SPRING_FREQUENCY) ** 2, "designed: h (2 pi 2 Hz)^2")
+    )
+    damping = axis.own_damping or axis.of_the_law("damping")
+    gains = {"mass": mass, "stiffness": stiffness}
+    if axis.force and law.force_loop:
+        loop = force_loop(law, replace(axis, plant=moved), damping)
+        return gains | {
+            "damping": loop["force.damping"],
+            "force.proportional": axis.of_the_law("force.proportional")
+            or _beside_motion(natural=law.natural),
+            "force.integral": loop["force.integral"],
+        }
+    if "damping" not in law.gain_names or law.damps_joints:
+        return gains
+    k = plant.k if axis.force else 0.0
+    return gains | {"damping": damping or _spring_damping(mass, stiffness, k, moved)}
+
+
+def force_loop(law: ControlLaw, axis: AxisDesign, damping: Gain | None = None) -> dict[str, Gain]:
+    """Gains of a force loop on an axis or an equation.
+
+    Args:
+        law: of the stage.
+        axis: the axis, or the direction of an equation's gradient.
+        damping: that is given otherwise; None for that of the loop, which may be designed.
+    """
+    plant = axis.plant
+    damping = damping or axis.of_the_law("force.damping")
+    if damping is None:
+        damping = limited(2 * math.sqrt(plant.h * plant.k), plant, "designed: 2 sqrt(h k)")
+    integral = axis.of_the_law("force.integral")
+    if integral is None:
+        fastest = 2 * math.pi * INTEGRAL_FREQUENCY
+        by_contact = plant.k / (8 * damping.value) if damping.value > 0 else fastest
+        integral = (
+            Gain(fastest, "designed: 2 pi 2 Hz")
+            if fastest <= by_contact
+            else Gain(by_contact, "designed: k / (8 d)")
+        )
+    integrates = "force.integral" in law.gain_names
+    usual = 0.0 if integrates else _REACTION_GAIN
+    proportional = axis.of_the_law("force.proportional") or Gain(usual, f"designed: {usual:g}")
+    loop = {"force.proportional": proportional, "force.damping": damping}
+    return loop | ({"force.integral": integral} if integrates else {})
+
+
+def joint_damping(given: Sequence[float] | None, joints: Sequence[AxisPlant]) -> dict[str, Gain]:
+    """Damping of each joint [N m s/rad], by `joint.N`.
+
+    Args:
+        given: by the file, one for all joints or one for each; None for designed ones.
+        joints: for each joint, its inertia with the others free (h) and held, and the stiffness
+            that springs and contact have about it (k).
+    """
+    if given is not None:
+        values = [*given] * len(joints) if len(given) == 1 else given
+        return {f"joint.{i + 1}": Gain(value, "file") for i, value in enumerate(values)}
+    return {
+        f"joint.{i + 1}": limited(
+            2 * _SPRING_DAMPING_RATIO * math.sqrt(plant.held * plant.k),
+            plant,
+            "designed: 2 0.7 sqrt(H_ii (J^T K J)_ii)",
+        )
+        for i, plant in enumerate(joints)
+    }
+
+
+def limited(wanted: float, plant: AxisPlant, rule: str) -> Gain:
+    """A damping that a rule gives, or the most that sampling allows if that is less."""
+    if wanted <= plant.most_damping:
+        return Gain(wanted, rule)
+    return Gain(plant.most_damping, "designed: h / (3 T), the most that sampling allows")
+
+
+def _beside_motion(*, natural: bool) -> Gain:
+    """K_F of a force loop that shares its axis with a motion."""
+    if natural:
+        return Gain(0.0, "designed: 0")
+    return Gain(1.0, "designed: K_F = 1 leaves the contact force uncancelled")
+
+
+def _spring_damping(mass: Gain, stiffness: Gain, k: float, plant: AxisPlant) -> Gain:
+    wanted = 2 * _SPRING_DAMPING_RATIO * math.sqrt(mass.value * (stiffness.value + k))
+    return limited(wanted, plant, "designed: 2 0.7 sqrt(h (stiffness + k))")
+
+
+def _soft(axis: AxisDesign) -> dict[str, Gain]:
+    plant = axis.plant
+    stiffness = axis.own_stiffness or Gain(0.0, "none given")
+    damping = axis.own_damping
+    if damping is None:
+        wanted = 2 * _SPRING_DAMPING_RATIO * math.sqrt(plant.h * stiffness.value)
+        damping = Gain(min(wanted, plant.most_damping), "designed: 2 0.7 sqrt(h stiffness)")
+    return {"stiffness": stiffness, "damping": damping}

@@ -1,0 +1,127 @@
+"""Gains: what they are called, their values on the axes, and what their design starts from."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+
+@dataclass(frozen=True, slots=True)
+class LawGain:
+    """A gain that laws have.
+
+    Attributes:
+        name: in files, sheets and findings.
+        linear: units on a translation, the large one first; none for a plain number.
+        angular: the same on a rotation or a joint that turns.
+        powers: gains that follow from it, with which power; itself alone where it is empty.
+    """
+
+    name: str
+    linear: tuple[str, ...] = ()
+    angular: tuple[str, ...] = ()
+    powers: Mapping[str, int] = field(default_factory=dict)
+
+    def units(self, *, angular: bool) -> tuple[str, ...]:
+        """Units in which it is shown on an axis."""
+        return self.angular if angular else self.linear
+
+
+MASS = LawGain("mass", ("kg",), ("kg*m^2",))
+STIFFNESS = LawGain("stiffness", ("kN/m", "N/m"), ("N*m/rad",))
+DAMPING = LawGain("damping", ("N*s/m",), ("N*m*s/rad",))
+#: What a file calls the damping of a law that damps joints.
+JOINT_DAMPING = LawGain("joint_damping", ("N*s/m",), ("N*m*s/rad",))
+BANDWIDTH = LawGain("bandwidth", ("Hz",), ("Hz",), {"bandwidth": 1, "K_P": 2, "K_D": 1})
+DAMPING_RATIO = LawGain("damping_ratio", powers={"damping_ratio": 1, "K_D": 1})
+#: Of motion loops that ask for accelerations; both follow from bandwidth and damping ratio.
+K_P = LawGain("K_P", ("1/s^2",), ("1/s^2",))
+K_D = LawGain("K_D", ("1/s",), ("1/s",))
+FORCE_PROPORTIONAL = LawGain("force.proportional")
+FORCE_INTEGRAL = LawGain("force.integral", ("1/s",), ("1/s",))
+FORCE_DAMPING = LawGain("force.damping", ("N*s/m",), ("N*m*s/rad",))
+
+
+@dataclass(frozen=True, slots=True)
+class Gain:
+    """One number [SI] and where it came from: "file" or the rule that designed it."""
+
+    value: float
+    origin: str
+
+
+#: name of the gain -> axis -> gain
+Gains = dict[str, dict[str, Gain]]
+
+
+def on_axis(gains: Mapping[str, Mapping[str, Gain]], axis: str) -> dict[str, float]:
+    """The gains of one axis, equation or joint, by name [SI]."""
+    return {name: by_axis[axis].value for name, by_axis in gains.items() if axis in by_axis}
+
+
+def diagonal(gains: Gains, name: str, axes: Sequence[str], default: float = 0.0) -> list[float]:
+    """One gain on all axes, `default` where an axis has none."""
+    given = gains.get(name, {})
+    return [given[a].value if a in given else default for a in axes]
+
+
+@dataclass(frozen=True, slots=True)
+class AxisPlant:
+    """What the design of one axis knows about arm and contact.
+
+    Attributes:
+        h: mass felt along the axis while the others are free, 1/(J H^-1 J^T)_ii [kg, kg m^2].
+        held: the same while the others are held, Lambda_ii.
+        k: nominal contact stiffness [N/m, N m/rad].
+        period: control period T [s].
+    """
+
+    h: float
+    held: float
+    k: float
+    period: float
+
+    @property
+    def most_damping(self) -> float:
+        """h / (3 T): what a damper held over one period can remove without overshooting."""
+        return self.h / (3 * self.period)
+
+
+@dataclass(frozen=True, slots=True)
+class AxisDesign:
+    """An axis or equation whose gains are designed where the file gives none.
+
+    Attributes:
+        plant: arm and contact.
+        given: gains that the file gives the law on this axis, by name [SI].
+        rotation: whether it is a rotation.
+        force: whether it has a force or torque set point.
+        stiffness: of the axis itself, as the file gives it [N/m, N m/rad].
+        damping: of the axis itself, as the file gives it [N s/m, N m s/rad].
+    """
+
+    plant: AxisPlant
+    given: Mapping[str, float] = field(default_factory=dict)
+    rotation: bool = False
+    force: bool = False
+    stiffness: float | None = None
+    damping: float | None = None
+
+    @property
+    def soft(self) -> bool:
+        """Whether it has a stiffness or damping of its own."""
+        return self.stiffness is not None or self.damping is not None
+
+    def of_the_law(self, name: str) -> Gain | None:
+        """A gain that the file gives the law on this axis; None where it is to be designed."""
+        return Gain(self.given[name], "file") if name in self.given else None
+
+    @property
+    def own_stiffness(self) -> Gain | None:
+        """Its own stiffness; None where the file gives it none."""
+        return None if self.stiffness is None else Gain(self.stiffness, "file")
+
+    @property
+    def own_damping(self) -> Gain | None:
+        """Its own damping; None where the file gives it none."""
+        return None if self.damping is None else Gain(self.damping, "file")

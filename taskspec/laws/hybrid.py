@@ -1,0 +1,107 @@
+"""Hybrid force/velocity control in a task frame (section 4.3.3): one loop for each axis."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from taskspec.control.command import Command
+from taskspec.laws.gains import (
+    BANDWIDTH,
+    DAMPING,
+    DAMPING_RATIO,
+    FORCE_DAMPING,
+    FORCE_INTEGRAL,
+    FORCE_PROPORTIONAL,
+    K_D,
+    K_P,
+    STIFFNESS,
+)
+from taskspec.laws.law import ControlLaw, register
+
+if TYPE_CHECKING:
+    import casadi as ca
+
+    from taskspec.geometry.axis import Axis
+    from taskspec.laws.case import Case
+
+
+@register
+class Hybrid(ControlLaw):
+    """Motion axes by acceleration, force axes and soft ones by force, (4.123).
+
+    Motion axis:         x'' = x''_d + K_D e' + K_P e.
+    Along a normal:      x'' = x''_d + K_D e' + K_P e + h^-1 (f - f_r): a motion axis along a
+        contact's normal yields to the surface that it meets. f_r is what the last stage held there,
+        as it is released, and h^-1 the block of J H^-1 J^T that belongs to those axes.
+    Force and soft axes: h z'' = u + f holds whatever f is measured, with h^-1 the block of
+        J H^-1 J^T that belongs to them and u the force that the robot applies on them. Sent through
+        the same core, so that the force does not shake the motion axes.
+    """
+
+    kind = "hybrid"
+    title = "hybrid force/velocity control in a task frame"
+    equations = "section 4.3.3, (4.123)"
+    gains = (BANDWIDTH, DAMPING_RATIO, FORCE_PROPORTIONAL, FORCE_INTEGRAL, FORCE_DAMPING)
+    derived = (K_P, K_D, STIFFNESS, DAMPING)
+    force_loop = True
+    selects = True
+    rest = "K e of the soft axis"
+
+    def command(self, case: Case) -> Command:
+        """The three equations, each on its axes."""
+        state, reference = case.state, case.reference
+        K_P, K_D = case.diagonals("K_P", "K_D")
+        velocity_error = reference.velocity - state.velocity
+        acceleration = reference.acceleration + K_D * velocity_error + K_P * reference.error
+        met = state.rows([a for a in case.normal if a not in case.soft])
+        if met:
+            h_inverse = state.mobility[met, met]
+            acceleration[met] += h_inverse @ (state.f[met] - reference.released[met])
+        drives = {a: _drive(case, a) for a in state.axes if a in (*case.force, *case.soft)}
+        rows = state.rows([*drives])
+        if rows:
+            h_inverse, u = state.mobility[rows, rows], case.column(drives.values())
+            acceleration[rows] = reference.acceleration[rows] + h_inverse @ (u + state.f[rows])
+        return Command(acceleration=acceleration, wrench=-state.f)
+
+
+def _drive(case: Case, axis: Axis) -> ca.SX:
+    """u, the force [N, N m] that the robot applies on a force axis or a soft one."""
+    state, reference, i = case.state, case.reference, case.state.axes.index(axis)
+    rate = reference.velocity[i] - state.velocity[i]
+    if axis in case.soft:
+        pull = soft_drive(reference.error[i], rate, case.gain("stiffness", axis),
+                          case.gain("damping", axis))  # fmt: skip
+        return pull + case.applied(reference.released[i])
+    return force_drive(
+        case.applied(reference.force[i]),
+        case.applied(state.f[i]),
+        case.applied(reference.force_integral[i]),
+        state.velocity[i] - reference.velocity[i],
+        (
+            case.gain("force.proportional", axis),
+            case.gain("force.integral", axis),
+            case.gain("force.damping", axis),
+        ),
+    )
+
+
+def force_drive(
+    desired: ca.SX,
+    measured: ca.SX,
+    integral: ca.SX,
+    velocity: ca.SX,
+    gains: tuple[float, float, float],
+) -> ca.SX:
+    """u = f_d + p (f_d - f) + i int (f_d - f) dt - d v of one force axis (docs/language.md).
+
+    Forces are those that the robot applies [N, N m]; velocity is relative to the frame; gains are
+    p [1], i [1/s], d [N s/m, N m s/rad].
+    """
+    p, i, d = gains
+    return desired + p * (desired - measured) + i * integral - d * velocity
+
+
+def soft_drive(error: ca.SX, error_rate: ca.SX, stiffness: float, damping: float) -> ca.SX:
+    """u = D e' + K e of one soft axis, so that h e'' + D e' + K e = 0 in free space."""
+    return damping * error_rate + stiffness * error

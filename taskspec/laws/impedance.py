@@ -1,0 +1,46 @@
+"""Impedance control (section 4.1): the robot as a mass, a spring and a damper."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING
+
+from taskspec.control.command import Command
+from taskspec.laws.conditions import rigid_mass
+from taskspec.laws.gains import DAMPING, MASS, STIFFNESS, Gain
+from taskspec.laws.law import ControlLaw, register
+
+if TYPE_CHECKING:
+    from taskspec.laws.case import Case
+    from taskspec.laws.conditions import AxisContact, StabilityCondition
+
+
+@register
+class Impedance(ControlLaw):
+    """Impedance with force feedback, (4.16) and (4.17).
+
+    u_0 = x''_d + H_m^-1 (D_m e' + K_m e + f), sent through the core that cancels f.
+    """
+
+    kind = "impedance"
+    title = "impedance control with force feedback"
+    equations = "(4.16), (4.17)"
+    gains = (MASS, STIFFNESS, DAMPING)
+    rest = "(4.15), (4.24)"
+
+    def command(self, case: Case) -> Command:
+        """(4.16), (4.17) with H_m, K_m, D_m diagonal in the task frame."""
+        state, reference = case.state, case.reference
+        mass, stiffness, damping = case.diagonals("mass", "stiffness", "damping")
+        velocity_error = reference.velocity - state.velocity
+        pull = damping * velocity_error + stiffness * reference.error + state.f
+        return Command(acceleration=reference.acceleration + pull / mass, wrench=-state.f)
+
+    def strikes_with(self, gains: Mapping[str, Gain], felt: float) -> float:  # noqa: ARG002
+        """The apparent mass h_m."""
+        return gains["mass"].value
+
+    def conditions(self, at: AxisContact) -> Iterator[StabilityCondition]:
+        """On a rigid contact, h_m > Lambda_n / 2."""
+        if at.rigid:
+            yield rigid_mass(at)

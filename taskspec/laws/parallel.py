@@ -1,0 +1,93 @@
+"""Parallel force/position control (section 4.2): a force loop that wins over the position loop."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, ClassVar
+
+from taskspec.control.command import Command
+from taskspec.laws.conditions import AxisContact, StabilityCondition, rigid_loop, rigid_mass
+from taskspec.laws.gains import (
+    DAMPING,
+    FORCE_INTEGRAL,
+    FORCE_PROPORTIONAL,
+    MASS,
+    STIFFNESS,
+    Gains,
+    LawGain,
+)
+from taskspec.laws.law import ControlLaw, give_way, register
+
+if TYPE_CHECKING:
+    from taskspec.laws.case import Case
+
+
+@register
+class Parallel(ControlLaw):
+    """Parallel control by inverse dynamics, (4.36)-(4.38).
+
+    u_0 = x''_d + H_m^-1 (D_m e' + K_m e) - H_m^-1 (K_F (f_d - f) + K_I int (f_d - f) dt)
+
+    With K_F = 1, K_I = 0 and f_d = 0 this is the impedance law (4.16). That is what it is on a
+    motion axis along a contact's normal, which so yields to the surface that it meets; f_d is there
+    what the last stage held, as it is released.
+    """
+
+    kind = "parallel"
+    title = "parallel force/position control"
+    equations = "(4.36)-(4.39)"
+    gains: ClassVar[tuple[LawGain, ...]] = (
+        MASS,
+        STIFFNESS,
+        DAMPING,
+        FORCE_PROPORTIONAL,
+        FORCE_INTEGRAL,
+    )
+    force_loop = True
+    shares = True
+    rest = "(4.15), (4.24)"
+
+    def command(self, case: Case) -> Command:
+        """(4.36)-(4.38) with diagonal gains; K_F, K_I are zero on other axes without a force."""
+        state, reference = case.state, case.reference
+        mass, stiffness, damping = case.diagonals("mass", "stiffness", "damping")
+        proportional, integral = case.diagonals("force.proportional", "force.integral")
+        proportional[state.rows(case.normal)] = 1.0
+        velocity_error = reference.velocity - state.velocity
+        motion = damping * velocity_error + stiffness * reference.error
+        desired = reference.force + reference.released
+        force = proportional * (desired - state.f) + integral * reference.force_integral
+        acceleration = reference.acceleration + (motion - force) / mass
+        return Command(acceleration=acceleration, wrench=-state.f)
+
+    def settles_at(self, *, moves: bool, reached: bool) -> str:
+        """(4.39) with a velocity on the axis, (4.41), or (4.48) where no contact returns it."""
+        return "(4.39)" if moves else "(4.41)" if reached else "(4.48)"
+
+    def gives_way(self, gains: Gains, axes: Sequence[str]) -> list[float] | None:
+        """k_I / k_m; without an integral the motion decides too, and that is open."""
+        if any(gains["force.integral"][a].value <= 0 for a in axes):
+            return None
+        return give_way(gains, axes, "stiffness")
+
+    def runs_away(self, gains: Mapping[str, float], missing: float) -> float:
+        """(k_I / k_m) (f_d - f), (4.49)."""
+        return gains["force.integral"] / gains["stiffness"] * missing
+
+    def pulls(self, gains: Mapping[str, float], rate: float) -> float:
+        """a.(f - f_d) = -(k_m / k_I) a.x'_d, from (4.39)."""
+        return gains["stiffness"] / gains["force.integral"] * rate
+
+    def conditions(self, at: AxisContact) -> Iterator[StabilityCondition]:
+        """(4.46), and (4.17), (4.39) on a rigid contact."""
+        g, k_e = at.gains, at.stiffness
+        if at.force:
+            bound = g["damping"] * (g["stiffness"] + g["force.proportional"] * k_e)
+            yield StabilityCondition(
+                "(4.46)", at.axis, "d_m (k_m + k_F k_e) > h_m k_I k_e",
+                "force.integral", g["force.integral"], bound / (g["mass"] * k_e),
+            )  # fmt: skip
+        if at.rigid and at.normal:
+            yield rigid_mass(at)
+        elif at.rigid and at.force:
+            yield from rigid_loop(at, self.last_equation, at.mass / g["mass"], uncancelled=1.0)

@@ -1,0 +1,66 @@
+"""The parallel PID regulator (section 4.2): parallel control without a model but gravity."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING
+
+from taskspec.control.command import Command
+from taskspec.laws.conditions import AxisContact, StabilityCondition, rigid_loop
+from taskspec.laws.gains import DAMPING, FORCE_INTEGRAL, FORCE_PROPORTIONAL, STIFFNESS
+from taskspec.laws.law import register
+from taskspec.laws.parallel import Parallel
+
+if TYPE_CHECKING:
+    from taskspec.laws.case import Case
+
+
+@register
+class ParallelPID(Parallel):
+    """The parallel PID regulator, (4.50): position PD, gravity, force feedforward and force PI.
+
+    u = J^T [k_m e - d_m x' - (f_d + k_F (f_d - f) + k_I int (f_d - f) dt)] + g
+
+    Needs no dynamic model but gravity; for set points. On a motion axis f_d is what the last stage
+    held, as it is released, and k_F and k_I are zero.
+    """
+
+    kind = "parallel-pid"
+    title = "the parallel PID regulator"
+    equations = "(4.50)"
+    gains = (STIFFNESS, DAMPING, FORCE_PROPORTIONAL, FORCE_INTEGRAL)
+    natural = True
+    rest = "(4.26), (4.27)"
+
+    def command(self, case: Case) -> Command:
+        """(4.50) with diagonal gains."""
+        state, reference = case.state, case.reference
+        stiffness, damping = case.diagonals("stiffness", "damping")
+        proportional, integral = case.diagonals("force.proportional", "force.integral")
+        desired = reference.force + reference.released
+        force = desired + proportional * (desired - state.f) + integral * reference.force_integral
+        return Command(wrench=stiffness * reference.error - damping * state.velocity - force)
+
+    def drag(self, gains: Mapping[str, float]) -> float | None:
+        """d_m: it damps the velocity itself."""
+        return gains["damping"]
+
+    def conditions(self, at: AxisContact) -> Iterator[StabilityCondition]:
+        """(4.70), (4.71) with the region shrunk to the equilibrium, the scalar twin of (4.61)."""
+        if not at.force:
+            return
+        k_e = at.stiffness
+        d, k, k_F, k_I = (
+            at.gains[name]
+            for name in ("damping", "stiffness", "force.proportional", "force.integral")
+        )
+        yield StabilityCondition(
+            "(4.70), (4.71)", at.axis, "rho (1 + k_F) > k_I, d_m > rho lambda_max(H_x)",
+            "force.integral", k_I, (1 + k_F) * d / at.largest_mass(),
+        )  # fmt: skip
+        yield StabilityCondition(
+            "(4.61), one axis", at.axis, "d_m (k_m + (1 + k_F) k_e) > Lambda_n k_I k_e",
+            "force.integral", k_I, d * (k + (1 + k_F) * k_e) / (at.mass * k_e),
+        )  # fmt: skip
+        if at.rigid:
+            yield from rigid_loop(at, self.last_equation)

@@ -1,0 +1,38 @@
+"""PD control with gravity compensation (section 4.1)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+from taskspec.control.command import Command
+from taskspec.laws.gains import DAMPING, STIFFNESS
+from taskspec.laws.law import ControlLaw, register
+
+if TYPE_CHECKING:
+    from taskspec.laws.case import Case
+
+
+@register
+class PD(ControlLaw):
+    """PD with gravity compensation, (4.21): u = J^T (K_m e - D_m x') + g.
+
+    It is one for set points: a reference that moves is dragged against.
+    """
+
+    kind = "pd"
+    title = "PD control with gravity compensation"
+    equations = "(4.21)"
+    gains = (STIFFNESS, DAMPING)
+    natural = True
+    rest = "(4.26), (4.27)"
+
+    def command(self, case: Case) -> Command:
+        """(4.21) with K_m, D_m diagonal in the task frame."""
+        state, reference = case.state, case.reference
+        stiffness, damping = case.diagonals("stiffness", "damping")
+        return Command(wrench=stiffness * reference.error - damping * state.velocity)
+
+    def drag(self, gains: Mapping[str, float]) -> float | None:
+        """D_m: it damps the velocity itself."""
+        return gains["damping"]

@@ -1,0 +1,37 @@
+"""PD control with its damping in the joints (section 4.1)."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from taskspec.control.command import Command
+from taskspec.laws.gains import DAMPING, JOINT_DAMPING, STIFFNESS
+from taskspec.laws.law import ControlLaw, register
+
+if TYPE_CHECKING:
+    from taskspec.laws.case import Case
+
+
+@register
+class PDJoint(ControlLaw):
+    """PD with the damping in the joints, (4.31): u = J^T K_m e - D_q q' + g.
+
+    It also stops what a redundant arm does in its null space.
+    """
+
+    kind = "pd-joint"
+    title = "PD control with its damping in the joints"
+    equations = "(4.31)"
+    gains = (STIFFNESS, DAMPING)
+    derived = (JOINT_DAMPING,)
+    natural = True
+    damps_joints = True
+    undamped = "its damping is one of the joints"
+    rest = "(4.26), (4.27)"
+
+    def command(self, case: Case) -> Command:
+        """(4.31) with K_m (m,) diagonal in the task frame, D_q (n,) in the joints."""
+        stiffness, joint_damping = case.diagonal("stiffness"), case.of_joints("joint_damping")
+        return Command(
+            wrench=stiffness * case.reference.error, joint=-joint_damping * case.joint_velocity
+        )

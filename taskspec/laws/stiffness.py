@@ -1,0 +1,34 @@
+"""Stiffness control (section 4.1)."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from taskspec.control.command import Command
+from taskspec.laws.gains import STIFFNESS
+from taskspec.laws.law import ControlLaw, register
+
+if TYPE_CHECKING:
+    from taskspec.laws.case import Case
+
+
+@register
+class StiffnessControl(ControlLaw):
+    """Stiffness control, (4.32) and (4.33): u = J^T K_m J (q_d - q).
+
+    For the small deflections that it is made for, J (q_d - q) is e (4.32). Gravity is left to a
+    counterweight and damping to the joints: by itself it does not settle.
+    """
+
+    kind = "stiffness"
+    title = "stiffness control"
+    equations = "(4.32), (4.33)"
+    gains = (STIFFNESS,)
+    natural = True
+    bare = True
+    undamped = "damping comes from 'robot.joint_damping'; or take the law pd"
+    rest = "(4.33)"
+
+    def command(self, case: Case) -> Command:
+        """(4.33) with K_m diagonal in the task frame."""
+        return Command(wrench=case.diagonal("stiffness") * case.reference.error, bare=True)
