@@ -229,7 +229,7 @@ def _glimpse(machine: Machine, clock: float, wall: float) -> Glimpse:
 
 def _judge(program: Program, history: History) -> tuple[Judged, ...]:
     context = program.context
-    replay = Replay(context.robot, context.frames, program.stages, history, context.carriers)
+    replay = Replay(context.robot, context.frames, program.stages, history, context.moving_bases)
     return judge(context.loaded.task, history, replay.signal)
 
 

@@ -22,8 +22,8 @@ def normal_at(
     gradient = surface.gradient(x)
     function = ca.Function("normal", [x], [gradient, ca.jacobian(gradient, x), surface.distance(x)])
     A, a = np.eye(3), np.zeros(3)
-    if name in context.carriers:
-        A, a = context.carriers[name].pose(0.0)
+    if name in context.moving_bases:
+        A, a = context.moving_bases[name].pose(0.0)
     local = A.T @ (center - a)
     normal, _, distance = (np.array(part) for part in function(local))
     # The normal's change is that of the tool brought to the surface.

@@ -55,8 +55,8 @@ def beginnings(program: Program) -> Iterator[Begin]:
 
 def _carried(context: Context, stage: CompiledStage) -> tuple[float | None, float]:
     """Distance [m] and speed [m/s], as the run begins, of an object that carries the frame."""
-    carrier, contact = stage.carrier, stage.contact
-    if contact is None or carrier is None:
+    base, contact = stage.moving_base, stage.contact
+    if contact is None or base is None:
         return None, 0.0
-    moves = carrier.twist(0.0, context.start_p)[:3]
+    moves = base.twist(0.0, context.start_p)[:3]
     return context.start_gaps[contact], float(context.start_normals[contact] @ moves)

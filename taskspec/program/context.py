@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.laws.gains import AxisPlant
 from taskspec.program.axes import MOSTLY
-from taskspec.program.world.carriers import Carrier
 from taskspec.program.world.equations import EquationModel, StartEquation
 from taskspec.program.world.frames import FrameModel
 from taskspec.program.world.grip import GRIP
 from taskspec.program.world.mechanisms import MechanismModel
+from taskspec.program.world.moving_base import MovingBase
 from taskspec.program.world.stiffness import Compliance
 from taskspec.robot import RobotModel
 from taskspec.shapes import Surface
@@ -36,7 +36,7 @@ class Context:
         start: (n,) joint configuration of the first tick. posture: (n,) of a redundant arm.
         frames: every frame of the file. surfaces: every object's geometry.
         compliances: believed contact of each object.
-        mechanisms: believed geometry of each. carriers: of the objects that move by themselves.
+        mechanisms: believed geometry of each. moving_bases: of the objects that move by themselves.
         equations: every constraint equation. start_equations: where they are at `start`.
         start_jacobian: (6, n) of the tip at `start`, world axes; start_inertia: (n, n) H there;
             start_gravity: (n,) g there.
@@ -56,7 +56,7 @@ class Context:
     equations: Mapping[str, EquationModel]
     start_equations: Mapping[str, StartEquation]
     mechanisms: Mapping[str, MechanismModel]
-    carriers: Mapping[str, Carrier]
+    moving_bases: Mapping[str, MovingBase]
     start_jacobian: NDArray[np.float64]
     start_inertia: NDArray[np.float64]
     start_gravity: NDArray[np.float64]
@@ -117,9 +117,9 @@ class Context:
         """The mechanism whose coordinate a stage in this frame keeps."""
         return frame.mechanism or self.mechanisms.get(self.held)
 
-    def carrier_of(self, frame: FrameModel) -> Carrier | None:
+    def base_of(self, frame: FrameModel) -> MovingBase | None:
         """How the object moves that carries a frame; None where none does."""
-        return self.carriers.get(frame.carrier)
+        return self.moving_bases.get(frame.base_name)
 
     def gripped(self, frame: FrameModel) -> bool:
         """Whether a force in this frame is returned by what the robot holds, and both ways.
@@ -179,10 +179,10 @@ class Context:
 
     def placed(self, frame: FrameModel) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """(3, 3), (3,) pose of a fixed frame in the world as the run begins."""
-        carrier = self.carrier_of(frame)
-        if carrier is None:
+        moving_base = self.base_of(frame)
+        if moving_base is None:
             return frame.rotation, frame.origin
-        A, a = carrier.pose(0.0)
+        A, a = moving_base.pose(0.0)
         return A @ frame.rotation, A @ frame.origin + a
 
     def plants(

@@ -15,11 +15,11 @@ from taskspec.program.errors import spec_error
 from taskspec.program.signals import gaps, normal
 from taskspec.program.world import felt
 from taskspec.program.world import frames as frame_models
-from taskspec.program.world.carriers import carriers
 from taskspec.program.world.equations import at_start, equation_models
 from taskspec.program.world.frames import FrameModel
 from taskspec.program.world.holding import holding_start
 from taskspec.program.world.mechanisms import MechanismModel, mechanism_models
+from taskspec.program.world.moving_base import moving_bases
 from taskspec.program.world.preconditions import check_equations, check_motions, check_parents
 from taskspec.program.world.stiffness import compliance, equation_compliance
 from taskspec.robot import RobotError, RobotModel, load_robot, solve_start
@@ -50,13 +50,13 @@ def prepare(loaded: LoadedTask) -> Context:
     J[:3] -= pin.skew(tip_p) @ J[3:]
     inertia = np.triu(H.reshape(n, n, order="F"))
     surfaces = {name: frame_models.surface(shape) for name, shape in task.shapes.items()}
-    carried = carriers(task)
-    check_motions(loaded, carried)
+    bases = moving_bases(task)
+    check_motions(loaded, bases)
     zero = ca.SX(0)
-    distances = gaps(robot, surfaces, ca.SX(tip_p), ca.SX(tip_R), carried, zero)
+    distances = gaps(robot, surfaces, ca.SX(tip_p), ca.SX(tip_R), bases, zero)
     gap_at_start = {name: float(ca.evalf(d)) for name, d in distances.items()}
     normals = {
-        name: np.array(ca.evalf(normal(s, ca.SX(tip_p), carried, name, zero))).ravel()
+        name: np.array(ca.evalf(normal(s, ca.SX(tip_p), bases, name, zero))).ravel()
         for name, s in surfaces.items()
     }
     posture = task.robot.posture
@@ -79,7 +79,7 @@ def prepare(loaded: LoadedTask) -> Context:
         surfaces=surfaces,
         compliances=contacts,
         mechanisms=models,
-        carriers=carried,
+        moving_bases=bases,
         equations=equations,
         start_equations={
             name: at_start(model, start, tip_p, J) for name, model in equations.items()
@@ -143,14 +143,14 @@ def frame_at_start(context: Context, frame: FrameModel) -> Vector:
     if frame.kind == "tool":
         return context.start_R @ frame.rotation
     assert frame.surface is not None
-    A, a = pose_of_carrier(context, frame)
+    A, a = pose_of_base(context, frame)
     center = A.T @ (tool_center(context) - a)
     chart = chart_at(frame.surface, center)
     axes = np.array(ca.evalf(chart.frame(ca.SX(center), frame.heading)))
     return np.asarray(A @ axes)
 
 
-def pose_of_carrier(context: Context, frame: FrameModel) -> tuple[Vector, Vector]:
+def pose_of_base(context: Context, frame: FrameModel) -> tuple[Vector, Vector]:
     """(3, 3), (3,) where the object that carries a frame has been taken as the run begins."""
-    carrier = context.carrier_of(frame)
-    return (np.eye(3), np.zeros(3)) if carrier is None else carrier.pose(0.0)
+    base = context.base_of(frame)
+    return (np.eye(3), np.zeros(3)) if base is None else base.pose(0.0)

@@ -12,8 +12,8 @@ from taskspec.control.reference import opposite
 from taskspec.geometry.axis import AXES, ROTATIONS, Axis
 from taskspec.program.layout import Layout
 from taskspec.program.world import felt, kinematics
-from taskspec.program.world.carriers import Carrier
 from taskspec.program.world.frames import FrameModel
+from taskspec.program.world.moving_base import MovingBase
 from taskspec.robot import RobotModel
 from taskspec.shapes import Surface
 from taskspec.text.expression.tree import Name
@@ -73,7 +73,7 @@ class Resolver:
     terms: TermSymbols
     wrench: ca.SX
     offset: ca.SX | None
-    carriers: Mapping[str, Carrier]
+    moving_bases: Mapping[str, MovingBase]
     clock: ca.SX
     parameters: Layout
 
@@ -87,10 +87,10 @@ class Resolver:
                 "only by the stage's own frame"
             )
         face = felt.symbols(self.parameters, frame) if frame.kind == "estimated" else None
-        carrier = self.carriers.get(frame.carrier)
+        base = self.moving_bases.get(frame.base_name)
         terms, wrench = self.terms, self.wrench
-        if carrier is not None:
-            now = carrier.at(self.clock)
+        if base is not None:
+            now = base.at(self.clock)
             terms, wrench = now.relative(terms), now.wrench(wrench)
         tool = kinematics.tool_point(self.robot, terms)
         point = kinematics.control_point(terms, wrench, self.offset)
@@ -116,21 +116,21 @@ def gaps(
     surfaces: Mapping[str, Surface],
     p: ca.SX,
     R: ca.SX,
-    carriers: Mapping[str, Carrier] | None = None,
+    moving_bases: Mapping[str, MovingBase] | None = None,
     clock: ca.SX | None = None,
 ) -> dict[str, ca.SX]:
     """Signed distance [m] of the tool's shape from every object, by object name.
 
     Args:
         robot: for the tool. surfaces: as declared. p, R: (3,), (3, 3) pose of the tip.
-        carriers: of the objects that move; None has all of them where they are declared.
+        moving_bases: of the objects that move; None has all of them where they are declared.
         clock: [s].
     """
     found = {}
     for name, surface in surfaces.items():
-        if carriers is not None and name in carriers:
+        if moving_bases is not None and name in moving_bases:
             assert clock is not None
-            now = carriers[name].at(clock)
+            now = moving_bases[name].at(clock)
             found[name] = kinematics.gap(robot, surface, now.place(p), now.A.T @ R)
         else:
             found[name] = kinematics.gap(robot, surface, p, R)
@@ -138,10 +138,10 @@ def gaps(
 
 
 def normal(
-    surface: Surface, point: ca.SX, carriers: Mapping[str, Carrier], name: str, clock: ca.SX
+    surface: Surface, point: ca.SX, moving_bases: Mapping[str, MovingBase], name: str, clock: ca.SX
 ) -> ca.SX:
     """Outward normal (3,) of object `name` at a point (3,), world."""
-    if name not in carriers:
+    if name not in moving_bases:
         return surface.gradient(point)
-    now = carriers[name].at(clock)
+    now = moving_bases[name].at(clock)
     return now.A @ surface.gradient(now.place(point))

@@ -7,7 +7,7 @@ import pytest
 
 from plants import Pushed
 from taskspec.geometry.rotation import from_rpy
-from taskspec.program.world.carriers import carriers
+from taskspec.program.world.moving_base import moving_bases
 
 TABLE = "table: {{shape: plane, xyz: [0, 0, 399 mm], stiffness: 20 kN/m, {more}}}"
 
@@ -85,7 +85,7 @@ def test_driven_coordinates_are_where_the_clock_has_them():
         data.xmat[body].reshape(3, 3)[:, 2], [0.0, np.sin(turn), np.cos(turn)], atol=1e-12
     )
     # The controller believes the same motion.
-    A, a = carriers(pushed.task)["table"].pose(clock)
+    A, a = moving_bases(pushed.task)["table"].pose(clock)
     np.testing.assert_allclose(data.xpos[body], A @ [0.0, 0.0, 0.399] + a, atol=1e-12)
     declared = from_rpy((0.0, 0.0, np.pi / 2))
     np.testing.assert_allclose(data.xmat[body].reshape(3, 3), A @ declared, atol=1e-12)

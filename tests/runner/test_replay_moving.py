@@ -42,7 +42,8 @@ stages:
 
 def replay_of(run):
     context = run.program.context
-    return Replay(context.robot, context.frames, run.program.stages, run.history, context.carriers)
+    stages, bases = run.program.stages, context.moving_bases
+    return Replay(context.robot, context.frames, stages, run.history, bases)
 
 
 @pytest.mark.parametrize(("frame", "time"), [("crank.handle", "2 s"), ("odd", "0.4 s")])

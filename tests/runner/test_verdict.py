@@ -249,7 +249,7 @@ def drum(tmp_path_factory: pytest.TempPathFactory) -> tuple[Replay, History, dic
     assert result.exit_code == 0, result.summary["ending"]
     history = read_history(result.folder / "log.arrow")
     context = program.context
-    replay = Replay(context.robot, context.frames, program.stages, history, context.carriers)
+    replay = Replay(context.robot, context.frames, program.stages, history, context.moving_bases)
     return replay, history, dict(context.frames)
 
 

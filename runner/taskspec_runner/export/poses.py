@@ -56,7 +56,7 @@ class PoseStream:
 
     def __init__(self, program: Program) -> None:
         context = program.context
-        self._program, self._carriers = program, context.carriers
+        self._program, self._bases = program, context.moving_bases
         self._measuring = {f.estimate for f in context.frames.values() if f.estimate}
         self._window = felt.window(context.period)
         joints = [f"joint.{i + 1}.position" for i in range(context.robot.pin.nv)]
@@ -67,7 +67,7 @@ class PoseStream:
         """Poses of the tool's tip and of the task frame at the ticks of the next chunk."""
         rows, kept = self._joined(chunk), 0 if self._kept is None else len(self._kept)
         context = self._program.context
-        replay = _Replay(context.robot, context.frames, self._program.stages, rows, self._carriers)
+        replay = _Replay(context.robot, context.frames, self._program.stages, rows, self._bases)
         found = [_poses(p[kept:], R[kept:]) for p, R in (replay.tool(), replay.task_frame())]
         self._keep(rows)
         return found[0], found[1]

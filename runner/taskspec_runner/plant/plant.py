@@ -8,11 +8,11 @@ from numpy.typing import NDArray
 
 from taskspec.robot import RobotModel
 from taskspec.spec import Task
-from taskspec_runner.plant.carriers import Carriers, moving
 from taskspec_runner.plant.equations import Equations
 from taskspec_runner.plant.grasp import Grip
 from taskspec_runner.plant.loose import LooseBodies, loose
 from taskspec_runner.plant.mechanisms import Mechanisms
+from taskspec_runner.plant.moving_base import MovingBases, moving
 from taskspec_runner.plant.scene import Scene, build_scene
 from taskspec_runner.plant.views import PlantViews
 from taskspec_runner.plant.wrist import Wrist
@@ -75,13 +75,13 @@ class Plant:
             Equations(model, data, robot, task, start, applied) if task.equations else None
         )
         self._mechanisms = Mechanisms(model, data, task.mechanisms) if task.mechanisms else None
-        self._carriers = Carriers(model, data, task) if moving(task) else None
+        self._moving_bases = MovingBases(model, data, task) if moving(task) else None
         self._loose = LooseBodies(model, data, task) if loose(task) else None
         self._grip = Grip(model, data, task) if task.robot.grasp is not None else None
         self._wrist = Wrist(model, data, robot) if task.robot.sensor.at == "wrist" else None
         self.wrist = self._wrist.wrench if self._wrist is not None else None
         has_detents = self._mechanisms is not None and self._mechanisms.detents
-        self._simple = self._equations is None and self._carriers is None and not has_detents
+        self._simple = self._equations is None and self._moving_bases is None and not has_detents
         self._untouched = self._equations is None and self._grip is None and self._wrist is None
         self._still = self._mechanisms is None and self._loose is None
         name = (task.robot.grasp or "").partition(".")[0]
@@ -91,8 +91,8 @@ class Plant:
     def _settle(self) -> None:
         """Finds the forces before the first step; an arm that feels its tool rests on brakes."""
         model, data = self.model, self.data
-        if self._carriers is not None:
-            self._carriers.drive()
+        if self._moving_bases is not None:
+            self._moving_bases.drive()
         mujoco.mj_forward(model, data)
         braked = self._grip is not None or self._wrist is not None
         if braked:
@@ -126,8 +126,8 @@ class Plant:
     def _step_once(self) -> None:
         model, data = self.model, self.data
         data.qfrc_applied[:] = 0.0
-        if self._carriers is not None:
-            self._carriers.drive()
+        if self._moving_bases is not None:
+            self._moving_bases.drive()
         mujoco.mj_step1(model, data)
         self._apply()
         mujoco.mj_step2(model, data)

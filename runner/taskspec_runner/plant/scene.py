@@ -12,9 +12,9 @@ from taskspec.program.world.stiffness import IMPRATIO
 from taskspec.robot import RobotModel
 from taskspec.spec import Task
 from taskspec_runner.plant import grasp
-from taskspec_runner.plant.carriers import moving
 from taskspec_runner.plant.looks import dress
 from taskspec_runner.plant.mechanisms import add_mechanism, add_thread
+from taskspec_runner.plant.moving_base import moving
 from taskspec_runner.plant.names import PREFIX
 from taskspec_runner.plant.pairs import add_pairs
 from taskspec_runner.plant.shapes import COLORS, add_shape

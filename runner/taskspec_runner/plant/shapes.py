@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from taskspec.program.world.frames import surface
 from taskspec.robot.geoms import add_geom
 from taskspec.spec import Shape
-from taskspec_runner.plant.carriers import add_carrier
 from taskspec_runner.plant.loose import add_loose
+from taskspec_runner.plant.moving_base import add_moving_base
 from taskspec_runner.plant.names import INERT, PREFIX
 
 Vector = NDArray[np.float64]
@@ -40,7 +40,7 @@ def add_shape(
     body, solid, moves = spec.worldbody, surface(shape), shape.motion is not None
     origin, rotation = solid.origin, solid.rotation
     if shape.free or moves:
-        body = (add_loose if shape.free else add_carrier)(spec, name, shape)
+        body = (add_loose if shape.free else add_moving_base)(spec, name, shape)
         origin, rotation = np.zeros(3), np.eye(3)
     middle = np.zeros(3) if near is None else solid.rotation.T @ (near - solid.origin)
     seen = solid.seen_geom(middle, _SEEN)

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.program.world import frames, kinematics
-from taskspec.program.world.carriers import carriers
 from taskspec.program.world.equations import equation_models
+from taskspec.program.world.moving_base import moving_bases
 from taskspec.robot import RobotModel
 from taskspec.spec import Shape, Task
 
@@ -31,7 +31,7 @@ class Distances:
         bodies = [name for name, shape in task.shapes.items() if shape.free]
         poses = ca.SX.sym("poses", 7 * len(bodies))
         axes = ca.reshape(R, 3, 3)
-        carried = carriers(task)
+        bases = moving_bases(task)
         found: dict[str, ca.SX] = {}
         for name, shape in task.shapes.items():
             place, turned = p, axes
@@ -39,7 +39,7 @@ class Distances:
                 start = 7 * bodies.index(name)
                 place, turned = _seen_from_body(shape, poses[start : start + 7], p, axes)
             elif shape.motion is not None:
-                now = carried[name].at(clock)
+                now = bases[name].at(clock)
                 place, turned = now.place(p), now.A.T @ axes
             found[name] = kinematics.gap(robot, frames.surface(shape), place, turned)
         for name, model in equation_models(task).items():

@@ -7,15 +7,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec.program.world.carriers import Carrier
 from taskspec.program.world.mechanisms import MechanismModel
+from taskspec.program.world.moving_base import MovingBase
 
 Vector = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
 class Ride:
-    """A carrier at n ticks: declared places x are at A x + a.
+    """A moving base at n ticks: declared places x are at A x + a.
 
     Attributes:
         A, a: (n, 3, 3), (n, 3) [m]. A_rate, a_rate: their time derivatives.
@@ -27,28 +27,28 @@ class Ride:
     a_rate: Vector
 
     def place(self, p: Vector) -> Vector:
-        """World points (n, 3) in the carrier's coordinates."""
+        """World points (n, 3) in the moving base's coordinates."""
         return np.asarray(np.einsum("kji,kj->ki", self.A, p - self.a))
 
     def world(self, p: Vector) -> Vector:
-        """Points (n, 3) of the carrier's coordinates in the world."""
+        """Points (n, 3) of the moving base's coordinates in the world."""
         return np.asarray(np.einsum("kij,kj->ki", self.A, p) + self.a)
 
     def twist(self, p: Vector) -> Vector:
-        """(n, 6) velocity of the carrier at world points (n, 3) [m/s, rad/s]."""
+        """(n, 6) velocity of the moving base at world points (n, 3) [m/s, rad/s]."""
         spin = np.einsum("kij,klj->kil", self.A_rate, self.A)
         turning = np.column_stack([spin[:, 2, 1], spin[:, 0, 2], spin[:, 1, 0]])
         linear = self.a_rate + np.einsum("kij,kj->ki", spin, p - self.a)
         return np.concatenate([linear, turning], axis=1)
 
 
-def ride(carrier: Carrier | None, clock: Vector) -> Ride:
-    """The carrier at the ticks `clock` (n,) [s]; for none, at rest."""
+def ride(base: MovingBase | None, clock: Vector) -> Ride:
+    """The moving base at the ticks `clock` (n,) [s]; for none, at rest."""
     n = len(clock)
-    if carrier is None:
+    if base is None:
         still = np.zeros((n, 3))
         return Ride(np.broadcast_to(np.eye(3), (n, 3, 3)), still, np.zeros((n, 3, 3)), still)
-    A, a, A_rate, a_rate, *_ = (np.array(v).T for v in carrier.numbers.map(n)(clock))
+    A, a, A_rate, a_rate, *_ = (np.array(v).T for v in base.numbers.map(n)(clock))
 
     def matrices(columns: Vector) -> Vector:
         return columns.reshape(n, 3, 3).transpose(0, 2, 1)

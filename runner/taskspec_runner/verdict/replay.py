@@ -13,8 +13,8 @@ from taskspec.geometry.axis import AXES
 from taskspec.program.prepare import chart_at
 from taskspec.program.stages.stage import CompiledStage
 from taskspec.program.world import felt
-from taskspec.program.world.carriers import Carrier
 from taskspec.program.world.frames import FrameModel
+from taskspec.program.world.moving_base import MovingBase
 from taskspec.robot import RobotModel
 from taskspec.shapes import SurfaceChart
 from taskspec_runner.record.history import History, Visit
@@ -39,10 +39,10 @@ class Replay:
         frames: Mapping[str, FrameModel],
         stages: Sequence[CompiledStage],
         history: History,
-        carriers: Mapping[str, Carrier] | None = None,
+        moving_bases: Mapping[str, MovingBase] | None = None,
     ) -> None:
         self._robot, self._frames, self._history = robot, frames, history
-        self._carriers = carriers or {}
+        self._bases = moving_bases or {}
         self._rides: dict[str, Ride] = {}
         self._stages = {stage.name: stage for stage in stages}
         self._visits = tuple(history.visits())
@@ -95,7 +95,7 @@ class Replay:
 
     def _between(self, inner: FrameModel, outer: FrameModel, rows: slice) -> Vector:
         """(k, 6) velocity at the control point of what carries `inner` against that of `outer`."""
-        if inner.carrier not in self._carriers and outer.carrier not in self._carriers:
+        if inner.base_name not in self._bases and outer.base_name not in self._bases:
             return np.zeros((rows.stop - rows.start, 6))
         point = self.tip_pose()[0] + self.offset()
         return np.asarray(
@@ -104,10 +104,10 @@ class Replay:
 
     def _ride(self, frame: FrameModel) -> Ride:
         """What carries a frame, at every tick."""
-        name = frame.carrier if frame.carrier in self._carriers else ""
+        name = frame.base_name if frame.base_name in self._bases else ""
         if name not in self._rides:
             clock = self._history.columns["clock"]
-            self._rides[name] = ride(self._carriers.get(name), clock)
+            self._rides[name] = ride(self._bases.get(name), clock)
         return self._rides[name]
 
     def _place(self, frame: FrameModel) -> Vector:

@@ -122,7 +122,7 @@ def _task(folder: Path) -> LoadedTask:
 
 def _recording(program: Program, history: History) -> Recording:
     context, columns = program.context, history.columns
-    replay = Replay(context.robot, context.frames, program.stages, history, context.carriers)
+    replay = Replay(context.robot, context.frames, program.stages, history, context.moving_bases)
     tip = replay.tip_pose()[0]
     point = tip + replay.offset()
     axes, error = np.empty((len(tip), 3, 3)), np.zeros_like(tip)

@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 
 from taskspec.program.world.frames import surface
 from taskspec.spec import Shape, Task
-from taskspec_runner.plant.carriers import Carriers, moving
 from taskspec_runner.plant.loose import loose
 from taskspec_runner.plant.mechanisms import coordinate_joint
+from taskspec_runner.plant.moving_base import MovingBases, moving
 from taskspec_runner.plant.names import PREFIX
 from taskspec_runner.plant.plant import Plant
 from taskspec_runner.plant.scene import build_scene
@@ -47,7 +47,7 @@ class World:
             self._show_endless(name, shape)
         self.links = _bare_links(model, context.robot.tip_body)
         self._n = recording.q.shape[1]
-        self._carriers = Carriers(model, self.data, task) if moving(task) else None
+        self._moving_bases = MovingBases(model, self.data, task) if moving(task) else None
         self._coordinates = _coordinates(model, task, recording)
         self._loose_at = np.array(
             [int(model.joint(PREFIX + name).qposadr[0]) for name in loose(task)], dtype=int
@@ -63,8 +63,8 @@ class World:
             data.qpos[at] = values[row]
         for i, at in enumerate(self._loose_at):
             data.qpos[at : at + 7] = self._loose[row, 7 * i : 7 * i + 7]
-        if self._carriers is not None:
-            self._carriers.drive()
+        if self._moving_bases is not None:
+            self._moving_bases.drive()
         mujoco.mj_kinematics(self.model, data)
         mujoco.mj_comPos(self.model, data)
         mujoco.mj_camlight(self.model, data)

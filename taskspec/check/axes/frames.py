@@ -10,7 +10,7 @@ import numpy as np
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.program.axes import MOSTLY
 from taskspec.program.context import Context
-from taskspec.program.prepare import chart_at, pose_of_carrier, tool_center
+from taskspec.program.prepare import chart_at, pose_of_base, tool_center
 from taskspec.program.signals import TOUCHING
 from taskspec.program.world.stiffness import RESOLVED_PHASE
 from taskspec.shapes import SHAPES
@@ -47,7 +47,7 @@ def check_frame(context: Context, name: str, found: Diagnostics) -> bool:
     if frame.kind != "following":
         return True
     assert frame.surface is not None
-    A, a = pose_of_carrier(context, frame)
+    A, a = pose_of_base(context, frame)
     center = A.T @ (tool_center(context) - a)
     chart = chart_at(frame.surface, center)
     normal = np.array(ca.evalf(chart.normal(ca.SX(center)))).ravel()
@@ -102,13 +102,13 @@ def _turning_fits(context: Context, name: str, found: Diagnostics) -> bool:
     """Whether what stage `name` asks of a turning frame can be; reports what cannot."""
     loaded = context.loaded
     stage = loaded.task.stages[name]
-    frame, carrier = context.frame_of(stage), context.carrier_of(context.frame_of(stage))
+    frame, base = context.frame_of(stage), context.base_of(context.frame_of(stage))
     place = loaded.span(FILE.stages[name].frame if stage.frame else FILE.frame)
     held = [a for a, entry in stage.axes.items() if entry.hold == "world"]
-    if carrier is not None and carrier.turns and held:
+    if base is not None and base.turns and held:
         found.error(
             "TS232",
-            f"{carrier.name!r} turns, and {held[0]!r} of a frame on it cannot hold the world's "
+            f"{base.name!r} turns, and {held[0]!r} of a frame on it cannot hold the world's "
             "orientation",
             loaded.span(FILE.stages[name].axes[held[0]]),
             "take a frame that does not turn with the object, or write 'hold'",

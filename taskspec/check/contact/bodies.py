@@ -54,8 +54,8 @@ def _points(body: Surface) -> tuple[NDArray[np.float64], float]:
 
 def _distance(context: Context, name: str, point: NDArray[np.float64]) -> float:
     """Signed distance [m] of a world point (3,) from an object as the run begins."""
-    carrier = context.carriers.get(name)
-    if carrier is not None:
-        A, a = carrier.pose(0.0)
+    base = context.moving_bases.get(name)
+    if base is not None:
+        A, a = base.pose(0.0)
         point = A.T @ (point - a)
     return float(ca.evalf(context.surfaces[name].distance(ca.SX(point))))

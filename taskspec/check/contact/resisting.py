@@ -131,7 +131,7 @@ def forces(context: Context, stage: Stage, rotation: Vector) -> Vector:
         return _ALL
     columns = [_NONE]
     for name, shape in task.shapes.items():
-        moves = name in context.carriers and context.carriers[name].turns
+        moves = name in context.moving_bases and context.moving_bases[name].turns
         level = context.surfaces[name].level and not shape.free and not moves
         if shape.friction > 0 or not (level or name == frame.surface_name):
             return _ALL

@@ -122,7 +122,7 @@ class Walk:
     def _straight(self, frame: FrameModel) -> bool:
         """Whether coordinates of a frame are those of a fixed one, up to a constant."""
         context = self._context
-        if frame.mechanism is not None or frame.at_origin or context.carrier_of(frame) is not None:
+        if frame.mechanism is not None or frame.at_origin or context.base_of(frame) is not None:
             return False
         if context.loaded.task.robot.grasp is not None:
             return False
@@ -130,7 +130,7 @@ class Walk:
 
     def _to_surface(self, stage: Stage, frame: FrameModel) -> bool:
         """Whether the way to the surface is straight: also along the normal of a curved one."""
-        follows = frame.surface is not None and self._context.carrier_of(frame) is None
+        follows = frame.surface is not None and self._context.base_of(frame) is None
         return self._straight(frame) or (
             follows and list(moving_axes(stage)) == ["z"] and not frame.at_origin
         )
@@ -190,7 +190,7 @@ class Walk:
     def _gap_of(self, frame: FrameModel) -> float | None:
         """Distance [m] from the contact of a frame as a stage begins; None where unknown."""
         contact = self._context.contact_of(frame)
-        if contact is None or not self._known or contact in self._context.carriers:
+        if contact is None or not self._known or contact in self._context.moving_bases:
             return None
         return self._gap(contact)
 

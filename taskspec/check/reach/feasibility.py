@@ -236,7 +236,7 @@ def _leaned_on(
     others = task.robot.grasp is not None or task.mechanisms or task.equations
     if others or not task.shapes or any(shape.free for shape in task.shapes.values()):
         return None
-    if any(carrier.turns for carrier in context.carriers.values()):
+    if any(base.turns for base in context.moving_bases.values()):
         return None
     normals = {}
     for object_name, surface in context.surfaces.items():

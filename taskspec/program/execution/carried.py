@@ -55,8 +55,8 @@ def leave(stage: CompiledStage, outputs: Mapping[str, Vector], clock: float) -> 
     R_ref = frame @ displaced(stage.law, frame.T @ R, error[3:])
     spin = frame @ twist[3:]
     own = np.concatenate([frame @ twist[:3] - np.cross(spin, offset), spin])
-    if stage.carrier is not None:
-        own += stage.carrier.twist(clock, outputs["tip"])
+    if stage.moving_base is not None:
+        own += stage.moving_base.twist(clock, outputs["tip"])
     return Carried(
         p=outputs["tip"] + offset + frame @ error[:3] - R_ref @ (R.T @ offset),
         R=R_ref,

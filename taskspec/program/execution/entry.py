@@ -82,11 +82,11 @@ class _Entry:
         self.felt_poses = felt_poses
         self.p, self.R = tip
         self.A, self.a, self.twist = np.eye(3), np.zeros(3), carried.twist
-        if stage.carrier is not None:
+        if stage.moving_base is not None:
             # From here on the reference's velocity is that against what carries the frame.
             clock = float(inputs[0][1])
-            self.A, self.a = stage.carrier.pose(clock)
-            self.twist = carried.twist - stage.carrier.twist(clock, self.p)
+            self.A, self.a = stage.moving_base.pose(clock)
+            self.twist = carried.twist - stage.moving_base.twist(clock, self.p)
         self.parameters = np.zeros(stage.parameters.size)
         self.memory = np.zeros(stage.memory.size)
         for slot, value in stage.initial.items():

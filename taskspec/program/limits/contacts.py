@@ -146,8 +146,8 @@ def shape_rows(
     center = _center(context)
     found, normals = [], []
     for name in objects:
-        carrier = context.carriers.get(name)
-        now = carrier.at(clock) if carrier is not None else None
+        base = context.moving_bases.get(name)
+        now = base.at(clock) if base is not None else None
         seen = terms if now is None else now.relative(terms)
         at = kinematics.control_point(seen, wrench, center)
         normal, turning = _normal(context.surfaces[name], at)

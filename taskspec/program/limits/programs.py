@@ -110,8 +110,9 @@ def _generators(
     objects: Sequence[str],
     equations: Sequence[ContactRow],
 ) -> list[Generator]:
-    turned = seen.at.R if seen.carrier is None else seen.carrier.A @ seen.at.R
-    offset = seen.point.offset if seen.carrier is None else seen.carrier.A @ seen.point.offset
+    base, offset = seen.moving_base, seen.point.offset
+    turned = seen.at.R if base is None else base.A @ seen.at.R
+    offset = offset if base is None else base.A @ offset
     world, about = seen.world, seen.world.p + offset
     count = len(requests.names)
     resolve_axes = ca.SX.zeros(count, 6)
@@ -133,7 +134,7 @@ def _generators(
         points = [world.p + world.R @ ca.DM(center) for center in tool.centers]
         middle = kinematics.tool_point(context.robot, world).center
         normals = [
-            signals.normal(context.surfaces[o], middle, context.carriers, o, seen.clock.clock)
+            signals.normal(context.surfaces[o], middle, context.moving_bases, o, seen.clock.clock)
             for o in objects
         ]
         found += wrench_generators(

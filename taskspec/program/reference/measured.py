@@ -23,8 +23,8 @@ from taskspec.program.reference.planned import PlannedStage
 from taskspec.program.reference.unreached import Unreached, requested, unreached_of
 from taskspec.program.signals import SignalTable
 from taskspec.program.world import kinematics
-from taskspec.program.world.carriers import Instant
 from taskspec.program.world.frames import FrameModel
+from taskspec.program.world.moving_base import BaseMotion
 from taskspec.text.expression import Expression
 
 
@@ -35,9 +35,9 @@ class Measured:
     Attributes:
         inputs: symbols of the tick. memory, parameters: layouts that the stage fills.
         clock: time. algebra: of the file's expressions.
-        carrier: the frame's carrier now; None where nothing carries it.
-        terms: of the tip, relative to the carrier. believed: the mechanism that is kept track of.
-        tool, point, at: tool point, control point and frame, relative to the carrier.
+        moving_base: the frame's moving base now; None where nothing carries it.
+        terms: of the tip, relative to the base. believed: the mechanism that is kept track of.
+        tool, point, at: tool point, control point and frame, relative to the base.
         state: what the law sees. normal: (3,) of the believed contact at the tool, or None.
         rows: every equation. reactions: what the robot applies along each. gaps: to every shape.
         table: signals by name. unreached: what contacts do not return of the set points.
@@ -48,7 +48,7 @@ class Measured:
     parameters: Layout
     clock: Clock
     algebra: CasadiAlgebra
-    carrier: Instant | None
+    moving_base: BaseMotion | None
     terms: TermSymbols
     believed: Believed | None
     tool: kinematics.ToolPoint
@@ -81,10 +81,10 @@ def measure(context: Context, plan: PlannedStage) -> Measured:
     clock = Clock(inputs.now[0], inputs.now[1])
     world, now = inputs.terms, clock.clock
 
-    carrier = None if plan.carrier is None else plan.carrier.at(now)
+    base = None if plan.moving_base is None else plan.moving_base.at(now)
     # Relative to what carries the frame, in its coordinates; to the world's where nothing does.
-    terms = world if carrier is None else carrier.relative(world)
-    wrench = inputs.wrench if carrier is None else carrier.wrench(inputs.wrench)
+    terms = world if base is None else base.relative(world)
+    wrench = inputs.wrench if base is None else base.wrench(inputs.wrench)
     believed = believe(context, frame, world, clock, memory, parameters)
     tool = kinematics.tool_point(robot, terms)
     offset = _control_offset(frame, parameters)
@@ -93,9 +93,9 @@ def measure(context: Context, plan: PlannedStage) -> Measured:
     at = kinematics.frame_state(frame, terms, tool, face)
     rows = equation_rows(context.equations, world, inputs.q, inputs.v, now)
     measured = reactions(rows, inputs.wrench, inputs.reactions)
-    gaps = signals.gaps(robot, context.surfaces, world.p, world.R, context.carriers, now)
+    gaps = signals.gaps(robot, context.surfaces, world.p, world.R, context.moving_bases, now)
     elsewhere = signals.Resolver(
-        robot, context.frames, world, inputs.wrench, offset, context.carriers, now, parameters
+        robot, context.frames, world, inputs.wrench, offset, context.moving_bases, now, parameters
     )
     scalars = {
         **_of_the_run(context, inputs, clock),
@@ -115,7 +115,7 @@ def measure(context: Context, plan: PlannedStage) -> Measured:
         parameters=parameters,
         clock=clock,
         algebra=CasadiAlgebra(memory, context.period),
-        carrier=carrier,
+        moving_base=base,
         terms=terms,
         believed=believed,
         tool=tool,
@@ -131,7 +131,7 @@ def measure(context: Context, plan: PlannedStage) -> Measured:
             R=at.R,
             R_rate=at.R_rate,
         ),
-        normal=_normal(context, plan.contact, at, world, carrier, clock),
+        normal=_normal(context, plan.contact, at, world, base, clock),
         rows=rows,
         reactions=measured,
         gaps=gaps,
@@ -199,19 +199,19 @@ def _normal(
     contact: str | None,
     at: kinematics.FrameState,
     world: TermSymbols,
-    carrier: Instant | None,
+    base: BaseMotion | None,
     clock: Clock,
 ) -> ca.SX | None:
-    """Outward unit normal (3,) of the believed contact at the tool, in the axes of the carrier."""
+    """Outward unit normal (3,) of the believed contact at the tool, in the axes of its base."""
     if at.chart is not None:
         return at.R[:, 2]
     if contact is None:
         return None
     center = kinematics.tool_point(context.robot, world).center
     normal = signals.normal(
-        context.surfaces[contact], center, context.carriers, contact, clock.clock
+        context.surfaces[contact], center, context.moving_bases, contact, clock.clock
     )
-    return normal if carrier is None else carrier.A.T @ normal
+    return normal if base is None else base.A.T @ normal
 
 
 def _control_offset(frame: FrameModel, parameters: Layout) -> ca.SX | None:

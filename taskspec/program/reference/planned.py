@@ -17,8 +17,8 @@ from taskspec.program.reference import orientation
 from taskspec.program.reference.constraints import active_equations, equation_gains
 from taskspec.program.reference.coupling import Coupling, coupling
 from taskspec.program.reference.modes import AxisPlan, plan_axes
-from taskspec.program.world.carriers import Carrier
 from taskspec.program.world.frames import FrameModel
+from taskspec.program.world.moving_base import MovingBase
 from taskspec.spec import Law, Limits, Stage
 
 
@@ -33,7 +33,7 @@ class PlannedStage:
         path: its path, if any. couplings: of the axes that follow a mechanism.
         contact: the object that forces are believed to act on.
         stiffness: believed of that contact [N/m], 0 without one.
-        carrier: how the object that carries the frame moves; None where nothing does.
+        moving_base: how the object that carries the frame moves; None where nothing does.
         active: equations that constrain the stage.
     """
 
@@ -50,7 +50,7 @@ class PlannedStage:
     couplings: Mapping[Axis, Coupling]
     contact: str | None
     stiffness: float
-    carrier: Carrier | None
+    moving_base: MovingBase | None
     active: tuple[str, ...]
 
 
@@ -96,7 +96,7 @@ def plan_stage(
         },
         contact=contact,
         stiffness=context.stiffness_of(frame),
-        carrier=context.carrier_of(frame),
+        moving_base=context.base_of(frame),
         active=active,
     )
 

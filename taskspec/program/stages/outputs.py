@@ -14,26 +14,26 @@ from taskspec.program.reference.believed import Believed
 from taskspec.program.reference.measured import Measured
 from taskspec.program.signals import SignalTable, applied
 from taskspec.program.stages.commanded import Commanded
-from taskspec.program.world.carriers import Instant
+from taskspec.program.world.moving_base import BaseMotion
 
 
 def probe(arguments: list[ca.SX], seen: Measured, asked: Commanded) -> ca.Function:
     """Where the tool is in the stage's frame; its last input is the tool point's velocity (3,).
 
     That is its velocity against what carries the frame. All are in world axes but `here`, which is
-    in the coordinates of the frame's carrier.
+    in the coordinates of the frame's moving base.
 
     Its outputs are the numbers of `PROBE` and the measured reactions (equations,).
     """
-    way, at, carrier = ca.SX.sym("way", 3), seen.at, seen.carrier
+    way, at, base = ca.SX.sym("way", 3), seen.at, seen.moving_base
     six = asked.references.six
     values = {
-        "frame": ca.vec(_world(at.R, carrier)),
-        "offset": _world(seen.point.offset, carrier),
-        "lever": _world(seen.tool.lever if at.foot is not None else ca.SX.zeros(3), carrier),
+        "frame": ca.vec(_world(at.R, base)),
+        "offset": _world(seen.point.offset, base),
+        "lever": _world(seen.tool.lever if at.foot is not None else ca.SX.zeros(3), base),
         "here": seen.point.p if at.foot is None else at.foot,
         "rate_map": ca.vec(at.rate_map),
-        "turning": at.turning(way if carrier is None else carrier.A.T @ way),
+        "turning": at.turning(way if base is None else base.A.T @ way),
         "angle": _angle(seen.believed),
         "coordinate": six(asked.references.coordinate),
         "measured": six(_applied(seen.table)),
@@ -64,8 +64,8 @@ def outputs(
         "health": ca.sumsqr(asked.torque) + ca.sumsqr(inputs.v) + ca.sumsqr(inputs.q),
         "tip": inputs.terms.p,
         "tip_rotation": ca.vec(inputs.terms.R),
-        "offset": _world(seen.point.offset, seen.carrier),
-        "frame": ca.vec(_world(seen.at.R, seen.carrier)),
+        "offset": _world(seen.point.offset, seen.moving_base),
+        "frame": ca.vec(_world(seen.at.R, seen.moving_base)),
         "position": six(references.position),
         "velocity": six({a: scalars[f"velocity.{a}"] for a in seen.table.axes}),
         "error": six(references.error),
@@ -102,9 +102,9 @@ def _reactions(seen: Measured) -> ca.SX:
     return ca.vertcat(ca.SX(0, 1), *(seen.reactions[name] for name in seen.rows))
 
 
-def _world(local: ca.SX, carrier: Instant | None) -> ca.SX:
-    """Columns given in a carrier's axes, in the world's."""
-    return local if carrier is None else carrier.A @ local
+def _world(local: ca.SX, base: BaseMotion | None) -> ca.SX:
+    """Columns given in a moving base's axes, in the world's."""
+    return local if base is None else base.A @ local
 
 
 def _angle(believed: Believed | None) -> ca.SX:

@@ -28,8 +28,8 @@ from taskspec.program.stages.candidates import Choice, candidates
 from taskspec.program.stages.commanded import Commanded, command
 from taskspec.program.stages.conditions import limit_conditions, stage_conditions
 from taskspec.program.stages.outputs import outputs, probe
-from taskspec.program.world.carriers import Carrier
 from taskspec.program.world.frames import FrameModel
+from taskspec.program.world.moving_base import MovingBase
 from taskspec.spec import Law, Limits, Stage
 
 
@@ -43,7 +43,7 @@ class CompiledStage:
         gains: with their origins. contact: the object that forces are believed to act on.
         stiffness: believed of that contact [N/m], 0 without one.
         held: the mechanism whose handle returns forces instead of a contact; empty for none.
-        carrier: how the object that carries the frame moves; None where nothing does.
+        moving_base: how the object that carries the frame moves; None where nothing does.
         tracked: the mechanism whose angle is kept; empty for none.
         couplings: of the axes that follow a mechanism.
         equations: names of the world's equations, in the order of their inputs and outputs.
@@ -70,7 +70,7 @@ class CompiledStage:
     contact: str | None
     stiffness: float
     held: str
-    carrier: Carrier | None
+    moving_base: MovingBase | None
     tracked: str
     couplings: Mapping[Axis, Coupling]
     equations: tuple[str, ...]
@@ -136,7 +136,7 @@ def compile_stage(
         contact=plan.contact,
         stiffness=plan.stiffness,
         held=context.held if context.gripped(plan.frame) else "",
-        carrier=plan.carrier,
+        moving_base=plan.moving_base,
         tracked="" if seen.believed is None else seen.believed.mechanism.name,
         couplings=plan.couplings,
         equations=tuple(context.equations),

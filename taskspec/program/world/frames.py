@@ -58,7 +58,7 @@ class FrameModel:
         return self.kind in ("fixed", "estimated")
 
     @property
-    def carrier(self) -> str:
+    def base_name(self) -> str:
         """The object that carries it along where that moves by itself."""
         return self.surface_name or self.owner
 

@@ -7,9 +7,9 @@ from collections.abc import Mapping
 import numpy as np
 
 from taskspec.program.errors import spec_error
-from taskspec.program.world.carriers import Carrier
 from taskspec.program.world.frames import FrameModel
 from taskspec.program.world.mechanisms import mechanism_models
+from taskspec.program.world.moving_base import MovingBase
 from taskspec.robot import RobotModel
 from taskspec.spec import FILE, LoadedTask
 from taskspec.text.codes import register
@@ -68,15 +68,15 @@ def _joint_of(node: Name) -> int:
     return int(number) if node.path[0].startswith("q") and number.isdigit() else 0
 
 
-def check_motions(loaded: LoadedTask, carried: Mapping[str, Carrier]) -> None:
+def check_motions(loaded: LoadedTask, bases: Mapping[str, MovingBase]) -> None:
     """Reports objects that are nowhere, or infinitely fast, as the run begins.
 
     Raises:
         SpecError: there are such objects (TS117).
     """
     found = Diagnostics(loaded.source.name)
-    for name, carrier in carried.items():
-        if not all(np.isfinite(np.array(value)).all() for value in carrier.numbers(0.0)):
+    for name, base in bases.items():
+        if not all(np.isfinite(np.array(value)).all() for value in base.numbers(0.0)):
             found.error(
                 "TS117",
                 "this motion has no finite place, velocity and acceleration at clock = 0 s",

@@ -12,7 +12,7 @@ import pytest
 
 from arms import MovingArm
 from taskspec.compiler import compile_task
-from taskspec.program.world.carriers import carriers
+from taskspec.program.world.moving_base import moving_bases
 from taskspec.spec import load_text
 from taskspec.text.diagnostic import SpecError
 
@@ -43,15 +43,15 @@ def ride(motion, stages):
     return RIDE.replace("MOTION", motion).replace("STAGES", stages.strip("\n"))
 
 
-def carrier_of(motion):
+def base_of(motion):
     task = load_text(ride(motion, "  wait: {axes: {}, time: 1 s}"), "task.yaml").task
-    return carriers(task)["table"]
+    return moving_bases(task)["table"]
 
 
 @pytest.mark.parametrize("motion", MOTIONS.values(), ids=MOTIONS.keys())
 def test_relative_kinematics_by_finite_differences(motion):
-    arm, carrier = MovingArm("panda", 3), carrier_of(motion)
-    now = carrier.at(arm.clock.clock)
+    arm, base = MovingArm("panda", 3), base_of(motion)
+    now = base.at(arm.clock.clock)
     terms = now.relative(arm.terms)
     for _ in range(20):
         here = arm.random()
@@ -66,20 +66,20 @@ def test_relative_kinematics_by_finite_differences(motion):
         np.testing.assert_allclose(pin.unSkew(R_fd @ R.T), twist[3:], atol=1e-6)
         # v is constant on the way, so the twist changes by the drift alone.
         np.testing.assert_allclose(twist_fd, drift, atol=1e-5)
-        A, a = carrier.pose(t)
+        A, a = base.pose(t)
         np.testing.assert_allclose(A @ p + a, world_p, atol=1e-12)
         np.testing.assert_allclose(A @ R, world_R, atol=1e-12)
-        own = carrier.twist(t, world_p)
+        own = base.twist(t, world_p)
         np.testing.assert_allclose(
             np.concatenate([A @ twist[:3], A @ twist[3:]]), world_twist - own, atol=1e-10
         )
-        # Without the joints' part, the twist is the carrier's own, whatever the joints do.
+        # Without the joints' part, the twist is the moving base's own, whatever the joints do.
         np.testing.assert_allclose(twist - J @ v, np.kron(np.eye(2), A.T) @ -own, atol=1e-10)
 
 
 def test_total_rates_of_what_is_relative_count_the_clock():
-    arm, carrier = MovingArm("panda", 5), carrier_of(MOTIONS["turning"])
-    terms = carrier.at(arm.clock.clock).relative(arm.terms)
+    arm, base = MovingArm("panda", 5), base_of(MOTIONS["turning"])
+    terms = base.at(arm.clock.clock).relative(arm.terms)
     expression = ca.vertcat(ca.sin(terms.p), terms.R[:, 0] * arm.clock.t)
     rate = arm.clock.total_rate(expression, terms)
     for _ in range(5):
@@ -92,11 +92,11 @@ def test_a_held_pose_rides_along(simulate, motion):
     """From rest in the world the tool joins the table and then stays where it is on it."""
     run = simulate(ride(motion, "  wait: {axes: {}, time: 2 s}"))
     assert run.outcome.status == "done"
-    carrier = run.program.context.carriers["table"]
+    base = run.program.context.moving_bases["table"]
     rows = range(600, 2000, 100)
     poses = []
     for k in rows:
-        (p, R), (A, a) = _tip(run, k), carrier.pose(float(run["clock"][k]))
+        (p, R), (A, a) = _tip(run, k), base.pose(float(run["clock"][k]))
         poses.append((A.T @ (p - a), A.T @ R))
     for p, R in poses:
         # The plant's steps take the velocity at their end, T/2 of the acceleration late, and the
@@ -124,11 +124,11 @@ def test_references_go_on_from_the_world_to_the_table_and_back(simulate):
         # the loop that follows.
         assert np.abs(np.diff(p[k - 3 : k + 4], n=2, axis=0)).max() < 2e-6
     speed = np.diff(p, axis=0) / 1e-3
-    carrier = run.program.context.carriers["table"]
+    base = run.program.context.moving_bases["table"]
     for k in (700, 1200):
-        A, _ = carrier.pose(float(run["clock"][k]))
+        A, _ = base.pose(float(run["clock"][k]))
         along = A @ run.program.context.frames["table"].rotation[:, 0]
-        riding = carrier.twist(float(run["clock"][k]), p[k])[:3]
+        riding = base.twist(float(run["clock"][k]), p[k])[:3]
         np.testing.assert_allclose(speed[k], riding + 0.02 * along, atol=1e-4)
     np.testing.assert_allclose(speed[1790], 0.0, atol=1e-4)
 

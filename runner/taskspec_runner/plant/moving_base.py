@@ -12,7 +12,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec.program.world.carriers import displacements
+from taskspec.program.world.moving_base import displacements
 from taskspec.spec import Shape, Task
 from taskspec.spec.world import MOTION
 from taskspec_runner.plant.names import PREFIX, placed
@@ -28,7 +28,7 @@ def moving(task: Task) -> dict[str, Shape]:
     return {name: shape for name, shape in task.shapes.items() if shape.motion is not None}
 
 
-def add_carrier(spec: mujoco.MjSpec, name: str, shape: Shape) -> mujoco.MjsBody:
+def add_moving_base(spec: mujoco.MjSpec, name: str, shape: Shape) -> mujoco.MjsBody:
     """Adds the body that carries a moving shape, with a joint for each of its axes."""
     assert shape.motion is not None
     body = spec.worldbody.add_body(name=PREFIX + name, **placed(shape))
@@ -45,7 +45,7 @@ def add_carrier(spec: mujoco.MjSpec, name: str, shape: Shape) -> mujoco.MjsBody:
     return body
 
 
-class Carriers:
+class MovingBases:
     """Drives all moving shapes of a scene."""
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, task: Task) -> None:

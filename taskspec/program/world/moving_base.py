@@ -1,8 +1,8 @@
 """Objects that move by themselves: where the clock has taken them, and the tool as they see it.
 
-A carrier moves the world that was declared: a point that is at x there is at A x + a now. In the
-carrier's coordinates the object stands still where it was declared, so whatever is fixed on it or
-follows it is written there as if nothing moved; only the tool's kinematics are relative ones.
+The base moves the world that was declared: a point that is at x there is at A x + a now. In its
+coordinates the object stands still where it was declared, so whatever is fixed on it or follows it
+is written there as if nothing moved; only the tool's kinematics are relative ones.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ Matrix = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
-class Carrier:
+class MovingBase:
     """The motion of one object.
 
     Attributes:
@@ -43,10 +43,10 @@ class Carrier:
     numbers: ca.Function
     turns: bool
 
-    def at(self, clock: ca.SX) -> Instant:
-        """The carrier at an instant [s]."""
+    def at(self, clock: ca.SX) -> BaseMotion:
+        """The moving base at an instant [s]."""
         A, a, A_rate, a_rate, A_bend, a_bend = self.numbers(clock)
-        return Instant(
+        return BaseMotion(
             *(ca.reshape(A, 3, 3), a),
             *(ca.reshape(A_rate, 3, 3), a_rate),
             *(ca.reshape(A_bend, 3, 3), a_bend),
@@ -58,7 +58,7 @@ class Carrier:
         return found[0].reshape(3, 3, order="F"), found[1].ravel()
 
     def twist(self, clock: float, point: Matrix) -> Matrix:
-        """(6,) velocity that the carrier has at a point (3,) of the world [m/s, rad/s]."""
+        """(6,) velocity that the moving base has at a point (3,) of the world [m/s, rad/s]."""
         A, a, A_rate, a_rate, *_ = (np.array(value) for value in self.numbers(clock))
         spin = A_rate.reshape(3, 3, order="F") @ A.reshape(3, 3, order="F").T
         away = np.asarray(point) - a.ravel()
@@ -67,8 +67,8 @@ class Carrier:
 
 
 @dataclass(frozen=True, slots=True)
-class Instant:
-    """A carrier at an instant: A, a and their first and second time derivatives."""
+class BaseMotion:
+    """A moving base at an instant: A, a and their first and second time derivatives."""
 
     A: ca.SX
     a: ca.SX
@@ -78,15 +78,15 @@ class Instant:
     a_bend: ca.SX
 
     def place(self, p: ca.SX) -> ca.SX:
-        """A world point (3,) in the carrier's coordinates."""
+        """A world point (3,) in the moving base's coordinates."""
         return self.A.T @ (p - self.a)
 
     def wrench(self, wrench: ca.SX) -> ca.SX:
-        """A wrench (6,) in the carrier's axes."""
+        """A wrench (6,) in the moving base's axes."""
         return ca.vertcat(self.A.T @ wrench[:3], self.A.T @ wrench[3:])
 
     def relative(self, terms: TermSymbols) -> TermSymbols:
-        """The tool's kinematics against the carrier, in its coordinates.
+        """The tool's kinematics against the moving base, in its coordinates.
 
         With p' = A^T (p - a) and A' the rate of A: v' = A^T (v - a') + A'^T (p - a); the drift
         is the rate of that at zero joint acceleration, with Coriolis and centripetal terms.
@@ -109,10 +109,10 @@ class Instant:
         )
 
 
-def carriers(task: Task) -> dict[str, Carrier]:
-    """The carriers of all objects that move by themselves, by name."""
+def moving_bases(task: Task) -> dict[str, MovingBase]:
+    """The moving bases of all objects that move by themselves, by name."""
     return {
-        name: _carrier(task, name, shape)
+        name: _moving_base(task, name, shape)
         for name, shape in task.shapes.items()
         if shape.motion is not None
     }
@@ -131,7 +131,7 @@ def displacements(task: Task, shape: Shape, clock: ca.SX) -> dict[Axis, ca.SX]:
     return {a: algebra.translate(e, lookup) for a, e in shape.motion.axes.items()}
 
 
-def _carrier(task: Task, name: str, shape: Shape) -> Carrier:
+def _moving_base(task: Task, name: str, shape: Shape) -> MovingBase:
     clock = ca.SX.sym("clock")
     by_axis = displacements(task, shape, clock)
     moved = [by_axis.get(axis, ca.SX(0)) for axis in MOTION]
@@ -145,7 +145,7 @@ def _carrier(task: Task, name: str, shape: Shape) -> Carrier:
     values = [ca.densify(ca.vec(A)), ca.densify(a)]
     for _ in range(2):
         values += [ca.densify(ca.jacobian(value, clock)) for value in values[-2:]]
-    return Carrier(name, clock, A, a, ca.Function("carrier", [clock], values), bool(turning))
+    return MovingBase(name, clock, A, a, ca.Function("moving_base", [clock], values), bool(turning))
 
 
 def _about(axis: Axis, angle: ca.SX) -> ca.SX:
