@@ -223,7 +223,7 @@ def _glimpse(machine: Machine, clock: float, wall: float) -> Glimpse:
     if axis:
         outputs = machine.named_outputs()
         number = AXES.index(axis)
-        force, reference = (float(outputs[k][number]) for k in ("measured", "force_ref"))
+        force, reference = (float(outputs[k][number]) for k in ("force", "force_ref"))
     return Glimpse(clock, machine.stage.name, axis, force, reference, clock / wall)
 
 

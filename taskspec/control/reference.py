@@ -3,8 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TypeVar
 
 import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+Wrench = TypeVar("Wrench", ca.SX, NDArray[np.float64])
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,8 +34,8 @@ class Reference:
     released: ca.SX
 
 
-def opposite(wrench: ca.SX) -> ca.SX:
-    """The one change of sign between theory and file.
+def opposite(wrench: Wrench) -> Wrench:
+    """The one change of sign between theory and file, of expressions and of arrays.
 
     The theory's f is what the environment exerts on the tool; task files, logs and guards speak of
     what the robot applies to the environment (docs/language.md).

@@ -14,7 +14,7 @@ from taskspec.geometry.axis import Axis
 from taskspec.motion.blend import BLEND_TIME
 from taskspec.prediction.begin import Begin
 from taskspec.prediction.types import Impact
-from taskspec.program.signals import TOUCHING
+from taskspec.signals.entries import TOUCHING
 from taskspec.text.expression import Expression, evaluate
 from taskspec.text.expression.tree import Held, Name, Reduce, walk
 

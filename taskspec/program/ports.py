@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterable
 from dataclasses import dataclass
 
 import casadi as ca
 
 from taskspec.control.model_terms import TermSymbols
+from taskspec.signals import SCALARS, VECTORS
+from taskspec.signals.table import REFERENCE
 
 Fields = tuple[tuple[str, int], ...]
 
@@ -21,8 +24,8 @@ def slices(fields: Iterable[tuple[str, int]]) -> dict[str, slice]:
     return found
 
 
-#: What every stage puts out each tick, in this order: name and length.
-OUTPUTS: Fields = (
+#: What every stage puts out each tick before its signals, in this order: name and length.
+INTERNAL: Fields = (
     ("event", 1),
     ("event_value", 1),
     ("health", 1),
@@ -30,32 +33,35 @@ OUTPUTS: Fields = (
     ("tip_rotation", 9),
     ("offset", 3),
     ("frame", 9),
-    ("position", 6),
-    ("velocity", 6),
-    ("error", 6),
-    ("position_ref", 6),
-    ("velocity_ref", 6),
-    ("force_ref", 6),
-    ("measured", 6),
-    ("tilt", 1),
-    ("speed", 1),
-    ("travel", 1),
-    ("path_done", 1),
     ("angle", 1),
     ("conditioning", 1),
     ("violation", 1),
     ("clamped", 1),
     ("unsettled", 1),
-    ("force_inconsistent", 1),
-    ("limited", 1),
     ("limits", 1),
     ("residual", 1),
 )
 
 
+def groups() -> dict[str, tuple[str, ...]]:
+    """The vectors of six numbers among the signals, each with what the log has beside it."""
+    vectors = itertools.groupby(VECTORS.values(), key=lambda signal: signal.group)
+    return {group: next(signals).beside for group, signals in vectors}
+
+
+def signals() -> Fields:
+    """The outputs that are signals, as measured, and the references of vectors."""
+    vectors = [
+        (name, 6)
+        for group, beside in groups().items()
+        for name in (group, *([f"{group}_ref"] if REFERENCE in beside else []))
+    ]
+    return (*vectors, *((name, 1) for name, signal in SCALARS.items() if signal.port))
+
+
 def fields(equations: int) -> Fields:
-    """The outputs of a task's stages: `OUTPUTS`, and set point and measurement of each equation."""
-    return (*OUTPUTS, ("reaction_ref", equations), ("reaction", equations))
+    """The outputs of a task's stages; last are set point and measurement of each equation."""
+    return (*INTERNAL, *signals(), ("reaction_ref", equations), ("reaction", equations))
 
 
 #: What a stage is asked when it is entered, in this order: name and length.

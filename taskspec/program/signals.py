@@ -1,4 +1,4 @@
-"""The signals of a stage, by the names that task files, guards and logs use."""
+"""The signals of a stage as expressions, by the names that task files, guards and logs use."""
 
 from __future__ import annotations
 
@@ -9,49 +9,62 @@ import casadi as ca
 
 from taskspec.control.model_terms import TermSymbols
 from taskspec.control.reference import opposite
-from taskspec.geometry.axis import AXES, ROTATIONS, Axis
+from taskspec.geometry.axis import AXES, Axis
 from taskspec.program.layout import Layout
 from taskspec.program.world import felt, kinematics
 from taskspec.program.world.frames import FrameModel
-from taskspec.program.world.moving_base import MovingBase
+from taskspec.program.world.moving_base import BaseMotion, MovingBase
 from taskspec.robot import RobotModel
 from taskspec.shapes import Surface
+from taskspec.signals import VECTORS, Pose, Situation
 from taskspec.text.expression.tree import Name
-
-#: |force| above which the tool touches [N] (docs/language.md).
-TOUCHING = 0.5
-_VECTORS = ("force", "torque", "position", "velocity", "error")
 
 
 class UnknownSignalError(LookupError):
     """A name that this stage cannot evaluate; the message says why."""
 
 
-@dataclass(slots=True)
+@dataclass(frozen=True, slots=True)
 class SignalTable:
-    """Measured signals as expressions; grows while the stage is put together.
+    """The signals of a stage by name.
 
     Attributes:
-        scalars: by full name, such as `force.z` or `gap`.
-        axes: axes that exist in the stage's frame.
+        situation: what their formulas are told; grows while the stage is put together.
+        constants: params and pi by name.
         elsewhere: resolves `signal in FRAME`.
     """
 
-    scalars: dict[str, ca.SX]
-    axes: tuple[Axis, ...]
+    situation: Situation
+    constants: Mapping[str, ca.SX]
     elsewhere: Callable[[str, str], ca.SX]
+
+    @property
+    def axes(self) -> tuple[Axis, ...]:
+        """Axes that exist in the stage's frame."""
+        return self.situation.axes
+
+    def get(self, name: str) -> ca.SX | None:
+        """A signal by its full name, such as `force.z` or `gap`; None where it is not known."""
+        return self.situation.signal(*name.split("."))
+
+    def __getitem__(self, name: str) -> ca.SX:
+        value = self.get(name)
+        if value is None:
+            raise UnknownSignalError(name)
+        return value
 
     def lookup(self, name: Name) -> ca.SX:
         """A signal or a constant."""
         text = ".".join(name.path)
         if name.frame is not None:
             return self.elsewhere(text, name.frame)
-        if text in self.scalars:
-            return self.scalars[text]
-        if name.path[0] in _VECTORS and len(name.path) == 2:
+        if text in self.constants:
+            return self.constants[text]
+        value = self.get(text)
+        if value is None and name.path[0] in VECTORS and len(name.path) == 2:
             # A component of `norm(...)` that this stage does not have; alone, it has been reported.
             return ca.SX(0)
-        raise UnknownSignalError(text)
+        return self[text] if value is None else value
 
 
 def applied(axis: Axis) -> str:
@@ -59,9 +72,64 @@ def applied(axis: Axis) -> str:
     return f"{'torque' if axis.startswith('r') else 'force'}.{axis}"
 
 
-def wrench_signals(axes: tuple[Axis, ...], wrench: ca.SX) -> dict[str, ca.SX]:
-    """`force.*` and `torque.*` of a (6,) wrench that the robot applies, in frame axes."""
-    return {applied(a): wrench[AXES.index(a)] for a in axes}
+@dataclass(frozen=True, slots=True)
+class Placement:
+    """The tool in a frame at this instant, relative to what carries the frame.
+
+    Attributes:
+        world: kinematics of the tip in the world. clock: since the run began [s].
+        moving_base: what carries the frame, None where nothing does.
+        terms, tool, point: tip, tool point and control point. at: the frame.
+    """
+
+    world: TermSymbols
+    clock: ca.SX
+    moving_base: BaseMotion | None
+    terms: TermSymbols
+    tool: kinematics.ToolPoint
+    point: kinematics.ControlPoint
+    at: kinematics.FrameState
+
+    def situation(self, axes: tuple[Axis, ...]) -> Situation:
+        """What the formulas of signals are told of the tool, on axes of the frame."""
+        world, terms = self.world, self.terms
+        return Situation(
+            axes=axes,
+            clock=self.clock,
+            world=Pose(world.p, world.R, world.twist),
+            tip=Pose(terms.p, terms.R, terms.twist),
+            frame=self.at.R,
+            twist=self.point.twist,
+            applied=opposite(self.point.wrench),
+        )
+
+
+def place(
+    robot: RobotModel,
+    frame: FrameModel,
+    base: MovingBase | None,
+    terms: TermSymbols,
+    wrench: ca.SX,
+    clock: ca.SX,
+    offset: ca.SX | None,
+    face: ca.SX | None,
+) -> Placement:
+    """The tool in a frame.
+
+    Args:
+        robot: for the tool. frame: whichever. base: the object that carries it, if one does.
+        terms: kinematics of the tip in the world. wrench: (6,) on it, world axes [N, N m].
+        clock: since the run began [s]. offset: (3,) of the control point in tip axes, or None.
+        face: parameters of the frame, as `kinematics.frame_state` has them.
+    """
+    now = None if base is None else base.at(clock)
+    # Relative to what carries the frame, in its coordinates; to the world's where nothing does.
+    relative = terms if now is None else now.relative(terms)
+    there = wrench if now is None else now.wrench(wrench)
+    tool = kinematics.tool_point(robot, relative)
+    point = kinematics.control_point(relative, there, offset)
+    at = kinematics.frame_state(frame, relative, tool, face)
+    return Placement(terms, clock, now, relative, tool, point, at)
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,7 +146,7 @@ class Resolver:
     parameters: Layout
 
     def __call__(self, signal: str, frame_name: str) -> ca.SX:
-        """The component or vector `signal` in the axes of frame `frame_name`."""
+        """The component `signal` in the axes of frame `frame_name`."""
         frame = self.frames[frame_name]
         surface = frame.surface
         if surface is not None and surface.parts:
@@ -88,27 +156,18 @@ class Resolver:
             )
         face = felt.symbols(self.parameters, frame) if frame.kind == "estimated" else None
         base = self.moving_bases.get(frame.base_name)
-        terms, wrench = self.terms, self.wrench
-        if base is not None:
-            now = base.at(self.clock)
-            terms, wrench = now.relative(terms), now.wrench(wrench)
-        tool = kinematics.tool_point(self.robot, terms)
-        point = kinematics.control_point(terms, wrench, self.offset)
-        at = kinematics.frame_state(frame, terms, tool, face)
-        R = at.R
+        placed = place(
+            self.robot, frame, base, self.terms, self.wrench, self.clock, self.offset, face
+        )
+        situation = placed.situation(AXES)
+        if frame.still:
+            local = placed.at.R.T @ (placed.point.p - placed.at.origin)
+            situation.position = {axis: local[i] for i, axis in enumerate(AXES[:3])}
         kind, _, axis = signal.partition(".")
-        if kind in ("force", "torque"):
-            wrench = opposite(point.wrench)
-            vector = ca.vertcat(R.T @ wrench[:3], R.T @ wrench[3:])
-        elif kind == "velocity":
-            vector = ca.vertcat(R.T @ point.twist[:3], R.T @ point.twist[3:])
-        elif kind == "position" and frame.still and axis not in ROTATIONS:
-            vector = R.T @ (point.p - at.origin)
-        else:
+        value = situation.signal(kind, axis)
+        if value is None:
             raise UnknownSignalError(f"{signal} in {frame_name}")
-        if axis:
-            return vector[AXES.index(axis)]
-        return vector[3:6] if kind == "torque" else vector[:3]
+        return value
 
 
 def gaps(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 
+from taskspec import signals
 from taskspec.spec.fields import MECHANISMS
 from taskspec.spec.model import mapping
 from taskspec.spec.objects import kind_of_object
@@ -12,8 +13,8 @@ from taskspec.spec.words import ENDS
 from taskspec.spec.world import is_free
 from taskspec.text.codes import register
 from taskspec.text.data import Map
-from taskspec.text.expression import signals
 from taskspec.text.expression.functions import FUNCTIONS, REDUCERS
+from taskspec.text.expression.scope import CONSTANTS
 from taskspec.text.nodes import Mapping
 from taskspec.text.source import Span
 from taskspec.text.units import UNITS
@@ -29,7 +30,6 @@ _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,63}\Z")
 _SHARED = ("world", "frames", "stages")
 """Sections whose names live in one space."""
 _ARTICLES = {"world": "an object", "frames": "a frame", "stages": "a stage", "params": "a param"}
-_SIGNALS = {*signals.VECTORS, *signals.SCALARS, *signals.CONDITIONS, *signals.CLOCKS, "joint"}
 _WORDS = {"and", "or", "not", "for", "within", "in"}
 _FRAMES = {"world", "tool"}
 _OTHER = {"robot", "params"}
@@ -94,9 +94,9 @@ def _why_not(name: str, section: str) -> str | None:
         return f"'{name}' is a function"
     if name in _WORDS:
         return f"'{name}' is a word of expressions"
-    if name in signals.CONSTANTS:
+    if name in CONSTANTS:
         return f"'{name}' is a constant"
-    if name in _SIGNALS:
+    if name in (*signals.words(), *signals.CLOCKS, "joint"):
         return f"'{name}' is a signal"
     if name in ENDS:
         return f"'{name}' is where a run may end"

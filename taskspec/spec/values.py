@@ -19,7 +19,7 @@ from taskspec.text.expression import (
     parse,
 )
 from taskspec.text.expression.parse import Start
-from taskspec.text.expression.signals import CONSTANTS
+from taskspec.text.expression.scope import CONSTANTS
 from taskspec.text.expression.tree import Name, Node, Number, walk
 from taskspec.text.expression.widths import interval_problems
 from taskspec.text.units import LARGEST, NUMBER, Dimension, Quantity, describe

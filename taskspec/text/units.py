@@ -154,10 +154,16 @@ def fitting(dimension: Dimension) -> tuple[str, ...]:
     return (_symbol(dimension),)
 
 
+def si_unit(dimension: Dimension) -> str:
+    """Return the SI unit of a dimension, such as `m/s`; empty for plain numbers."""
+    if dimension == NUMBER:
+        return ""
+    return _WORDS[dimension][1] if dimension in _WORDS else _symbol(dimension)
+
+
 def in_si(value: float, dimension: Dimension) -> str:
     """Return an SI value with its unit, such as `20 Hz`."""
-    unit = _WORDS[dimension][1] if dimension in _WORDS else _symbol(dimension)
-    return f"{value:g} {unit}".rstrip()
+    return f"{value:g} {si_unit(dimension)}".rstrip()
 
 
 def usual_units() -> tuple[str, ...]:

@@ -11,10 +11,11 @@ from pathlib import Path
 import pytest
 from documents import CONVENTIONS, LANGUAGE, completed, first_words, load, table, value, words
 
+from taskspec import signals
 from taskspec.compiler import Program, compile_task
 from taskspec.control import null_space
 from taskspec.control.state import ARM_LENGTH
-from taskspec.geometry.axis import Axis
+from taskspec.geometry.axis import ROTATIONS, Axis
 from taskspec.laws import LAWS
 from taskspec.laws.gains import AxisPlant
 from taskspec.motion.blend import BLEND_TIME
@@ -22,15 +23,15 @@ from taskspec.motion.profile import RISE_TIME
 from taskspec.program import events
 from taskspec.program.execution.tracks import MOVE_SPEED
 from taskspec.program.reference.force_references import DEFAULT_RAMP
-from taskspec.program.signals import TOUCHING
 from taskspec.robot.tool import LENGTH, RADIUS
+from taskspec.signals.entries import TOUCHING
 from taskspec.spec import AxisEntry, Law, Task
 from taskspec.spec.control import Control
 from taskspec.spec.equation import EquationObject
 from taskspec.spec.gains import AxisValues
 from taskspec.spec.law import NULL_SPACE_GOALS
 from taskspec.spec.world import Shape
-from taskspec.text.expression import Expression, parse, signals
+from taskspec.text.expression import Expression, parse
 from taskspec.text.units import FORCE, split_quantity, to_si
 from taskspec_runner.cli import guard
 from taskspec_runner.compare import folder as compared
@@ -261,9 +262,9 @@ def test_columns_of_the_log(simulate):
     expected: dict[str, str] = {}
     for row in table(CONVENTIONS, "table: columns"):
         (pattern,), units = words(row[0]), words(row[1])
-        axes = signals.VECTORS.get(pattern.partition(".")[0], ()) if "AXIS" in pattern else ("",)
+        axes = signals.VECTORS[pattern.partition(".")[0]].axes if "AXIS" in pattern else ("",)
         for axis in axes:
-            unit = units[-1 if axis in signals.ROTATIONS else 0] if units else ""
+            unit = units[-1 if axis in ROTATIONS else 0] if units else ""
             for joint in range(1, 8) if "N" in pattern.split(".") else (0,):
                 name = pattern.replace("AXIS", axis).replace(".N.", f".{joint}.")
                 expected[name] = unit

@@ -18,6 +18,7 @@ from documents import (
     words,
 )
 
+from taskspec import signals
 from taskspec.laws import LAWS
 from taskspec.robot import builtin_robots
 from taskspec.spec import Robot, Task
@@ -28,9 +29,8 @@ from taskspec.spec.words import Word
 from taskspec.spec.world import Shape
 from taskspec.text.confined import VARIABLE
 from taskspec.text.diagnostic import SpecError
-from taskspec.text.expression import signals
 from taskspec.text.expression.functions import FUNCTIONS, REDUCERS
-from taskspec.text.units import NUMBER, UNITS
+from taskspec.text.units import UNITS
 
 
 def test_units():
@@ -89,12 +89,11 @@ def test_robots():
 
 def test_signals():
     expected = {
-        **{f"{name}.{a}": d for name, axes in signals.VECTORS.items() for a, d in axes.items()},
-        **signals.SCALARS,
-        **dict.fromkeys(signals.CONDITIONS, "condition"),
-        **dict.fromkeys(signals.CLOCKS, signals.CLOCK_DIMENSION),
-        **{f"joint.N.{name}": d for name, d in signals.JOINT.items()},
-        "STAGE.visits": NUMBER,
+        **{f"{s.name}.{a}": d for s in signals.VECTORS.values() for a, d in s.dimensions.items()},
+        **{s.name: "condition" if s.condition else s.dimension for s in signals.SCALARS.values()},
+        **{s.name: s.dimension for s in signals.CLOCKS.values()},
+        **{f"joint.N.{s.name}": s.dimension for s in signals.JOINT.values()},
+        **{f"STAGE.{s.name}": s.dimension for s in signals.STAGE.values()},
     }
     documented = {
         signal: dimension
@@ -140,7 +139,11 @@ def test_signals_of_objects():
     for kind, signal, unit, *_ in OF_OBJECTS:
         (dimension,) = units_written(unit)
         documented.setdefault(words(kind)[0], {})[words(signal)[0]] = dimension
-    assert documented == signals.OBJECT
+    has = {
+        kind: {name: s.dimensions[kind] for name, s in entries.items()}
+        for kind, entries in signals.OBJECT.items()
+    }
+    assert documented == has
 
 
 @pytest.mark.parametrize("row", OF_OBJECTS, ids=lambda row: "-".join(words(row[0] + row[1])))

@@ -6,10 +6,10 @@ import numpy as np
 
 from taskspec.compiler import compile_task
 from taskspec.control.qp import Problem
-from taskspec.program.ports import OUTPUTS, slices
+from taskspec.program.ports import fields, slices
 from taskspec.spec import load_text
 
-FIELDS = slices(OUTPUTS)
+FIELDS = slices(fields(0))
 STARTS = {
     "panda": ("[500 mm, 0, 300 mm]", "z", "[500 mm, 0, 300 mm]", "[0, 0, 0]", -1),
     "ur5e": ("[500 mm, 0, 300 mm]", "z", "[500 mm, 0, 300 mm]", "[0, 0, 0]", -1),

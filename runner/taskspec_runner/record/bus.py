@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec.program.ports import OUTPUTS, slices
+from taskspec.program.ports import INTERNAL, slices
 from taskspec.program.ports import fields as fields_of
 from taskspec.spec import Task
 from taskspec_runner.plant.views import PlantViews, view_fields
@@ -47,5 +47,5 @@ class Bus:
     @property
     def outputs(self) -> Vector:
         """A view of all outputs of a stage's function."""
-        start = self.slices[OUTPUTS[0][0]].start
+        start = self.slices[INTERNAL[0][0]].start
         return self.array[start:]

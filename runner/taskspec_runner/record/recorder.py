@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -10,27 +11,35 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from taskspec.geometry.axis import AXES
-from taskspec.program import signals
+from taskspec.program import ports
 from taskspec.program.stages.stage import CompiledStage
 from taskspec.robot import RobotModel
+from taskspec.signals import JOINT, OBJECT, SCALARS, VECTORS
+from taskspec.signals.table import MEASURED
 from taskspec.spec import Task
-from taskspec.text.expression.signals import OBJECT
-from taskspec.text.units import ANGLE, FORCE, LENGTH, MOMENT
+from taskspec.text.units import si_unit
 from taskspec_runner.record.bus import Bus
-from taskspec_runner.record.distances import Distances
+from taskspec_runner.record.truth import Truth
 
 Vector = NDArray[np.float64]
 
 #: Rows of one batch: what a killed run loses at most.
 BATCH = 500
 
-_KIND_UNITS = {
-    "force": ("N", "N*m"),
-    "position": ("m", "rad"),
-    "velocity": ("m/s", "rad/s"),
-    "error": ("m", "rad"),
-}
-_UNITS = {LENGTH: "m", ANGLE: "rad", FORCE: "N", MOMENT: "N*m"}
+
+@dataclass(frozen=True, slots=True)
+class Column:
+    """A column of the log.
+
+    Attributes:
+        name: its own. unit: of its values, empty for plain numbers.
+        field: of the bus; empty for a true signal. row: in that field, or among the true signals.
+    """
+
+    name: str
+    unit: str
+    field: str
+    row: int = 0
 
 
 class Recorder:
@@ -48,15 +57,14 @@ class Recorder:
         stages: tuple[CompiledStage, ...],
         task: Task,
     ) -> None:
-        self._bus, self._stages, self._task = bus, stages, task
+        self._bus, self._stages = bus, stages
         self._rows: Vector = np.zeros((BATCH, len(bus.array)))
         self._filled = 0
         self._array = bus.array
-        self._axes = tuple(a for a in AXES if any(a in s.axes for s in stages))
-        self._joints = robot.pin.nv
-        solved = any(s.resolution is not None for s in stages)
-        self._solved = ("limits", "residual") if solved else ()
-        self._distances = Distances(robot, task)
+        self._layout = tuple(_columns(robot, stages, task))
+        sizes = {name: where.stop - where.start for name, where in bus.slices.items()}
+        true = [column.name for column in self._layout if not column.field]
+        self._truth = Truth(robot, task, stages, sizes, true)
         self._schema = pa.schema([])
         self._writer: pa.ipc.RecordBatchStreamWriter | None = None
         self._path = path
@@ -113,96 +121,49 @@ class Recorder:
         def field(name: str) -> Vector:
             return rows[self._bus.slices[name]]
 
-        applied = self._applied(field("frame"), field("offset"), field("wrench"))
-        columns: dict[str, tuple[Vector, str]] = {
-            "clock": (field("clock")[0], "s"),
-            "t": (field("t")[0], "s"),
-            "stage": (field("stage")[0], "stage"),
-        }
-
-        def six(kind: str, values: Vector, suffix: str = "") -> None:
-            for axis in self._axes:
-                i = AXES.index(axis)
-                name = "torque" if kind == "force" and i > 2 else kind
-                columns[f"{name}.{axis}{suffix}"] = (values[i], _KIND_UNITS[kind][i // 3])
-
-        velocity = field("velocity")
-        six("force", applied)
-        six("force", field("force_ref"), ".ref")
-        six("force", field("measured"), ".measured")
-        six("position", field("position"))
-        six("position", field("position_ref"), ".ref")
-        six("velocity", velocity)
-        six("velocity", field("velocity_ref"), ".ref")
-        six("error", field("error"))
-        size = np.sqrt(np.sum(field("wrench")[:3] ** 2, axis=0))
-        gaps = self._distances(field)
-        columns["gap"] = (self._contact_gap(field("stage")[0], gaps), "m")
-        for name, value, unit in (
-            ("tilt", field("tilt")[0], "rad"),
-            ("speed", field("speed")[0], "m/s"),
-            ("travel", field("travel")[0], "m"),
-            ("touching", (size > signals.TOUCHING).astype(float), ""),
-            ("power", np.sum(applied * velocity, axis=0, where=~np.isnan(velocity)), "W"),
-            ("path_done", field("path_done")[0], ""),
-            ("force_inconsistent", field("force_inconsistent")[0], "N"),
-            ("limited", field("limited")[0], ""),
-            *((name, field(name)[0], "") for name in self._solved),
-        ):
-            columns[name] = (value, unit)
-        for i in range(self._joints):
-            columns[f"joint.{i + 1}.position"] = (field("q")[i], "rad")
-            columns[f"joint.{i + 1}.velocity"] = (field("v")[i], "rad/s")
-            columns[f"joint.{i + 1}.torque"] = (field("torque")[i], "N*m")
-        for name, declared in self._task.world.items():
-            values = self._object_signals(name, gaps, field)
-            for signal, dimension in OBJECT[declared.kind].items():
-                columns[f"{name}.{signal}"] = (values[signal], _UNITS[dimension])
-        for i, (name, equation) in enumerate(self._task.equations.items()):
-            effort = "torque" if equation.equation.joints else "force"
-            unit = columns[f"{name}.{effort}"][1]
-            columns[f"{name}.{effort}.ref"] = (field("reaction_ref")[i], unit)
-            columns[f"{name}.{effort}.measured"] = (field("reaction")[i], unit)
+        true = iter(self._truth(field))
+        columns = {}
+        for column in self._layout:
+            values = field(column.field)[column.row] if column.field else next(true)
+            columns[column.name] = (values, column.unit)
         return columns
 
-    def _object_signals(
-        self,
-        name: str,
-        gaps: Mapping[str, Vector],
-        field: Callable[[str], Vector],
-    ) -> dict[str, Vector]:
-        """(ticks,) of every signal that an object of this kind may have."""
-        task = self._task
-        if name in task.shapes:
-            return {"gap": gaps[name], "force": field("objects")[list(task.shapes).index(name)]}
-        if name in task.equations:
-            applied = field("equations")[list(task.equations).index(name)]
-            return {"gap": gaps[name], "force": applied, "torque": applied}
-        mechanism, number = task.mechanisms[name], list(task.mechanisms).index(name)
-        place = field("mechanism_positions")[number]
-        effort = field("mechanism_efforts")[number]
-        way = mechanism.lead * place if mechanism.angular else place
-        return {"angle": place, "travel": way, "torque": effort, "force": effort}
 
-    @staticmethod
-    def _applied(frame: Vector, offset: Vector, wrench: Vector) -> Vector:
-        """(6, ticks) what the robot applies at the control point, in the stage's frame."""
-        force = -wrench[:3]
-        moment = -wrench[3:]
-        moment[0] -= offset[1] * force[2] - offset[2] * force[1]
-        moment[1] -= offset[2] * force[0] - offset[0] * force[2]
-        moment[2] -= offset[0] * force[1] - offset[1] * force[0]
-        axes = frame.reshape(3, 3, -1)  # axes[i] is the frame's axis i in the world
-        return np.concatenate([np.sum(axes * force, axis=1), np.sum(axes * moment, axis=1)])
-
-    def _contact_gap(self, stage: Vector, gaps: Mapping[str, Vector]) -> Vector:
-        result = np.full(len(stage), np.nan)
-        for number, compiled in enumerate(self._stages):
-            gap = gaps.get(compiled.contact or "")
-            if gap is not None:
-                here = stage == number
-                result[here] = gap[here]
-        return result
+def _columns(robot: RobotModel, stages: tuple[CompiledStage, ...], task: Task) -> Iterator[Column]:
+    """The columns of a log, in their order."""
+    yield Column("clock", "s", "clock")
+    yield Column("t", "s", "t")
+    yield Column("stage", "stage", "stage")
+    axes = [axis for axis in AXES if any(axis in stage.axes for stage in stages)]
+    for group, beside in ports.groups().items():
+        members = [
+            (axis, f"{signal.name}.{axis}", si_unit(signal.dimensions[axis]), signal.sensed)
+            for signal in VECTORS.values()
+            for axis in signal.axes
+            if signal.group == group and axis in axes
+        ]
+        for axis, name, unit, sensed in members:
+            yield Column(name, unit, "" if sensed else group, axis.row)
+        for suffix in beside:
+            field = group if suffix == MEASURED else f"{group}_{suffix}"
+            for axis, name, unit, _ in members:
+                yield Column(f"{name}.{suffix}", unit, field, axis.row)
+    for name, signal in SCALARS.items():
+        yield Column(name, si_unit(signal.dimension), name if signal.port else "")
+    if any(stage.resolution is not None for stage in stages):
+        yield Column("limits", "", "limits")
+        yield Column("residual", "", "residual")
+    for i in range(robot.pin.nv):
+        for name, signal in JOINT.items():
+            yield Column(f"joint.{i + 1}.{name}", si_unit(signal.dimension), "")
+    for owner, declared in task.world.items():
+        for name, signal in OBJECT[declared.kind].items():
+            yield Column(f"{owner}.{name}", si_unit(signal.dimensions[declared.kind]), "")
+    for i, (owner, equation) in enumerate(task.equations.items()):
+        (name,) = OBJECT[equation.kind].keys() & {"force", "torque"}
+        unit = si_unit(OBJECT[equation.kind][name].dimensions[equation.kind])
+        yield Column(f"{owner}.{name}.ref", unit, "reaction_ref", i)
+        yield Column(f"{owner}.{name}.measured", unit, "reaction", i)
 
 
 def _stage_array(values: Vector, stages: tuple[CompiledStage, ...]) -> pa.Array:

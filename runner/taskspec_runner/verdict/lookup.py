@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from taskspec.spec import Task
 from taskspec.text.expression import Meaning, Scope, ScopeKind, resolve, tree
-from taskspec.text.expression.signals import CONSTANTS
+from taskspec.text.expression.scope import CONSTANTS
 from taskspec_runner.record.history import History
 from taskspec_runner.verdict.series import Series
 

@@ -11,9 +11,9 @@ from taskspec.geometry.axis import AXES, Axis
 from taskspec.program.axes import MOSTLY
 from taskspec.program.context import Context
 from taskspec.program.prepare import chart_at, pose_of_base, tool_center
-from taskspec.program.signals import TOUCHING
 from taskspec.program.world.stiffness import RESOLVED_PHASE
 from taskspec.shapes import SHAPES
+from taskspec.signals.entries import TOUCHING
 from taskspec.spec import FILE
 from taskspec.text.codes import register
 from taskspec.text.diagnostic import Diagnostics

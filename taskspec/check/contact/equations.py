@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.program.context import Context
 from taskspec.program.reference.constraints import active_equations
-from taskspec.program.signals import TOUCHING
+from taskspec.signals.entries import TOUCHING
 from taskspec.spec import FILE, key_of
 from taskspec.text.codes import register
 from taskspec.text.diagnostic import Diagnostics

@@ -14,8 +14,8 @@ from taskspec.motion.path import PathShape
 from taskspec.program.axes import MOSTLY
 from taskspec.program.context import Context
 from taskspec.program.reference.constraints import active_equations
-from taskspec.program.signals import TOUCHING
 from taskspec.program.world.equations import EquationModel
+from taskspec.signals.entries import TOUCHING
 from taskspec.spec import FILE, AxisEntry, Stage, key_of
 from taskspec.text.codes import register
 from taskspec.text.diagnostic import Diagnostics

@@ -8,7 +8,7 @@ from taskspec.check.foresight.flow import good_end
 from taskspec.control.sensor import SensorModel
 from taskspec.laws.design import INTEGRAL_FREQUENCY
 from taskspec.program.context import Context
-from taskspec.program.signals import TOUCHING
+from taskspec.signals.entries import TOUCHING
 from taskspec.spec import FILE, Stage
 from taskspec.text.codes import register
 from taskspec.text.diagnostic import Diagnostics

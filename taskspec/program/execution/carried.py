@@ -47,7 +47,7 @@ def leave(stage: CompiledStage, outputs: Mapping[str, Vector], clock: float) -> 
     for name, plan in stage.plans.items():
         i = AXES.index(name)
         if plan.set_point:
-            held[i] = outputs["measured"][i]
+            held[i] = outputs["force"][i]
         tracked = plan.motion and not plan.force and not plan.open_loop
         error[i] = outputs["error"][i] if tracked else 0.0
         twist[i] = outputs["velocity_ref" if tracked else "velocity"][i]

@@ -18,7 +18,7 @@ from taskspec.program.execution.resolver import Asked, Resolver
 from taskspec.program.execution.sensor_zero import SensorZero
 from taskspec.program.execution.stage_runner import StageRunner
 from taskspec.program.execution.transition import END, FAIL, Transition, leads_to
-from taskspec.program.ports import OUTPUTS, slices
+from taskspec.program.ports import INTERNAL, fields, slices
 from taskspec.program.reference.modes import not_finite
 from taskspec.program.stages.stage import CompiledStage
 from taskspec.program.world.felt import Estimates
@@ -28,7 +28,7 @@ Vector = NDArray[np.float64]
 #: q, v, wrench, reactions, torque and outputs of a machine.
 Views = tuple[Vector, Vector, Vector, Vector, Vector, Vector]
 
-_FIELDS = slices(OUTPUTS)
+_FIELDS = slices(INTERNAL)
 _CONDITIONING = _FIELDS["conditioning"].start
 _HEALTH = _FIELDS["health"].start
 
@@ -246,12 +246,13 @@ class Machine:
         reference = not_finite(self.stage.plans, self.named_outputs())
         if reference:
             return reference
-        equations = self.outputs[_FIELDS["residual"].stop :]
-        for name, value in zip(self.stage.equations, equations, strict=False):
+        equations = self.named_outputs()["reaction_ref"]
+        for name, value in zip(self.stage.equations, equations, strict=True):
             if name in self.stage.spec.constraints and not np.isfinite(value):
                 return f"{name!r}"
         return ""
 
     def named_outputs(self) -> dict[str, Vector]:
         """The last outputs by name."""
-        return {name: self.outputs[where] for name, where in _FIELDS.items()}
+        named = slices(fields(len(self.stage.equations)))
+        return {name: self.outputs[where] for name, where in named.items()}

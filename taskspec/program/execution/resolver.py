@@ -13,12 +13,12 @@ from taskspec.control.qp import Problem, Solution, Status, make_solver
 from taskspec.program.bound import BoundFunction
 from taskspec.program.limits.relaxing import relax
 from taskspec.program.limits.resolution import Resolution
-from taskspec.program.ports import OUTPUTS, slices
+from taskspec.program.ports import INTERNAL, fields, slices
 
-_FIELDS = slices(OUTPUTS)
+_FIELDS = slices(INTERNAL)
 _VIOLATION, _UNSETTLED = _FIELDS["violation"].start, _FIELDS["unsettled"].start
-_LIMITED, _LIMITS = _FIELDS["limited"].start, _FIELDS["limits"].start
-_RESIDUAL, _CLAMPED = _FIELDS["residual"].start, _FIELDS["clamped"].start
+_LIMITS, _RESIDUAL = _FIELDS["limits"].start, _FIELDS["residual"].start
+_CLAMPED = _FIELDS["clamped"].start
 
 Vector = NDArray[np.float64]
 
@@ -77,6 +77,7 @@ class Resolver:
         self.resolution, self.account = resolution, Account()
         self.status = Status.SOLVED
         self._torque, self._outputs = torque, outputs
+        self._limited_now = outputs[slices(fields(0))["limited"]]
         nothing = np.zeros(0)
         self._limited = parameters[slots["limited"]]
         self._cut = parameters[slots["cut"]] if r else nothing
@@ -178,7 +179,7 @@ class Resolver:
 
     def _tell(self, cut: Vector, binding: float) -> None:
         self._cut[:], self._limited[:], self._clear = cut, 1.0, False
-        self._outputs[_LIMITED], self._outputs[_LIMITS] = 1.0, binding
+        self._limited_now[:], self._outputs[_LIMITS] = 1.0, binding
 
 
 @dataclass(frozen=True, slots=True)

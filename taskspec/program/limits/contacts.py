@@ -15,13 +15,13 @@ from numpy.typing import NDArray
 from taskspec.control import linear
 from taskspec.control.model_terms import TermSymbols
 from taskspec.geometry.axis import AXES, Axis
-from taskspec.program import signals
 from taskspec.program.axes import MOSTLY
 from taskspec.program.context import Context
 from taskspec.program.reference.constraints import EquationRow
 from taskspec.program.reference.modes import AxisPlan
 from taskspec.program.world import kinematics
 from taskspec.shapes import Surface
+from taskspec.signals.entries import TOUCHING
 
 #: Closer than this [m] to the believed object, the tool counts as touching it.
 NEAR = 1e-3
@@ -153,7 +153,7 @@ def shape_rows(
         normal, turning = _normal(context.surfaces[name], at)
         found.append((at, normal, turning))
         normals.append(normal if now is None else now.A @ normal)
-    touching = ca.norm_2(wrench[:3]) > signals.TOUCHING
+    touching = ca.norm_2(wrench[:3]) > TOUCHING
     active = [gaps[name] < NEAR for name in objects]
     active[:1] = [ca.logic_or(near, touching) for near in active[:1]]
     # What does not touch takes no share of what is felt.

@@ -13,6 +13,7 @@ from taskspec.program.context import Context
 from taskspec.program.layout import Layout
 from taskspec.program.world.frames import FrameModel
 from taskspec.program.world.mechanisms import MechanismModel
+from taskspec.signals import ObjectState
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,10 +68,10 @@ def believe(
     )
 
 
-def mechanism_signals(
+def mechanism_state(
     believed: Believed | None, held: str, terms: TermSymbols, wrench: ca.SX
-) -> dict[str, ca.SX]:
-    """Signals of the mechanism that the robot holds; no other one is known.
+) -> dict[str, ObjectState]:
+    """What is known of the mechanism that the robot holds, by its name; no other one is known.
 
     Args:
         believed: what the stage keeps track of. held: name of the mechanism that is held.
@@ -80,7 +81,6 @@ def mechanism_signals(
         return {}
     mechanism, applied = believed.mechanism, opposite(wrench)
     effort = mechanism.effort(terms.p, applied[:3], applied[3:])
-    if not mechanism.angular:
-        return {f"{held}.travel": believed.travel, f"{held}.force": effort}
-    found = {f"{held}.angle": believed.angle, f"{held}.torque": effort}
-    return found | ({f"{held}.travel": believed.travel} if mechanism.lead else {})
+    angle = believed.angle if mechanism.angular else None
+    state = ObjectState(mechanism.kind, coordinate=angle, way=believed.travel, effort=effort)
+    return {held: state}

@@ -58,7 +58,7 @@ def displacement(name: Axis, plan: PlannedStage, forces: Mapping[Axis, ca.SX]) -
 
 def open_loop_normals(plans: Mapping[Axis, AxisPlan], seen: Measured) -> dict[Axis, ca.SX]:
     """The believed gap counted along each open-loop translation."""
-    gap = seen.table.scalars.get("gap")
+    gap = seen.table.get("gap")
     if gap is None or seen.normal is None:
         return {}
     return {
@@ -79,14 +79,14 @@ def integrals(
 
     They hold the tick's own measurement: a tick later, the sampled loops would bear half the gain.
     """
-    gains, scalars = plan.gains, seen.table.scalars
+    gains, table = plan.gains, seen.table
     # What is held is touched, whatever little force passes.
-    touching = ca.SX(1) if context.gripped(plan.frame) else scalars["touching"]
+    touching = ca.SX(1) if context.gripped(plan.frame) else table["touching"]
     found = {}
     for name, force in forces.items():
         if not plan.plans[name].force or "force.integral" not in gains:
             continue
-        missing = force - scalars[applied(name)]
+        missing = force - table[applied(name)]
         motion = plan.plans[name].motion
         found[name] = wound(
             seen.memory.add(f"integral.{name}"),

@@ -9,15 +9,13 @@ import casadi as ca
 
 from taskspec.control import model_terms
 from taskspec.control.model_terms import TermSymbols
-from taskspec.control.reference import opposite
 from taskspec.control.state import TaskState, task_state
-from taskspec.geometry.axis import AXES
 from taskspec.program import ports, signals
 from taskspec.program.algebra import CasadiAlgebra, constants
 from taskspec.program.clock import Clock
 from taskspec.program.context import Context
 from taskspec.program.layout import Layout
-from taskspec.program.reference.believed import Believed, believe, mechanism_signals
+from taskspec.program.reference.believed import Believed, believe, mechanism_state
 from taskspec.program.reference.constraints import EquationRow, equation_rows, reactions
 from taskspec.program.reference.planned import PlannedStage
 from taskspec.program.reference.unreached import Unreached, requested, unreached_of
@@ -25,6 +23,7 @@ from taskspec.program.signals import SignalTable
 from taskspec.program.world import kinematics
 from taskspec.program.world.frames import FrameModel
 from taskspec.program.world.moving_base import BaseMotion
+from taskspec.signals import ObjectState
 from taskspec.text.expression import Expression
 
 
@@ -81,34 +80,36 @@ def measure(context: Context, plan: PlannedStage) -> Measured:
     clock = Clock(inputs.now[0], inputs.now[1])
     world, now = inputs.terms, clock.clock
 
-    base = None if plan.moving_base is None else plan.moving_base.at(now)
-    # Relative to what carries the frame, in its coordinates; to the world's where nothing does.
-    terms = world if base is None else base.relative(world)
-    wrench = inputs.wrench if base is None else base.wrench(inputs.wrench)
     believed = believe(context, frame, world, clock, memory, parameters)
-    tool = kinematics.tool_point(robot, terms)
     offset = _control_offset(frame, parameters)
-    point = kinematics.control_point(terms, wrench, offset)
     face = kinematics.new_face(parameters, frame, "frame")
-    at = kinematics.frame_state(frame, terms, tool, face)
+    placed = signals.place(robot, frame, plan.moving_base, world, inputs.wrench, now, offset, face)
+    base, terms, point, at = placed.moving_base, placed.terms, placed.point, placed.at
     rows = equation_rows(context.equations, world, inputs.q, inputs.v, now)
     measured = reactions(rows, inputs.wrench, inputs.reactions)
     gaps = signals.gaps(robot, context.surfaces, world.p, world.R, context.moving_bases, now)
     elsewhere = signals.Resolver(
         robot, context.frames, world, inputs.wrench, offset, context.moving_bases, now, parameters
     )
-    scalars = {
-        **_of_the_run(context, inputs, clock),
-        **{f"{o}.gap": g for o, g in gaps.items()},
-        **{f"{name}.gap": row.terms.distance for name, row in rows.items()},
-        **{f"{name}.{_effort(rows[name])}": force for name, force in measured.items()},
-        **mechanism_signals(believed, context.held, world, inputs.wrench),
-        "force_inconsistent": unreached.size(),
-        "limited": parameters.add("limited") if plan.law.solve == "qp" else ca.SX(0),
-        **_of_the_tool(context, plan, inputs, terms, point, at, parameters),
+    task = context.loaded.task
+    situation = placed.situation(plan.axes)
+    situation.t = clock.t
+    situation.force_inconsistent = unreached.size()
+    situation.limited = parameters.add("limited") if plan.law.solve == "qp" else ca.SX(0)
+    situation.start = parameters.add("entry", 3)
+    situation.q, situation.v = inputs.q, inputs.v
+    situation.contact = plan.contact
+    situation.visits = {stage: inputs.now[2 + i] for i, stage in enumerate(task.stages)}
+    kinds = {name: thing.kind for name, thing in task.world.items()}
+    situation.objects = {
+        **{name: ObjectState(kind) for name, kind in kinds.items()},
+        **{name: ObjectState("shape", gap) for name, gap in gaps.items()},
+        **{
+            name: ObjectState(kinds[name], row.terms.distance, effort=measured[name])
+            for name, row in rows.items()
+        },
+        **mechanism_state(believed, context.held, world, inputs.wrench),
     }
-    if plan.contact is not None:
-        scalars["gap"] = gaps[plan.contact]
     return Measured(
         inputs=inputs,
         memory=memory,
@@ -118,7 +119,7 @@ def measure(context: Context, plan: PlannedStage) -> Measured:
         moving_base=base,
         terms=terms,
         believed=believed,
-        tool=tool,
+        tool=placed.tool,
         point=point,
         at=at,
         state=task_state(
@@ -135,7 +136,7 @@ def measure(context: Context, plan: PlannedStage) -> Measured:
         rows=rows,
         reactions=measured,
         gaps=gaps,
-        table=SignalTable(scalars, plan.axes, elsewhere),
+        table=SignalTable(situation, _constants(context), elsewhere),
         unreached=unreached,
     )
 
@@ -153,45 +154,9 @@ def _inputs(context: Context) -> ports.Inputs:
     )
 
 
-def _of_the_run(context: Context, inputs: ports.Inputs, clock: Clock) -> dict[str, ca.SX]:
-    """Parameters of the file, visits of the stages and time."""
-    task = context.loaded.task
-    return {
-        **constants({p: quantity.value for p, quantity in task.params.items()}),
-        **{f"{stage}.visits": inputs.now[2 + i] for i, stage in enumerate(task.stages)},
-        "t": clock.t,
-        "clock": clock.clock,
-    }
-
-
-def _of_the_tool(
-    context: Context,
-    plan: PlannedStage,
-    inputs: ports.Inputs,
-    terms: TermSymbols,
-    point: kinematics.ControlPoint,
-    at: kinematics.FrameState,
-    parameters: Layout,
-) -> dict[str, ca.SX]:
-    """The signals of tool and joints that follow from the measurement alone."""
-    wrench = opposite(point.wrench)
-    local = ca.vertcat(at.R.T @ wrench[:3], at.R.T @ wrench[3:])
-    twist = ca.vertcat(at.R.T @ point.twist[:3], at.R.T @ point.twist[3:])
-    found = signals.wrench_signals(plan.axes, local)
-    found |= {f"velocity.{a}": twist[AXES.index(a)] for a in plan.axes}
-    found["speed"] = ca.norm_2(inputs.terms.twist[:3])
-    found["power"] = ca.dot(wrench, point.twist)
-    found["tilt"] = ca.acos(ca.fmin(ca.fmax(-ca.dot(terms.R[:, 2], at.R[:, 2]), -1), 1))
-    found["touching"] = ca.norm_2(wrench[:3]) > signals.TOUCHING
-    found["travel"] = ca.norm_2(inputs.terms.p - parameters.add("entry", 3))
-    for i in range(context.robot.pin.nv):
-        found[f"joint.{i + 1}.position"] = inputs.q[i]
-        found[f"joint.{i + 1}.velocity"] = inputs.v[i]
-    return found
-
-
-def _effort(row: EquationRow) -> str:
-    return "torque" if row.model.joints else "force"
+def _constants(context: Context) -> dict[str, ca.SX]:
+    params = context.loaded.task.params
+    return constants({name: quantity.value for name, quantity in params.items()})
 
 
 def _normal(

@@ -47,7 +47,7 @@ def restate(
         return state, references, []
     found = analytical(representation, state, references.law, R)
     error = {a: found.reference.error[state.axes.index(a)] for a in AXES[3:]}
-    table.scalars |= {f"error.{a}": e for a, e in error.items()}
+    table.situation.error = {**table.situation.error, **error}
     text = f"the {law.orientation} angles of the tool are within 1 deg of their singularity"
     limit = Event(events.LIMIT, "representation_singularity", text)
     regular = found.regularity

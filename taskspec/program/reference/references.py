@@ -26,10 +26,9 @@ from taskspec.program.reference.tracking import Tracking, track
 def build_references(context: Context, plan: PlannedStage, seen: Measured) -> ReferenceSet:
     """All references of a stage; adds the signals that depend on them to its table."""
     plans, table = plan.plans, seen.table
-    done = _path_done(context, plan, seen)
-    table.scalars["path_done"] = done
+    table.situation.path_done = _path_done(context, plan, seen)
     coordinates = frame_coordinates(plan, seen)
-    table.scalars |= {f"position.{a}": x for a, x in coordinates.position.items()}
+    table.situation.position = coordinates.position
     forces = {
         name: seen.unreached.reachable(name, force_references.set_point(name, axis, seen))
         for name, axis in plans.items()
@@ -38,7 +37,7 @@ def build_references(context: Context, plan: PlannedStage, seen: Measured) -> Re
     motions = _motions(context, plan, seen, forces)
     normals = force_references.open_loop_normals(plans, seen)
     tracked = track(coordinates, motions, normals)
-    table.scalars |= {f"error.{a}": e for a, e in tracked.error.items() if plans[a].motion}
+    table.situation.error = {a: e for a, e in tracked.error.items() if plans[a].motion}
     integrals = force_references.integrals(context, plan, seen, forces, tracked.error)
     zero = ca.SX(0)
     return ReferenceSet(

@@ -40,7 +40,7 @@ def limit_conditions(
     for name, value, unit in (
         ("force", force, "N"),
         ("torque", torque, "N*m"),
-        ("speed", table.scalars["speed"], "mm/s"),
+        ("speed", table["speed"], "mm/s"),
         ("deviation", deviation, "mm"),
     ):
         bound = getattr(limits, name)
@@ -78,7 +78,7 @@ def limit_conditions(
 
 def stage_conditions(stage: Stage, seen: Measured, period: float) -> list[Condition]:
     """`fail_if`, `until`, `within` and the planned end of a stage."""
-    t, scalars = seen.clock.t, seen.table.scalars
+    t = seen.clock.t
     found = []
 
     def guard(kind: str, expression: Expression | None) -> None:
@@ -94,7 +94,7 @@ def stage_conditions(stage: Stage, seen: Measured, period: float) -> list[Condit
             text = f"within {show(time, 's')}"
             found.append(Condition(Event(events.WITHIN, "time", text), t >= time - period / 2, t))
         if travel is not None:
-            way = scalars["travel"]
+            way = seen.table["travel"]
             text = f"within {show(travel, 'mm')} of travel"
             found.append(Condition(Event(events.WITHIN, "travel", text), way > travel, way))
     if stage.until is None:
@@ -105,5 +105,4 @@ def stage_conditions(stage: Stage, seen: Measured, period: float) -> list[Condit
 
 
 def _norm(table: SignalTable, kind: str, axes: tuple[Axis, ...]) -> ca.SX:
-    names = [f"{kind}.{a}" for a in axes if f"{kind}.{a}" in table.scalars]
-    return ca.norm_2(ca.vertcat(0, *(table.scalars[name] for name in names)))
+    return ca.norm_2(ca.vertcat(0, *(table[f"{kind}.{a}"] for a in axes if a in table.axes)))

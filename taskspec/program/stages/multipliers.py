@@ -50,7 +50,7 @@ def equation_forces(context: Context, plan: PlannedStage, seen: Measured) -> Equ
             force,
             seen.unreached.step(name, context.period * (force - seen.reactions[name])),
             gains["force.integral"][name].value,
-            seen.table.scalars["touching"],
+            seen.table["touching"],
             ca.SX(0),
         )
     return found

@@ -7,12 +7,11 @@ from collections.abc import Mapping
 import casadi as ca
 import numpy as np
 
-from taskspec.geometry.axis import Axis
+from taskspec.program import ports
 from taskspec.program.limits.resolution import Resolved
-from taskspec.program.ports import OUTPUTS, PROBE
+from taskspec.program.ports import INTERNAL, PROBE
 from taskspec.program.reference.believed import Believed
 from taskspec.program.reference.measured import Measured
-from taskspec.program.signals import SignalTable, applied
 from taskspec.program.stages.commanded import Commanded
 from taskspec.program.world.moving_base import BaseMotion
 
@@ -36,7 +35,7 @@ def probe(arguments: list[ca.SX], seen: Measured, asked: Commanded) -> ca.Functi
         "turning": at.turning(way if base is None else base.A.T @ way),
         "angle": _angle(seen.believed),
         "coordinate": six(asked.references.coordinate),
-        "measured": six(_applied(seen.table)),
+        "measured": six(seen.table.situation.six("force")),
     }
     found = [values[name] for name, _ in PROBE]
     return ca.Function("probe", [*arguments, way], [ca.vertcat(*found, _reactions(seen))])
@@ -51,7 +50,7 @@ def outputs(
         event: its number and value. seen: what is measured. asked: by the law.
         limited: the stage's programs; what comes of them is filled in later. None without any.
     """
-    inputs, scalars, references = seen.inputs, seen.table.scalars, asked.references
+    inputs, references = seen.inputs, asked.references
     six = references.six
     # How far the closed form is beyond its limits, which pushes have been clamped, and whether the
     # force set points have to be held against what contacts return.
@@ -66,28 +65,25 @@ def outputs(
         "tip_rotation": ca.vec(inputs.terms.R),
         "offset": _world(seen.point.offset, seen.moving_base),
         "frame": ca.vec(_world(seen.at.R, seen.moving_base)),
-        "position": six(references.position),
-        "velocity": six({a: scalars[f"velocity.{a}"] for a in seen.table.axes}),
-        "error": six(references.error),
-        "position_ref": six(references.position_ref),
-        "velocity_ref": six(references.velocity_ref),
-        "force_ref": six(references.force_ref),
-        "measured": six(_applied(seen.table)),
-        "tilt": scalars["tilt"],
-        "speed": scalars["speed"],
-        "travel": scalars["travel"],
-        "path_done": scalars["path_done"],
         "angle": _angle(seen.believed),
         "conditioning": asked.chosen.conditioning if asked.chosen else ca.SX(1),
         "violation": violation,
         "clamped": clamped,
         "unsettled": unsettled,
-        "force_inconsistent": scalars["force_inconsistent"],
-        "limited": ca.SX(0),
         "limits": ca.SX(0),
         "residual": ca.SX(0),
+        "position_ref": six(references.position_ref),
+        "velocity_ref": six(references.velocity_ref),
+        "force_ref": six(references.force_ref),
+        # Of this tick; the signal is that of the tick before.
+        "limited": ca.SX(0),
     }
-    found = [values[name] for name, _ in OUTPUTS]
+    for group in ports.groups():
+        values[group] = six(seen.table.situation.six(group))
+    found = [
+        values[name] if name in values else seen.table[name]
+        for name, _ in (*INTERNAL, *ports.signals())
+    ]
     return ca.vertcat(*found, _wanted_reactions(seen, asked.forces.desired), _reactions(seen))
 
 
@@ -109,8 +105,3 @@ def _world(local: ca.SX, base: BaseMotion | None) -> ca.SX:
 
 def _angle(believed: Believed | None) -> ca.SX:
     return ca.SX(0) if believed is None else believed.angle
-
-
-def _applied(table: SignalTable) -> dict[Axis, ca.SX]:
-    """Measured force and moment that the robot applies, by axis."""
-    return {a: table.scalars[applied(a)] for a in table.axes}

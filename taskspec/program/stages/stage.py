@@ -112,8 +112,7 @@ def compile_stage(
     asked = command(context, plan, seen)
     limited = _limited(context, plan, seen, asked) if plan.law.solve == "qp" else None
     torque = limited.limits.torque if limited else saturated(context.robot, asked.torque)
-    for i in range(context.robot.pin.nv):
-        seen.table.scalars[f"joint.{i + 1}.torque"] = torque[i]
+    seen.table.situation.torque = torque
     number, value, events = code(_conditions(context, plan, seen, asked))
     memory, parameters, references = seen.memory, seen.parameters, asked.references
     updates = references.updates | asked.forces.updates | seen.algebra.updates

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from taskspec.signals import Signal
 from taskspec.text.codes import register
-from taskspec.text.expression import signals, tree
+from taskspec.text.expression import tree
 from taskspec.text.expression.functions import FUNCTIONS, REDUCERS, Function
 from taskspec.text.expression.problem import Problem
 from taskspec.text.expression.scope import Scope, ScopeKind, resolve
@@ -197,7 +198,7 @@ class Checker:
             self.problems.append(explain_name(node, self.scope))
             return UNKNOWN
         if node.frame is not None:
-            self._frame(node, meaning.name)
+            self._frame(node, meaning.signal)
         if meaning.kind == "condition":
             return CONDITION
         if meaning.kind == "vector":
@@ -206,10 +207,10 @@ class Checker:
             return ZERO
         return Type("number", meaning.dimension)
 
-    def _frame(self, node: tree.Name, signal: str) -> None:
+    def _frame(self, node: tree.Name, signal: Signal | None) -> None:
         assert node.frame is not None
         start = node.end - len(node.frame)
-        if signal not in signals.FRAMED:
+        if signal is None or not signal.framed:
             message = f"'{'.'.join(node.path)}' is the same in every frame"
             self.problems.append(Problem("TS116", message, start, node.end, "leave out 'in'"))
         elif node.frame not in self.scope.frames:

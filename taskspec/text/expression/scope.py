@@ -3,16 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Set
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from types import MappingProxyType
 from typing import Literal
 
-from taskspec.text.expression import signals
-from taskspec.text.units import ANGLE, NUMBER, TIME, Dimension, Quantity
+from taskspec import signals
+from taskspec.geometry.axis import TRANSLATIONS
+from taskspec.signals import CLOCKS, VECTORS, Signal
+from taskspec.text.units import ANGLE, LENGTH, NUMBER, Dimension, Quantity
 
 Kind = Literal["param", "constant", "clock", "signal", "condition", "vector", "joint", "object",
                "visits", "coordinate"]  # fmt: skip
+
+COORDINATES: dict[str, Dimension] = dict.fromkeys(TRANSLATIONS, LENGTH)
+"""Coordinates of the tool tip, for equations; joints are q1, q2 and so on."""
+
+CONSTANTS: dict[str, tuple[float, Dimension]] = {"pi": (3.141592653589793, NUMBER)}
 
 
 class ScopeKind(StrEnum):
@@ -62,7 +69,7 @@ class Scope:
         """The clocks that exist here."""
         if self.kind is ScopeKind.CONSTANT:
             return ()
-        return ("clock",) if self.kind in _WORLDLY else signals.CLOCKS
+        return ("clock",) if self.kind in _WORLDLY else tuple(CLOCKS)
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,6 +83,7 @@ class Meaning:
         axis: of a signal with axes.
         stage: the stage that prefixes the name, or whose visits are meant.
         subject: the object's name or the joint's number.
+        signal: its entry in the table of signals.
     """
 
     kind: Kind
@@ -84,6 +92,7 @@ class Meaning:
     axis: str | None = None
     stage: str | None = None
     subject: str | None = None
+    signal: Signal | None = None
 
 
 def resolve(path: tuple[str, ...], scope: Scope) -> Meaning | None:
@@ -94,18 +103,18 @@ def resolve(path: tuple[str, ...], scope: Scope) -> Meaning | None:
     head, rest = path[0], path[1:]
     if rest and head in scope.stages and scope.measures:
         if rest == ("visits",):
-            return Meaning("visits", "visits", stage=head)
+            return Meaning("visits", "visits", stage=head, signal=signals.STAGE["visits"])
         inner = _resolve_signal(rest, scope) if scope.kind is ScopeKind.EXPECT else None
-        return _in_stage(inner, head) if inner else None
+        return replace(inner, stage=head) if inner else None
     if not rest:
         if scope.kind is ScopeKind.EQUATION and (dimension := coordinate(head)) is not None:
             return Meaning("coordinate", head, dimension)
         if head in scope.params:
             return Meaning("param", head, scope.params[head].dimension)
-        if head in signals.CONSTANTS:
-            return Meaning("constant", head, signals.CONSTANTS[head][1])
+        if head in CONSTANTS:
+            return Meaning("constant", head, CONSTANTS[head][1])
         if head in scope.clocks:
-            return Meaning("clock", head, TIME)
+            return Meaning("clock", head, CLOCKS[head].dimension, signal=CLOCKS[head])
     return _resolve_signal(path, scope) if scope.measures else None
 
 
@@ -113,34 +122,20 @@ def coordinate(name: str) -> Dimension | None:
     """Return the dimension of a coordinate that an equation may use, None for any other name."""
     if name[:1] == "q" and name[1:].isdigit() and not name.startswith("q0"):
         return ANGLE
-    return signals.COORDINATES.get(name)
-
-
-def _in_stage(meaning: Meaning, stage: str) -> Meaning:
-    return Meaning(
-        meaning.kind, meaning.name, meaning.dimension, meaning.axis, stage, meaning.subject
-    )
+    return COORDINATES.get(name)
 
 
 def _resolve_signal(path: tuple[str, ...], scope: Scope) -> Meaning | None:
-    match path:
-        case (name,) if name in signals.SCALARS:
-            return Meaning("signal", name, signals.SCALARS[name])
-        case (name,) if name in signals.CONDITIONS:
-            return Meaning("condition", name)
-        case (name,) if name in signals.CLOCKS:
-            return Meaning("clock", name, TIME)
-        case (name,) if name in signals.VECTORS:
-            axis = signals.BARE_AXES[name][0]
-            return Meaning("vector", name, signals.VECTORS[name][axis])
-        case (name, axis) if axis in signals.VECTORS.get(name, ()):
-            return Meaning("signal", name, signals.VECTORS[name][axis], axis)
-        case ("joint", number, name) if number.isdigit() and name in signals.JOINT:
-            if int(number) < 1 or number.startswith("0"):
-                return None
-            return Meaning("joint", name, signals.JOINT[name], subject=number)
-        case (owner, name) if owner in scope.objects:
-            has = signals.OBJECT[scope.objects[owner]]
-            return Meaning("object", name, has[name], subject=owner) if name in has else None
-        case _:
-            return None
+    if len(path) == 1 and path[0] in VECTORS:
+        vector = VECTORS[path[0]]
+        return Meaning("vector", path[0], vector.dimensions[vector.bare[0]], signal=vector)
+    found = signals.find(path, scope.objects)
+    if found is None:
+        return None
+    entry, member = found.signal, found.member
+    kind = "condition" if entry.condition else _KINDS.get(entry.index, "signal")
+    axis, subject = (member, None) if entry.axes else (None, member or None)
+    return Meaning(kind, entry.name, found.dimension, axis, None, subject, entry)
+
+
+_KINDS: dict[str, Kind] = {"time": "clock", "joint": "joint", "object": "object"}

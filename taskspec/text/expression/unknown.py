@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+from taskspec import signals
 from taskspec.geometry.axis import AXES, ROTATIONS
 from taskspec.text.codes import register
-from taskspec.text.expression import signals
 from taskspec.text.expression.functions import FUNCTIONS, REDUCERS
 from taskspec.text.expression.problem import Problem
-from taskspec.text.expression.scope import Scope, ScopeKind, coordinate
+from taskspec.text.expression.scope import CONSTANTS, COORDINATES, Scope, ScopeKind, coordinate
 from taskspec.text.expression.tree import Name
 from taskspec.text.suggest import closest, suggestion
 from taskspec.text.units import UNITS
@@ -39,7 +39,6 @@ _OTHERS = {
 }  # fmt: skip
 """What other systems call a signal."""
 _TRUTH = ("yes", "no", "on", "off", "true", "false")
-_SIGNALS = (*signals.VECTORS, *signals.SCALARS, *signals.CONDITIONS)
 
 
 def explain_name(node: Name, scope: Scope) -> Problem:
@@ -67,7 +66,7 @@ def explain_name(node: Name, scope: Scope) -> Problem:
 def _instead(path: tuple[str, ...], scope: Scope) -> str:
     """What an expression that measures nothing may use in place of a signal."""
     if scope.kind is ScopeKind.EQUATION and len(path) > 1:
-        if path[0] == "position" and path[1] in signals.COORDINATES:
+        if path[0] == "position" and path[1] in COORDINATES:
             return f"in an equation the tool tip's is '{path[1]}'"
         if path[0] == "joint" and path[1].isdigit():
             return f"in an equation it is 'q{path[1]}'"
@@ -91,7 +90,7 @@ def _single(word: str, scope: Scope) -> tuple[str, str, str]:
         return "TS120", f"'{word}' is a unit", f"a unit follows a number, as in '1 {word}'"
     if word in FUNCTIONS or word in REDUCERS:
         return "TS120", f"'{word}' is a function", f"write its argument: {word}(…)"
-    if word in _SIGNALS or word in signals.CLOCKS:
+    if word in signals.words() or word in signals.CLOCKS:
         return "TS116", f"'{word}' is not known here", _ONLY_HERE.get(scope.kind, "")
     if word in scope.stages:
         return "TS120", f"'{word}' is a stage, not a value", f"add a signal: {word}.force.z"
@@ -105,11 +104,11 @@ def _single(word: str, scope: Scope) -> tuple[str, str, str]:
     unknown = f"unknown name '{word}'"
     if word.lower() in _TRUTH:
         return "TS120", unknown, "a condition compares: gap < 1 mm"
-    known = {*signals.CLOCKS, *signals.CONSTANTS, *scope.params}
+    known = {*signals.CLOCKS, *CONSTANTS, *scope.params}
     if scope.kind is ScopeKind.EQUATION:
-        known |= signals.COORDINATES.keys()
+        known |= COORDINATES.keys()
     if scope.measures:
-        known |= {*_SIGNALS, *scope.stages, *scope.objects}
+        known |= {*signals.words(), *scope.stages, *scope.objects}
         other = _OTHERS.get(word.lower().replace("_", ""))
         if other is not None and closest(word, scope.params) is None:
             return "TS120", unknown, f"did you mean '{other}'?"
@@ -139,7 +138,7 @@ def _signal(
         message, hint = f"'{path[-1]}' is a function", f"it comes first: {path[-1]}({inner})"
         return Problem("TS120", message, start, end, hint)
     if head in signals.VECTORS:
-        axes = list(signals.VECTORS[head])
+        axes = list(signals.VECTORS[head].dimensions)
         return Problem("TS120", f"'{head}' has no '{'.'.join(path[1:])}'", start, end,
                        _axis_hint(head, path[1], axes))  # fmt: skip
     if head in scope.objects:
@@ -150,13 +149,20 @@ def _signal(
     if head == "joint":
         hint = "write joint.1.position, joint.1.velocity or joint.1.torque, counted from 1"
         return Problem("TS120", f"'{'.'.join(path)}' is not a joint's signal", start, end, hint)
-    if head in (*signals.SCALARS, *signals.CONDITIONS, *signals.CLOCKS, *scope.params):
+    if head in (*signals.SCALARS, *signals.CLOCKS, *scope.params):
         return Problem("TS120", f"'{head}' has no parts", start, end, f"write '{head}'")
     options = {*signals.VECTORS, *scope.objects, "joint"}
     if scope.kind is ScopeKind.EXPECT or path[-1] == "visits":
         options |= scope.stages
     if after_stage:
-        options = {*signals.VECTORS, *scope.objects, "joint", *_SIGNALS, *signals.CLOCKS, "visits"}
+        options = {
+            *signals.VECTORS,
+            *scope.objects,
+            "joint",
+            *signals.words(),
+            *signals.CLOCKS,
+            "visits",
+        }
         hint = suggestion(head, options, "signals")
         if (other := _OTHERS.get(head.lower())) is not None and closest(head, options) is None:
             hint = f"did you mean '{other}'?"
@@ -164,7 +170,7 @@ def _signal(
     what = "stage, object or signal" if scope.kind is ScopeKind.EXPECT else "signal or object"
     hint = (
         suggestion(head, options, "known are") if len(path) > 1
-        else suggestion(head, _SIGNALS, "signals")
+        else suggestion(head, signals.words(), "signals")
     )  # fmt: skip
     return Problem("TS120", f"unknown {what} '{head}'", start, start + len(head), hint)
 

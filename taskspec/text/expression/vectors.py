@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from taskspec.text.expression import signals, tree
+from taskspec.signals import VECTORS
+from taskspec.text.expression import tree
 
 
 def written_out(node: tree.Node) -> tree.Node:
     """Replace the argument of norm(vector) by the vector's components."""
     match node:
-        case tree.Call("norm", (tree.Name(path, frame) as name,)) if path[-1] in signals.VECTORS:
-            axes = signals.BARE_AXES[path[-1]]
+        case tree.Call("norm", (tree.Name(path, frame) as name,)) if path[-1] in VECTORS:
+            axes = VECTORS[path[-1]].bare
             return replace(
                 node, args=tuple(replace(name, path=(*path, axis), frame=frame) for axis in axes)
             )

@@ -5,15 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 
+from taskspec.signals import STAGE
 from taskspec.text.codes import register
 from taskspec.text.expression import tree
 from taskspec.text.expression.evaluate import FloatAlgebra, evaluate
 from taskspec.text.expression.problem import Problem
 
 register({"TS711": "an interval whose ends are the wrong way round"})
-
-#: Signals that are counted, so that one value can be met.
-_COUNTED = ("visits",)
 
 
 def interval_problems(root: tree.Node, lookup: Callable[[tree.Name], float]) -> Iterator[Problem]:
@@ -52,4 +50,6 @@ def _half(node: tree.Within) -> tree.Node | None:
 
 
 def _counts(x: tree.Node) -> bool:
-    return any(isinstance(n, tree.Name) and n.path[-1] in _COUNTED for n in tree.walk(x))
+    """Whether a value is made of a signal that is counted, so that one number can be met."""
+    counted = {name for name, signal in STAGE.items() if signal.counted}
+    return any(isinstance(n, tree.Name) and n.path[-1] in counted for n in tree.walk(x))

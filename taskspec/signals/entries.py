@@ -1,0 +1,267 @@
+"""The signals of the language, each stated once.
+
+The order is that of the log's columns and of the tables in docs/language.md. A docstring is what a
+signal means, as the documentation has it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, TypeVar
+
+from taskspec.geometry.axis import AXES, ROTATIONS, TRANSLATIONS, Axis
+from taskspec.signals.operations import acos, clip, dot, norm, stack
+from taskspec.signals.situation import Situation
+from taskspec.signals.table import JOINTS, MEASURED, REFERENCE, STAGES, TIMES, condition, signal
+from taskspec.text.units import (
+    ANGLE,
+    ANGULAR_VELOCITY,
+    FORCE,
+    LENGTH,
+    MOMENT,
+    NUMBER,
+    POWER,
+    TIME,
+    VELOCITY,
+)
+
+if TYPE_CHECKING:
+    import casadi as ca
+
+_Value = TypeVar("_Value")
+
+#: Force above which the tool touches [N].
+TOUCHING = 0.5
+
+
+def _both(linear: _Value, angular: _Value) -> dict[str, _Value]:
+    """One value for every translation, another for every rotation."""
+    return {axis: angular if axis.is_rotation else linear for axis in AXES}
+
+
+@signal("clock", TIME, of=TIMES, low=0.0)
+def _clock(at: Situation) -> ca.SX:
+    """Since the run began."""
+    return at.clock
+
+
+@signal("t", TIME, of=TIMES, low=0.0)
+def _t(at: Situation) -> ca.SX:
+    """Since the stage began."""
+    return at.t
+
+
+@signal(
+    "force",
+    of=dict.fromkeys(TRANSLATIONS, FORCE),
+    group="force",
+    limit="force",
+    framed=True,
+    sensed=True,
+    beside=(REFERENCE, MEASURED),
+)
+def _force(at: Situation) -> ca.SX:
+    """Contact force that the robot applies."""
+    return at.frame.T @ at.applied[:3]
+
+
+@signal(
+    "torque",
+    of=dict.fromkeys(ROTATIONS, MOMENT),
+    group="force",
+    limit="torque",
+    framed=True,
+    sensed=True,
+    beside=(REFERENCE, MEASURED),
+)
+def _torque(at: Situation) -> ca.SX:
+    """Contact moment about the control point."""
+    return at.frame.T @ at.applied[3:]
+
+
+@signal(
+    "position",
+    of=_both(LENGTH, ANGLE),
+    meanings=_both(
+        "coordinate of the control point; see section 7",
+        "rotation vector since the stage began",
+    ),
+    framed=True,
+    beside=(REFERENCE,),
+)
+def _position(at: Situation) -> Mapping[Axis, ca.SX]:
+    return at.position
+
+
+@signal(
+    "velocity",
+    of=_both(VELOCITY, ANGULAR_VELOCITY),
+    meanings=_both(
+        "velocity of the control point in the world, in the frame's axes",
+        "rates of the tool in the world, in the frame's axes",
+    ),
+    framed=True,
+    beside=(REFERENCE,),
+)
+def _velocity(at: Situation) -> ca.SX:
+    return stack(at.frame.T @ at.twist[:3], at.frame.T @ at.twist[3:])
+
+
+@signal(
+    "error",
+    of=_both(LENGTH, ANGLE),
+    meanings=_both(
+        "motion reference minus position",
+        "the same of rotations, as the law's `orientation` has it",
+    ),
+    framed=True,
+    reference="a reference cannot depend on the error against itself",
+    absent="no motion reference",
+)
+def _error(at: Situation) -> Mapping[Axis, ca.SX]:
+    return at.error
+
+
+@signal("gap", LENGTH, sensed=True, absent="no surface to be near to")
+def _gap(at: Situation) -> ca.SX | None:
+    """Signed distance of the tool's shape from the believed contact's object."""
+    return None if at.contact is None else at.objects[at.contact].distance
+
+
+@signal("tilt", ANGLE, low=0.0, high=3.141592653589793, framed=True)
+def _tilt(at: Situation) -> ca.SX:
+    """Angle between the tool's axis and −z of the frame."""
+    return acos(clip(-dot(at.tip.R[:, 2], at.frame[:, 2]), -1, 1))
+
+
+@signal("speed", VELOCITY, low=0.0, limit="speed")
+def _speed(at: Situation) -> ca.SX:
+    """Of the tip."""
+    return norm(at.world.twist[:3])
+
+
+@signal("travel", LENGTH, low=0.0)
+def _travel(at: Situation) -> ca.SX:
+    """Straight distance of the tip from the stage's start."""
+    return norm(at.world.p - at.start)
+
+
+@condition("touching", sensed=True)
+def _touching(at: Situation) -> ca.SX:
+    """The contact force exceeds 0.5 N."""
+    return norm(at.applied[:3]) > TOUCHING
+
+
+@signal("power", POWER, sensed=True)
+def _power(at: Situation) -> ca.SX:
+    """Force · velocity + moment · rate of turn."""
+    force, velocity = at.six("force"), at.six("velocity")
+    return dot(stack(*(force[a] for a in at.axes)), stack(*(velocity[a] for a in at.axes)))
+
+
+@condition("path_done")
+def _path_done(at: Situation) -> ca.SX:
+    """The stage's path is at its end."""
+    return at.path_done
+
+
+@signal("force_inconsistent", FORCE, low=0.0)
+def _force_inconsistent(at: Situation) -> ca.SX:
+    """Of the force set points, what contacts cannot return; 0 without `solve: qp`."""
+    return at.force_inconsistent
+
+
+@condition("limited")
+def _limited(at: Situation) -> ca.SX:
+    """A limit changed the torque; in guards, of the tick before."""
+    return at.limited
+
+
+@signal("position", ANGLE, of=JOINTS)
+def _joint_position(at: Situation, number: str) -> ca.SX:
+    """Joint N, counted from 1."""
+    return at.q[int(number) - 1]
+
+
+@signal("velocity", ANGULAR_VELOCITY, of=JOINTS)
+def _joint_velocity(at: Situation, number: str) -> ca.SX:
+    """Joint N."""
+    return at.v[int(number) - 1]
+
+
+@signal(
+    "torque",
+    MOMENT,
+    of=JOINTS,
+    reference="a reference cannot depend on the torque that follows from it",
+)
+def _joint_torque(at: Situation, number: str) -> ca.SX:
+    """Torque commanded to joint N."""
+    return at.torque[int(number) - 1]
+
+
+@signal("visits", NUMBER, of=STAGES, low=0.0, counted=True)
+def _visits(at: Situation, stage: str) -> ca.SX:
+    """How often a stage has been entered."""
+    return at.visits[stage]
+
+
+@signal(
+    "gap",
+    of={"shape": LENGTH, "equation": LENGTH, "joint equation": ANGLE},
+    meanings={
+        "shape": "signed distance of the tool's shape from it",
+        "equation": "distance of the tip along the unit gradient, left minus right over its "
+        "gradient",
+        "joint equation": "the same in joint space",
+    },
+)
+def _object_gap(at: Situation, name: str) -> ca.SX | None:
+    return at.objects[name].distance
+
+
+@signal("angle", of={"hinge": ANGLE, "screw": ANGLE})
+def _object_angle(at: Situation, name: str) -> ca.SX | None:
+    """Its coordinate, over several turns."""
+    return at.objects[name].coordinate
+
+
+@signal(
+    "travel",
+    of={"slide": LENGTH, "screw": LENGTH},
+    meanings={"slide": "its coordinate", "screw": "its way along the axis"},
+)
+def _object_travel(at: Situation, name: str) -> ca.SX | None:
+    return at.objects[name].way
+
+
+@signal(
+    "force",
+    of={"shape": FORCE},
+    low=0.0,
+    unmeasured="the robot does not measure the force of one object; use norm(force)",
+)
+def _object_force(at: Situation, name: str) -> ca.SX | None:
+    """Magnitude of the contact force with it."""
+    return at.objects[name].effort
+
+
+@signal(
+    "force",
+    of={"equation": FORCE, "slide": FORCE},
+    meanings={
+        "equation": "what the robot applies along the unit gradient",
+        "slide": "what the robot applies to it along its axis",
+    },
+)
+@signal(
+    "torque",
+    of={"joint equation": MOMENT, "hinge": MOMENT, "screw": MOMENT},
+    meanings={
+        "joint equation": "the same in joint space",
+        "hinge": "what the robot applies to it about its axis",
+        "screw": "what the robot applies to its coordinate",
+    },
+)
+def _object_effort(at: Situation, name: str) -> ca.SX | None:
+    return at.objects[name].effort

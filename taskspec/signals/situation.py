@@ -1,0 +1,130 @@
+"""What a formula is told: the tool in a frame at one instant, as expressions."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+from taskspec.geometry.axis import Axis
+from taskspec.signals.table import VECTORS, Signal, find
+
+if TYPE_CHECKING:
+    import casadi as ca
+
+#: What a situation is not told of; a formula that needs it cannot be evaluated there.
+UNKNOWN: Any = None
+
+
+@dataclass(frozen=True, slots=True)
+class Pose:
+    """A pose of the tip.
+
+    Attributes:
+        p: (3,) [m].
+        R: (3, 3).
+        twist: (6,) its velocity [m/s, rad/s].
+    """
+
+    p: ca.SX
+    R: ca.SX
+    twist: ca.SX = UNKNOWN
+
+
+@dataclass(frozen=True, slots=True)
+class ObjectState:
+    """An object of the world; None is what is not known of it.
+
+    Attributes:
+        kind: as in `OBJECT`.
+        distance: of the tool from it [m, rad].
+        coordinate: of a mechanism [rad, m].
+        way: of a mechanism's handle along its axis [m].
+        effort: what the robot applies to it [N, N m].
+    """
+
+    kind: str
+    distance: ca.SX | None = None
+    coordinate: ca.SX | None = None
+    way: ca.SX | None = None
+    effort: ca.SX | None = None
+
+
+@dataclass(slots=True)
+class Situation:
+    """The tool in a frame at one instant; grows while a stage is put together.
+
+    A frame may be carried by an object that moves. What is relative to that object is in its axes;
+    these are the world's where nothing carries the frame.
+
+    Attributes:
+        axes: axes of the frame that exist for the arm.
+        t, clock: since the stage, and the run, began [s].
+        world: the tip in the world. tip: the same relative to what carries the frame.
+        frame: (3, 3) axes of the frame, relative.
+        twist: (6,) velocity of the control point, relative [m/s, rad/s].
+        applied: (6,) what the robot applies at the control point, relative [N, N m].
+        start: (3,) where the tip was as the stage began, world [m].
+        q, v, torque: (n,) of the joints [rad, rad/s, N m].
+        contact: the object whose gap is meant where none is named, None without one.
+        objects: by name. visits: how often each stage was entered.
+        position, error: by axis, as far as there is one [m, rad].
+        path_done, limited, force_inconsistent: what the program says of its tick.
+        known: signals by full name that are given instead of evaluated, and those evaluated so far.
+    """
+
+    axes: tuple[Axis, ...]
+    t: ca.SX = UNKNOWN
+    clock: ca.SX = UNKNOWN
+    world: Pose = UNKNOWN
+    tip: Pose = UNKNOWN
+    frame: ca.SX = UNKNOWN
+    twist: ca.SX = UNKNOWN
+    applied: ca.SX = UNKNOWN
+    start: ca.SX = UNKNOWN
+    q: ca.SX = UNKNOWN
+    v: ca.SX = UNKNOWN
+    torque: ca.SX = UNKNOWN
+    contact: str | None = None
+    objects: Mapping[str, ObjectState] = field(default_factory=dict)
+    visits: Mapping[str, ca.SX] = field(default_factory=dict)
+    position: Mapping[Axis, ca.SX] = field(default_factory=dict)
+    error: Mapping[Axis, ca.SX] = field(default_factory=dict)
+    path_done: ca.SX = UNKNOWN
+    limited: ca.SX = UNKNOWN
+    force_inconsistent: ca.SX = UNKNOWN
+    known: dict[str, ca.SX] = field(default_factory=dict)
+
+    def signal(self, *path: str) -> ca.SX | None:
+        """A signal by the parts of its name; None where it is not known."""
+        text = ".".join(path)
+        if text not in self.known:
+            kinds = {name: thing.kind for name, thing in self.objects.items()}
+            found = find(path, kinds, self.visits)
+            value = None if found is None else found.value(self)
+            if found is None or value is None or found.signal.axes:
+                return value
+            self.known[text] = value
+        return self.known[text]
+
+    def components(self, signal: Signal) -> Mapping[Axis, ca.SX]:
+        """All components of a family of axes that there are, by axis."""
+        names = {axis: f"{signal.name}.{axis}" for axis in signal.axes}
+        given = {axis: self.known[name] for axis, name in names.items() if name in self.known}
+        if given:
+            return given
+        value = signal.formula(self)
+        if value is None or isinstance(value, Mapping):
+            # These grow, and are restated, as long as the stage is put together.
+            return value or {}
+        found = {axis: value[i] for i, axis in enumerate(signal.axes) if axis in self.axes}
+        self.known |= {names[axis]: each for axis, each in found.items()}
+        return found
+
+    def six(self, group: str) -> Mapping[Axis, ca.SX]:
+        """A vector of six numbers by axis, such as the wrench: `force` with `torque`."""
+        found: dict[Axis, ca.SX] = {}
+        for each in VECTORS.values():
+            if each.group == group:
+                found |= self.components(each)
+        return found

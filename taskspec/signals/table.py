@@ -1,0 +1,200 @@
+"""The table of signals, and how an entry is added to it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from taskspec.geometry.axis import TRANSLATIONS, Axis, as_axis
+from taskspec.text.units import NUMBER, Dimension
+
+if TYPE_CHECKING:
+    import casadi as ca
+
+    from taskspec.signals.situation import Situation
+
+#: What an entry may be about: nothing else, an axis, a joint, an object of the world, a stage.
+SCALAR, AXIS, JOINTS, OBJECTS, STAGES, TIMES = "", "axis", "joint", "object", "stage", "time"
+
+#: What the log has beside a signal.
+REFERENCE, MEASURED = "ref", "measured"
+
+Formula = Callable[..., Any]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Signal:
+    """One signal, or a family of them that differ by axis, joint, object or stage.
+
+    Attributes:
+        name: of the signal; of a family the part that its members share.
+        index: what the members of a family differ by, empty for a single signal.
+        dimensions: of the members, by axis or kind of the object; of others by "".
+        meanings: of the members in the same way, as the documentation has it.
+        formula: the signal as an expression of a situation, given the member of a family of
+            joints, objects or stages. A family of axes gives all of them at once: a vector, or a
+            mapping of those that there are. None where it is not known.
+        condition: whether it is true or false instead of a number.
+        low, high: bounds that its nature sets [SI].
+        limit: the limit of the file that bounds its magnitude, if one does.
+        framed: whether another frame shows it differently.
+        sensed: whether it follows from sensors or from nominal geometry, so that the log has the
+            truth in place of what the controller measures.
+        beside: what the log has beside it: its reference, its measurement.
+        group: the vector of six numbers that its axes are a part of.
+        counted: whether it takes whole numbers, which a value can meet exactly.
+        reference: why no reference may use it, empty if one may.
+        unmeasured: why neither references nor guards may use it, empty if they may.
+        absent: why it may have no value in a stage.
+    """
+
+    name: str
+    index: str
+    dimensions: Mapping[str, Dimension]
+    meanings: Mapping[str, str]
+    formula: Formula
+    condition: bool = False
+    low: float = -math.inf
+    high: float = math.inf
+    limit: str = ""
+    framed: bool = False
+    sensed: bool = False
+    beside: tuple[str, ...] = ()
+    group: str = ""
+    counted: bool = False
+    reference: str = ""
+    unmeasured: str = ""
+    absent: str = ""
+
+    @property
+    def dimension(self) -> Dimension:
+        """Of its first member."""
+        return next(iter(self.dimensions.values()))
+
+    @property
+    def axes(self) -> tuple[Axis, ...]:
+        """The axes of a family of axes."""
+        return tuple(map(Axis, self.dimensions)) if self.index == AXIS else ()
+
+    @property
+    def bare(self) -> tuple[Axis, ...]:
+        """The axes that its name alone means: translations, as far as it has any."""
+        return tuple(a for a in self.axes if a in TRANSLATIONS) or self.axes
+
+    @property
+    def port(self) -> bool:
+        """Whether the log takes it from the controller's outputs."""
+        return self.index in (SCALAR, AXIS) and not self.sensed
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """A member of the table: the signal, and which axis, joint, object or stage it is about.
+
+    Attributes:
+        signal: the entry of the table. member: axis, number of the joint, name of the object or
+            stage; empty for a single signal. dimension: of the member.
+    """
+
+    signal: Signal
+    member: str
+    dimension: Dimension
+
+    def value(self, at: Situation) -> ca.SX | None:
+        """Its formula in a situation; None where it is not known there."""
+        signal = self.signal
+        if signal.index == AXIS:
+            return at.components(signal).get(Axis(self.member))
+        found: ca.SX | None = signal.formula(at, self.member) if self.member else signal.formula(at)
+        return found
+
+
+#: By name: families of axes, single signals in the order of the log, and clocks.
+VECTORS: dict[str, Signal] = {}
+SCALARS: dict[str, Signal] = {}
+CLOCKS: dict[str, Signal] = {}
+#: Of a joint, and of a stage, by the last part of the name.
+JOINT: dict[str, Signal] = {}
+STAGE: dict[str, Signal] = {}
+#: Of an object, by its kind and the last part of the name.
+OBJECT: dict[str, dict[str, Signal]] = {}
+
+_TABLES = {SCALAR: SCALARS, AXIS: VECTORS, TIMES: CLOCKS, JOINTS: JOINT, STAGES: STAGE}
+
+
+def signal(
+    name: str,
+    dimension: Dimension | None = None,
+    *,
+    of: str | Mapping[str, Dimension] = SCALAR,
+    meanings: Mapping[str, str] | None = None,
+    **facts: Any,
+) -> Callable[[Formula], Formula]:
+    """Enters a signal into the table; decorates its formula, whose docstring is its meaning.
+
+    Args:
+        name: of the signal. dimension: of it, where all members have the same.
+        of: what it is about: nothing, joints, stages, the clock; dimensions by axis or by kind of
+            the object where it has members of several.
+        meanings: by axis or kind, where one docstring does not do.
+        facts: the other attributes of `Signal`.
+    """
+
+    def enter(formula: Formula) -> Formula:
+        index = of if isinstance(of, str) else AXIS if all(map(as_axis, of)) else OBJECTS
+        dimensions = {"": dimension or NUMBER} if isinstance(of, str) else dict(of)
+        text = " ".join((formula.__doc__ or "").split()).removesuffix(".")
+        text = text[:1].lower() + text[1:]
+        entered = Signal(
+            name, index, dimensions, meanings or dict.fromkeys(dimensions, text), formula,
+            **{"group": name, **facts} if index == AXIS else facts,
+        )  # fmt: skip
+        if index == OBJECTS:
+            for kind in dimensions:
+                OBJECT.setdefault(kind, {})[name] = entered
+        else:
+            _TABLES[index][name] = entered
+        return formula
+
+    return enter
+
+
+def condition(name: str, **facts: Any) -> Callable[[Formula], Formula]:
+    """Enters a signal that is true or false, 1 or 0; else as `signal`."""
+    return signal(name, NUMBER, condition=True, low=0.0, high=1.0, **facts)
+
+
+def words() -> tuple[str, ...]:
+    """The names of all signals that are about nothing else, those of families of axes first."""
+    numbers = sorted(SCALARS, key=lambda name: SCALARS[name].condition)
+    return (*VECTORS, *numbers)
+
+
+def find(
+    path: tuple[str, ...], objects: Mapping[str, str], stages: Iterable[str] = ()
+) -> Entry | None:
+    """The member of the table that a dotted name means, None where it means none.
+
+    Args:
+        path: the parts of the name. objects: kind by name. stages: names.
+    """
+    match path:
+        case (name,):
+            single = SCALARS.get(name) or CLOCKS.get(name)
+            return Entry(single, "", single.dimension) if single else None
+        case (stage, name) if stage in stages and name in STAGE:
+            return Entry(STAGE[name], stage, STAGE[name].dimension)
+        case (name, axis) if name in VECTORS and axis in VECTORS[name].dimensions:
+            return Entry(VECTORS[name], axis, VECTORS[name].dimensions[axis])
+        case ("joint", number, name) if number.isdigit() and name in JOINT:
+            if int(number) < 1 or number.startswith("0"):
+                return None
+            return Entry(JOINT[name], number, JOINT[name].dimension)
+        case (owner, name) if owner in objects:
+            kind = objects[owner]
+            found = OBJECT[kind].get(name)
+            return Entry(found, owner, found.dimensions[kind]) if found else None
+        case _:
+            return None
