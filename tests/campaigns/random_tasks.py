@@ -467,7 +467,8 @@ class _Draft:
         pressing = self.pressing(force)
         stage: dict[str, Value] = {"axes": {self.normal: pressing, **self.turning()}}
         if self.law in _LOOPED and self.chance(0.2):
-            calm = f"abs({self.felt} - {self.sign * force:g} N) < {max(0.5, 0.1 * force):.2g} N"
+            off = f"{self.felt} {'+' if self.sign < 0 else '-'} {force:g} N"
+            calm = f"abs({off}) < {max(0.5, 0.1 * force):.2g} N"
             pick = self.one_of(("calm", "look", "still"))
             if pick == "calm":
                 stage["until"] = f"{calm} for {round(self.between(50, 200)):g} ms"
