@@ -1,13 +1,17 @@
-"""From a loaded task to a program: robot, frames, stages as functions, and their machine."""
+"""From a loaded task to a program: robot, frames, stages as functions, and their machine.
+
+What refuses a task on this way is `admit`; `validate` shows the same findings.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec.check import check_stages
+from taskspec.check import Examination, examine
 from taskspec.program.context import Context
 from taskspec.program.errors import spec_error
 from taskspec.program.execution.machine import Machine, Views
@@ -24,18 +28,31 @@ from taskspec.text.diagnostic import Diagnostic, Severity, SpecError
 Vector = NDArray[np.float64]
 
 
+#: The code of a stage that is predicted to be unstable in the world of its file.
+UNSTABLE = "TS501"
+#: A world that `vary` allows is not that of a run: that a stage is unstable in one of them keeps
+#: nothing from running.
+_OF_OTHER_WORLDS = ("TS503",)
+
+
 @dataclass(frozen=True, slots=True)
 class Program:
     """A compiled task.
 
     Attributes:
-        context: robot, start, frames, surfaces. stages: in the order of the file.
-        warnings: findings that do not keep the task from running.
+        context: robot, start, frames, surfaces.
+        stages: in the order of the file.
+        findings: all that was found about the task, errors that were lifted by force included.
     """
 
     context: Context
     stages: tuple[CompiledStage, ...]
-    warnings: tuple[Diagnostic, ...]
+    findings: tuple[Diagnostic, ...] = ()
+
+    @property
+    def forced(self) -> tuple[str, ...]:
+        """Codes of the findings that refuse the task and were lifted by force, each once."""
+        return tuple(dict.fromkeys(d.code for d in refusals(self.findings)))
 
     @property
     def output_size(self) -> int:
@@ -60,18 +77,64 @@ class Program:
         )
 
 
-def compile_task(loaded: LoadedTask) -> Program:
-    """Compiles a task.
+def refusals(findings: Iterable[Diagnostic]) -> tuple[Diagnostic, ...]:
+    """The findings that keep a task from being run."""
+    return tuple(
+        d for d in findings if d.severity is Severity.ERROR and d.code not in _OF_OTHER_WORLDS
+    )
+
+
+def compile_task(loaded: LoadedTask, *, force: bool = False) -> Program:
+    """Compiles a task that nothing speaks against.
+
+    Args:
+        loaded: the task.
+        force: whether findings are lifted behind which a program still compiles.
 
     Raises:
-        SpecError: the robot, its start, a frame or an axis is not as the file says; it carries
-            everything that was found.
+        SpecError: the task is refused; it carries everything that was found.
+    """
+    return admit(examine(loaded), force=force)
+
+
+def admit(examined: Examination, *, force: bool = False) -> Program:
+    """Compiles an examined task: the one gate that a task passes on its way to a run.
+
+    Args:
+        examined: the task with what was found about it.
+        force: whether findings are lifted behind which a program still compiles.
+
+    Raises:
+        SpecError: the task is refused; it carries everything that was found.
+    """
+    findings, context = examined.findings, examined.context
+    sources = examined.loaded.sources
+    against = refusals(findings)
+    if context is None or (against and not force):
+        raise SpecError(findings, sources)
+    try:
+        return Program(context, _stages(context), findings)
+    except Exception as error:
+        if against:
+            # Behind an error that was lifted nothing is promised to the compiler.
+            raise SpecError(findings, sources) from error
+        if isinstance(error, SpecError):
+            raise SpecError((*findings, *error.diagnostics), sources) from error
+        raise
+
+
+def compile_unchecked(loaded: LoadedTask) -> Program:
+    """Compiles a task without a look at whether it should run, such as that of an earlier run.
+
+    Raises:
+        SpecError: the robot, its start, a frame or an axis is not as the file says.
     """
     context = prepare(loaded)
-    found = check_stages(context)
-    if any(d.severity is Severity.ERROR for d in found):
-        raise SpecError(found, loaded.sources)
-    stages = []
+    return Program(context, _stages(context))
+
+
+def _stages(context: Context) -> tuple[CompiledStage, ...]:
+    loaded, stages = context.loaded, []
     for name, stage in loaded.task.stages.items():
         rotation = frame_at_start(context, context.frame_of(stage))
         path = path_shape(context, name, rotation)
@@ -81,4 +144,4 @@ def compile_task(loaded: LoadedTask) -> Program:
         except UnknownSignalError as error:
             message = f"stage {name!r} cannot evaluate {error}"
             raise spec_error(loaded, FILE.stages[name], "TS224", message) from error
-    return Program(context, tuple(stages), (*loaded.warnings, *found))
+    return tuple(stages)

@@ -20,6 +20,7 @@ def run(
     seed: int = 0,
     report: bool = True,
     telemetry: str | None = None,
+    force: bool = False,
 ) -> Result:
     """Runs a task in simulation, as `taskspec run` does, and reads the run back.
 
@@ -30,9 +31,11 @@ def run(
         seed: of everything random in the run.
         report: whether to render `report.html`.
         telemetry: where to send signals while it runs, such as `udp://127.0.0.1:9870`.
+        force: whether to run it in spite of errors behind which it still compiles.
 
     Raises:
-        SpecError: the task cannot be compiled; it carries everything that was found.
+        SpecError: the task is refused, as `taskspec validate` finds it; it carries everything that
+            was found.
         InputError: `telemetry` is no address.
         OutputError: the folder cannot be written.
         RunCrashedError: an internal error.
@@ -47,7 +50,7 @@ def run(
 
     folder = None if out is None else Path(out)
     with sending(telemetry) as sink:
-        done = execute(task, folder, seed=seed, report=report, telemetry=sink)
+        done = execute(task, folder, seed=seed, report=report, telemetry=sink, force=force)
     return read_result(done.folder)
 
 

@@ -30,9 +30,10 @@ class RunCrashedError(Exception):
     """Something that must not happen has happened during a run.
 
     Attributes:
-        folder: of the run; what was logged up to there is in it. trace: the file that tells more.
+        folder: of the run; what was logged up to there is in it.
+        trace: the file that tells more.
     """
 
-    def __init__(self, folder: Path, trace: Path, cause: BaseException) -> None:
-        super().__init__(f"{type(cause).__name__}: {cause}")
+    def __init__(self, folder: Path, trace: Path, message: str) -> None:
+        super().__init__(message)
         self.folder, self.trace = folder, trace

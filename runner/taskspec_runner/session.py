@@ -81,13 +81,17 @@ def execute(
     progress: Progress | None = None,
     report: bool = True,
     telemetry: Telemetry | None = None,
+    force: bool = False,
 ) -> RunResult:
     """Compiles a task, runs it and leaves the run's folder; see `execute_program`.
 
+    Args:
+        force: whether findings are lifted behind which a program still compiles.
+
     Raises:
-        SpecError: the task cannot be compiled; no folder is made.
+        SpecError: the task is refused; no folder is made.
     """
-    program = compile_task(loaded)
+    program = compile_task(loaded, force=force)
     return execute_program(
         program, out, seed=seed, progress=progress, report=report, telemetry=telemetry
     )
@@ -152,9 +156,11 @@ def _execute(program: Program, out: Path | None, manner: _Manner) -> RunResult:
             raise
         raise OutputError.of(folder.path, error) from error
     except Exception as error:
-        trace = folder.crash(error)
-        _close(folder, "crashed", f"{type(error).__name__}: {error}")
-        raise RunCrashedError(folder.path, trace, error) from error
+        trace, reason = folder.crash(error), f"{type(error).__name__}: {error}"
+        if program.forced:
+            reason = f"{reason} (run in spite of {', '.join(program.forced)})"
+        _close(folder, "crashed", reason)
+        raise RunCrashedError(folder.path, trace, reason) from error
 
 
 def _run(program: Program, folder: RunFolder, manner: _Manner) -> RunResult:

@@ -6,6 +6,8 @@ axes and its contacts come in.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 from taskspec.check.axes.existing import check_axes, check_joints
 from taskspec.check.axes.felt import check_felt
 from taskspec.check.axes.following import check_following
@@ -47,19 +49,46 @@ from taskspec.text.diagnostic import Diagnostic, Diagnostics, SpecError
 register({"TS221": "a frame that is askew to the plane of a planar arm"})
 
 
-def check_task(loaded: LoadedTask) -> tuple[Diagnostic, ...]:
-    """All findings about a loaded task, the warnings of its reading included."""
+@dataclass(frozen=True, slots=True)
+class Examination:
+    """What is known of a task before anything moves.
+
+    Attributes:
+        loaded: the task.
+        context: its robot, start and frames; None where these are not as the file says.
+        findings: all that was found, the warnings of its reading included, sorted by place.
+    """
+
+    loaded: LoadedTask
+    context: Context | None
+    findings: tuple[Diagnostic, ...]
+
+
+def examine(loaded: LoadedTask, *, stability: bool = True) -> Examination:
+    """Examines a loaded task.
+
+    Args:
+        loaded: the task.
+        stability: whether to analyse the sampled loops of its stages too, unless there are errors
+            already.
+    """
     found = Diagnostics(loaded.source.name)
     found.extend(loaded.warnings)
+    context = None
     try:
         context = prepare(loaded)
     except SpecError as error:
         found.extend(error.diagnostics)
     else:
         found.extend(check_stages(context))
-        if not found.has_errors:
+        if stability and not found.has_errors:
             check_stability(context, found)
-    return found.sorted()
+    return Examination(loaded, context, found.sorted())
+
+
+def check_task(loaded: LoadedTask) -> tuple[Diagnostic, ...]:
+    """All findings about a loaded task, the warnings of its reading included."""
+    return examine(loaded).findings
 
 
 def check_stages(context: Context) -> tuple[Diagnostic, ...]:

@@ -189,7 +189,7 @@ def test_rigid():
         assert value(stiffness) == pytest.approx(found.stiffness, rel=2e-3)
         assert value(damping) == pytest.approx(found.damping, rel=2e-3)
         for times, codes in ((3.9, []), (4.1, ["TS307"])):
-            warned = on_a_plane(model, f"{times * found.stiffness:.9g} N/m").warnings
+            warned = on_a_plane(model, f"{times * found.stiffness:.9g} N/m").findings
             assert [d.code for d in warned] == codes
 
 

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from taskspec.compiler import compile_task
+from taskspec.compiler import compile_unchecked
 from taskspec.prediction import predict
 from taskspec.spec import load_text
 
@@ -69,7 +69,7 @@ def text(**changes):
 
 
 def foreseen(task, stage="go"):
-    return predict(compile_task(load_text(task, "t.yaml")), {})[stage]
+    return predict(compile_unchecked(load_text(task, "t.yaml")), {})[stage]
 
 
 @pytest.mark.parametrize("law", ["hybrid", "parallel", "impedance", "pd", "parallel-pid"])
@@ -121,7 +121,7 @@ def test_what_nothing_tells_stays_open(changes, expected, most):
 
 
 def test_a_task_that_comes_back_has_no_duration():
-    program = compile_task(
+    program = compile_unchecked(
         load_text(
             text()
             .replace("time: 0.1 s}", "time: 0.1 s, next: go}")
@@ -136,7 +136,7 @@ def test_time_constants_are_those_of_the_poles(simulate):
     """10 mm of a force step, 20 kN/m: what is left after one time constant, two and three."""
     law = "{kind: hybrid, force: {integral: 5 /s, damping: 500 N*s/m}}"
     task = text(LAW=law).replace("time: 0.1 s", "time: 2 s").replace("-3 N}", "-10 N, ramp: 0}")
-    program = compile_task(load_text(task, "t.yaml"))
+    program = compile_unchecked(load_text(task, "t.yaml"))
     tau = predict(program)["press"].settling["z"].time_constant
     run = simulate(task)
     left = 10 + run.during("press", "force.z")
@@ -148,4 +148,4 @@ def test_time_constants_are_those_of_the_poles(simulate):
 
 def test_an_unknown_stage_is_told_with_those_that_exist():
     with pytest.raises(KeyError, match=r"no stage 'gone'; the stages are \['go', 'press'\]"):
-        predict(compile_task(load_text(text(), "t")), {})["gone"]
+        predict(compile_unchecked(load_text(text(), "t")), {})["gone"]

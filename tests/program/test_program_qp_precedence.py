@@ -11,7 +11,7 @@ import pytest
 from random_states import States, press_text
 from scipy.optimize import linprog
 
-from taskspec.compiler import compile_task
+from taskspec.compiler import compile_unchecked
 from taskspec.control.qp import Problem, Solution, Status
 from taskspec.control.qp.problem import unsolved
 from taskspec.program.execution.resolver import HELD_TICKS
@@ -254,7 +254,7 @@ class Stepped:
     """A run tick by tick, whose solver or sensor fails when it is told to."""
 
     def __init__(self, text: str = PRESS) -> None:
-        self.program = compile_task(load_text(text, "press.yaml"))
+        self.program = compile_unchecked(load_text(text, "press.yaml"))
         self.parts = assemble(self.program)
         self.machine, self.plant = self.parts.machine, self.parts.plant
         self.sensing = loop.Sensing(self.plant, self.machine, 0)
@@ -320,7 +320,7 @@ def test_without_an_answer_the_torque_fades_to_gravity_and_the_run_stops():
 
 def test_a_run_that_has_no_answer_is_stopped_and_says_so(monkeypatch, tmp_path):
     """Through the loop: status stopped, reason solver, every tick of it in the log."""
-    program = compile_task(load_text(PRESS, "press.yaml"))
+    program = compile_unchecked(load_text(PRESS, "press.yaml"))
     parts = assemble(program)
     resolver = parts.machine.runners[0].resolver
     monkeypatch.setattr(resolver, "_solver", Broken(resolver._solver, Status.INFEASIBLE))

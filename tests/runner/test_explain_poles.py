@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from taskspec.compiler import compile_task
+from taskspec.compiler import compile_unchecked
 from taskspec.prediction import look
 from taskspec.spec import load_text
 from taskspec_runner.cli.poles import stability_account
@@ -26,7 +26,7 @@ PARALLEL = (
 
 
 def account(law, k="10 kN/m", plant=1):
-    program = compile_task(load_text(PRESS.format(law=law, k=k, plant=plant), "press.yaml"))
+    program = compile_unchecked(load_text(PRESS.format(law=law, k=k, plant=plant), "press.yaml"))
     return stability_account(program, look(program, program.stages[0].name))
 
 
@@ -81,7 +81,7 @@ def test_a_stage_in_free_space_has_no_table():
     text = (
         "taskspec: 1\nname: free\nrobot: {model: panda}\nstages: {go: {axes: {z: {move: 10 mm}}}}\n"
     )
-    program = compile_task(load_text(text, "free.yaml"))
+    program = compile_unchecked(load_text(text, "free.yaml"))
     assert stability_account(program, look(program, program.stages[0].name)) is None
 
 
@@ -99,7 +99,7 @@ def test_a_free_stage_near_a_bound_has_a_table():
         "taskspec: 1\nname: free\nrobot: {model: panda}\nlaw: {kind: hybrid, bandwidth: 200 Hz}\n"
         "stages: {go: {axes: {z: {move: 10 mm}}}}\n"
     )
-    program = compile_task(load_text(text, "free.yaml"))
+    program = compile_unchecked(load_text(text, "free.yaml"))
     found = stability_account(program, look(program, program.stages[0].name))
     assert found.where == "nothing touched, at the start pose"
     assert list(bounds(found, "bandwidth on x y z").values()) == ["< 131.8 Hz"]

@@ -16,6 +16,7 @@ from taskspec.laws import LAWS
 from taskspec.spec import Law, LoadedTask
 from taskspec.spec.words import Word
 from taskspec.text.diagnostic import Diagnostic, SpecError
+from taskspec.text.render import headline, plain
 from taskspec.text.suggest import suggestion
 from taskspec_runner.cli.diagnostics import record, show_diagnostics
 from taskspec_runner.cli.formats import RunFormat
@@ -141,9 +142,14 @@ def _notes(file: Path, sets: Sequence[str], loaded: LoadedTask | None) -> list[s
 
 
 def _show_warnings(attempts: Sequence[Attempt]) -> None:
-    found = dict.fromkeys(d for each in attempts if each.program for d in each.diagnostics)
-    sources = {name: text for each in attempts for name, text in each.sources.items()}
-    show_diagnostics(found, sources, concise=True, err=True)
+    """Findings that all laws have in common, then those of a law alone with its name."""
+    able = [each for each in attempts if each.program]
+    common = [d for d in able[0].diagnostics if all(d in each.diagnostics for each in able)]
+    show_diagnostics(common, able[0].sources, concise=True, err=True)
+    for each in able:
+        for finding in each.diagnostics:
+            if finding not in common:
+                typer.echo(f"{each.law}: {plain([headline(finding)])}", err=True)
 
 
 def _whereabouts(folder: RunFolder | None) -> dict[str, str | None]:

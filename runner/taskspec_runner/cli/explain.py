@@ -14,7 +14,8 @@ from rich.markdown import Markdown
 from rich.table import Table
 from rich.text import Text
 
-from taskspec.compiler import compile_task
+from taskspec.check import examine
+from taskspec.compiler import admit
 from taskspec.text.codes import CODES
 from taskspec.text.suggest import suggestion
 from taskspec_runner.cli.account import StageAccount
@@ -62,12 +63,13 @@ def _explain_code(code: str, *, as_json: bool) -> None:
 
 
 def _explain_file(path: Path, sets: Sequence[str], law: str | None, *, as_json: bool) -> None:
-    program = compile_task(load(path, sets, law))
+    # Poles and bounds of the sheet come from the same analysis, so that it is made once.
+    program = admit(examine(load(path, sets, law), stability=False))
     told = sheet(program)
     if as_json:
-        _print(as_data(told) | {"diagnostics": [record(d) for d in program.warnings]})
+        _print(as_data(told) | {"diagnostics": [record(d) for d in program.findings]})
         return
-    show_diagnostics(program.warnings, program.context.loaded.sources, err=True)
+    show_diagnostics(program.findings, program.context.loaded.sources, err=True)
     about = [Text(told.about)] if told.about else []
     show(Text(told.name, style="bold"), *about, _pairs((*told.robot, ("lasts", told.duration))))
     if told.world:

@@ -30,7 +30,7 @@ RunVideo = Annotated[
     typer.Option(metavar="OUT.MP4", help="Draw the run as a video when it has ended."),
 ]
 Force = Annotated[
-    bool, typer.Option("--force", help="Run stages that are predicted to be unstable (TS501).")
+    bool, typer.Option("--force", help="Run in spite of errors behind which the task compiles.")
 ]
 
 # replay

@@ -35,7 +35,7 @@ def show_outcome(result: RunResult, *, quiet: bool) -> None:
     if result.summary["metrics"] and not quiet:
         show(*[""] * bool(expectations), _metrics(result.summary), "")
     if not quiet:
-        for line in (*told(result.summary), *_lost(result.summary)):
+        for line in (*_forced(result.summary), *told(result.summary), *_lost(result.summary)):
             show(Text(line, style="yellow"))
     if not quiet or result.exit_code:
         show(Text(ending(result), style=_STYLES.get(result.exit_code, "")))
@@ -111,6 +111,12 @@ def _response(signals: Mapping[str, Mapping[str, Any]]) -> list[str]:
     where = f" ({last.removeprefix('force.').removesuffix('.force')})"
     settled = "never" if time(last) == math.inf else f"{time(last):.3f} s"
     return ["-" if overshoot is None else force(overshoot), settled + where]
+
+
+def _forced(summary: Mapping[str, Any]) -> Iterator[str]:
+    """The errors in spite of which it was run; nothing without any."""
+    if summary["forced"]:
+        yield f"run in spite of {', '.join(summary['forced'])}"
 
 
 def _lost(summary: Mapping[str, Any]) -> Iterator[str]:

@@ -5,23 +5,20 @@ from __future__ import annotations
 import json
 import sys
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import typer
 
-from taskspec.text.diagnostic import Diagnostic, Diagnostics, SpecError
+from taskspec.text.diagnostic import SpecError
 from taskspec_runner.cli.diagnostics import record, show_diagnostics
 from taskspec_runner.cli.formats import RunFormat
 from taskspec_runner.cli.loading import load
 from taskspec_runner.loop.interrupt import BY_SIGNAL
 
 if TYPE_CHECKING:
+    from taskspec.check import Examination
     from taskspec.compiler import Program
-
-#: The code of a stage that is predicted to be unstable in the world of its file.
-UNSTABLE = "TS501"
 
 
 def run_task(
@@ -37,11 +34,7 @@ def run_task(
     video: Path | None = None,
     force: bool = False,
 ) -> int:
-    """Runs a task file and tells how it went; afterwards draws it as a video.
-
-    A stage that is predicted to be unstable is not run, unless by `force`.
-    """
-    from taskspec.compiler import compile_task
+    """Runs a task file and tells how it went; afterwards draws it as a video."""
     from taskspec_runner.cli.outcome import show_outcome
     from taskspec_runner.cli.progress import progress_line
     from taskspec_runner.loop.telemetry import read_address, sending
@@ -56,17 +49,14 @@ def run_task(
 
         check_video(video)
     try:
-        program = compile_task(load(file, sets, law))
-        warnings = _foreseen(program, force=force)
+        program = _admitted(file, sets, law, force=force)
     except SpecError as error:
         if not as_data:
             raise
-        found = {"exit_code": 1, "diagnostics": [record(d) for d in error.diagnostics]}
-        _print(found)
+        _print({"exit_code": 1, "diagnostics": [record(d) for d in error.diagnostics]})
         return 1
-    loaded = program.context.loaded
-    if warnings and not quiet:
-        show_diagnostics(warnings, loaded.sources, err=True)
+    if program.findings and not quiet:
+        show_diagnostics(program.findings, program.context.loaded.sources, err=True)
     with (
         sending(telemetry, _say) as sink,
         progress_line(shown=not quiet and sys.stderr.isatty()) as progress,
@@ -83,7 +73,7 @@ def run_task(
             "report": str(result.report),
             "wall_seconds": result.wall_seconds,
             "real_time_factor": result.real_time_factor,
-            "diagnostics": [record(d) for d in warnings],
+            "diagnostics": [record(d) for d in program.findings],
         }
         if video is not None:
             where["video"] = str(video)
@@ -95,31 +85,32 @@ def run_task(
     return result.exit_code
 
 
-def _foreseen(program: Program, *, force: bool) -> tuple[Diagnostic, ...]:
-    """What was found about a program, its predicted stability included.
-
-    Worlds that `vary` allows are not those of a run: that one of them is unstable keeps nothing
-    from running.
+def _admitted(file: Path, sets: Sequence[str], law: str | None, *, force: bool) -> Program:
+    """The program of a task file.
 
     Raises:
-        SpecError: a stage is predicted to be unstable as it would be run, and `force` is not given.
+        SpecError: the task is refused; where `force` would lift that, this is said.
     """
-    from taskspec.check.stability.predicted import check_stability
+    from taskspec.check import examine
+    from taskspec.compiler import admit
 
-    loaded = program.context.loaded
-    found = Diagnostics(loaded.source.name)
-    found.extend(program.warnings)
-    check_stability(program.context, found)
-    told = found.sorted()
-    if force or all(d.code != UNSTABLE for d in told):
-        return told
-    raise SpecError([_forcible(d) if d.code == UNSTABLE else d for d in told], loaded.sources)
+    examined = examine(load(file, sets, law))
+    try:
+        return admit(examined, force=force)
+    except SpecError:
+        if not force and _compiles(examined):
+            _say("not run; --force runs it all the same")
+        raise
 
 
-def _forcible(found: Diagnostic) -> Diagnostic:
-    """A finding of an unstable stage with what lets it run."""
-    ways = [found.hint] if found.hint else []
-    return replace(found, hint="; ".join([*ways, "--force runs it all the same"]))
+def _compiles(examined: Examination) -> bool:
+    from taskspec.compiler import admit
+
+    try:
+        admit(examined, force=True)
+    except SpecError:
+        return False
+    return True
 
 
 def _say(text: str) -> None:

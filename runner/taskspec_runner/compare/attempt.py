@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-from taskspec.compiler import Program, compile_task
+from taskspec.check import examine
+from taskspec.compiler import UNSTABLE, Program, admit, refusals
 from taskspec.spec import LoadedTask
-from taskspec.text.diagnostic import Diagnostic, Severity, SpecError
+from taskspec.text.diagnostic import Diagnostic, SpecError
 from taskspec.text.source import Source
 from taskspec_runner.loop.interrupt import BY_SIGNAL
 from taskspec_runner.session import RunResult
@@ -39,7 +40,7 @@ class Attempt:
     @property
     def errors(self) -> tuple[Diagnostic, ...]:
         """The findings that keep the law from running."""
-        return tuple(d for d in self.diagnostics if d.severity is Severity.ERROR)
+        return refusals(self.diagnostics) if self.program is None else ()
 
     @property
     def broken_off(self) -> int:
@@ -82,15 +83,19 @@ class Attempt:
 def attempt(law: str, load: Callable[[str], LoadedTask]) -> Attempt:
     """Compiles a task under a law.
 
+    A law that is predicted to be unstable is compiled all the same: its run shows what comes of it.
+
     Args:
         law: a law that the language knows.
         load: gives the task under a law; may raise `SpecError`.
     """
     try:
-        program = compile_task(load(law))
+        examined = examine(load(law))
+        against = {d.code for d in refusals(examined.findings)}
+        program = admit(examined, force=against == {UNSTABLE})
     except SpecError as error:
         return Attempt(law, None, error.diagnostics, error.sources)
-    return Attempt(law, program, program.warnings, program.context.loaded.sources)
+    return Attempt(law, program, program.findings, program.context.loaded.sources)
 
 
 def _refusal(errors: tuple[Diagnostic, ...]) -> str:

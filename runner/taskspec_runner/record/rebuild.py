@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from taskspec.compiler import Program, compile_task
+from taskspec.compiler import Program, compile_unchecked
 from taskspec.spec import load_text
 from taskspec.text.diagnostic import SpecError
 from taskspec_runner.record.folder import MANIFEST, TASK
@@ -30,7 +30,7 @@ def rebuild(folder: Path) -> Program:
         manifest = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
         text = (folder / TASK).read_text(encoding="utf-8")
         file = Path(manifest["file"] or folder / TASK)
-        return compile_task(load_text(text, str(file), manifest["overrides"], file.parent))
+        return compile_unchecked(load_text(text, str(file), manifest["overrides"], file.parent))
     except SpecError as error:
         first = error.diagnostics[0]
         raise RebuildError(f"{first.code}: {first.message}") from error

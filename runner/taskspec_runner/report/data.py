@@ -93,6 +93,12 @@ class Run:
         robot = self.summary.get("robot")
         return str((robot.get("name") if isinstance(robot, Mapping) else robot) or "")
 
+    @property
+    def forced(self) -> list[str]:
+        """Codes of the errors in spite of which it was run."""
+        codes = self.summary.get("forced")
+        return [str(code) for code in codes] if isinstance(codes, list) else []
+
     def limit(self, name: str, stage: str) -> float | None:
         """A limit in a stage [SI], None without one."""
         own = mapping(mapping(self.summary.get("stage_limits")).get(stage))

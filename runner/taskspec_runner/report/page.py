@@ -192,6 +192,7 @@ def _facts(run: Run) -> Iterator[tuple[str, str]]:
     yield "Seed", _text(seed)
     yield "taskspec", _text(version)
     yield "Findings", annotated.counted(run)
+    yield "Run in spite of", ", ".join(run.forced)
 
 
 def _flat(value: Any, prefix: str = "") -> Iterator[tuple[str, str]]:

@@ -109,7 +109,8 @@ def summarise(
         "joint_ranges": np.transpose([robot.lower, robot.upper]).tolist(),
         "robot": {"name": robot.name, "joints": list(robot.joint_names), "source": robot.source},
         "objects": list(task.world),
-        "diagnostics": diagnosed(program.warnings, context.loaded),
+        "diagnostics": diagnosed(program.findings, context.loaded),
+        "forced": list(program.forced),
     }
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec.compiler import Program, compile_task
+from taskspec.compiler import Program, compile_unchecked
 from taskspec.program.stages.stage import CompiledStage
 from taskspec.spec import LoadedTask, load_text
 from taskspec.text.diagnostic import SpecError
@@ -91,7 +91,7 @@ def read_recording(folder: Path, program: Program | None = None) -> Recording:
     """
     try:
         history = read_history(folder / LOG)
-        program = compile_task(_task(folder)) if program is None else program
+        program = compile_unchecked(_task(folder)) if program is None else program
     except SpecError as error:
         told = next(iter(error.diagnostics))
         raise InputError(f"cannot compile {folder / TASK} any more: {told.message}") from error
