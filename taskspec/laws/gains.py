@@ -59,6 +59,12 @@ def on_axis(gains: Mapping[str, Mapping[str, Gain]], axis: str) -> dict[str, flo
     return {name: by_axis[axis].value for name, by_axis in gains.items() if axis in by_axis}
 
 
+def value_of(gains: Mapping[str, Mapping[str, Gain]], name: str, axis: str) -> float:
+    """One gain on one axis, equation or joint [SI]; 0 where there is none."""
+    found = gains.get(name, {}).get(axis)
+    return 0.0 if found is None else found.value
+
+
 def diagonal(gains: Gains, name: str, axes: Sequence[str], default: float = 0.0) -> list[float]:
     """One gain on all axes, `default` where an axis has none."""
     given = gains.get(name, {})

@@ -98,6 +98,14 @@ class ControlLaw(ABC):
         """
         return gains["stiffness"] if "stiffness" in gains else mass * gains.get("K_P", 0.0)
 
+    def loop_damping(self, gains: Mapping[str, float]) -> float:
+        """Damping of the force loop on an axis [N s/m].
+
+        Args:
+            gains: on the axis, by name [SI].
+        """
+        return gains.get("force.damping", gains.get("damping", 0.0))
+
     # What it comes to
 
     def settles_at(self, *, moves: bool, reached: bool) -> str:  # noqa: ARG002

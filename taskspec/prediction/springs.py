@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from taskspec.check.foresight.known import known_value
 from taskspec.geometry.axis import AXES, Axis
-from taskspec.laws.gains import BANDWIDTH, on_axis
+from taskspec.laws.gains import BANDWIDTH, on_axis, value_of
 from taskspec.prediction.begin import Begin
 from taskspec.prediction.reach import along, moment_arms
 from taskspec.prediction.worlds import World
@@ -56,7 +56,7 @@ def behind(begin: Begin, normals: Vector) -> tuple[Axis, float] | None:
             wanted = (
                 None if plan.axis.force is None else known_value(begin.context, plan.axis.force)
             )
-            own = begin.stage.gains["stiffness"][axis].value
+            own = value_of(begin.stage.gains, "stiffness", axis)
             if wanted is None or own <= 0:
                 return None
             return axis, -wanted * (1 / own + 1 / begin.stage.stiffness) / away

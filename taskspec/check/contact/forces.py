@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from taskspec.check.contact.set_points import steady_force
 from taskspec.geometry.axis import AXES, Axis
-from taskspec.laws.gains import on_axis
+from taskspec.laws.gains import value_of
 from taskspec.motion.path import PathShape
 from taskspec.program.context import Context
 from taskspec.program.reference.modes import plan_axes
@@ -60,7 +60,7 @@ def check_forces(
     entries = {a: p.axis for a, p in plans.items()}
     gains = law.design(entries, context.plants(axes, rotation, felt, lever=lever))
     for axis in open_loop:
-        own = on_axis(gains, axis).get("stiffness", 0.0)
+        own = value_of(gains, "stiffness", axis)
         if own == 0:
             found.error(
                 "TS306",

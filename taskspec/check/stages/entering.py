@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from taskspec.check.foresight.known import known_value
 from taskspec.geometry.axis import AXES, Axis
+from taskspec.laws.gains import on_axis
 from taskspec.program.axes import MOSTLY
 from taskspec.program.context import Context
 from taskspec.program.reference.force_references import DEFAULT_RAMP
@@ -86,7 +87,7 @@ def check_entering(
         felt = context.felt_stiffness(frame, axes, rotation)
         plants = context.plants(axes, rotation, felt, lever=context.lever_of(frame))
         gains = law.design({axis: entry}, {axis: plants[axis]})
-        damping = (gains.get("force.damping") or gains["damping"])[axis].value
+        damping = law.control_law.loop_damping(on_axis(gains, axis))
         ramp = DEFAULT_RAMP if entry.ramp is None else entry.ramp
         if gap * damping <= abs(wanted) * ramp / 2:
             continue

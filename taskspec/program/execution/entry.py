@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.geometry.axis import AXES, Axis
+from taskspec.laws.gains import value_of
 from taskspec.motion import blend
 from taskspec.program.execution.carried import Carried
 from taskspec.program.execution.choice import choose_first
@@ -183,11 +184,11 @@ class _Entry:
         if self.stage.law.control_law.force_loop:
             return {}
         local = np.concatenate([self.frame.T @ part for part in np.split(self.carried.held, 2)])
-        stiffness = self.stage.gains.get("stiffness", {})
+        springs = {name: value_of(self.stage.gains, "stiffness", name) for name in self.stage.plans}
         return {
-            name: float(local[AXES.index(name)] / stiffness[name].value)
-            for name in self.stage.plans
-            if name in stiffness and stiffness[name].value > 0
+            name: float(local[AXES.index(name)] / stiffness)
+            for name, stiffness in springs.items()
+            if stiffness > 0
         }
 
     def _forces(self, going: Continuation) -> None:
@@ -249,7 +250,8 @@ class _Entry:
                 self._remember(f"last.{axis}", first.get(axis, 0.0))
         for name, plan in self.stage.plans.items():
             if plan.force and plan.motion and not name.is_rotation:
-                integral = self.stage.gains["force.integral"][name].value
-                stiffness = self.stage.gains["stiffness"][name].value
+                integral = value_of(self.stage.gains, "force.integral", name)
+                stiffness = value_of(self.stage.gains, "stiffness", name)
                 held = stiffness * float(away[AXES.index(name)])
-                self._remember(f"integral.{name}", -held / integral if integral > 0 else 0.0)
+                if f"integral.{name}" in self.stage.memory:
+                    self._remember(f"integral.{name}", -held / integral if integral > 0 else 0.0)

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 import casadi as ca
 
 from taskspec.geometry.axis import AXES, Axis
+from taskspec.laws.gains import value_of
 from taskspec.motion import blend
 from taskspec.program.clock import Clock
 from taskspec.program.context import Context
@@ -51,7 +52,7 @@ def displacement(name: Axis, plan: PlannedStage, forces: Mapping[Axis, ca.SX]) -
     """f (1/k_m + 1/k_e): how far an open-loop force displaces the motion reference."""
     if not plan.plans[name].open_loop:
         return None
-    own, k = 1 / plan.gains["stiffness"][name].value, plan.stiffness
+    own, k = 1 / value_of(plan.gains, "stiffness", name), plan.stiffness
     contact = 1 / k if k > 0 and not name.is_rotation else 0.0
     return forces[name] * (own + contact)
 
@@ -92,9 +93,9 @@ def integrals(
             seen.memory.add(f"integral.{name}"),
             force,
             seen.unreached.step(name, context.period * missing),
-            gains["force.integral"][name].value,
+            value_of(gains, "force.integral", name),
             touching,
-            gains["stiffness"][name].value * errors[name] if motion else ca.SX(0),
+            value_of(gains, "stiffness", name) * errors[name] if motion else ca.SX(0),
         )
     return found
 

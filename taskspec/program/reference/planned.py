@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.geometry.axis import Axis
-from taskspec.laws.gains import AxisPlant, Gains
+from taskspec.laws.gains import AxisPlant, Gains, value_of
 from taskspec.motion.path import PathShape
 from taskspec.program.axes import existing_axes
 from taskspec.program.context import Context
@@ -129,4 +129,4 @@ def _stiffness(
 ) -> float:
     """Of spring and contact together, on an axis [N/m, N m/rad]."""
     contact = plants[axis].k if plans[axis].axis.has_force else 0.0
-    return gains["stiffness"][axis].value + contact
+    return value_of(gains, "stiffness", axis) + contact
