@@ -43,13 +43,13 @@ class Blending:
 
     Attributes:
         value, rate, acceleration: of what continues the carried reference [m or rad, ...].
-        letting_go: the displacement that stands for a force that the last stage held.
+        released: the displacement that stands for a force that the last stage held.
     """
 
     value: ca.SX
     rate: ca.SX
     acceleration: ca.SX
-    letting_go: ca.SX
+    released: ca.SX
 
 
 def mode_of(axis: AxisEntry, *, driven_by_path: bool, open_loop: bool) -> str:
@@ -82,11 +82,11 @@ class ReferenceBuilder:
         )
         s = self.clock.t / time
         value = offset * blend.offset_shape(s) + slope * time * blend.slope_shape(s)
-        letting_go = pressed * blend.offset_shape(self.clock.t / blend.BLEND_TIME)
+        released = pressed * blend.offset_shape(self.clock.t / blend.BLEND_TIME)
         rate = self.clock.rate(value)
         acceleration = self.clock.rate(rate)
         return {
-            name: Blending(value[i], rate[i], acceleration[i], letting_go[i])
+            name: Blending(value[i], rate[i], acceleration[i], released[i])
             for i, name in enumerate(names)
         }
 
@@ -121,7 +121,7 @@ class ReferenceBuilder:
             )
         return AxisReference(
             mode,
-            own + blending.value + blending.letting_go,
+            own + blending.value + blending.released,
             own_rate + blending.rate,
             own_acceleration + blending.acceleration,
             (own, own_rate),
