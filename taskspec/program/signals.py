@@ -16,7 +16,8 @@ from taskspec.program.world.frames import FrameModel
 from taskspec.program.world.moving_base import BaseMotion, MovingBase
 from taskspec.robot import RobotModel
 from taskspec.shapes import Surface
-from taskspec.signals import VECTORS, Pose, Situation
+from taskspec.signals import VECTORS, Entry, Pose, Situation, find
+from taskspec.spec import Task
 from taskspec.text.expression.tree import Name
 
 
@@ -65,6 +66,11 @@ class SignalTable:
             # A component of `norm(...)` that this stage does not have; alone, it has been reported.
             return ca.SX(0)
         return self[text] if value is None else value
+
+
+def entry_of(task: Task, path: tuple[str, ...]) -> Entry | None:
+    """The entry of the table that a name means in the task, None for params and constants."""
+    return find(path, {name: thing.kind for name, thing in task.world.items()}, task.stages)
 
 
 def applied(axis: Axis) -> str:

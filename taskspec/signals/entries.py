@@ -6,13 +6,24 @@ signal means, as the documentation has it.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, TypeVar
 
 from taskspec.geometry.axis import AXES, ROTATIONS, TRANSLATIONS, Axis
 from taskspec.signals.operations import acos, clip, dot, norm, stack
 from taskspec.signals.situation import Situation
-from taskspec.signals.table import JOINTS, MEASURED, REFERENCE, STAGES, TIMES, condition, signal
+from taskspec.signals.table import (
+    JOINTS,
+    MEASURED,
+    REFERENCE,
+    STAGES,
+    TIMES,
+    WORLD,
+    WRENCH,
+    condition,
+    signal,
+)
 from taskspec.text.units import (
     ANGLE,
     ANGULAR_VELOCITY,
@@ -54,10 +65,10 @@ def _t(at: Situation) -> ca.SX:
 @signal(
     "force",
     of=dict.fromkeys(TRANSLATIONS, FORCE),
-    group="force",
     limit="force",
     framed=True,
-    sensed=True,
+    anywhere=True,
+    sensed=WRENCH,
     beside=(REFERENCE, MEASURED),
 )
 def _force(at: Situation) -> ca.SX:
@@ -71,7 +82,8 @@ def _force(at: Situation) -> ca.SX:
     group="force",
     limit="torque",
     framed=True,
-    sensed=True,
+    anywhere=True,
+    sensed=WRENCH,
     beside=(REFERENCE, MEASURED),
 )
 def _torque(at: Situation) -> ca.SX:
@@ -100,7 +112,9 @@ def _position(at: Situation) -> Mapping[Axis, ca.SX]:
         "velocity of the control point in the world, in the frame's axes",
         "rates of the tool in the world, in the frame's axes",
     ),
+    limit="speed",
     framed=True,
+    anywhere=True,
     beside=(REFERENCE,),
 )
 def _velocity(at: Situation) -> ca.SX:
@@ -122,13 +136,13 @@ def _error(at: Situation) -> Mapping[Axis, ca.SX]:
     return at.error
 
 
-@signal("gap", LENGTH, sensed=True, absent="no surface to be near to")
+@signal("gap", LENGTH, sensed=WORLD, absent="no surface to be near to")
 def _gap(at: Situation) -> ca.SX | None:
     """Signed distance of the tool's shape from the believed contact's object."""
     return None if at.contact is None else at.objects[at.contact].distance
 
 
-@signal("tilt", ANGLE, low=0.0, high=3.141592653589793, framed=True)
+@signal("tilt", ANGLE, low=0.0, high=math.pi, framed=True)
 def _tilt(at: Situation) -> ca.SX:
     """Angle between the tool's axis and −z of the frame."""
     return acos(clip(-dot(at.tip.R[:, 2], at.frame[:, 2]), -1, 1))
@@ -146,13 +160,13 @@ def _travel(at: Situation) -> ca.SX:
     return norm(at.world.p - at.start)
 
 
-@condition("touching", sensed=True)
+@condition("touching", sensed=WRENCH)
 def _touching(at: Situation) -> ca.SX:
     """The contact force exceeds 0.5 N."""
     return norm(at.applied[:3]) > TOUCHING
 
 
-@signal("power", POWER, sensed=True)
+@signal("power", POWER, sensed=WRENCH)
 def _power(at: Situation) -> ca.SX:
     """Force · velocity + moment · rate of turn."""
     force, velocity = at.six("force"), at.six("velocity")

@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 #: What an entry may be about: nothing else, an axis, a joint, an object of the world, a stage.
 SCALAR, AXIS, JOINTS, OBJECTS, STAGES, TIMES = "", "axis", "joint", "object", "stage", "time"
 
+#: What may differ from the truth: the wrench, which is zero while nothing is touched; objects.
+WRENCH, WORLD = "wrench", "world"
 #: What the log has beside a signal.
 REFERENCE, MEASURED = "ref", "measured"
 
@@ -38,10 +40,12 @@ class Signal:
             mapping of those that there are. None where it is not known.
         condition: whether it is true or false instead of a number.
         low, high: bounds that its nature sets [SI].
-        limit: the limit of the file that bounds its magnitude, if one does.
+        limit: the limit of the file that bounds its magnitude, if one does; of a family of axes
+            that of its translations.
         framed: whether another frame shows it differently.
-        sensed: whether it follows from sensors or from nominal geometry, so that the log has the
-            truth in place of what the controller measures.
+        anywhere: whether references and guards may ask for it in another frame.
+        sensed: what the controller's value follows from that may differ from the truth, which is
+            what the log has: the measured wrench, or where objects nominally are.
         beside: what the log has beside it: its reference, its measurement.
         group: the vector of six numbers that its axes are a part of.
         counted: whether it takes whole numbers, which a value can meet exactly.
@@ -60,7 +64,8 @@ class Signal:
     high: float = math.inf
     limit: str = ""
     framed: bool = False
-    sensed: bool = False
+    anywhere: bool = False
+    sensed: str = ""
     beside: tuple[str, ...] = ()
     group: str = ""
     counted: bool = False

@@ -19,11 +19,6 @@ Vector = NDArray[np.float64]
 #: name, axis, frame -> (n,) the signal in the axes of that frame.
 Elsewhere = Callable[[str, str | None, str], Vector]
 
-_WHY = {
-    "error": "no motion reference",
-    "gap": "no surface to be near to",
-}
-
 
 def scope_of(task: Task) -> Scope:
     """The names that the expectations of a task may use."""
@@ -130,7 +125,8 @@ class Lookup:
     def _missing(self, name: tree.Name, meaning: Meaning, missing: NDArray[np.bool_]) -> str:
         where = list(dict.fromkeys(self._history.stages[missing].tolist()))
         stages = "stage " + ", ".join(f"'{stage}'" for stage in where)
-        reason = f" ({_WHY[meaning.name]})" if meaning.name in _WHY else ""
+        absent = meaning.signal.absent if meaning.signal is not None else ""
+        reason = f" ({absent})" if absent else ""
         hint = "" if meaning.stage or len(where) > 3 else "; ask for it by stage"
         return f"{name} has no value in {stages}{reason}{hint}"
 

@@ -8,14 +8,14 @@ from collections.abc import Iterator, Mapping
 from taskspec.check.foresight.known import known_value
 from taskspec.geometry.axis import ROTATIONS, Axis, as_axis
 from taskspec.program.context import Context
+from taskspec.program.signals import entry_of
+from taskspec.signals import VECTORS
 from taskspec.text.codes import register
 from taskspec.text.diagnostic import Diagnostics
 from taskspec.text.expression import Expression
 from taskspec.text.expression.tree import Call, Name, Node, children
 
 register({"TS224": "a signal that this stage cannot evaluate"})
-
-_VECTORS = ("force", "torque", "position", "velocity", "error")
 
 
 def check_signals(context: Context, name: str, axes: tuple[Axis, ...], found: Diagnostics) -> None:
@@ -37,9 +37,10 @@ def check_signals(context: Context, name: str, axes: tuple[Axis, ...], found: Di
             )
         for node, inside_norm in _names(expression.tree, False):
             hint = ""
+            entry = entry_of(context.loaded.task, node.path)
             reason = no_such_signal(context, name, axes, node, inside_norm=inside_norm)
-            if reason is None and expression in references:
-                reason = _not_in_references(node)
+            if reason is None and expression in references and entry is not None:
+                reason = entry.signal.reference or None
             if (
                 reason is None
                 and node.path[0] in context.mechanisms
@@ -47,8 +48,8 @@ def check_signals(context: Context, name: str, axes: tuple[Axis, ...], found: Di
             ):
                 reason = f"the robot does not hold {node.path[0]!r}, so it cannot know"
                 hint = f"let it: robot: {{grasp: {node.path[0]}.handle}}"
-            if reason is None and node.path[-1] == "force" and node.path[0] in context.surfaces:
-                reason = "the robot does not measure the force of one object; use norm(force)"
+            if reason is None and entry is not None:
+                reason = entry.signal.unmeasured or None
             if reason is not None:
                 found.error("TS224", f"{node}: {reason}", expression.where(node), hint)
 
@@ -80,15 +81,6 @@ def _finite_at_start(context: Context, expression: Expression) -> bool:
     return value is None or math.isfinite(value)
 
 
-def _not_in_references(node: Name) -> str | None:
-    """Why a reference cannot depend on a signal, None if it can."""
-    if node.path[0] == "error":
-        return "a reference cannot depend on the error against itself"
-    if node.path[0] == "joint" and node.path[-1] == "torque":
-        return "a reference cannot depend on the torque that follows from it"
-    return None
-
-
 def _not_elsewhere(context: Context, node: Name) -> str | None:
     """Why a signal has no meaning in another frame while the task runs, None if it has."""
     assert node.frame is not None
@@ -98,7 +90,7 @@ def _not_elsewhere(context: Context, node: Name) -> str | None:
         of = f"the {surface.parts} of a {surface.name}"
         return f"{of} are followed only by the stage's own frame"
     place = kind == "position" and frame.still and node.path[-1] not in ROTATIONS
-    if kind in ("force", "torque", "velocity") or place:
+    if (kind in VECTORS and VECTORS[kind].anywhere) or place:
         return None
     return "in another frame: force, torque, velocity, and positions in fixed frames"
 
@@ -129,7 +121,7 @@ def no_such_signal(
         return f"stage {stage_name!r} has no path"
     if path[0] == "joint" and int(path[1]) > context.robot.pin.nv:
         return f"{context.robot.name!r} has {context.robot.pin.nv} joints"
-    if path[0] not in _VECTORS or len(path) != 2 or inside_norm:
+    if path[0] not in VECTORS or len(path) != 2 or inside_norm:
         return None
     axis = as_axis(path[1])
     if axis is None:

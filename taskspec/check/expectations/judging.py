@@ -7,12 +7,14 @@ from collections.abc import Mapping, Sequence
 
 from taskspec.check.axes.signals import no_such_signal
 from taskspec.check.foresight.flow import good_end, reached
-from taskspec.check.foresight.interval import ANY, MAYBE, Interval, IntervalAlgebra, point
+from taskspec.check.foresight.interval import ANY, Interval, IntervalAlgebra, point
 from taskspec.check.foresight.known import known_value
-from taskspec.check.foresight.ranges import longest
+from taskspec.check.foresight.ranges import constant, longest, natural
 from taskspec.check.stages.conditions import bounds_of, names, parts, value_of
 from taskspec.geometry.axis import Axis, as_axis
 from taskspec.program.context import Context
+from taskspec.program.signals import entry_of
+from taskspec.signals import CLOCKS
 from taskspec.spec import Expectation
 from taskspec.text.codes import register
 from taskspec.text.diagnostic import Diagnostics
@@ -30,7 +32,6 @@ register(
     }
 )
 
-_POSITIVE = Interval(0.0, math.inf)
 _ALGEBRA = IntervalAlgebra()
 #: Reducers whose value is that of a steady signal although the signal was another before.
 _LATE = ("last",)
@@ -195,24 +196,13 @@ def _check_possible(
 
 def _natural(context: Context, name: Name) -> Interval:
     """What a true signal can be by its nature."""
-    task, signal = context.loaded.task, name.path[-1]
-    if str(name) == "pi":
-        return point(math.pi)
-    if len(name.path) == 1 and signal in task.params:
-        return point(task.params[signal].value)
-    if signal == "t":
-        stage = _stage_of(context, name)
-        return Interval(0.0, longest(context, task.stages[stage])) if stage else _POSITIVE
-    if signal == "tilt":
-        return Interval(0.0, math.pi)
-    if signal in ("touching", "path_done", "limited"):
-        return MAYBE
-    own = _stage_of(context, name)
-    path = name.path[1:] if own else name.path
-    if path == ("travel",) or signal in ("clock", "speed", "visits", "force_inconsistent"):
-        return _POSITIVE
-    # Of a shape it is a magnitude.
-    return _POSITIVE if signal == "force" and path[0] in task.shapes else ANY
+    stage = _stage_of(context, name)
+    found = entry_of(context.loaded.task, name.path[1:] if stage else name.path)
+    if found is None:
+        return constant(context, name) or ANY
+    if stage and found.signal is CLOCKS["t"]:
+        return Interval(0.0, longest(context, context.loaded.task.stages[stage]))
+    return natural(found)
 
 
 def _check_set_point(context: Context, expectation: Expectation, found: Diagnostics) -> None:

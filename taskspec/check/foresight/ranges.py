@@ -12,24 +12,25 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from taskspec.check.foresight.interval import ANY, MAYBE, Interval, point
+from taskspec.check.foresight.interval import ANY, Interval, point
 from taskspec.check.foresight.known import known_value
-from taskspec.geometry.axis import AXES, Axis
+from taskspec.geometry.axis import Axis
 from taskspec.program.context import Context
+from taskspec.program.signals import entry_of
+from taskspec.signals import Entry
 from taskspec.spec import Stage
 from taskspec.text.expression.tree import Call, Name, Node, walk
 from taskspec.text.show import show
+from taskspec.text.units import fitting
 
 #: How far a mechanism may go beyond its stop, and the belief of its place beyond that, as a share
 #: of its range.
 _BEYOND_STOP = 0.1
 #: Faster than any arm's tip [m/s]: by as much a stage may go beyond `within.travel` in a period.
 _FASTEST = 10.0
-_POSITIVE = Interval(0.0, math.inf)
 #: A mechanism may be driven farther than its velocity says, by this share and by play [m, rad].
 _DRIVEN = 1.1
 _SLACK = {"angle": math.radians(2.0), "travel": 2e-3}
-_CONDITIONS = ("touching", "path_done", "limited")
 
 
 def longest(context: Context, stage: Stage) -> float:
@@ -58,23 +59,35 @@ class Ranges:
         """The interval [SI] of a name."""
         if str(node) in self._known:
             return self._known[str(node)]
-        head, last = node.path[0], node.path[-1]
-        task = self._context.loaded.task
-        if len(node.path) == 1:
-            return self._scalar(head)
-        if last == "visits" and head in task.stages:
-            return self._visits(head)
-        if head in ("force", "torque"):
-            return _within(getattr(self._limits, head))
-        if head == "velocity" and last in AXES[:3]:
-            # Limits on speed are those of the tip.
-            own = self._context.frame_of(self._stage).at_origin
-            return ANY if own else _within(self._limits.speed)
-        if head == "joint":
-            return self._joint(int(node.path[1]) - 1, last)
-        if head in task.mechanisms and last in ("angle", "travel"):
-            return self._mechanism(head, last)
-        return ANY
+        found = entry_of(self._context.loaded.task, node.path)
+        if found is None:
+            return constant(self._context, node) or ANY
+        return natural(found).meet(self._bounds(found))
+
+    def _bounds(self, found: Entry) -> Interval:
+        """What the file sets to a signal while the stage runs."""
+        signal, member = found.signal, found.member
+        match signal.index, signal.name:
+            case "time", "t":
+                return Interval(0.0, longest(self._context, self._stage))
+            case "stage", _:
+                return self._visits(member)
+            case "joint", _:
+                return self._joint(int(member) - 1, signal.name)
+            case "object", _ if member in self._context.loaded.task.mechanisms:
+                return self._mechanism(member, signal.name)
+            case "", "travel":
+                return self._travel()
+        bound = getattr(self._limits, signal.limit) if self._limited(found) else None
+        return _within(bound)
+
+    def _limited(self, found: Entry) -> bool:
+        """Whether a limit of the file bounds a signal."""
+        if found.signal.limit != "speed" or not found.signal.axes:
+            return bool(found.signal.limit)
+        # Limits on speed are those of the tip, along and not about.
+        own = self._context.frame_of(self._stage).at_origin
+        return not own and not Axis(found.member).is_rotation
 
     def magnitudes(self, node: Node) -> dict[Node, Interval]:
         """Intervals of `norm(force)` and `norm(torque)` in an expression, which limits bound."""
@@ -98,12 +111,11 @@ class Ranges:
             return f"the stage ends after {show(within.travel, 'mm')} of travel at the latest"
         if last == "visits" and head in task.stages and task.stages[head].attempts is not None:
             return f"{head!r} is entered {task.stages[head].attempts} times at the most"
-        if head == "force" and limits.force is not None:
-            return f"the limit on force, {show(limits.force, 'N')}, stops the run before that"
-        if head == "torque" and limits.torque is not None:
-            return f"the limit on torque, {show(limits.torque, 'N*m')}, stops the run before that"
-        if head in ("speed", "velocity") and limits.speed is not None:
-            return f"the limit on speed, {show(limits.speed, 'mm/s')}, stops the run before that"
+        found = entry_of(task, node.path)
+        limit = "" if found is None else found.signal.limit
+        if found is not None and limit and getattr(limits, limit) is not None:
+            text = show(getattr(limits, limit), fitting(found.signal.dimension)[0])
+            return f"the limit on {limit}, {text}, stops the run before that"
         if head == "joint":
             return f"joint {node.path[1]} has limits"
         return self._why_held(head, last) if head in task.mechanisms else ""
@@ -115,27 +127,11 @@ class Ranges:
         way = show(driven.way, "mm" if signal == "travel" else "deg", 3)
         return f"in {show(driven.lasts, 's', 3)} this stage moves {name!r} by {way}"
 
-    def _scalar(self, name: str) -> Interval:
-        params = self._context.loaded.task.params
-        if name == "pi":
-            return point(math.pi)
-        if name in params:
-            return point(params[name].value)
-        if name == "t":
-            return Interval(0.0, longest(self._context, self._stage))
-        if name in _CONDITIONS:
-            return MAYBE
-        if name == "tilt":
-            return Interval(0.0, math.pi)
-        if name == "speed":
-            most = self._limits.speed
-            return _POSITIVE if most is None else Interval(0.0, most)
-        if name == "travel":
-            within = self._stage.within
-            most = None if within is None else within.travel
-            slack = _FASTEST * self._context.period
-            return _POSITIVE if most is None else Interval(0.0, most + slack)
-        return _POSITIVE if name in ("clock", "force_inconsistent") else ANY
+    def _travel(self) -> Interval:
+        within = self._stage.within
+        if within is None or within.travel is None:
+            return ANY
+        return Interval(0.0, within.travel + _FASTEST * self._context.period)
 
     def _visits(self, stage: str) -> Interval:
         attempts = self._context.loaded.task.stages[stage].attempts
@@ -152,6 +148,8 @@ class Ranges:
         return _within(float(most[i]))
 
     def _mechanism(self, name: str, signal: str) -> Interval:
+        if signal not in _SLACK:
+            return ANY
         driven = self._driven(name, signal)
         return self._stop(name, signal).meet(ANY if driven is None else driven.interval)
 
@@ -213,6 +211,19 @@ def driven_way(context: Context, name: str) -> Driven | None:
     ends = sorted((0.0, _DRIVEN * way))
     slack = _SLACK[signal]
     return Driven(signal, lasts, way, Interval(ends[0] - slack, ends[1] + slack))
+
+
+def natural(found: Entry) -> Interval:
+    """What a signal can be by its nature."""
+    return Interval(found.signal.low, found.signal.high)
+
+
+def constant(context: Context, name: Name) -> Interval | None:
+    """The value of a param or a constant, None of another name."""
+    text, params = str(name), context.loaded.task.params
+    if text == "pi":
+        return point(math.pi)
+    return point(params[text].value) if text in params else None
 
 
 def _within(most: float | None) -> Interval:

@@ -17,6 +17,8 @@ from taskspec.check.stages.conditions import names, parts, value_of
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.program.axes import MOSTLY
 from taskspec.program.context import Context
+from taskspec.program.signals import entry_of
+from taskspec.signals.table import WRENCH
 from taskspec.spec import AxisEntry
 from taskspec.text.codes import register
 from taskspec.text.diagnostic import Diagnostics, Severity
@@ -248,7 +250,11 @@ def _holds_untouched(
     context: Context, name: str, guard: Expression, algebra: IntervalAlgebra
 ) -> bool:
     """Whether a guard holds whatever its signals are, if nothing is felt."""
-    felt = {str(n): point(0.0) for n in names(guard.tree) if n.path[0] in ("force", "torque")}
-    felt |= {"touching": point(0.0), "power": point(0.0)}
+    task = context.loaded.task
+    felt = {
+        str(n): point(0.0)
+        for n in names(guard.tree)
+        if (found := entry_of(task, n.path)) is not None and found.signal.sensed == WRENCH
+    }
     inner = guard.tree.x if isinstance(guard.tree, Held) else guard.tree
     return evaluate(inner, algebra, Ranges(context, name, felt)).always
