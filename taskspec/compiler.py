@@ -12,13 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.check import Examination, examine
+from taskspec.foresight.task_plan import TaskPlan, plan_task
 from taskspec.program.context import Context
 from taskspec.program.errors import spec_error
 from taskspec.program.execution.machine import Machine, Views
 from taskspec.program.execution.sensor_zero import sensor_zero
 from taskspec.program.ports import fields
-from taskspec.program.prepare import frame_at_start, prepare
-from taskspec.program.reference.paths import path_shape
 from taskspec.program.signals import UnknownSignalError
 from taskspec.program.stages.stage import CompiledStage, compile_stage
 from taskspec.program.world.felt import estimates
@@ -40,12 +39,12 @@ class Program:
     """A compiled task.
 
     Attributes:
-        context: robot, start, frames, surfaces.
-        stages: in the order of the file.
+        plan: of the task.
+        stages: compiled, in the order of the file.
         findings: all that was found about the task, errors that were lifted by force included.
     """
 
-    context: Context
+    plan: TaskPlan
     stages: tuple[CompiledStage, ...]
     findings: tuple[Diagnostic, ...] = ()
 
@@ -53,6 +52,11 @@ class Program:
     def forced(self) -> tuple[str, ...]:
         """Codes of the findings that refuse the task and were lifted by force, each once."""
         return tuple(dict.fromkeys(d.code for d in refusals(self.findings)))
+
+    @property
+    def context(self) -> Context:
+        """Robot, start, frames, surfaces."""
+        return self.plan.context
 
     @property
     def output_size(self) -> int:
@@ -107,13 +111,13 @@ def admit(examined: Examination, *, force: bool = False) -> Program:
     Raises:
         SpecError: the task is refused; it carries everything that was found.
     """
-    findings, context = examined.findings, examined.context
+    findings, plan = examined.findings, examined.plan
     sources = examined.loaded.sources
     against = refusals(findings)
-    if context is None or (against and not force):
+    if plan is None or (against and not force):
         raise SpecError(findings, sources)
     try:
-        return Program(context, _stages(context), findings)
+        return Program(plan, _stages(plan), findings)
     except Exception as error:
         if against:
             # Behind an error that was lifted nothing is promised to the compiler.
@@ -129,18 +133,15 @@ def compile_unchecked(loaded: LoadedTask) -> Program:
     Raises:
         SpecError: the robot, its start, a frame or an axis is not as the file says.
     """
-    context = prepare(loaded)
-    return Program(context, _stages(context))
+    plan = plan_task(loaded)
+    return Program(plan, _stages(plan))
 
 
-def _stages(context: Context) -> tuple[CompiledStage, ...]:
-    loaded, stages = context.loaded, []
-    for name, stage in loaded.task.stages.items():
-        rotation = frame_at_start(context, context.frame_of(stage))
-        path = path_shape(context, name, rotation)
-        ready = path.ready() if path is not None else None
+def _stages(task: TaskPlan) -> tuple[CompiledStage, ...]:
+    loaded, stages = task.context.loaded, []
+    for name, plan in task.stages.items():
         try:
-            stages.append(compile_stage(context, name, ready, rotation))
+            stages.append(compile_stage(plan))
         except UnknownSignalError as error:
             message = f"stage {name!r} cannot evaluate {error}"
             raise spec_error(loaded, FILE.stages[name], "TS224", message) from error

@@ -223,7 +223,7 @@ def _watch(interrupt: Interrupt, progress: Progress | None) -> Callable[[Machine
 
 
 def _glimpse(machine: Machine, clock: float, wall: float) -> Glimpse:
-    plans = machine.stage.plans
+    plans = machine.stage.plan.plans
     axis = next((a for a, plan in plans.items() if plan.set_point), "")
     force = reference = 0.0
     if axis:

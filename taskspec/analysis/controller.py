@@ -97,8 +97,8 @@ class Operating:
             poses,
         )
         self.memory, self.parameters = entered.memory, entered.parameters
-        ramps = [p.axis.ramp for p in stage.plans.values()]
-        ramps += [point.ramp for point in stage.spec.constraints.values()]
+        ramps = [p.axis.ramp for p in stage.plan.plans.values()]
+        ramps += [point.ramp for point in stage.plan.spec.constraints.values()]
         longest = max([DEFAULT_RAMP, *(r for r in ramps if r is not None)])
         self._now[0] = max(longest, entered.tracks.duration) + _AFTER
         entered.tracks.refresh(stage, self.parameters, float(self._now[0]))
@@ -107,7 +107,7 @@ class Operating:
     def _bring_references(self) -> None:
         """Moves each motion reference to where the arm is, for good."""
         stage, write = self.stage, self.stage.parameters.write
-        moving = [a for a, p in stage.plans.items() if p.motion and not p.open_loop]
+        moving = [a for a, p in stage.plan.plans.items() if p.motion and not p.open_loop]
         for name in moving:
             for slot, value in (("offset", 0.0), ("slope", 0.0), ("pressed", 0.0), ("blend", 1.0)):
                 write(self.parameters, f"{slot}.{name}", value)
@@ -124,7 +124,7 @@ class Operating:
             write(self.parameters, f"blend.{name}", _FOR_EVER)
 
     def _by_gap(self, name: str) -> bool:
-        return name == "z" and self.stage.frame.kind == "following"
+        return name == "z" and self.stage.plan.frame.kind == "following"
 
     def outputs(self) -> dict[str, Matrix]:
         """What the tick puts out, by name."""

@@ -11,7 +11,6 @@ from taskspec.analysis.controller import LinearController
 from taskspec.analysis.stage import Analysed, analyse
 from taskspec.laws.gains import Gain, Gains
 from taskspec.laws.law import gain_named
-from taskspec.program.context import Context
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,7 +29,7 @@ class Family:
     inverse: bool
 
     @staticmethod
-    def of(context: Context, seen: Analysed, what: str, on: Sequence[str]) -> Family | None:
+    def of(seen: Analysed, what: str, on: Sequence[str]) -> Family | None:
         """The family of a gain on some axes; None where a member has no derivative."""
         members: list[LinearController] = []
         for factor in _AT:
@@ -38,9 +37,7 @@ class Family:
             if moved == 1:
                 members.append(seen.controller)
                 continue
-            other = analyse(
-                context, seen.stage.name, gains=scaled(seen.stage.gains, what, on, moved)
-            )
+            other = analyse(seen.stage.plan, gains=scaled(seen.stage.plan.gains, what, on, moved))
             if other is None or other.controller.slots != seen.controller.slots:
                 return None
             members.append(other.controller)

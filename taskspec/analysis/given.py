@@ -57,7 +57,7 @@ def together(context: Context, seen: Analysed, what: str, on: str) -> tuple[str,
     Args:
         context: the task. seen: the stage. what: the gain. on: an axis, a joint or an equation.
     """
-    by = seen.stage.gains[what]
+    by = seen.stage.plan.gains[what]
     if what == "joint_damping":
         return (on, *(other for other in by if other != on))
     path = gain_path(context, seen.stage.name, what, on)

@@ -138,7 +138,7 @@ class Search:
             of: the gains.
         """
         for what in of:
-            by = self.seen.stage.gains.get(what, {})
+            by = self.seen.stage.plan.gains.get(what, {})
             moved: set[str] = set()
             for axis in [next(iter(by))] if by and what == "joint_damping" else axes:
                 if axis not in by or axis in moved:
@@ -159,7 +159,7 @@ class Search:
             given: only gains that stand in the file, or only designed ones.
         """
         for what in PROPOSED:
-            by = self.seen.stage.gains.get(what, {})
+            by = self.seen.stage.plan.gains.get(what, {})
             on = [a for a, gain in by.items() if (gain.origin == "file") == given]
             whole = but in on and set(together(self.context, self.seen, what, but)) == set(on)
             if on and not whole:
@@ -173,7 +173,7 @@ class Search:
         Args:
             what: the gain. on: axes or joints it is of.
         """
-        now = self.seen.stage.gains[what][on[0]]
+        now = self.seen.stage.plan.gains[what][on[0]]
         if now.value <= 0:
             return None
         task = self.seen.context.loaded.task if self.task is None else self.task
@@ -183,7 +183,7 @@ class Search:
             return None
         if self.budget is not None and not self.budget.take():
             return None
-        family = Family.of(self.context, self.seen, what, on)
+        family = Family.of(self.seen, what, on)
         if family is None:
             return None
         found = _boundary(

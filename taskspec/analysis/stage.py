@@ -18,8 +18,7 @@ from taskspec.laws.gains import Gains
 from taskspec.program.axes import MOSTLY
 from taskspec.program.context import Context
 from taskspec.program.limits.contacts import pressed_objects, touched_objects
-from taskspec.program.prepare import frame_at_start
-from taskspec.program.reference.paths import path_shape
+from taskspec.program.plan import StagePlan
 from taskspec.program.stages.stage import CompiledStage, compile_stage
 from taskspec.spec import Task
 
@@ -104,11 +103,11 @@ class Analysed:
         both = np.kron(np.eye(2), self.rotation.T)
         J = both @ context.start_jacobian
         H = context.start_inertia
-        rows = [AXES.index(a) for a in self.stage.axes]
+        rows = [AXES.index(a) for a in self.stage.plan.axes]
         mobility = J[rows] @ np.linalg.solve(H, J[rows].T)
         motion = J[rows] @ mode.shape
         whole = float(np.real(mode.shape.conj() @ H @ mode.shape))
-        for name in self.stage.active:
+        for name in self.stage.plan.active:
             normal = context.start_equations[name].normal
             if abs(normal @ mode.shape) ** 2 > whole / 2 * (normal @ np.linalg.solve(H, normal)):
                 return name
@@ -116,49 +115,53 @@ class Analysed:
         if inside < 0.1 * whole:
             return "null space"
         energy = np.abs(motion) ** 2 / np.diag(mobility)
-        return self.stage.axes[int(np.argmax(energy))]
+        return self.stage.plan.axes[int(np.argmax(energy))]
 
 
-def bare(context: Context, name: str) -> Context:
-    """The context with stage `name` reduced to its control: no limits, guards or program.
+def bare(stage: StagePlan) -> StagePlan:
+    """A stage reduced to its control: no limits, guards or program.
 
     What is left is the closed form, which the limits do not change while none of them binds.
     """
-    loaded = context.loaded
-    task, stage = loaded.task, loaded.task.stages[name]
-    law = context.law_of(stage).model_copy(update={"solve": "closed-form"})
-    reduced = stage.model_copy(
+    context, loaded = stage.context, stage.context.loaded
+    stage.gains  # noqa: B018  (computed once, for the stage and for what is made of it)
+    law = stage.law.model_copy(update={"solve": "closed-form"})
+    spec = stage.spec.model_copy(
         update={"law": law, "limits": None, "until": None, "within": None, "fail_if": None}
     )
-    limits = type(task.limits)()
-    task = task.model_copy(update={"stages": {**task.stages, name: reduced}, "limits": limits})
+    limits = type(loaded.task.limits)()
+    task = loaded.task.model_copy(
+        update={"stages": {**loaded.task.stages, stage.name: spec}, "limits": limits}
+    )
     free = np.full_like(context.robot.torque_limit, np.inf)
-    return replace(
+    reduced = replace(
         context,
         loaded=replace(loaded, task=task),
         robot=replace(context.robot, torque_limit=free),
     )
+    return stage.but(context=reduced, spec=spec, law=law, limits=limits)
 
 
 def analyse(
-    context: Context, name: str, *, in_contact: bool = True, gains: Gains | None = None
+    plan: StagePlan, *, in_contact: bool = True, gains: Gains | None = None
 ) -> Analysed | None:
-    """Stage `name` at its equilibrium; None where its torque has no derivative there.
+    """A stage at its equilibrium; None where its torque has no derivative there.
 
     Args:
-        context: the task. name: of the stage.
+        plan: of the stage.
         in_contact: whether the contacts that it presses on or may meet are there.
         gains: in place of those that the stage has.
     """
-    reduced = bare(context, name)
-    rotation = frame_at_start(context, context.frame_of(context.loaded.task.stages[name]))
+    reduced = bare(plan)
+    if gains is not None:
+        reduced = reduced.but(gains=gains)
+    context, rotation = reduced.context, reduced.rotation
     # A table's splines are not laid: references are brought to where the arm is, and stay there.
-    path = path_shape(reduced, name, rotation)
-    stage = compile_stage(reduced, name, path, rotation, gains, often=False)
-    at = Operating(reduced, stage)
-    pressed, meets = _pressed(reduced, stage, rotation, at) if in_contact else ({}, False)
+    stage = compile_stage(reduced.but(ready_path=reduced.path), often=False)
+    at = Operating(context, stage)
+    pressed, meets = _pressed(context, stage, rotation, at) if in_contact else ({}, False)
     wrench, reactions = np.zeros(6), np.zeros(len(context.equations))
-    plant = linear_plant(reduced, reduced.loaded.task, pressed)
+    plant = linear_plant(context, context.loaded.task, pressed)
     for row in plant.rows:
         if row.equation is not None:
             reactions[row.equation] = pressed[row.name]
@@ -169,7 +172,7 @@ def analyse(
     controller = at.linear()
     if not controller.finite:
         return None
-    return Analysed(reduced, stage, rotation, pressed, meets, controller, plant)
+    return Analysed(context, stage, rotation, pressed, meets, controller, plant)
 
 
 def _pressed(
@@ -180,20 +183,20 @@ def _pressed(
     found: dict[str, float] = {}
     for i, name in enumerate(context.equations):
         relation = context.equations[name].constraint.relation
-        if name in stage.active or relation == "=":
+        if name in stage.plan.active or relation == "=":
             wanted = float(outputs["reaction_ref"][i])
             found[name] = wanted if np.isfinite(wanted) else 0.0
-    objects = touched_objects(context, stage.contact, stage.plans, rotation)
-    pressed = pressed_objects(context, objects, stage.plans, rotation)
+    objects = touched_objects(context, stage.plan.contact, stage.plan.plans, rotation)
+    pressed = pressed_objects(context, objects, stage.plan.plans, rotation)
     local = np.nan_to_num(outputs["force_ref"][:3])
     applied = rotation @ local
     for name in objects:
         if name in pressed:
             found[name] = max(-float(context.start_normals[name] @ applied), LEAST_PRESS)
-    if found or stage.held:
+    if found or stage.plan.held:
         return found, False
-    if stage.contact is not None and any(p.yields for p in stage.plans.values()):
-        return {stage.contact: LEAST_PRESS}, True
+    if stage.plan.contact is not None and any(p.yields for p in stage.plan.plans.values()):
+        return {stage.plan.contact: LEAST_PRESS}, True
     return found, False
 
 

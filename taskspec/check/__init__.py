@@ -24,7 +24,6 @@ from taskspec.check.contact.resisting import check_resisting
 from taskspec.check.contact.set_points import check_set_points
 from taskspec.check.contact.yielding import check_yielding
 from taskspec.check.expectations.judging import check_judging
-from taskspec.check.foresight.nominal import Walk
 from taskspec.check.reach.feasibility import check_feasibility
 from taskspec.check.reach.sensor import check_sensor
 from taskspec.check.reach.singular import check_singular
@@ -37,11 +36,9 @@ from taskspec.check.values.lasting import check_lasting
 from taskspec.check.values.plausible import check_depth, check_plausible
 from taskspec.check.values.references import check_motions, check_references
 from taskspec.check.values.variations import check_variations
+from taskspec.foresight.task_plan import TaskPlan, plan_task
 from taskspec.geometry.axis import Axis
-from taskspec.program.axes import SkewedAxisError, existing_axes
-from taskspec.program.context import Context
-from taskspec.program.prepare import frame_at_start, prepare
-from taskspec.program.reference.paths import path_shape
+from taskspec.program.axes import SkewedAxisError
 from taskspec.spec import FILE, LoadedTask
 from taskspec.text.codes import register
 from taskspec.text.diagnostic import Diagnostic, Diagnostics, SpecError
@@ -55,12 +52,12 @@ class Examination:
 
     Attributes:
         loaded: the task.
-        context: its robot, start and frames; None where these are not as the file says.
+        plan: of its stages; None where robot, start or frames are not as the file says.
         findings: all that was found, the warnings of its reading included, sorted by place.
     """
 
     loaded: LoadedTask
-    context: Context | None
+    plan: TaskPlan | None
     findings: tuple[Diagnostic, ...]
 
 
@@ -74,16 +71,16 @@ def examine(loaded: LoadedTask, *, stability: bool = True) -> Examination:
     """
     found = Diagnostics(loaded.source.name)
     found.extend(loaded.warnings)
-    context = None
+    task = None
     try:
-        context = prepare(loaded)
+        task = plan_task(loaded)
     except SpecError as error:
         found.extend(error.diagnostics)
     else:
-        found.extend(check_stages(context))
+        found.extend(check_stages(task))
         if stability and not found.has_errors:
-            check_stability(context, found)
-    return Examination(loaded, context, found.sorted())
+            check_stability(task, found)
+    return Examination(loaded, task, found.sorted())
 
 
 def check_task(loaded: LoadedTask) -> tuple[Diagnostic, ...]:
@@ -91,12 +88,14 @@ def check_task(loaded: LoadedTask) -> tuple[Diagnostic, ...]:
     return examine(loaded).findings
 
 
-def check_stages(context: Context) -> tuple[Diagnostic, ...]:
+def check_stages(task: TaskPlan) -> tuple[Diagnostic, ...]:
     """Findings about the stages of a task whose robot and start are sound."""
-    loaded = context.loaded
+    context, loaded = task.context, task.context.loaded
     found = Diagnostics(loaded.source.name)
     check_joints(context, found)
-    context = check_variations(context, found)
+    steady = check_variations(context, found)
+    if steady is not context:
+        context, task = steady, TaskPlan(steady)
     check_plausible(context, found)
     check_stiffness(context, found)
     check_start(context, found)
@@ -106,17 +105,15 @@ def check_stages(context: Context) -> tuple[Diagnostic, ...]:
     check_felt(context, found)
     check_sensor(context, found)
     axes_of: dict[str, tuple[Axis, ...]] = {}
-    walk = Walk(context)
-    for name, stage in loaded.task.stages.items():
-        frame = context.frame_of(stage)
+    for name, plan in task.stages.items():
         if not check_frame(context, name, found):
             continue
-        rotation = frame_at_start(context, frame)
+        rotation = plan.rotation
         try:
-            axes = existing_axes(context.robot.axes, rotation)
+            axes = plan.axes
         except SkewedAxisError as error:
-            place = FILE.stages[name].frame if stage.frame else FILE.frame
-            message = f"in frame {frame.name!r} {error}"
+            place = FILE.stages[name].frame if plan.spec.frame else FILE.frame
+            message = f"in frame {plan.frame.name!r} {error}"
             hint = "align the frame with that plane"
             found.error("TS221", message, loaded.span(place), hint)
             continue
@@ -133,7 +130,7 @@ def check_stages(context: Context) -> tuple[Diagnostic, ...]:
         check_null_space(context, name, axes, found)
         check_orientation(context, name, axes, rotation, found)
         try:
-            path = path_shape(context, name, rotation)
+            path = plan.path
         except SpecError as error:
             found.extend(error.diagnostics)
             continue
@@ -141,16 +138,16 @@ def check_stages(context: Context) -> tuple[Diagnostic, ...]:
             continue
         check_forces(context, name, axes, rotation, path, found)
         check_following(context, name, axes, rotation, path, found)
-        places = walk.places(name, axes, rotation, path)
-        check_feasibility(context, name, axes, places, found)
-        check_singular(context, name, axes, places, found)
+        nominal = task.follow(name).nominal
+        check_feasibility(context, name, axes, nominal.places, found)
+        check_singular(context, name, axes, nominal.places, found)
         check_yielding(context, name, axes, rotation, path, found)
-        check_leaving(context, name, axes, path, walk, found)
+        check_leaving(context, name, axes, path, nominal, found)
         check_resisting(context, name, axes, rotation, found)
-        check_guards(context, name, axes, rotation, walk.gap, found)
-        check_noise(context, name, rotation, walk.gap, found)
-        check_impact(context, name, axes, rotation, walk.gap, found)
-        check_entering(context, name, axes, rotation, walk.gap, found)
+        check_guards(context, name, axes, rotation, nominal.gap, found)
+        check_noise(context, name, rotation, nominal.gap, found)
+        check_impact(context, name, axes, rotation, nominal.gap, found)
+        check_entering(context, name, axes, rotation, nominal.gap, found)
     check_expectations(context, axes_of, found)
     check_judging(context, axes_of, found)
     return found.sorted()

@@ -16,5 +16,5 @@ def asked_at_start(program: Program, stage: CompiledStage) -> Asked | None:
         return None
     machine = program.machine()
     machine.q[:] = np.asarray(program.context.start)
-    ramps = [plan.axis.ramp for plan in stage.plans.values() if plan.axis.ramp is not None]
+    ramps = [plan.axis.ramp for plan in stage.plan.plans.values() if plan.axis.ramp is not None]
     return machine.asked(program.stages.index(stage), max([DEFAULT_RAMP, *ramps]))

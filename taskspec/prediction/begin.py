@@ -8,13 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec.check.foresight.course import Course
-from taskspec.check.foresight.nominal import Walk
 from taskspec.compiler import Program
 from taskspec.geometry.axis import Axis
 from taskspec.program.context import Context
-from taskspec.program.prepare import frame_at_start
 from taskspec.program.stages.stage import CompiledStage
+from taskspec.program.trajectory import Course
 
 Vector = NDArray[np.float64]
 
@@ -43,19 +41,18 @@ class Begin:
 def beginnings(program: Program) -> Iterator[Begin]:
     """All stages, in the order of the file."""
     context = program.context
-    walk = Walk(context)
     for stage in program.stages:
-        rotation = frame_at_start(context, stage.frame)
-        walk.places(stage.name, stage.axes, rotation, stage.path)
-        gap, nearing = walk.gap, 0.0
+        nominal = program.plan.follow(stage.name).nominal
+        gap, nearing = nominal.gap, 0.0
         if gap is None and stage is program.stages[0]:
             gap, nearing = _carried(context, stage)
-        yield Begin(context, stage, rotation, gap, nearing, walk.coordinates, walk.course)
+        rotation, coordinates = stage.plan.rotation, nominal.coordinates
+        yield Begin(context, stage, rotation, gap, nearing, coordinates, nominal.course)
 
 
 def _carried(context: Context, stage: CompiledStage) -> tuple[float | None, float]:
     """Distance [m] and speed [m/s], as the run begins, of an object that carries the frame."""
-    base, contact = stage.moving_base, stage.contact
+    base, contact = stage.plan.moving_base, stage.plan.contact
     if contact is None or base is None:
         return None, 0.0
     moves = base.twist(0.0, context.start_p)[:3]

@@ -7,9 +7,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from taskspec.check.contact.yielding import coordinate_rate
-from taskspec.check.foresight.flow import good_end
-from taskspec.check.foresight.interval import ANY, Interval, point
-from taskspec.check.foresight.known import known_value
+from taskspec.foresight.flow import good_end
+from taskspec.foresight.interval import ANY, Interval, point
+from taskspec.foresight.known import known_value
 from taskspec.geometry.axis import AXES, TRANSLATIONS, Axis
 from taskspec.motion import profile
 from taskspec.prediction.begin import Begin
@@ -42,11 +42,11 @@ class Known:
 
 def planned(begin: Begin) -> Duration | None:
     """Duration of a stage that ends by its moves, path and time; None for one with a guard."""
-    spec = begin.stage.spec
+    spec = begin.stage.plan.spec
     if spec.until is not None:
         return None
     lasts = [spec.time or 0.0]
-    for axis, plan in begin.stage.plans.items():
+    for axis, plan in begin.stage.plan.plans.items():
         if plan.motion and plan.mode == "move" and plan.axis.move:
             speed = plan.axis.speed or move_speed(axis)
             lasts.append(float(profile.move(0.0, 0.0, plan.axis.move, speed).knots[-2]))
@@ -59,7 +59,7 @@ def planned(begin: Begin) -> Duration | None:
 
 def _path_duration(begin: Begin) -> float | None:
     """Of a stage's path [s], 0 without one; None where its length depends on where it begins."""
-    path, start = begin.stage.path, begin.coordinates
+    path, start = begin.stage.plan.path, begin.coordinates
     if path is None:
         return 0.0
     if start is None and path.kind in ("to", "arc"):
@@ -70,7 +70,7 @@ def _path_duration(begin: Begin) -> float | None:
 
 def guarded(begin: Begin, known: Known) -> Duration:
     """Duration of a stage that a guard ends."""
-    spec = begin.stage.spec
+    spec = begin.stage.plan.spec
     assert spec.until is not None
     most = None if spec.within is None else spec.within.time
     forecast = Forecast(begin, _signals(begin, known))
@@ -85,7 +85,7 @@ def _signals(begin: Begin, known: Known) -> dict[str, Signal]:
     """All signals of a stage that can be told."""
     rates, along = _rates(begin), _path_duration(begin)
     found: dict[str, Signal] = {"t": point}
-    if begin.stage.path is not None and along is not None:
+    if begin.stage.plan.path is not None and along is not None:
         found["path_done"] = lambda t: point(float(t >= along))
     found |= coming(rates, begin.coordinates)
     met = known.met
@@ -106,7 +106,7 @@ def _unknown(_: float) -> Interval:
 def _rates(begin: Begin) -> dict[Axis, float]:
     """Rates of motion axes that are constant [m/s, rad/s]."""
     found = {}
-    for axis, plan in begin.stage.plans.items():
+    for axis, plan in begin.stage.plan.plans.items():
         if not plan.motion or plan.axis.has_force:
             continue
         if plan.mode == "hold":
@@ -120,7 +120,7 @@ def _rates(begin: Begin) -> dict[Axis, float]:
 
 def _mechanism(begin: Begin, known: Known) -> dict[str, Signal]:
     """Coordinate of the held mechanism, and what it bears until it comes to its stop."""
-    name, start = begin.stage.held, known.coordinate
+    name, start = begin.stage.plan.held, known.coordinate
     rate = mechanism_rate(begin)
     if rate is None or start is None:
         return {}
@@ -144,10 +144,10 @@ def _mechanism(begin: Begin, known: Known) -> dict[str, Signal]:
 
 def mechanism_rate(begin: Begin) -> float | None:
     """Rate of the held mechanism [rad/s, m/s]; None where none is held, or it is not known."""
-    if not begin.stage.held:
+    if not begin.stage.plan.held:
         return None
     stage = begin.stage
-    return coordinate_rate(begin.context, stage.name, stage.axes, begin.rotation)
+    return coordinate_rate(begin.context, stage.name, stage.plan.axes, begin.rotation)
 
 
 def whole(stages: Mapping[str, Stage], found: Sequence[StagePrediction]) -> Duration:

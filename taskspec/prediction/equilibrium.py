@@ -55,7 +55,7 @@ def _set_points(
 ) -> None:
     """Axes with a force loop, and the depths of the contacts that bear them."""
     spans = {}
-    for axis, plan in begin.stage.plans.items():
+    for axis, plan in begin.stage.plan.plans.items():
         expression = plan.axis.force if plan.axis.force is not None else plan.axis.torque
         if plan.force and expression is not None:
             spans[axis] = span_of(begin.context, expression, lasts)
@@ -84,7 +84,7 @@ def _set_points(
 
 def _loop(begin: Begin, axis: Axis, *, reached: bool) -> str:
     stage = begin.stage
-    law, moves = stage.law.control_law, stage.plans[axis].axis.velocity is not None
+    law, moves = stage.plan.law.control_law, stage.plan.plans[axis].axis.velocity is not None
     if not law.shares and stage.resolution is not None and not reached:
         return "nearest that contacts return"
     return law.settles_at(moves=moves, reached=reached)
@@ -117,9 +117,13 @@ def _depth(begin: Begin, name: str, bears: float, angular: bool = False) -> Dept
 def _springs(begin: Begin, on: Bearing, rest: Rest) -> None:
     """The axis along a contact's normal that a spring of the law holds."""
     context, stage = begin.context, begin.stage
-    if stage.contact is None or stage.contact not in on.names or stage.frame.at_origin:
+    if (
+        stage.plan.contact is None
+        or stage.plan.contact not in on.names
+        or stage.plan.frame.at_origin
+    ):
         return
-    name = stage.contact
+    name = stage.plan.contact
     normal = on.normals[:, on.names.index(name)]
     found, own = behind(begin, normal[:, None]), yield_of(begin, normal)
     if found is None or own is None or found[1] <= 0:
@@ -135,7 +139,7 @@ def _springs(begin: Begin, on: Bearing, rest: Rest) -> None:
 
     worst = extreme(context, name, applies, lambda force: abs(force - value))
     signal = applied(axis)
-    source = stage.law.control_law.rest
+    source = stage.plan.law.control_law.rest
     rest.forces[signal] = Equilibrium(signal, value, value, value, source, worst)
     deepest = extreme(context, name, lambda w: push(depth, own, w) / w.stiffness, abs)
     rest.depths[name] = Depth(name, bears, bears / k, worst=deepest)
@@ -144,11 +148,11 @@ def _springs(begin: Begin, on: Bearing, rest: Rest) -> None:
 def _equations(begin: Begin, lasts: float | None, asked: Asked | None, rest: Rest) -> None:
     """Constraints of a law with multipliers: the set point along the unit gradient."""
     context, stage = begin.context, begin.stage
-    if not stage.law.control_law.multipliers:
+    if not stage.plan.law.control_law.multipliers:
         return
-    for name in stage.active:
+    for name in stage.plan.active:
         joints = context.equations[name].joints
-        point = stage.spec.constraints.get(name)
+        point = stage.plan.spec.constraints.get(name)
         span = (0.0, 0.0, 0.0) if point is None else span_of(context, point.wanted, lasts)
         if span is None:
             continue
@@ -164,8 +168,8 @@ def _equations(begin: Begin, lasts: float | None, asked: Asked | None, rest: Res
 def _mechanism(begin: Begin, rest: Rest) -> None:
     """What the held mechanism takes to go on at its rate: friction and damping."""
     context, stage = begin.context, begin.stage
-    name = stage.held
-    rate = coordinate_rate(context, stage.name, stage.axes, begin.rotation) if name else None
+    name = stage.plan.held
+    rate = coordinate_rate(context, stage.name, stage.plan.axes, begin.rotation) if name else None
     if not rate:
         return
     held = context.loaded.task.mechanisms[name]

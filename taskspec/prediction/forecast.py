@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from taskspec.check.foresight.interval import ANY, Interval, IntervalAlgebra, point
-from taskspec.check.foresight.ranges import Ranges
+from taskspec.foresight.interval import ANY, Interval, IntervalAlgebra, point
+from taskspec.foresight.ranges import Ranges
 from taskspec.geometry.axis import Axis
 from taskspec.motion.blend import BLEND_TIME
 from taskspec.prediction.begin import Begin

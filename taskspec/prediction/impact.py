@@ -14,7 +14,7 @@ from taskspec.prediction.worlds import extreme
 def impact(begin: Begin) -> Impact | None:
     """The impact of a stage; None where it meets nothing that it knows of."""
     context, stage = begin.context, begin.stage
-    met = meeting(context, stage.name, stage.axes, begin.rotation, begin.gap)
+    met = meeting(context, stage.name, stage.plan.axes, begin.rotation, begin.gap)
     if met is None:
         return None
     contact = context.compliances[met.contact]
@@ -22,10 +22,10 @@ def impact(begin: Begin) -> Impact | None:
         contact=met.contact,
         axis=met.axis,
         speed=met.closing,
-        mass=striking_mass(context, stage.spec, stage.axes, begin.rotation, met.axis),
+        mass=striking_mass(context, stage.plan.spec, stage.plan.axes, begin.rotation, met.axis),
         stiffness=contact.stiffness,
         damping=contact.damping,
-        drag=stage.law.control_law.drag(on_axis(stage.gains, met.axis)),
+        drag=stage.plan.law.control_law.drag(on_axis(stage.plan.gains, met.axis)),
     )
     worst = extreme(context, met.contact, lambda world: found.peak_on(world.stiffness), abs)
     return replace(found, worst=worst)

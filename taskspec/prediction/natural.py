@@ -39,9 +39,9 @@ def natural(begin: Begin, foreseen: StagePrediction) -> tuple[Natural, ...]:
         begin: the stage. foreseen: what it is expected to do.
     """
     rows = reactions(begin, foreseen)
-    axes = begin.stage.axes
+    axes = begin.stage.plan.axes
     index = [AXES.index(a) for a in axes]
-    wanted = [a for a in axes if begin.stage.plans[a].set_point]
+    wanted = [a for a in axes if begin.stage.plan.plans[a].set_point]
     pivots, R, mixed = reduced(rows.W[index].T, axes, wanted)
     effort = _efforts(begin, pivots, R)
     decided = [
@@ -60,7 +60,7 @@ def _decided(
 ) -> Natural:
     """An axis whose velocity the world decides."""
     row = int(np.argmax(np.abs(mixed[i])))
-    terms = {a: -float(c) for a, c in zip(begin.stage.axes, R[i], strict=True) if a != axis}
+    terms = {a: -float(c) for a, c in zip(begin.stage.plan.axes, R[i], strict=True) if a != axis}
     side = int(np.sign(mixed[i, row])) * rows.sides[row]
     name = rows.names[row]
     return Natural(
@@ -91,7 +91,7 @@ def _free(
     if source is not None and not axis.is_rotation:
         rubs = rows.friction.get(source.by, 0.0)
     if effort:
-        return Natural(axis, "force", terms, begin.stage.held, effort=effort)
+        return Natural(axis, "force", terms, begin.stage.plan.held, effort=effort)
     if source is None:
         return Natural(axis, "force")
     return Natural(
@@ -158,7 +158,7 @@ def reduced(
 
 def _efforts(begin: Begin, pivots: Sequence[int], R: Vector) -> dict[Axis, float]:
     """s_j: rate of the held mechanism's coordinate per velocity of each axis that is left free."""
-    T, axes = mechanism_twists(begin), begin.stage.axes
+    T, axes = mechanism_twists(begin), begin.stage.plan.axes
     if T is None:
         return {}
     T = T[[AXES.index(a) for a in axes]]

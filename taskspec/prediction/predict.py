@@ -33,7 +33,7 @@ class Looked:
 def look(program: Program, name: str) -> Looked | None:
     """The sampled loop of a stage; None where it cannot be looked at."""
     try:
-        seen = analyse(program.context, name)
+        seen = analyse(program.plan.stages[name])
         return None if seen is None else Looked(seen, seen.modes())
     except (UnfitError, np.linalg.LinAlgError):
         return None
@@ -70,7 +70,7 @@ def _stage(
     poles = {} if looked is None else settling(looked.seen, looked.modes)
     lasts = planned(begin)
     met = impact(begin)
-    within = begin.stage.spec.within
+    within = begin.stage.plan.spec.within
     longest = (within.time if within else None) if lasts is None else lasts.expected
     rest = at_rest(begin, longest, asked_at_start(program, begin.stage))
     if lasts is None:
@@ -90,9 +90,9 @@ def _stage(
 def _coordinate_after(begin: Begin, coordinate: float | None, one: StagePrediction) -> float | None:
     """Of the held mechanism as the stage ends [rad, m]; None where that is unknown."""
     rate, lasts = mechanism_rate(begin), one.duration.expected
-    if not begin.stage.held or coordinate is None:
+    if not begin.stage.plan.held or coordinate is None:
         return coordinate
-    held = begin.context.loaded.task.mechanisms[begin.stage.held]
+    held = begin.context.loaded.task.mechanisms[begin.stage.plan.held]
     if rate is None or lasts is None:
         return None
     low, high = held.stop or (-np.inf, np.inf)

@@ -32,10 +32,10 @@ class Bearing:
 def bearing(begin: Begin) -> Bearing:
     """The contacts along a force axis of a stage, or along an axis that yields to them."""
     context, stage = begin.context, begin.stage
-    objects = touched_objects(context, stage.contact, stage.plans, begin.rotation)
-    pressed = pressed_objects(context, objects, stage.plans, begin.rotation)
-    if stage.contact is not None and any(p.yields for p in stage.plans.values()):
-        pressed = pressed | {stage.contact}
+    objects = touched_objects(context, stage.plan.contact, stage.plan.plans, begin.rotation)
+    pressed = pressed_objects(context, objects, stage.plan.plans, begin.rotation)
+    if stage.plan.contact is not None and any(p.yields for p in stage.plan.plans.values()):
+        pressed = pressed | {stage.plan.contact}
     names = tuple(o for o in objects if o in pressed)
     normals = np.array([begin.rotation.T @ context.start_normals[o] for o in names])
     shapes = context.loaded.task.shapes
@@ -51,7 +51,7 @@ def moment_arms(begin: Begin, normal: Vector) -> Vector:
     """
     context = begin.context
     tool = context.robot.tool
-    lever = -context.lever_of(begin.stage.frame)
+    lever = -context.lever_of(begin.stage.plan.frame)
     if not tool.flat:
         lever = lever + context.start_R @ tool.centers[0]
         lever = lever - float(tool.radii[0]) * (begin.rotation @ normal)

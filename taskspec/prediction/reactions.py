@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from taskspec.check.contact.resisting import gradients
 from taskspec.check.contact.yielding import free_twists
-from taskspec.check.foresight.nominal import AT_SURFACE
 from taskspec.control.state import ARM_LENGTH
+from taskspec.foresight.nominal import AT_SURFACE
 from taskspec.prediction.begin import Begin
 from taskspec.prediction.reach import bearing, moment_arms
 from taskspec.prediction.types import StagePrediction, State
@@ -70,7 +70,7 @@ def reactions(begin: Begin, foreseen: StagePrediction) -> Reactions:
         sides.append(side)
     for wrench in _grip(begin):
         columns.append(wrench)
-        names.append(begin.stage.held)
+        names.append(begin.stage.plan.held)
         states.append(State.THERE)
         sides.append(0)
     W = np.array(columns).reshape(-1, 6).T
@@ -80,7 +80,7 @@ def reactions(begin: Begin, foreseen: StagePrediction) -> Reactions:
 
 def _turns(begin: Begin, name: str) -> bool:
     """Whether the direction of an object changes as the tool moves in a stage's frame."""
-    context, frame = begin.context, begin.stage.frame
+    context, frame = begin.context, begin.stage.plan.frame
     if name in context.surfaces:
         return not context.surfaces[name].flat and frame.surface_name != name
     if name in context.equations:
@@ -110,7 +110,7 @@ def _state(begin: Begin, foreseen: StagePrediction, name: str) -> State | None:
     """Whether a contact is there; None for one that the stage stays away from."""
     if name in foreseen.depths or any(
         p.set_point and not a.is_rotation and p.axis.force is not None
-        for a, p in begin.stage.plans.items()
+        for a, p in begin.stage.plan.plans.items()
     ):
         return State.THERE
     if foreseen.impact is not None and foreseen.impact.contact == name:
@@ -122,7 +122,7 @@ def equation_wrenches(begin: Begin) -> Iterator[tuple[str, Vector, int]]:
     """Gradients of the equations where the run begins, and the side on which they let pass."""
     context = begin.context
     J = np.kron(np.eye(2), begin.rotation.T) @ context.start_jacobian
-    J[:3] += np.cross(J[3:], begin.rotation.T @ context.lever_of(begin.stage.frame), axis=0)
+    J[:3] += np.cross(J[3:], begin.rotation.T @ context.lever_of(begin.stage.plan.frame), axis=0)
     for name, model in context.equations.items():
         gradient = context.start_equations[name].normal
         wrench, *_ = np.linalg.lstsq(J.T, gradient, rcond=1e-9)
@@ -130,7 +130,7 @@ def equation_wrenches(begin: Begin) -> Iterator[tuple[str, Vector, int]]:
         if left > _OFF * np.linalg.norm(gradient):
             continue
         side = {"=": 0, "<=": -1, ">=": 1}[model.constraint.relation]
-        if side and name not in begin.stage.active:
+        if side and name not in begin.stage.plan.active:
             continue
         yield name, np.where(np.abs(wrench) > 1e-9, wrench, 0.0), side
 
@@ -149,8 +149,8 @@ def _grip(begin: Begin) -> Iterator[Vector]:
 def mechanism_twists(begin: Begin) -> Vector | None:
     """(6, k) free twists of the held mechanism at the control point, in the stage's axes."""
     context = begin.context
-    if not begin.stage.held:
+    if not begin.stage.plan.held:
         return None
-    point = context.start_p + context.lever_of(begin.stage.frame)
-    T = free_twists(context.mechanisms[begin.stage.held], context.start_p, point)
+    point = context.start_p + context.lever_of(begin.stage.plan.frame)
+    T = free_twists(context.mechanisms[begin.stage.plan.held], context.start_p, point)
     return np.asarray(np.kron(np.eye(2), begin.rotation.T) @ T)

@@ -21,15 +21,15 @@ def selection(begin: Begin) -> Selection | None:
     taken where the run begins. An equation that no wrench on the tool returns is in neither.
     """
     stage = begin.stage
-    axes, law = stage.axes, stage.law.control_law
+    axes, law = stage.plan.axes, stage.plan.law.control_law
     if not law.selects:
         return None
-    soft = tuple(a for a in axes if stage.plans[a].soft)
-    forced = [a for a in axes if stage.plans[a].force]
+    soft = tuple(a for a in axes if stage.plan.plans[a].soft)
+    forced = [a for a in axes if stage.plan.plans[a].force]
     columns = [np.eye(len(axes))[axes.index(a)] for a in forced]
     if law.multipliers:
         rows = [AXES.index(a) for a in axes]
-        columns += [w[rows] for name, w, _ in equation_wrenches(begin) if name in stage.active]
+        columns += [w[rows] for name, w, _ in equation_wrenches(begin) if name in stage.plan.active]
     force = np.array(columns).reshape(-1, len(axes)).T
     return Selection(axes, force, _reciprocal(force, axes, soft), soft)
 

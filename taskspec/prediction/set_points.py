@@ -8,7 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec.check.foresight.known import known_value
+from taskspec.foresight.known import known_value
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.laws.gains import on_axis
 from taskspec.prediction.begin import Begin
@@ -57,7 +57,7 @@ def settled(begin: Begin, on: Bearing, wanted: Mapping[Axis, float]) -> dict[Axi
     Args:
         begin: the stage. on: its contacts. wanted: set points of its force axes [N].
     """
-    found = begin.stage.law.control_law.gives_way(begin.stage.gains, [*wanted])
+    found = begin.stage.plan.law.control_law.gives_way(begin.stage.plan.gains, [*wanted])
     if found is None:
         return None
     weights = np.array(found)
@@ -86,14 +86,14 @@ def drift(begin: Begin, missing: Mapping[Axis, float]) -> float:
     unreturned = {axis: _pull(begin, axis) + f for axis, f in missing.items()}
     if all(abs(f) < _NOTHING for f in unreturned.values()):
         return 0.0
-    law, gains = begin.stage.law.control_law, begin.stage.gains
+    law, gains = begin.stage.plan.law.control_law, begin.stage.plan.gains
     return math.hypot(*(law.runs_away(on_axis(gains, a), f) for a, f in unreturned.items()))
 
 
 def _pull(begin: Begin, axis: Axis) -> float:
     """What a motion on a force axis adds to its set point [N]."""
-    stage, plan = begin.stage, begin.stage.plans[axis]
+    stage, plan = begin.stage, begin.stage.plan.plans[axis]
     if not plan.motion or plan.axis.velocity is None:
         return 0.0
     rate = known_value(begin.context, plan.axis.velocity) or 0.0
-    return stage.law.control_law.pulls(on_axis(stage.gains, axis), rate)
+    return stage.plan.law.control_law.pulls(on_axis(stage.plan.gains, axis), rate)

@@ -70,8 +70,8 @@ def _distinct(modes: Sequence[Mode]) -> list[Mode]:
 def _rows(seen: Analysed) -> dict[str, Vector]:
     """(n,) rates of axes and equations per rate of the joints."""
     J = np.kron(np.eye(2), seen.rotation.T) @ seen.context.start_jacobian
-    rows = {axis: J[AXES.index(axis)] for axis in seen.stage.axes}
-    return rows | {e: seen.context.start_equations[e].normal for e in seen.stage.active}
+    rows = {axis: J[AXES.index(axis)] for axis in seen.stage.plan.axes}
+    return rows | {e: seen.context.start_equations[e].normal for e in seen.stage.plan.active}
 
 
 def _responses(seen: Analysed, rows: dict[str, Vector], span: float) -> tuple[Vector, Vector]:
@@ -89,9 +89,9 @@ def _responses(seen: Analysed, rows: dict[str, Vector], span: float) -> tuple[Ve
     stride = max(1, round(span / _LOOKS / step))
     F = np.linalg.matrix_power(F, stride)
     W = np.linalg.inv(context.start_inertia)
-    axes = np.array([rows[a] for a in seen.stage.axes])
+    axes = np.array([rows[a] for a in seen.stage.plan.axes])
     pushed = [*(W @ axes.T @ np.linalg.inv(axes @ W @ axes.T)).T]
-    pushed += [W @ rows[e] / (rows[e] @ W @ rows[e]) for e in seen.stage.active]
+    pushed += [W @ rows[e] / (rows[e] @ W @ rows[e]) for e in seen.stage.plan.active]
     x = np.zeros((len(F), len(rows)))
     x[: plant.n] = np.array(pushed).T
     seen_by = np.array([*rows.values()])

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec.check.foresight.known import known_value
+from taskspec.foresight.known import known_value
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.laws.gains import BANDWIDTH, on_axis, value_of
 from taskspec.prediction.begin import Begin
@@ -26,11 +26,11 @@ def yield_of(begin: Begin, normal: Vector) -> float | None:
 
     Axes that have a bandwidth instead of a spring are stiff beside those with one.
     """
-    springs = begin.stage.gains.get("stiffness", {})
-    stiff = BANDWIDTH.name in begin.stage.gains
+    springs = begin.stage.plan.gains.get("stiffness", {})
+    stiff = BANDWIDTH.name in begin.stage.plan.gains
     w = moment_arms(begin, normal)
     found = 0.0
-    for axis in begin.stage.axes:
+    for axis in begin.stage.plan.axes:
         share = float(w[AXES.index(axis)]) ** 2
         if share < 1e-12 or (stiff and axis not in springs):
             continue
@@ -48,7 +48,7 @@ def behind(begin: Begin, normals: Vector) -> tuple[Axis, float] | None:
     Args:
         begin: the stage. normals: (3, 1) of its contact, outward, in the stage's axes.
     """
-    for axis, plan in begin.stage.plans.items():
+    for axis, plan in begin.stage.plan.plans.items():
         if along(normals, axis) is None or plan.force:
             continue
         away = float(normals[AXES.index(axis), 0])
@@ -56,10 +56,10 @@ def behind(begin: Begin, normals: Vector) -> tuple[Axis, float] | None:
             wanted = (
                 None if plan.axis.force is None else known_value(begin.context, plan.axis.force)
             )
-            own = value_of(begin.stage.gains, "stiffness", axis)
+            own = value_of(begin.stage.plan.gains, "stiffness", axis)
             if wanted is None or own <= 0:
                 return None
-            return axis, -wanted * (1 / own + 1 / begin.stage.stiffness) / away
+            return axis, -wanted * (1 / own + 1 / begin.stage.plan.stiffness) / away
         reference = _reference(begin, normals[:, 0])
         return None if reference is None else (axis, -reference)
     return None
@@ -90,4 +90,4 @@ def spring_behind(begin: Begin, axis: Axis, mass: float) -> float:
     Args:
         begin: the stage. axis: a translation. mass: felt along it [kg].
     """
-    return begin.stage.law.control_law.spring(on_axis(begin.stage.gains, axis), mass)
+    return begin.stage.plan.law.control_law.spring(on_axis(begin.stage.plan.gains, axis), mass)

@@ -212,8 +212,7 @@ class Context:
             # The run stops before its first tick; that it is said needs gains that are finite.
             mobility = mobility + np.eye(len(rows)) / _CONDITION
         held = np.diag(np.linalg.inv(mobility))
-        tool = self.robot.tool
-        reach = float(np.max(np.linalg.norm(tool.centers[:, :2], axis=1) + tool.radii))
+        reach = self.robot.tool.reach
         if not isinstance(k, Mapping):
             k = {a: k * reach**2 if a.is_rotation else k for a in axes}
         return {

@@ -6,11 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
+import numpy as np
+
 from taskspec.geometry.axis import Axis
 
 if TYPE_CHECKING:
     import mujoco
-    import numpy as np
     import numpy.typing as npt
     import pinocchio as pin
 
@@ -69,6 +70,11 @@ class ToolGeometry:
     centers: Array
     radii: Array
     flat: bool
+
+    @property
+    def reach(self) -> float:
+        """How far from its axis it touches [m]."""
+        return float(np.max(np.linalg.norm(self.centers[:, :2], axis=1) + self.radii))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

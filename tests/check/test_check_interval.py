@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from taskspec.check.foresight.interval import ANY, MAYBE, NEVER, Interval, IntervalAlgebra
 from taskspec.check.stages.conditions import value_of
+from taskspec.foresight.interval import ANY, MAYBE, NEVER, Interval, IntervalAlgebra
 from taskspec.text.expression import FloatAlgebra, evaluate, parse
 
 #: Outward by rounding: products and sums of numbers below 100 err by less than this.

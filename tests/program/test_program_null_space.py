@@ -12,8 +12,9 @@ from measures import rms
 from taskspec.control.state import ARM_LENGTH
 from taskspec.laws import LAWS
 from taskspec.program.execution.machine import Machine
+from taskspec.program.plan import StagePlan
 from taskspec.program.ports import fields
-from taskspec.program.prepare import frame_at_start, prepare
+from taskspec.program.prepare import prepare
 from taskspec.program.stages.stage import compile_stage
 from taskspec.robot import load_robot, solve_start
 from taskspec.spec import load_text
@@ -91,8 +92,7 @@ def pressing(law, goals):
     """Arm and machine of a press whose torques are not saturated."""
     context = prepare(load_text(PRESS.format(law=law, goals=goals), "press.yaml"))
     context = replace(context, robot=replace(context.robot, torque_limit=np.full(N, np.inf)))
-    rotation = frame_at_start(context, context.frame_of(context.loaded.task.stages["press"]))
-    stage = compile_stage(context, "press", None, rotation)
+    stage = compile_stage(StagePlan(context, "press"))
     lengths = (N, N, 6, 0, N, sum(length for _, length in fields(0)))
     views = tuple(np.zeros(length) for length in lengths)
     machine = Machine(context.robot, (stage,), context.period, views)

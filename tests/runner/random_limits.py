@@ -240,7 +240,7 @@ def _check_impact(program: Program, writer: Writer) -> None:
     Raises:
         RefusedError: it is not below.
     """
-    context, cap = program.context, program.stages[0].limits.force
+    context, cap = program.context, program.stages[0].plan.limits.force
     J, H = context.start_jacobian[:3], context.start_inertia
     assert cap is not None
     for name, normal in context.start_normals.items():
@@ -297,7 +297,7 @@ def run_program(program: Program) -> Traces:
 
 def joint_excess(traces: Traces) -> dict[str, float]:
     """The most that torques, their rate, joint positions and velocities were beyond, relative."""
-    robot, limits = traces.program.context.robot, traces.program.stages[0].limits
+    robot, limits = traces.program.context.robot, traces.program.stages[0].plan.limits
     q, v, torque = (traces.fields[name] for name in ("q", "v", "torque"))
     span = robot.upper - robot.lower
     found = {
@@ -340,7 +340,7 @@ def force_excess(traces: Traces) -> list[Excess]:
     friction cone adds mu d v to the normal force (measured: 0.219 N at 27.3 mm/s, mu 0.441 and
     17.8 N s/m, where mu d v is 0.214 N), which no believed spring has.
     """
-    cap = traces.program.stages[0].limits.force
+    cap = traces.program.stages[0].plan.limits.force
     if cap is None:
         return []
     force = np.linalg.norm(traces.fields["wrench"][:, :3], axis=1)
@@ -363,7 +363,7 @@ def speed_excess(traces: Traces) -> list[Excess]:
     The velocity at tick i is what the torque at i - 1 was made for, but for the contact force,
     which that torque took to be the one before: an error of T J H^-1 J' (f_(i-1) - f_(i-2)).
     """
-    limit = traces.program.stages[0].limits.speed
+    limit = traces.program.stages[0].plan.limits.speed
     if limit is None:
         return []
     context = traces.program.context

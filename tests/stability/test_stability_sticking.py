@@ -7,6 +7,7 @@ import pytest
 
 from taskspec.analysis.margin import Search
 from taskspec.analysis.stage import analyse
+from taskspec.program.plan import StagePlan
 from taskspec.program.prepare import prepare
 from taskspec.spec import load_text
 
@@ -35,7 +36,7 @@ CASES = (
 def largest_integral(case):
     """The predicted boundary of the integral gain [1/s] while the tool sticks, and slides."""
     context = prepare(load_text(PRESS.format(integral=20, **case), "task.yaml"))
-    seen = analyse(context, "press")
+    seen = analyse(StagePlan(context, "press"))
     stuck, sliding = (
         Search(context, s).gain("force.integral", ["z"]) for s in (seen.stuck(), seen)
     )

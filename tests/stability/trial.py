@@ -12,6 +12,7 @@ from taskspec.analysis.loop import Mode
 from taskspec.analysis.margin import Search
 from taskspec.analysis.stage import Analysed, analyse
 from taskspec.compiler import compile_unchecked
+from taskspec.program.plan import StagePlan
 from taskspec.program.prepare import prepare
 from taskspec.spec import load_text
 from taskspec_runner.loop import fixed_step as loop
@@ -90,7 +91,7 @@ class Verdict:
 
 def analysed(family: Family, value: float) -> Analysed:
     text = family.task(value, value, 1.0, 1.0)
-    found = analyse(prepare(load_text(text, "grid.yaml")), "try")
+    found = analyse(StagePlan(prepare(load_text(text, "grid.yaml")), "try"))
     assert found is not None
     return found
 
@@ -110,7 +111,7 @@ BEGIN = {
 def boundary(family: Family) -> Boundary:
     """The critical value of the family's gain, on the sampled model."""
     seen = analysed(family, BEGIN[family.swept])
-    joints = seen.stage.gains.get("joint_damping", {})
+    joints = seen.stage.plan.gains.get("joint_damping", {})
     on = [*joints] if family.swept == "joint_damping" else [family.on]
     limit = Search(prepare(seen.context.loaded), seen).gain(family.swept, on)
     assert limit is not None, family

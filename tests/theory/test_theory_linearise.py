@@ -18,8 +18,8 @@ from taskspec.analysis.controller import Operating
 from taskspec.analysis.loop import one_step
 from taskspec.analysis.stage import analyse, bare
 from taskspec.control.sensor import RunningSensor, SensorModel
-from taskspec.program.prepare import frame_at_start, prepare
-from taskspec.program.reference.paths import path_shape
+from taskspec.program.plan import StagePlan
+from taskspec.program.prepare import prepare
 from taskspec.program.stages.stage import compile_stage
 from taskspec.spec import load_text
 
@@ -91,7 +91,7 @@ def test_critical_integral_of_the_parallel_law(name, h, d, k, k_F, k_e, rate, kn
         lambda i: loop.radius(sampled.parallel(loop, h, d, k, k_F, i)) < 1, 1, 200, 1e-6
     )
     found = sampled.critical(
-        lambda i: radius(analyse(task(i), "press")) < 1, 0.9 * hand, 1.1 * hand, 1e-6
+        lambda i: radius(analyse(StagePlan(task(i), "press"))) < 1, 0.9 * hand, 1.1 * hand, 1e-6
     )
     assert found == pytest.approx(hand, rel=EXACT)
     if known is not None:
@@ -110,7 +110,7 @@ def test_poles_of_a_hybrid_force_axis(name):
     loop = loop_of(context, arm).core()
     hand = loop.poles(sampled.hybrid(0.3, 5, 100))
     hand = hand[(hand.imag >= 0) & (hand.real > -2000)]
-    mine = np.array([mode.s for mode in analyse(context, "press").modes()])
+    mine = np.array([mode.s for mode in analyse(StagePlan(context, "press")).modes()])
     for pole in hand:
         assert np.min(np.abs(mine - pole)) < 1e-6 * abs(pole)
 
@@ -130,7 +130,7 @@ def test_the_pid_regulator_couples_the_axes():
         sampled.parallel_pid(np.array([k_m, k_m, 20.0]), np.array([d_m, d_m, 2.0]), 0.5, 2.0)
     )
     hand = hand[(hand.imag >= 0) & (hand.real > -2000)]
-    mine = np.array([mode.s for mode in analyse(context, "press").modes()])
+    mine = np.array([mode.s for mode in analyse(StagePlan(context, "press")).modes()])
     for pole in hand:
         assert np.min(np.abs(mine - pole)) < 1e-4 * abs(pole)
 
@@ -148,7 +148,7 @@ def test_rigid_contact_and_delay(delay):
             "damping: 30 N*s/m}}"
         )
         context = press(SQUARE, law, contact="stiffness: rigid", more=more, rest=rest)
-        return radius(analyse(context, "press")) < 1
+        return radius(analyse(StagePlan(context, "press"))) < 1
 
     def by_hand(K):
         K_I = 50 * T
@@ -173,7 +173,7 @@ def test_the_sensor_is_that_of_the_run(sensor):
     context = press(
         SQUARE, law, contact="stiffness: 1 kN/m, damping: 0", more=f"sensor: {{{sensor}}}"
     )
-    seen = analyse(context, "press")
+    seen = analyse(StagePlan(context, "press"))
     linear, A, B = seen.controller, *seen.plant().step()
     model = SensorModel.of(context.loaded.task.robot.sensor, T)
     running, ticks = RunningSensor(model, np.zeros(6)), 8 * model.hold_ticks
@@ -194,10 +194,11 @@ def test_the_sensor_is_that_of_the_run(sensor):
 
 def test_derivative_against_differences():
     """The derivative along q', wrench and memory is that of the tick itself."""
-    context = bare(press(PANDA, "hybrid", contact="stiffness: 5 kN/m, damping: 20 N*s/m"), "press")
-    rotation = frame_at_start(context, context.frame_of(context.loaded.task.stages["press"]))
-    assert path_shape(context, "press", rotation) is None
-    at = Operating(context, compile_stage(context, "press", None, rotation))
+    context = press(PANDA, "hybrid", contact="stiffness: 5 kN/m, damping: 20 N*s/m")
+    plan = bare(StagePlan(context, "press"))
+    context = plan.context
+    assert plan.path is None
+    at = Operating(context, compile_stage(plan))
     at.press(np.array([0.1, 0.2, 15.0, 0.0, 0.0, 0.0]), np.zeros(0))
     linear, n = at.linear(), context.robot.pin.nv
 
@@ -229,7 +230,7 @@ def test_free_motion_has_the_poles_of_its_law():
         "law: {kind: hybrid, bandwidth: 3 Hz, damping_ratio: 0.7}\n"
         "stages: {go: {axes: {z: {velocity: 10 mm/s}}, time: 1 s}}\n"
     )
-    seen = analyse(prepare(load_text(text, "free.yaml")), "go")
+    seen = analyse(StagePlan(prepare(load_text(text, "free.yaml")), "go"))
     loop = sampled.Loop(np.eye(1), 0, 0.0, 0.0, 0.0)
     w = 2 * np.pi * 3
     expected = loop.poles(sampled.motion(loop, w**2, 1.4 * w))
@@ -247,7 +248,7 @@ def test_an_arm_that_nothing_holds_is_neutral():
         contact=None,
         more="balanced: true",
     )
-    found = analyse(prepare(load_text(text, "hold.yaml")), "hold").modes()
+    found = analyse(StagePlan(prepare(load_text(text, "hold.yaml")), "hold")).modes()
     # Six undamped oscillators, which semi-implicit Euler steps keep on the unit circle.
     assert len(found) == 6
     assert max(abs(abs(mode.z) - 1) for mode in found) < 1e-9

@@ -85,7 +85,7 @@ def frame_accounts(program: Program) -> tuple[FrameAccount, ...]:
         FrameAccount(
             frame.name,
             frame.described,
-            tuple(stage.name for stage in program.stages if stage.frame is frame),
+            tuple(stage.name for stage in program.stages if stage.plan.frame is frame),
         )
         for name, frame in program.context.frames.items()
         if name == frame.name  # An equation's name leads to the frame that it is written in.
@@ -99,46 +99,48 @@ def stage_account(
     selected = foreseen.selection
     return StageAccount(
         name=stage.name,
-        law=stage.law.kind,
-        equations=stage.law.control_law.equations,
-        frame=stage.frame.name,
+        law=stage.plan.law.kind,
+        equations=stage.plan.law.control_law.equations,
+        frame=stage.plan.frame.name,
         contact=_contact(program, stage),
         null_space=_null_space(program, stage),
         kept=tuple(kept_account(program, stage)),
         selection=() if selected is None else selection_account(selected),
         axes=(
-            *(axis_account(program, stage, foreseen, axis) for axis in stage.axes),
-            *(equation_account(program, stage, name) for name in stage.active),
+            *(axis_account(program, stage, foreseen, axis) for axis in stage.plan.axes),
+            *(equation_account(program, stage, name) for name in stage.plan.active),
         ),
         gains=tuple(_gains(program, stage)),
         ends=tuple(_ends(program, stage)),
         expected=tuple(expected_account(foreseen)),
-        tare=stage.spec.tare,
+        tare=stage.plan.spec.tare,
     )
 
 
 def _contact(program: Program, stage: CompiledStage) -> str:
-    if stage.contact is None and stage.held:
-        return f"{stage.held}, held: believed {stiffness(stage.stiffness)} both ways"
-    if stage.contact is None and stage.active:
-        return f"constraints {', '.join(stage.active)}"
-    if stage.contact is None:
+    if stage.plan.contact is None and stage.plan.held:
+        return f"{stage.plan.held}, held: believed {stiffness(stage.plan.stiffness)} both ways"
+    if stage.plan.contact is None and stage.plan.active:
+        return f"constraints {', '.join(stage.plan.active)}"
+    if stage.plan.contact is None:
         return "none: the world has no surface"
-    shape = program.context.loaded.task.shapes[stage.contact]
+    shape = program.context.loaded.task.shapes[stage.plan.contact]
     rigid = " (rigid)" if shape.stiffness == "rigid" else ""
     friction = f", friction {shape.friction:.3g}" if shape.friction else ", frictionless"
-    return f"{stage.contact}, believed {stiffness(stage.stiffness)}{rigid}{friction}"
+    return f"{stage.plan.contact}, believed {stiffness(stage.plan.stiffness)}{rigid}{friction}"
 
 
 def _null_space(program: Program, stage: CompiledStage) -> str:
     robot = program.context.robot
-    if robot.pin.nv == len(stage.axes):
+    if robot.pin.nv == len(stage.plan.axes):
         return ""
-    return ", ".join(goals(stage.law, robot, stage.axes)) or "free: the law leaves it alone"
+    return (
+        ", ".join(goals(stage.plan.law, robot, stage.plan.axes)) or "free: the law leaves it alone"
+    )
 
 
 def _gains(program: Program, stage: CompiledStage) -> Iterator[GainAccount]:
-    for name, by_axis in stage.gains.items():
+    for name, by_axis in stage.plan.gains.items():
         groups: dict[tuple[str, str], list[str]] = {}
         for axis, gain in by_axis.items():
             text = gain_text(name, turns(program.context, axis), gain.value)
@@ -149,7 +151,7 @@ def _gains(program: Program, stage: CompiledStage) -> Iterator[GainAccount]:
 
 def _ends(program: Program, stage: CompiledStage) -> Iterator[tuple[str, str]]:
     """What ends the stage and where it leads, in the order in which a tick decides."""
-    spec, names = stage.spec, [s.name for s in program.stages]
+    spec, names = stage.plan.spec, [s.name for s in program.stages]
     number = names.index(stage.name)
     after = spec.next or (names[number + 1] if number + 1 < len(names) else "end")
     failed = spec.on_fail or "fail"

@@ -37,7 +37,7 @@ def axis_account(
     program: Program, stage: CompiledStage, foreseen: StagePrediction, axis: Axis
 ) -> AxisAccount:
     """One axis of a stage's frame."""
-    plan = stage.plans[axis]
+    plan = stage.plan.plans[axis]
     world = next(n for n in foreseen.natural if n.axis == axis)
     by = ", ".join([_enforcer(stage, plan, world), *_remarks(stage, plan, world)])
     return AxisAccount(axis, _natural(program, world), _artificial(stage, axis, plan), by)
@@ -45,7 +45,7 @@ def axis_account(
 
 def equation_account(program: Program, stage: CompiledStage, name: str) -> AxisAccount:
     """A constraint: its force, along the unit gradient of its equation."""
-    wanted = stage.spec.constraints.get(name)
+    wanted = stage.plan.spec.constraints.get(name)
     model = program.context.equations[name]
     declared = program.context.loaded.task.equations[name]
     side = "" if model.constraint.relation == "=" else " (pushes only)"
@@ -134,8 +134,8 @@ def _artificial(stage: CompiledStage, axis: Axis, plan: AxisPlan) -> str:
 def _motion(stage: CompiledStage, axis: Axis, plan: AxisPlan) -> str:
     entry = plan.axis
     if plan.mode == "path":
-        assert stage.path is not None
-        return f"{axis} by path: {_on_path(stage.path, axis)}"
+        assert stage.plan.path is not None
+        return f"{axis} by path: {_on_path(stage.plan.path, axis)}"
     if plan.mode == "move":
         assert entry.move is not None
         return f"{axis} moves {length(entry.move, axis)} at {speed_of(axis, entry)}"
@@ -152,7 +152,7 @@ def _motion(stage: CompiledStage, axis: Axis, plan: AxisPlan) -> str:
 
 def _turns_along(stage: CompiledStage, axis: Axis, plan: AxisPlan) -> bool:
     """Whether a rotation is held in a frame that turns as the tool moves."""
-    frame = stage.frame
+    frame = stage.plan.frame
     curved = frame.surface is not None and not frame.surface.flat
     held = plan.mode == "hold" and axis.is_rotation and not plan.world
     return held and (frame.mechanism is not None or curved)
@@ -168,15 +168,15 @@ def _enforcer(stage: CompiledStage, plan: AxisPlan, world: Natural) -> str:
     """Who sees to the artificial constraint."""
     if not plan.force and _by_equation(stage, plan, world):
         return f"the world ({world.by})"
-    return stage.law.control_law.enforces(
+    return stage.plan.law.control_law.enforces(
         force=plan.force, motion=plan.motion, open_loop=plan.open_loop, soft=plan.soft
     )
 
 
 def _by_equation(stage: CompiledStage, plan: AxisPlan, world: Natural) -> bool:
     """Whether an axis that the stage does not name gives way to an equation."""
-    named = world.axis in stage.spec.axes or plan.mode == "path"
-    return world.by in stage.active and world.decides == "velocity" and not named
+    named = world.axis in stage.plan.spec.axes or plan.mode == "path"
+    return world.by in stage.plan.active and world.decides == "velocity" and not named
 
 
 def _remarks(stage: CompiledStage, plan: AxisPlan, world: Natural) -> Iterator[str]:
@@ -186,7 +186,7 @@ def _remarks(stage: CompiledStage, plan: AxisPlan, world: Natural) -> Iterator[s
             return
         if plan.mode == "follows" or (world.terms and _turns_along(stage, world.axis, plan)):
             yield f"as {world.by} goes"
-        elif world.by in stage.active:
+        elif world.by in stage.plan.active:
             yield f"along {world.by}"
         elif plan.yields:
             yield f"yields to {world.by}"
@@ -194,5 +194,5 @@ def _remarks(stage: CompiledStage, plan: AxisPlan, world: Natural) -> Iterator[s
             yield f"{world.by} holds it too" if plan.mode == "hold" else f"against {world.by}"
     if world.decides == "force" and plan.set_point and not world.effort:
         yield "held by friction" if world.friction else "free to move"
-    if plan.soft and "stiffness" in stage.gains:
-        yield f"a spring of {stiffness(stage.gains['stiffness'][world.axis].value)}"
+    if plan.soft and "stiffness" in stage.plan.gains:
+        yield f"a spring of {stiffness(stage.plan.gains['stiffness'][world.axis].value)}"

@@ -150,13 +150,17 @@ def _mechanism(declared: Mechanism) -> Iterator[tuple[str, str]]:
 
 
 def _stage(stage: CompiledStage) -> Iterator[tuple[str, str]]:
-    holding = [a for a in stage.plans if a not in stage.spec.axes and stage.plans[a].mode == "hold"]
+    holding = [
+        a
+        for a in stage.plan.plans
+        if a not in stage.plan.spec.axes and stage.plan.plans[a].mode == "hold"
+    ]
     if holding:
         yield f"stages.{stage.name}.axes: {' '.join(holding)}", "hold"
-    for name, wanted in stage.spec.constraints.items():
+    for name, wanted in stage.plan.spec.constraints.items():
         if wanted.ramp is None:
             yield f"stages.{stage.name}.constraints.{name}.ramp", show(DEFAULT_RAMP, "s")
-    for axis, entry in stage.spec.axes.items():
+    for axis, entry in stage.plan.spec.axes.items():
         place = f"stages.{stage.name}.axes.{axis}"
         if (entry.force is not None or entry.torque is not None) and entry.ramp is None:
             yield f"{place}.ramp", ramp_of(entry)

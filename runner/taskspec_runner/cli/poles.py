@@ -71,7 +71,7 @@ def stability_account(program: Program, looked: Looked | None) -> StabilityAccou
         bounds = tuple(_bounds(program, seen))
     except (UnfitError, np.linalg.LinAlgError):
         return None
-    if not (bounds or seen.pressed or seen.stage.held):
+    if not (bounds or seen.pressed or seen.stage.plan.held):
         return None
     return StabilityAccount(_where(seen), tuple(_poles(seen, looked.modes)), bounds)
 
@@ -81,7 +81,7 @@ def _where(seen: Analysed) -> str:
         f"{number(force, 3)} {'N*m' if _on_joints(seen, name) else 'N'} on {name}"
         for name, force in seen.pressed.items()
     ]
-    parts += [f"{seen.stage.held} held"] if seen.stage.held else []
+    parts += [f"{seen.stage.plan.held} held"] if seen.stage.plan.held else []
     parts = parts or ["nothing touched"]
     return f"{'in contact, ' if seen.meets else ''}{', '.join(parts)}, at the start pose"
 
@@ -96,7 +96,7 @@ def _poles(seen: Analysed, modes: tuple[Mode, ...]) -> Iterator[PoleAccount]:
     for mode in modes:
         if abs(mode.z) > _AT_ONCE:
             found.setdefault(_cells(mode), set()).add(seen.axis(mode))
-    order = [*seen.stage.axes, *seen.stage.active, "null space"]
+    order = [*seen.stage.plan.axes, *seen.stage.plan.active, "null space"]
     for cells, axes in list(found.items())[:_MOST]:
         yield PoleAccount(" ".join(sorted(axes, key=order.index)), *cells)
 
@@ -117,9 +117,9 @@ def _cells(mode: Mode) -> tuple[str, str, str, str]:
 def _bounds(program: Program, seen: Analysed) -> Iterator[BoundAccount]:
     """What the sampled model allows, and beside it what the textbook does."""
     search = Search(program.context, seen)
-    forced = [a for a, p in seen.stage.plans.items() if p.force] + list(seen.stage.active)
+    forced = [a for a, p in seen.stage.plan.plans.items() if p.force] + list(seen.stage.plan.active)
     near = replace(search, reach=_NEAR)
-    moved = [a for a in seen.stage.axes if a not in forced]
+    moved = [a for a in seen.stage.plan.axes if a not in forced]
     for limit in (*search.gains(forced), *near.gains(moved, of=MOTION)):
         yield BoundAccount(*_limit(seen, limit), "this stage as it is sampled")
     for name in seen.pressed:

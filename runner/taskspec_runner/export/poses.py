@@ -42,7 +42,7 @@ class _Replay(Replay):
         """(n, 3), (n, 3, 3) the frame of each row's stage; of a following one at the foot."""
         p, R = (np.empty_like(part) for part in self.tip_pose())
         for visit in self._visits:
-            origin, axes = self.pose(self._stages[visit.stage].frame)
+            origin, axes = self.pose(self._stages[visit.stage].plan.frame)
             p[visit.rows], R[visit.rows] = origin[visit.rows], axes[visit.rows]
         return p, R
 

@@ -134,7 +134,7 @@ def _columns(robot: RobotModel, stages: tuple[CompiledStage, ...], task: Task) -
     yield Column("clock", "s", "clock")
     yield Column("t", "s", "t")
     yield Column("stage", "stage", "stage")
-    axes = [axis for axis in AXES if any(axis in stage.axes for stage in stages)]
+    axes = [axis for axis in AXES if any(axis in stage.plan.axes for stage in stages)]
     for group, beside in ports.groups().items():
         members = [
             (axis, f"{signal.name}.{axis}", si_unit(signal.dimensions[axis]), signal.sensed)

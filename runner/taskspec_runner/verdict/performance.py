@@ -44,7 +44,7 @@ def performance(
     rests = {name: _foretold(told.get(name, {})) | dict.fromkeys(efforts[name]) for name in efforts}
     allowed = {(j.stage, j.signal): j.band for j in judged if j.stage and j.signal and j.band}
     return {
-        "metrics": metrics(history, {s.name: s.axes for s in program.stages}),
+        "metrics": metrics(history, {s.name: s.plan.axes for s in program.stages}),
         "responses": responses(history, rests, period, allowed),
         "contact": contact_losses(history, [name for name in efforts if efforts[name]], period),
         "given_up": given_up(history, program.stages),
@@ -66,7 +66,7 @@ def _foretold(stage: Mapping[str, Any]) -> dict[str, float | None]:
 
 def _efforts(stage: CompiledStage, history: History) -> list[str]:
     """Signals of a stage with a set point of force or moment."""
-    axes = [axis for axis, plan in stage.plans.items() if plan.set_point]
+    axes = [axis for axis, plan in stage.plan.plans.items() if plan.set_point]
     names = [f"{'torque' if axis.startswith('r') else 'force'}.{axis}" for axis in axes]
-    active = set(stage.active)
+    active = set(stage.plan.active)
     return names + [n for n in set_points(history.columns) if n.rpartition(".")[0] in active]

@@ -69,7 +69,7 @@ class Replay:
         result = self._turning(frame) if turned else self._place(frame)
         column = result[:, number % 3]
         for visit in self._visits:
-            if self._stages[visit.stage].frame is frame:
+            if self._stages[visit.stage].plan.frame is frame:
                 own = self._history.columns[f"position.{axis}"]
                 column[visit.rows] = own[visit.rows]
         return column
@@ -84,12 +84,14 @@ class Replay:
             logged = np.zeros((visit.last + 1 - visit.first, 3))
             for i, axis in enumerate(axes):
                 # An axis that the arm does not have is one along which nothing happens.
-                if axis in stage.axes:
+                if axis in stage.plan.axes:
                     logged[:, i] = self._history.columns[f"{name}.{axis}"][rows]
-            own = self.pose(stage.frame)[1][rows]
+            own = self.pose(stage.plan.frame)[1][rows]
             vector = np.einsum("kji,ki->kj", own, logged)
             if name == "velocity":
-                vector = vector + self._between(stage.frame, frame, rows)[:, _PART[number // 3]]
+                vector = (
+                    vector + self._between(stage.plan.frame, frame, rows)[:, _PART[number // 3]]
+                )
             result[rows] = np.einsum("kj,kj->k", R[rows, :, number % 3], vector)
         return result
 
@@ -151,7 +153,7 @@ class Replay:
         p, R = self.tip_pose()
         result = np.zeros_like(p)
         for visit in self._visits:
-            frame = self._stages[visit.stage].frame
+            frame = self._stages[visit.stage].plan.frame
             if not frame.at_origin:
                 continue
             lever = frame.origin
@@ -230,9 +232,9 @@ class Replay:
         rows = slice(first, visit.last + 1)
         seen = np.zeros((visit.last + 1 - first, 3))
         for i, axis in enumerate(AXES[:3]):
-            if axis in stage.axes:
+            if axis in stage.plan.axes:
                 seen[:, i] = columns[f"force.{axis}.measured"][rows]
-        R = self.pose(stage.frame)[1][rows]
+        R = self.pose(stage.plan.frame)[1][rows]
         return -np.asarray(np.einsum("kij,kj->ki", R, seen).mean(axis=0))
 
 

@@ -102,7 +102,7 @@ def summarise(
         **performance(program, history, judged, simulated.accounts),
         "limits": {k: v for k, v in task.limits.model_dump().items() if v is not None},
         "stage_limits": {
-            s.name: {k: v for k, v in s.limits.model_dump().items() if v is not None}
+            s.name: {k: v for k, v in s.plan.limits.model_dump().items() if v is not None}
             for s in program.stages
         },
         "joint_limits": robot.torque_limit.tolist(),
@@ -130,8 +130,8 @@ def _visits(program: Program, simulated: Simulated) -> list[dict[str, Any]]:
                 "name": end.stage,
                 "start": start,
                 "end": end.clock,
-                "law": stage.law.kind,
-                "frame": stage.frame.name,
+                "law": stage.plan.law.kind,
+                "frame": stage.plan.frame.name,
                 "ended_by": {
                     "kind": end.kind,
                     "name": end.name,
@@ -154,7 +154,7 @@ def told(end: Transition, stage: CompiledStage, robot: RobotModel) -> str:
         return _ATTEMPTS.join([f"`{first}` held, which fails the stage", *others])
     if end.kind == events.WITHIN:
         bound, *others = end.text.removeprefix("within ").split(_ATTEMPTS)
-        until = stage.spec.until
+        until = stage.plan.spec.until
         missing = "reaching the end of its moves" if until is None else f"`{until.text}`"
         way = bound.removesuffix(_OF_TRAVEL)
         began = f"travelled {way}" if way != bound else f"{bound} passed"

@@ -57,7 +57,7 @@ COLORS = {"force": FORCE, "motion": MOTION, "free": FREE, "applied": APPLIED}
 
 def kind_of(stage: CompiledStage, axis: Axis) -> str:
     """Who controls a translation in a stage: force, motion or free."""
-    plan = stage.plans.get(axis)
+    plan = stage.plan.plans.get(axis)
     if plan is None:
         return "free"
     if plan.set_point:
@@ -103,7 +103,7 @@ class Marks:
         at, axes = recording.point[row], recording.axes[row]
         arms = []
         for i, name in enumerate(TRANSLATIONS):
-            if name in stage.axes and np.isfinite(axes[:, i]).all():
+            if name in stage.plan.axes and np.isfinite(axes[:, i]).all():
                 end = at + self._size * _TRIAD * axes[:, i]
                 arms.append(Arm(kind_of(stage, name), name, at, end))
         force = recording.force[row]

@@ -129,7 +129,7 @@ def _recording(program: Program, history: History) -> Recording:
     visits = tuple(history.visits())
     stages = {stage.name: stage for stage in program.stages}
     for visit in visits:
-        axes[visit.rows] = replay.pose(stages[visit.stage].frame)[1][visit.rows]
+        axes[visit.rows] = replay.pose(stages[visit.stage].plan.frame)[1][visit.rows]
         for i, axis in enumerate("xyz"):
             if f"error.{axis}" in columns:
                 error[visit.rows, i] = np.nan_to_num(columns[f"error.{axis}"][visit.rows])

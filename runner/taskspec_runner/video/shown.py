@@ -52,7 +52,7 @@ def shown_forces(recording: Recording) -> tuple[Shown, ...]:
     """
     visits = recording.visits
     wanted = [_largest(recording, visit) for visit in visits]
-    frames = [recording.stage(visit).frame.name for visit in visits]
+    frames = [recording.stage(visit).plan.frame.name for visit in visits]
     held, found = _held(recording), []
     for i, visit in enumerate(visits):
         others = [*range(i, len(visits)), *range(i - 1, -1, -1)]
@@ -102,7 +102,7 @@ def _set_points(recording: Recording, visit: Visit) -> Iterator[str]:
         if name in columns and f"{name}.ref" in columns:
             yield name
     stage = recording.stage(visit)
-    for equation in stage.active:
+    for equation in stage.plan.active:
         for effort in ("force", "torque"):
             if f"{equation}.{effort}.ref" in columns:
                 yield f"{equation}.{effort}"

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from taskspec.check.foresight.flow import followers, reached
+from taskspec.foresight.flow import followers, reached
 from taskspec.program.context import Context
 from taskspec.program.world.felt import LEAST_SINE
 from taskspec.program.world.frames import FrameModel

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 
-from taskspec.check.foresight.known import known_value
+from taskspec.foresight.known import known_value
 from taskspec.geometry.axis import ROTATIONS, Axis, as_axis
 from taskspec.program.context import Context
 from taskspec.program.signals import entry_of

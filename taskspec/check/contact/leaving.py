@@ -6,14 +6,14 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec.check.foresight.course import moving_axes
-from taskspec.check.foresight.nominal import Walk
+from taskspec.foresight.course import moving_axes
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.laws.gains import on_axis
 from taskspec.motion.path import PathShape
 from taskspec.program.axes import MOSTLY
 from taskspec.program.context import Context
 from taskspec.program.reference.constraints import active_equations
+from taskspec.program.trajectory import Nominal
 from taskspec.program.world.equations import EquationModel
 from taskspec.signals.entries import TOUCHING
 from taskspec.spec import FILE, AxisEntry, Stage, key_of
@@ -46,7 +46,7 @@ def check_leaving(
     name: str,
     axes: tuple[Axis, ...],
     path: PathShape | None,
-    walked: Walk,
+    walked: Nominal,
     found: Diagnostics,
 ) -> None:
     """Reports planned motions of stage `name` that natural constraints do not allow.
@@ -68,7 +68,7 @@ def _check_surface(
     context: Context,
     name: str,
     axes: tuple[Axis, ...],
-    walked: Walk,
+    walked: Nominal,
     way: list[tuple[float, Vector]],
     found: Diagnostics,
 ) -> None:
@@ -76,7 +76,7 @@ def _check_surface(
     stage = context.loaded.task.stages[name]
     frame, law = context.frame_of(stage), context.law_of(stage)
     contact = context.contact_of(frame)
-    if contact is None or walked.gap is None or walked.begin is None or frame.at_origin:
+    if contact is None or walked.gap is None or walked.start is None or frame.at_origin:
         return
     normal = context.start_normals[contact]
     along = {a: abs(float(walked.rotation[:, AXES.index(a)] @ normal)) for a in axes if a[0] != "r"}
@@ -84,7 +84,7 @@ def _check_surface(
     entry = stage.axes.get(axis)
     if along[axis] < MOSTLY or any(e.has_force for e in stage.axes.values()):
         return
-    depth = max(-walked.gap - float(normal @ (p - walked.begin)) for _, p in way)
+    depth = max(-walked.gap - float(normal @ (p - walked.start)) for _, p in way)
     if depth <= max(0.0, -walked.gap) or (entry is not None and entry.stiffness is not None):
         return
     felt = context.felt_stiffness(frame, axes, walked.rotation)
@@ -108,7 +108,7 @@ def _check_equations(
     name: str,
     axes: tuple[Axis, ...],
     path: PathShape | None,
-    walked: Walk,
+    walked: Nominal,
     way: list[tuple[float, Vector]],
     found: Diagnostics,
 ) -> None:

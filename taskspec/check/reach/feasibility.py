@@ -7,15 +7,15 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec.check.foresight.course import moving_axes
-from taskspec.check.foresight.nominal import Place
 from taskspec.check.reach.rates import VELOCITY, motion
 from taskspec.check.reach.rows import Asked, Line, System, shares_of
 from taskspec.check.reach.statics import TORQUE, statics, steady
 from taskspec.control.qp.certificate import Certificate, contradiction, feasible
+from taskspec.foresight.course import moving_axes
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.program.axes import MOSTLY
 from taskspec.program.context import Context
+from taskspec.program.trajectory import Place
 from taskspec.spec import FILE, key_of
 from taskspec.text.codes import register
 from taskspec.text.diagnostic import Diagnostics, Severity

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
-from taskspec.check.foresight.flow import good_end
 from taskspec.control.sensor import SensorModel
+from taskspec.foresight.flow import good_end
 from taskspec.laws.design import INTEGRAL_FREQUENCY
 from taskspec.program.context import Context
 from taskspec.signals.entries import TOUCHING

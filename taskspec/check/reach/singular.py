@@ -8,11 +8,11 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from taskspec.check.foresight.nominal import Place
 from taskspec.control.state import ARM_LENGTH
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.program.context import Context
 from taskspec.program.stages.conditions import SINGULAR
+from taskspec.program.trajectory import Place
 from taskspec.robot.mobility import tip_jacobian
 from taskspec.spec import FILE, key_of
 from taskspec.text.codes import register

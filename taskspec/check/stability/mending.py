@@ -44,7 +44,7 @@ def _gains(seen: Analysed, search: Search, axis: str) -> Iterator[Limit]:
     """Boundaries of gains in the best group that has any: one number, else one on all axes."""
     others = [
         other
-        for other in dict.fromkeys(a for by in seen.stage.gains.values() for a in by)
+        for other in dict.fromkeys(a for by in seen.stage.plan.gains.values() for a in by)
         if other != axis
     ]
     ways = [
@@ -68,7 +68,7 @@ def said(context: Context, seen: Analysed, limit: Limit) -> str:
     if not limit.on:
         return f"a contact of {way} {show(inside(limit.value, limit.upper), 'kN/m', 3)}"
     what = "damping" if limit.what == "joint_damping" else limit.what
-    gains, first = seen.stage.gains[limit.what], limit.on[0]
+    gains, first = seen.stage.plan.gains[limit.what], limit.on[0]
     if set(limit.on) != set(together(context, seen, limit.what, first)):
         what += " on all its axes"
         if len({(gains[on].value, turns(context, on)) for on in limit.on}) > 1:
@@ -81,7 +81,7 @@ def said(context: Context, seen: Analysed, limit: Limit) -> str:
 
 def place_of(context: Context, seen: Analysed, axis: str, limits: Sequence[Limit]) -> Span | None:
     """The gain to be changed, if it stands in the file, else any on the axis, else the law."""
-    gains, name = seen.stage.gains, seen.stage.name
+    gains, name = seen.stage.plan.gains, seen.stage.name
     wanted = [(limit.what, limit.on[0]) for limit in limits if limit.given and limit.on]
     wanted += [
         (g, axis) for g in PROPOSED if axis in gains.get(g, {}) and gains[g][axis].origin == "file"

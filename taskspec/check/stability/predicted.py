@@ -17,8 +17,10 @@ from taskspec.check.stability.worlds import (
     ringing_of,
     worst_of,
 )
+from taskspec.foresight.task_plan import TaskPlan
 from taskspec.program.context import Context
-from taskspec.spec import AxisEntry, Stage
+from taskspec.program.plan import StagePlan
+from taskspec.spec import AxisEntry
 from taskspec.text.codes import register
 from taskspec.text.diagnostic import Diagnostics, Severity
 
@@ -38,29 +40,30 @@ _MOST_SEARCHED = 12
 _MOST_WORLDS = 400
 
 
-def check_stability(context: Context, found: Diagnostics) -> None:
+def check_stability(task: TaskPlan, found: Diagnostics) -> None:
     """Reports stages that are predicted to be unstable or to ring, each way of control once."""
     seen: set[str] = set()
     shared = Shared(Plants(), Budget(_MOST_SEARCHED), Budget(_MOST_WORLDS))
-    for name, stage in context.loaded.task.stages.items():
-        key = _control(context, stage)
+    for stage in task.stages.values():
+        key = _control(stage)
         if key in seen:
             continue
         seen.add(key)
         try:
-            _check_stage(context, name, shared, found)
+            _check_stage(stage, shared, found)
         except (UnfitError, np.linalg.LinAlgError):
             continue
 
 
-def _control(context: Context, stage: Stage) -> str:
+def _control(stage: StagePlan) -> str:
     """What the stability of a stage depends on: stages that have it in common need one look."""
     axes = {
-        name: _kind(axis) for name, axis in stage.axes.items() if _kind(axis) != _kind(AxisEntry())
+        name: _kind(axis)
+        for name, axis in stage.spec.axes.items()
+        if _kind(axis) != _kind(AxisEntry())
     }
-    frame = context.frame_of(stage).name
-    law = context.law_of(stage).model_dump_json()
-    return repr((sorted(axes.items()), frame, law, sorted(stage.constraints)))
+    law = stage.law.model_dump_json()
+    return repr((sorted(axes.items()), stage.frame.name, law, sorted(stage.spec.constraints)))
 
 
 def _kind(axis: AxisEntry) -> tuple[object, ...]:
@@ -74,8 +77,9 @@ def _kind(axis: AxisEntry) -> tuple[object, ...]:
     )
 
 
-def _check_stage(context: Context, name: str, shared: Shared, found: Diagnostics) -> None:
-    seen = analyse(context, name)
+def _check_stage(stage: StagePlan, shared: Shared, found: Diagnostics) -> None:
+    context, name = stage.context, stage.name
+    seen = analyse(stage)
     if seen is None or not resolved(seen, context.loaded.task):
         return
     if seen.meets:

@@ -63,7 +63,7 @@ class Shared:
 
 def check_worlds(context: Context, seen: Analysed, shared: Shared, found: Diagnostics) -> None:
     """Reports the worst world that `vary` allows, if that is unstable or rings."""
-    objects = [*seen.pressed, *([seen.stage.held] if seen.stage.held else [])]
+    objects = [*seen.pressed, *([seen.stage.plan.held] if seen.stage.plan.held else [])]
     unstable: tuple[float, Corner] | None = None
     ringing: tuple[float, Corner] | None = None
     for corner in corners(context, objects, shared.worlds):

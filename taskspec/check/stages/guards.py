@@ -8,12 +8,12 @@ import re
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec.check.foresight.interval import Interval, IntervalAlgebra, point
-from taskspec.check.foresight.known import known_value
-from taskspec.check.foresight.nominal import AT_SURFACE
-from taskspec.check.foresight.ranges import Ranges, longest
 from taskspec.check.reach.statics import steady
 from taskspec.check.stages.conditions import names, parts, value_of
+from taskspec.foresight.interval import Interval, IntervalAlgebra, point
+from taskspec.foresight.known import known_value
+from taskspec.foresight.nominal import AT_SURFACE
+from taskspec.foresight.ranges import Ranges, longest
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.program.axes import MOSTLY
 from taskspec.program.context import Context

@@ -8,13 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec.check.foresight.course import moving_axes
-from taskspec.check.foresight.flow import good_end
-from taskspec.check.foresight.interval import Interval, IntervalAlgebra, point
-from taskspec.check.foresight.known import known_value
-from taskspec.check.foresight.nominal import AT_SURFACE
-from taskspec.check.foresight.ranges import Ranges
 from taskspec.check.stages.conditions import names, value_of
+from taskspec.foresight.course import moving_axes
+from taskspec.foresight.flow import good_end
+from taskspec.foresight.interval import Interval, IntervalAlgebra, point
+from taskspec.foresight.known import known_value
+from taskspec.foresight.nominal import AT_SURFACE
+from taskspec.foresight.ranges import Ranges
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.program.axes import MOSTLY
 from taskspec.program.context import Context

@@ -7,11 +7,11 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec.check.foresight.interval import Interval, IntervalAlgebra
-from taskspec.check.foresight.nominal import AT_SURFACE
-from taskspec.check.foresight.ranges import Ranges, longest
 from taskspec.check.stages.conditions import bounds_of, names
 from taskspec.control.sensor import SensorModel
+from taskspec.foresight.interval import Interval, IntervalAlgebra
+from taskspec.foresight.nominal import AT_SURFACE
+from taskspec.foresight.ranges import Ranges, longest
 from taskspec.geometry.axis import AXES
 from taskspec.program.context import Context
 from taskspec.text.codes import register

@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec.check.foresight.ranges import longest
+from taskspec.foresight.ranges import longest
 from taskspec.geometry.axis import Axis
 from taskspec.program.algebra import CasadiAlgebra
 from taskspec.program.context import Context

@@ -44,7 +44,7 @@ def leave(stage: CompiledStage, outputs: Mapping[str, Vector], clock: float) -> 
     R = outputs["tip_rotation"].reshape(3, 3, order="F")
     frame = outputs["frame"].reshape(3, 3, order="F")
     error, twist, held = np.zeros(6), np.zeros(6), np.zeros(6)
-    for name, plan in stage.plans.items():
+    for name, plan in stage.plan.plans.items():
         i = AXES.index(name)
         if plan.set_point:
             held[i] = outputs["force"][i]
@@ -52,11 +52,11 @@ def leave(stage: CompiledStage, outputs: Mapping[str, Vector], clock: float) -> 
         error[i] = outputs["error"][i] if tracked else 0.0
         twist[i] = outputs["velocity_ref" if tracked else "velocity"][i]
     offset = outputs["offset"]
-    R_ref = frame @ displaced(stage.law, frame.T @ R, error[3:])
+    R_ref = frame @ displaced(stage.plan.law, frame.T @ R, error[3:])
     spin = frame @ twist[3:]
     own = np.concatenate([frame @ twist[:3] - np.cross(spin, offset), spin])
-    if stage.moving_base is not None:
-        own += stage.moving_base.twist(clock, outputs["tip"])
+    if stage.plan.moving_base is not None:
+        own += stage.plan.moving_base.twist(clock, outputs["tip"])
     return Carried(
         p=outputs["tip"] + offset + frame @ error[:3] - R_ref @ (R.T @ offset),
         R=R_ref,

@@ -83,11 +83,11 @@ class _Entry:
         self.felt_poses = felt_poses
         self.p, self.R = tip
         self.A, self.a, self.twist = np.eye(3), np.zeros(3), carried.twist
-        if stage.moving_base is not None:
+        if stage.plan.moving_base is not None:
             # From here on the reference's velocity is that against what carries the frame.
             clock = float(inputs[0][1])
-            self.A, self.a = stage.moving_base.pose(clock)
-            self.twist = carried.twist - stage.moving_base.twist(clock, self.p)
+            self.A, self.a = stage.plan.moving_base.pose(clock)
+            self.twist = carried.twist - stage.plan.moving_base.twist(clock, self.p)
         self.parameters = np.zeros(stage.parameters.size)
         self.memory = np.zeros(stage.memory.size)
         for slot, value in stage.initial.items():
@@ -114,7 +114,7 @@ class _Entry:
         for axis, value in going.start.items():
             self._write(f"path_start.{axis}", value)
         self._write("path_end", tracks.path.duration if tracks.path else 0.0)
-        self._write("end", max(self.stage.spec.time or 0.0, tracks.duration))
+        self._write("end", max(self.stage.plan.spec.time or 0.0, tracks.duration))
         self._blend(going)
         self._start_memory(going)
         choose_first(self.stage, self.inputs, self.memory, self.parameters)
@@ -130,7 +130,7 @@ class _Entry:
 
     def _place(self, robot: RobotModel) -> None:
         """Where the stage begins, and what of its frame is chosen there."""
-        frame = self.stage.frame
+        frame = self.stage.plan.frame
         self._write("entry", self.p)
         for name, pose in self.felt_poses.items():
             self._write(name, pose)
@@ -164,13 +164,13 @@ class _Entry:
         offset = carried.R @ (self.R.T @ seen["offset"])
         away = frame.T @ (carried.p + offset - self.p - seen["offset"])
         spin = self.twist[3:]
-        following = self.stage.frame.kind == "following"
+        following = self.stage.plan.frame.kind == "following"
         arm = seen["lever"] if following else offset
         moving = frame.T @ (self.twist[:3] + np.cross(spin, arm))
         moving = seen["rate_map"].reshape(3, 3, order="F") @ moving
         rates = np.concatenate([moving, frame.T @ spin - seen["turning"]])
         error, start, rate = {}, {}, {}
-        for name, plan in self.stage.plans.items():
+        for name, plan in self.stage.plan.plans.items():
             i = AXES.index(name)
             error[name] = float(away[i]) if i < 3 else 0.0
             start[name] = float(seen["coordinate"][i]) + error[name] if i < 3 else 0.0
@@ -181,10 +181,13 @@ class _Entry:
         return Continuation(error, start, rate, self._pressed())
 
     def _pressed(self) -> dict[Axis, float]:
-        if self.stage.law.control_law.force_loop:
+        if self.stage.plan.law.control_law.force_loop:
             return {}
         local = np.concatenate([self.frame.T @ part for part in np.split(self.carried.held, 2)])
-        springs = {name: value_of(self.stage.gains, "stiffness", name) for name in self.stage.plans}
+        springs = {
+            name: value_of(self.stage.plan.gains, "stiffness", name)
+            for name in self.stage.plan.plans
+        }
         return {
             name: float(local[AXES.index(name)] / stiffness)
             for name, stiffness in springs.items()
@@ -194,7 +197,7 @@ class _Entry:
     def _forces(self, going: Continuation) -> None:
         """Set points rise from the measured force; held forces fade where motion takes over."""
         held = np.concatenate([self.frame.T @ part for part in np.split(self.carried.held, 2)])
-        for name, plan in self.stage.plans.items():
+        for name, plan in self.stage.plan.plans.items():
             i = AXES.index(name)
             if plan.set_point:
                 self._write(f"force_at_entry.{name}", self.seen["measured"][i])
@@ -212,15 +215,15 @@ class _Entry:
         """Chooses each axis's blending so that its reference continues the carried one."""
         found = self.stage.own(*self.inputs, self.memory, self.parameters)
         own, own_rate = (np.array(value).ravel() for value in found)
-        for name, plan in self.stage.plans.items():
+        for name, plan in self.stage.plan.plans.items():
             i, start = AXES.index(name), going.start[name]
             pressed = going.pressed.get(name, 0.0)
             slope, offset, time = going.rate[name] - own_rate[i], 0.0, blend.BLEND_TIME
             if plan.mode == "follows":
-                leader = self.stage.couplings[name].leader
+                leader = self.stage.plan.couplings[name].leader
                 if leader is not None:
                     self._write(f"begin.{name}", going.start[leader])
-                    own_rate[i] = self.stage.couplings[name].ratio * going.rate[leader]
+                    own_rate[i] = self.stage.plan.couplings[name].ratio * going.rate[leader]
                     slope = going.rate[name] - own_rate[i]
             if plan.mode in ("hold", "velocity", "follows"):
                 offset = -slope * time / 2
@@ -243,15 +246,15 @@ class _Entry:
         first = {a: value + going.pressed.get(a, 0.0) for a, value in going.start.items()}
         away = np.array([going.error.get(a, 0.0) + going.pressed.get(a, 0.0) for a in AXES[:3]])
         if "reference_point" in self.stage.memory:
-            along = away * (1.0, 1.0, 0.0) if self.stage.frame.kind == "following" else away
+            along = away * (1.0, 1.0, 0.0) if self.stage.plan.frame.kind == "following" else away
             along = self.A.T @ self.frame @ along
             self._remember("reference_point", self.seen["here"] + along)
             for axis in AXES[:3]:
                 self._remember(f"last.{axis}", first.get(axis, 0.0))
-        for name, plan in self.stage.plans.items():
+        for name, plan in self.stage.plan.plans.items():
             if plan.force and plan.motion and not name.is_rotation:
-                integral = value_of(self.stage.gains, "force.integral", name)
-                stiffness = value_of(self.stage.gains, "stiffness", name)
+                integral = value_of(self.stage.plan.gains, "force.integral", name)
+                stiffness = value_of(self.stage.plan.gains, "stiffness", name)
                 held = stiffness * float(away[AXES.index(name)])
                 if f"integral.{name}" in self.stage.memory:
                     self._remember(f"integral.{name}", -held / integral if integral > 0 else 0.0)

@@ -36,7 +36,7 @@ class Learning:
 
     def begin(self, stage: CompiledStage) -> None:
         """Forgets what the last stage was measured by."""
-        self.on = stage.spec.tare
+        self.on = stage.plan.spec.tare
         if self._sensor is not None:
             self._sensor.begin()
         if self._estimates is not None:
@@ -58,6 +58,6 @@ class Learning:
         """
         if self._estimates is not None:
             self._estimates.end(stage.name, tip[0])
-        if self._sensor is not None and stage.spec.tare:
+        if self._sensor is not None and stage.plan.spec.tare:
             self._sensor.tare()
             self._sensor.correct(tip[1], wrench)

@@ -183,12 +183,12 @@ class Machine:
         """Ends the stage by an event, and begins the one that follows it, if any may."""
         stage, value = self.stage, float(self.outputs[1])
         following = self._names[self.index + 1] if self.index + 1 < len(self._names) else END
-        to = leads_to(stage.spec, event, following)
+        to = leads_to(stage.plan.spec, event, following)
         if to in (END, FAIL, ""):
             self._end(clock, event, value, to)
             return
         index = self._names.index(to)
-        attempts = self.runners[index].stage.spec.attempts
+        attempts = self.runners[index].stage.plan.spec.attempts
         if attempts is not None and self._now[2 + index] >= attempts:
             text = f"{event.text}; stage {to!r} has had its {attempts} attempts"
             self._end(clock, events.Event(event.kind, "attempts", text), value, FAIL)
@@ -243,12 +243,12 @@ class Machine:
 
     def not_finite(self) -> str:
         """Which reference of the last tick is not a number; empty where none is to blame."""
-        reference = not_finite(self.stage.plans, self.named_outputs())
+        reference = not_finite(self.stage.plan.plans, self.named_outputs())
         if reference:
             return reference
         equations = self.named_outputs()["reaction_ref"]
         for name, value in zip(self.stage.equations, equations, strict=True):
-            if name in self.stage.spec.constraints and not np.isfinite(value):
+            if name in self.stage.plan.spec.constraints and not np.isfinite(value):
                 return f"{name!r}"
         return ""
 

@@ -64,15 +64,15 @@ def plan_tracks(
 ) -> Tracks:
     """Plans a stage's moves and its path from the coordinates and rates at which it is entered."""
     tracks = Tracks()
-    for name, plan in stage.plans.items():
+    for name, plan in stage.plan.plans.items():
         if plan.motion and plan.mode == "move":
             assert plan.axis.move is not None
             speed = plan.axis.speed or move_speed(name)
             tracks.cubics[name] = profile.move(
                 start[name], rate[name], start[name] + plan.axis.move, speed
             )
-    if stage.path is not None:
-        tracks.path = stage.path.plan(start)
+    if stage.plan.path is not None:
+        tracks.path = stage.plan.path.plan(start)
     knots = [float(k) for cubic in tracks.cubics.values() for k in cubic.knots[1:]]
     tracks.knots = sorted(set(knots + (tracks.path.knots() if tracks.path else [])))
     return tracks

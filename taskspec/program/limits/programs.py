@@ -29,14 +29,14 @@ from taskspec.program.limits.contacts import (
 )
 from taskspec.program.limits.limited import limit_rows
 from taskspec.program.limits.resolution import Resolved
+from taskspec.program.plan import StagePlan
 from taskspec.program.reference.measured import Measured
-from taskspec.program.reference.planned import PlannedStage
 from taskspec.program.world import kinematics
 
 
 def resolve(
     context: Context,
-    plan: PlannedStage,
+    plan: StagePlan,
     seen: Measured,
     asked: Mapping[str, ca.SX],
     wanted: ca.SX,
@@ -49,8 +49,8 @@ def resolve(
         wanted: (n,) torque of the closed form.
     """
     names = tuple(asked)
-    objects = touched_objects(context, plan.contact, plan.plans, plan.axes_rotation)
-    pressed = pressed_objects(context, objects, plan.plans, plan.axes_rotation)
+    objects = touched_objects(context, plan.contact, plan.plans, plan.rotation)
+    pressed = pressed_objects(context, objects, plan.plans, plan.rotation)
     limits, inputs, clock = plan.limits, seen.inputs, seen.clock.clock
     n = context.robot.pin.nv
     active = {name: seen.rows[name] for name in plan.active}
@@ -103,7 +103,7 @@ def _environment(context: Context, seen: Measured) -> ca.SX:
 
 def _generators(
     context: Context,
-    plan: PlannedStage,
+    plan: StagePlan,
     seen: Measured,
     requests: Requests,
     axes: Sequence[str],

@@ -19,9 +19,9 @@ from taskspec.control.model_terms import TermSymbols
 from taskspec.geometry import rotation
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.program.clock import Clock
+from taskspec.program.plan import StagePlan
 from taskspec.program.reference.measured import Measured
 from taskspec.program.reference.modes import AxisPlan
-from taskspec.program.reference.planned import PlannedStage
 from taskspec.program.world import kinematics
 from taskspec.program.world.frames import FrameModel
 
@@ -49,7 +49,7 @@ class Coordinates:
     marks: Mapping[str, ca.SX]
 
 
-def frame_coordinates(plan: PlannedStage, seen: Measured) -> Coordinates:
+def frame_coordinates(plan: StagePlan, seen: Measured) -> Coordinates:
     """Measured coordinates; takes the memory and parameters that the frame's kind needs."""
     frame, plans, at, terms = plan.frame, plan.plans, seen.at, seen.terms
     memory, parameters = seen.memory, seen.parameters

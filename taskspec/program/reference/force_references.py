@@ -12,9 +12,9 @@ from taskspec.motion import blend
 from taskspec.program.clock import Clock
 from taskspec.program.context import Context
 from taskspec.program.layout import Layout
+from taskspec.program.plan import StagePlan
 from taskspec.program.reference.measured import Measured
 from taskspec.program.reference.modes import AxisPlan
-from taskspec.program.reference.planned import PlannedStage
 from taskspec.program.signals import applied
 
 #: A force set point rises from the measured force in this time [s] (docs/language.md).
@@ -48,7 +48,7 @@ def released(name: Axis, seen: Measured) -> ca.SX:
     return at_entry * blend.offset_shape(seen.clock.t / blend.BLEND_TIME)
 
 
-def displacement(name: Axis, plan: PlannedStage, forces: Mapping[Axis, ca.SX]) -> ca.SX | None:
+def displacement(name: Axis, plan: StagePlan, forces: Mapping[Axis, ca.SX]) -> ca.SX | None:
     """f (1/k_m + 1/k_e): how far an open-loop force displaces the motion reference."""
     if not plan.plans[name].open_loop:
         return None
@@ -71,7 +71,7 @@ def open_loop_normals(plans: Mapping[Axis, AxisPlan], seen: Measured) -> dict[Ax
 
 def integrals(
     context: Context,
-    plan: PlannedStage,
+    plan: StagePlan,
     seen: Measured,
     forces: Mapping[Axis, ca.SX],
     errors: Mapping[Axis, ca.SX],

@@ -15,9 +15,9 @@ from taskspec.program.algebra import CasadiAlgebra, constants
 from taskspec.program.clock import Clock
 from taskspec.program.context import Context
 from taskspec.program.layout import Layout
+from taskspec.program.plan import StagePlan
 from taskspec.program.reference.believed import Believed, believe, mechanism_state
 from taskspec.program.reference.constraints import EquationRow, equation_rows, reactions
-from taskspec.program.reference.planned import PlannedStage
 from taskspec.program.reference.unreached import Unreached, requested, unreached_of
 from taskspec.program.signals import SignalTable
 from taskspec.program.world import kinematics
@@ -71,7 +71,7 @@ class Measured:
         return self.algebra.translate(expression, self.table.lookup)
 
 
-def measure(context: Context, plan: PlannedStage) -> Measured:
+def measure(context: Context, plan: StagePlan) -> Measured:
     """The measurement of a stage; its memory and parameters take the slots that this needs."""
     robot, frame = context.robot, plan.frame
     inputs = _inputs(context)

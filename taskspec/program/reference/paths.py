@@ -6,15 +6,13 @@ from collections.abc import Mapping
 from pathlib import Path as FilePath
 
 import numpy as np
-from numpy.typing import NDArray
 
 from taskspec.geometry.axis import ROTATIONS, Axis
 from taskspec.motion.path import PathShape, coordinates
 from taskspec.motion.table import OutsideError, Table, TableError, read_table
-from taskspec.program.axes import existing_axes
 from taskspec.program.context import Context
 from taskspec.program.errors import spec_error
-from taskspec.spec import FILE, Path
+from taskspec.spec import FILE, Path, Stage
 from taskspec.text.codes import register
 from taskspec.text.confined import MEND, confines
 from taskspec.text.units import ANGLE, LENGTH, TIME, alternatives, fitting, parse_unit
@@ -29,20 +27,20 @@ register(
 )
 
 
-def path_shape(context: Context, name: str, rotation: NDArray[np.float64]) -> PathShape | None:
+def path_shape(
+    context: Context, name: str, stage: Stage, axes: tuple[Axis, ...]
+) -> PathShape | None:
     """The path of stage `name`, on the axes that it has coordinates for and `axes` does not name.
 
     Args:
-        context: the task. name: of the stage. rotation: (3, 3) its frame at the start pose.
+        context: the task. name: of the stage. stage: its entry. axes: that exist in its frame.
 
     Raises:
         SpecError: the table cannot be read, or the path drives an axis that does not exist.
     """
-    stage = context.loaded.task.stages[name]
     path = stage.path
     if path is None:
         return None
-    axes = existing_axes(context.robot.axes, rotation)
     kind, numbers, turns, table = _contents(context, name, path)
     own = [Axis(a) for a in table.points] if table is not None else list(numbers)
     if kind == "arc":

@@ -13,17 +13,17 @@ from taskspec.motion.path import PathShape
 from taskspec.program.clock import Clock
 from taskspec.program.context import Context
 from taskspec.program.layout import Layout
+from taskspec.program.plan import StagePlan
 from taskspec.program.reference import force_references
 from taskspec.program.reference.axis_reference import AxisReference, ReferenceBuilder
 from taskspec.program.reference.coordinates import frame_coordinates
 from taskspec.program.reference.coupling import coupled_motion
 from taskspec.program.reference.measured import Measured
-from taskspec.program.reference.planned import PlannedStage
 from taskspec.program.reference.reference_set import ReferenceSet
 from taskspec.program.reference.tracking import Tracking, track
 
 
-def build_references(context: Context, plan: PlannedStage, seen: Measured) -> ReferenceSet:
+def build_references(context: Context, plan: StagePlan, seen: Measured) -> ReferenceSet:
     """All references of a stage; adds the signals that depend on them to its table."""
     plans, table = plan.plans, seen.table
     table.situation.path_done = _path_done(context, plan, seen)
@@ -55,14 +55,14 @@ def build_references(context: Context, plan: PlannedStage, seen: Measured) -> Re
     )
 
 
-def _path_done(context: Context, plan: PlannedStage, seen: Measured) -> ca.SX:
+def _path_done(context: Context, plan: StagePlan, seen: Measured) -> ca.SX:
     if plan.path is None:
         return ca.SX(0)
     return seen.clock.t >= seen.parameters.add("path_end") - context.period / 2
 
 
 def _motions(
-    context: Context, plan: PlannedStage, seen: Measured, forces: Mapping[Axis, ca.SX]
+    context: Context, plan: StagePlan, seen: Measured, forces: Mapping[Axis, ca.SX]
 ) -> dict[Axis, AxisReference]:
     """References of the axes whose motion is controlled."""
     parameters = seen.parameters
@@ -105,7 +105,7 @@ def _updates(
 
 
 def _of_the_law(
-    plan: PlannedStage,
+    plan: StagePlan,
     seen: Measured,
     tracked: Tracking,
     forces: Mapping[Axis, ca.SX],

@@ -10,10 +10,10 @@ from taskspec.control import resolution
 from taskspec.laws.case import Case
 from taskspec.program.context import Context
 from taskspec.program.events import Condition
+from taskspec.program.plan import StagePlan
 from taskspec.program.reference import orientation
 from taskspec.program.reference.constraints import ConstraintSet, constraint_set
 from taskspec.program.reference.measured import Measured
-from taskspec.program.reference.planned import PlannedStage
 from taskspec.program.reference.reference_set import ReferenceSet
 from taskspec.program.reference.references import build_references
 from taskspec.program.stages.multipliers import EquationForces, constrain, equation_forces
@@ -45,7 +45,7 @@ class Commanded:
         return found | self.forces.desired
 
 
-def command(context: Context, plan: PlannedStage, seen: Measured) -> Commanded:
+def command(context: Context, plan: StagePlan, seen: Measured) -> Commanded:
     """Fills in the law of a stage; the signals of its references join the table."""
     law, inputs = plan.law, seen.inputs
     built = build_references(context, plan, seen)

@@ -8,8 +8,8 @@ from taskspec.control import linear
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.program import events
 from taskspec.program.events import Condition, Event
+from taskspec.program.plan import StagePlan
 from taskspec.program.reference.measured import Measured
-from taskspec.program.reference.planned import PlannedStage
 from taskspec.program.reference.reference_set import ReferenceSet
 from taskspec.program.signals import SignalTable
 from taskspec.robot import RobotModel
@@ -23,7 +23,7 @@ _SLACK = 1e-9
 
 
 def limit_conditions(
-    robot: RobotModel, plan: PlannedStage, seen: Measured, references: ReferenceSet
+    robot: RobotModel, plan: StagePlan, seen: Measured, references: ReferenceSet
 ) -> list[Condition]:
     """Limits of the file, of the joints, of the frame and of the arm's geometry."""
     plans, frame, limits = plan.plans, plan.frame, plan.limits

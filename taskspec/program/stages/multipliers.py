@@ -12,10 +12,10 @@ from taskspec.motion import blend
 from taskspec.program.clock import Clock
 from taskspec.program.context import Context
 from taskspec.program.layout import Layout
+from taskspec.program.plan import StagePlan
 from taskspec.program.reference.constraints import ConstraintSet
 from taskspec.program.reference.force_references import risen, wound
 from taskspec.program.reference.measured import Measured
-from taskspec.program.reference.planned import PlannedStage
 from taskspec.program.reference.reference_set import ReferenceSet
 
 
@@ -32,7 +32,7 @@ class EquationForces:
     updates: dict[str, ca.SX]
 
 
-def equation_forces(context: Context, plan: PlannedStage, seen: Measured) -> EquationForces:
+def equation_forces(context: Context, plan: StagePlan, seen: Measured) -> EquationForces:
     """References of the active equations; one without a set point is to bear no force."""
     found, gains = EquationForces({}, {}, {}), plan.gains
     for name in plan.active:

@@ -9,28 +9,18 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import casadi as ca
-import numpy as np
-from numpy.typing import NDArray
 
-from taskspec.geometry.axis import Axis
-from taskspec.laws.gains import Gains
-from taskspec.motion.path import PathShape
 from taskspec.program.context import Context
 from taskspec.program.events import Condition, Event, code
 from taskspec.program.layout import Layout
 from taskspec.program.limits.programs import resolve
 from taskspec.program.limits.resolution import Resolution, Resolved, saturated
-from taskspec.program.reference.coupling import Coupling
+from taskspec.program.plan import StagePlan
 from taskspec.program.reference.measured import Measured, measure
-from taskspec.program.reference.modes import AxisPlan
-from taskspec.program.reference.planned import PlannedStage, plan_stage
 from taskspec.program.stages.candidates import Choice, candidates
 from taskspec.program.stages.commanded import Commanded, command
 from taskspec.program.stages.conditions import limit_conditions, stage_conditions
 from taskspec.program.stages.outputs import outputs, probe
-from taskspec.program.world.frames import FrameModel
-from taskspec.program.world.moving_base import MovingBase
-from taskspec.spec import Law, Limits, Stage
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,17 +28,9 @@ class CompiledStage:
     """One stage, ready to be entered.
 
     Attributes:
-        name: as in the file. spec: its entry there. law, limits: as they hold for it.
-        frame: its task frame. axes: that exist in it. plans: who controls each of them.
-        gains: with their origins. contact: the object that forces are believed to act on.
-        stiffness: believed of that contact [N/m], 0 without one.
-        held: the mechanism whose handle returns forces instead of a contact; empty for none.
-        moving_base: how the object that carries the frame moves; None where nothing does.
+        plan: what was decided about it.
         tracked: the mechanism whose angle is kept; empty for none.
-        couplings: of the axes that follow a mechanism.
         equations: names of the world's equations, in the order of their inputs and outputs.
-        active: those that constrain it, in this order.
-        path: its path, if any.
         memory, parameters: layouts of the two vectors.
         initial: memory slots that do not start at 0.
         events: what the event number means, 1-based.
@@ -59,23 +41,9 @@ class CompiledStage:
         resolution: under `solve: qp`.
     """
 
-    name: str
-    spec: Stage
-    law: Law
-    limits: Limits
-    frame: FrameModel
-    axes: tuple[Axis, ...]
-    plans: Mapping[Axis, AxisPlan]
-    gains: Gains
-    contact: str | None
-    stiffness: float
-    held: str
-    moving_base: MovingBase | None
+    plan: StagePlan
     tracked: str
-    couplings: Mapping[Axis, Coupling]
     equations: tuple[str, ...]
-    active: tuple[str, ...]
-    path: PathShape | None
     memory: Layout
     parameters: Layout
     initial: Mapping[str, float]
@@ -86,28 +54,21 @@ class CompiledStage:
     choice: Choice | None
     resolution: Resolution | None
 
+    @property
+    def name(self) -> str:
+        """As in the file."""
+        return self.plan.name
 
-def compile_stage(
-    context: Context,
-    name: str,
-    path: PathShape | None,
-    axes_rotation: NDArray[np.float64],
-    gains: Gains | None = None,
-    *,
-    often: bool = True,
-) -> CompiledStage:
+
+def compile_stage(plan: StagePlan, *, often: bool = True) -> CompiledStage:
     """Compiles one stage.
 
     Args:
-        context: what the stages share.
-        name: the stage's name.
-        path: its path in SI units, already restricted to the axes that it drives.
-        axes_rotation: (3, 3) the stage's frame at the start pose.
-        gains: in place of those of the file and of the design.
+        plan: of the stage.
         often: whether the tick is to be evaluated often. What comes more than once in it is then
             looked for, which takes as long as all else.
     """
-    plan = plan_stage(context, name, path, axes_rotation, gains)
+    context = plan.context
     seen = measure(context, plan)
     asked = command(context, plan, seen)
     limited = _limited(context, plan, seen, asked) if plan.law.solve == "qp" else None
@@ -124,23 +85,9 @@ def compile_stage(
     ]
     arguments = [*seen.inputs.symbols(), memory.vector(), parameters.vector()]
     return CompiledStage(
-        name=name,
-        spec=plan.spec,
-        law=plan.law,
-        limits=plan.limits,
-        frame=plan.frame,
-        axes=plan.axes,
-        plans=plan.plans,
-        gains=plan.gains,
-        contact=plan.contact,
-        stiffness=plan.stiffness,
-        held=context.held if context.gripped(plan.frame) else "",
-        moving_base=plan.moving_base,
+        plan=plan,
         tracked="" if seen.believed is None else seen.believed.mechanism.name,
-        couplings=plan.couplings,
         equations=tuple(context.equations),
-        active=plan.active,
-        path=path,
         memory=memory,
         parameters=parameters,
         initial=seen.algebra.initial,
@@ -153,7 +100,7 @@ def compile_stage(
     )
 
 
-def _limited(context: Context, plan: PlannedStage, seen: Measured, asked: Commanded) -> Resolved:
+def _limited(context: Context, plan: StagePlan, seen: Measured, asked: Commanded) -> Resolved:
     """The programs that keep a stage's limits and find the nearest forces that contacts return."""
     wishes = {
         name: force + seen.unreached.unreachable[name] for name, force in asked.set_points.items()
@@ -162,7 +109,7 @@ def _limited(context: Context, plan: PlannedStage, seen: Measured, asked: Comman
 
 
 def _conditions(
-    context: Context, plan: PlannedStage, seen: Measured, asked: Commanded
+    context: Context, plan: StagePlan, seen: Measured, asked: Commanded
 ) -> list[Condition]:
     """Everything that can end a stage, in the order in which it counts."""
     return [

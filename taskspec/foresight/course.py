@@ -4,39 +4,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 
 import numpy as np
 
-from taskspec.check.foresight.known import known_value
+from taskspec.foresight.known import known_value
 from taskspec.geometry.axis import Axis
 from taskspec.motion.path import PathShape
 from taskspec.motion.profile import RISE_TIME
 from taskspec.program.context import Context
 from taskspec.program.execution.tracks import MOVE_SPEED
+from taskspec.program.plan import StagePlan
+from taskspec.program.trajectory import Course, Way
 from taskspec.spec import AxisEntry, Stage
 
-Way = Callable[[float], float]
 Coordinates = Callable[[float], dict[Axis, float]]
-
-
-@dataclass(frozen=True, slots=True)
-class Course:
-    """A planned motion.
-
-    Attributes:
-        duration: until its path or its time ends it [s].
-        ways: displacement of each axis against time [m, rad].
-        bends: whether its velocity changes on the way.
-    """
-
-    duration: float
-    ways: Mapping[Axis, Way]
-    bends: bool
-
-    def moved(self, time: float) -> dict[Axis, float]:
-        """Displacement along and about each axis since the stage began."""
-        return {axis: way(time) for axis, way in self.ways.items()}
 
 
 def moving_axes(stage: Stage) -> dict[Axis, AxisEntry]:
@@ -44,36 +25,35 @@ def moving_axes(stage: Stage) -> dict[Axis, AxisEntry]:
     return {a: e for a, e in stage.axes.items() if e.hold is None and not e.has_force}
 
 
-def course_of(
-    context: Context, stage: Stage, start: Mapping[Axis, float], path: PathShape | None
-) -> Course | None:
+def course_of(stage: StagePlan, start: Mapping[Axis, float]) -> Course | None:
     """How a stage moves; None where that is not planned, or nothing says how long it lasts.
 
     Args:
-        context: the task. stage: the stage. start: coordinates of the tip in its frame as it
-            begins [m, rad]. path: its path.
+        stage: the stage.
+        start: coordinates of the tip in its frame as it starts [m, rad].
     """
     ways: dict[Axis, Way] = {}
     lasts = []
+    path = stage.path
     if path is not None:
         duration, coordinates = _timed(path, start)
         lasts.append(duration)
         ways |= {a: _on_path(coordinates, a, duration, start[a]) for a in path.axes}
-    for axis, entry in moving_axes(stage).items():
+    for axis, entry in moving_axes(stage.spec).items():
         if entry.move is not None:
             kind = "angular" if axis.is_rotation else "linear"
             lasts.append(abs(entry.move) / (entry.speed or MOVE_SPEED[kind]) + RISE_TIME)
             ways[axis] = _ramp(entry.move, lasts[-1])
             continue
-        way = _formula(context, entry, start[axis])
+        way = _formula(stage.context, entry, start[axis])
         if way is None:
             return None
         ways[axis] = way
-    if stage.time is not None:
-        lasts = [stage.time]
+    if stage.spec.time is not None:
+        lasts = [stage.spec.time]
     if not lasts or not ways:
         return None
-    bends = path is not None or any(e.position is not None for e in stage.axes.values())
+    bends = path is not None or any(e.position is not None for e in stage.spec.axes.values())
     return Course(max(lasts), ways, bends)
 
 

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from taskspec.check.foresight.interval import ANY, Interval, point
-from taskspec.check.foresight.known import known_value
+from taskspec.foresight.interval import ANY, Interval, point
+from taskspec.foresight.known import known_value
 from taskspec.geometry.axis import Axis
 from taskspec.program.context import Context
 from taskspec.program.signals import entry_of

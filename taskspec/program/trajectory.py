@@ -1,0 +1,85 @@
+"""The nominal trajectory of a stage: what its text alone tells of where the tool goes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taskspec.geometry.axis import AXES, Axis
+
+Vector = NDArray[np.float64]
+Way = Callable[[float], float]
+
+#: Shares of a stage's duration, not those at which a sine of a few periods is zero.
+SAMPLES = (0.13, 0.37, 0.61, 0.83, 1.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Course:
+    """A planned motion.
+
+    Attributes:
+        duration: until its path or its time ends it [s].
+        ways: displacement of each axis against time [m, rad].
+        bends: whether its velocity changes on the way.
+    """
+
+    duration: float
+    ways: Mapping[Axis, Way]
+    bends: bool
+
+    def moved(self, time: float) -> dict[Axis, float]:
+        """Displacement along and about each axis since the stage began."""
+        return {axis: way(time) for axis, way in self.ways.items()}
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """The arm at one instant of a stage.
+
+    Attributes:
+        words: where in the stage.
+        rotation: (3, 3) the stage's frame in the world.
+        q: (n,) joint positions; None where they cannot be told, or where there are none.
+        rates: what is known of the motion axes' velocities, in the frame's axes [m/s, rad/s].
+        missed: by how much the tool misses a place out of reach, in words; empty otherwise.
+    """
+
+    words: str
+    rotation: Vector
+    q: Vector | None
+    rates: Mapping[Axis, float] = field(default_factory=dict)
+    missed: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Nominal:
+    """The nominal trajectory of one stage.
+
+    Attributes:
+        rotation: (3, 3) its frame as it starts, world axes.
+        gap: from its contact as it starts [m]; None where that is unknown.
+        start: (3,) where the tip is then [m]; None where that is unknown.
+        coordinates: of the tip in its frame then [m, rad]; None where they are unknown.
+        course: how it moves from there; None where that is not planned.
+        places: its start, and samples of its way.
+    """
+
+    rotation: Vector
+    gap: float | None
+    start: Vector | None
+    coordinates: Mapping[Axis, float] | None
+    course: Course | None
+    places: tuple[Place, ...]
+
+    def way(self) -> list[tuple[float, Vector]]:
+        """Times [s] and places of the tip (3,) on the planned way."""
+        if self.course is None or self.start is None:
+            return []
+        times = [share * self.course.duration for share in (0.0, *SAMPLES)]
+        moved = [(time, self.course.moved(time)) for time in times]
+        steps = [(time, np.array([m.get(a, 0.0) for a in AXES[:3]])) for time, m in moved]
+        return [(t, self.start + self.rotation @ d) for t, d in steps if np.isfinite(d).all()]
