@@ -39,6 +39,7 @@ from taskspec.check.values.variations import check_variations
 from taskspec.foresight.task_plan import TaskPlan, plan_task
 from taskspec.geometry.axis import Axis
 from taskspec.program.axes import SkewedAxisError
+from taskspec.rules import Phase, ask
 from taskspec.spec import FILE, LoadedTask
 from taskspec.text.codes import register
 from taskspec.text.diagnostic import Diagnostic, Diagnostics, SpecError
@@ -96,6 +97,7 @@ def check_stages(task: TaskPlan) -> tuple[Diagnostic, ...]:
     steady = check_variations(context, found)
     if steady is not context:
         context, task = steady, TaskPlan(steady)
+    ask(Phase.TASK, task, loaded, found)
     check_plausible(context, found)
     check_stiffness(context, found)
     check_start(context, found)
@@ -106,7 +108,7 @@ def check_stages(task: TaskPlan) -> tuple[Diagnostic, ...]:
     check_sensor(context, found)
     axes_of: dict[str, tuple[Axis, ...]] = {}
     for name, plan in task.stages.items():
-        if not check_frame(context, name, found):
+        if not check_frame(context, name, found) or not ask(Phase.FRAME, plan, loaded, found):
             continue
         rotation = plan.rotation
         try:
@@ -129,12 +131,16 @@ def check_stages(task: TaskPlan) -> tuple[Diagnostic, ...]:
         check_constraints(context, name, axes, rotation, found)
         check_null_space(context, name, axes, found)
         check_orientation(context, name, axes, rotation, found)
+        if not ask(Phase.AXES, plan, loaded, found):
+            continue
         try:
             path = plan.path
         except SpecError as error:
             found.extend(error.diagnostics)
             continue
         if not check_lasting(context, name, path, found):
+            continue
+        if not ask(Phase.PATH, plan, loaded, found):
             continue
         check_forces(context, name, axes, rotation, path, found)
         check_following(context, name, axes, rotation, path, found)
@@ -148,6 +154,8 @@ def check_stages(task: TaskPlan) -> tuple[Diagnostic, ...]:
         check_noise(context, name, rotation, nominal.gap, found)
         check_impact(context, name, axes, rotation, nominal.gap, found)
         check_entering(context, name, axes, rotation, nominal.gap, found)
+        ask(Phase.MOTION, plan, loaded, found)
     check_expectations(context, axes_of, found)
     check_judging(context, axes_of, found)
+    ask(Phase.RUN, task, loaded, found)
     return found.sorted()
