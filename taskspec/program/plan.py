@@ -118,6 +118,14 @@ class StagePlan:
         """The object that forces are taken to act on."""
         return self.context.contact_of(self.frame)
 
+    def contact_of(self, axis: Axis) -> str | None:  # noqa: ARG002
+        """The object that an axis presses on, or runs into."""
+        return self.contact
+
+    def normal_of(self, contact: str) -> Vector:
+        """(3,) outward normal of an object where the stage meets it, world axes."""
+        return self.context.start_normals[contact]
+
     @cached_property
     def gripped(self) -> bool:
         """Whether forces are returned by what the robot holds, and both ways."""
