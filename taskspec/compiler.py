@@ -20,7 +20,7 @@ from taskspec.program.execution.sensor_zero import sensor_zero
 from taskspec.program.ports import fields
 from taskspec.program.signals import UnknownSignalError
 from taskspec.program.stages.stage import CompiledStage, compile_stage
-from taskspec.program.world.felt import estimates
+from taskspec.program.world.estimated_frames import estimates
 from taskspec.spec import FILE, LoadedTask
 from taskspec.text.diagnostic import Diagnostic, Severity, SpecError
 

@@ -23,7 +23,7 @@ from taskspec.program.execution.carried import Carried
 from taskspec.program.ports import fields, slices
 from taskspec.program.reference.force_references import DEFAULT_RAMP
 from taskspec.program.stages.stage import CompiledStage
-from taskspec.program.world import felt
+from taskspec.program.world import estimated_frames
 
 Matrix = NDArray[np.float64]
 
@@ -83,10 +83,10 @@ class Operating:
         context, stage = self.context, self.stage
         self._now[0] = 0.0
         poses = {
-            felt.slot(f): np.concatenate([g.rotation.ravel(order="F"), g.origin])
+            estimated_frames.slot(f): np.concatenate([g.rotation.ravel(order="F"), g.origin])
             for f in context.frames.values()
             if f.kind == "estimated"
-            for g in (context.frames[f.felt],)
+            for g in (context.frames[f.estimated_in],)
         }
         entered = entry.enter(
             stage,

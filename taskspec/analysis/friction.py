@@ -21,7 +21,7 @@ def friction_rows(context: Context, task: Task, name: str, c: int) -> Rows:
     """Two dampers under every sphere of the tool, along directions across the normal.
 
     Args:
-        context: of the task that is believed. task: whose world and robot are the true ones.
+        context: of the nominal task. task: whose world and robot are the true ones.
         name: of a shape that the tool touches. c: coordinates of the plant.
     """
     robot, n, shape = context.robot, context.robot.pin.nv, task.shapes[name]

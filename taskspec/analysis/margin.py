@@ -114,7 +114,7 @@ class Search:
 
     Attributes:
         context: the task. seen: the stage as it is.
-        task: whose world and robot are true; None for the believed ones.
+        task: whose world and robot are true; None for the nominal ones.
         good: what the modes are to be on the one side, and not on the other.
         reach: how far from its value anything is looked for, either way.
         budget: of gains; None for all.

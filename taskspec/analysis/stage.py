@@ -33,7 +33,7 @@ class Analysed:
     """A stage as a sampled linear system.
 
     Attributes:
-        context: what is believed. stage: the compiled one, without limits and guards.
+        context: of the nominal task. stage: the compiled one, without limits and guards.
         rotation: (3, 3) its frame at the start pose.
         pressed: what the robot applies to each contact at the equilibrium [N, N m].
         meets: the contact is one that the stage may come to, not one that it is in.

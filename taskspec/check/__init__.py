@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from taskspec.check.axes.estimated import check_estimated
 from taskspec.check.axes.existing import check_axes, check_joints
-from taskspec.check.axes.felt import check_felt
 from taskspec.check.axes.following import check_following
 from taskspec.check.axes.frames import check_frame, check_pointing, check_start, check_stiffness
 from taskspec.check.axes.limits import check_limits
@@ -104,7 +104,7 @@ def check_stages(task: TaskPlan) -> tuple[Diagnostic, ...]:
     check_bodies(context, found)
     check_motions(context, found)
     check_equations(context, found)
-    check_felt(context, found)
+    check_estimated(context, found)
     check_sensor(context, found)
     axes_of: dict[str, tuple[Axis, ...]] = {}
     for name, plan in task.stages.items():

@@ -106,7 +106,7 @@ def approach(room: ca.SX, jerk: ca.SX | ca.DM | None, period: float) -> ca.SX:
 def highest_push(cap: float, force: ca.SX, closing: ca.SX, mass: ca.SX, stiffness: float) -> ca.SX:
     """The greatest force [N] along a contact's normal after which its cap is not exceeded.
 
-    Held from now on, a push u on the believed spring brings the contact force to at most
+    Held from now on, a push u on the nominal spring brings the contact force to at most
     u + sqrt((f - u)^2 + h k s^2); that this is the cap gives
 
         u = (cap + f) / 2 - h k s^2 / (2 (cap - f)).
@@ -120,7 +120,7 @@ def highest_push(cap: float, force: ca.SX, closing: ca.SX, mass: ca.SX, stiffnes
 
     Args:
         cap: [N]. force: f, contact force now [N]. closing: s, velocity into the object [m/s].
-        mass: h along the normal [kg]. stiffness: k believed of the contact [N/m].
+        mass: h along the normal [kg]. stiffness: nominal k of the contact [N/m].
     """
     left = ca.fmax(cap - force, NEAREST * cap)
     into = ca.fmax(closing, 0)

@@ -23,7 +23,7 @@ class Begin:
 
     Attributes:
         context: the task. stage: compiled. rotation: (3, 3) its frame in the world.
-        gap: to the believed contact [m]; None where that is unknown.
+        gap: to the nominal contact [m]; None where that is unknown.
         nearing: at which its object comes towards the tool at rest [m/s].
         coordinates: of the tip in its frame [m, rad]; None where they are unknown.
         course: how it moves from there; None where that is not planned.

@@ -76,7 +76,7 @@ def _reference(begin: Begin, normal: Vector) -> float | None:
 
 
 def push(depth: float, own: float, world: World) -> float:
-    """What a contact bears [N] with the reference `depth` [m] behind its believed surface.
+    """What a contact bears [N] with the reference `depth` [m] behind its nominal surface.
 
     Args:
         depth: [m]. own: yielding of the law's springs [m/N]. world: where the surface is.

@@ -26,7 +26,7 @@ class World:
 
     Attributes:
         values: of the components that vary. stiffness: of the contact [N/m].
-        farther: how much farther from the tool its surface is than believed [m].
+        farther: how much farther from the tool its surface is than nominal [m].
     """
 
     values: Values
@@ -39,8 +39,8 @@ def worlds(context: Context, name: str) -> Iterator[World]:
 
     All corners up to `MOST_AT_ONCE` components, beyond that one component at a time.
     """
-    believed = World({}, _stiffness(context, context.loaded.task, name))
-    yield believed
+    nominal = World({}, _stiffness(context, context.loaded.task, name))
+    yield nominal
     parts = list(_ends(context, name))
     if len(parts) <= MOST_AT_ONCE:
         chosen = itertools.product(*parts) if parts else ()
@@ -59,10 +59,10 @@ def extreme(
         context: the task. name: of the contact. quantity: in a world [SI].
         size: how bad a value is.
     """
-    believed, *others = worlds(context, name)
+    nominal, *others = worlds(context, name)
     if not others:
         return None
-    now = quantity(believed)
+    now = quantity(nominal)
     worst = max(others, key=lambda world: size(quantity(world)))
     value = quantity(worst)
     scale = max(abs(now), abs(value))
@@ -108,7 +108,7 @@ def _world(context: Context, name: str, values: Values) -> World:
 
 
 def _stiffness(context: Context, task: Task, name: str) -> float:
-    """Of the contact [N/m, N m/rad]: as believed, unless `vary` has it."""
+    """Of the contact [N/m, N m/rad]: the nominal one, unless `vary` has it."""
     if f"world.{name}.stiffness" in task.vary:
         true = getattr(task.world[name], "stiffness", "rigid")
         if true != "rigid":
@@ -120,5 +120,5 @@ def _farther(context: Context, task: Task, name: str) -> float:
     if name not in context.surfaces:
         return 0.0
     center = ca.SX(ca.DM(tool_center(context)))
-    believed, true = (frames.surface(t.shapes[name]) for t in (context.loaded.task, task))
-    return float(ca.evalf(true.distance(center) - believed.distance(center)))
+    nominal, true = (frames.surface(t.shapes[name]) for t in (context.loaded.task, task))
+    return float(ca.evalf(true.distance(center) - nominal.distance(center)))

@@ -35,8 +35,8 @@ class Context:
         robot: both models of the arm with its tool.
         start: (n,) joint configuration of the first tick. posture: (n,) of a redundant arm.
         frames: every frame of the file. surfaces: every object's geometry.
-        compliances: believed contact of each object.
-        mechanisms: believed geometry of each. moving_bases: of the objects that move by themselves.
+        compliances: nominal contact of each object.
+        mechanisms: nominal geometry of each. moving_bases: of the objects that move by themselves.
         equations: every constraint equation. start_equations: where they are at `start`.
         start_jacobian: (6, n) of the tip at `start`, world axes; start_inertia: (n, n) H there;
             start_gravity: (n,) g there.
@@ -83,7 +83,7 @@ class Context:
         return common.model_copy(update=own)
 
     def contact_of(self, frame: FrameModel) -> str | None:
-        """The object that a force in this frame is believed to act on.
+        """The object that a force in this frame nominally acts on.
 
         The surface that the frame follows, or the object that it is fixed on; in other frames the
         object nearest to the tool at the start pose. None where the grip returns the force, or
@@ -135,7 +135,7 @@ class Context:
         return bool(self.held) or self._nearest() is None
 
     def stiffness_of(self, frame: FrameModel) -> float:
-        """Believed stiffness [N/m] of what a force in this frame acts on, 0 without any."""
+        """Nominal stiffness [N/m] of what a force in this frame acts on, 0 without any."""
         contact = self.contact_of(frame)
         if contact is not None:
             return self.compliances[contact].stiffness
@@ -144,7 +144,7 @@ class Context:
     def felt_stiffness(
         self, frame: FrameModel, axes: tuple[Axis, ...], rotation: NDArray[np.float64]
     ) -> float | dict[Axis, float]:
-        """Believed stiffness of the environment, for `plants`: of a grip, axis by axis.
+        """Nominal stiffness of the environment, for `plants`: of a grip, axis by axis.
 
         Along the way that the mechanism leaves open there is none [N/m, N m/rad].
 

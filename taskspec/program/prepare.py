@@ -13,7 +13,7 @@ from taskspec.control.model_terms import ModelTerms
 from taskspec.program.context import Context
 from taskspec.program.errors import spec_error
 from taskspec.program.signals import gaps, normal
-from taskspec.program.world import felt
+from taskspec.program.world import estimated_frames
 from taskspec.program.world import frames as frame_models
 from taskspec.program.world.equations import at_start, equation_models
 from taskspec.program.world.frames import FrameModel
@@ -75,7 +75,9 @@ def prepare(loaded: LoadedTask) -> Context:
         robot=robot,
         start=start,
         posture=start if posture is None else np.array(posture),
-        frames=felt.with_nominal(frames, _expected_normal(robot, gap_at_start, normals), tip_p),
+        frames=estimated_frames.with_nominal(
+            frames, _expected_normal(robot, gap_at_start, normals), tip_p
+        ),
         surfaces=surfaces,
         compliances=contacts,
         mechanisms=models,

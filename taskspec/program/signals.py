@@ -11,7 +11,7 @@ from taskspec.control.model_terms import TermSymbols
 from taskspec.control.reference import opposite
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.program.layout import Layout
-from taskspec.program.world import felt, kinematics
+from taskspec.program.world import estimated_frames, kinematics
 from taskspec.program.world.frames import FrameModel
 from taskspec.program.world.moving_base import BaseMotion, MovingBase
 from taskspec.robot import RobotModel
@@ -160,7 +160,9 @@ class Resolver:
                 f"{signal} in {frame_name}: the {surface.parts} of a {surface.name} are followed "
                 "only by the stage's own frame"
             )
-        face = felt.symbols(self.parameters, frame) if frame.kind == "estimated" else None
+        face = (
+            estimated_frames.symbols(self.parameters, frame) if frame.kind == "estimated" else None
+        )
         base = self.moving_bases.get(frame.base_name)
         placed = place(
             self.robot, frame, base, self.terms, self.wrench, self.clock, self.offset, face

@@ -138,7 +138,7 @@ def _error(at: Situation) -> Mapping[Axis, ca.SX]:
 
 @signal("gap", LENGTH, sensed=WORLD, absent="no surface to be near to")
 def _gap(at: Situation) -> ca.SX | None:
-    """Signed distance of the tool's shape from the believed contact's object."""
+    """Signed distance of the tool's shape from the nominal contact's object."""
     return None if at.contact is None else at.objects[at.contact].distance
 
 

@@ -84,7 +84,7 @@ def test_driven_coordinates_are_where_the_clock_has_them():
     np.testing.assert_allclose(
         data.xmat[body].reshape(3, 3)[:, 2], [0.0, np.sin(turn), np.cos(turn)], atol=1e-12
     )
-    # The controller believes the same motion.
+    # The controller has the same motion.
     A, a = moving_bases(pushed.task)["table"].pose(clock)
     np.testing.assert_allclose(data.xpos[body], A @ [0.0, 0.0, 0.399] + a, atol=1e-12)
     declared = from_rpy((0.0, 0.0, np.pi / 2))

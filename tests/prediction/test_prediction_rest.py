@@ -71,7 +71,7 @@ SPRINGS = "stiffness: 2 kN/m"
         {"LAW": f"{{kind: impedance-natural, {SPRINGS}}}", "AXES": DEEP},
         {"LAW": f"{{kind: pd, {SPRINGS}, damping: 150 N*s/m}}", "AXES": DEEP},
         {"LAW": f"{{kind: pd-joint, {SPRINGS}}}", "AXES": DEEP},
-        # The reference where the believed stiffness makes -20 N of it.
+        # The reference where the nominal stiffness makes -20 N of it.
         {"LAW": f"{{kind: impedance, {SPRINGS}}}"},
         # In a frame that the plane is askew in, the spring of x takes part.
         {"LAW": f"{{kind: impedance, {SPRINGS}}}", "FRAME": "level", "TILT": "10 deg",

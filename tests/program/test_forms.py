@@ -162,7 +162,7 @@ def test_rotations_about_several_axes_of_the_tool(simulate):
         assert rms(run.during("wave", f"error.{axis}", 0.5)) < np.deg2rad(0.02)
 
 
-def test_a_frame_on_an_object_believes_in_that_object(simulate):
+def test_a_frame_on_an_object_touches_that_object(simulate):
     """Although the floor is nearer where the run starts."""
     world = (
         "world:\n"

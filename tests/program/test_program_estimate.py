@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from taskspec.check import check_task
-from taskspec.program.world import felt
+from taskspec.program.world import estimated_frames
 from taskspec.program.world.frames import FrameModel
 from taskspec.spec import load_text
 from taskspec_runner.verdict.replay import Replay
@@ -159,7 +159,7 @@ def test_what_is_known_before_the_run(code, old, new):
 def test_the_pose_that_is_measured():
     frame = FrameModel("felt", "estimated", np.eye(3), np.zeros(3), estimate="touch")
     normal = np.array([0.3, 0.1, 0.9])
-    R, origin = felt.measure(frame, 4.0 * normal, np.array([1.0, 2.0, 3.0]))
+    R, origin = estimated_frames.measure(frame, 4.0 * normal, np.array([1.0, 2.0, 3.0]))
     np.testing.assert_allclose(R @ R.T, np.eye(3), atol=1e-15)
     assert np.linalg.det(R) == pytest.approx(1.0)
     np.testing.assert_allclose(R[:, 2], normal / np.linalg.norm(normal))
@@ -167,18 +167,20 @@ def test_the_pose_that_is_measured():
     assert R[0, 0] > 0
     assert R[:, 1] @ [1.0, 0.0, 0.0] == pytest.approx(0.0, abs=1e-15)
     np.testing.assert_array_equal(origin, [1.0, 2.0, 3.0])
-    with pytest.raises(felt.NotFeltError, match="less than"):
-        felt.measure(frame, 0.1 * normal, origin)
-    with pytest.raises(felt.NotFeltError, match="heading"):
-        felt.measure(frame, np.array([5.0, 0.1, 0.0]), origin)
+    with pytest.raises(estimated_frames.NotEstimatedError, match="less than"):
+        estimated_frames.measure(frame, 0.1 * normal, origin)
+    with pytest.raises(estimated_frames.NotEstimatedError, match="heading"):
+        estimated_frames.measure(frame, np.array([5.0, 0.1, 0.0]), origin)
 
 
 def test_the_force_is_averaged_over_the_last_tenth_of_a_second():
-    frame = FrameModel("felt", "estimated", np.eye(3), np.zeros(3), estimate="s", felt="felt")
-    store = felt.Estimates([frame], 1e-3)
+    frame = FrameModel(
+        "felt", "estimated", np.eye(3), np.zeros(3), estimate="s", estimated_in="felt"
+    )
+    store = estimated_frames.Estimates([frame], 1e-3)
     for k in range(300):
         store.collect(np.array([0.0, 0.0, 1.0]) if k >= 200 else np.array([0.0, 9.0, 0.0]))
     store.end("other", np.zeros(3))
-    assert not store.poses["felt.felt"].any()
+    assert not store.poses["estimated.felt"].any()
     store.end("s", np.zeros(3))
-    np.testing.assert_allclose(store.poses["felt.felt"][6:9], [0.0, 0.0, 1.0])
+    np.testing.assert_allclose(store.poses["estimated.felt"][6:9], [0.0, 0.0, 1.0])

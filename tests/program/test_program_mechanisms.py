@@ -1,4 +1,4 @@
-"""Mechanisms as the controller believes them: frames, coordinates and forces against kinematics.
+"""Nominal mechanisms: frames, coordinates and forces against kinematics.
 
 Central differences with h = 1e-6 leave an error of h^2/6 times a third derivative (below 1e3 here)
 and rounding of 1e-16/h: below 1e-9 and 1e-10. Comparisons at 1e-6 are far above both.

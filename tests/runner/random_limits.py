@@ -338,7 +338,7 @@ def force_excess(traces: Traces) -> list[Excess]:
     The control sees a force one tick late, and its torque acts a tick later: f_i - f_(i-2) are one
     tick of contact dynamics. And on a surface with damping d that the tool slides on at v, MuJoCo's
     friction cone adds mu d v to the normal force (measured: 0.219 N at 27.3 mm/s, mu 0.441 and
-    17.8 N s/m, where mu d v is 0.214 N), which no believed spring has.
+    17.8 N s/m, where mu d v is 0.214 N), which no nominal spring has.
     """
     cap = traces.program.stages[0].plan.limits.force
     if cap is None:

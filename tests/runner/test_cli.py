@@ -396,7 +396,7 @@ def test_explain_shows_frames_axes_gains_and_defaults(tap: Path) -> None:
     for text in (
         "wall   fixed on plane",
         "law          hybrid, equations section 4.3.3, (4.123)",
-        "contact      wall, believed 10 kN/m, frictionless",
+        "contact      wall, nominal 10 kN/m, frictionless",
         "until -> hold",
         "x     v_x = 0 (wall, pushes only)  f_x = press, reached in 0.05 s  force control",
         "S_f          diag(1 0)",

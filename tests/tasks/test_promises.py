@@ -54,7 +54,7 @@ def test_the_drum_turns_frame_and_tool(simulate):
 
 
 @pytest.mark.parametrize("law", ["impedance", "impedance-natural", "pd"])
-def test_an_open_loop_force_is_reached_on_the_believed_surface(simulate, law):
+def test_an_open_loop_force_is_reached_on_the_nominal_surface(simulate, law):
     """f (1/k_m + 1/k_e) below the surface gives f where the belief is true."""
     run = simulate(
         "wipe-table",

@@ -170,7 +170,7 @@ def test_a_force_step_does_not_shake_the_motion(simulate, prediction, name):
 
 
 def test_motion_along_the_normal_meets_a_surface_as_the_arm_itself(simulate, prediction):
-    """A motion axis along the believed normal leaves f uncancelled: K_P Lambda_n is its spring."""
+    """A motion axis along the nominal normal leaves f uncancelled: K_P Lambda_n is its spring."""
     run = simulate(
         SQUARE.task(
             "{kind: hybrid, bandwidth: 3 Hz}",

@@ -119,7 +119,7 @@ def stage_account(
 
 def _contact(program: Program, stage: CompiledStage) -> str:
     if stage.plan.contact is None and stage.plan.held:
-        return f"{stage.plan.held}, held: believed {stiffness(stage.plan.stiffness)} both ways"
+        return f"{stage.plan.held}, held: nominal {stiffness(stage.plan.stiffness)} both ways"
     if stage.plan.contact is None and stage.plan.active:
         return f"constraints {', '.join(stage.plan.active)}"
     if stage.plan.contact is None:
@@ -127,7 +127,7 @@ def _contact(program: Program, stage: CompiledStage) -> str:
     shape = program.context.loaded.task.shapes[stage.plan.contact]
     rigid = " (rigid)" if shape.stiffness == "rigid" else ""
     friction = f", friction {shape.friction:.3g}" if shape.friction else ", frictionless"
-    return f"{stage.plan.contact}, believed {stiffness(stage.plan.stiffness)}{rigid}{friction}"
+    return f"{stage.plan.contact}, nominal {stiffness(stage.plan.stiffness)}{rigid}{friction}"
 
 
 def _null_space(program: Program, stage: CompiledStage) -> str:

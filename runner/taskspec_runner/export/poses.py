@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from taskspec.compiler import Program
-from taskspec.program.world import felt
+from taskspec.program.world import estimated_frames
 from taskspec_runner.record.history import History
 from taskspec_runner.verdict.replay import Replay
 
@@ -29,7 +29,7 @@ class Poses:
 
     @property
     def known(self) -> NDArray[np.bool_]:
-        """(n,) Whether there is a pose; a frame that is felt has none before it was felt."""
+        """(n,) Whether there is a pose; an estimated frame has none before its stage ended."""
         return np.asarray(np.isfinite(self.places).all(axis=1))
 
 
@@ -58,7 +58,7 @@ class PoseStream:
         context = program.context
         self._program, self._bases = program, context.moving_bases
         self._measuring = {f.estimate for f in context.frames.values() if f.estimate}
-        self._window = felt.window(context.period)
+        self._window = estimated_frames.window(context.period)
         joints = [f"joint.{i + 1}.position" for i in range(context.robot.pin.nv)]
         self._names = ("clock", "t", *joints)
         self._kept: History | None = None

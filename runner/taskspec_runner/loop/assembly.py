@@ -40,8 +40,8 @@ def assemble(program: Program, truth: Task | None = None) -> Assembly:
     """Builds the plant at the start of a run, and a fresh machine, on one bus.
 
     Args:
-        program: the compiled task, with what is believed.
-        truth: the task whose world and robot the plant has; None for the believed one.
+        program: the compiled task, with the nominal world.
+        truth: the task whose world and robot the plant has; None for the nominal one.
     """
     context = program.context
     task = context.loaded.task if truth is None else truth

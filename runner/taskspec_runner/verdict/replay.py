@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from taskspec.geometry.axis import AXES
 from taskspec.program.prepare import chart_at
 from taskspec.program.stages.stage import CompiledStage
-from taskspec.program.world import felt
+from taskspec.program.world import estimated_frames
 from taskspec.program.world.frames import FrameModel
 from taskspec.program.world.moving_base import MovingBase
 from taskspec.robot import RobotModel
@@ -25,7 +25,7 @@ _PART = (slice(0, 3), slice(3, 6))
 
 
 class Replay:
-    """Where the tool was at every tick, and its signals resolved in any believed frame.
+    """Where the tool was at every tick, and its signals resolved in any nominal frame.
 
     Forces, moments, velocities and errors belong to the control point of the stage that logged
     them; only their axes change, and a velocity becomes one against what carries the frame. A
@@ -208,7 +208,7 @@ class Replay:
 
     def _felt_pose(self, frame: FrameModel) -> tuple[Vector, Vector]:
         """The pose that was measured last before each row; NaN before the first time."""
-        measured = self._frames[frame.felt]
+        measured = self._frames[frame.estimated_in]
         p = self.tip_pose()[0]
         origins, axes = np.full((len(p), 3), np.nan), np.full((len(p), 3, 3), np.nan)
         for visit in self._visits:
@@ -216,19 +216,21 @@ class Replay:
             if visit.stage != measured.estimate or visit.last + 1 == len(p):
                 continue
             try:
-                R, origin = felt.measure(measured, self._felt_force(visit), p[visit.last + 1])
-            except felt.NotFeltError:
+                R, origin = estimated_frames.measure(
+                    measured, self._mean_force(visit), p[visit.last + 1]
+                )
+            except estimated_frames.NotEstimatedError:
                 R, origin = np.full((3, 3), np.nan), np.full(3, np.nan)
-            local_R, local_origin = frame.in_felt
+            local_R, local_origin = frame.in_estimated
             origins[following], axes[following] = origin + R @ local_origin, R @ local_R
         return origins, axes
 
-    def _felt_force(self, visit: Visit) -> Vector:
+    def _mean_force(self, visit: Visit) -> Vector:
         """(3,) mean force by the environment that the controller measured at a visit's end."""
         stage, columns = self._stages[visit.stage], self._history.columns
         clock = columns["clock"]
         period = float(np.median(np.diff(clock)))
-        first = max(visit.first, visit.last + 1 - felt.window(period))
+        first = max(visit.first, visit.last + 1 - estimated_frames.window(period))
         rows = slice(first, visit.last + 1)
         seen = np.zeros((visit.last + 1 - first, 3))
         for i, axis in enumerate(AXES[:3]):

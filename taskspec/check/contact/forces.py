@@ -1,4 +1,4 @@
-"""Open-loop forces: what becomes of them where the real surface differs from the believed one."""
+"""Open-loop forces: what becomes of them where the real surface differs from the nominal one."""
 
 from __future__ import annotations
 
@@ -94,7 +94,7 @@ def _span(
 ) -> tuple[float, float] | None:
     """Least and greatest force over the corners of `vary`; None where it does not matter.
 
-    From (4.26), (4.27) with the reference f (1/k_m + 1/k) below the believed surface.
+    From (4.26), (4.27) with the reference f (1/k_m + 1/k) below the nominal surface.
     """
     wanted = steady_force(context, axis)
     if wanted is None:

@@ -72,7 +72,7 @@ def _check_surface(
     way: list[tuple[float, Vector]],
     found: Diagnostics,
 ) -> None:
-    """Reports a motion axis that leads into the believed contact, and how hard it presses."""
+    """Reports a motion axis that leads into the nominal contact, and how hard it presses."""
     stage = context.loaded.task.stages[name]
     frame, law = context.frame_of(stage), context.law_of(stage)
     contact = context.contact_of(frame)

@@ -27,7 +27,7 @@ def mending(
 
     Args:
         context: the task. seen: the stage. axis: on which `mode` moves most.
-        task: whose world and robot are true; None for the believed ones. mode: that is to go.
+        task: whose world and robot are true; None for the nominal ones. mode: that is to go.
         budget: of gains that may be searched.
     """
     quality = STABLE if grows(mode) else QUIET

@@ -128,9 +128,9 @@ def resolved(seen: Analysed, task: Task) -> bool:
     """Whether the plant's steps resolve all contacts of a stage in a world (TS307)."""
     context = seen.context
     for name in seen.pressed:
-        believed, true = context.compliances[name], getattr(task.world[name], "stiffness", 0.0)
-        k = believed.stiffness if true == "rigid" else float(true)
-        if believed.phase * math.sqrt(k / believed.stiffness) > RESOLVED_PHASE:
+        nominal, true = context.compliances[name], getattr(task.world[name], "stiffness", 0.0)
+        k = nominal.stiffness if true == "rigid" else float(true)
+        if nominal.phase * math.sqrt(k / nominal.stiffness) > RESOLVED_PHASE:
             return False
     return True
 

@@ -67,7 +67,7 @@ def check_entering(
     Args:
         context: the task. name: of the stage. axes: that exist in its frame.
         rotation: (3, 3) its frame at the start pose.
-        gap: to the believed contact as the stage begins [m]; None where it is not known.
+        gap: to the nominal contact as the stage begins [m]; None where it is not known.
         found: where findings go.
     """
     loaded = context.loaded

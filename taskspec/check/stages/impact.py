@@ -51,7 +51,7 @@ def check_impact(
     Args:
         context: the task. name: of the stage. axes: that exist in its frame.
         rotation: (3, 3) its frame at the start pose.
-        gap: to the believed contact as the stage begins [m]; None where it is not known.
+        gap: to the nominal contact as the stage begins [m]; None where it is not known.
         found: where findings go.
     """
     _check_away(context, name, axes, rotation, gap, found)
@@ -86,7 +86,7 @@ def meeting(
     Args:
         context: the task. name: of the stage. axes: that exist in its frame.
         rotation: (3, 3) its frame at the start pose.
-        gap: to the believed contact as the stage begins [m]; None where it is not known.
+        gap: to the nominal contact as the stage begins [m]; None where it is not known.
     """
     stage = context.loaded.task.stages[name]
     contact = context.contact_of(context.frame_of(stage))

@@ -37,7 +37,7 @@ def check_noise(
 
     Args:
         context: the task. name: of the stage. rotation: (3, 3) its frame at the start pose.
-        gap: to the believed contact as the stage begins [m]; None where it is not known.
+        gap: to the nominal contact as the stage begins [m]; None where it is not known.
         found: where findings go.
     """
     sensor = context.loaded.task.robot.sensor

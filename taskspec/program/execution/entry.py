@@ -16,7 +16,7 @@ from taskspec.program.execution.choice import choose_first
 from taskspec.program.execution.tracks import Tracks, move_speed, plan_tracks
 from taskspec.program.ports import PROBE, slices
 from taskspec.program.stages.stage import CompiledStage
-from taskspec.program.world import felt
+from taskspec.program.world import estimated_frames
 from taskspec.robot import RobotModel
 
 Vector = NDArray[np.float64]
@@ -54,7 +54,7 @@ def enter(
     carried: Carried,
     tip: tuple[Vector, Vector],
     inputs: Sequence[Vector],
-    felt_poses: Mapping[str, Vector],
+    estimated_poses: Mapping[str, Vector],
 ) -> Entered:
     """Starts a stage from the carried reference (docs/conventions.md).
 
@@ -63,9 +63,9 @@ def enter(
         carried: the reference that the last stage left.
         tip: (3,), (3, 3) measured pose of the tip.
         inputs: the tick's inputs before memory and parameters, at t = 0.
-        felt_poses: (12,) of measured frames, by parameter.
+        estimated_poses: (12,) of measured frames, by parameter.
     """
-    return _Entry(stage, carried, tip, inputs, felt_poses).run(robot)
+    return _Entry(stage, carried, tip, inputs, estimated_poses).run(robot)
 
 
 class _Entry:
@@ -77,10 +77,10 @@ class _Entry:
         carried: Carried,
         tip: tuple[Vector, Vector],
         inputs: Sequence[Vector],
-        felt_poses: Mapping[str, Vector],
+        estimated_poses: Mapping[str, Vector],
     ) -> None:
         self.stage, self.carried, self.inputs = stage, carried, inputs
-        self.felt_poses = felt_poses
+        self.estimated_poses = estimated_poses
         self.p, self.R = tip
         self.A, self.a, self.twist = np.eye(3), np.zeros(3), carried.twist
         if stage.plan.moving_base is not None:
@@ -132,11 +132,11 @@ class _Entry:
         """Where the stage begins, and what of its frame is chosen there."""
         frame = self.stage.plan.frame
         self._write("entry", self.p)
-        for name, pose in self.felt_poses.items():
+        for name, pose in self.estimated_poses.items():
             self._write(name, pose)
         if self.carried.tracked == self.stage.tracked and "angle" in self.stage.memory:
             self._remember("angle", self.carried.angle)
-        origin = self.A @ felt.origin(frame, self.felt_poses) + self.a
+        origin = self.A @ estimated_frames.origin(frame, self.estimated_poses) + self.a
         self._write("lever", self.R.T @ (origin - self.p))
         if frame.surface is not None:
             center = self.p if robot.tool.flat else self.p + self.R @ robot.tool.centers[0]

@@ -12,8 +12,8 @@ from taskspec.program import events
 from taskspec.program.execution import entry
 from taskspec.program.execution.carried import Carried, leave
 from taskspec.program.execution.choice import choose_again
+from taskspec.program.execution.estimation import Estimation
 from taskspec.program.execution.fading import Fading, unanswered
-from taskspec.program.execution.learning import Learning
 from taskspec.program.execution.resolver import Asked, Resolver
 from taskspec.program.execution.sensor_zero import SensorZero
 from taskspec.program.execution.stage_runner import StageRunner
@@ -21,7 +21,7 @@ from taskspec.program.execution.transition import END, FAIL, Transition, leads_t
 from taskspec.program.ports import INTERNAL, fields, slices
 from taskspec.program.reference.modes import not_finite
 from taskspec.program.stages.stage import CompiledStage
-from taskspec.program.world.felt import Estimates
+from taskspec.program.world.estimated_frames import Estimates
 from taskspec.robot import RobotModel
 
 Vector = NDArray[np.float64]
@@ -61,7 +61,7 @@ class Machine:
         estimates: Estimates | None = None,
     ) -> None:
         self._robot, self.period = robot, period
-        self.sensor, self._learning = sensor, Learning(sensor, estimates)
+        self.sensor, self._estimation = sensor, Estimation(sensor, estimates)
         self._terms = ModelTerms(robot)
         self.q, self.v, self.wrench, self.reactions, self.torque, self.outputs = views
         self._now = np.zeros(2 + len(stages))
@@ -102,10 +102,10 @@ class Machine:
         """What stage `index` asks of contacts at its time t [s], were it entered at rest here.
 
         None for a stage that solves no program, asks for no force, or begins in a frame that is
-        yet to be felt.
+        yet to be estimated.
         """
         runner = self.runners[index]
-        if runner.resolver is None or self._learning.missing(runner.stage):
+        if runner.resolver is None or self._estimation.missing(runner.stage):
             return None
         self.update_terms()
         self._enter(index, Carried(*self._terms.tip(), np.zeros(6)), 0.0)
@@ -158,8 +158,8 @@ class Machine:
     def _commit(self) -> None:
         """Makes a tick one that happened."""
         self._runner.commit()
-        if self._learning.on:
-            self._learning.collect(self.wrench)
+        if self._estimation.on:
+            self._estimation.collect(self.wrench)
 
     def _hold(self, runner: StageRunner, clock: float) -> float:
         """Lets the last torque that kept its limits fade to what carries the arm, then stops.
@@ -194,9 +194,9 @@ class Machine:
             self._end(clock, events.Event(event.kind, "attempts", text), value, FAIL)
             return
         carried = leave(stage, self.named_outputs(), clock)
-        if self._learning.on:
-            self._learning.end(stage, self._terms.tip(), self.wrench)
-        unknown = self._learning.missing(self.runners[index].stage)
+        if self._estimation.on:
+            self._estimation.end(stage, self._terms.tip(), self.wrench)
+        unknown = self._estimation.missing(self.runners[index].stage)
         if unknown:
             text = f"stage {to!r} cannot begin: {unknown}"
             self._end(clock, events.Event(events.LIMIT, "frame_not_felt", text), 0.0, "")
@@ -234,8 +234,8 @@ class Machine:
         self._now[0], self._now[1] = 0.0, clock
         self._now[2 + index] += 1
         stage = self._runner.stage
-        self._learning.begin(stage)
-        poses = self._learning.poses
+        self._estimation.begin(stage)
+        poses = self._estimation.poses
         self._runner.load(
             entry.enter(stage, self._robot, carried, self._terms.tip(), self._inputs, poses)
         )

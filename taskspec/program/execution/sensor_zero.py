@@ -45,7 +45,7 @@ class SensorZero:
         wrench[3:] = R @ seen[3:]
 
     def weight(self, R: Vector) -> Vector:
-        """(6,) of the believed tool about the tip, in the tool's axes R (3, 3) [N, N m]."""
+        """(6,) of the nominal tool about the tip, in the tool's axes R (3, 3) [N, N m]."""
         force = self._mass * (R.T @ _GRAVITY)
         return np.concatenate([force, np.cross(self._lever, force)])
 

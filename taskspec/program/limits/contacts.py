@@ -1,4 +1,4 @@
-"""The contacts that a stage is believed to have, as rows on the joints: what limits act on.
+"""The nominal contacts of a stage, as rows on the joints: what limits act on.
 
 A row points the way the robot pushes: into the object. Its multiplier is what the robot applies.
 """
@@ -23,7 +23,7 @@ from taskspec.program.world import kinematics
 from taskspec.shapes import Surface
 from taskspec.signals.entries import TOUCHING
 
-#: Closer than this [m] to the believed object, the tool counts as touching it.
+#: Closer than this [m] to the nominal object, the tool counts as touching it.
 NEAR = 1e-3
 #: However much other contacts bear, this share of a cap is left for each.
 _CROWDED = 0.1
@@ -41,7 +41,7 @@ class ContactRow:
         measured: what the robot applies along it [N, N m].
         pressed: the stage keeps this contact: its force may not turn into a pull.
         both_ways: it returns forces of either sign.
-        stiffness: believed [N/m]. joints: whether it is on the joints rather than on the tip.
+        stiffness: nominal [N/m]. joints: whether it is on the joints rather than on the tip.
         friction: its coefficient. others: what the tip bears beside it, friction included: the
             part along this row, and the size [N].
     """
@@ -80,13 +80,13 @@ def touched_objects(
     plans: Mapping[Axis, AxisPlan],
     rotation: NDArray[np.float64],
 ) -> tuple[str, ...]:
-    """Objects that a stage touches: the believed contact, and one for each other force axis.
+    """Objects that a stage touches: the nominal contact, and one for each other force axis.
 
     A force axis that is not along the first contact's normal belongs to the nearest object whose
     normal it is along, as at the start pose.
 
     Args:
-        context: of the task. primary: the believed contact. plans: of the stage's axes.
+        context: of the task. primary: the nominal contact. plans: of the stage's axes.
         rotation: (3, 3) the stage's frame at the start pose.
     """
     if primary is None:
@@ -139,7 +139,7 @@ def shape_rows(
     """Rows of the touched shapes, at the point of the tool that is nearest to each.
 
     Args:
-        context: of the task. objects: touched, the believed contact first. pressed: of them.
+        context: of the task. objects: touched, the nominal contact first. pressed: of them.
         terms: the tip's kinematics in the world. wrench: (6,) by the environment on the tip.
         gaps: to every shape [m]. clock: of the run [s].
     """
@@ -216,7 +216,7 @@ def equation_contact(row: EquationRow, name: str, measured: ca.SX, stiffness: fl
 
     Args:
         row: the equation. name: its name. measured: what the robot applies along its gradient.
-        stiffness: believed [N/m, N m/rad].
+        stiffness: nominal [N/m, N m/rad].
     """
     relation, sign = row.model.constraint.relation, pushing(row)
     return ContactRow(

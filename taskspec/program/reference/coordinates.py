@@ -60,8 +60,8 @@ def frame_coordinates(plan: StagePlan, seen: Measured) -> Coordinates:
         position = {a: local[i] for i, a in enumerate(AXES[:3]) if a in plans}
     elif frame.kind == "turning":
         assert frame.mechanism is not None
-        assert seen.believed is not None
-        away = frame.mechanism.deviation(terms.p, seen.believed.angle, seen.believed.since)
+        assert seen.tracked is not None
+        away = frame.mechanism.deviation(terms.p, seen.tracked.angle, seen.tracked.since)
         local = ca.DM(frame.rotation.T) @ (away - ca.DM(frame.origin))
         position = {a: local[i] for i, a in enumerate(AXES[:3]) if a in plans}
     else:

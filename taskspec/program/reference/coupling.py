@@ -18,8 +18,8 @@ from taskspec.geometry.axis import AXES, Axis
 from taskspec.program.context import Context
 from taskspec.program.layout import Layout
 from taskspec.program.reference.axis_reference import AxisReference
-from taskspec.program.reference.believed import Believed
 from taskspec.program.reference.modes import AxisPlan
+from taskspec.program.reference.tracked_mechanism import TrackedMechanism
 from taskspec.program.world.frames import FrameModel
 
 _ALIGNED = 1e-6
@@ -102,7 +102,7 @@ def coupling(
 def coupled_motion(
     axis: Axis,
     found: Coupling,
-    believed: Believed,
+    tracked: TrackedMechanism,
     motions: Mapping[Axis, AxisReference],
     parameters: Layout,
 ) -> tuple[ca.SX, ca.SX, ca.SX]:
@@ -112,7 +112,7 @@ def coupled_motion(
     """
     if found.leader is None:
         ratio = found.ratio
-        return ratio * (believed.angle - believed.since), ratio * believed.rate, ca.SX(0)
+        return ratio * (tracked.angle - tracked.since), ratio * tracked.rate, ca.SX(0)
     leader = motions[found.leader]
     begin = parameters.add(f"begin.{axis}")
     return (

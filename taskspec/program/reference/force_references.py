@@ -58,7 +58,7 @@ def displacement(name: Axis, plan: StagePlan, forces: Mapping[Axis, ca.SX]) -> c
 
 
 def open_loop_normals(plans: Mapping[Axis, AxisPlan], seen: Measured) -> dict[Axis, ca.SX]:
-    """The believed gap counted along each open-loop translation."""
+    """The nominal gap counted along each open-loop translation."""
     gap = seen.table.get("gap")
     if gap is None or seen.normal is None:
         return {}

@@ -16,8 +16,12 @@ from taskspec.program.clock import Clock
 from taskspec.program.context import Context
 from taskspec.program.layout import Layout
 from taskspec.program.plan import StagePlan
-from taskspec.program.reference.believed import Believed, believe, mechanism_state
 from taskspec.program.reference.constraints import EquationRow, equation_rows, reactions
+from taskspec.program.reference.tracked_mechanism import (
+    TrackedMechanism,
+    mechanism_state,
+    tracked_mechanism,
+)
 from taskspec.program.reference.unreached import Unreached, requested, unreached_of
 from taskspec.program.signals import SignalTable
 from taskspec.program.world import kinematics
@@ -35,9 +39,9 @@ class Measured:
         inputs: symbols of the tick. memory, parameters: layouts that the stage fills.
         clock: time. algebra: of the file's expressions.
         moving_base: the frame's moving base now; None where nothing carries it.
-        terms: of the tip, relative to the base. believed: the mechanism that is kept track of.
+        terms: of the tip, relative to the base. tracked: the mechanism that is kept track of.
         tool, point, at: tool point, control point and frame, relative to the base.
-        state: what the law sees. normal: (3,) of the believed contact at the tool, or None.
+        state: what the law sees. normal: (3,) of the nominal contact at the tool, or None.
         rows: every equation. reactions: what the robot applies along each. gaps: to every shape.
         table: signals by name. unreached: what contacts do not return of the set points.
     """
@@ -49,7 +53,7 @@ class Measured:
     algebra: CasadiAlgebra
     moving_base: BaseMotion | None
     terms: TermSymbols
-    believed: Believed | None
+    tracked: TrackedMechanism | None
     tool: kinematics.ToolPoint
     point: kinematics.ControlPoint
     at: kinematics.FrameState
@@ -80,7 +84,7 @@ def measure(context: Context, plan: StagePlan) -> Measured:
     clock = Clock(inputs.now[0], inputs.now[1])
     world, now = inputs.terms, clock.clock
 
-    believed = believe(context, frame, world, clock, memory, parameters)
+    tracked = tracked_mechanism(context, frame, world, clock, memory, parameters)
     offset = _control_offset(frame, parameters)
     face = kinematics.new_face(parameters, frame, "frame")
     placed = signals.place(robot, frame, plan.moving_base, world, inputs.wrench, now, offset, face)
@@ -108,7 +112,7 @@ def measure(context: Context, plan: StagePlan) -> Measured:
             name: ObjectState(kinds[name], row.terms.distance, effort=measured[name])
             for name, row in rows.items()
         },
-        **mechanism_state(believed, context.held, world, inputs.wrench),
+        **mechanism_state(tracked, context.held, world, inputs.wrench),
     }
     return Measured(
         inputs=inputs,
@@ -118,7 +122,7 @@ def measure(context: Context, plan: StagePlan) -> Measured:
         algebra=CasadiAlgebra(memory, context.period),
         moving_base=base,
         terms=terms,
-        believed=believed,
+        tracked=tracked,
         tool=placed.tool,
         point=point,
         at=at,
@@ -167,7 +171,7 @@ def _normal(
     base: BaseMotion | None,
     clock: Clock,
 ) -> ca.SX | None:
-    """Outward unit normal (3,) of the believed contact at the tool, in the axes of its base."""
+    """Outward unit normal (3,) of the nominal contact at the tool, in the axes of its base."""
     if at.chart is not None:
         return at.R[:, 2]
     if contact is None:

@@ -27,7 +27,7 @@ class AxisPlan:
         soft: a motion axis with its own stiffness or damping, under a law that has such.
         open_loop: its force set point displaces the motion reference.
         world: a rotation that holds against the world although the frame turns.
-        yields: a motion axis along the believed contact's normal. The contact force on it is left
+        yields: a motion axis along the nominal contact's normal. The contact force on it is left
             uncancelled: cancelled, the arm would push through a surface as if it were not there.
     """
 
@@ -57,7 +57,7 @@ def plan_axes(
 
     Args:
         axes: those of the frame that exist. declared: the stage's entries. path, law: the stage's.
-        normal: (3,) of the believed contact in the frame's axes, None without a contact.
+        normal: (3,) of the nominal contact in the frame's axes, None without a contact.
     """
     facts = law.control_law
     plans = {}

@@ -75,8 +75,8 @@ def _motions(
     for name, axis in sorted(moving.items(), key=lambda item: item[0] in plan.couplings):
         coupled = None
         if name in plan.couplings:
-            assert seen.believed is not None
-            coupled = coupled_motion(name, plan.couplings[name], seen.believed, found, parameters)
+            assert seen.tracked is not None
+            coupled = coupled_motion(name, plan.couplings[name], seen.tracked, found, parameters)
         found[name] = builder.build(
             name,
             axis.mode,
@@ -96,7 +96,7 @@ def _updates(
     integrals: Mapping[Axis, ca.SX],
 ) -> dict[str, ca.SX]:
     """Memory of the references after this tick."""
-    updates = tracked.updates | (seen.believed.updates() if seen.believed is not None else {})
+    updates = tracked.updates | (seen.tracked.updates() if seen.tracked is not None else {})
     for name, motion in motions.items():
         if motion.integral_step is not None:
             slot = f"travelled.{name}"

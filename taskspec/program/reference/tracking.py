@@ -42,7 +42,7 @@ def track(
     Args:
         on: the coordinates. motions: references of the motion-controlled axes.
         normals: for open-loop forces outside a following frame, the coordinate that takes the
-            place of the axis's own: the believed gap along the axis.
+            place of the axis's own: the nominal gap along the axis.
     """
     tracking = Tracking({}, {}, {})
     spin = _rotations(on, motions, tracking)

@@ -10,8 +10,8 @@ import numpy as np
 from taskspec.program import ports
 from taskspec.program.limits.resolution import Resolved
 from taskspec.program.ports import INTERNAL, PROBE
-from taskspec.program.reference.believed import Believed
 from taskspec.program.reference.measured import Measured
+from taskspec.program.reference.tracked_mechanism import TrackedMechanism
 from taskspec.program.stages.commanded import Commanded
 from taskspec.program.world.moving_base import BaseMotion
 
@@ -33,7 +33,7 @@ def probe(arguments: list[ca.SX], seen: Measured, asked: Commanded) -> ca.Functi
         "here": seen.point.p if at.foot is None else at.foot,
         "rate_map": ca.vec(at.rate_map),
         "turning": at.turning(way if base is None else base.A.T @ way),
-        "angle": _angle(seen.believed),
+        "angle": _angle(seen.tracked),
         "coordinate": six(asked.references.coordinate),
         "measured": six(seen.table.situation.six("force")),
     }
@@ -65,7 +65,7 @@ def outputs(
         "tip_rotation": ca.vec(inputs.terms.R),
         "offset": _world(seen.point.offset, seen.moving_base),
         "frame": ca.vec(_world(seen.at.R, seen.moving_base)),
-        "angle": _angle(seen.believed),
+        "angle": _angle(seen.tracked),
         "conditioning": asked.chosen.conditioning if asked.chosen else ca.SX(1),
         "violation": violation,
         "clamped": clamped,
@@ -103,5 +103,5 @@ def _world(local: ca.SX, base: BaseMotion | None) -> ca.SX:
     return local if base is None else base.A @ local
 
 
-def _angle(believed: Believed | None) -> ca.SX:
-    return ca.SX(0) if believed is None else believed.angle
+def _angle(tracked: TrackedMechanism | None) -> ca.SX:
+    return ca.SX(0) if tracked is None else tracked.angle

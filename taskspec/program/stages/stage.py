@@ -86,7 +86,7 @@ def compile_stage(plan: StagePlan, *, often: bool = True) -> CompiledStage:
     arguments = [*seen.inputs.symbols(), memory.vector(), parameters.vector()]
     return CompiledStage(
         plan=plan,
-        tracked="" if seen.believed is None else seen.believed.mechanism.name,
+        tracked="" if seen.tracked is None else seen.tracked.mechanism.name,
         equations=tuple(context.equations),
         memory=memory,
         parameters=parameters,

@@ -1,1 +1,1 @@
-"""What the controller believes of the world: frames, surfaces, equations, mechanisms."""
+"""The nominal world: frames, surfaces, equations, mechanisms."""

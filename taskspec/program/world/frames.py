@@ -1,4 +1,4 @@
-"""Believed frames: where the file says they are, resolved to the world, the tool or a surface."""
+"""Nominal frames: where the file says they are, resolved to the world, the tool or a surface."""
 
 from __future__ import annotations
 
@@ -23,15 +23,15 @@ class FrameModel:
     Attributes:
         name: as in the file.
         kind: fixed (in the world, or on an object that moves by itself), tool (carried by the
-            tool), following (a surface), estimated (where it was felt), turning (with a handle
+            tool), following (a surface), estimated (where a stage touched), turning (with a handle
             that goes around an axis).
         rotation, origin: (3, 3), (3,) pose in the world as declared, for kind tool in the tool,
             for kind turning in the axes of the handle; of an estimated frame, where it is expected.
         owner: the object that it is fixed on, through its parents.
         surface: of a following frame; heading: (3,) world direction of its x, or None.
         estimate: the stage that measures it; empty for a frame that is placed in such a one.
-        felt: of an estimated frame: the measured frame that it is or is placed in.
-        in_felt: (3, 3), (3,) its pose in that one.
+        estimated_in: of an estimated frame: the measured frame that it is or is placed in.
+        in_estimated: (3, 3), (3,) its pose in that one.
         mechanism: of a turning frame, whose handle it turns with.
         at_origin: the control point is the frame's origin, carried rigidly by the tool.
         described: how it came about, for `explain`.
@@ -46,8 +46,8 @@ class FrameModel:
     owner: str = ""
     heading: Matrix | None = None
     estimate: str = ""
-    felt: str = ""
-    in_felt: tuple[Matrix, Matrix] = field(default_factory=lambda: (np.eye(3), np.zeros(3)))
+    estimated_in: str = ""
+    in_estimated: tuple[Matrix, Matrix] = field(default_factory=lambda: (np.eye(3), np.zeros(3)))
     mechanism: MechanismModel | None = None
     at_origin: bool = False
     described: str = ""
@@ -176,21 +176,21 @@ def _declared(task: Task, name: str, frames: dict[str, FrameModel]) -> FrameMode
             np.zeros(3),
             heading=heading,
             estimate=frame.estimate,
-            felt=name,
+            estimated_in=name,
             described=f"measured at the end of {frame.estimate}, z against the force felt, "
             f"x along {along}",
         )
     parent = frames[frame.parent or "world"]
     R, origin = pose(frame)
-    felt_R, felt_origin = parent.in_felt
+    outer_R, outer_origin = parent.in_estimated
     return FrameModel(
         name,
         parent.kind,
         parent.rotation @ R,
         parent.origin + parent.rotation @ origin,
         owner=parent.owner,
-        felt=parent.felt,
-        in_felt=(felt_R @ R, felt_origin + felt_R @ origin),
+        estimated_in=parent.estimated_in,
+        in_estimated=(outer_R @ R, outer_origin + outer_R @ origin),
         mechanism=parent.mechanism,
         at_origin=frame.point == "origin",
         described=f"{'placed' if parent.mechanism else 'fixed'} in {parent.name}"

@@ -11,7 +11,7 @@ import numpy as np
 from taskspec.control.model_terms import TermSymbols
 from taskspec.geometry import rotation
 from taskspec.program.layout import Layout
-from taskspec.program.world import felt
+from taskspec.program.world import estimated_frames
 from taskspec.program.world.frames import FrameModel
 from taskspec.program.world.mechanisms import MechanismModel
 from taskspec.robot import RobotModel
@@ -140,7 +140,7 @@ def frame_state(
         return FrameState(R, ca.SX.zeros(3, 3), always, origin)
     if frame.kind == "estimated":
         assert face is not None
-        R, origin = felt.placed(frame, face)
+        R, origin = estimated_frames.placed(frame, face)
         return FrameState(R, ca.SX.zeros(3, 3), always, origin)
     if frame.kind == "tool":
         R = terms.R @ ca.DM(frame.rotation)
@@ -197,9 +197,9 @@ def _handle_state(frame: FrameModel, mechanism: MechanismModel, terms: TermSymbo
 
 
 def new_face(layout: Layout, frame: FrameModel, prefix: str) -> ca.SX | None:
-    """The parameters of a frame: of the part that it follows, of where it was felt, or None."""
+    """The parameters of a frame: of the part that it follows, of its estimate, or None."""
     if frame.kind == "estimated":
-        return felt.symbols(layout, frame)
+        return estimated_frames.symbols(layout, frame)
     if frame.kind != "following" or frame.surface is None or not frame.surface.face_size:
         return None
     return layout.add(f"{prefix}.face", frame.surface.face_size)

@@ -1,4 +1,4 @@
-"""Believed geometry of the world's mechanisms: coordinate, handle frame and generalised force.
+"""Nominal geometry of the world's mechanisms: coordinate, handle frame and generalised force.
 
 A mechanism has one coordinate s, 0 as declared: an angle about z of its own axes, or for a slide a
 travel along it. Its handle is where s takes the declared point. A robot that holds the handle knows
@@ -26,7 +26,7 @@ _CORE = 0.1
 
 @dataclass(frozen=True, slots=True)
 class MechanismModel:
-    """A mechanism as the controller believes it to be.
+    """A mechanism as the controller has it.
 
     Attributes:
         name: of the object. kind: hinge, slide or screw.

@@ -1,4 +1,4 @@
-"""What stages learn by touch for those that follow: the sensor's zero, and frames that are felt."""
+"""What stages estimate by touch for those that follow: the sensor's zero, and frames."""
 
 from __future__ import annotations
 
@@ -9,16 +9,16 @@ from numpy.typing import NDArray
 
 from taskspec.program.execution.sensor_zero import SensorZero
 from taskspec.program.stages.stage import CompiledStage
-from taskspec.program.world.felt import Estimates
+from taskspec.program.world.estimated_frames import Estimates
 
 Vector = NDArray[np.float64]
 
 
-class Learning:
-    """The sensor's zero and the felt frames of a run, of which it may have neither.
+class Estimation:
+    """The sensor's zero and the estimated frames of a run, of which it may have neither.
 
     Attributes:
-        on: whether the current stage teaches anything.
+        on: whether the current stage estimates anything.
     """
 
     def __init__(self, sensor: SensorZero | None, estimates: Estimates | None) -> None:
@@ -27,7 +27,7 @@ class Learning:
 
     @property
     def poses(self) -> Mapping[str, Vector]:
-        """(12,) of the felt frames, by stage parameter."""
+        """(12,) of the estimated frames, by stage parameter."""
         return {} if self._estimates is None else self._estimates.poses
 
     def missing(self, stage: CompiledStage) -> str:
@@ -51,7 +51,7 @@ class Learning:
             self._estimates.collect(wrench[:3])
 
     def end(self, stage: CompiledStage, tip: tuple[Vector, Vector], wrench: Vector) -> None:
-        """Takes what a stage has taught, and corrects the measured `wrench` (6,) by it.
+        """Takes what a stage has estimated, and corrects the measured `wrench` (6,) by it.
 
         Args:
             stage: that ends. tip: (3,), (3, 3) pose of the tip. wrench: of now.

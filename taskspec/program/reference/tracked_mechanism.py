@@ -1,4 +1,4 @@
-"""Where the controller believes a mechanism to be: what follows from the tool that holds it."""
+"""Where a mechanism is nominally: what follows from the tool that holds it."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from taskspec.signals import ObjectState
 
 
 @dataclass(frozen=True, slots=True)
-class Believed:
+class TrackedMechanism:
     """A mechanism's coordinate, told from the tool.
 
     Attributes:
@@ -37,14 +37,14 @@ class Believed:
         return {"angle": self.angle} if self.mechanism.angular else {}
 
 
-def believe(
+def tracked_mechanism(
     context: Context,
     frame: FrameModel,
     terms: TermSymbols,
     clock: Clock,
     memory: Layout,
     parameters: Layout,
-) -> Believed | None:
+) -> TrackedMechanism | None:
     """The mechanism that a stage in `frame` keeps track of; takes a slot for its angle.
 
     Args:
@@ -56,10 +56,10 @@ def believe(
         return None
     if not mechanism.angular:
         zero = ca.SX(0)
-        return Believed(mechanism, zero, zero, zero, mechanism.travel(terms.p))
+        return TrackedMechanism(mechanism, zero, zero, zero, mechanism.travel(terms.p))
     turned = terms.R @ ca.DM(context.start_R.T)
     angle = mechanism.angle(terms.p, turned, memory.add("angle"))
-    return Believed(
+    return TrackedMechanism(
         mechanism=mechanism,
         angle=angle,
         since=parameters.add("angle_at_entry"),
@@ -69,18 +69,18 @@ def believe(
 
 
 def mechanism_state(
-    believed: Believed | None, held: str, terms: TermSymbols, wrench: ca.SX
+    tracked: TrackedMechanism | None, held: str, terms: TermSymbols, wrench: ca.SX
 ) -> dict[str, ObjectState]:
     """What is known of the mechanism that the robot holds, by its name; no other one is known.
 
     Args:
-        believed: what the stage keeps track of. held: name of the mechanism that is held.
+        tracked: what the stage keeps track of. held: name of the mechanism that is held.
         terms: of the tip, in the world. wrench: (6,) by the environment about the tip, world axes.
     """
-    if believed is None or believed.mechanism.name != held:
+    if tracked is None or tracked.mechanism.name != held:
         return {}
-    mechanism, applied = believed.mechanism, opposite(wrench)
+    mechanism, applied = tracked.mechanism, opposite(wrench)
     effort = mechanism.effort(terms.p, applied[:3], applied[3:])
-    angle = believed.angle if mechanism.angular else None
-    state = ObjectState(mechanism.kind, coordinate=angle, way=believed.travel, effort=effort)
+    angle = tracked.angle if mechanism.angular else None
+    state = ObjectState(mechanism.kind, coordinate=angle, way=tracked.travel, effort=effort)
     return {held: state}

@@ -1,4 +1,4 @@
-"""Frames that are measured: where the tip is when a stage ends, z against the force felt there.
+"""Frames that are estimated: where the tip is when a stage ends, z against the force there.
 
 While a stage is on they do not move. Later stages get them as parameters, written at entry.
 """
@@ -22,26 +22,26 @@ Vector = NDArray[np.float64]
 #: The force is averaged over this time before the stage's end [s], or over a shorter stage: long
 #: enough to divide white noise by ten at 1 kHz, short enough to leave the impact out.
 WINDOW = 0.1
-#: Below this mean force [N] a surface counts as not felt.
+#: Below this mean force [N] nothing is estimated of a surface.
 LEAST_FORCE = 0.5
 #: Sine of the angle to the normal below which a heading gives no x axis.
 LEAST_SINE = 0.05
-_PREFIX = "felt."
+_PREFIX = "estimated."
 _SIZE = 12
 _WORLD_X = np.array([1.0, 0.0, 0.0])
 
 
-class NotFeltError(ValueError):
-    """A frame that what was felt does not define; the message is a clause that says why."""
+class NotEstimatedError(ValueError):
+    """A frame that what was measured does not define; the message is a clause that says why."""
 
 
 def slot(frame: FrameModel) -> str:
-    """The stage parameter that holds a measured frame, or the one that `frame` is placed in."""
-    return _PREFIX + frame.felt
+    """The stage parameter that holds an estimated frame, or the one that `frame` is placed in."""
+    return _PREFIX + frame.estimated_in
 
 
 def symbols(layout: Layout, frame: FrameModel) -> ca.SX:
-    """(12,) rotation by columns and origin of the measured frame; takes the parameter once."""
+    """(12,) rotation by columns and origin of the estimated frame; takes the parameter once."""
     name = slot(frame)
     return layout.symbol(name) if name in layout else layout.add(name, _SIZE)
 
@@ -49,47 +49,47 @@ def symbols(layout: Layout, frame: FrameModel) -> ca.SX:
 def placed(frame: FrameModel, pose: ca.SX) -> tuple[ca.SX, ca.SX]:
     """(3, 3), (3,) axes and origin in the world of a frame, from the (12,) of `symbols`."""
     R, origin = ca.reshape(pose[:9], 3, 3), pose[9:]
-    local_R, local_origin = (ca.SX(ca.DM(part)) for part in frame.in_felt)
+    local_R, local_origin = (ca.SX(ca.DM(part)) for part in frame.in_estimated)
     return R @ local_R, origin + R @ local_origin
 
 
 def origin(frame: FrameModel, poses: Mapping[str, Vector]) -> Vector:
-    """(3,) where a frame's origin is in the world, given the measured poses (12,)."""
+    """(3,) where a frame's origin is in the world, given the estimated poses (12,)."""
     if frame.kind != "estimated":
         return frame.origin
     pose = poses[slot(frame)]
-    return np.asarray(pose[9:] + pose[:9].reshape(3, 3, order="F") @ frame.in_felt[1])
+    return np.asarray(pose[9:] + pose[:9].reshape(3, 3, order="F") @ frame.in_estimated[1])
 
 
 def axes_of(normal: Vector, heading: Vector | None) -> Vector:
     """(3, 3) z along `normal` (3,), x along the part of `heading` (3,) across it.
 
     Raises:
-        NotFeltError: the heading is along the normal.
+        NotEstimatedError: the heading is along the normal.
     """
     z = normal / np.linalg.norm(normal)
     along = _WORLD_X if heading is None else heading / np.linalg.norm(heading)
     x = along - z * float(z @ along)
     sine = float(np.linalg.norm(x))
     if sine < LEAST_SINE:
-        raise NotFeltError("its heading is along the normal that was felt")
+        raise NotEstimatedError("its heading is along the normal that was measured")
     x /= sine
     return np.column_stack([x, np.cross(z, x), z])
 
 
 def measure(frame: FrameModel, force: Vector, tip: Vector) -> tuple[Vector, Vector]:
-    """(3, 3), (3,) pose of a measured frame.
+    """(3, 3), (3,) pose of an estimated frame.
 
     Args:
         frame: whose heading counts. tip: (3,) where the stage ended, world.
         force: (3,) mean by the environment on the tool, world: along the outward normal.
 
     Raises:
-        NotFeltError: the force is too small, or the heading is along the normal.
+        NotEstimatedError: the force is too small, or the heading is along the normal.
     """
     size = float(np.linalg.norm(force))
     if size < LEAST_FORCE:
-        raise NotFeltError(
+        raise NotEstimatedError(
             f"the mean force at the end of stage {frame.estimate!r} was {size:.2g} N, less than "
             f"{LEAST_FORCE:g} N"
         )
@@ -109,30 +109,30 @@ def with_nominal(
         if frame.kind != "estimated":
             continue
         try:
-            R = axes_of(normal, frames[frame.felt].heading)
-        except NotFeltError:
+            R = axes_of(normal, frames[frame.estimated_in].heading)
+        except NotEstimatedError:
             R = axes_of(normal, np.roll(_WORLD_X, 1 + int(np.argmax(np.abs(normal)))))
-        local_R, local_origin = frame.in_felt
+        local_R, local_origin = frame.in_estimated
         found[name] = replace(frame, rotation=R @ local_R, origin=origin + R @ local_origin)
     return found
 
 
 @dataclass(frozen=True, slots=True)
-class Felt:
-    """What became of a measured frame: its pose (12,), or why there is none."""
+class Estimate:
+    """What became of an estimated frame: its pose (12,), or why there is none."""
 
     pose: Vector
     problem: str = ""
 
 
 class Estimates:
-    """The measured frames of a run, as they are gained."""
+    """The estimated frames of a run, as they are gained."""
 
     def __init__(self, frames: Iterable[FrameModel], period: float) -> None:
         """For the measured ones among `frames`; `period` is that of control [s]."""
         self._frames = [f for f in frames if f.estimate]
-        self._found = {
-            slot(f): Felt(np.zeros(_SIZE), f"stage {f.estimate!r} has not been visited")
+        self._estimates = {
+            slot(f): Estimate(np.zeros(_SIZE), f"stage {f.estimate!r} has not been visited")
             for f in self._frames
         }
         self._recent: deque[Vector] = deque(maxlen=window(period))
@@ -145,7 +145,7 @@ class Estimates:
     @property
     def poses(self) -> dict[str, Vector]:
         """(12,) by stage parameter."""
-        return {name: felt.pose for name, felt in self._found.items()}
+        return {name: estimate.pose for name, estimate in self._estimates.items()}
 
     def begin(self) -> None:
         """Forgets the forces of the last stage."""
@@ -162,18 +162,19 @@ class Estimates:
                 continue
             try:
                 R, origin = measure(frame, np.mean(self._recent, axis=0), tip)
-            except NotFeltError as error:
-                found = Felt(np.zeros(_SIZE), str(error))
+            except NotEstimatedError as error:
+                estimate = Estimate(np.zeros(_SIZE), str(error))
             else:
-                found = Felt(np.concatenate([R.ravel(order="F"), origin]))
-            self._found[slot(frame)] = found
+                estimate = Estimate(np.concatenate([R.ravel(order="F"), origin]))
+            self._estimates[slot(frame)] = estimate
 
     def missing(self, parameters: Layout) -> str:
         """Why a stage with these parameters cannot be entered, as a sentence; empty if it can."""
         for name in parameters.slots:
-            felt = self._found.get(name)
-            if felt is not None and felt.problem:
-                return f"frame {name.removeprefix(_PREFIX)!r} has not been felt: {felt.problem}"
+            estimate = self._estimates.get(name)
+            if estimate is not None and estimate.problem:
+                frame = name.removeprefix(_PREFIX)
+                return f"frame {frame!r} has not been estimated: {estimate.problem}"
         return ""
 
 

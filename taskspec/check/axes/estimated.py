@@ -1,4 +1,4 @@
-"""Measured frames: whether they can have been felt where they are used, and have an x axis."""
+"""Estimated frames: whether there is an estimate where they are used, and an x axis."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 
 from taskspec.foresight.flow import followers, reached
 from taskspec.program.context import Context
-from taskspec.program.world.felt import LEAST_SINE
+from taskspec.program.world.estimated_frames import LEAST_SINE
 from taskspec.program.world.frames import FrameModel
 from taskspec.spec import FILE, Stage
 from taskspec.text.codes import register
@@ -25,7 +25,7 @@ register(
 )
 
 
-def check_felt(context: Context, found: Diagnostics) -> None:
+def check_estimated(context: Context, found: Diagnostics) -> None:
     """Reports stages that use a measured frame before it has been measured."""
     loaded = context.loaded
     stages = loaded.task.stages
@@ -34,7 +34,7 @@ def check_felt(context: Context, found: Diagnostics) -> None:
         for frame, place in _used(context, name, stage):
             if found.says("TS245", place):
                 continue  # The file's frame is that of several stages.
-            estimate = context.frames[frame.felt].estimate
+            estimate = context.frames[frame.estimated_in].estimate
             if name not in reached(stages, followers(stages, estimate)):
                 found.error(
                     "TS245",
@@ -76,13 +76,13 @@ def _used(context: Context, name: str, stage: Stage) -> Iterator[tuple[FrameMode
     """The measured frames that a stage needs, and where it says so."""
     loaded = context.loaded
     own = context.frame_of(stage)
-    if own.felt:
+    if own.estimated_in:
         yield own, loaded.span(FILE.stages[name].frame if stage.frame else FILE.frame)
     for expression in _expressions(stage):
         for node in walk(expression.tree):
             if isinstance(node, Name) and node.frame is not None:
                 frame = context.frames[node.frame]
-                if frame.felt:
+                if frame.estimated_in:
                     yield frame, expression.where(node)
 
 
