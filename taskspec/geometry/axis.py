@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from enum import StrEnum
 
+from taskspec.text.units import Dimension
+
 
 class Axis(StrEnum):
     """An axis of a frame, by the name that task files give it.
@@ -42,6 +44,10 @@ class Axis(StrEnum):
     def effort(self) -> str:
         """What acts on it: `force` or `torque`."""
         return "torque" if self.is_rotation else "force"
+
+    def of(self, dimension: Dimension) -> Dimension:
+        """The dimension that it has here: a rotation has moments and angles."""
+        return dimension.on(rotation=self.is_rotation)
 
     def __repr__(self) -> str:
         return repr(self.value)

@@ -5,6 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
+from taskspec.text import units
+from taskspec.text.show import scaled, show
+from taskspec.text.units import Dimension
+
 
 @dataclass(frozen=True, slots=True)
 class LawGain:
@@ -12,34 +16,40 @@ class LawGain:
 
     Attributes:
         name: in files, sheets and findings.
-        linear: units on a translation, the large one first; none for a plain number.
-        angular: the same on a rotation or a joint that turns.
+        dimension: on a translation; a rotation or a joint that turns has its counterpart.
+        unit: that it is shown in, where not in one that suits its dimension.
         powers: gains that follow from it, with which power; itself alone where it is empty.
     """
 
     name: str
-    linear: tuple[str, ...] = ()
-    angular: tuple[str, ...] = ()
+    dimension: Dimension = units.NUMBER
+    unit: str = ""
     powers: Mapping[str, int] = field(default_factory=dict)
 
-    def units(self, *, angular: bool) -> tuple[str, ...]:
-        """Units in which it is shown on an axis."""
-        return self.angular if angular else self.linear
+    def text(self, value: float, *, angular: bool) -> str:
+        """A value [SI] on an axis in the unit that suits its size."""
+        if self.unit:
+            return show(value, self.unit)
+        return scaled(value, self.dimension.on(rotation=angular))
+
+    def setting(self, value: float, *, angular: bool) -> str:
+        """A value [SI] on an axis in the most readable unit, whatever its size."""
+        return show(value, self.unit or self.dimension.on(rotation=angular), 3)
 
 
-MASS = LawGain("mass", ("kg",), ("kg*m^2",))
-STIFFNESS = LawGain("stiffness", ("kN/m", "N/m"), ("N*m/rad",))
-DAMPING = LawGain("damping", ("N*s/m",), ("N*m*s/rad",))
+MASS = LawGain("mass", units.MASS)
+STIFFNESS = LawGain("stiffness", units.STIFFNESS)
+DAMPING = LawGain("damping", units.DAMPING)
 #: What a file calls the damping of a law that damps joints.
-JOINT_DAMPING = LawGain("joint_damping", ("N*s/m",), ("N*m*s/rad",))
-BANDWIDTH = LawGain("bandwidth", ("Hz",), ("Hz",), {"bandwidth": 1, "K_P": 2, "K_D": 1})
+JOINT_DAMPING = LawGain("joint_damping", units.DAMPING)
+BANDWIDTH = LawGain("bandwidth", units.FREQUENCY, powers={"bandwidth": 1, "K_P": 2, "K_D": 1})
 DAMPING_RATIO = LawGain("damping_ratio", powers={"damping_ratio": 1, "K_D": 1})
 #: Of motion loops that ask for accelerations; both follow from bandwidth and damping ratio.
-K_P = LawGain("K_P", ("1/s^2",), ("1/s^2",))
-K_D = LawGain("K_D", ("1/s",), ("1/s",))
+K_P = LawGain("K_P", units.FREQUENCY**2)
+K_D = LawGain("K_D", units.FREQUENCY, "1/s")
 FORCE_PROPORTIONAL = LawGain("force.proportional")
-FORCE_INTEGRAL = LawGain("force.integral", ("1/s",), ("1/s",))
-FORCE_DAMPING = LawGain("force.damping", ("N*s/m",), ("N*m*s/rad",))
+FORCE_INTEGRAL = LawGain("force.integral", units.FREQUENCY, "1/s")
+FORCE_DAMPING = LawGain("force.damping", units.DAMPING)
 
 
 @dataclass(frozen=True, slots=True)

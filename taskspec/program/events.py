@@ -20,13 +20,11 @@ class Event:
         kind: limit, fail_if, until, within or done.
         name: what a user calls it: force, speed, joint_position, `until`, time, travel, ...
         text: the condition as a sentence, with its bound.
-        signal: which logged quantity exceeded, for the message; empty where there is none.
     """
 
     kind: str
     name: str
     text: str
-    signal: str = ""
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from itertools import chain
+from typing import Any, ClassVar, get_args
 
 from pydantic import (
     BaseModel,
@@ -20,6 +21,7 @@ from taskspec.text.expression.spelling import KEY_WORDS
 from taskspec.text.nodes import Mapping as MappingNode
 from taskspec.text.nodes import Scalar
 from taskspec.text.suggest import suggestion
+from taskspec.text.units import Dimension
 
 register(
     {
@@ -57,6 +59,21 @@ class Model(BaseModel):
     @classmethod
     def rules(cls, data: Map, reading: Reading) -> None:
         """Report keys that do not go together."""
+
+    @classmethod
+    def dimension_of(cls, key: str) -> Dimension:
+        """The dimension of the quantity that a key holds, one for all entries of a list.
+
+        Raises:
+            KeyError: it holds none.
+        """
+        field = cls.model_fields[key]
+        nested = (get_args(each)[1:] for each in (field.annotation, *get_args(field.annotation)))
+        for each in (*field.metadata, *chain.from_iterable(nested)):
+            dimension = getattr(each, "dimension", None)
+            if isinstance(dimension, Dimension):
+                return dimension
+        raise KeyError(key)
 
     @classmethod
     def __get_pydantic_json_schema__(

@@ -4,15 +4,29 @@ from __future__ import annotations
 
 import math
 
-from taskspec.text.units import to_si
+from taskspec.text.units import Dimension, fitting, measure_of, to_si
 
 #: Below this a number is written out, without a power of ten.
 _WRITTEN_OUT = 1e7
 
 
-def show(value: float, unit: str, digits: int = 4) -> str:
-    """An SI value written in `unit`, such as `show(0.015, "mm")` = "15 mm"."""
-    return f"{number(value / to_si(1.0, unit).value, digits)} {unit}"
+def show(value: float, unit: str | Dimension, digits: int = 4) -> str:
+    """An SI value in a unit, or in the most readable one: `show(0.015, LENGTH)` = "15 mm"."""
+    if isinstance(unit, Dimension):
+        unit = next(iter(fitting(unit)), "")
+    return f"{number(in_unit(value, unit), digits)} {unit}".rstrip()
+
+
+def scaled(value: float, dimension: Dimension, digits: int = 4) -> str:
+    """An SI value in the unit that suits its size: `scaled(5e-6, LENGTH)` = "5 um"."""
+    steps = measure_of(dimension).sized
+    suits = (step.unit for step in steps if value == 0 or abs(value) >= step.least)
+    return show(value, next(suits, dimension), digits)
+
+
+def in_unit(value: float, unit: str) -> float:
+    """An SI value as a number of some unit."""
+    return value / to_si(1.0, unit).value
 
 
 def number(value: float, digits: int = 4) -> str:

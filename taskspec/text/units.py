@@ -48,6 +48,10 @@ class Dimension:
     def __str__(self) -> str:
         return describe(self)
 
+    def on(self, *, rotation: bool) -> Dimension:
+        """Return what it is on an axis: about one, moments and angles for forces and lengths."""
+        return _ABOUT.get(self, self) if rotation else self
+
 
 @dataclass(frozen=True, slots=True)
 class Quantity:
@@ -112,53 +116,158 @@ UNITS: dict[str, Unit] = {
     "%": Unit(0.01, NUMBER),
 }
 
-_WORDS: dict[Dimension, tuple[str, str, tuple[str, ...]]] = {
-    NUMBER: ("a plain number", "", ()),
-    MASS: ("a mass", "kg", ("kg", "g")),
-    LENGTH: ("a length", "m", ("mm", "cm", "m")),
-    TIME: ("a time", "s", ("s", "ms")),
-    ANGLE: ("an angle", "rad", ("deg", "rad", "turn")),
-    FREQUENCY: ("a frequency", "Hz", ("Hz", "kHz", "1/s")),
-    VELOCITY: ("a velocity", "m/s", ("mm/s", "m/s")),
-    ANGULAR_VELOCITY: ("a rate of turn", "rad/s", ("deg/s", "rad/s", "rpm")),
-    FORCE: ("a force", "N", ("N", "mN", "kN")),
-    MOMENT: ("a moment", "N*m", ("N*m", "Nm")),
-    POWER: ("a power or a rate of torque", "W", ("W", "N*m/s")),
-    INERTIA: ("a moment of inertia", "kg*m^2", ("kg*m^2",)),
-    STIFFNESS: ("a stiffness", "N/m", ("N/m", "N/mm", "kN/m")),
-    ANGULAR_STIFFNESS: ("a stiffness against rotation", "N*m/rad", ("N*m/rad", "N*m/deg")),
-    DAMPING: ("a damping", "N*s/m", ("N*s/m",)),
-    ANGULAR_DAMPING: ("a damping against rotation", "N*m*s/rad", ("N*m*s/rad",)),
-    LENGTH**2: ("an area", "m^2", ("mm^2", "m^2")),
-    LENGTH / TIME**2: ("an acceleration", "m/s^2", ("m/s^2",)),
-    ANGLE / TIME**2: ("an angular acceleration", "rad/s^2", ("rad/s^2", "deg/s^2")),
-    LENGTH / ANGLE: ("a length per angle", "m/rad", ("mm/rad", "m/rad", "mm/turn")),
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """One of the units in which a quantity is read, by its size.
+
+    Attributes:
+        unit: as it is shown.
+        least: the least size [SI] that is shown in it.
+        factor: from SI.
+    """
+
+    unit: str
+    least: float = 0.0
+    factor: float = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class Measure:
+    """A row of the table of units: a kind of quantity, and how people write and read it.
+
+    Attributes:
+        noun: what it is, with its article.
+        dimension: its exponents; an energy has those of a moment.
+        si: its unit in SI; empty for a plain number.
+        units: what people write it in; the first is the one that is read most easily.
+        sized: units in which text shows it by its size, from coarse to fine; empty where the most
+            readable one does for every size.
+        page: the same where a page or a chart has its own, finer and shorter units.
+    """
+
+    noun: str
+    dimension: Dimension
+    si: str
+    units: tuple[str, ...]
+    sized: tuple[Step, ...] = ()
+    page: tuple[Step, ...] = ()
+
+
+_MICRO = 1e6
+_MILLI = 1e3
+_DEGREES = 180 / math.pi
+
+MEASURES = (
+    Measure("a plain number", NUMBER, "", ()),
+    Measure("a mass", MASS, "kg", ("kg", "g")),
+    Measure(
+        "a length", LENGTH, "m", ("mm", "cm", "m"),
+        (Step("mm", 0.1e-3), Step("um")),
+        (Step("m", 10.0), Step("mm", 0.5e-3, _MILLI), Step("µm", 0.0, _MICRO)),
+    ),
+    Measure(
+        "a time", TIME, "s", ("s", "ms"),
+        (Step("s", 1.0), Step("ms")),
+        (Step("s", 0.5), Step("ms", 0.0, _MILLI)),
+    ),
+    Measure(
+        "an angle", ANGLE, "rad", ("deg", "rad", "turn"), (),
+        (Step("deg", math.radians(5), _DEGREES), Step("mrad", 0.5e-3, _MILLI),
+         Step("µrad", 0.0, _MICRO)),
+    ),
+    Measure("a frequency", FREQUENCY, "Hz", ("Hz", "kHz", "1/s")),
+    Measure(
+        "a velocity", VELOCITY, "m/s", ("mm/s", "m/s"), (),
+        (Step("m/s", 10.0), Step("mm/s", 0.0, _MILLI)),
+    ),
+    Measure(
+        "a rate of turn", ANGULAR_VELOCITY, "rad/s", ("deg/s", "rad/s", "rpm"), (),
+        (Step("deg/s", 0.0, _DEGREES),),
+    ),
+    Measure(
+        "a force", FORCE, "N", ("N", "mN", "kN"),
+        (Step("N", 0.1), Step("mN")),
+        (Step("kN", 1e4, 1e-3), Step("N", 0.05), Step("mN", 0.05e-3, _MILLI),
+         Step("µN", 0.0, _MICRO)),
+    ),
+    Measure(
+        "a moment", MOMENT, "N*m", ("N*m", "Nm"),
+        (Step("N*m", 0.1), Step("mN*m")),
+        (Step("N·m", 0.05), Step("mN·m", 0.05e-3, _MILLI), Step("µN·m", 0.0, _MICRO)),
+    ),
+    Measure(
+        "an energy", MOMENT, "J", ("J",), (),
+        (Step("J", 0.05), Step("mJ", 0.0, _MILLI)),
+    ),
+    Measure(
+        "a power or a rate of torque", POWER, "W", ("W", "N*m/s"), (),
+        (Step("W", 0.05), Step("mW", 0.0, _MILLI)),
+    ),
+    Measure("a moment of inertia", INERTIA, "kg*m^2", ("kg*m^2",)),
+    Measure(
+        "a stiffness", STIFFNESS, "N/m", ("N/m", "N/mm", "kN/m"),
+        (Step("kN/m", 1e3), Step("N/m")),
+    ),
+    Measure("a stiffness against rotation", ANGULAR_STIFFNESS, "N*m/rad",
+            ("N*m/rad", "N*m/deg")),
+    Measure("a damping", DAMPING, "N*s/m", ("N*s/m",)),
+    Measure("a damping against rotation", ANGULAR_DAMPING, "N*m*s/rad", ("N*m*s/rad",)),
+    Measure("an area", LENGTH**2, "m^2", ("mm^2", "m^2")),
+    Measure("an acceleration", LENGTH / TIME**2, "m/s^2", ("m/s^2",)),
+    Measure("an angular acceleration", ANGLE / TIME**2, "rad/s^2", ("rad/s^2", "deg/s^2")),
+    Measure("a length per angle", LENGTH / ANGLE, "m/rad", ("mm/rad", "m/rad", "mm/turn")),
+)  # fmt: skip
+"""The one table of units: whatever shows a quantity asks it."""
+
+# Of measures with one dimension the first is meant where nothing but the dimension is known.
+_OF_DIMENSION: dict[Dimension, Measure] = {}
+for _measure in MEASURES:
+    _OF_DIMENSION.setdefault(_measure.dimension, _measure)
+_OF_UNIT = {measure.si: measure for measure in MEASURES}
+_ABOUT = {
+    LENGTH: ANGLE,
+    VELOCITY: ANGULAR_VELOCITY,
+    FORCE: MOMENT,
+    MASS: INERTIA,
+    STIFFNESS: ANGULAR_STIFFNESS,
+    DAMPING: ANGULAR_DAMPING,
 }
+"""Dimensions on a translation, to those of the same on a rotation."""
+
+
+def measure_of(dimension: Dimension) -> Measure:
+    """Return what is known of quantities of a dimension."""
+    if dimension in _OF_DIMENSION:
+        return _OF_DIMENSION[dimension]
+    symbol = _symbol(dimension)
+    return Measure("a quantity", dimension, symbol, (symbol,))
+
+
+def measure_in(si: str) -> Measure | None:
+    """Return the measure whose SI unit has this name; None where none has."""
+    return _OF_UNIT.get(si)
 
 
 def describe(dimension: Dimension) -> str:
     """Return the dimension in words, such as `a force (N)`."""
-    word, unit, _ = _WORDS.get(dimension, ("a quantity", _symbol(dimension), ()))
-    return f"{word} ({unit})" if unit else word
+    measure = measure_of(dimension)
+    return f"{measure.noun} ({measure.si})" if measure.si else measure.noun
 
 
 def noun(dimension: Dimension) -> str:
     """Return the dimension in words without its unit, such as `a force`."""
-    return _WORDS[dimension][0] if dimension in _WORDS else describe(dimension)
+    return measure_of(dimension).noun if dimension in _OF_DIMENSION else describe(dimension)
 
 
 def fitting(dimension: Dimension) -> tuple[str, ...]:
-    """Return the units that people use for this dimension, the most usual first."""
-    if dimension in _WORDS:
-        return _WORDS[dimension][2]
-    return (_symbol(dimension),)
+    """Return the units that people use for this dimension, the most readable first."""
+    return measure_of(dimension).units
 
 
 def si_unit(dimension: Dimension) -> str:
     """Return the SI unit of a dimension, such as `m/s`; empty for plain numbers."""
-    if dimension == NUMBER:
-        return ""
-    return _WORDS[dimension][1] if dimension in _WORDS else _symbol(dimension)
+    return measure_of(dimension).si
 
 
 def in_si(value: float, dimension: Dimension) -> str:
@@ -168,7 +277,7 @@ def in_si(value: float, dimension: Dimension) -> str:
 
 def usual_units() -> tuple[str, ...]:
     """Return the composed units that people use, such as `mm/s`."""
-    return tuple(unit for _, _, units in _WORDS.values() for unit in units)
+    return tuple(unit for measure in _OF_DIMENSION.values() for unit in measure.units)
 
 
 def fitting_text(dimension: Dimension) -> str:

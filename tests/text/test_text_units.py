@@ -5,6 +5,7 @@ import math
 import pytest
 
 from taskspec.text import units
+from taskspec.text.show import number, scaled, show
 from taskspec.text.units import Dimension, describe, fitting, parse_unit, split_quantity, to_si
 
 
@@ -64,7 +65,7 @@ def test_what_is_no_quantity(text: str) -> None:
     assert split_quantity(text) is None
 
 
-@pytest.mark.parametrize("dimension", list(units._WORDS))
+@pytest.mark.parametrize("dimension", sorted({m.dimension for m in units.MEASURES}, key=str))
 def test_named_dimensions_fit_the_units_that_are_offered_for_them(dimension: Dimension) -> None:
     for unit in fitting(dimension):
         assert parse_unit(unit).dimension == dimension
@@ -80,3 +81,30 @@ def test_dimensions_are_told_in_words() -> None:
 def test_moment_and_stiffness_against_rotation_differ() -> None:
     assert parse_unit("N*m").dimension != parse_unit("N*m/rad").dimension
     assert parse_unit("rad/s").dimension != parse_unit("Hz").dimension
+
+
+@pytest.mark.parametrize("measure", units.MEASURES, ids=lambda m: m.noun)
+def test_what_is_shown_in_a_unit_is_what_it_was(measure: units.Measure) -> None:
+    """Steps go from coarse to fine and cover every size; their units are those of the measure."""
+    for steps in (measure.sized, measure.page):
+        assert [s.least for s in steps] == sorted((s.least for s in steps), reverse=True)
+        assert not steps or steps[-1].least == 0
+    for step in measure.sized:
+        assert parse_unit(step.unit).dimension == measure.dimension
+    for step in measure.page:
+        letters = step.unit.replace("·", "*").replace("µ", "u")
+        known = letters.split("*")[0] in units.UNITS
+        assert not known or 1 / parse_unit(letters).scale == pytest.approx(step.factor)
+    assert units.measure_in(measure.si) is measure
+
+
+def test_quantities_in_the_unit_that_suits_them() -> None:
+    assert show(0.015, units.LENGTH) == "15 mm"
+    assert show(-12.0, units.FORCE.on(rotation=True)) == "-12 N*m"
+    assert show(0.5, units.NUMBER) == "0.5"
+    assert [scaled(x, units.LENGTH) for x in (2.0, 1e-4, 9e-5, 0.0)] == [
+        "2000 mm", "0.1 mm", "90 um", "0 mm",
+    ]  # fmt: skip
+    assert [scaled(x, units.STIFFNESS) for x in (-2e4, 999.0)] == ["-20 kN/m", "999 N/m"]
+    assert scaled(0.2, units.DAMPING) == "0.2 N*s/m"
+    assert number(123456.0, 3) == "123000"

@@ -7,15 +7,16 @@ from dataclasses import dataclass
 
 from taskspec.analysis.given import turns
 from taskspec.compiler import Program
+from taskspec.laws.law import gain_named
 from taskspec.prediction import StagePrediction
 from taskspec.program.stages.null_space import goals
 from taskspec.program.stages.stage import CompiledStage
 from taskspec.program.world.grip import GRIP
-from taskspec.text.show import show
+from taskspec.text.show import scaled, show
+from taskspec.text.units import STIFFNESS
 from taskspec_runner.cli.constraints import AxisAccount, axis_account, equation_account
 from taskspec_runner.cli.foreseen import ExpectedAccount, expected_account, selection_account
 from taskspec_runner.cli.kept import kept_account
-from taskspec_runner.cli.measures import gain_text, stiffness
 
 _LIMIT = "limit on "
 
@@ -75,7 +76,7 @@ def robot_account(program: Program) -> tuple[tuple[str, str], ...]:
 
 def _holds(grasp: str | None) -> Iterator[tuple[str, str]]:
     if grasp is not None:
-        grip = f"{stiffness(GRIP.stiffness)} and {show(GRIP.angular_stiffness, 'N*m/rad')}"
+        grip = f"{scaled(GRIP.stiffness, STIFFNESS)} and {show(GRIP.angular_stiffness, 'N*m/rad')}"
         yield "holds", f"{grasp}, by a grip of {grip}"
 
 
@@ -118,16 +119,18 @@ def stage_account(
 
 
 def _contact(program: Program, stage: CompiledStage) -> str:
-    if stage.plan.contact is None and stage.plan.held:
-        return f"{stage.plan.held}, held: nominal {stiffness(stage.plan.stiffness)} both ways"
-    if stage.plan.contact is None and stage.plan.active:
-        return f"constraints {', '.join(stage.plan.active)}"
-    if stage.plan.contact is None:
+    plan = stage.plan
+    stiffness = scaled(plan.stiffness, STIFFNESS)
+    if plan.contact is None and plan.held:
+        return f"{plan.held}, held: nominal {stiffness} both ways"
+    if plan.contact is None and plan.active:
+        return f"constraints {', '.join(plan.active)}"
+    if plan.contact is None:
         return "none: the world has no surface"
-    shape = program.context.loaded.task.shapes[stage.plan.contact]
+    shape = program.context.loaded.task.shapes[plan.contact]
     rigid = " (rigid)" if shape.stiffness == "rigid" else ""
     friction = f", friction {shape.friction:.3g}" if shape.friction else ", frictionless"
-    return f"{stage.plan.contact}, nominal {stiffness(stage.plan.stiffness)}{rigid}{friction}"
+    return f"{plan.contact}, nominal {stiffness}{rigid}{friction}"
 
 
 def _null_space(program: Program, stage: CompiledStage) -> str:
@@ -143,7 +146,7 @@ def _gains(program: Program, stage: CompiledStage) -> Iterator[GainAccount]:
     for name, by_axis in stage.plan.gains.items():
         groups: dict[tuple[str, str], list[str]] = {}
         for axis, gain in by_axis.items():
-            text = gain_text(name, turns(program.context, axis), gain.value)
+            text = gain_named(name).text(gain.value, angular=turns(program.context, axis))
             groups.setdefault((text, gain.origin), []).append(axis)
         for (value, origin), axes in groups.items():
             yield GainAccount(name, tuple(axes), value, origin)

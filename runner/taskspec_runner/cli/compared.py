@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
+from taskspec.text.show import scaled
+from taskspec.text.show import show as show_in
+from taskspec.text.units import FORCE, LENGTH, MOMENT
 from taskspec_runner.cli.console import show, table
-from taskspec_runner.cli.measures import force, scaled, small_length
 from taskspec_runner.compare.comparison import Comparison
 from taskspec_runner.compare.summary import NOTHING_TO_COMPARE
 from taskspec_runner.compare.tracking import best
@@ -20,15 +23,18 @@ _STYLES = {
     "interrupted": "bold yellow",
     "not run": "dim",
 }
+_force = partial(scaled, dimension=FORCE, digits=3)
+_moment = partial(show_in, unit=MOMENT, digits=3)
+_length = partial(scaled, dimension=LENGTH, digits=3)
 #: Heading -> the value it stands for, and how that is written; the first of a kind has its axis.
 _COLUMNS: dict[str, tuple[tuple[str, str], Callable[[float], str]]] = {
-    "force RMS": (("force", "rms_error"), force),
-    "force peak": (("force", "max_error"), force),
-    "force final": (("force", "final_error"), force),
-    "moment RMS": (("torque", "rms_error"), lambda value: scaled(value, ("N*m",), 3)),
-    "moment final": (("torque", "final_error"), lambda value: scaled(value, ("N*m",), 3)),
-    "motion RMS": (("motion", "rms_error"), small_length),
-    "motion peak": (("motion", "max_error"), small_length),
+    "force RMS": (("force", "rms_error"), _force),
+    "force peak": (("force", "max_error"), _force),
+    "force final": (("force", "final_error"), _force),
+    "moment RMS": (("torque", "rms_error"), _moment),
+    "moment final": (("torque", "final_error"), _moment),
+    "motion RMS": (("motion", "rms_error"), _length),
+    "motion peak": (("motion", "max_error"), _length),
 }
 
 
@@ -62,7 +68,7 @@ def _laws(laws: list[Mapping[str, Any]]) -> Table:
             Text(law["outcome"], _STYLES.get(law["outcome"], "bold red")),
             Text(f"{law['met']} of {law['expected']}" if ran else "-"),
             Text(f"{law['duration']:.3f} s" if ran else "-"),
-            Text(force(law["peak_force"]) if ran else "-"),
+            Text(_force(law["peak_force"]) if ran else "-"),
             Text(law["reason"]),
         )
     return made

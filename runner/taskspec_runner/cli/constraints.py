@@ -15,9 +15,9 @@ from taskspec.prediction import Natural, StagePrediction, State
 from taskspec.program.reference.modes import AxisPlan
 from taskspec.program.stages.stage import CompiledStage
 from taskspec.spec import Screw
-from taskspec.text.show import number, show
+from taskspec.text.show import number, scaled, show
+from taskspec.text.units import LENGTH, STIFFNESS
 from taskspec_runner.cli.defaults import ramp_of, speed_of
-from taskspec_runner.cli.measures import length, stiffness
 
 #: Stands below the tables.
 LEGEND = "v, w: velocity along and about an axis; f, m: force and moment that the robot applies"
@@ -138,7 +138,7 @@ def _motion(stage: CompiledStage, axis: Axis, plan: AxisPlan) -> str:
         return f"{axis} by path: {_on_path(stage.plan.path, axis)}"
     if plan.mode == "move":
         assert entry.move is not None
-        return f"{axis} moves {length(entry.move, axis)} at {speed_of(axis, entry)}"
+        return f"{axis} moves {show(entry.move, axis.of(LENGTH))} at {speed_of(axis, entry)}"
     if plan.mode == "hold":
         if _turns_along(stage, axis, plan):
             return f"{axis} held, turns with the frame"
@@ -160,8 +160,10 @@ def _turns_along(stage: CompiledStage, axis: Axis, plan: AxisPlan) -> bool:
 
 def _on_path(path: PathShape, axis: Axis) -> str:
     if path.kind == "to":
-        return f"to {length(path.numbers[axis], axis)}"
-    return f"line of {length(path.numbers[axis], axis)}" if path.kind == "line" else path.kind
+        return f"to {show(path.numbers[axis], axis.of(LENGTH))}"
+    return (
+        f"line of {show(path.numbers[axis], axis.of(LENGTH))}" if path.kind == "line" else path.kind
+    )
 
 
 def _enforcer(stage: CompiledStage, plan: AxisPlan, world: Natural) -> str:
@@ -195,4 +197,4 @@ def _remarks(stage: CompiledStage, plan: AxisPlan, world: Natural) -> Iterator[s
     if world.decides == "force" and plan.set_point and not world.effort:
         yield "held by friction" if world.friction else "free to move"
     if plan.soft and "stiffness" in stage.plan.gains:
-        yield f"a spring of {stiffness(stage.plan.gains['stiffness'][world.axis].value)}"
+        yield f"a spring of {scaled(stage.plan.gains['stiffness'][world.axis].value, STIFFNESS)}"

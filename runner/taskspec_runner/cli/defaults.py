@@ -15,8 +15,8 @@ from taskspec.robot.tool import LENGTH
 from taskspec.shapes import tool_shapes
 from taskspec.spec import AxisEntry, EquationObject, Mechanism, Robot, Shape, Task
 from taskspec.text.nodes import find
-from taskspec.text.show import show
-from taskspec_runner.cli.measures import speed, stiffness
+from taskspec.text.show import scaled, show
+from taskspec.text.units import DAMPING, INERTIA, MASS, STIFFNESS, VELOCITY
 
 _SENSOR = {
     "at": "contact: neither weight nor inertia of the tool",
@@ -30,7 +30,7 @@ _SENSOR = {
 
 def speed_of(axis: Axis, entry: AxisEntry) -> str:
     """The speed of a move, given or not."""
-    return speed(entry.speed or float(move_speed(axis)), axis)
+    return show(entry.speed or float(move_speed(axis)), axis.of(VELOCITY))
 
 
 def ramp_of(entry: AxisEntry) -> str:
@@ -128,10 +128,9 @@ def _compliant(declared: Shape | EquationObject, contact: Compliance) -> Iterato
     if isinstance(declared, EquationObject) and not joints and "frame" not in given:
         yield "frame", "world"
     if "stiffness" not in given:
-        k = contact.stiffness
-        yield "stiffness", show(k, "N*m/rad") if joints else stiffness(k)
+        yield "stiffness", scaled(contact.stiffness, STIFFNESS.on(rotation=joints))
     if "damping" not in given:
-        yield "damping", show(contact.damping, "N*m*s/rad" if joints else "N*s/m")
+        yield "damping", show(contact.damping, DAMPING.on(rotation=joints))
     if isinstance(declared, Shape) and "friction" not in given:
         yield "friction", "0"
 
@@ -142,9 +141,9 @@ def _mechanism(declared: Mechanism) -> Iterator[tuple[str, str]]:
         yield "handle", "at the origin of its axes"
     if "knob" not in given:
         yield "knob", declared.knob
-    for key, unit in (("inertia", "kg*m^2"), ("mass", "kg")):
+    for key, dimension in (("inertia", INERTIA), ("mass", MASS)):
         if key in type(declared).model_fields and key not in given:
-            yield key, show(getattr(declared, key), unit)
+            yield key, show(getattr(declared, key), dimension)
     yield from ((key, "0") for key in ("damping", "friction") if key not in given)
     yield from ((key, "none") for key in ("stop", "detent") if key not in given)
 

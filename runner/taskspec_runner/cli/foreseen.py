@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from taskspec.prediction import Depth, Duration, Equilibrium, Extreme, Impact, Selection
 from taskspec.prediction import StagePrediction as Foreseen
-from taskspec.text.show import number, show
-from taskspec_runner.cli.measures import scaled, stiffness
+from taskspec.text.show import number, scaled, show
+from taskspec.text.units import FORCE, LENGTH, MASS, STIFFNESS, TIME, VELOCITY
 
 #: Units of values that may vary, by the last word of their path.
 _UNITS = {"stiffness": "kN/m", "xyz": "mm", "rpy": "deg"}
@@ -42,7 +42,7 @@ def expected_account(stage: Foreseen) -> Iterator[ExpectedAccount]:
     for depth in stage.depths.values():
         yield _depth(depth)
     if stage.drift:
-        speed = "faster and faster" if math.isinf(stage.drift) else show(stage.drift, "mm/s", 3)
+        speed = "faster and faster" if math.isinf(stage.drift) else show(stage.drift, VELOCITY, 3)
         yield ExpectedAccount("drift", speed, "", "of set points that nothing returns")
     yield from _settling(stage)
 
@@ -50,23 +50,23 @@ def expected_account(stage: Foreseen) -> Iterator[ExpectedAccount]:
 def duration_text(duration: Duration) -> str:
     """Expected and longest duration."""
     if duration.expected is None:
-        bound = "" if duration.most is None else f", at most {show(duration.most, 's', 3)}"
+        bound = "" if duration.most is None else f", at most {show(duration.most, TIME, 3)}"
         return f"unknown{bound}"
-    told = show(duration.expected, "s", 3)
+    told = show(duration.expected, TIME, 3)
     bounded = duration.most is not None and duration.most > duration.expected + 1e-9
-    return f"{told}, at most {show(duration.most or 0.0, 's', 3)}" if bounded else told
+    return f"{told}, at most {show(duration.most or 0.0, TIME, 3)}" if bounded else told
 
 
 def _impact(met: Impact) -> ExpectedAccount:
     def peak(force: float) -> str:
-        return f"up to {show(force, 'N', 2)}"
+        return f"up to {show(force, FORCE, 2)}"
 
-    strikes = f"{show(met.mass, 'kg', 2)} at {show(met.speed, 'mm/s', 3)}"
+    strikes = f"{show(met.mass, MASS, 2)} at {show(met.speed, VELOCITY, 3)}"
     return ExpectedAccount(
         f"impact on {met.contact}",
         peak(met.peak),
         _worst(met.worst, peak),
-        f"{strikes} on {stiffness(met.stiffness)}",
+        f"{strikes} on {scaled(met.stiffness, STIFFNESS)}",
     )
 
 
@@ -91,13 +91,12 @@ def _newtons(signal: str, value: float) -> str:
     turns = "torque" in signal.split(".")
     if abs(value) < _NOTHING:
         return "0"
-    units = ("N*m", "mN*m") if turns else ("N", "mN")
-    return scaled(value, units, 3, least=0.1)
+    return scaled(value, FORCE.on(rotation=turns), 3)
 
 
 def _depth(depth: Depth) -> ExpectedAccount:
     def way(value: float) -> str:
-        return scaled(value, ("deg",) if depth.angular else ("mm", "um"), 3, least=0.1)
+        return scaled(value, LENGTH.on(rotation=depth.angular), 3)
 
     return ExpectedAccount(f"into {depth.on}", way(depth.depth), _worst(depth.worst, way), "f / k")
 
@@ -118,7 +117,7 @@ def _settling(stage: Foreseen) -> Iterator[ExpectedAccount]:
 
 
 def _seconds(time: float) -> str:
-    return show(time, "ms" if time < 1 else "s", 3)
+    return scaled(time, TIME, 3)
 
 
 def _worst(extreme: Extreme | None, text: Callable[[float], str]) -> str:

@@ -10,7 +10,8 @@ from taskspec.compiler import Program
 from taskspec.prediction.asked import asked_at_start
 from taskspec.program.reference.unreached import is_moment
 from taskspec.program.stages.stage import CompiledStage
-from taskspec_runner.cli.measures import force, moment
+from taskspec.text.show import scaled, show
+from taskspec.text.units import FORCE, MOMENT
 
 _JOINT = re.compile(r"(.*) of joint (\d+)\Z")
 
@@ -31,9 +32,13 @@ def kept_account(program: Program, stage: CompiledStage) -> Iterator[tuple[str, 
         return
     because = ", ".join(asked.because) or "nothing there returns a force in this direction"
     for name, left in lost.items():
-        text = moment if is_moment(name) else force
         wanted = asked.forces[name]
-        yield "nearest", f"{text(wanted - left)} on {name} where {text(wanted)} is asked: {because}"
+        near, far = (_effort(value, turns=is_moment(name)) for value in (wanted - left, wanted))
+        yield "nearest", f"{near} on {name} where {far} is asked: {because}"
+
+
+def _effort(value: float, *, turns: bool) -> str:
+    return show(value, MOMENT, 3) if turns else scaled(value, FORCE, 3)
 
 
 def joined(texts: Sequence[str]) -> list[str]:

@@ -8,11 +8,8 @@ from taskspec.compiler import Program
 from taskspec.program.world.stiffness import Compliance
 from taskspec.spec import EquationObject, Hinge, Mechanism, Screw, Shape, Slide
 from taskspec.spec.mechanism import Detent
-from taskspec.text.show import show
-from taskspec_runner.cli.measures import stiffness
-
-#: Units of a mechanism's coordinate, effort and damping, by whether it turns.
-UNITS = {True: ("deg", "N*m", "N*m*s/rad"), False: ("mm", "N", "N*s/m")}
+from taskspec.text.show import scaled, show
+from taskspec.text.units import DAMPING, FORCE, INERTIA, LENGTH, MASS, STIFFNESS, Dimension
 
 
 def object_accounts(program: Program) -> Iterator[tuple[str, str]]:
@@ -28,10 +25,10 @@ def object_accounts(program: Program) -> Iterator[tuple[str, str]]:
 
 
 def _shape(shape: Shape, contact: Compliance) -> Iterator[str]:
-    yield shape.shape if shape.mass is None else f"loose {shape.shape} of {show(shape.mass, 'kg')}"
+    yield shape.shape if shape.mass is None else f"loose {shape.shape} of {show(shape.mass, MASS)}"
     rigid = " (rigid)" if shape.stiffness == "rigid" else ""
-    yield f"{stiffness(contact.stiffness)}{rigid}"
-    yield show(contact.damping, "N*s/m")
+    yield f"{scaled(contact.stiffness, STIFFNESS)}{rigid}"
+    yield show(contact.damping, DAMPING)
     yield f"friction {shape.friction:.3g}" if shape.friction else "frictionless"
     if shape.motion is not None:
         yield "moves by " + " and ".join(f"{a} {e}" for a, e in shape.motion.axes.items())
@@ -43,35 +40,31 @@ def _equation(declared: EquationObject, contact: Compliance) -> Iterator[str]:
     yield f"{declared.equation} {where}"
     yield "holds both ways" if relation == "=" else "holds one way"
     rigid = " (rigid)" if declared.stiffness == "rigid" else ""
-    if joints:
-        yield f"{show(contact.stiffness, 'N*m/rad')}{rigid}"
-        yield show(contact.damping, "N*m*s/rad")
-    else:
-        yield f"{stiffness(contact.stiffness)}{rigid}"
-        yield show(contact.damping, "N*s/m")
+    yield f"{scaled(contact.stiffness, STIFFNESS.on(rotation=joints))}{rigid}"
+    yield show(contact.damping, DAMPING.on(rotation=joints))
 
 
 def _mechanism(declared: Mechanism) -> Iterator[str]:
-    angle, effort, rate = UNITS[declared.angular]
+    way, effort, damping = (d.on(rotation=declared.angular) for d in (LENGTH, FORCE, DAMPING))
     yield declared.mechanism
     if isinstance(declared, Screw):
         yield f"pitch {show(declared.pitch, 'mm/turn')}"
     if isinstance(declared, Hinge | Screw):
-        yield f"inertia {show(declared.inertia, 'kg*m^2')}"
+        yield f"inertia {show(declared.inertia, INERTIA)}"
     if isinstance(declared, Slide | Screw):
-        yield f"mass {show(declared.mass, 'kg')}"
+        yield f"mass {show(declared.mass, MASS)}"
     if declared.damping:
-        yield f"damping {show(declared.damping, rate)}"
+        yield f"damping {show(declared.damping, damping)}"
     if declared.friction:
         yield f"friction {show(declared.friction, effort)}"
     if declared.stop is not None:
         low, high = declared.stop
-        yield f"stops at {show(low, angle)} and {show(high, angle)}"
+        yield f"stops at {show(low, way)} and {show(high, way)}"
     if declared.detent is not None:
-        yield _detent(declared.detent, angle, effort)
+        yield _detent(declared.detent, way, effort)
     yield f"{declared.knob} knob"
 
 
-def _detent(detent: Detent, angle: str, effort: str) -> str:
-    width = show(detent.width, angle)
-    return f"snaps at {show(detent.at, angle)} +- {width} with {show(detent.force, effort)}"
+def _detent(detent: Detent, way: Dimension, effort: Dimension) -> str:
+    width = show(detent.width, way)
+    return f"snaps at {show(detent.at, way)} +- {width} with {show(detent.force, effort)}"

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
 import typer
 
+from taskspec.text.show import scaled
+from taskspec.text.units import FORCE, LENGTH, Dimension
 from taskspec_runner.cli.console import show, table
-from taskspec_runner.cli.measures import force, small_length
 from taskspec_runner.session import RunResult
 from taskspec_runner.verdict.given_up import told
 
@@ -86,9 +87,9 @@ def _metrics(summary: Mapping[str, Any]) -> Table:
     for stage, signals in summary["metrics"].items():
         cells = [
             stage,
-            _worst(signals, "force.", force),
-            _told(summary["peaks"][stage]["force"], force),
-            _worst(signals, "position.", small_length),
+            _worst(signals, "force.", FORCE),
+            _told(summary["peaks"][stage]["force"], FORCE),
+            _worst(signals, "position.", LENGTH),
         ]
         if summary["responses"]:
             cells += _response(summary["responses"].get(stage, {}))
@@ -110,7 +111,7 @@ def _response(signals: Mapping[str, Mapping[str, Any]]) -> list[str]:
     overshoot = forces[last]["overshoot"]
     where = f" ({last.removeprefix('force.').removesuffix('.force')})"
     settled = "never" if time(last) == math.inf else f"{time(last):.3f} s"
-    return ["-" if overshoot is None else force(overshoot), settled + where]
+    return ["-" if overshoot is None else scaled(overshoot, FORCE, 3), settled + where]
 
 
 def _forced(summary: Mapping[str, Any]) -> Iterator[str]:
@@ -127,9 +128,7 @@ def _lost(summary: Mapping[str, Any]) -> Iterator[str]:
             yield f"{stage}: contact was lost {times}, for {1e3 * contact['time']:.0f} ms in all"
 
 
-def _worst(
-    signals: Mapping[str, Mapping[str, float]], kind: str, to_text: Callable[[float], str]
-) -> str:
+def _worst(signals: Mapping[str, Mapping[str, float]], kind: str, dimension: Dimension) -> str:
     """The largest RMS error among the translations of a kind, and on which axis or equation."""
     equation = f".{kind.rstrip('.')}"
     errors = {
@@ -140,9 +139,9 @@ def _worst(
     if not errors:
         return "-"
     axis = max(errors, key=lambda name: math.inf if errors[name] is None else errors[name])
-    return f"{_told(errors[axis], to_text)} ({axis})"
+    return f"{_told(errors[axis], dimension)} ({axis})"
 
 
-def _told(value: float | None, to_text: Callable[[float], str]) -> str:
+def _told(value: float | None, dimension: Dimension) -> str:
     """A number of a summary, in which those that are not finite are null."""
-    return "not finite" if value is None else to_text(value)
+    return "not finite" if value is None else scaled(value, dimension, 3)

@@ -14,9 +14,10 @@ from taskspec.analysis.stage import Analysed
 from taskspec.analysis.textbook import conditions
 from taskspec.compiler import Program
 from taskspec.laws.conditions import StabilityCondition
+from taskspec.laws.law import gain_named
 from taskspec.prediction import Looked
-from taskspec.text.show import number, show
-from taskspec_runner.cli.measures import gain_text, stiffness
+from taskspec.text.show import number, scaled, show
+from taskspec.text.units import FORCE, STIFFNESS, TIME
 
 #: Poles that are shown, the least stable ones.
 _MOST = 6
@@ -78,7 +79,7 @@ def stability_account(program: Program, looked: Looked | None) -> StabilityAccou
 
 def _where(seen: Analysed) -> str:
     parts = [
-        f"{number(force, 3)} {'N*m' if _on_joints(seen, name) else 'N'} on {name}"
+        f"{show(force, FORCE.on(rotation=_on_joints(seen, name)), 3)} on {name}"
         for name, force in seen.pressed.items()
     ]
     parts += [f"{seen.stage.plan.held} held"] if seen.stage.plan.held else []
@@ -109,7 +110,7 @@ def _cells(mode: Mode) -> tuple[str, str, str, str]:
     return (
         show(mode.frequency, "Hz", 3) if swings else "-",
         number(mode.damping_ratio, 2) if swings else "-",
-        show(time, "ms" if time < 1 else "s", 3),
+        scaled(time, TIME, 3),
         said,
     )
 
@@ -128,8 +129,8 @@ def _bounds(program: Program, seen: Analysed) -> Iterator[BoundAccount]:
             if found is not None:
                 yield BoundAccount(
                     f"stiffness of {name}",
-                    stiffness(found.now),
-                    f"{'<' if found.upper else '>'} {stiffness(found.value)}",
+                    scaled(found.now, STIFFNESS),
+                    f"{'<' if found.upper else '>'} {scaled(found.value, STIFFNESS)}",
                     "this stage as it is sampled",
                 )
     for condition in conditions(seen):
@@ -137,22 +138,23 @@ def _bounds(program: Program, seen: Analysed) -> Iterator[BoundAccount]:
 
 
 def _limit(seen: Analysed, limit: Limit) -> tuple[str, str, str]:
-    first = limit.on[0]
+    first, gain = limit.on[0], gain_named(limit.what)
     angular = turns(seen.context, first)
     way = "<" if limit.upper else ">"
     return (
         f"{limit.what} on {first if limit.what == 'joint_damping' else ' '.join(limit.on)}",
-        gain_text(limit.what, angular, limit.now),
-        f"{way} {gain_text(limit.what, angular, limit.value)}",
+        gain.text(limit.now, angular=angular),
+        f"{way} {gain.text(limit.value, angular=angular)}",
     )
 
 
 def _condition(condition: StabilityCondition) -> BoundAccount:
     way = "<" if condition.upper else ">"
     kept = "" if condition.holds else ", not kept"
+    gain = gain_named(condition.gain)
     return BoundAccount(
         f"{condition.gain} on {condition.axis}",
-        gain_text(condition.gain, False, condition.now),
-        f"{way} {gain_text(condition.gain, False, condition.bound)}",
+        gain.text(condition.now, angular=False),
+        f"{way} {gain.text(condition.bound, angular=False)}",
         f"{condition.equation}: {condition.text}{kept}",
     )

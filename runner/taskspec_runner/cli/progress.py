@@ -10,6 +10,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 
 from taskspec.geometry.axis import Axis
+from taskspec.text.units import FORCE, si_unit
 from taskspec_runner.cli.console import console
 from taskspec_runner.session import Glimpse, Progress
 
@@ -87,7 +88,8 @@ def describe(glimpse: Glimpse) -> str:
     """A glimpse in one line: time, stage, force against reference, real-time factor."""
     parts = [f"{glimpse.clock:7.2f} s", f"{glimpse.stage:<12}"]
     if glimpse.axis:
-        kind, unit = ("torque", "N*m") if Axis(glimpse.axis).is_rotation else ("force", "N")
+        axis = Axis(glimpse.axis)
+        unit = si_unit(axis.of(FORCE))
         numbers = f"{glimpse.force:8.2f} of {glimpse.reference:.2f} {unit}"
-        parts.append(f"{kind}.{glimpse.axis} {numbers:<22}")
+        parts.append(f"{axis.effort}.{axis} {numbers:<22}")
     return "  ".join([*parts, f"{glimpse.real_time_factor:.0f} x real time"])

@@ -4,34 +4,31 @@ from __future__ import annotations
 
 import math
 
-#: SI unit to (factor, shown unit, smallest size shown in it), from coarse to fine.
-_SCALES: dict[str, tuple[tuple[float, str, float], ...]] = {
-    "m": ((1.0, "m", 10.0), (1e3, "mm", 0.5e-3), (1e6, "µm", 0.0)),
-    "rad": ((180 / math.pi, "deg", math.radians(5)), (1e3, "mrad", 0.5e-3), (1e6, "µrad", 0.0)),
-    "m/s": ((1.0, "m/s", 10.0), (1e3, "mm/s", 0.0)),
-    "rad/s": ((180 / math.pi, "deg/s", 0.0),),
-    "N": ((1e-3, "kN", 1e4), (1.0, "N", 0.05), (1e3, "mN", 0.05e-3), (1e6, "µN", 0.0)),
-    "N*m": ((1.0, "N·m", 0.05), (1e3, "mN·m", 0.05e-3), (1e6, "µN·m", 0.0)),
-    "s": ((1.0, "s", 0.5), (1e3, "ms", 0.0)),
-    "J": ((1.0, "J", 0.05), (1e3, "mJ", 0.0)),
-    "W": ((1.0, "W", 0.05), (1e3, "mW", 0.0)),
-}
+from taskspec.text.units import ANGLE, LENGTH, Step, measure_in
+
 #: Less than this in the finest unit is rounding, of the sum or of the simulation.
 NOTHING = 1e-3
-_PLAIN = {"rad": (180 / math.pi, "deg"), "m": (1e3, "mm")}
 
 
 def scale(unit: str, size: float) -> tuple[float, str]:
     """Factor and shown unit for a quantity of a size [SI], such as (1e6, "µm")."""
-    for factor, shown, smallest in _SCALES.get(unit, ()):
-        if abs(size) >= smallest:
-            return factor, shown
+    for step in _steps(unit):
+        if abs(size) >= step.least:
+            return step.factor, step.unit
     return 1.0, unit
 
 
 def plain_scale(unit: str, size: float) -> tuple[float, str]:
     """The same for places, which stay in mm and deg however small they are."""
-    return _PLAIN.get(unit) or scale(unit, size)
+    measure = measure_in(unit)
+    if measure is not None and measure.dimension in (LENGTH, ANGLE):
+        return next((s.factor, s.unit) for s in measure.page if s.unit == measure.units[0])
+    return scale(unit, size)
+
+
+def _steps(unit: str) -> tuple[Step, ...]:
+    measure = measure_in(unit)
+    return () if measure is None else measure.page
 
 
 def figure(value: float, digits: int = 3) -> str:

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from taskspec.text.expression import tree
-from taskspec_runner.verdict.amounts import in_unit
+from taskspec.text.show import in_unit
 from taskspec_runner.verdict.margin import (
     SHARE,
     Broken,

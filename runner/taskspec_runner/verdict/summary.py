@@ -16,7 +16,10 @@ from taskspec.program.execution.resolver import Account
 from taskspec.program.execution.transition import FAIL, Transition
 from taskspec.program.stages.stage import CompiledStage
 from taskspec.robot import RobotModel
+from taskspec.robot.inverse_kinematics import turns_at
+from taskspec.spec import Limits
 from taskspec.text.show import show
+from taskspec.text.units import LENGTH, VELOCITY
 from taskspec_runner.loop.fixed_step import DONE, Outcome
 from taskspec_runner.loop.interrupt import BY_SIGNAL
 from taskspec_runner.record.history import History
@@ -25,7 +28,6 @@ from taskspec_runner.verdict.judge import Judged
 from taskspec_runner.verdict.performance import performance
 
 EXIT_GOOD, EXIT_MISSED, EXIT_STOPPED = 0, 1, 4
-_LIMIT_UNITS = {"force": "N", "torque": "N*m", "speed": "mm/s", "deviation": "mm"}
 _JOINT = re.compile(r"\bjoint (\d+) ")
 _OF_TRAVEL, _ATTEMPTS = " of travel", "; stage "
 
@@ -165,16 +167,17 @@ def told(end: Transition, stage: CompiledStage, robot: RobotModel) -> str:
 
 
 def _limit(end: Transition, robot: RobotModel) -> str:
-    if unit := _LIMIT_UNITS.get(end.name):
-        return f"{end.text}, measured {show(end.value, unit, 5)}"
+    if end.name in Limits.model_fields:
+        return f"{end.text}, measured {show(end.value, Limits.dimension_of(end.name), 5)}"
     number = _JOINT.search(end.text)
     if number is None or end.name not in ("joint_position", "joint_velocity"):
         return end.text
     joint = int(number[1]) - 1
-    sliding = robot.pin.joints[joint + 1].shortname().startswith("JointModelP")
-    unit, rate = ("mm", "mm/s") if sliding else ("deg", "deg/s")
+    turns = turns_at(robot, joint)
+    unit = LENGTH.on(rotation=turns)
     if end.name == "joint_velocity":
-        unit, bound = rate, show(float(robot.velocity_limit[joint]), rate, 5)
+        unit = VELOCITY.on(rotation=turns)
+        bound = show(float(robot.velocity_limit[joint]), unit, 5)
     else:
         low, high = (float(side[joint]) for side in (robot.lower, robot.upper))
         bound = f"{show(low, unit, 5)} to {show(high, unit, 5)}"

@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.text.expression import Expression, Scope, infer, tree
+from taskspec.text.show import in_unit, show
 from taskspec.text.units import NUMBER, fitting, to_si
-from taskspec_runner.verdict.amounts import DIGITS, digits_of, handy, in_unit, shown
+from taskspec_runner.verdict.amounts import DIGITS, digits_of, readable_unit
 from taskspec_runner.verdict.margin import Broken
 from taskspec_runner.verdict.series import NO_TICK, Series
 
@@ -108,7 +109,7 @@ class Wording:
         measured = Measured(name, in_unit(series.number, unit), unit)
         digits = digits_of(series.number, [bound.number for _, bound in sides[1:]], unit)
         bounds = self._needs(node, sides, unit, 0, digits)
-        return Said(f"{name} = {shown(series.number, unit, digits)} ({bounds})", (measured,))
+        return Said(f"{name} = {show(series.number, unit, digits)} ({bounds})", (measured,))
 
     def every_tick(self, node: tree.Node, truth: Series, sides: Sides) -> Said:
         """A condition that has to hold at every tick."""
@@ -146,12 +147,12 @@ class Wording:
         bounds = [float(b.values[0 if b.window is None else row]) for _, b in sides[1:]]
         digits = digits_of(value, bounds, unit)
         needs = self._needs(node, sides, unit, row, digits)
-        return f"{self.text(part)} = {shown(value, unit, digits)} ({needs})"
+        return f"{self.text(part)} = {show(value, unit, digits)} ({needs})"
 
     def _range(self, node: tree.Node, truth: Series, sides: Sides, unit: str) -> str:
         series = sides[0][1]
         values = np.broadcast_to(series.values, truth.values.shape)[truth.window]
-        low, high = shown(float(values.min()), unit), shown(float(values.max()), unit)
+        low, high = show(float(values.min()), unit), show(float(values.max()), unit)
         if isinstance(node, tree.Within):
             return f"{low} to {high}"
         return (
@@ -174,7 +175,7 @@ class Wording:
         value = float(x[row])
         digits = digits_of(value, [float(bound[row]) for bound in bounds], unit)
         needs = self._needs(node, sides, unit, row, digits)
-        return f"{shown(value, unit, digits)} at {self._clock[row]:.4g} s ({needs})"
+        return f"{show(value, unit, digits)} at {self._clock[row]:.4g} s ({needs})"
 
     def _needs(
         self, node: tree.Node, sides: Sides, unit: str, row: int | None, digits: int = DIGITS
@@ -184,7 +185,7 @@ class Wording:
         if row is None and any(bound.window is not None for bound in bounds):
             return f"needs {self.relation(node, sides)} {self.text(sides[1][0])}"
         numbers = [
-            shown(float(b.values[row or 0] if b.window is not None else b.number), unit, digits)
+            show(float(b.values[row or 0] if b.window is not None else b.number), unit, digits)
             for b in bounds
         ]
         if isinstance(node, tree.Within):
@@ -210,7 +211,7 @@ class Wording:
             ]
             if any(units):
                 unit = max(filter(None, units), key=lambda unit: to_si(1.0, unit).value)
-                return handy(unit, fitting(dimension), [bound for _, bound in sides[1:]])
+                return readable_unit(unit, fitting(dimension), [bound for _, bound in sides[1:]])
         usual = fitting(dimension)
         return usual[0] if usual else ""
 

@@ -74,9 +74,8 @@ def said(context: Context, seen: Analysed, limit: Limit) -> str:
         if len({(gains[on].value, turns(context, on)) for on in limit.on}) > 1:
             factor = number(inside(limit.value / limit.now, limit.upper), 3)
             return f"{what} {way} {factor} times what it is"
-    unit = (gain_named(limit.what).units(angular=turns(context, first)) or ("",))[-1]
-    value = number(inside(limit.value, limit.upper), 3)
-    return f"{what} {way} {f'{value} {unit}'.strip()}"
+    value = inside(limit.value, limit.upper)
+    return f"{what} {way} {gain_named(limit.what).setting(value, angular=turns(context, first))}"
 
 
 def place_of(context: Context, seen: Analysed, axis: str, limits: Sequence[Limit]) -> Span | None:

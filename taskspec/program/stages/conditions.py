@@ -13,9 +13,10 @@ from taskspec.program.reference.measured import Measured
 from taskspec.program.reference.reference_set import ReferenceSet
 from taskspec.program.signals import SignalTable
 from taskspec.robot import RobotModel
-from taskspec.spec import Stage
+from taskspec.spec import Limits, Stage
 from taskspec.text.expression import Expression
 from taskspec.text.show import show
+from taskspec.text.units import LENGTH, TIME
 
 #: Below this pivot of J H^-1 J^T [1/kg, 1/(kg m^2)] an axis feels like ten tonnes: singular.
 SINGULAR = 1e-4
@@ -37,16 +38,16 @@ def limit_conditions(
         if not (a.is_rotation or plans[a].force or plans[a].open_loop)
     ]
     deviation = ca.norm_2(ca.vertcat(0, *moving))
-    for name, value, unit in (
-        ("force", force, "N"),
-        ("torque", torque, "N*m"),
-        ("speed", table["speed"], "mm/s"),
-        ("deviation", deviation, "mm"),
+    for name, value in (
+        ("force", force),
+        ("torque", torque),
+        ("speed", table["speed"]),
+        ("deviation", deviation),
     ):
         bound = getattr(limits, name)
         if bound is not None:
-            text = f"limit on {name}: {show(bound, unit)}"
-            found.append(Condition(Event(events.LIMIT, name, text, unit), value > bound, value))
+            text = f"limit on {name}: {show(bound, Limits.dimension_of(name))}"
+            found.append(Condition(Event(events.LIMIT, name, text), value > bound, value))
     for i, joint in enumerate(robot.joint_names):
         low, high, fastest = robot.lower[i], robot.upper[i], robot.velocity_limit[i]
         outside = ca.fmax(low - q[i], q[i] - high)
@@ -91,11 +92,11 @@ def stage_conditions(stage: Stage, seen: Measured, period: float) -> list[Condit
     if stage.within is not None:
         time, travel = stage.within.time, stage.within.travel
         if time is not None:
-            text = f"within {show(time, 's')}"
+            text = f"within {show(time, TIME)}"
             found.append(Condition(Event(events.WITHIN, "time", text), t >= time - period / 2, t))
         if travel is not None:
             way = seen.table["travel"]
-            text = f"within {show(travel, 'mm')} of travel"
+            text = f"within {show(travel, LENGTH)} of travel"
             found.append(Condition(Event(events.WITHIN, "travel", text), way > travel, way))
     if stage.until is None:
         end = seen.parameters.add("end")
