@@ -7,12 +7,12 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from taskspec.foresight.known import known_value
 from taskspec.geometry.axis import Axis
 from taskspec.motion.path import PathShape
 from taskspec.motion.profile import RISE_TIME
 from taskspec.program.context import Context
 from taskspec.program.execution.tracks import MOVE_SPEED
+from taskspec.program.known import known_value
 from taskspec.program.plan import StagePlan
 from taskspec.program.trajectory import Course, Way
 from taskspec.spec import AxisEntry, Stage

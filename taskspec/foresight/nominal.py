@@ -10,10 +10,10 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from taskspec.foresight.course import course_of, moving_axes
-from taskspec.foresight.known import known_value
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.motion.profile import RISE_TIME
 from taskspec.program.context import Context
+from taskspec.program.known import known_value
 from taskspec.program.plan import StagePlan
 from taskspec.program.trajectory import SAMPLES, Course, Nominal, Place
 from taskspec.robot.inverse_kinematics import SOLVED, InverseKinematics, Target

@@ -13,9 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from taskspec.foresight.interval import ANY, Interval, point
-from taskspec.foresight.known import known_value
 from taskspec.geometry.axis import Axis
 from taskspec.program.context import Context
+from taskspec.program.known import known_value
 from taskspec.program.signals import entry_of
 from taskspec.signals import Entry
 from taskspec.spec import Stage

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from taskspec.check.contact.yielding import coordinate_rate
 from taskspec.foresight.flow import good_end
 from taskspec.foresight.interval import ANY, Interval, point
-from taskspec.foresight.known import known_value
 from taskspec.geometry.axis import AXES, TRANSLATIONS, Axis
 from taskspec.motion import profile
 from taskspec.prediction.begin import Begin
@@ -17,6 +16,7 @@ from taskspec.prediction.forecast import Forecast, Signal, coming, moved, touchi
 from taskspec.prediction.springs import spring_behind
 from taskspec.prediction.types import Duration, Equilibrium, Impact, StagePrediction
 from taskspec.program.execution.tracks import move_speed
+from taskspec.program.known import known_value
 from taskspec.spec import Stage
 
 #: How far a guard is looked for in a stage that nothing bounds [s].

@@ -8,12 +8,12 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec.foresight.known import known_value
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.laws.gains import on_axis
 from taskspec.prediction.begin import Begin
 from taskspec.prediction.reach import Bearing
 from taskspec.program.context import Context
+from taskspec.program.known import known_value
 from taskspec.text.expression import Expression
 
 Vector = NDArray[np.float64]

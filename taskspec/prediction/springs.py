@@ -11,12 +11,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec.foresight.known import known_value
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.laws.gains import BANDWIDTH, on_axis, value_of
 from taskspec.prediction.begin import Begin
 from taskspec.prediction.reach import along, moment_arms
 from taskspec.prediction.worlds import World
+from taskspec.program.known import known_value
 
 Vector = NDArray[np.float64]
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 
-from taskspec.foresight.known import known_value
 from taskspec.geometry.axis import ROTATIONS, Axis, as_axis
 from taskspec.program.context import Context
+from taskspec.program.known import known_value
 from taskspec.program.signals import entry_of
 from taskspec.signals import VECTORS
 from taskspec.text.codes import register

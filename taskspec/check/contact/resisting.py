@@ -13,9 +13,9 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec.foresight.known import known_value
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.program.context import Context
+from taskspec.program.known import known_value
 from taskspec.program.world.equations import EquationModel
 from taskspec.spec import FILE, AxisEntry, Stage
 from taskspec.text.codes import register

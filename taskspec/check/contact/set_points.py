@@ -6,10 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.check.reach.rows import shares_of
-from taskspec.foresight.known import known_value
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.program.axes import MOSTLY
 from taskspec.program.context import Context
+from taskspec.program.known import known_value
 from taskspec.program.limits.consistency import SET_POINT_SHARE
 from taskspec.spec import FILE, AxisEntry, Stage
 from taskspec.text.codes import register

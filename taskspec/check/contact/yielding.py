@@ -13,11 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.control.state import ARM_LENGTH
-from taskspec.foresight.known import known_value
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.motion.path import PathShape
 from taskspec.program.context import Context
 from taskspec.program.execution.tracks import MOVE_SPEED
+from taskspec.program.known import known_value
 from taskspec.program.world.mechanisms import MechanismModel
 from taskspec.spec import FILE, AxisEntry, key_of
 from taskspec.text.codes import register

@@ -9,10 +9,10 @@ from taskspec.check.axes.signals import no_such_signal
 from taskspec.check.stages.conditions import bounds_of, names, parts, value_of
 from taskspec.foresight.flow import good_end, reached
 from taskspec.foresight.interval import ANY, Interval, IntervalAlgebra, point
-from taskspec.foresight.known import known_value
 from taskspec.foresight.ranges import constant, longest, natural
 from taskspec.geometry.axis import Axis, as_axis
 from taskspec.program.context import Context
+from taskspec.program.known import known_value
 from taskspec.program.signals import entry_of
 from taskspec.signals import CLOCKS
 from taskspec.spec import Expectation

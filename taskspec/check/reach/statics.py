@@ -23,9 +23,9 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from taskspec.check.reach.rows import Asked, Line, System, kept, limit_place, shares_of
-from taskspec.foresight.known import known_value
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.program.context import Context
+from taskspec.program.known import known_value
 from taskspec.program.trajectory import Place
 from taskspec.robot.inverse_kinematics import turns_at
 from taskspec.robot.mobility import tip_jacobian

@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 from taskspec.check.reach.statics import steady
 from taskspec.check.stages.conditions import names, parts, value_of
 from taskspec.foresight.interval import Interval, IntervalAlgebra, point
-from taskspec.foresight.known import known_value
 from taskspec.foresight.nominal import AT_SURFACE
 from taskspec.foresight.ranges import Ranges, longest
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.program.axes import MOSTLY
 from taskspec.program.context import Context
+from taskspec.program.known import known_value
 from taskspec.program.signals import entry_of
 from taskspec.signals.table import WRENCH
 from taskspec.spec import AxisEntry

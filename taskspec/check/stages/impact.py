@@ -12,12 +12,12 @@ from taskspec.check.stages.conditions import names, value_of
 from taskspec.foresight.course import moving_axes
 from taskspec.foresight.flow import good_end
 from taskspec.foresight.interval import Interval, IntervalAlgebra, point
-from taskspec.foresight.known import known_value
 from taskspec.foresight.nominal import AT_SURFACE
 from taskspec.foresight.ranges import Ranges
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.program.axes import MOSTLY
 from taskspec.program.context import Context
+from taskspec.program.known import known_value
 from taskspec.spec import FILE, Stage
 from taskspec.text.codes import register
 from taskspec.text.diagnostic import Diagnostics, Severity
