@@ -30,7 +30,7 @@ ROOT = Path(__file__).resolve().parent.parent
 PRODUCT, TESTS = ("taskspec", "runner"), ("tests",)
 TASK = "tasks/wipe-table.yaml"
 #: Functions that ask what a stage is made of.
-ASKED = (
+QUERIES = (
     "law_of",
     "limits_of",
     "frame_of",
@@ -246,7 +246,7 @@ def loaded(checkouts: Sequence[Checkout]) -> Table:
         table[f"modules loaded for {label}, all"] = [_one(each, "all") for each in found]
     calls = [each.data(_CALLS) for each in checkouts]
     table["calls in one compile, all"] = [_sum(each) for each in calls]
-    for name in ASKED:
+    for name in QUERIES:
         table[f"  {name}"] = [_sum(_named(each, name)) for each in calls]
     for rank in range(8):
         table[f"  most called, {rank + 1}"] = [_ranked(each, rank) for each in calls]
@@ -318,18 +318,18 @@ def main() -> None:
     )
     parser.add_argument("--rounds", type=int, default=5)
     parser.add_argument("--text", action="store_true", help="count in the text only")
-    asked = parser.parse_args()
+    arguments = parser.parse_args()
     for title, folders in (("product", PRODUCT), ("tests", TESTS)):
-        texts = [text_of(folder, folders) for folder in asked.folders]
+        texts = [text_of(folder, folders) for folder in arguments.folders]
         print(*printed(title, counted(texts)), sep="\n")
         if folders is PRODUCT:
             product = texts
-    if not asked.text:
+    if not arguments.text:
         with tempfile.TemporaryDirectory() as place:
-            each = [Checkout(f, Path(place) / str(i)) for i, f in enumerate(asked.folders)]
+            each = [Checkout(f, Path(place) / str(i)) for i, f in enumerate(arguments.folders)]
             print(*printed("as it runs", loaded(each)), sep="\n")
-            print(*printed("what it costs", costs(each, asked.rounds)), sep="\n")
-    for folder, text in zip(asked.folders, product, strict=True):
+            print(*printed("what it costs", costs(each, arguments.rounds)), sep="\n")
+    for folder, text in zip(arguments.folders, product, strict=True):
         print(f"\nclass names used twice or more in {folder}")
         for name, at in text.twice.items():
             print(f"  {name}: {', '.join(at)}")

@@ -207,7 +207,7 @@ def difference(base: pa.Table, tree: pa.Table) -> str:
             found.append((int(np.argmax(unequal)), number, name))
     if found:
         tick, _, name = min(found)
-        a, b = _values(base, name)[tick], _values(tree, name)[tick]
+        a, b = (_values(each, name)[tick : tick + 1].tolist()[0] for each in (base, tree))
         clock = _values(base, "clock")[tick] if "clock" in theirs else float("nan")
         return (
             f"{name} at tick {tick}, {clock:.4f} s: {a!r}, now {b!r}; "
@@ -274,8 +274,8 @@ def compared(name: str, base: Mapping[str, Any], tree: Mapping[str, Any], logs: 
     row.ending = _ending(now)
     wrong = _ended(before, now)
     if not wrong and "status" in now:
-        told = difference(logs.base(), logs.tree())
-        wrong = [told] if told else []
+        reported = difference(logs.base(), logs.tree())
+        wrong = [reported] if reported else []
     elif "status" in before and "status" in now:
         wrong.append(difference(logs.base(), logs.tree()) or "the logs are equal")
     row.run, row.detail = "differs" if wrong else "equal", row.detail + wrong
@@ -303,6 +303,10 @@ def _diagnosed(base: Mapping[str, Any], tree: Mapping[str, Any]) -> list[str]:
 
 def _ended(base: Mapping[str, Any], tree: Mapping[str, Any]) -> list[str]:
     """What differs in how two runs ended."""
+    for kind in ("crash", "refused"):
+        if kind in base or kind in tree:
+            a, b = (each.get(kind, f"no {kind}") for each in (base, tree))
+            return [] if a == b else [f"run: {_short(a)}, now {_short(b)}"]
     keys = dict.fromkeys([*base, *tree])
     differing = [key for key in keys if base.get(key) != tree.get(key)]
     return [f"{key}: {_short(base.get(key))}, now {_short(tree.get(key))}" for key in differing]
@@ -470,11 +474,12 @@ def rows_of(bench: Bench, cases: Sequence[Case], jobs: int) -> Iterator[Row]:
         yield done.get()
 
 
-def accepted(path: Path | None) -> dict[str, str]:
+def accepted(path: Path) -> dict[str, str]:
     """Files that differ on purpose, with the reason."""
-    if path is None:
+    if not path.is_file():
         return {}
-    return {str(name): str(reason) for name, reason in yaml.safe_load(path.read_text()).items()}
+    listed = yaml.safe_load(path.read_text("utf-8")) or {}
+    return {str(name): str(reason) for name, reason in listed.items()}
 
 
 def say(text: str) -> None:
@@ -488,7 +493,7 @@ def progress(text: str) -> None:
         sys.stderr.flush()
 
 
-def told(rows: Iterable[Row], reasons: Mapping[str, str]) -> int:
+def report(rows: Iterable[Row], reasons: Mapping[str, str]) -> int:
     """Prints the table; how many rows differ without a reason."""
     rows = sorted(rows, key=lambda row: row.name)
     wrong = [row for row in rows if row.detail and row.name not in reasons]
@@ -499,7 +504,7 @@ def told(rows: Iterable[Row], reasons: Mapping[str, str]) -> int:
             say(f"{title}: {row.name}{reason}")
             for detail in row.detail:
                 say(f"    {detail}")
-    for name in sorted(set(reasons) - {row.name for row in excepted}):
+    for name in sorted(set(reasons) & {row.name for row in rows if not row.detail}):
         say(f"equal, though listed as differing: {name}")
     say(f"{'':10} {'files':>6} {'run':>6} {'equal':>6} {'differ':>6} {'listed':>6} {'wording':>8}")
     for group in GROUPS:
@@ -528,17 +533,20 @@ def main() -> int:
     parser.add_argument("--only", choices=GROUPS, action="append", help="may be repeated")
     parser.add_argument("--match", default="", help="only files whose group/name contains this")
     parser.add_argument(
-        "--accept", type=Path, help="YAML: group/name to the reason of a difference"
+        "--accept",
+        type=Path,
+        default=Path(__file__).with_name("accepted.yaml"),
+        help="YAML: group/name of a file that differs on purpose, and the reason",
     )
     parser.add_argument("--cache", type=Path, default=ROOT / "runs" / "equivalence")
     parser.add_argument("--worker", action="store_true", help=argparse.SUPPRESS)
-    asked = parser.parse_args()
-    if asked.worker:
+    arguments = parser.parse_args()
+    if arguments.worker:
         work()
         return 0
-    if not asked.base:
+    if not arguments.base:
         parser.error("--base is required")
-    began, groups, commit = time.monotonic(), asked.only or GROUPS, commit_of(asked.base)
+    began, groups, commit = time.monotonic(), arguments.only or GROUPS, commit_of(arguments.base)
     scratch = Path(tempfile.mkdtemp(prefix="equivalence-")).resolve()
     tree = scratch / "tree"
     try:
@@ -546,13 +554,13 @@ def main() -> int:
         copy_tree(tree)
         cases = [*(shipped_cases(tree) if "shipped" in groups else ())]
         if "random" in groups:
-            numbers = range(asked.first, asked.first + asked.tasks)
+            numbers = range(arguments.first, arguments.first + arguments.tasks)
             cases += random_cases(scratch / "random", numbers)
         cases += corpus_cases(tree) if "corpus" in groups else ()
-        cases = [case for case in cases if asked.match in case.name]
-        bench = Bench(commit, asked.cache.resolve(), scratch)
+        cases = [case for case in cases if arguments.match in case.name]
+        bench = Bench(commit, arguments.cache.resolve(), scratch)
         rows: list[Row] = []
-        for row in rows_of(bench, cases, asked.jobs):
+        for row in rows_of(bench, cases, arguments.jobs):
             rows.append(row)
             differing = sum(bool(each.detail) for each in rows)
             progress(f"{len(rows)} of {len(cases)}, {differing} differ: {row.name}")
@@ -562,7 +570,7 @@ def main() -> int:
         return 130
     finally:
         shutil.rmtree(scratch, ignore_errors=True)
-    wrong = told(rows, accepted(asked.accept))
+    wrong = report(rows, accepted(arguments.accept))
     say(f"base {commit[:12]}, {len(rows)} files, {time.monotonic() - began:.0f} s")
     return int(wrong > 0)
 

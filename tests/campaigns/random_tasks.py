@@ -400,7 +400,7 @@ class _Draft:
         return self.between(0.3, 0.9) * min(15.0, self.stiffness * 1e3 / (6 * damping))
 
     def bound(self) -> None:
-        """Limits with room above what is asked for."""
+        """Limits with room above what is commanded."""
         if self.chance(0.88) or self.qp:
             self.limits["force"] = f"{round(2.5 * self.press_force + self.between(25, 60)):g} N"
             self.limits["speed"] = f"{round(self.between(220, 400), -1):g} mm/s"
@@ -429,10 +429,10 @@ class _Draft:
         if kind == "swell":
             swell = f"{0.3 * force:.2g} N * sin(2*pi*t/({self.between(0.8, 2):.2g} s))"
             return {"force": f"{'-' if self.sign < 0 else ''}({force:g} N + {swell})"}
-        asked: dict[str, Value] = {"force": f"{self.sign * force:g} N"}
+        axis: dict[str, Value] = {"force": f"{self.sign * force:g} N"}
         if kind == "ramp" or (self.law not in _LOOPED and self.chance(0.5)):
-            asked["ramp"] = f"{self.between(0.1, 0.6):.1f} s"
-        return asked
+            axis["ramp"] = f"{self.between(0.1, 0.6):.1f} s"
+        return axis
 
     def approach(self, gap: float, *, slow: float = 1.0) -> None:
         """Towards the surface until it is felt; `gap` [mm] to go."""
@@ -1336,12 +1336,12 @@ def main() -> int:
     parser.add_argument("--tasks", type=int, default=20)
     parser.add_argument("--first", type=int, default=0, help="number of the first one")
     parser.add_argument("--out", type=Path, help="folder; without it they are printed")
-    asked = parser.parse_args()
-    numbers = range(asked.first, asked.first + asked.tasks)
-    if asked.out is None:
+    arguments = parser.parse_args()
+    numbers = range(arguments.first, arguments.first + arguments.tasks)
+    if arguments.out is None:
         sys.stdout.write("---\n".join(random_task(number) for number in numbers))
     else:
-        write_tasks(asked.out, numbers)
+        write_tasks(arguments.out, numbers)
     return 0
 
 

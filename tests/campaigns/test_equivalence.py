@@ -21,7 +21,7 @@ def finding(**keys: object) -> dict[str, object]:
 
 
 @pytest.mark.parametrize(
-    ("now", "told"),
+    ("now", "reported"),
     [
         (log([1.0, 0.0, np.nan]), ""),
         (log([1.0, 0.0, -np.nan]), ""),
@@ -32,10 +32,10 @@ def finding(**keys: object) -> dict[str, object]:
         (log([1.0, 0.0, np.nan]).select(["force", "clock", "stage"]), "order of the columns"),
     ],
 )
-def test_logs_are_equal_bit_for_bit(now: pa.Table, told: str) -> None:
+def test_logs_are_equal_bit_for_bit(now: pa.Table, reported: str) -> None:
     found = difference(log([1.0, 0.0, np.nan]), now)
-    assert found.startswith(told)
-    assert bool(found) == bool(told)
+    assert found.startswith(reported)
+    assert bool(found) == bool(reported)
 
 
 @pytest.mark.parametrize(
