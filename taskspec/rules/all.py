@@ -1,0 +1,10 @@
+"""All rules of the language, by the modules that they stand in: importing this registers them.
+
+Rules of one phase are asked in this order.
+"""
+
+from taskspec.rules import law
+
+__all__ = [
+    "law",
+]
