@@ -9,10 +9,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import taskspec.rules.all  # noqa: F401  (it registers the rules)
-from taskspec.check.axes.estimated import check_estimated
-from taskspec.check.axes.existing import check_axes, check_joints
-from taskspec.check.axes.following import check_following
-from taskspec.check.axes.frames import check_frame, check_pointing, check_start, check_stiffness
 from taskspec.check.axes.signals import check_expectations, check_signals
 from taskspec.check.contact.bodies import check_bodies
 from taskspec.check.contact.equations import check_constraints, check_equations
@@ -31,18 +27,13 @@ from taskspec.check.stages.guards import check_guards
 from taskspec.check.stages.impact import check_impact
 from taskspec.check.stages.noise import check_noise
 from taskspec.check.values.lasting import check_lasting
-from taskspec.check.values.plausible import check_depth, check_plausible
 from taskspec.check.values.references import check_motions, check_references
 from taskspec.check.values.variations import check_variations
 from taskspec.foresight.task_plan import TaskPlan, plan_task
 from taskspec.geometry.axis import Axis
-from taskspec.program.axes import SkewedAxisError
 from taskspec.rules import Phase, ask
-from taskspec.spec import FILE, LoadedTask
-from taskspec.text.codes import register
+from taskspec.spec import LoadedTask
 from taskspec.text.diagnostic import Diagnostic, Diagnostics, SpecError
-
-register({"TS221": "a frame that is askew to the plane of a planar arm"})
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,40 +82,24 @@ def check_stages(task: TaskPlan) -> tuple[Diagnostic, ...]:
     """Findings about the stages of a task whose robot and start are sound."""
     context, loaded = task.context, task.context.loaded
     found = Diagnostics(loaded.source.name)
-    check_joints(context, found)
     steady = check_variations(context, found)
     if steady is not context:
         context, task = steady, TaskPlan(steady)
     ask(Phase.TASK, task, loaded, found)
-    check_plausible(context, found)
-    check_stiffness(context, found)
-    check_start(context, found)
     check_bodies(context, found)
     check_motions(context, found)
     check_equations(context, found)
-    check_estimated(context, found)
     check_sensor(context, found)
     axes_of: dict[str, tuple[Axis, ...]] = {}
     for name, plan in task.stages.items():
-        if not check_frame(context, name, found) or not ask(Phase.FRAME, plan, loaded, found):
+        if not ask(Phase.FRAME, plan, loaded, found):
             continue
-        rotation = plan.rotation
-        try:
-            axes = plan.axes
-        except SkewedAxisError as error:
-            place = FILE.stages[name].frame if plan.spec.frame else FILE.frame
-            message = f"in frame {plan.frame.name!r} {error}"
-            hint = "align the frame with that plane"
-            found.error("TS221", message, loaded.span(place), hint)
-            continue
+        rotation, axes = plan.rotation, plan.axes
         axes_of[name] = axes
-        check_axes(context, name, axes, found)
         check_signals(context, name, axes, found)
         check_references(context, name, axes, found)
         check_set_points(context, name, axes, rotation, found)
-        check_depth(context, name, axes, rotation, found)
         check_ramps(context, name, axes, found)
-        check_pointing(context, name, found)
         check_constraints(context, name, axes, rotation, found)
         if not ask(Phase.AXES, plan, loaded, found):
             continue
@@ -138,7 +113,6 @@ def check_stages(task: TaskPlan) -> tuple[Diagnostic, ...]:
         if not ask(Phase.PATH, plan, loaded, found):
             continue
         check_forces(context, name, axes, rotation, path, found)
-        check_following(context, name, axes, rotation, path, found)
         nominal = task.follow(name).nominal
         check_feasibility(context, name, axes, nominal.places, found)
         check_singular(context, name, axes, nominal.places, found)

@@ -168,11 +168,15 @@ class StagePlan:
         Raises:
             UncoupledError: the mechanism's geometry asks for no motion of an axis.
         """
-        return {
-            a: coupling(self.context, self.frame, self.rotation, self.plans, a)
-            for a, plan in self.plans.items()
-            if plan.mode == "follows"
-        }
+        return {a: self.coupling_of(a) for a, plan in self.plans.items() if plan.mode == "follows"}
+
+    def coupling_of(self, axis: Axis) -> Coupling:
+        """How an axis follows its mechanism.
+
+        Raises:
+            UncoupledError: the mechanism's geometry asks for no motion of this axis.
+        """
+        return coupling(self.context, self.frame, self.rotation, self.plans, axis)
 
     @cached_property
     def plants(self) -> dict[Axis, AxisPlant]:

@@ -3,8 +3,12 @@
 Rules of one phase are asked in this order.
 """
 
-from taskspec.rules import law
+from taskspec.rules import axes, frames, law, objects, robot
 
 __all__ = [
+    "axes",
+    "frames",
     "law",
+    "objects",
+    "robot",
 ]

@@ -1,0 +1,43 @@
+"""Axes that a stage names: whether the arm has them, and whether they can follow a mechanism."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from taskspec.geometry.axis import Axis
+from taskspec.program.plan import StagePlan
+from taskspec.program.reference.coupling import UncoupledError
+from taskspec.rules.finding import Finding, error
+from taskspec.rules.registry import Phase, rule
+from taskspec.spec import FILE, key_of
+
+
+@rule({}, also=("TS220",), phase=Phase.AXES)
+def missing_axes(stage: StagePlan) -> Iterator[Finding]:
+    """Reports axes that do not exist in the stage's frame."""
+    for axis in stage.spec.axes:
+        if axis not in stage.axes:
+            yield error(
+                "TS220",
+                f"{stage.context.robot.name!r} cannot move {_how(axis)} of frame "
+                f"{stage.frame.name!r}",
+                key_of(FILE.stages[stage.name].axes[axis]),
+                f"axes that exist here: {', '.join(stage.axes)}",
+            )
+
+
+@rule("TS230", "an axis that does not follow from the mechanism's geometry", phase=Phase.PATH)
+def uncoupled_axes(stage: StagePlan) -> Iterator[Finding]:
+    """Reports axes that follow a mechanism which asks no motion of them."""
+    for axis, plan in stage.plans.items():
+        if plan.mode != "follows":
+            continue
+        try:
+            stage.coupling_of(axis)
+        except UncoupledError as reason:
+            place = FILE.stages[stage.name].axes[axis].follows
+            yield error("TS230", str(reason), place, reason.hint)
+
+
+def _how(axis: Axis) -> str:
+    return f"about {axis[1:]!r}" if axis.is_rotation else f"along {axis!r}"

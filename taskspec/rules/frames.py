@@ -1,0 +1,233 @@
+"""Task frames: whether they have axes as the run begins, and are known where they are used."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import casadi as ca
+import numpy as np
+
+from taskspec.foresight.flow import followers, reached
+from taskspec.foresight.task_plan import TaskPlan
+from taskspec.geometry.axis import Axis
+from taskspec.program.axes import MOSTLY, SkewedAxisError
+from taskspec.program.plan import StagePlan
+from taskspec.program.prepare import chart_at, pose_of_base, tool_center
+from taskspec.program.world.estimated_frames import LEAST_SINE
+from taskspec.program.world.frames import FrameModel
+from taskspec.rules.finding import Finding, Place, error, warning
+from taskspec.rules.registry import Phase, rule
+from taskspec.shapes import SHAPES
+from taskspec.spec import FILE, KeyPath, Stage
+from taskspec.text.expression import Expression
+from taskspec.text.expression.tree import Name, walk
+
+#: A heading is in a surface if it has no greater share of the normal than this leaves.
+_IN_SURFACE = 1 - 1e-3
+
+
+@rule(
+    "TS232",
+    "a rotation held against the world on an object that turns",
+    also=("TS231",),
+    phase=Phase.FRAME,
+)
+def turning_frames(stage: StagePlan) -> Iterator[Finding]:
+    """Reports what a stage asks of a frame that turns with an object or a handle and cannot be."""
+    context, frame, base = stage.context, stage.frame, stage.moving_base
+    held = [a for a, entry in stage.spec.axes.items() if entry.hold == "world"]
+    if base is not None and base.turns and held:
+        yield error(
+            "TS232",
+            f"{base.name!r} turns, and {held[0]!r} of a frame on it cannot hold the world's "
+            "orientation",
+            FILE.stages[stage.name].axes[held[0]],
+            "take a frame that does not turn with the object, or write 'hold'",
+            stops=True,
+        )
+        return
+    if frame.mechanism is None:
+        return
+    yield from _against_a_knob(stage, held)
+    if context.held not in ("", frame.mechanism.name):
+        yield error(
+            "TS231",
+            f"frame {frame.name!r} turns with the handle of {frame.mechanism.name!r}, and the "
+            f"robot holds that of {context.held!r}",
+            _frame_of(stage),
+            f"take {context.held}.handle",
+            stops=True,
+        )
+    elif float(ca.evalf(frame.mechanism.margin(ca.SX(context.start_p)))) < 0:
+        yield error(
+            "TS231",
+            f"the tool starts at the axis of {frame.mechanism.name!r}, where frame "
+            f"{frame.name!r} has no axes",
+            FILE.robot.start,
+            f"start at the handle: robot.grasp: {frame.mechanism.name}.handle",
+            stops=True,
+        )
+
+
+def _against_a_knob(stage: StagePlan, held: list[Axis]) -> Iterator[Finding]:
+    """Reports rotations held against the world about the axis of a handle with a fixed knob."""
+    frame = stage.frame
+    mechanism = frame.mechanism
+    assert mechanism is not None
+    if mechanism.free or mechanism.name != stage.context.held:
+        return
+    for axis in held:
+        if abs(frame.rotation[2, axis.column]) > MOSTLY:
+            yield warning(
+                "TS232",
+                f"the knob of {mechanism.name!r} is fixed, so the tool turns with it, and {axis!r} "
+                "holds against that",
+                FILE.stages[stage.name].axes[axis],
+                f"write {axis}: {{follows: {mechanism.name}}}, or knob: free",
+            )
+
+
+@rule("TS248", "a frame that does not go with its loose body", phase=Phase.FRAME)
+def loose_frames(stage: StagePlan) -> Iterator[Finding]:
+    """Reports a frame on a loose body, which stays where that is declared."""
+    task, frame = stage.context.loaded.task, stage.frame
+    owner = frame.surface_name or frame.owner
+    shape = task.shapes.get(owner or "")
+    if shape is None or not shape.free or owner == task.robot.grasp:
+        return
+    yield warning(
+        "TS248",
+        f"{owner!r} is loose, and nothing tells the robot where it goes: frame {frame.name!r} "
+        "stays where it is declared",
+        _frame_of(stage),
+        "follow what stands still, or hold the body: robot.grasp",
+        unless=("TS248",),
+    )
+
+
+@rule("TS225", "a following frame without an x axis at the start", phase=Phase.FRAME)
+def following_frames(stage: StagePlan) -> Iterator[Finding]:
+    """Reports a frame that follows a surface and has no axes at the start pose."""
+    context, frame = stage.context, stage.frame
+    if frame.kind != "following":
+        return
+    assert frame.surface is not None
+    A, a = pose_of_base(context, frame)
+    center = A.T @ (tool_center(context) - a)
+    chart = chart_at(frame.surface, center)
+    normal = np.array(ca.evalf(chart.normal(ca.SX(center)))).ravel()
+    heading = np.array(ca.evalf(chart.reference_direction(frame.heading))).ravel()
+    share = abs(normal @ heading) / np.linalg.norm(heading)
+    margin = float(ca.evalf(chart.margin(ca.SX(center), frame.heading)))
+    if not np.isfinite(normal).all() or (share < _IN_SURFACE and margin < 0):
+        yield error(
+            "TS225",
+            f"the tool does not start over the part of {frame.surface_name!r} that frame "
+            f"{frame.name!r} follows",
+            FILE.robot.start,
+            "start " + ", ".join(s.start_over for s in SHAPES.values() if s.start_over),
+            stops=True,
+        )
+    elif not share < _IN_SURFACE:
+        given = frame.heading is not None
+        yield error(
+            "TS225",
+            f"frame {frame.name!r} has no x axis where the tool starts: its heading is along the "
+            "normal there",
+            FILE.frames[frame.name]["heading" if given else "surface"],
+            "give a heading that lies in the surface, such as heading: [0, 1, 0]",
+            stops=True,
+        )
+
+
+@rule("TS221", "a frame that is askew to the plane of a planar arm", phase=Phase.FRAME)
+def skewed_frames(stage: StagePlan) -> Iterator[Finding]:
+    """Reports a frame with axes that the arm can move only in part."""
+    try:
+        _ = stage.axes
+    except SkewedAxisError as reason:
+        message, hint = f"in frame {stage.frame.name!r} {reason}", "align the frame with that plane"
+        yield error("TS221", message, _frame_of(stage), hint, stops=True)
+
+
+@rule(
+    {
+        "TS245": "a measured frame that is used before it is measured",
+        "TS246": "a measured frame that may be used before it is measured",
+    },
+    phase=Phase.TASK,
+)
+def frames_without_estimate(task: TaskPlan) -> Iterator[Finding]:
+    """Reports stages that use a measured frame before it has been measured."""
+    context, stages = task.context, task.context.loaded.task.stages
+    first = {next(iter(stages))}
+    once = ("TS245",)  # The file's frame is that of several stages.
+    for name, stage in task.stages.items():
+        for frame, place in _estimated_frames(stage):
+            estimate = context.frames[frame.estimated_in].estimate
+            if name not in reached(stages, followers(stages, estimate)):
+                yield error(
+                    "TS245",
+                    f"stage {name!r} uses frame {frame.name!r}, which is measured at the end of "
+                    f"{estimate!r}; that stage never comes before it",
+                    place,
+                    "use the frame in a stage that follows, or let it be measured by an earlier "
+                    "one",
+                    unless=once,
+                )
+            elif name in reached(stages, first, without=estimate) and name != estimate:
+                yield warning(
+                    "TS246",
+                    f"stage {name!r} can be entered without stage {estimate!r} before it, which "
+                    f"measures frame {frame.name!r}: the run stops there",
+                    place,
+                    f"lead every way to {name!r} through {estimate!r}",
+                    unless=once,
+                )
+
+
+@rule({}, also=("TS225",), phase=Phase.TASK)
+def estimated_headings(task: TaskPlan) -> Iterator[Finding]:
+    """Reports measured frames whose heading is along the normal that is to be measured."""
+    context = task.context
+    if not context.start_gaps:
+        return
+    nearest = min(context.start_gaps, key=lambda o: context.start_gaps[o])
+    normal = context.start_normals[nearest]
+    for name, frame in context.frames.items():
+        if not frame.estimate:
+            continue
+        heading = np.array([1.0, 0.0, 0.0]) if frame.heading is None else frame.heading
+        if np.linalg.norm(np.cross(normal, heading)) < LEAST_SINE * np.linalg.norm(heading):
+            yield error(
+                "TS225",
+                f"frame {name!r} has no x axis: its heading is along the normal of {nearest!r}",
+                FILE.frames[name],
+                "give a heading that lies in the surface, such as heading: [0, 1, 0]",
+            )
+
+
+def _frame_of(stage: StagePlan) -> KeyPath:
+    """The path of the frame that a stage has, its own or the file's."""
+    return FILE.stages[stage.name].frame if stage.spec.frame else FILE.frame
+
+
+def _estimated_frames(stage: StagePlan) -> Iterator[tuple[FrameModel, Place | None]]:
+    """The measured frames that a stage needs, and where it says so."""
+    if stage.frame.estimated_in:
+        yield stage.frame, _frame_of(stage)
+    for expression in _expressions(stage.spec):
+        for node in walk(expression.tree):
+            if isinstance(node, Name) and node.frame is not None:
+                frame = stage.context.frames[node.frame]
+                if frame.estimated_in:
+                    yield frame, expression.where(node)
+
+
+def _expressions(stage: Stage) -> Iterator[Expression]:
+    candidates: list[Expression | None] = [stage.until, stage.fail_if]
+    for axis in stage.axes.values():
+        candidates += [axis.velocity, axis.force, axis.torque, axis.position]
+    for expression in candidates:
+        if expression is not None:
+            yield expression

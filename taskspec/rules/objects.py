@@ -1,0 +1,72 @@
+"""Objects of the world: numbers that are off by a thousand, and contacts that are too stiff."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from taskspec.foresight.task_plan import TaskPlan
+from taskspec.program.axes import MOSTLY
+from taskspec.program.known import known_value
+from taskspec.program.plan import StagePlan
+from taskspec.program.world.stiffness import RESOLVED_PHASE
+from taskspec.rules.finding import Finding, warning
+from taskspec.rules.registry import Phase, rule
+from taskspec.spec import FILE
+from taskspec.text.show import show
+
+#: Rubber on dry concrete has about 1, soft rubber on glass 2.
+_ROUGHEST = 2.0
+#: A contact that gives way by more than this is none that the laws are meant for [m].
+_DEEPEST = 0.05
+
+
+@rule("TS129", "a number that is hardly meant", phase=Phase.TASK)
+def implausible_friction(task: TaskPlan) -> Iterator[Finding]:
+    """Reports coefficients of friction that no surfaces have."""
+    for name, shape in task.context.loaded.task.shapes.items():
+        if shape.friction > _ROUGHEST:
+            yield warning(
+                "TS129",
+                f"a coefficient of friction of {shape.friction:g}: dry rubber has about 1",
+                FILE.world[name].friction,
+                "it is a plain number, such as 0.2; a percentage takes its sign: 20 %",
+            )
+
+
+@rule({}, also=("TS129",), phase=Phase.AXES)
+def implausible_depth(stage: StagePlan) -> Iterator[Finding]:
+    """Reports a force that deforms its contact farther than contacts give way."""
+    for axis, entry in stage.spec.axes.items():
+        contact = stage.contact_of(axis) if axis in stage.axes else None
+        if contact is None or contact not in stage.context.compliances or entry.force is None:
+            continue
+        wanted = known_value(stage.context, entry.force)
+        if wanted is None:
+            continue
+        stiffness = stage.context.compliances[contact].stiffness
+        depth = abs(wanted) / stiffness
+        if abs(stage.along(axis, stage.normal_of(contact))) < MOSTLY or depth < _DEEPEST:
+            continue
+        yield warning(
+            "TS129",
+            f"{show(abs(wanted), 'N')} on a stiffness of {show(stiffness, 'N/m')} deform "
+            f"{contact!r} by {show(depth, 'mm', 3)}",
+            FILE.world[contact].stiffness,
+            "steel on a table is some 100 kN/m, rubber 10 kN/m, foam 1 kN/m; mind the k of kN/m",
+            unless=("TS129",),
+        )
+
+
+@rule("TS307", "a contact stiffer than the plant's steps resolve", phase=Phase.TASK)
+def unresolved_stiffness(task: TaskPlan) -> Iterator[Finding]:
+    """Reports contacts that the plant's steps do not resolve."""
+    for name, contact in task.context.compliances.items():
+        if contact.phase > RESOLVED_PHASE:
+            most = contact.stiffness * (RESOLVED_PHASE / contact.phase) ** 2
+            yield warning(
+                "TS307",
+                f"{name!r} is stiffer than the plant's steps resolve: up to "
+                f"{show(most, 'kN/m', 3)} on this arm at this rate",
+                FILE.world[name].stiffness,
+                "raise control.plant_rate, or write `rigid`",
+            )
