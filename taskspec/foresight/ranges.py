@@ -21,7 +21,7 @@ from taskspec.signals import Entry
 from taskspec.spec import Stage
 from taskspec.text.expression.tree import Call, Name, Node, walk
 from taskspec.text.show import show
-from taskspec.text.units import fitting
+from taskspec.text.units import LENGTH, TIME
 
 #: How far a mechanism may go beyond its stop, and the belief of its place beyond that, as a share
 #: of its range.
@@ -106,15 +106,15 @@ class Ranges:
         task, within = self._context.loaded.task, self._stage.within
         if str(node) == "t" and math.isfinite(longest(self._context, self._stage)):
             bound = self._stage.time if within is None else within.time
-            return f"the stage ends after {show(bound or 0.0, 's')} at the latest"
+            return f"the stage ends after {show(bound or 0.0, TIME)} at the latest"
         if str(node) == "travel" and within is not None and within.travel is not None:
-            return f"the stage ends after {show(within.travel, 'mm')} of travel at the latest"
+            return f"the stage ends after {show(within.travel, LENGTH)} of travel at the latest"
         if last == "visits" and head in task.stages and task.stages[head].attempts is not None:
             return f"{head!r} is entered {task.stages[head].attempts} times at the most"
         found = entry_of(task, node.path)
         limit = "" if found is None else found.signal.limit
         if found is not None and limit and getattr(limits, limit) is not None:
-            text = show(getattr(limits, limit), fitting(found.signal.dimension)[0])
+            text = show(getattr(limits, limit), found.signal.dimension)
             return f"the limit on {limit}, {text}, stops the run before that"
         if head == "joint":
             return f"joint {node.path[1]} has limits"
@@ -124,8 +124,8 @@ class Ranges:
         driven, stop = self._driven(name, signal), self._stop(name, signal)
         if driven is None or driven.interval.meet(stop) != driven.interval:
             return f"{name!r} has a stop"
-        way = show(driven.way, "mm" if signal == "travel" else "deg", 3)
-        return f"in {show(driven.lasts, 's', 3)} this stage moves {name!r} by {way}"
+        way = show(driven.way, LENGTH.on(rotation=signal != "travel"), 3)
+        return f"in {show(driven.lasts, TIME, 3)} this stage moves {name!r} by {way}"
 
     def _travel(self) -> Interval:
         within = self._stage.within

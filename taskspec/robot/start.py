@@ -20,7 +20,8 @@ from taskspec.robot.inverse_kinematics import (
 )
 from taskspec.robot.types import RobotModel
 from taskspec.text.codes import register
-from taskspec.text.units import ANGLE, LENGTH, describe
+from taskspec.text.show import in_unit, number, show
+from taskspec.text.units import ANGLE, LENGTH, describe, fitting, noun
 
 register(
     {
@@ -243,14 +244,13 @@ def check_joints(
         hinge = turns_at(model, i)
         dimension = getattr(value, "dimension", None)
         if dimension is not None and dimension != (ANGLE if hinge else LENGTH):
-            kind, needed, unit = (
-                ("turns", "an angle", "deg") if hinge else ("slides", "a length", "mm")
-            )
+            needed = LENGTH.on(rotation=hinge)
             raise RobotError(
                 "TS411",
-                f"joint {i + 1} ('{model.joint_names[i]}') {kind}, and {of} gives it "
+                f"joint {i + 1} ('{model.joint_names[i]}') {'turns' if hinge else 'slides'}, "
+                f"and {of} gives it "
                 f"{describe(dimension)}",
-                f"give it {needed}, in {unit}",
+                f"give it {noun(needed)}, in {fitting(needed)[0]}",
                 field,
             )
 
@@ -261,11 +261,13 @@ def _checked(model: RobotModel, joints: Sequence[float]) -> Array:
     outside = np.flatnonzero((q < model.lower) | (q > model.upper))
     if outside.size:
         i = int(outside[0])
-        unit, k = ("deg", 180 / np.pi) if turns_at(model, i) else ("mm", 1e3)
+        unit = LENGTH.on(rotation=turns_at(model, i))
+        at, high = (show(float(x[i]), unit, 6) for x in (q, model.upper))
+        low = number(in_unit(float(model.lower[i]), fitting(unit)[0]), 6)
         raise RobotError(
             "TS411",
-            f"joint {i + 1} ('{model.joint_names[i]}') cannot start at {q[i] * k:.6g} {unit}",
-            f"it moves between {model.lower[i] * k:.6g} and {model.upper[i] * k:.6g} {unit}",
+            f"joint {i + 1} ('{model.joint_names[i]}') cannot start at {at}",
+            f"it moves between {low} and {high}",
             ("start", "joints"),
         )
     return q

@@ -16,7 +16,7 @@ from taskspec.text.data import Map
 from taskspec.text.expression import Expression, ScopeKind
 from taskspec.text.nodes import pointer
 from taskspec.text.suggest import suggestion
-from taskspec.text.units import FORCE, MOMENT
+from taskspec.text.units import FORCE, MOMENT, fitting
 
 
 class SetPoint(Model):
@@ -84,7 +84,7 @@ class SetPoints(Kind):
             reading.error("TS205", message, entry.node.key_span(wrong), f"write '{right}'")
         elif right not in entry and complete(entry, reading):
             message = f"a set point needs a '{right}'"
-            unit = "N*m" if on_joints else "N"
+            unit = fitting(FORCE.on(rotation=on_joints))[0]
             hint = f"such as {{{right}: 20 {unit}}}"
             reading.error("TS021", message, pointer(entry.node), hint)
 

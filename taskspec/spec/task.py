@@ -23,12 +23,12 @@ from taskspec.spec.params import Params
 from taskspec.spec.reading import Reading, span_of
 from taskspec.spec.robot import Robot
 from taskspec.spec.stage import Stage
-from taskspec.spec.vary import Variation, Variations
+from taskspec.spec.vary import OBJECT, ROBOT, Variation, Variations
 from taskspec.spec.words import Free
 from taskspec.spec.world import Shape
 from taskspec.text.codes import register
 from taskspec.text.data import Map, Real, Text, Whole
-from taskspec.text.units import Quantity
+from taskspec.text.units import Dimension, Quantity
 
 register(
     {
@@ -120,6 +120,14 @@ class Task(Model):
     def mechanisms(self) -> dict[str, Mechanism]:
         """Mechanisms with a handle."""
         return mechanisms(self.world)
+
+    def dimensions_of(self, path: str) -> tuple[Dimension, ...]:
+        """The dimension of each component of a value that can vary, by its path under `vary`."""
+        section, _, rest = path.partition(".")
+        if section == "robot":
+            return ROBOT[rest]
+        name, _, key = rest.partition(".")
+        return OBJECT[self.world[name].kind][key]
 
     @classmethod
     def rules(cls, data: Map, reading: Reading) -> None:

@@ -9,6 +9,7 @@ import numpy as np
 from scipy.ndimage import maximum_filter1d
 
 from taskspec.geometry.axis import Axis
+from taskspec.text.units import FORCE, LENGTH
 from taskspec_runner.compare.overlay import Overlay, role
 from taskspec_runner.report.chart import Band, bands, size
 from taskspec_runner.report.data import Run, Vector
@@ -100,8 +101,8 @@ def _force_error(laid: Overlay, axis: str) -> Overlaid:
         reference, truth = run.column(f"{name}.ref"), run.column(name)
         return None if reference is None or truth is None else np.abs(reference - truth)
 
-    unit = "N·m" if axis in ANGULAR else "N"
-    return _sizes(laid, f"{name}.error", f"{what} {axis} error", (1.0, unit), error, "")
+    unit = scale(FORCE.on(rotation=axis in ANGULAR), 1.0)
+    return _sizes(laid, f"{name}.error", f"{what} {axis} error", unit, error, "")
 
 
 def _force_size(laid: Overlay) -> Overlaid:
@@ -128,7 +129,7 @@ def _motion(laid: Overlay) -> Iterator[Overlaid]:
 
 def _error_size(laid: Overlay, axes: tuple[Axis, ...], key: str, title: str) -> Overlaid:
     # One unit for all orders, so that the marks of the axis can be read off.
-    unit = plain_scale("rad" if axes is ANGULAR else "m", 1.0)
+    unit = plain_scale(LENGTH.on(rotation=axes is ANGULAR), 1.0)
     over = ", over the axes without a force"
     return _sizes(laid, key, title, unit, lambda run: laid.motion_error(run, axes), over)
 
@@ -162,7 +163,7 @@ def _position(laid: Overlay, axis: str) -> Overlaid:
     wanted = laid.leading.column(f"{name}.ref")
     if wanted is None or float(np.nanmax(wanted) - np.nanmin(wanted)) < _STILL:
         return Overlaid(name, "", "", ())
-    factor, unit = plain_scale("m", 1.0)
+    factor, unit = plain_scale(LENGTH, 1.0)
     curves = _curves(laid, factor, lambda run: run.column(name))
     note = f"counted in the frame of each stage; dashed: the reference under {laid.lead}"
     reference = _reference(laid, name, factor)
@@ -191,4 +192,4 @@ def _scaled(laid: Overlay, name: str, of: Callable[[Run], Vector | None]) -> tup
     """Factor and shown unit that suit a quantity in all runs; `name` is a column in its unit."""
     columns = [values for run in laid.runs.values() if (values := of(run)) is not None]
     units = [run.units[name] for run in laid.runs.values() if name in run.units]
-    return scale(units[0] if units else "N", size(columns) if columns else 0.0)
+    return scale(units[0] if units else FORCE, size(columns) if columns else 0.0)

@@ -9,6 +9,7 @@ from typing import Any
 
 from markupsafe import Markup
 
+from taskspec.text.units import FORCE
 from taskspec_runner.compare.charts import REFERENCE, Curve, Overlaid, charts
 from taskspec_runner.compare.comparison import Comparison, read_comparison
 from taskspec_runner.compare.folder import PAGE, PICTURE
@@ -24,7 +25,6 @@ from taskspec_runner.report.template import part, script, template
 
 Json = Mapping[str, Any]
 
-_UNITS = {"force": "N", "torque": "N*m", "motion": "m", "rotation": "rad"}
 _WORDS = {"rms_error": "RMS", "max_error": "peak", "final_error": "final"}
 
 
@@ -82,7 +82,7 @@ def _law(law: Json) -> Json:
         **law,
         "role": role(law["law"]),
         "bad": law["outcome"] not in ("passed", "missed"),
-        "peak": quantity(law.get("peak_force"), "N"),
+        "peak": quantity(law.get("peak_force"), FORCE),
     }
 
 
@@ -118,7 +118,7 @@ def _stage(comparison: Comparison, stage: str) -> Json:
 def _cell(row: Json | None, column: tuple[str, str], least: bool) -> Json:
     kind, statistic = column
     found = row[kind] if row else None
-    value, unit = quantity(found[statistic] if found else None, _UNITS[kind])
+    value, unit = quantity(found[statistic] if found else None, KINDS[kind].dimension)
     return {"value": value, "unit": unit, "axis": found["axis"] if found else "", "least": least}
 
 

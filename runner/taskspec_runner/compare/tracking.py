@@ -8,18 +8,35 @@ and only the others count as motion.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 from taskspec.geometry.axis import ROTATIONS
+from taskspec.text.units import ANGLE, FORCE, LENGTH, MOMENT, Dimension
 
 Json = Mapping[str, Any]
 
-#: Kind -> the part of a signal's name before its axis, and whether the axis is a rotation.
+
+@dataclass(frozen=True, slots=True)
+class TrackedKind:
+    """What can be compared across laws.
+
+    Attributes:
+        signal: the part of a signal's name before its axis.
+        rotation: whether the axis is a rotation.
+        dimension: of its errors.
+    """
+
+    signal: str
+    rotation: bool
+    dimension: Dimension
+
+
 KINDS = {
-    "force": ("force", False),
-    "torque": ("torque", True),
-    "motion": ("position", False),
-    "rotation": ("position", True),
+    "force": TrackedKind("force", rotation=False, dimension=FORCE),
+    "torque": TrackedKind("torque", rotation=True, dimension=MOMENT),
+    "motion": TrackedKind("position", rotation=False, dimension=LENGTH),
+    "rotation": TrackedKind("position", rotation=True, dimension=ANGLE),
 }
 _STATISTICS = ("rms_error", "max_error", "final_error")
 #: How a visit of a stage ends that went as planned.
@@ -71,7 +88,7 @@ def _visits(summary: Json, stage: str) -> dict[str, Any]:
 
 
 def _worst(signals: Json, kind: str, forces: Sequence[str]) -> dict[str, Any] | None:
-    prefix, turning = KINDS[kind]
+    prefix, turning = KINDS[kind].signal, KINDS[kind].rotation
     errors: dict[str, Any] = {
         name.removesuffix(f".{prefix}"): values
         for name, values in signals.items()

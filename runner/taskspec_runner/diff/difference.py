@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from taskspec.spec import Limits
+from taskspec.text.units import si_unit
 from taskspec_runner.diff.logs import LogDifference, diff_logs
 from taskspec_runner.errors import InputError
 from taskspec_runner.export.source import open_source
@@ -23,7 +25,7 @@ NAMES = ("A", "B")
 _STATISTICS = ("rms_error", "max_error", "final_error", "mean", "min", "max")
 #: Of responses, and their units; empty for that of the signal.
 _RESPONSES = {"rest": "", "overshoot": "", "settling_time": "s", "time_constant": "s"}
-_PEAKS = {"force": "N", "torque": "N*m", "speed": "m/s"}
+_PEAKS = {name: si_unit(Limits.dimension_of(name)) for name in ("force", "torque", "speed")}
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from taskspec.geometry.axis import AXES, ROTATIONS, TRANSLATIONS
+from taskspec.text.units import FORCE, POWER, VELOCITY
 from taskspec_runner.report import foretold
 from taskspec_runner.report.chart import (
     Chart,
@@ -129,7 +130,7 @@ def _inconsistent(run: Run) -> Chart | None:
     left = run.column("force_inconsistent")
     if left is None or not np.any(left > 0):
         return None
-    factor, unit = scale("N", size([left]))
+    factor, unit = scale(FORCE, size([left]))
     trace = Trace("set points - nearest", left * factor, "ink", "line", "force_inconsistent")
     title, note = "Beyond what contacts return", "set points minus the nearest forces that they can"
     return Chart("force_inconsistent", title, unit, (trace,), note, always=(0.0,))
@@ -166,7 +167,7 @@ def _velocity(run: Run) -> Chart | None:
     columns = [run.columns[n] for n in names] + ([speed] if speed is not None else [])
     if not columns:
         return None
-    factor, unit = scale("m/s", size(columns))
+    factor, unit = scale(VELOCITY, size(columns))
     traces = list(_tracked(run, names, factor))
     if speed is not None:
         traces.append(Trace("speed", speed * factor, "ink", "line", "speed", True))
@@ -180,7 +181,7 @@ def _power(run: Run) -> Chart | None:
     power = run.column("power")
     if power is None:
         return None
-    factor, unit = scale("W", size([power]))
+    factor, unit = scale(POWER, size([power]))
     energy = float(np.nansum(power) * run.period)
     note = f"into the environment; {' '.join(quantity(energy, 'J'))} in all"
     traces = (Trace("power", power * factor, "j3", "line", "power", True),)

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from taskspec.text.units import LENGTH
 from taskspec_runner.report import foretold
 from taskspec_runner.report.chart import Chart, Trace, bands, size
 from taskspec_runner.report.data import Run
@@ -42,7 +43,7 @@ def _chart(run: Run, key: str, names: Sequence[str]) -> Chart | None:
     deepest = min((float(np.nanmin(c)) for c in surfaces), default=0.0)
     title, note = "Gap to the surface" if surfaces else "Distance from the constraints", ""
     if deepest < 0:
-        note = f"deepest {' '.join(quantity(-deepest, 'm'))} inside"
+        note = f"deepest {' '.join(quantity(-deepest, LENGTH))} inside"
     bounds = bands(run, ["gap", *names] if "gap" not in names else names, factor)
     told = foretold.depth_levels(run, [n.removesuffix(_GAP) for n in names], factor)
     depths = tuple(told) if surfaces else ()

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from taskspec.text.units import MOMENT
 from taskspec_runner.report.chart import Chart, Level, Trace, size
 from taskspec_runner.report.data import Run
 from taskspec_runner.report.quantities import figure, plain_scale, scale
@@ -21,7 +22,7 @@ def joint_torques(run: Run) -> Chart | None:
     if not names:
         return None
     if all(b is None for b in bounds):
-        factor, unit = scale("N*m", size([run.columns[n] for n in names]))
+        factor, unit = scale(MOMENT, size([run.columns[n] for n in names]))
         traces = _joint_traces(run, names, [factor] * len(names))
         return Chart("joint torques", "Joint torques", unit, traces)
     bounded = [(n, 100 / b) for n, b in zip(names, bounds, strict=False) if b is not None]

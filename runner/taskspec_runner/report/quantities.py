@@ -4,31 +4,34 @@ from __future__ import annotations
 
 import math
 
-from taskspec.text.units import ANGLE, LENGTH, Step, measure_in
+from taskspec.text.units import ANGLE, LENGTH, NUMBER, Dimension, Measure, measure_in, measure_of
 
 #: Less than this in the finest unit is rounding, of the sum or of the simulation.
 NOTHING = 1e-3
 
 
-def scale(unit: str, size: float) -> tuple[float, str]:
+def scale(unit: str | Dimension, size: float) -> tuple[float, str]:
     """Factor and shown unit for a quantity of a size [SI], such as (1e6, "µm")."""
-    for step in _steps(unit):
+    measure = _measure(unit)
+    for step in measure.page:
         if abs(size) >= step.least:
             return step.factor, step.unit
-    return 1.0, unit
+    return 1.0, measure.si
 
 
-def plain_scale(unit: str, size: float) -> tuple[float, str]:
+def plain_scale(unit: str | Dimension, size: float) -> tuple[float, str]:
     """The same for places, which stay in mm and deg however small they are."""
-    measure = measure_in(unit)
-    if measure is not None and measure.dimension in (LENGTH, ANGLE):
+    measure = _measure(unit)
+    if measure.dimension in (LENGTH, ANGLE):
         return next((s.factor, s.unit) for s in measure.page if s.unit == measure.units[0])
     return scale(unit, size)
 
 
-def _steps(unit: str) -> tuple[Step, ...]:
-    measure = measure_in(unit)
-    return () if measure is None else measure.page
+def _measure(unit: str | Dimension) -> Measure:
+    """The row of the table for a dimension, or for an SI unit as the log has it."""
+    if isinstance(unit, Dimension):
+        return measure_of(unit)
+    return measure_in(unit) or Measure("a quantity", NUMBER, unit, ())
 
 
 def figure(value: float, digits: int = 3) -> str:
@@ -43,7 +46,7 @@ def figure(value: float, digits: int = 3) -> str:
     return text.replace("-", "−")
 
 
-def quantity(value: float | None, unit: str, digits: int = 3) -> tuple[str, str]:
+def quantity(value: float | None, unit: str | Dimension, digits: int = 3) -> tuple[str, str]:
     """A value [SI] as figure and unit in the scale that suits it."""
     if value is None:
         return "–", ""
