@@ -91,7 +91,8 @@ def validated(file: str) -> dict[str, Any]:
             main()
     except SystemExit as done:
         code = done.code
-    found = json.loads(printed.getvalue())
+    # Where the file lies is no part of what is found.
+    found = json.loads(printed.getvalue().replace(str(Path(file).parent), "."))
     if found.get("internal_errors"):
         return {"crash": f"internal error: {found['internal_errors']}"}
     return {"exit_code": code, "diagnostics": found["diagnostics"]}
@@ -239,10 +240,11 @@ def places(found: Mapping[str, Any]) -> list[tuple[Any, ...]]:
     return sorted(tuple(d.get(key) or 0 for key in keys) for d in found["diagnostics"])
 
 
-def wording(found: Mapping[str, Any]) -> list[tuple[Any, ...]]:
+def wording(found: Mapping[str, Any]) -> list[str]:
     """What is said in each diagnostic, sorted."""
-    keys = ("code", "line", "column", "message", "hint")
-    return sorted(tuple(str(d.get(key)) for key in keys) for d in found["diagnostics"])
+    where = ("{code} {line}:{column}".format_map(d) for d in found["diagnostics"])
+    said = (f"{d['message']} | {d.get('hint') or ''}" for d in found["diagnostics"])
+    return sorted(f"{place}: {text}" for place, text in zip(where, said, strict=True))
 
 
 @dataclass
@@ -251,14 +253,14 @@ class Row:
 
     Attributes:
         name: group and name of the file. run: `equal`, `differs`, or empty for one that is only
-            validated. detail: what differs. worded: whether a message or hint is another.
+            validated. detail: what differs. worded: messages and hints that are other ones.
         ending: how the run of the tree ended.
     """
 
     name: str
     run: str = ""
     detail: list[str] = field(default_factory=list)
-    worded: bool = False
+    worded: list[str] = field(default_factory=list)
     ending: str = ""
 
 
@@ -266,17 +268,18 @@ def compared(name: str, base: Mapping[str, Any], tree: Mapping[str, Any], logs: 
     """Holds what the tree made of a file against what the base made of it."""
     row = Row(name)
     row.detail += _diagnosed(base["validated"], tree["validated"])
-    crashed = "crash" in base["validated"] or "crash" in tree["validated"]
-    row.worded = not crashed and wording(base["validated"]) != wording(tree["validated"])
+    if "crash" not in base["validated"] and "crash" not in tree["validated"]:
+        before, now = (Counter(wording(each["validated"])) for each in (base, tree))
+        row.worded = [f"- {text}" for text in (before - now).elements()]
+        row.worded += [f"+ {text}" for text in (now - before).elements()]
     if "ran" not in tree:
         return row
-    before, now = base["ran"], tree["ran"]
-    row.ending = _ending(now)
-    wrong = _ended(before, now)
-    if not wrong and "status" in now:
+    row.ending = _ending(tree["ran"])
+    wrong = _ended(base["ran"], tree["ran"])
+    if not wrong and "status" in tree["ran"]:
         reported = difference(logs.base(), logs.tree())
         wrong = [reported] if reported else []
-    elif "status" in before and "status" in now:
+    elif "status" in base["ran"] and "status" in tree["ran"]:
         wrong.append(difference(logs.base(), logs.tree()) or "the logs are equal")
     row.run, row.detail = "differs" if wrong else "equal", row.detail + wrong
     return row
@@ -493,9 +496,12 @@ def progress(text: str) -> None:
         sys.stderr.flush()
 
 
-def report(rows: Iterable[Row], reasons: Mapping[str, str]) -> int:
+def report(rows: Iterable[Row], reasons: Mapping[str, str], *, worded: bool) -> int:
     """Prints the table; how many rows differ without a reason."""
     rows = sorted(rows, key=lambda row: row.name)
+    for row in rows if worded else ():
+        for text in row.worded:
+            say(f"{row.name}: {text}")
     wrong = [row for row in rows if row.detail and row.name not in reasons]
     excepted = [row for row in rows if row.detail and row.name in reasons]
     for title, listed in (("differs", wrong), ("differs on purpose", excepted)):
@@ -516,8 +522,8 @@ def report(rows: Iterable[Row], reasons: Mapping[str, str]) -> int:
             sum(row in wrong for row in of),
             sum(row in excepted for row in of),
         )
-        worded = sum(row.worded for row in of)
-        say(f"{group:10} " + " ".join(f"{n:6}" for n in counts) + f" {worded:8}")
+        other = sum(bool(row.worded) for row in of)
+        say(f"{group:10} " + " ".join(f"{n:6}" for n in counts) + f" {other:8}")
     endings = Counter(row.ending for row in rows if row.ending)
     say("runs: " + ", ".join(f"{n} {how}" for how, n in endings.most_common()))
     return len(wrong)
@@ -538,6 +544,7 @@ def main() -> int:
         default=Path(__file__).with_name("accepted.yaml"),
         help="YAML: group/name of a file that differs on purpose, and the reason",
     )
+    parser.add_argument("--wording", action="store_true", help="show messages that are other ones")
     parser.add_argument("--cache", type=Path, default=ROOT / "runs" / "equivalence")
     parser.add_argument("--worker", action="store_true", help=argparse.SUPPRESS)
     arguments = parser.parse_args()
@@ -570,7 +577,7 @@ def main() -> int:
         return 130
     finally:
         shutil.rmtree(scratch, ignore_errors=True)
-    wrong = report(rows, accepted(arguments.accept))
+    wrong = report(rows, accepted(arguments.accept), worded=arguments.wording)
     say(f"base {commit[:12]}, {len(rows)} files, {time.monotonic() - began:.0f} s")
     return int(wrong > 0)
 

@@ -54,7 +54,7 @@ def test_diagnostics_keep_their_code_and_place(
     base: dict[str, object], tree: dict[str, object], differs: bool, worded: bool
 ) -> None:
     row = compared("x", {"validated": base}, {"validated": tree}, Logs(Path(), Path()))
-    assert (bool(row.detail), row.worded) == (differs, worded)
+    assert (bool(row.detail), bool(row.worded)) == (differs, worded)
 
 
 def test_runs_that_end_otherwise_differ() -> None:
