@@ -59,7 +59,8 @@ class Loop:
         program = compile_task(load_task(TASKS / f"{case.task}.yaml", case.overrides))
         self._parts = assemble(program)
         self._period = program.context.period
-        self._sensing = Sensing(self._parts.plant, self._parts.machine)
+        plant = self._parts.plant
+        self._sensing = Sensing(plant.arm, plant.views.equations, self._parts.machine)
         self._recorder = self._parts.recorder(folder / f"{case.name}.arrow")
         self._resolver: Resolver | None = None
         self._sensing.read()

@@ -34,7 +34,7 @@ def main(task: Path, stage: str) -> None:
     robot, period = program.context.robot, program.context.period
     parts = assemble(program)
     plant, machine = parts.plant, parts.machine
-    sensing = Sensing(plant, machine)
+    sensing = Sensing(plant.arm, plant.views.equations, machine)
     sensing.read()
     machine.start()
     ticks = 0

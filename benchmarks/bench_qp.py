@@ -88,7 +88,7 @@ def _bare_step() -> Callable[[], float]:
     period = program.context.period
     parts = assemble(program)
     plant, machine = parts.plant, parts.machine
-    sensing = Sensing(plant, machine)
+    sensing = Sensing(plant.arm, plant.views.equations, machine)
     sensing.read()
     machine.start()
     ticks = 0

@@ -66,9 +66,9 @@ class Pushed:
         wrench = np.zeros(6)
         wrench[: np.size(force)] = force
         for _ in range(round(seconds * self.task.control.rate)):
-            self.torque = self.jacobian().T @ wrench - spring * (self.plant.q - self.start)
+            self.torque = self.jacobian().T @ wrench - spring * (self.plant.arm.q - self.start)
             self.plant.step(self.torque)
 
     def unbalanced(self) -> Vector:
         """(n,) joint torques [N m] that the held torque and the plant's wrench leave over."""
-        return self.torque + self.jacobian().T @ self.plant.wrench
+        return self.torque + self.jacobian().T @ self.plant.arm.wrench

@@ -127,12 +127,14 @@ def test_rigid_is_as_stiff_as_the_steps_allow(simulate):
 def test_gap_is_mujocos_distance(simulate, shape):
     """The log's gap, from our geometry, against MuJoCo's own on the same poses."""
     from taskspec.spec import load_text
+    from taskspec_runner.plant.arm import SceneArm
     from taskspec_runner.plant.scene import build_scene
 
     text = press(shape, "stiffness: 20 kN/m")
     run = simulate(text)
     robot = run.program.context.robot
-    scene = build_scene(robot, load_text(text, "t").task, run.program.context.start)
+    task = load_text(text, "t").task
+    scene = build_scene(SceneArm(robot, task.robot, run.program.context.start), task)
     data = mujoco.MjData(scene.model)
     tool, thing = (scene.model.geom(name).id for name in (robot.tool_geoms[0], "world/thing"))
     for row in range(0, len(run.history), 400):

@@ -28,7 +28,7 @@ def test_a_push_deforms_by_force_over_stiffness_whatever_the_scale(scale):
     # The slowest joint against its spring decays with 30/200 s: what moves yet is 1e-6 of it.
     assert force / distance == pytest.approx(20e3, rel=1e-5)
     # By the environment, at the tip, with no moment about it: it balances the joints.
-    np.testing.assert_allclose(pushed.plant.wrench, [*(-force * n), 0, 0, 0], atol=1e-12)
+    np.testing.assert_allclose(pushed.plant.arm.wrench, [*(-force * n), 0, 0, 0], atol=1e-12)
     np.testing.assert_allclose(pushed.unbalanced(), 0.0, atol=1e-3)
 
 
@@ -52,8 +52,8 @@ def test_an_equation_on_joints_acts_on_them_alone():
     for _ in range(3000):
         pushed.plant.step(10.0 * n)
     assert pushed.plant.views.equations[0] == pytest.approx(10.0, rel=1e-4)
-    assert n @ (pushed.plant.q - q) == pytest.approx(10.0 / 2e3, rel=1e-4)
-    np.testing.assert_array_equal(pushed.plant.wrench, 0.0)
+    assert n @ (pushed.plant.arm.q - q) == pytest.approx(10.0 / 2e3, rel=1e-4)
+    np.testing.assert_array_equal(pushed.plant.arm.wrench, 0.0)
 
 
 def test_equations_take_no_power_but_what_moves():
@@ -61,11 +61,11 @@ def test_equations_take_no_power_but_what_moves():
     pushed = Pushed(slope(more="stiffness: rigid, damping: 0 N*s/m"))
     pushed.push(np.array([5.0, 10.0, -5.0]), 0.05)
     plant, n = pushed.plant, np.array([1.0, 0.0, 1.0]) / np.sqrt(2)
-    before = plant.kinetic_energy()
+    before = plant.arm.kinetic_energy()
     pushed.push(0.0, 0.1)
     spring = 0.5 * plant.views.equations[0] ** 2 / stiffness(pushed)
     # Semi-implicit Euler keeps energy to first order in the step.
-    assert plant.kinetic_energy() + spring == pytest.approx(before, rel=5e-3)
+    assert plant.arm.kinetic_energy() + spring == pytest.approx(before, rel=5e-3)
     assert abs(n @ (pushed.tip - [0.5, 0.0, 0.4])) < 1e-4
 
 

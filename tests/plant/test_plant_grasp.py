@@ -38,13 +38,15 @@ def block(damping: float = 0.0) -> Pushed:
 
 
 def held_body(pushed: Pushed) -> int:
-    return int(pushed.model.site_bodyid[pushed.model.site("world/grip/held").id])
+    site = pushed.model.site(pushed.plant.scene.arm.element("grip/held")).id
+    return int(pushed.model.site_bodyid[site])
 
 
 def relative(pushed: Pushed) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """(6,) pose, velocity and acceleration of the tip against what it holds, world axes."""
     m, d = pushed.model, pushed.data
-    sites = [m.site(f"world/grip/{name}").id for name in ("tip", "held")]
+    arm = pushed.plant.scene.arm
+    sites = [m.site(arm.element(f"grip/{name}")).id for name in ("tip", "held")]
     bodies = [pushed.body, held_body(pushed)]
     turned = [d.site_xmat[s].reshape(3, 3) for s in sites]
     pose = np.concatenate(
@@ -73,13 +75,13 @@ def test_the_coupling_has_the_declared_stiffness_and_damping(make):
         data.qpos[:7] = pushed.start + 3e-4 * rng.normal(size=7)
         data.qvel[:] = 1e-2 * rng.normal(size=pushed.model.nv)
         mujoco.mj_forward(pushed.model, data)
-        plant._read_forces()
+        plant.arm.read_forces()
         pose, rate, acceleration = relative(pushed)
         expected = -(k * pose + b * rate + b * 1e-3 * acceleration)
         # Angles of 1e-3 make sin(angle/2) and its axes differ from the rotation vector by 1e-3;
         # J' q' of the acceleration is left out: 0.3 kg * (0.03 rad/s)^2 * 1 m.
-        np.testing.assert_allclose(plant.wrench[:3], expected[:3], rtol=1e-3, atol=1e-3)
-        np.testing.assert_allclose(plant.wrench[3:], expected[3:], rtol=5e-3, atol=2e-3)
+        np.testing.assert_allclose(plant.arm.wrench[:3], expected[:3], rtol=1e-3, atol=1e-3)
+        np.testing.assert_allclose(plant.arm.wrench[3:], expected[3:], rtol=5e-3, atol=2e-3)
 
 
 def test_a_held_weight_is_felt_as_it_is():
@@ -87,10 +89,10 @@ def test_a_held_weight_is_felt_as_it_is():
     pushed.push(0.0, 4.0, spring=2000.0)
     weight = np.array([0.0, 0.0, -1.5 * 9.81])
     lever = pushed.data.xipos[held_body(pushed)] - pushed.tip
-    np.testing.assert_allclose(pushed.plant.wrench[:3], weight, rtol=1e-4, atol=1e-3)
-    np.testing.assert_allclose(pushed.plant.wrench[3:], np.cross(lever, weight), atol=1e-4)
+    np.testing.assert_allclose(pushed.plant.arm.wrench[:3], weight, rtol=1e-4, atol=1e-3)
+    np.testing.assert_allclose(pushed.plant.arm.wrench[3:], np.cross(lever, weight), atol=1e-4)
     np.testing.assert_allclose(pushed.unbalanced(), 0.0, atol=1e-3)
-    assert pushed.plant.object_forces[0] == pytest.approx(1.5 * 9.81, rel=1e-4)
+    assert pushed.plant.arm.object_forces[0] == pytest.approx(1.5 * 9.81, rel=1e-4)
     # The tip is above what hangs on it.
     sag = relative(pushed)[0]
     assert sag[2] == pytest.approx(-weight[2] / GRIP.stiffness, rel=1e-2)
@@ -101,7 +103,7 @@ def test_a_moment_on_a_fixed_knob_turns_and_one_on_a_free_knob_does_not():
         pushed = crank(f"knob: {knob}, stop: 0 .. 60 deg", damping=10.0)
         pushed.push([0, 0, 0, 0, 0, -3.0], 2.0, spring=500.0)
         effort = pushed.plant.views.mechanism_efforts[0]
-        force, moment = pushed.plant.wrench[:3], pushed.plant.wrench[3:]
+        force, moment = pushed.plant.arm.wrench[:3], pushed.plant.arm.wrench[3:]
         lever = pushed.tip - [0.5, 0, 0.4]
         expected = -(np.cross(lever, force)[2] + (moment[2] if turns else 0.0))
         # The force acts at the handle, which is |force|/k away from the tip.
@@ -124,11 +126,11 @@ def test_power_from_the_robot_is_energy_and_losses(world, inertia, damping):
     b = np.repeat([GRIP.damping, GRIP.angular_damping], 3)
     way = []
     for k in range(600):
-        J, before = pushed.jacobian(), pushed.plant.v.copy()
+        J, before = pushed.jacobian(), pushed.plant.arm.v.copy()
         pushed.push([-30.0, 20.0 * np.cos(k / 50), 5.0], 1e-3)
         views, slip = pushed.plant.views, relative(pushed)[1]
-        tip = J @ (before + pushed.plant.v) / 2
-        power, loss = -pushed.plant.wrench @ tip, slip @ (b * slip)
+        tip = J @ (before + pushed.plant.arm.v) / 2
+        power, loss = -pushed.plant.arm.wrench @ tip, slip @ (b * slip)
         way.append((views.mechanism_rates[0], views.mechanism_efforts[0], power, loss))
     rate, effort, power, loss = np.array(way).T
     # In step k the effort acts between the rates k and k + 1: a semi-implicit step's own balance.
@@ -151,14 +153,14 @@ def test_the_lightest_knob_does_not_ring():
     forces = []
     for _ in range(200):
         pushed.push([0.0, 15.0, 0.0], 1e-3)
-        forces.append(pushed.plant.wrench.copy())
+        forces.append(pushed.plant.arm.wrench.copy())
     # A ringing grip would alternate from step to step.
     assert np.max(np.abs(np.diff(forces, 2, axis=0))) < 0.05
 
 
 def test_a_grasp_is_at_rest_before_the_run():
     for pushed in (crank(), crank("knob: fixed")):
-        np.testing.assert_allclose(pushed.plant.wrench, 0.0, atol=1e-6)
+        np.testing.assert_allclose(pushed.plant.arm.wrench, 0.0, atol=1e-6)
 
 
 @pytest.mark.parametrize("knob", ["free", "fixed"])

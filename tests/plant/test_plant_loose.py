@@ -74,10 +74,12 @@ def test_the_tool_pushes_with_the_bodys_own_stiffness():
     pushed = Pushed(f"{table}, thing: {{{BOX}, {under}}}", damping=20.0)
     pushed.push([0, 0, -20.0], 2.0, spring=300.0)
     pushed.plant._read_state()
-    force = pushed.plant.wrench[2]
+    force = pushed.plant.arm.wrench[2]
     assert force > 5.0
-    assert pushed.plant.object_forces[0] == 0.0
-    assert pushed.plant.object_forces[1] == pytest.approx(np.linalg.norm(pushed.plant.wrench[:3]))
+    assert pushed.plant.arm.object_forces[0] == 0.0
+    assert pushed.plant.arm.object_forces[1] == pytest.approx(
+        np.linalg.norm(pushed.plant.arm.wrench[:3])
+    )
     pose = pushed.plant.views.loose
     assert 0.374 - pose[2] == pytest.approx((1.5 * G + force) / 10e3, rel=1e-3)
     assert pose[2] + 0.025 - pushed.tip[2] == pytest.approx(force / 4e3, rel=1e-3)

@@ -136,4 +136,4 @@ def test_the_arm_comes_first():
     momentum = np.zeros(pushed.model.nv)
     pushed.data.qvel[:] = 1.0
     mujoco.mj_mulM(pushed.model, pushed.data, momentum, pushed.data.qvel)
-    assert pushed.plant.kinetic_energy() == pytest.approx(0.5 * momentum[:7].sum(), rel=1e-12)
+    assert pushed.plant.arm.kinetic_energy() == pytest.approx(0.5 * momentum[:7].sum(), rel=1e-12)

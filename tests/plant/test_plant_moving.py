@@ -22,7 +22,7 @@ def logged(pushed: Pushed, force: list[float], seconds: float, spring: float = 5
     for _ in range(round(seconds * 1000)):
         clock = pushed.data.time
         pushed.push(force, 1e-3, spring=spring)
-        rows.append([clock, *pushed.tip, *pushed.plant.wrench])
+        rows.append([clock, *pushed.tip, *pushed.plant.arm.wrench])
     return np.array(rows).T
 
 
@@ -103,4 +103,4 @@ def test_an_arm_far_from_what_moves_does_not_feel_it():
     )
     for pushed in (still, beside):
         pushed.push([3.0, 4.0, 5.0], 0.2)
-    np.testing.assert_allclose(still.plant.q, beside.plant.q, atol=1e-13)
+    np.testing.assert_allclose(still.plant.arm.q, beside.plant.arm.q, atol=1e-13)

@@ -28,16 +28,16 @@ def test_at_rest_it_shows_the_tools_weight():
     pushed.push(0.0, 0.2)
     R = pushed.data.xmat[pushed.body].reshape(3, 3)
     weight = np.array([0.0, 0.0, -0.8 * 9.81])
-    np.testing.assert_allclose(pushed.plant.wrist[:3], weight, atol=1e-9)
+    np.testing.assert_allclose(pushed.plant.arm.wrist[:3], weight, atol=1e-9)
     lever = R @ inertia(pushed).lever
-    np.testing.assert_allclose(pushed.plant.wrist[3:], np.cross(lever, weight), atol=1e-9)
+    np.testing.assert_allclose(pushed.plant.arm.wrist[3:], np.cross(lever, weight), atol=1e-9)
 
 
 def test_in_motion_it_shows_weight_and_inertia():
     """Against Pinocchio's force of the tool alone, with the step's own acceleration."""
     pushed = wrist("")
     pushed.push([3.0, -5.0, 4.0, 0.4, 0.3, -0.2], 0.1)
-    robot, before = pushed.robot, (pushed.plant.q.copy(), pushed.plant.v.copy())
+    robot, before = pushed.robot, (pushed.plant.arm.q.copy(), pushed.plant.arm.v.copy())
     pushed.push([3.0, -5.0, 4.0, 0.4, 0.3, -0.2], 1e-3)
     data = robot.pin.createData()
     pin.forwardKinematics(robot.pin, data, *before, np.array(pushed.data.qacc[:7]))
@@ -49,25 +49,25 @@ def test_in_motion_it_shows_weight_and_inertia():
     force = Y * (rate - gravity) + twist.cross(Y * twist)
     expected = -np.concatenate([pose.rotation @ force.linear, pose.rotation @ force.angular])
     assert np.linalg.norm(expected[:3] - [0, 0, -0.8 * 9.81]) > 1.0
-    np.testing.assert_allclose(pushed.plant.wrist, expected, atol=1e-9)
+    np.testing.assert_allclose(pushed.plant.arm.wrist, expected, atol=1e-9)
 
 
 def test_contact_is_added():
     pushed = wrist(TABLE, damping=20.0)
     pushed.push([5.0, 0, -30.0], 3.0, spring=500.0)
-    assert pushed.plant.wrench[2] > 5.0
+    assert pushed.plant.arm.wrench[2] > 5.0
     R = pushed.data.xmat[pushed.body].reshape(3, 3)
     weight = np.array([0.0, 0.0, -0.8 * 9.81])
     tool = np.concatenate([weight, np.cross(R @ inertia(pushed).lever, weight)])
-    np.testing.assert_allclose(pushed.plant.wrist, pushed.plant.wrench + tool, atol=1e-3)
+    np.testing.assert_allclose(pushed.plant.arm.wrist, pushed.plant.arm.wrench + tool, atol=1e-3)
 
 
 def test_reading_it_changes_nothing():
     felt, plain = wrist(TABLE), Pushed(TABLE, TOOL)
     for pushed in (felt, plain):
         pushed.push([0, 0, -30.0], 0.05)
-    np.testing.assert_array_equal(felt.plant.q, plain.plant.q)
-    np.testing.assert_array_equal(felt.plant.wrench, plain.plant.wrench)
-    assert plain.plant.wrist is None
+    np.testing.assert_array_equal(felt.plant.arm.q, plain.plant.arm.q)
+    np.testing.assert_array_equal(felt.plant.arm.wrench, plain.plant.arm.wrench)
+    assert plain.plant.arm.wrist is None
     with pytest.raises(KeyError):
-        mujoco.MjModel.sensor(plain.model, "world/wrist/linear")
+        mujoco.MjModel.sensor(plain.model, plain.plant.scene.arm.element("wrist/linear"))

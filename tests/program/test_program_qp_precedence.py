@@ -257,7 +257,7 @@ class Stepped:
         self.program = compile_unchecked(load_text(text, "press.yaml"))
         self.parts = assemble(self.program)
         self.machine, self.plant = self.parts.machine, self.parts.plant
-        self.sensing = loop.Sensing(self.plant, self.machine, 0)
+        self.sensing = loop.Sensing(self.plant.arm, self.plant.views.equations, self.machine)
         self.sensing.read()
         self.machine.start()
         self.clock = 0.0
@@ -364,7 +364,7 @@ def test_three_ticks_of_nan_from_the_sensor_are_survived(when):
         assert np.all(np.isfinite(run.memory))
     assert run.machine.ended == ""
     assert run.resolver.account.held == 3
-    force = -run.plant.wrench[2]
+    force = -run.plant.arm.wrench[2]
     assert abs(force) < 60
 
 

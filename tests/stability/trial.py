@@ -162,9 +162,9 @@ class Kept:
     def add(self) -> None:
         if len(self.velocities) == self.when:
             self._push()
-        self.velocities.append(self.parts.plant.v.copy())
+        self.velocities.append(self.parts.plant.arm.v.copy())
         if len(self.velocities) > self.when:
-            self.lost |= not np.any(self.parts.plant.wrench[:3])
+            self.lost |= not np.any(self.parts.plant.arm.wrench[:3])
 
     def _push(self) -> None:
         """A small velocity along the normal of the contact, and a smaller one of every joint."""
@@ -175,7 +175,7 @@ class Kept:
         felt = 1 / float(J @ along)
         speed = PUSH / math.sqrt(context.compliances[name].stiffness * felt)
         shake = np.random.default_rng(SEED).uniform(-SHAKE, SHAKE, len(J))
-        self.parts.plant.v[:] += -along * felt * speed + shake
+        self.parts.plant.arm.v[:] += -along * felt * speed + shake
 
     def growth(self, joint: int, ticks: int) -> tuple[float, bool]:
         """Rate [1/s] at which a joint's motion grows, and whether it does.

@@ -65,7 +65,8 @@ def run(
 
     `seed` is that of everything random in the run: the noise of the sensor.
     """
-    sensing = Sensing(plant, machine, seed)
+    arm = plant.arm
+    sensing = Sensing(arm, plant.views.equations, machine, seed)
     clock_slot, t_slot, stage_slot = (bus.slices[name].start for name in ("clock", "t", "stage"))
     array, torque = bus.array, machine.torque
     health = bus.slices["health"].start
@@ -90,7 +91,7 @@ def run(
         add()
         ticks += 1
         clock = ticks * period
-        if plant.diverged or ticks % _LOOK_EVERY == 0:
+        if arm.diverged or ticks % _LOOK_EVERY == 0:
             alarm = plant.alarm()
             if alarm is not None:
                 return _stopped(*alarm, machine, clock, ticks)

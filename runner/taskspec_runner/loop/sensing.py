@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from taskspec.control.sensor import RunningSensor, SensorModel
 from taskspec.program.execution.machine import Machine
 from taskspec.program.execution.sensor_zero import SensorZero
-from taskspec_runner.plant.plant import Plant
+from taskspec_runner.plant.plant import PlantArm
 
 Vector = NDArray[np.float64]
 
@@ -23,14 +23,20 @@ class Sensing:
     So do the reactions of constraints on joints.
     """
 
-    def __init__(self, plant: Plant, machine: Machine, seed: int = 0) -> None:
-        """Connects a plant to a controller; `seed` is that of the sensor's noise."""
-        self._from = (plant.q, plant.v, plant.wrench)
+    def __init__(self, arm: PlantArm, reactions: Vector, machine: Machine, seed: int = 0) -> None:
+        """Connects an arm to its controller.
+
+        Args:
+            arm: that is measured.
+            reactions: (equations,) of constraints on it.
+            machine: that gets what is measured.
+            seed: of the sensor's noise.
+        """
+        self._from = (arm.q, arm.v, arm.wrench)
         self._to = (machine.q, machine.v, machine.wrench)
-        reactions = plant.views.equations
         self._reactions = (reactions, machine.reactions) if reactions.size else None
         zero = machine.sensor
-        self._sensor = None if zero is None else ForceSensor(plant, zero, machine.period, seed)
+        self._sensor = None if zero is None else ForceSensor(arm, zero, machine.period, seed)
 
     def read(self) -> None:
         """Copies the measurement into the controller's inputs."""
@@ -49,11 +55,11 @@ class Sensing:
 class ForceSensor:
     """A sensor that turns with the tool: bias and noise, low-pass, sample and hold, delay."""
 
-    def __init__(self, plant: Plant, zero: SensorZero, period: float, seed: int) -> None:
-        """The sensor of `plant`, whose readings `zero` gets; `period` is that of control [s]."""
-        sensor = plant.sensor
-        self._true = plant.wrench if plant.wrist is None else plant.wrist
-        self._rotation = plant.tip_rotation
+    def __init__(self, arm: PlantArm, zero: SensorZero, period: float, seed: int) -> None:
+        """The sensor of `arm`, whose readings `zero` gets; `period` is that of control [s]."""
+        sensor = arm.sensor
+        self._true = arm.wrench if arm.wrist is None else arm.wrist
+        self._rotation = arm.tip_rotation
         self._to = zero.reading
         self._bias = np.array(sensor.bias)
         noise = sensor.noise

@@ -1,4 +1,7 @@
-"""Contacts of the declared stiffness, damping and friction.
+"""Contacts: what of a scene touches what, with the declared stiffness, damping and friction.
+
+A contact of two things has the values of the declared shape that stands still or is driven; of two
+loose bodies those of the softer one, and with a tool those of the shape that it touches.
 
 MuJoCo's contact with a constant impedance d is a spring and damper of solref's direct form with
 the virtual mass d/((1 - d) A) added, A the sum of the bodies' translational invweight0. The direct
@@ -15,15 +18,71 @@ import mujoco
 from taskspec.program.world.stiffness import (
     IMPEDANCE,
     Compliance,
+    compliance,
+    contact_mobility,
     creep,
+    mobility_of,
+    pair_compliance,
     settling_rate,
     virtual_mass_scale,
 )
 from taskspec.robot import RobotModel
+from taskspec.spec import Task
+from taskspec_runner.plant.arm import SceneArm
+from taskspec_runner.plant.loose import loose, point_name, solid_of
+from taskspec_runner.plant.names import PREFIX
 
 _NO_SPRING = 1e-9
 #: A friction of exactly zero would leave MuJoCo's elliptic cone without a size.
 _LEAST_FRICTION = 1e-5
+
+
+def add_tool_pairs(spec: mujoco.MjSpec, arm: SceneArm, task: Task) -> None:
+    """Adds the contacts of an arm's tool with every shape that it does not hold."""
+    robot, period = arm.robot, 1.0 / task.control.plant_rate
+    for name, shape in task.shapes.items():
+        if name == arm.held:
+            continue
+        declared = compliance(shape, robot, arm.start, period)
+        mobility = contact_mobility(robot, shape)
+        for geom in robot.tool_geoms:
+            pair = spec.add_pair(geomname1=PREFIX + name, geomname2=geom, condim=3)
+            contact_parameters(
+                pair,
+                declared,
+                shape.friction,
+                points=len(robot.tool_geoms),
+                mobility=mobility,
+                plant_period=period,
+            )
+
+
+def add_loose_pairs(spec: mujoco.MjSpec, task: Task) -> None:
+    """Adds the contacts of loose bodies with every other shape."""
+    order, period = list(task.shapes), 1.0 / task.control.plant_rate
+    for name, body in loose(task).items():
+        solid = solid_of(body)
+        for other, shape in task.shapes.items():
+            if other == name or (shape.free and order.index(other) > order.index(name)):
+                continue
+            mobility = mobility_of(body) + mobility_of(shape)
+            # `rigid` is what one step of the plant resolves with this body's mass.
+            declared = pair_compliance(shape, 1.0 / mobility, period)
+            own, friction = pair_compliance(body, 1.0 / mobility, period), shape.friction
+            if shape.free and own.stiffness < declared.stiffness:
+                declared, friction = own, body.friction
+            for number in range(len(solid.contact_points()[0])):
+                pair = spec.add_pair(
+                    geomname1=PREFIX + other, geomname2=point_name(name, number), condim=3
+                )
+                contact_parameters(
+                    pair,
+                    declared,
+                    friction,
+                    points=solid.resting_points,
+                    mobility=mobility,
+                    plant_period=period,
+                )
 
 
 def contact_parameters(

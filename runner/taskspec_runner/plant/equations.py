@@ -15,13 +15,14 @@ from taskspec.program.world.equations import equation_models, reaction
 from taskspec.program.world.stiffness import equation_compliance
 from taskspec.robot import RobotModel
 from taskspec.spec import Task
+from taskspec_runner.plant.arm import SceneArm
 
 Vector = NDArray[np.float64]
 _XBODY = mujoco.mjtObj.mjOBJ_XBODY
 
 
 class Equations:
-    """All equations of a task, as forces on the arm.
+    """All equations of a task, as forces on an arm.
 
     Attributes:
         on_tip: (3,) what the Cartesian ones exert on the tool tip, world axes [N].
@@ -32,21 +33,20 @@ class Equations:
         self,
         model: mujoco.MjModel,
         data: mujoco.MjData,
-        robot: RobotModel,
+        arm: SceneArm,
         task: Task,
-        start: Vector,
         applied: Vector,
     ) -> None:
         self._model, self._data = model, data
-        self._body = model.body(robot.tip_body).id
-        n = robot.pin.nv
+        places = arm.places(model)
+        self._body = places.tip
         self.applied, self.on_tip = applied, np.zeros(3)
-        function = reaction_function(robot, task, start)
+        function = reaction_function(arm.robot, task, arm.start)
         self._clock, self._velocity = np.zeros(1), np.zeros(6)
-        self._on_joints = np.zeros(n)
-        self._q, self._v = data.qpos[:n], data.qvel[:n]
+        self._on_joints = np.zeros(arm.robot.pin.nv)
+        self._q, self._v = data.qpos[places.positions], data.qvel[places.velocities]
         self._tip = data.xpos[self._body]
-        self._torque = data.qfrc_applied[:n]
+        self._torque = data.qfrc_applied[places.velocities]
         self._buffer, self._evaluate = function.buffer()
         # The buffer keeps addresses, not references: what it sees must outlive it.
         self._arguments = [self._tip, self._velocity[3:], self._q, self._v, self._clock]

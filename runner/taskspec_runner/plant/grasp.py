@@ -14,31 +14,30 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.program.world.grip import GRIP
-from taskspec.robot import RobotModel
 from taskspec.spec import Mechanism, Task
+from taskspec_runner.plant.arm import SceneArm
 from taskspec_runner.plant.names import KNOB, PREFIX
 
 Vector = NDArray[np.float64]
 
-_TIP, _HELD = PREFIX + "grip/tip", PREFIX + "grip/held"
-_ROWS = 9
+_TIP, _HELD, _CONNECT, _WELD = "grip/tip", "grip/held", "grip/connect", "grip/weld"
+#: Rows among the constraints' of a connect, which comes first, and of a weld.
+_CONNECT_ROWS, _WELD_ROWS = 3, 6
 #: Share of the translational stiffness that the weld carries.
 _SHARE = 0.5
 
 
-def add_grip(spec: mujoco.MjSpec, robot: RobotModel, task: Task, start: Vector) -> None:
-    """Adds the coupling of the tool and what `robot.grasp` names, before any other equality.
+def add_grip(spec: mujoco.MjSpec, arm: SceneArm, task: Task) -> None:
+    """Adds the coupling of an arm's tool and what it holds, before any equality but other grips'.
 
     Tip and handle coincide when the coupling is relaxed, and the tool has the orientation to the
-    handle that it has at `start` (n,) with the mechanism at zero; a loose body is held as it lies.
+    handle that it has at the arm's start with the mechanism at zero; a loose body is held as it
+    lies.
     """
-    grasp = task.robot.grasp
-    assert grasp is not None
-    name = grasp.partition(".")[0]
-    held = task.world[name]
-    R, p = _pose(robot.model, robot.tip_body, start)
-    spec.body(robot.tip_body).add_site(name=_TIP, group=5)
-    body, at = PREFIX + name, None
+    held, robot = task.world[arm.held], arm.robot
+    R, p = _pose(robot.model, robot.tip_body, arm.start)
+    spec.body(robot.tip_body).add_site(name=arm.element(_TIP), group=5)
+    body, at = PREFIX + arm.held, None
     if isinstance(held, Mechanism):
         at = np.array(held.handle)
         if held.knob == "free":
@@ -48,14 +47,14 @@ def add_grip(spec: mujoco.MjSpec, robot: RobotModel, task: Task, start: Vector) 
     quaternion = np.zeros(4)
     mujoco.mju_mat2Quat(quaternion, np.ascontiguousarray(R_held.T @ R).ravel())
     place = R_held.T @ (p - p_held) if at is None else at
-    spec.body(body).add_site(name=_HELD, pos=place, quat=quaternion, group=5)
-    for kind in (mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtEq.mjEQ_WELD):
+    spec.body(body).add_site(name=arm.element(_HELD), pos=place, quat=quaternion, group=5)
+    for name, kind in ((_CONNECT, mujoco.mjtEq.mjEQ_CONNECT), (_WELD, mujoco.mjtEq.mjEQ_WELD)):
         spec.add_equality(
-            name=f"{PREFIX}grip/{kind.name}",
+            name=arm.element(name),
             type=kind,
             objtype=mujoco.mjtObj.mjOBJ_SITE,
-            name1=_TIP,
-            name2=_HELD,
+            name1=arm.element(_TIP),
+            name2=arm.element(_HELD),
         )
 
 
@@ -66,15 +65,16 @@ def _pose(model: mujoco.MjModel, body: str, qpos: Vector) -> tuple[Vector, Vecto
     return data.body(body).xmat.reshape(3, 3).copy(), data.body(body).xpos.copy()
 
 
-def calibrate(model: mujoco.MjModel) -> None:
+def calibrate(model: mujoco.MjModel, arm: SceneArm) -> None:
     """Sets the coupling's parameters once MuJoCo has found the bodies' inverse weights."""
     period = model.opt.timestep
-    bodies = [int(model.site_bodyid[model.site(name).id]) for name in (_TIP, _HELD)]
+    sites = [model.site(arm.element(name)).id for name in (_TIP, _HELD)]
+    bodies = [int(model.site_bodyid[site]) for site in sites]
     linear, angular = (float(a) for a in model.body_invweight0[bodies].sum(axis=0))
     ratio = GRIP.angular_stiffness / (_SHARE * GRIP.stiffness)
     k = _SHARE * GRIP.stiffness
     b = GRIP.angular_damping / ratio
-    weld, connect = (model.equality(f"{PREFIX}grip/mjEQ_{kind}").id for kind in ("WELD", "CONNECT"))
+    weld, connect = (model.equality(arm.element(name)).id for name in (_WELD, _CONNECT))
     _set(model, weld, k, b, b * period, linear)
     rest = GRIP.damping - b
     _set(model, connect, GRIP.stiffness - k, rest, rest * period, linear)
@@ -89,32 +89,36 @@ def _set(model: mujoco.MjModel, number: int, k: float, b: float, mass: float, A:
 
 
 class Grip:
-    """What the coupling exerts.
+    """What the coupling of an arm's tool exerts.
 
     Attributes:
         wrench: (6,) by what is held on the tool, moment about the tip, world axes [N, N m].
     """
 
-    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, task: Task) -> None:
+    def __init__(
+        self, model: mujoco.MjModel, data: mujoco.MjData, arm: SceneArm, task: Task
+    ) -> None:
         self._data = data
-        name = (task.robot.grasp or "").partition(".")[0]
-        held = task.world[name]
+        held = task.world[arm.held]
         self.wrench = np.zeros(6)
-        tip, handle = model.site(_TIP).id, model.site(_HELD).id
+        tip, handle = (model.site(arm.element(name)).id for name in (_TIP, _HELD))
         self._tip_quat = data.xquat[model.site_bodyid[tip]]
         self._held_quat = data.xquat[model.site_bodyid[handle]]
         self._mount = np.array(model.site_quat[handle])
         self._point = data.site_xpos[handle]
-        weld = model.equality(f"{PREFIX}grip/mjEQ_WELD").id
+        weld = model.equality(arm.element(_WELD)).id
+        # Nothing but grips comes before a grip among the equalities, two of them each.
+        first = (weld - 1) // 2 * (_CONNECT_ROWS + _WELD_ROWS)
+        self._rows = slice(first, first + _CONNECT_ROWS + _WELD_ROWS)
         self._half_scale = 0.5 * float(model.eq_data[weld, 10])
         self._mechanism = held if isinstance(held, Mechanism) else None
-        self._axis = data.xmat[model.body(PREFIX + name).id].reshape(3, 3)[:, 2]
-        self._center = data.xpos[model.body(PREFIX + name).id]
+        self._axis = data.xmat[model.body(PREFIX + arm.held).id].reshape(3, 3)[:, 2]
+        self._center = data.xpos[model.body(PREFIX + arm.held).id]
         self._quats = [np.zeros(4) for _ in range(3)]
 
     def read(self) -> None:
         """Reads the wrench of the last step, at the pose where that began."""
-        rows = self._data.efc_force[:_ROWS]
+        rows = self._data.efc_force[self._rows]
         self.wrench[:3] = rows[:3] + rows[3:6]
         product, other, force = self._quats
         force[1:] = rows[6:9]

@@ -6,17 +6,16 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from taskspec.program.world.stiffness import IMPRATIO
-from taskspec.robot import RobotModel
 from taskspec.spec import Task
 from taskspec_runner.plant import grasp
+from taskspec_runner.plant.arm import SceneArm
+from taskspec_runner.plant.contact import add_loose_pairs, add_tool_pairs
 from taskspec_runner.plant.looks import dress
 from taskspec_runner.plant.mechanisms import add_mechanism, add_thread
 from taskspec_runner.plant.moving_base import moving
 from taskspec_runner.plant.names import PREFIX
-from taskspec_runner.plant.pairs import add_pairs
 from taskspec_runner.plant.shapes import COLORS, add_shape
 from taskspec_runner.plant.wrist import add_wrist
 
@@ -27,52 +26,55 @@ class Scene:
 
     Attributes:
         model: MuJoCo's model; the arm's joints come first.
+        arm: that it was built with.
         objects: names of the world's shapes, in the order of `sensors`.
         sensors: for each of them the slice of `sensordata` that holds force (3), torque (3) and
-            point (3) of the contact between tool and object, world axes.
+            point (3) of the contact between the arm's tool and the object, world axes.
     """
 
     model: mujoco.MjModel
+    arm: SceneArm
     objects: tuple[str, ...]
     sensors: tuple[slice, ...]
 
 
-def build_scene(robot: RobotModel, task: Task, start: NDArray[np.float64]) -> Scene:
+def build_scene(arm: SceneArm, task: Task) -> Scene:
     """Compiles the scene of a task.
 
     Args:
-        robot: the arm; its MjSpec is copied, not changed.
-        task: whose `world`, `robot` and `control` are the true ones.
-        start: (n,) joint positions where the run begins.
+        arm: in it; its MjSpec is copied, not changed.
+        task: whose `world` and `control` are the true ones.
     """
+    robot = arm.robot
     spec = robot.spec.copy()
     period = 1.0 / task.control.plant_rate
     _set_options(spec.option, period)
     dress(spec)
-    damping = np.broadcast_to(task.robot.joint_damping, len(robot.joint_names))
+    damping = np.broadcast_to(arm.declared.joint_damping, len(robot.joint_names))
     for joint, value in zip(robot.joint_names, damping, strict=True):
         spec.joint(joint).damping = [float(value), 0.0, 0.0]
-    begin = task.robot.start
+    begin = arm.declared.start
     near = None if begin is None or begin.xyz is None else np.array(begin.xyz)
     for number, (name, shape) in enumerate(task.shapes.items()):
         add_shape(spec, name, shape, near, COLORS[number % len(COLORS)])
-        _add_sensor(spec, robot, name)
-    add_pairs(spec, robot, task, start)
-    if task.robot.sensor.at == "wrist":
-        add_wrist(spec, robot)
-    _add_mechanisms(spec, robot, task, start)
+        _add_sensor(spec, arm, name)
+    add_tool_pairs(spec, arm, task)
+    add_loose_pairs(spec, task)
+    if arm.declared.sensor.at == "wrist":
+        add_wrist(spec, arm)
+    _add_mechanisms(spec, arm, task)
     model = spec.compile()
-    if task.robot.grasp is not None:
-        grasp.calibrate(model)
+    if arm.held:
+        grasp.calibrate(model, arm)
     # The solver's tolerance is relative to this; what is driven has no bounds to its inertia.
     model.stat.meaninertia = robot.model.stat.meaninertia
     if moving(task):
         # Cameras go by these; the block that stands for a moving plane has no bounds either.
         model.stat.extent = robot.model.stat.extent
         model.stat.center = robot.model.stat.center
-    addresses = [int(model.sensor(PREFIX + name).adr[0]) for name in task.shapes]
+    addresses = [int(model.sensor(arm.element(name)).adr[0]) for name in task.shapes]
     sensors = tuple(slice(address, address + 9) for address in addresses)
-    return Scene(model, tuple(task.shapes), sensors)
+    return Scene(model, arm, tuple(task.shapes), sensors)
 
 
 def _set_options(option: mujoco.MjOption, period: float) -> None:
@@ -88,16 +90,14 @@ def _set_options(option: mujoco.MjOption, period: float) -> None:
     option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
 
 
-def _add_mechanisms(
-    spec: mujoco.MjSpec, robot: RobotModel, task: Task, start: NDArray[np.float64]
-) -> None:
+def _add_mechanisms(spec: mujoco.MjSpec, arm: SceneArm, task: Task) -> None:
     """Mechanisms, the coupling of the tool to what it holds, and the threads of screws."""
     period = 1.0 / task.control.plant_rate
     for name, declared in task.mechanisms.items():
         add_mechanism(spec, name, declared, period)
     # The grip's rows come first among the constraints.
-    if task.robot.grasp is not None:
-        grasp.add_grip(spec, robot, task, start)
+    if arm.held:
+        grasp.add_grip(spec, arm, task)
     for name, declared in task.mechanisms.items():
         if declared.mechanism == "screw":
             add_thread(spec, name, declared.lead, period)
@@ -109,13 +109,13 @@ _FORCE_TORQUE_POINT = (1 << 1) | (1 << 2) | (1 << 4)
 _NET_FORCE = 3
 
 
-def _add_sensor(spec: mujoco.MjSpec, robot: RobotModel, name: str) -> None:
+def _add_sensor(spec: mujoco.MjSpec, arm: SceneArm, name: str) -> None:
     spec.add_sensor(
-        name=PREFIX + name,
+        name=arm.element(name),
         type=mujoco.mjtSensor.mjSENS_CONTACT,
         objtype=mujoco.mjtObj.mjOBJ_GEOM,
         objname=PREFIX + name,
         reftype=mujoco.mjtObj.mjOBJ_BODY,
-        refname=robot.tip_body,
+        refname=arm.robot.tip_body,
         intprm=[_FORCE_TORQUE_POINT, _NET_FORCE, 1],
     )

@@ -6,23 +6,26 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec.robot import RobotModel
-from taskspec_runner.plant.names import PREFIX
+from taskspec_runner.plant.arm import SceneArm
 
 Vector = NDArray[np.float64]
 
-_LINEAR, _ANGULAR, _TURNING = (f"{PREFIX}wrist/{name}" for name in ("linear", "angular", "turning"))
+#: What is measured of how the tool's own body moves, by the names of the sensors.
+_MOTION = {
+    "wrist/linear": mujoco.mjtSensor.mjSENS_FRAMELINACC,
+    "wrist/angular": mujoco.mjtSensor.mjSENS_FRAMEANGACC,
+    "wrist/turning": mujoco.mjtSensor.mjSENS_FRAMEANGVEL,
+}
 
 
-def add_wrist(spec: mujoco.MjSpec, robot: RobotModel) -> None:
+def add_wrist(spec: mujoco.MjSpec, arm: SceneArm) -> None:
     """Adds sensors of how the tool's own body accelerates."""
-    for name, kind in (
-        (_LINEAR, mujoco.mjtSensor.mjSENS_FRAMELINACC),
-        (_ANGULAR, mujoco.mjtSensor.mjSENS_FRAMEANGACC),
-        (_TURNING, mujoco.mjtSensor.mjSENS_FRAMEANGVEL),
-    ):
+    for name, kind in _MOTION.items():
         spec.add_sensor(
-            name=name, type=kind, objtype=mujoco.mjtObj.mjOBJ_BODY, objname=robot.tip_body
+            name=arm.element(name),
+            type=kind,
+            objtype=mujoco.mjtObj.mjOBJ_BODY,
+            objname=arm.robot.tip_body,
         )
 
 
@@ -35,15 +38,15 @@ class Wrist:
             that hangs on the joints, not on the tool.
     """
 
-    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, robot: RobotModel) -> None:
-        body = model.body(robot.tip_body).id
+    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, arm: SceneArm) -> None:
+        body = model.body(arm.robot.tip_body).id
         self.wrench = np.zeros(6)
         self._mass = float(model.body_mass[body])
         self._moments = np.array(model.body_inertia[body])
         self._axes = data.ximat[body].reshape(3, 3)
         self._lever = np.array(model.body_ipos[body])
         self._rotation = data.xmat[body].reshape(3, 3)
-        addresses = [int(model.sensor(name).adr[0]) for name in (_LINEAR, _ANGULAR, _TURNING)]
+        addresses = [int(model.sensor(arm.element(name)).adr[0]) for name in _MOTION]
         self._motion = [data.sensordata[at : at + 3] for at in addresses]
 
     def read(self, contact: Vector) -> None:

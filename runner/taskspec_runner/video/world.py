@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from taskspec.program.world.frames import surface
 from taskspec.spec import Shape, Task
+from taskspec_runner.plant.arm import SceneArm
 from taskspec_runner.plant.loose import loose
 from taskspec_runner.plant.mechanisms import coordinate_joint
 from taskspec_runner.plant.moving_base import MovingBases, moving
@@ -39,14 +40,15 @@ class World:
         self.recording = recording
         context = recording.program.context
         task = context.loaded.task
-        model = build_scene(context.robot, task, context.start).model
+        scene = build_scene(SceneArm(context.robot, task.robot, context.start), task)
+        model = scene.model
         self.model, self.data = model, mujoco.MjData(model)
         model.vis.quality.offsamples = _SAMPLES
         model.vis.quality.shadowsize = _SHADOW
         for name, shape in task.shapes.items():
             self._show_endless(name, shape)
         self.links = _bare_links(model, context.robot.tip_body)
-        self._n = recording.q.shape[1]
+        self._joints = scene.arm.places(model).positions
         self._moving_bases = MovingBases(model, self.data, task) if moving(task) else None
         self._coordinates = _coordinates(model, task, recording)
         self._loose_at = np.array(
@@ -58,7 +60,7 @@ class World:
         """Puts everything where it was at a row of the log."""
         data, recording = self.data, self.recording
         data.time = float(recording.clock[row])
-        data.qpos[: self._n] = recording.q[row]
+        data.qpos[self._joints] = recording.q[row]
         for at, values in self._coordinates:
             data.qpos[at] = values[row]
         for i, at in enumerate(self._loose_at):
@@ -126,7 +128,7 @@ def _loose_poses(recording: Recording) -> Vector:
     torque = np.column_stack([columns[f"joint.{i}.torque"] for i in joints])
     poses = np.empty((len(recording), len(plant.views.loose)))
     for row in range(len(recording)):
-        plant.q[:], plant.v[:] = recording.q[row], v[row]
+        plant.arm.q[:], plant.arm.v[:] = recording.q[row], v[row]
         plant.step(torque[row])
         poses[row] = plant.views.loose
     return poses
