@@ -17,7 +17,6 @@ from taskspec.geometry.axis import AXES, Axis
 from taskspec.laws.gains import Gains
 from taskspec.program.axes import MOSTLY
 from taskspec.program.context import Context
-from taskspec.program.limits.contacts import pressed_objects, touched_objects
 from taskspec.program.plan import StagePlan
 from taskspec.program.stages.stage import CompiledStage, compile_stage
 from taskspec.spec import Task
@@ -186,17 +185,15 @@ def _pressed(
         if name in stage.plan.active or relation == "=":
             wanted = float(outputs["reaction_ref"][i])
             found[name] = wanted if np.isfinite(wanted) else 0.0
-    objects = touched_objects(context, stage.plan.contact, stage.plan.plans, rotation)
-    pressed = pressed_objects(context, objects, stage.plan.plans, rotation)
     local = np.nan_to_num(outputs["force_ref"][:3])
     applied = rotation @ local
-    for name in objects:
-        if name in pressed:
+    for name in stage.plan.touched:
+        if name in stage.plan.pressed:
             found[name] = max(-float(context.start_normals[name] @ applied), LEAST_PRESS)
     if found or stage.plan.held:
         return found, False
-    if stage.plan.contact is not None and any(p.yields for p in stage.plan.plans.values()):
-        return {stage.plan.contact: LEAST_PRESS}, True
+    if stage.plan.met:
+        return {stage.plan.met[0]: LEAST_PRESS}, True
     return found, False
 
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from taskspec.foresight.course import course_of, moving_axes
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.motion.profile import RISE_TIME
+from taskspec.program.contacts import PASSING
 from taskspec.program.context import Context
 from taskspec.program.known import known_value
 from taskspec.program.plan import StagePlan
@@ -54,11 +55,14 @@ class Walk:
         self._known = True
         self._searches = _SEARCHES
 
+    @property
+    def tool(self) -> tuple[Vector, Vector]:
+        """(3,), (3, 3) where the tip is last known to be, world axes."""
+        return self._p, self._R
+
     def stage(self, stage: StagePlan) -> Nominal:
         """The nominal trajectory of the stage that comes next in the file."""
-        frame, rotation = stage.frame, stage.rotation
-        if frame.kind == "tool":
-            rotation = self._R @ frame.rotation
+        rotation = stage.frame_at_tool
         gap = self._gap_of(stage)
         self._touch(stage, rotation)
         start = self._p if self._known else None
@@ -137,8 +141,8 @@ class Walk:
         contact, axes = stage.contact, stage.spec.axes
         if contact is None or not any(a.has_force for a in axes.values()):
             return
-        normal = self._context.start_normals[contact]
-        gap = self._gap(contact)
+        normal = stage.normal_of(contact)
+        gap = self._gap(stage, contact)
         along = max((abs(rotation[:, a.column] @ normal), a) for a in axes)
         if gap > 0 and axes[along[1]].has_force:
             self._p = self._p - gap * normal
@@ -148,11 +152,13 @@ class Walk:
         contact = stage.contact
         if contact is None or not self._known or contact in self._context.moving_bases:
             return None
-        return self._gap(contact)
+        return self._gap(stage, contact)
 
-    def _gap(self, contact: str) -> float:
-        """Distance [m] from a contact here, its surface taken as flat."""
+    def _gap(self, stage: StagePlan, contact: str) -> float:
+        """Distance [m] from a contact here, its surface taken as flat where it faces the start."""
         context = self._context
+        if stage.normal_of(contact) is not context.start_normals[contact]:
+            return context.obstacles.gap(contact, self._p, self._R)
         way = float(context.start_normals[contact] @ (self._p - context.start_p))
         return context.start_gaps[contact] + way
 
@@ -185,7 +191,7 @@ class Walk:
             R, origin = self._context.placed(stage.frame)
             found |= dict(zip(AXES[:3], (R.T @ (self._p - origin)).tolist(), strict=True))
         elif stage.frame.surface_name:
-            found[Axis.Z] = self._gap(stage.frame.surface_name)
+            found[Axis.Z] = self._gap(stage, stage.frame.surface_name)
         return found
 
     def _moved(self, moved: Mapping[Axis, float], rotation: Vector) -> tuple[Vector, Vector]:
@@ -211,7 +217,7 @@ class Walk:
 
     def _until_felt(self, stage: StagePlan, rotation: Vector) -> dict[Axis, float] | None:
         """Displacement of a stage that moves towards its surface until a guard ends it."""
-        contact = stage.contact
+        contact = stage.approached
         if contact is None or stage.spec.until is None or not self._to_surface(stage):
             return None
         rates: dict[Axis, float] = {}
@@ -221,8 +227,8 @@ class Walk:
                 return None
             rates[axis] = value
         v = rotation @ [rates.get(a, 0.0) for a in AXES[:3]]
-        closing = -float(self._context.start_normals[contact] @ v)
-        if closing <= 0:
+        closing = -float(stage.normal_of(contact) @ v)
+        if closing <= PASSING * float(np.linalg.norm(v)):
             return None
-        lasts = max(self._gap(contact), 0.0) / closing
+        lasts = max(self._gap(stage, contact), 0.0) / closing
         return {axis: rate * lasts for axis, rate in rates.items()}

@@ -21,10 +21,10 @@ class TaskPlan:
 
     def __init__(self, context: Context) -> None:
         self.context = context
+        self._walk = walk = Walk(context)
         self.stages: Mapping[str, StagePlan] = {
-            name: StagePlan(context, name) for name in context.loaded.task.stages
+            name: StagePlan(context, name, lambda: walk.tool) for name in context.loaded.task.stages
         }
-        self._walk = Walk(context)
 
     def follow(self, name: str) -> StagePlan:
         """A stage with its nominal trajectory, which goes on from that of the last one followed.

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.prediction.begin import Begin
 from taskspec.program.axes import MOSTLY
-from taskspec.program.limits.contacts import pressed_objects, touched_objects
 
 Vector = NDArray[np.float64]
 
@@ -32,12 +31,10 @@ class Bearing:
 def bearing(begin: Begin) -> Bearing:
     """The contacts along a force axis of a stage, or along an axis that yields to them."""
     context, stage = begin.context, begin.stage
-    objects = touched_objects(context, stage.plan.contact, stage.plan.plans, begin.rotation)
-    pressed = pressed_objects(context, objects, stage.plan.plans, begin.rotation)
-    if stage.plan.contact is not None and any(p.yields for p in stage.plan.plans.values()):
-        pressed = pressed | {stage.plan.contact}
-    names = tuple(o for o in objects if o in pressed)
-    normals = np.array([begin.rotation.T @ context.start_normals[o] for o in names])
+    plan = stage.plan
+    bear = {*plan.pressed, *plan.met}
+    names = tuple(o for o in dict.fromkeys((*plan.touched, *plan.met)) if o in bear)
+    normals = np.array([begin.rotation.T @ plan.normal_of(o) for o in names])
     shapes = context.loaded.task.shapes
     rubs = max((shapes[o].friction for o in names), default=0.0)
     return Bearing(names, normals.reshape(-1, 3).T, rubs)

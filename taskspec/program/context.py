@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.laws.gains import AxisPlant
 from taskspec.program.axes import MOSTLY
+from taskspec.program.contacts import Obstacles
 from taskspec.program.world.equations import EquationModel, StartEquation
 from taskspec.program.world.frames import FrameModel
 from taskspec.program.world.grip import GRIP
@@ -43,6 +44,7 @@ class Context:
         start_p, start_R: (3,), (3, 3) tip pose at `start`.
         start_gaps: distance [m] of the tool from each object there.
         start_normals: (3,) outward normal of each object at the tool, world.
+        obstacles: the objects that the tool may touch.
         period: control period [s].
     """
 
@@ -64,6 +66,7 @@ class Context:
     start_R: NDArray[np.float64]
     start_gaps: Mapping[str, float]
     start_normals: Mapping[str, NDArray[np.float64]]
+    obstacles: Obstacles
     period: float
 
     def frame_of(self, stage: Stage) -> FrameModel:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+from collections.abc import Callable
 from functools import cached_property
 from typing import Any, Self
 
@@ -13,7 +14,9 @@ from taskspec.geometry.axis import Axis
 from taskspec.laws.gains import AxisPlant, Gains, value_of
 from taskspec.motion.path import PathShape
 from taskspec.program.axes import MOSTLY, existing_axes
+from taskspec.program.contacts import Meeting, directions
 from taskspec.program.context import Context
+from taskspec.program.known import known_value
 from taskspec.program.prepare import frame_at_start
 from taskspec.program.reference import orientation
 from taskspec.program.reference.constraints import active_equations, equation_gains
@@ -24,9 +27,13 @@ from taskspec.program.trajectory import Nominal
 from taskspec.program.world.frames import FrameModel
 from taskspec.program.world.grip import GRIP
 from taskspec.program.world.moving_base import MovingBase
-from taskspec.spec import Law, Limits, Stage
+from taskspec.spec import AxisEntry, Law, Limits, Stage
+from taskspec.text.expression import Expression
 
 Vector = NDArray[np.float64]
+
+#: Cosine from which on two normals are taken as one: 1 deg.
+_SAME = float(np.cos(np.deg2rad(1.0)))
 
 
 class StagePlan:
@@ -46,9 +53,25 @@ class StagePlan:
     spec: Stage
     nominal: Nominal
 
-    def __init__(self, context: Context, name: str) -> None:
+    def __init__(
+        self,
+        context: Context,
+        name: str,
+        at: Callable[[], tuple[Vector, Vector]] | None = None,
+    ) -> None:
+        """A stage of a task.
+
+        Args:
+            context: robot, start, frames and surfaces of the task.
+            name: of the stage.
+            at: where the tip is as the stage starts, asked when that is first needed; None for
+                the start pose.
+        """
         self.context, self.name = context, name
         self.spec = context.loaded.task.stages[name]
+        self._at = at
+        self._met: dict[Axis, Meeting] = {}
+        self._normals: dict[str, Vector] = {}
 
     @property
     def followed(self) -> bool:
@@ -114,17 +137,135 @@ class StagePlan:
         return None if self.path is None else self.path.ready()
 
     @cached_property
-    def contact(self) -> str | None:
-        """The object that forces are taken to act on."""
-        return self.context.contact_of(self.frame)
+    def surface(self) -> str | None:
+        """The object that its frame follows or is fixed on, and that its forces then act on."""
+        owner = self.frame.surface_name or self.frame.owner
+        here = owner in self.context.surfaces and owner != self.context.loaded.task.robot.grasp
+        return owner if here else None
 
-    def contact_of(self, axis: Axis) -> str | None:  # noqa: ARG002
-        """The object that an axis presses on, or runs into."""
-        return self.contact
+    @cached_property
+    def contacts(self) -> dict[Axis, str | None]:
+        """The object that each translation presses on, or runs into."""
+        return {a: self._contact_along(a) for a in self.axes if not a.is_rotation}
+
+    def contact_of(self, axis: Axis) -> str | None:
+        """The object that an axis presses on, or runs into; else that which the stage is about.
+
+        What the tool touches also acts on axes along which it lies in nobody's way: by friction,
+        and by its moments.
+        """
+        own = self.contacts.get(axis)
+        if own is None and axis.is_rotation:
+            entry = self.spec.axes.get(axis)
+            own = None if entry is None else entry.contact
+        return own or self.contact
+
+    @cached_property
+    def contact(self) -> str | None:
+        """The object that the stage is about: that of its first force, or that which it meets."""
+        named = self.spec.contact or self.surface
+        if named is not None or self.gripped:
+            return named
+        pressed = [self.contacts[a] for a in self.forces if self.contacts[a] is not None]
+        if pressed:
+            return pressed[0]
+        if self.approached is not None:
+            return self.approached
+        near = [self._met[a] for a in self.contacts if a in self._met]
+        if near:
+            return min(near, key=lambda met: met.way).contact
+        return next((c for c in self.contacts.values() if c is not None), None)
+
+    @cached_property
+    def gap_contact(self) -> str | None:
+        """The object that `gap` is the distance from; None where its forces have several."""
+        pressed = {c for a in self.forces if (c := self.contacts[a]) is not None}
+        return None if len(pressed) > 1 else self.contact
+
+    @cached_property
+    def approached(self) -> str | None:
+        """The first object on the way of its constant velocities; None where there is none."""
+        if self.surface is not None or self.spec.contact is not None or self.gripped:
+            return self.contact
+        rates = np.zeros(3)
+        for axis, entry in self.spec.axes.items():
+            if axis in self.contacts and entry.velocity is not None:
+                rates[axis.row] = known_value(self.context, entry.velocity) or 0.0
+        if not np.isfinite(rates).all() or not rates.any():
+            return None
+        p, R = self.tool
+        way = self.frame_at_tool @ rates
+        met = self.context.obstacles.first(p, R, way / np.linalg.norm(way))
+        if met is None:
+            return None
+        self._normals.setdefault(met.contact, met.normal)
+        return met.contact
+
+    @cached_property
+    def forces(self) -> tuple[Axis, ...]:
+        """Its translations with a force set point."""
+        entries = self.spec.axes
+        return tuple(a for a in self.contacts if a in entries and entries[a].has_force)
+
+    @cached_property
+    def tool(self) -> tuple[Vector, Vector]:
+        """(3,), (3, 3) where the tip is expected to be as the stage starts, world axes."""
+        return (self.context.start_p, self.context.start_R) if self._at is None else self._at()
+
+    @cached_property
+    def frame_at_tool(self) -> Vector:
+        """(3, 3) its frame as the stage starts, if that turns with the tool; else at the start."""
+        return self.tool[1] @ self.frame.rotation if self.frame.kind == "tool" else self.rotation
+
+    def _contact_along(self, axis: Axis) -> str | None:
+        entry = self.spec.axes.get(axis)
+        named = (entry.contact if entry is not None else None) or self.spec.contact
+        if named is not None or self.gripped:
+            return named
+        if self.surface is not None:
+            normal = self.context.start_normals[self.surface]
+            across = abs(float(self.rotation[:, axis.column] @ normal)) < MOSTLY
+            if not (across and entry is not None and entry.has_force):
+                return self.surface
+            # A force along the surface is returned by what stands on it.
+        met = self._ahead(axis, entry)
+        if met is None:
+            return self.surface
+        self._met[axis] = met
+        self._normals.setdefault(met.contact, met.normal)
+        return met.contact
+
+    def _ahead(self, axis: Axis, entry: AxisEntry | None) -> Meeting | None:
+        """The first object that an axis leads to."""
+        p, R = self.tool
+        way = self.frame_at_tool[:, axis.column]
+        for signs in directions(entry, self._known):
+            met = [self.context.obstacles.first(p, R, sign * way) for sign in signs]
+            nearest = min((m for m in met if m is not None), key=lambda m: m.way, default=None)
+            if nearest is not None:
+                return nearest
+        return None
+
+    def _known(self, expression: Expression, t: float) -> float | None:
+        return known_value(self.context, expression, {"t": t, "clock": t})
 
     def normal_of(self, contact: str) -> Vector:
         """(3,) outward normal of an object where the stage meets it, world axes."""
-        return self.context.start_normals[contact]
+        context = self.context
+        at_start = context.start_normals[contact]
+        if contact == self.surface:
+            return at_start
+        if contact not in self._normals:
+            self._normals[contact] = context.obstacles.normal(contact, *self.tool)
+        normal = self._normals[contact]
+        return at_start if float(normal @ at_start) > _SAME else normal
+
+    def along(self, axis: Axis) -> float:
+        """Share of an axis along the outward normal of its contact; 0 without one."""
+        contact = self.contact_of(axis)
+        if contact is None or axis.is_rotation:
+            return 0.0
+        return float(self.rotation[:, axis.column] @ self.normal_of(contact))
 
     @cached_property
     def gripped(self) -> bool:
@@ -138,9 +279,16 @@ class StagePlan:
 
     @cached_property
     def stiffness(self) -> float:
-        """Nominal stiffness [N/m] of what a force acts on, 0 without any."""
-        if self.contact is not None:
-            return self.context.compliances[self.contact].stiffness
+        """Nominal stiffness [N/m] of what the stage is about, 0 without any."""
+        return self._stiffness(self.contact)
+
+    def stiffness_of(self, axis: Axis) -> float:
+        """Nominal stiffness [N/m] of what a force on an axis acts on, 0 without any."""
+        return self._stiffness(self.contact_of(axis))
+
+    def _stiffness(self, contact: str | None) -> float:
+        if contact is not None:
+            return self.context.compliances[contact].stiffness
         return GRIP.stiffness if self.gripped else 0.0
 
     @cached_property
@@ -151,10 +299,33 @@ class StagePlan:
     @cached_property
     def plans(self) -> dict[Axis, AxisPlan]:
         """Who controls each of its axes."""
-        normal = None
-        if self.contact is not None:
-            normal = self.rotation.T @ self.context.start_normals[self.contact]
-        return plan_axes(self.axes, self.spec.axes, self.path, self.law, normal)
+        met = {a for a in self.axes if abs(self.along(a)) > MOSTLY}
+        return plan_axes(self.axes, self.spec.axes, self.path, self.law, met)
+
+    @cached_property
+    def objects(self) -> tuple[str, ...]:
+        """All objects that its axes press on or may run into."""
+        found = [c for a in self.axes if (c := self.contact_of(a)) is not None]
+        return tuple(dict.fromkeys(found))
+
+    @cached_property
+    def touched(self) -> tuple[str, ...]:
+        """The objects that it touches: that which it is about, then those of its other forces."""
+        first = () if self.contact is None else (self.contact,)
+        others = (c for a in self.forces if (c := self.contacts[a]) is not None)
+        return tuple(dict.fromkeys((*first, *others)))
+
+    @cached_property
+    def pressed(self) -> frozenset[str]:
+        """Those of them along whose normal a force acts."""
+        along = (a for a in self.forces if abs(self.along(a)) > MOSTLY)
+        return frozenset(c for a in along if (c := self.contacts[a]) is not None)
+
+    @cached_property
+    def met(self) -> tuple[str, ...]:
+        """The objects along whose normal a motion gives way, that of the stage first."""
+        found = {c for a, p in self.plans.items() if p.yields and (c := self.contact_of(a))}
+        return tuple(sorted(found, key=lambda c: c != self.contact))
 
     @cached_property
     def active(self) -> tuple[str, ...]:
@@ -200,8 +371,10 @@ class StagePlan:
         context = self.context
         if not self.gripped:
             reach = context.robot.tool.reach
-            k = self.stiffness
-            return {a: k * reach**2 if a.is_rotation else k for a in self.axes}
+            return {
+                a: self.stiffness_of(a) * reach**2 if a.is_rotation else self.stiffness_of(a)
+                for a in self.axes
+            }
         open_ways = np.zeros((2, 3))
         if self.held:
             point = self.frame.origin if self.frame.at_origin else context.start_p
@@ -232,10 +405,6 @@ class StagePlan:
     def _pressed(self, axis: Axis) -> float:
         """Stiffness of the contact that an axis presses on [N/m, N m/rad]; 0 where it does not."""
         return self.plants[axis].k if self.plans[axis].axis.has_force else 0.0
-
-    def along(self, axis: Axis, direction: Vector) -> float:
-        """Component of a direction (3,), world axes, along or about an axis at the start pose."""
-        return float(self.rotation[:, axis.column] @ direction)
 
     @cached_property
     def translations(self) -> tuple[Axis, ...]:

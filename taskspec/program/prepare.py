@@ -10,6 +10,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from taskspec.control.model_terms import ModelTerms
+from taskspec.program.contacts import Obstacles
 from taskspec.program.context import Context
 from taskspec.program.errors import spec_error
 from taskspec.program.signals import gaps, normal
@@ -93,6 +94,9 @@ def prepare(loaded: LoadedTask) -> Context:
         start_R=tip_R,
         start_gaps=gap_at_start,
         start_normals=normals,
+        obstacles=Obstacles(
+            robot, {o: s for o, s in surfaces.items() if o != task.robot.grasp}, bases
+        ),
         period=1.0 / task.control.rate,
     )
 

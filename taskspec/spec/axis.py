@@ -8,7 +8,7 @@ from pydantic import Field, GetCoreSchemaHandler
 from pydantic_core import CoreSchema, core_schema
 
 from taskspec.geometry.axis import AXES, Axis
-from taskspec.spec.fields import MechanismName
+from taskspec.spec.fields import MechanismName, SurfaceName
 from taskspec.spec.model import Model, complete, short_form
 from taskspec.spec.quantities import Constant, Formula
 from taskspec.spec.reading import Reading
@@ -67,6 +67,7 @@ class AxisEntry(Model):
         ramp: time in which the force is reached [s]; None for the default.
         stiffness: of a soft motion axis [N/m, N*m/rad].
         damping: of a soft motion axis [N*s/m, N*m*s/rad].
+        contact: the object that it presses on, or runs into; None for the one ahead.
     """
 
     noun = "an axis"
@@ -88,6 +89,9 @@ class AxisEntry(Model):
     ramp: Ramp | None = Field(None, title="Time in which the force is reached")
     stiffness: float | None = None
     damping: float | None = None
+    contact: SurfaceName | None = Field(
+        None, title="Object that the axis presses on", description="By default the one ahead"
+    )
 
     @property
     def has_force(self) -> bool:

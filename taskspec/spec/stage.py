@@ -10,7 +10,7 @@ from pydantic import Field
 from taskspec.geometry.axis import Axis
 from taskspec.laws import LAWS
 from taskspec.spec.axis import FORCES, MOTIONS, AxisEntry, ByName
-from taskspec.spec.fields import FrameName
+from taskspec.spec.fields import FrameName, SurfaceName
 from taskspec.spec.law import Law, law_of
 from taskspec.spec.limits import Limits
 from taskspec.spec.model import Model, complete, mapping
@@ -80,6 +80,7 @@ class Stage(Model):
         on_fail: a stage, `end` or `fail`; None for `fail`.
         attempts: entering the stage once more than that fails the run.
         frame: task frame; None for that of the task.
+        contact: the object that its axes press on, or run into; None for that of each axis.
         law: control law; None for that of the task.
         limits: replace those of the task key by key.
         tare: the sensor's mean over this stage becomes its zero.
@@ -102,6 +103,11 @@ class Stage(Model):
     )
     attempts: Annotated[int, Count()] | None = Field(None, title="How often it may be entered")
     frame: FrameName | None = Field(None, title="Task frame")
+    contact: SurfaceName | None = Field(
+        None,
+        title="Object that the stage presses on",
+        description="By default the surface that the frame follows, or the one ahead",
+    )
     law: Law | None = Field(None, title="Control law")
     limits: Limits | None = Field(None, title="Limits")
     tare: Annotated[bool, Switch()] = Field(

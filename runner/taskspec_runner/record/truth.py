@@ -53,7 +53,7 @@ class Truth:
         symbols = {name: ca.SX.sym(name, size) for name, size in sizes.items()}
         symbols[_APPLIED] = ca.SX.sym(_APPLIED, 6)
         objects = _objects(robot, task, symbols)
-        kinds = [(stage.plan.axes, stage.plan.contact) for stage in stages]
+        kinds = [(stage.plan.axes, stage.plan.gap_contact) for stage in stages]
         distinct = list(dict.fromkeys(kinds))
         #: Number of the function of each stage.
         self._of_stage = np.array([distinct.index(kind) for kind in kinds])

@@ -39,7 +39,7 @@ def check_forces(
     stage = loaded.task.stages[name]
     frame, law = context.frame_of(stage), context.law_of(stage)
     contact = context.contact_of(frame)
-    plans = plan_axes(axes, stage.axes, path, law, None)
+    plans = plan_axes(axes, stage.axes, path, law, ())
     open_loop = [a for a, p in plans.items() if p.open_loop]
     if not open_loop:
         return

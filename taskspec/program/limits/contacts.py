@@ -5,20 +5,16 @@ A row points the way the robot pushes: into the object. Its multiplier is what t
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 from taskspec.control import linear
 from taskspec.control.model_terms import TermSymbols
-from taskspec.geometry.axis import AXES, Axis
-from taskspec.program.axes import MOSTLY
 from taskspec.program.context import Context
 from taskspec.program.reference.constraints import EquationRow
-from taskspec.program.reference.modes import AxisPlan
 from taskspec.program.world import kinematics
 from taskspec.shapes import Surface
 from taskspec.signals.entries import TOUCHING
@@ -74,35 +70,6 @@ class ContactRow:
         return ca.fmax(left, _CROWDED * cap) / np.sqrt(1 + self.friction**2)
 
 
-def touched_objects(
-    context: Context,
-    primary: str | None,
-    plans: Mapping[Axis, AxisPlan],
-    rotation: NDArray[np.float64],
-) -> tuple[str, ...]:
-    """Objects that a stage touches: the nominal contact, and one for each other force axis.
-
-    A force axis that is not along the first contact's normal belongs to the nearest object whose
-    normal it is along, as at the start pose.
-
-    Args:
-        context: of the task. primary: the nominal contact. plans: of the stage's axes.
-        rotation: (3, 3) the stage's frame at the start pose.
-    """
-    if primary is None:
-        return ()
-    found = [primary]
-    normals = context.start_normals
-    for name, plan in plans.items():
-        if not plan.set_point or name.is_rotation:
-            continue
-        axis = rotation[:, AXES.index(name)]
-        along = [o for o, n in normals.items() if abs(float(axis @ n)) > MOSTLY]
-        if along and not any(o in found for o in along):
-            found.append(min(along, key=lambda o: context.start_gaps[o]))
-    return tuple(found)
-
-
 def all_objects(context: Context, first: Sequence[str]) -> tuple[str, ...]:
     """Objects `first`, then the others that the tool may touch; none where there is no first."""
     held = context.loaded.task.robot.grasp
@@ -111,26 +78,10 @@ def all_objects(context: Context, first: Sequence[str]) -> tuple[str, ...]:
     return (*first, *(o for o in context.surfaces if o not in first and o != held))
 
 
-def pressed_objects(
-    context: Context,
-    objects: Sequence[str],
-    plans: Mapping[Axis, AxisPlan],
-    rotation: NDArray[np.float64],
-) -> set[str]:
-    """Those of `objects` that a force axis of the stage is along."""
-    forced = [
-        rotation[:, AXES.index(a)]
-        for a, plan in plans.items()
-        if plan.set_point and not a.is_rotation
-    ]
-    normals = context.start_normals
-    return {o for o in objects if any(abs(float(d @ normals[o])) > MOSTLY for d in forced)}
-
-
 def shape_rows(
     context: Context,
     objects: Sequence[str],
-    pressed: set[str],
+    pressed: Collection[str],
     terms: TermSymbols,
     wrench: ca.SX,
     gaps: Mapping[str, ca.SX],

@@ -22,10 +22,8 @@ from taskspec.program.limits.contacts import (
     ContactRow,
     all_objects,
     equation_contact,
-    pressed_objects,
     pushing,
     shape_rows,
-    touched_objects,
 )
 from taskspec.program.limits.limited import limit_rows
 from taskspec.program.limits.resolution import Resolved
@@ -49,14 +47,15 @@ def resolve(
         wanted: (n,) torque of the closed form.
     """
     names = tuple(asked)
-    objects = touched_objects(context, plan.contact, plan.plans, plan.rotation)
-    pressed = pressed_objects(context, objects, plan.plans, plan.rotation)
+    objects = plan.touched
     limits, inputs, clock = plan.limits, seen.inputs, seen.clock.clock
     n = context.robot.pin.nv
     active = {name: seen.rows[name] for name in plan.active}
     # A limit on the contact force is one on that of every object that the tool may touch.
     capped = objects if limits.force is None else all_objects(context, objects)
-    contacts = shape_rows(context, capped, pressed, seen.world, inputs.wrench, seen.gaps, clock)
+    contacts = shape_rows(
+        context, capped, plan.pressed, seen.world, inputs.wrench, seen.gaps, clock
+    )
     on_equations = [
         equation_contact(row, name, seen.reactions[name], context.compliances[name].stiffness)
         for name, row in active.items()

@@ -52,20 +52,17 @@ def displacement(name: Axis, plan: StagePlan, forces: Mapping[Axis, ca.SX]) -> c
     """f (1/k_m + 1/k_e): how far an open-loop force displaces the motion reference."""
     if not plan.plans[name].open_loop:
         return None
-    own, k = 1 / value_of(plan.gains, "stiffness", name), plan.stiffness
+    own, k = 1 / value_of(plan.gains, "stiffness", name), plan.stiffness_of(name)
     contact = 1 / k if k > 0 and not name.is_rotation else 0.0
     return forces[name] * (own + contact)
 
 
-def open_loop_normals(plans: Mapping[Axis, AxisPlan], seen: Measured) -> dict[Axis, ca.SX]:
-    """The nominal gap counted along each open-loop translation."""
-    gap = seen.table.get("gap")
-    if gap is None or seen.normal is None:
-        return {}
+def open_loop_normals(plan: StagePlan, seen: Measured) -> dict[Axis, ca.SX]:
+    """The nominal gap of its contact counted along each open-loop translation."""
     return {
-        name: gap * ca.dot(seen.at.R[:, AXES.index(name)], seen.normal)
-        for name, plan in plans.items()
-        if plan.open_loop and not name.is_rotation
+        name: seen.gaps[contact] * ca.dot(seen.at.R[:, AXES.index(name)], seen.normals[contact])
+        for name, axis in plan.plans.items()
+        if axis.open_loop and not name.is_rotation and (contact := plan.contact_of(name))
     }
 
 

@@ -41,7 +41,7 @@ class Measured:
         moving_base: the frame's moving base now; None where nothing carries it.
         terms: of the tip, relative to the base. tracked: the mechanism that is kept track of.
         tool, point, at: tool point, control point and frame, relative to the base.
-        state: what the law sees. normal: (3,) of the nominal contact at the tool, or None.
+        state: what the law sees. normals: (3,) of each contact of its axes, at the tool.
         rows: every equation. reactions: what the robot applies along each. gaps: to every shape.
         table: signals by name. unreached: what contacts do not return of the set points.
     """
@@ -58,7 +58,7 @@ class Measured:
     point: kinematics.ControlPoint
     at: kinematics.FrameState
     state: TaskState
-    normal: ca.SX | None
+    normals: Mapping[str, ca.SX]
     rows: Mapping[str, EquationRow]
     reactions: Mapping[str, ca.SX]
     gaps: Mapping[str, ca.SX]
@@ -102,7 +102,7 @@ def measure(context: Context, plan: StagePlan) -> Measured:
     situation.limited = parameters.add("limited") if plan.law.solve == "qp" else ca.SX(0)
     situation.start = parameters.add("entry", 3)
     situation.q, situation.v = inputs.q, inputs.v
-    situation.contact = plan.contact
+    situation.contact = plan.gap_contact
     situation.visits = {stage: inputs.now[2 + i] for i, stage in enumerate(task.stages)}
     kinds = {name: thing.kind for name, thing in task.world.items()}
     situation.objects = {
@@ -136,7 +136,9 @@ def measure(context: Context, plan: StagePlan) -> Measured:
             R=at.R,
             R_rate=at.R_rate,
         ),
-        normal=_normal(context, plan.contact, at, world, base, clock),
+        normals={
+            contact: _normal(context, contact, at, world, base, clock) for contact in plan.objects
+        },
         rows=rows,
         reactions=measured,
         gaps=gaps,
@@ -165,17 +167,15 @@ def _constants(context: Context) -> dict[str, ca.SX]:
 
 def _normal(
     context: Context,
-    contact: str | None,
+    contact: str,
     at: kinematics.FrameState,
     world: TermSymbols,
     base: BaseMotion | None,
     clock: Clock,
-) -> ca.SX | None:
-    """Outward unit normal (3,) of the nominal contact at the tool, in the axes of its base."""
+) -> ca.SX:
+    """Outward unit normal (3,) of a nominal contact at the tool, in the axes of its base."""
     if at.chart is not None:
         return at.R[:, 2]
-    if contact is None:
-        return None
     center = kinematics.tool_point(context.robot, world).center
     normal = signals.normal(
         context.surfaces[contact], center, context.moving_bases, contact, clock.clock

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.motion.path import PathShape
-from taskspec.program.axes import MOSTLY
 from taskspec.program.reference.axis_reference import mode_of
 from taskspec.spec import AxisEntry, Law
 
@@ -51,13 +50,13 @@ def plan_axes(
     declared: Mapping[Axis, AxisEntry],
     path: PathShape | None,
     law: Law,
-    normal: NDArray[np.float64] | None,
+    met: Collection[Axis],
 ) -> dict[Axis, AxisPlan]:
     """The plan of every axis that exists.
 
     Args:
         axes: those of the frame that exist. declared: the stage's entries. path, law: the stage's.
-        normal: (3,) of the nominal contact in the frame's axes, None without a contact.
+        met: axes that are mostly along the normal of their contact.
     """
     facts = law.control_law
     plans = {}
@@ -74,15 +73,9 @@ def plan_axes(
             soft=facts.soft_axes and axis.is_soft and not force,
             open_loop=open_loop,
             world=axis.hold == "world" and name.is_rotation,
-            yields=not force and _along(name, normal),
+            yields=not force and name in met,
         )
     return plans
-
-
-def _along(name: Axis, normal: NDArray[np.float64] | None) -> bool:
-    if normal is None or name.is_rotation:
-        return False
-    return bool(abs(normal[AXES.index(name)]) > MOSTLY)
 
 
 def not_finite(plans: Mapping[Axis, AxisPlan], outputs: Mapping[str, NDArray[np.float64]]) -> str:

@@ -35,7 +35,7 @@ def build_references(context: Context, plan: StagePlan, seen: Measured) -> Refer
         if axis.set_point
     }
     motions = _motions(context, plan, seen, forces)
-    normals = force_references.open_loop_normals(plans, seen)
+    normals = force_references.open_loop_normals(plan, seen)
     tracked = track(coordinates, motions, normals)
     table.situation.error = {a: e for a, e in tracked.error.items() if plans[a].motion}
     integrals = force_references.integrals(context, plan, seen, forces, tracked.error)

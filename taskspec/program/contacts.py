@@ -1,0 +1,151 @@
+"""Which object each axis of a stage presses on, or runs into.
+
+What the file names comes first: `contact` on the axis, then on the stage; then the object whose
+surface the frame follows, or on which it is fixed. Elsewhere it is the first object on the straight
+way along which the axis pushes or moves, from where the tool is as the stage starts; an axis that
+does neither, or whose direction the file does not tell, may be met from both sides. Where no object
+lies ahead, the one behind counts: the tool may leave it, or pull at it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from taskspec.program.world.moving_base import MovingBase
+from taskspec.robot import RobotModel
+from taskspec.shapes import Surface
+from taskspec.spec import AxisEntry
+from taskspec.text.expression import Expression
+
+Vector = NDArray[np.float64]
+#: The value of an expression at a time of its stage [s]; None where that is not known.
+Known = Callable[[Expression, float], float | None]
+
+#: A way that closes in by less than this share of itself passes by: 1 deg.
+PASSING = math.sin(math.radians(1.0))
+#: Nearer than this the tool is at an object [m].
+_MET = 1e-9
+#: No arm reaches farther [m].
+_FARTHEST = 5.0
+_MOST_STEPS = 60
+#: When the sign of a reference is looked at [s].
+_TIMES = (0.0, 0.13, 0.37, 1.0, 2.9)
+
+
+@dataclass(frozen=True, slots=True)
+class Meeting:
+    """What a straight way of the tool leads to.
+
+    Attributes:
+        contact: the object.
+        way: how far that is [m].
+        normal: (3,) its outward normal there, world axes.
+    """
+
+    contact: str
+    way: float
+    normal: Vector
+
+
+class Obstacles:
+    """The objects that the tool may touch, where they are as the run starts.
+
+    Args:
+        robot: for the tool.
+        surfaces: of the objects, by name.
+        bases: of those that move by themselves.
+    """
+
+    def __init__(
+        self, robot: RobotModel, surfaces: Mapping[str, Surface], bases: Mapping[str, MovingBase]
+    ) -> None:
+        self._tool = robot.tool
+        self._surfaces, self._bases = surfaces, bases
+        self._functions: dict[str, ca.Function] = {}
+
+    def distance(self, name: str, x: Vector) -> tuple[float, Vector]:
+        """Distance of an object from a point (3,), and its outward normal (3,) there."""
+        if name not in self._functions:
+            point = ca.SX.sym("x", 3)
+            surface = self._surfaces[name]
+            self._functions[name] = ca.Function(
+                "distance", [point], [surface.distance(point), surface.gradient(point)]
+            )
+        base = self._bases.get(name)
+        A, a = (np.eye(3), np.zeros(3)) if base is None else base.pose(0.0)
+        distance, normal = self._functions[name](A.T @ (x - a))
+        return float(distance), A @ np.asarray(normal, dtype=float).ravel()
+
+    def normal(self, name: str, p: Vector, R: Vector) -> Vector:
+        """Outward normal (3,) of an object at the tool whose tip has a pose, world axes."""
+        center = p if self._tool.flat else p + R @ self._tool.centers[0]
+        return self.distance(name, center)[1]
+
+    def gap(self, name: str, p: Vector, R: Vector) -> float:
+        """Distance [m] of the tool whose tip has a pose (3,), (3, 3) from an object."""
+        spheres = zip(self._tool.centers, self._tool.radii, strict=True)
+        return min(self.distance(name, p + R @ c)[0] - float(r) for c, r in spheres)
+
+    def first(self, p: Vector, R: Vector, direction: Vector) -> Meeting | None:
+        """The first object on a straight way of the tool; None where it meets none.
+
+        Args:
+            p, R: (3,), (3, 3) pose of the tip as it starts.
+            direction: (3,) unit vector, world axes.
+        """
+        met = [m for name in self._surfaces if (m := self._met(name, p, R, direction)) is not None]
+        return min(met, key=lambda m: m.way, default=None)
+
+    def _met(self, name: str, p: Vector, R: Vector, direction: Vector) -> Meeting | None:
+        found = [
+            met
+            for center, radius in zip(self._tool.centers, self._tool.radii, strict=True)
+            if (met := self._sphere(name, p + R @ center, float(radius), direction)) is not None
+        ]
+        return min(found, key=lambda m: m.way, default=None)
+
+    def _sphere(self, name: str, x: Vector, radius: float, direction: Vector) -> Meeting | None:
+        """Newton's method from outside; as all shapes are convex, it never goes beyond the way."""
+        way = 0.0
+        for _ in range(_MOST_STEPS):
+            distance, normal = self.distance(name, x + way * direction)
+            closing = -float(normal @ direction)
+            if not closing > PASSING or way > _FARTHEST:
+                return None
+            if distance - radius <= _MET:
+                return Meeting(name, way, normal)
+            way += (distance - radius) / closing
+        return None
+
+
+def directions(entry: AxisEntry | None, known: Known) -> Iterator[tuple[int, ...]]:
+    """Which way along an axis to look for its object: groups of signs, the first ones first.
+
+    Args:
+        entry: of the axis; None where the file has none.
+        known: values of its expressions.
+    """
+    sign = _sign(entry, known)
+    if sign == 0:
+        yield (-1, 1)
+    else:
+        yield (sign,)
+        yield (-sign,)
+
+
+def _sign(entry: AxisEntry | None, known: Known) -> int:
+    """Which way an axis pushes, or else moves; 0 for neither, or where that is not known."""
+    if entry is None:
+        return 0
+    for expression in (entry.force, entry.velocity):
+        values = [] if expression is None else [known(expression, t) for t in _TIMES]
+        for value in values:
+            if value is not None and math.isfinite(value) and value:
+                return 1 if value > 0 else -1
+    return 0 if not entry.move else 1 if entry.move > 0 else -1
