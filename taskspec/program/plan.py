@@ -260,12 +260,16 @@ class StagePlan:
         normal = self._normals[contact]
         return at_start if float(normal @ at_start) > _SAME else normal
 
-    def along(self, axis: Axis) -> float:
-        """Share of an axis along the outward normal of its contact; 0 without one."""
+    def along(self, axis: Axis, direction: Vector) -> float:
+        """Component of a direction (3,), world axes, along an axis at the start pose."""
+        return float(self.rotation[:, axis.column] @ direction)
+
+    def facing(self, axis: Axis) -> float:
+        """Component of an axis along the outward normal of its contact; 0 without one."""
         contact = self.contact_of(axis)
         if contact is None or axis.is_rotation:
             return 0.0
-        return float(self.rotation[:, axis.column] @ self.normal_of(contact))
+        return self.along(axis, self.normal_of(contact))
 
     @cached_property
     def gripped(self) -> bool:
@@ -299,7 +303,7 @@ class StagePlan:
     @cached_property
     def plans(self) -> dict[Axis, AxisPlan]:
         """Who controls each of its axes."""
-        met = {a for a in self.axes if abs(self.along(a)) > MOSTLY}
+        met = {a for a in self.axes if abs(self.facing(a)) > MOSTLY}
         return plan_axes(self.axes, self.spec.axes, self.path, self.law, met)
 
     @cached_property
@@ -318,7 +322,7 @@ class StagePlan:
     @cached_property
     def pressed(self) -> frozenset[str]:
         """Those of them along whose normal a force acts."""
-        along = (a for a in self.forces if abs(self.along(a)) > MOSTLY)
+        along = (a for a in self.forces if abs(self.facing(a)) > MOSTLY)
         return frozenset(c for a in along if (c := self.contacts[a]) is not None)
 
     @cached_property
