@@ -113,7 +113,7 @@ def stage_account(
         ),
         gains=tuple(_gains(program, stage)),
         ends=tuple(_ends(program, stage)),
-        expected=tuple(expected_account(foreseen)),
+        expected=tuple(expected_account(program.context.loaded.task, foreseen)),
         tare=stage.plan.spec.tare,
     )
 

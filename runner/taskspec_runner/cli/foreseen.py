@@ -5,17 +5,17 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.prediction import Depth, Duration, Equilibrium, Extreme, Impact, Selection
 from taskspec.prediction import StagePrediction as Foreseen
+from taskspec.spec import Task
 from taskspec.text.show import number, scaled, show
 from taskspec.text.units import FORCE, LENGTH, MASS, STIFFNESS, TIME, VELOCITY
 
-#: Units of values that may vary, by the last word of their path.
-_UNITS = {"stiffness": "kN/m", "xyz": "mm", "rpy": "deg"}
 _COMPONENTS = {"xyz": "xyz", "rpy": ("roll", "pitch", "yaw")}
 #: A force or moment below this is none [N, N m].
 _NOTHING = 1e-6
@@ -33,14 +33,14 @@ class ExpectedAccount:
     source: str
 
 
-def expected_account(stage: Foreseen) -> Iterator[ExpectedAccount]:
-    """All that is expected of a stage."""
+def expected_account(task: Task, stage: Foreseen) -> Iterator[ExpectedAccount]:
+    """All that is expected of a stage of a task."""
     yield ExpectedAccount("duration", duration_text(stage.duration), "", stage.duration.why)
     if stage.impact is not None:
-        yield _impact(stage.impact)
-    yield from _forces(stage)
+        yield _impact(task, stage.impact)
+    yield from _forces(task, stage)
     for depth in stage.depths.values():
-        yield _depth(depth)
+        yield _depth(task, depth)
     if stage.drift:
         speed = "faster and faster" if math.isinf(stage.drift) else show(stage.drift, VELOCITY, 3)
         yield ExpectedAccount("drift", speed, "", "of set points that nothing returns")
@@ -57,7 +57,7 @@ def duration_text(duration: Duration) -> str:
     return f"{told}, at most {show(duration.most or 0.0, TIME, 3)}" if bounded else told
 
 
-def _impact(met: Impact) -> ExpectedAccount:
+def _impact(task: Task, met: Impact) -> ExpectedAccount:
     def peak(force: float) -> str:
         return f"up to {show(force, FORCE, 2)}"
 
@@ -65,17 +65,17 @@ def _impact(met: Impact) -> ExpectedAccount:
     return ExpectedAccount(
         f"impact on {met.contact}",
         peak(met.peak),
-        _worst(met.worst, peak),
+        _worst(task, met.worst, peak),
         f"{strikes} on {scaled(met.stiffness, STIFFNESS)}",
     )
 
 
-def _forces(stage: Foreseen) -> Iterator[ExpectedAccount]:
+def _forces(task: Task, stage: Foreseen) -> Iterator[ExpectedAccount]:
     """Forces at rest; those that are nothing together."""
     groups: dict[tuple[str, str, str], list[str]] = {}
     for force in stage.equilibrium.values():
         text = _force(force)
-        worst = _worst(force.worst, lambda v, of=force: _newtons(of.signal, v))  # type: ignore[misc]
+        worst = _worst(task, force.worst, partial(_newtons, force.signal))
         groups.setdefault((text, worst, force.source), []).append(force.signal)
     for (text, worst, source), signals in groups.items():
         yield ExpectedAccount(" ".join(signals), text, worst, source)
@@ -94,11 +94,13 @@ def _newtons(signal: str, value: float) -> str:
     return scaled(value, FORCE.on(rotation=turns), 3)
 
 
-def _depth(depth: Depth) -> ExpectedAccount:
+def _depth(task: Task, depth: Depth) -> ExpectedAccount:
     def way(value: float) -> str:
         return scaled(value, LENGTH.on(rotation=depth.angular), 3)
 
-    return ExpectedAccount(f"into {depth.on}", way(depth.depth), _worst(depth.worst, way), "f / k")
+    return ExpectedAccount(
+        f"into {depth.on}", way(depth.depth), _worst(task, depth.worst, way), "f / k"
+    )
 
 
 def _settling(stage: Foreseen) -> Iterator[ExpectedAccount]:
@@ -120,7 +122,7 @@ def _seconds(time: float) -> str:
     return scaled(time, TIME, 3)
 
 
-def _worst(extreme: Extreme | None, text: Callable[[float], str]) -> str:
+def _worst(task: Task, extreme: Extreme | None, text: Callable[[float], str]) -> str:
     """A value and the world in which it is had."""
     if extreme is None:
         return ""
@@ -128,7 +130,8 @@ def _worst(extreme: Extreme | None, text: Callable[[float], str]) -> str:
     for (path, index), value in extreme.values.items():
         _, name, key = path.split(".")
         component = f" {_COMPONENTS[key][index]}" if index is not None else ""
-        parts.append(f"{name}.{key}{component} = {show(value, _UNITS[key], 3)}")
+        written = scaled(value, task.dimensions_of(path)[index or 0], 3)
+        parts.append(f"{name}.{key}{component} = {written}")
     return f"{text(extreme.value)} at {', '.join(parts)}"
 
 
