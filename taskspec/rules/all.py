@@ -3,10 +3,11 @@
 Rules of one phase are asked in this order.
 """
 
-from taskspec.rules import axes, frames, law, objects, robot
+from taskspec.rules import axes, contacts, frames, law, objects, robot
 
 __all__ = [
     "axes",
+    "contacts",
     "frames",
     "law",
     "objects",

@@ -126,11 +126,20 @@ def _contact(program: Program, stage: CompiledStage) -> str:
     if plan.contact is None and plan.active:
         return f"constraints {', '.join(plan.active)}"
     if plan.contact is None:
-        return "none: the world has no surface"
-    shape = program.context.loaded.task.shapes[plan.contact]
+        return "none: the world has no surface" if not plan.context.surfaces else "none ahead"
+    if len(plan.touched) == 1:
+        return _object(program, plan.contact)
+    by = {c: [a for a in plan.forces if plan.contacts[a] == c] for c in plan.touched}
+    return "; ".join(f"{', '.join(axes)}: {_object(program, c)}" for c, axes in by.items() if axes)
+
+
+def _object(program: Program, name: str) -> str:
+    """An object with the contact that it makes."""
+    shape = program.context.loaded.task.shapes[name]
+    stiffness = scaled(program.context.compliances[name].stiffness, STIFFNESS)
     rigid = " (rigid)" if shape.stiffness == "rigid" else ""
     friction = f", friction {shape.friction:.3g}" if shape.friction else ", frictionless"
-    return f"{plan.contact}, nominal {stiffness}{rigid}{friction}"
+    return f"{name}, nominal {stiffness}{rigid}{friction}"
 
 
 def _null_space(program: Program, stage: CompiledStage) -> str:

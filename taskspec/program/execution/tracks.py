@@ -71,8 +71,8 @@ def plan_tracks(
             tracks.cubics[name] = profile.move(
                 start[name], rate[name], start[name] + plan.axis.move, speed
             )
-    if stage.plan.path is not None:
-        tracks.path = stage.plan.path.plan(start)
+    if stage.plan.ready_path is not None:
+        tracks.path = stage.plan.ready_path.plan(start)
     knots = [float(k) for cubic in tracks.cubics.values() for k in cubic.knots[1:]]
     tracks.knots = sorted(set(knots + (tracks.path.knots() if tracks.path else [])))
     return tracks

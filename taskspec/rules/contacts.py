@@ -1,0 +1,32 @@
+"""Rules about the object that an axis presses on."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from taskspec.program.known import known_value
+from taskspec.program.plan import StagePlan
+from taskspec.rules import Finding, rule, warning
+from taskspec.spec import FILE
+from taskspec.text.show import show
+
+
+@rule("TS327", "a force along which no object lies")
+def nothing_ahead(stage: StagePlan) -> Iterator[Finding]:
+    """Reports a force on an axis along which the tool meets nothing that would return it."""
+    context = stage.context
+    if stage.gripped or context.equations or not context.touchable_gaps:
+        return
+    for axis in stage.forces:
+        expression = stage.spec.axes[axis].force
+        wanted = None if expression is None else known_value(context, expression)
+        if stage.contacts[axis] is not None or not wanted:
+            continue
+        yield warning(
+            "TS327",
+            f"no object lies along {axis!r} from where the tool is as stage {stage.name!r} starts, "
+            f"and {show(wanted, 'N')} are asked for there",
+            FILE.stages[stage.name].axes[axis].force,
+            "start where one is ahead, or name it by 'contact'",
+            unless=("TS303", "TS320", "TS420"),
+        )
