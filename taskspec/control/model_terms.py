@@ -120,3 +120,23 @@ def symbols(robot: RobotModel, v: ca.SX) -> TermSymbols:
         drift=drift,
         twist=twist,
     )
+
+
+def kinematic_terms(p: ca.SX, R: ca.SX, twist: ca.SX) -> TermSymbols:
+    """The terms of a tip whose motion is given, without joints: for kinematics alone.
+
+    Args:
+        p, R: (3,), (3, 3) its pose in the world. twist: (6,) its velocity.
+    """
+    nothing = ca.SX(0, 1)
+    return TermSymbols(
+        inputs=(),
+        H=ca.SX(0, 0),
+        bias=nothing,
+        gravity=nothing,
+        p=p,
+        R=R,
+        J=ca.SX(6, 0),
+        drift=ca.SX.zeros(6),
+        twist=twist,
+    )

@@ -10,6 +10,9 @@ from numpy.typing import NDArray
 
 Vector = NDArray[np.float64]
 
+#: Rows that are evaluated at a time.
+CHUNK = 128
+
 
 class BoundFunction:
     """Evaluates a function on arrays that are given once.
@@ -29,3 +32,29 @@ class BoundFunction:
             self._buffer.set_arg(i, array.data)
         for i, array in enumerate(results):
             self._buffer.set_res(i, array.data)
+
+
+def over_rows(function: ca.Function, *arguments: Vector) -> tuple[Vector, ...]:
+    """A function at many ticks at once.
+
+    Args:
+        function: of dense column vectors.
+        arguments: (n, size) of each, a row for every tick.
+
+    Returns:
+        (n, size) of each result.
+    """
+    n = len(arguments[0])
+    padded = -(-n // CHUNK) * CHUNK
+    given = [np.zeros((padded, argument.shape[1])) for argument in arguments]
+    for array, argument in zip(given, arguments, strict=True):
+        array[:n] = argument
+    results = [np.empty((padded, function.nnz_out(i))) for i in range(function.n_out())]
+    # Mapping over all rows at once would take longer than evaluating them.
+    mapped = function.map(CHUNK)
+    for start in range(0, padded, CHUNK):
+        rows = slice(start, start + CHUNK)
+        here = [[array[rows].reshape(-1) for array in arrays] for arrays in (given, results)]
+        bound = BoundFunction(mapped, *here)
+        bound.evaluate()
+    return tuple(result[:n] for result in results)

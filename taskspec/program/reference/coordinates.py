@@ -24,6 +24,7 @@ from taskspec.program.reference.measured import Measured
 from taskspec.program.reference.modes import AxisPlan
 from taskspec.program.world import kinematics
 from taskspec.program.world.frames import FrameModel
+from taskspec.program.world.mechanisms import MechanismModel
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,8 +62,8 @@ def frame_coordinates(plan: StagePlan, seen: Measured) -> Coordinates:
     elif frame.kind == "turning":
         assert frame.mechanism is not None
         assert seen.tracked is not None
-        away = frame.mechanism.deviation(terms.p, seen.tracked.angle, seen.tracked.since)
-        local = ca.DM(frame.rotation.T) @ (away - ca.DM(frame.origin))
+        angle, since = seen.tracked.angle, seen.tracked.since
+        local = on_handle(frame, frame.mechanism, terms.p, angle, since)
         position = {a: local[i] for i, a in enumerate(AXES[:3]) if a in plans}
     else:
         for name, length in (("reference_point", 3), ("place", 3)):
@@ -99,3 +100,16 @@ def frame_coordinates(plan: StagePlan, seen: Measured) -> Coordinates:
         plans=plans,
         marks=marks,
     )
+
+
+def on_handle(
+    frame: FrameModel, mechanism: MechanismModel, p: ca.SX, angle: ca.SX, since: ca.SX
+) -> ca.SX:
+    """Coordinates (3,) of a world point p (3,) in a frame that turns with a handle [m].
+
+    Args:
+        frame: placed on the handle of `mechanism`. angle: of the handle [rad].
+        since: the angle from which the way along the circle counts [rad].
+    """
+    away = mechanism.deviation(p, angle, since)
+    return ca.DM(frame.rotation.T) @ (away - ca.DM(frame.origin))

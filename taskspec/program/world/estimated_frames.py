@@ -27,7 +27,8 @@ LEAST_FORCE = 0.5
 #: Sine of the angle to the normal below which a heading gives no x axis.
 LEAST_SINE = 0.05
 _PREFIX = "estimated."
-_SIZE = 12
+#: Numbers of an estimated pose: its rotation by columns, and its origin.
+SIZE = 12
 _WORLD_X = np.array([1.0, 0.0, 0.0])
 
 
@@ -43,7 +44,7 @@ def slot(frame: FrameModel) -> str:
 def symbols(layout: Layout, frame: FrameModel) -> ca.SX:
     """(12,) rotation by columns and origin of the estimated frame; takes the parameter once."""
     name = slot(frame)
-    return layout.symbol(name) if name in layout else layout.add(name, _SIZE)
+    return layout.symbol(name) if name in layout else layout.add(name, SIZE)
 
 
 def placed(frame: FrameModel, pose: ca.SX) -> tuple[ca.SX, ca.SX]:
@@ -132,7 +133,7 @@ class Estimates:
         """For the measured ones among `frames`; `period` is that of control [s]."""
         self._frames = [f for f in frames if f.estimate]
         self._estimates = {
-            slot(f): Estimate(np.zeros(_SIZE), f"stage {f.estimate!r} has not been visited")
+            slot(f): Estimate(np.zeros(SIZE), f"stage {f.estimate!r} has not been visited")
             for f in self._frames
         }
         self._recent: deque[Vector] = deque(maxlen=window(period))
@@ -163,7 +164,7 @@ class Estimates:
             try:
                 R, origin = measure(frame, np.mean(self._recent, axis=0), tip)
             except NotEstimatedError as error:
-                estimate = Estimate(np.zeros(_SIZE), str(error))
+                estimate = Estimate(np.zeros(SIZE), str(error))
             else:
                 estimate = Estimate(np.concatenate([R.ravel(order="F"), origin]))
             self._estimates[slot(frame)] = estimate

@@ -81,6 +81,15 @@ class BaseMotion:
         """A world point (3,) in the moving base's coordinates."""
         return self.A.T @ (p - self.a)
 
+    def world(self, p: ca.SX) -> ca.SX:
+        """A point (3,) of the moving base's coordinates in the world."""
+        return self.A @ p + self.a
+
+    def twist(self, p: ca.SX) -> ca.SX:
+        """(6,) velocity that the moving base has at a world point (3,) [m/s, rad/s]."""
+        spin = self.A_rate @ self.A.T
+        return ca.vertcat(self.a_rate + spin @ (p - self.a), rotation.unskew(spin))
+
     def wrench(self, wrench: ca.SX) -> ca.SX:
         """A wrench (6,) in the moving base's axes."""
         return ca.vertcat(self.A.T @ wrench[:3], self.A.T @ wrench[3:])
