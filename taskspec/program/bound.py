@@ -45,15 +45,16 @@ def over_rows(function: ca.Function, *arguments: Vector) -> tuple[Vector, ...]:
         (n, size) of each result.
     """
     n = len(arguments[0])
-    padded = -(-n // CHUNK) * CHUNK
+    chunk = max(min(n, CHUNK), 1)
+    padded = -(-n // chunk) * chunk
     given = [np.zeros((padded, argument.shape[1])) for argument in arguments]
     for array, argument in zip(given, arguments, strict=True):
         array[:n] = argument
     results = [np.empty((padded, function.nnz_out(i))) for i in range(function.n_out())]
     # Mapping over all rows at once would take longer than evaluating them.
-    mapped = function.map(CHUNK)
-    for start in range(0, padded, CHUNK):
-        rows = slice(start, start + CHUNK)
+    mapped = function.map(chunk)
+    for start in range(0, padded, chunk):
+        rows = slice(start, start + chunk)
         here = [[array[rows].reshape(-1) for array in arrays] for arrays in (given, results)]
         bound = BoundFunction(mapped, *here)
         bound.evaluate()

@@ -62,9 +62,8 @@ class Recorder:
         self._filled = 0
         self._array = bus.array
         self._layout = tuple(_columns(robot, stages, task))
-        sizes = {name: where.stop - where.start for name, where in bus.slices.items()}
         true = [column.name for column in self._layout if not column.field]
-        self._truth = Truth(robot, task, stages, sizes, true)
+        self._truth = Truth(robot, task, stages, bus.slices, true)
         self._schema = pa.schema([])
         self._writer: pa.ipc.RecordBatchStreamWriter | None = None
         self._path = path
@@ -80,7 +79,7 @@ class Recorder:
 
     def latest(self) -> dict[str, float | str]:
         """The bus as it is now, by column name."""
-        columns = self._columns(self._array[:, np.newaxis])
+        columns = self._columns(self._array[np.newaxis])
         return {
             name: float(values[0]) if unit != "stage" else self._stages[int(values[0])].name
             for name, (values, unit) in columns.items()
@@ -91,8 +90,7 @@ class Recorder:
         if self._filled == 0 or self._file is None:
             self._filled = 0
             return
-        # One transposition makes every column contiguous, which is how Arrow wants it.
-        columns = self._columns(np.ascontiguousarray(self._rows[: self._filled].T))
+        columns = self._columns(self._rows[: self._filled])
         if self._writer is None:
             self._schema = _schema(columns)
             self._writer = pa.ipc.new_stream(self._file, self._schema)
@@ -116,12 +114,14 @@ class Recorder:
                 self._file = None
 
     def _columns(self, rows: Vector) -> dict[str, tuple[Vector, str]]:
-        """Column name to values and unit; `rows` are (fields, ticks)."""
+        """Column name to values and unit; `rows` are (ticks, fields)."""
+        # Transposed, every column is contiguous, which is how Arrow wants it.
+        true = iter(np.ascontiguousarray(self._truth(rows).T))
+        fields = np.ascontiguousarray(rows.T)
 
         def field(name: str) -> Vector:
-            return rows[self._bus.slices[name]]
+            return fields[self._bus.slices[name]]
 
-        true = iter(self._truth(field))
         columns = {}
         for column in self._layout:
             values = field(column.field)[column.row] if column.field else next(true)

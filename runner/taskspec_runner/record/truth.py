@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 import casadi as ca
 import numpy as np
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from taskspec.control.reference import opposite
 from taskspec.geometry.axis import AXES
+from taskspec.program.bound import over_rows
 from taskspec.program.stages.stage import CompiledStage
 from taskspec.program.world import frames, kinematics
 from taskspec.program.world.equations import equation_models
@@ -19,9 +20,6 @@ from taskspec.signals import ObjectState, Pose, Situation
 from taskspec.spec import Shape, Task
 
 Vector = NDArray[np.float64]
-
-#: What is not on the bus under this name: what the robot applies at the tip.
-_APPLIED = "applied"
 
 
 class Truth:
@@ -40,60 +38,49 @@ class Truth:
         robot: RobotModel,
         task: Task,
         stages: Sequence[CompiledStage],
-        sizes: Mapping[str, int],
+        fields: Mapping[str, slice],
         names: Sequence[str],
     ) -> None:
         """Compiles the formulas.
 
         Args:
             robot: for its tool. task: with the true world. stages: of the program.
-            sizes: of the bus's fields. names: of the signals.
+            fields: where the bus has each of its fields. names: of the signals.
         """
         self.names = tuple(names)
-        symbols = {name: ca.SX.sym(name, size) for name, size in sizes.items()}
-        symbols[_APPLIED] = ca.SX.sym(_APPLIED, 6)
-        objects = _objects(robot, task, symbols)
+        row = ca.SX.sym("row", max(where.stop for where in fields.values()))
+        parts = {name: row[where] for name, where in fields.items()}
+        objects = _objects(robot, task, parts)
         kinds = [(stage.plan.axes, stage.plan.gap_contact) for stage in stages]
         distinct = list(dict.fromkeys(kinds))
-        #: Number of the function of each stage.
+        #: Number of the function of each stage, and where the bus has the stage.
         self._of_stage = np.array([distinct.index(kind) for kind in kinds])
+        self._stage = fields["stage"].start
         nothing = ca.SX(np.nan)
-        self._functions: list[tuple[ca.Function, tuple[str, ...]]] = []
+        self._functions: list[ca.Function] = []
         for axes, contact in distinct:
-            at = _situation(symbols, objects)
+            at = _situation(parts, objects)
             at.axes, at.contact = axes, contact
             found = [at.signal(*name.split(".")) for name in names]
             values = ca.densify(ca.vertcat(*(nothing if x is None else x for x in found)))
-            # Handing over what no signal depends on would take most of the time.
-            used = {name: x for name, x in symbols.items() if ca.depends_on(values, x)}
-            function = ca.Function("truth", list(used.values()), [values])
-            self._functions.append((function, tuple(used)))
+            self._functions.append(ca.Function("truth", [row], [values]))
 
-    def __call__(self, field: Callable[[str], Vector]) -> Vector:
-        """(names, ticks) values, from the bus's fields by name, (size, ticks) each.
+    def __call__(self, rows: Vector) -> Vector:
+        """(ticks, names) values, from rows of the bus (ticks, fields).
 
         A zero has no sign in them.
         """
-
-        def look(name: str) -> Vector:
-            return opposite(field("wrench")) if name == _APPLIED else field(name)
-
-        number = self._of_stage[field("stage")[0].astype(int)]
-        first = int(number[0])
-        if (number == first).all():
-            function, used = self._functions[first]
-            return np.array(function(*(look(name) for name in used))) + 0.0
-        values = np.empty((len(self.names), len(number)))
+        number = self._of_stage[rows[:, self._stage].astype(int)]
+        values = np.empty((len(rows), len(self.names)))
         for each in np.unique(number):
             here = number == each
-            function, used = self._functions[each]
-            values[:, here] = np.array(function(*(look(name)[:, here] for name in used)))
+            (values[here],) = over_rows(self._functions[each], rows[here])
         return values + 0.0
 
 
 def _situation(symbols: Mapping[str, ca.SX], objects: Mapping[str, ObjectState]) -> Situation:
     """The tool in its stage's frame, in world axes."""
-    applied, offset = symbols[_APPLIED], symbols["offset"]
+    applied, offset = opposite(symbols["wrench"]), symbols["offset"]
     force = applied[:3]
     tip = Pose(symbols["tip"], ca.reshape(symbols["tip_rotation"], 3, 3))
     return Situation(
