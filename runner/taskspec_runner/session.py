@@ -16,7 +16,7 @@ from taskspec.robot.description import listening
 from taskspec.spec import LoadedTask
 from taskspec_runner.errors import OutputError, RunCrashedError
 from taskspec_runner.loop.assembly import assemble
-from taskspec_runner.loop.fixed_step import STOPPED, Outcome, Rows, run
+from taskspec_runner.loop.fixed_step import STOPPED, Outcome, TickSink, run
 from taskspec_runner.loop.interrupt import BY_SIGNAL, Interrupt, Termination, signal_of
 from taskspec_runner.loop.telemetry import Tap, Telemetry
 from taskspec_runner.record import folder as folders
@@ -196,7 +196,7 @@ def _simulate(program: Program, folder: RunFolder, manner: _Manner) -> Simulated
     context = program.context
     parts = assemble(program)
     machine, recorder = parts.machine, parts.recorder(folder.log)
-    rows: Rows = recorder
+    rows: TickSink = recorder
     if manner.telemetry is not None:
         rows = Tap(recorder, manner.telemetry, context.period)
     # What MuJoCo warns of it also counts, which is a stop of its own.

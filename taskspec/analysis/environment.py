@@ -13,8 +13,8 @@ from taskspec.analysis.friction import friction_rows
 from taskspec.analysis.plant import LinearPlant, Rows
 from taskspec.analysis.points import normal_at, skew
 from taskspec.program.context import Context
-from taskspec.program.world.grip import GRIP
 from taskspec.program.world.stiffness import (
+    GRIP,
     added_mass,
     compliance,
     contact_mobility,

@@ -14,10 +14,9 @@ from taskspec.program.axes import MOSTLY
 from taskspec.program.contacts import Obstacles
 from taskspec.program.world.equations import EquationModel, StartEquation
 from taskspec.program.world.frames import FrameModel
-from taskspec.program.world.grip import GRIP
 from taskspec.program.world.mechanisms import MechanismModel
 from taskspec.program.world.moving_base import MovingBase
-from taskspec.program.world.stiffness import Compliance
+from taskspec.program.world.stiffness import GRIP, Compliance
 from taskspec.robot import RobotModel
 from taskspec.shapes import Surface
 from taskspec.spec import Law, Limits, LoadedTask, Stage

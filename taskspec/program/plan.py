@@ -25,8 +25,8 @@ from taskspec.program.reference.modes import AxisPlan, plan_axes
 from taskspec.program.reference.paths import path_shape
 from taskspec.program.trajectory import Nominal
 from taskspec.program.world.frames import FrameModel
-from taskspec.program.world.grip import GRIP
 from taskspec.program.world.moving_base import MovingBase
+from taskspec.program.world.stiffness import GRIP
 from taskspec.spec import AxisEntry, Law, Limits, Stage
 from taskspec.text.expression import Expression
 

@@ -53,7 +53,7 @@ class Part:
 
 
 @dataclass(frozen=True, slots=True)
-class Tool:
+class MountedTool:
     """A tool, ready to be attached.
 
     Attributes:
@@ -78,7 +78,7 @@ class Tool:
         return body
 
 
-def make_tool(tool: ToolLike, planar: bool) -> Tool:
+def make_tool(tool: ToolLike, planar: bool) -> MountedTool:
     """The tool that a task file describes.
 
     A flat face touches through small spheres whose lowest points lie in it and whose outer edge is
@@ -115,11 +115,11 @@ def make_tool(tool: ToolLike, planar: bool) -> Tool:
         thick = min(_STEM, 0.6 * end.half_width)
         rod = Cylinder(np.zeros(3), np.eye(3), thick, stem)
         parts = (Part(rod, stem / 2 - length, _STEEL), head)
-    return Tool(length, parts, geometry, tool.mass)
+    return MountedTool(length, parts, geometry, tool.mass)
 
 
 def attach(
-    carrier: mujoco.MjsBody, flange: pin.SE3, tool: Tool, taken: set[str]
+    carrier: mujoco.MjsBody, flange: pin.SE3, tool: MountedTool, taken: set[str]
 ) -> tuple[str, tuple[str, ...]]:
     """Add the tool's body and geoms below `carrier`; the body's frame is the tip frame.
 

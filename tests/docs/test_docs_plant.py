@@ -6,7 +6,7 @@ import pytest
 from documents import CONVENTIONS, table, words
 
 from taskspec.program.world import stiffness
-from taskspec.program.world.grip import GRIP
+from taskspec.program.world.stiffness import GRIP
 from taskspec.robot import load_robot
 from taskspec.shapes import Box, Cylinder, Sphere
 from taskspec.spec import Robot, Tool

@@ -8,7 +8,7 @@ import pinocchio as pin
 import pytest
 
 from plants import Pushed
-from taskspec.program.world.grip import GRIP
+from taskspec.program.world.stiffness import GRIP
 
 CRANK = (
     "crank: {mechanism: hinge, xyz: [500 mm, 0, 400 mm], handle: [120 mm, 0, 0], "

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from taskspec.compiler import compile_task
-from taskspec.program.world.grip import GRIP
+from taskspec.program.world.stiffness import GRIP
 from taskspec.spec import load_text
 from taskspec.text.diagnostic import SpecError
 

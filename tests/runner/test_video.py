@@ -33,7 +33,7 @@ from taskspec_runner.video.film import Cut, Film, check_video, write_video
 from taskspec_runner.video.picture import Pictures, project
 from taskspec_runner.video.recording import Recording, read_recording, steadiest_contact
 from taskspec_runner.video.still import MOST_BYTES, render_still
-from taskspec_runner.video.world import World
+from taskspec_runner.video.world import RecordedWorld
 
 TASKS = Path(__file__).parents[2] / "tasks"
 SMALL = Cut(width=480, height=270, fps=10)
@@ -97,7 +97,7 @@ def at(picture: Picture, pixel: NDArray[np.float64]) -> list[int]:
 def drawn(drum: Path, gl: None) -> Iterator[tuple[Pictures, Picture, int]]:  # noqa: ARG001
     recording = read_recording(drum)
     row = steadiest_contact(recording)
-    pictures = Pictures(World(recording), 960, 420)
+    pictures = Pictures(RecordedWorld(recording), 960, 420)
     yield pictures, pictures.draw(row), row
     pictures.close_canvas()
 
@@ -142,7 +142,7 @@ def test_force_is_what_the_robot_applies(drawn: tuple[Pictures, Picture, int]) -
 @pytest.mark.usefixtures("gl")
 def test_the_arm_is_in_the_picture(drum: Path) -> None:
     recording = read_recording(drum)
-    world = World(recording)
+    world = RecordedWorld(recording)
     pictures = Pictures(world, 480, 210)
     pictures.close_canvas()
     model, data = world.model, world.show(0)
@@ -182,7 +182,7 @@ stages:
   shove: {axes: {x: {move: 60 mm, speed: 100 mm/s}}}
 """
     recording = read_recording(folder_of(text, tmp_path / "run"))
-    world, gaps = World(recording), recording.history.columns["ball.gap"]
+    world, gaps = RecordedWorld(recording), recording.history.columns["ball.gap"]
     joint = world.model.joint("world/ball").qposadr[0]
     places = []
     for row in range(0, len(recording), 50):
@@ -208,7 +208,7 @@ stages:
   rotate: {axes: {y: {velocity: 100 mm/s}, rz: {hold: world}}, time: 0.5 s}
 """
     recording = read_recording(folder_of(text, tmp_path / "run"))
-    world = World(recording)
+    world = RecordedWorld(recording)
     first = world.show(0).geom("world/belt/slab").xpos.copy()
     data = world.show(len(recording) - 1)
     # 50 kN/m hold the tip at the handle: less than 1 mm below 50 N.

@@ -20,13 +20,13 @@ from taskspec_runner.errors import InputError
 from taskspec_runner.session import execute
 from taskspec_runner.video import viewer
 from taskspec_runner.video.camera import axes_of, close_view, frame_run
-from taskspec_runner.video.equations import Surface, equation_surfaces
+from taskspec_runner.video.equations import DrawnSurface, equation_surfaces
 from taskspec_runner.video.film import Cut
 from taskspec_runner.video.marks import Marks
 from taskspec_runner.video.recording import Recording, read_recording
 from taskspec_runner.video.shown import shown_forces
 from taskspec_runner.video.viewer import Show
-from taskspec_runner.video.world import World
+from taskspec_runner.video.world import RecordedWorld
 
 RAIL = """\
 taskspec: 1
@@ -66,7 +66,7 @@ Record = Callable[[str], Recording]
 # equations
 
 
-def surfaces(other: str) -> list[Surface]:
+def surfaces(other: str) -> list[DrawnSurface]:
     task = load_text(RAIL.replace("OTHER", other), "task.yaml").task
     return equation_surfaces(equation_models(task).values(), TIP)
 
@@ -148,7 +148,7 @@ def test_the_reference_is_a_point_of_the_world(record: Record) -> None:
 
 
 def test_the_longest_arrow_fits_and_small_forces_have_none(tapped: Recording) -> None:
-    marks = Marks(World(tapped))
+    marks = Marks(RecordedWorld(tapped))
     arms = marks.arms(len(tapped) - 1)
     assert [(a.name, a.kind) for a in arms[:2]] == [("x", "force"), ("y", "motion")]
     assert np.linalg.norm(arms[-1].end - arms[-1].start) < 0.24
@@ -157,7 +157,7 @@ def test_the_longest_arrow_fits_and_small_forces_have_none(tapped: Recording) ->
 
 
 def test_the_way_of_the_tool_grows(tapped: Recording) -> None:
-    world, counts = World(tapped), []
+    world, counts = RecordedWorld(tapped), []
     marks, scene = Marks(world), mujoco.MjvScene(world.model, maxgeom=2000)
     for row in (0, len(tapped) // 2, len(tapped) - 1):
         world.show(row)
@@ -169,7 +169,7 @@ def test_the_way_of_the_tool_grows(tapped: Recording) -> None:
 
 
 def test_a_full_scene_takes_no_more(tapped: Recording) -> None:
-    world = World(tapped)
+    world = RecordedWorld(tapped)
     scene = mujoco.MjvScene(world.model, maxgeom=2)
     Marks(world).draw(scene, len(tapped) - 1)
     assert scene.ngeom == 2
@@ -180,7 +180,7 @@ def test_a_full_scene_takes_no_more(tapped: Recording) -> None:
 
 @pytest.mark.parametrize("text", [TAP, DRUM])
 def test_the_camera_has_the_action_in_its_picture(record: Record, text: str) -> None:
-    world = World(record(text))
+    world = RecordedWorld(record(text))
     aspect = 1.4
     view = frame_run(world, aspect)
     axes = axes_of(view.azimuth, view.elevation)
@@ -226,7 +226,7 @@ def test_a_window_shows_the_run(tapped: Recording, monkeypatch: pytest.MonkeyPat
     windows = []
 
     @contextlib.contextmanager
-    def open_window(world: World) -> Iterator[Window]:
+    def open_window(world: RecordedWorld) -> Iterator[Window]:
         windows.append(Window(world.model))
         yield windows[0]
 

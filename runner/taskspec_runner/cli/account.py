@@ -11,7 +11,7 @@ from taskspec.laws.law import gain_named
 from taskspec.prediction import StagePrediction
 from taskspec.program.stages.null_space import goals
 from taskspec.program.stages.stage import CompiledStage
-from taskspec.program.world.grip import GRIP
+from taskspec.program.world.stiffness import GRIP
 from taskspec.text.show import scaled, show
 from taskspec.text.units import STIFFNESS
 from taskspec_runner.cli.constraints import AxisAccount, axis_account, equation_account

@@ -14,7 +14,7 @@ from taskspec_runner.compare.comparison import Comparison
 from taskspec_runner.compare.overlay import Overlay, overlay, role
 from taskspec_runner.report.data import Vector
 from taskspec_runner.report.drawing import Line, Panel, path_data
-from taskspec_runner.report.plane import Plane, Times
+from taskspec_runner.report.plane import PlotPlane, Times
 from taskspec_runner.report.stages import label, tints
 from taskspec_runner.report.template import template
 
@@ -122,7 +122,7 @@ def _told(law: Mapping[str, object]) -> str:
 
 def _panel(laid: Overlay, chart: Overlaid, y: float, times: Times) -> Panel:
     cut = {law["law"] for law in laid.comparison.laws if law["outcome"] in CUT_SHORT}
-    plane = Plane.around(times, _in_view(chart, cut), y, _PANEL, _ROOM)
+    plane = PlotPlane.around(times, _in_view(chart, cut), y, _PANEL, _ROOM)
     lines = []
     for curve in chart.curves:
         run, begin = laid.runs[curve.law], laid.begins[curve.law]

@@ -20,8 +20,11 @@ class Assembly:
     """What a run is made of.
 
     Attributes:
-        program: the compiled task. task: whose world and robot are the true ones.
-        bus: one tick's numbers. plant: writes into it. machine: reads from it and writes into it.
+        program: the compiled task.
+        task: whose world and robot are the true ones.
+        bus: one tick's numbers.
+        plant: writes into it.
+        machine: reads from it and writes into it.
     """
 
     program: Program
@@ -47,6 +50,6 @@ def assemble(program: Program, truth: Task | None = None) -> Assembly:
     task = context.loaded.task if truth is None else truth
     bus = Bus(context.robot.pin.nv, task)
     plant = Plant(context.robot, task, context.start, bus.truth)
-    seen = (np.zeros(6), np.zeros(len(context.equations)))
-    views = (bus.view("q"), bus.view("v"), *seen, bus.view("torque"), bus.outputs)
+    measured = (np.zeros(6), np.zeros(len(context.equations)))
+    views = (bus.view("q"), bus.view("v"), *measured, bus.view("torque"), bus.outputs)
     return Assembly(program, task, bus, plant, program.machine(views))

@@ -30,7 +30,9 @@ class Outcome:
             guard of the simulator).
         reason: short name: end, within, fail_if, attempts, or the limit or alarm.
         text: the same as a sentence.
-        stage: in which it ended. clock: simulated time [s]. ticks: control periods.
+        stage: in which it ended.
+        clock: simulated time [s].
+        ticks: control periods.
     """
 
     status: str
@@ -41,7 +43,7 @@ class Outcome:
     ticks: int
 
 
-class Rows(Protocol):
+class TickSink(Protocol):
     """What takes every tick."""
 
     def add(self) -> None:
@@ -56,7 +58,7 @@ def run(
     machine: Machine,
     plant: Plant,
     bus: Bus,
-    recorder: Rows,
+    recorder: TickSink,
     period: float,
     progress: Progress | None = None,
     seed: int = 0,

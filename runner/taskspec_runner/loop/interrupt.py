@@ -79,7 +79,7 @@ class Interrupt(_Handlers):
 
     def __init__(self) -> None:
         super().__init__((signal.SIGINT, *_TERMINATING))
-        self._asked = 0
+        self._pending = 0
 
     def check(self) -> None:
         """Heeds a signal.
@@ -87,12 +87,12 @@ class Interrupt(_Handlers):
         Raises:
             KeyboardInterrupt: there was one; `Terminated` unless it was SIGINT.
         """
-        asked, self._asked = self._asked, 0
-        if asked == signal.SIGINT:
+        pending, self._pending = self._pending, 0
+        if pending == signal.SIGINT:
             raise KeyboardInterrupt
-        if asked:
-            raise Terminated(asked)
+        if pending:
+            raise Terminated(pending)
 
     def _hear(self, number: int, _frame: FrameType | None) -> None:
-        self._asked = number
+        self._pending = number
         self._restore()

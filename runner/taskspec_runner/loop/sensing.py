@@ -1,4 +1,4 @@
-"""What the robot gets to see of the plant."""
+"""What is measured of the plant."""
 
 from __future__ import annotations
 
@@ -40,14 +40,14 @@ class Sensing:
 
     def read(self) -> None:
         """Copies the measurement into the controller's inputs."""
-        (q, v, wrench), (seen_q, seen_v, seen_wrench) = self._from, self._to
-        seen_q[:] = q
-        seen_v[:] = v
+        (q, v, wrench), (measured_q, measured_v, measured_wrench) = self._from, self._to
+        measured_q[:] = q
+        measured_v[:] = v
         if self._reactions is not None:
-            felt, seen = self._reactions
-            seen[:] = felt
+            reactions, measured = self._reactions
+            measured[:] = reactions
         if self._sensor is None:
-            seen_wrench[:] = wrench
+            measured_wrench[:] = wrench
         else:
             self._sensor.read()
 

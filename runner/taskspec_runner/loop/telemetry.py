@@ -59,7 +59,8 @@ class Telemetry:
     """Sends messages and never waits; what cannot be sent is left out.
 
     Attributes:
-        address: where to. trouble: the first thing that went wrong, empty if nothing did.
+        address: where to.
+        trouble: the first thing that went wrong, empty if nothing did.
         sent: number of messages.
     """
 
@@ -127,7 +128,8 @@ def sending(address: str | None, say: Callable[[str], None] = warn) -> Iterator[
     """Telemetry for the time of a run, or none; that it does not get through is said once.
 
     Args:
-        address: where to, None for none. say: tells what goes wrong.
+        address: where to, None for none.
+        say: tells what goes wrong.
 
     Raises:
         InputError: the address is none.

@@ -97,7 +97,9 @@ def contact_parameters(
     """Sets a pair so that the whole contact has what is declared.
 
     Args:
-        pair: of one point. declared: of the whole contact. friction: Coulomb's coefficient.
+        pair: of one point.
+        declared: of the whole contact.
+        friction: Coulomb's coefficient.
         points: with how many it touches; each carries an equal share.
         mobility: A, the sum of both bodies' inverse masses as MuJoCo counts them [1/kg].
         plant_period: step of the plant [s].

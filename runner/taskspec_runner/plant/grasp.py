@@ -13,7 +13,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec.program.world.grip import GRIP
+from taskspec.program.world.stiffness import GRIP
 from taskspec.spec import Mechanism, Task
 from taskspec_runner.plant.arm import SceneArm
 from taskspec_runner.plant.names import KNOB, PREFIX

@@ -35,7 +35,9 @@ def add_mechanism(spec: mujoco.MjSpec, name: str, declared: Mechanism, period: f
     """Adds a mechanism as a body on the world, with a knob of its own where that is free.
 
     Args:
-        spec: to add to. name: of the object. declared: as the file has it.
+        spec: to add to.
+        name: of the object.
+        declared: as the file has it.
         period: step of the plant [s].
     """
     body = spec.worldbody.add_body(name=PREFIX + name, **placed(declared))

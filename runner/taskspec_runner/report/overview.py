@@ -13,7 +13,7 @@ from taskspec_runner.report.chart import Chart, size
 from taskspec_runner.report.data import Run, Vector, Visit, read_run
 from taskspec_runner.report.drawing import Line, Panel, Tick, path_data, tick_text, ticks
 from taskspec_runner.report.foretold import rows_of
-from taskspec_runner.report.plane import Plane, Times
+from taskspec_runner.report.plane import PlotPlane, Times
 from taskspec_runner.report.stages import label, tints
 from taskspec_runner.report.template import template
 from taskspec_runner.report.verdict import verdict
@@ -123,7 +123,7 @@ def _panel(run: Run, chart: Chart, y: float, times: Times) -> Panel:
     traces = [t for t in chart.traces if t.style != foretold.ROLE]
     values = np.concatenate([t.values[np.isfinite(t.values)] for t in traces])
     sides = [v for b in chart.bands for v in (b.low, b.high) if v is not None]
-    plane = Plane.around(times, values, y, _PANEL, _ROOM, sides)
+    plane = PlotPlane.around(times, values, y, _PANEL, _ROOM, sides)
     lines = []
     for trace in traces:
         gaps = run.breaks[:0] if trace.continuous else run.breaks

@@ -51,7 +51,7 @@ class Times:
 
 
 @dataclass(frozen=True, slots=True)
-class Plane:
+class PlotPlane:
     """The inside of a panel.
 
     Attributes:
@@ -74,7 +74,7 @@ class Plane:
         height: float,
         room: float,
         near: Sequence[float] = (),
-    ) -> Plane:
+    ) -> PlotPlane:
         """A plane that shows all of some finite values, and of other values those that are near.
 
         Args:

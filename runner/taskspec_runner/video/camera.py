@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec_runner.video.world import World
+from taskspec_runner.video.world import RecordedWorld
 
 Vector = NDArray[np.float64]
 
@@ -55,11 +55,12 @@ def axes_of(azimuth: float, elevation: float) -> Vector:
     return np.array([right, np.cross(right, forward), -forward])
 
 
-def frame_run(world: World, aspect: float) -> View:
+def frame_run(world: RecordedWorld, aspect: float) -> View:
     """A view of a whole run: of the tool's way, the arm and its base.
 
     Args:
-        world: with the run. aspect: width over height of the picture.
+        world: with the run.
+        aspect: width over height of the picture.
     """
     rows, points, samples = _looked_at(world)
     best = max(
@@ -95,7 +96,8 @@ class CloseView:
     """A camera near the tool, that goes along where its way is long.
 
     Attributes:
-        view: of the first row. way: (n, 3) what it looks at at each row [m].
+        view: of the first row.
+        way: (n, 3) what it looks at at each row [m].
     """
 
     view: View
@@ -107,7 +109,7 @@ class CloseView:
         return replace(self.view, lookat=(x, y, z))
 
 
-def close_view(world: World, view: View, aspect: float) -> CloseView:
+def close_view(world: RecordedWorld, view: View, aspect: float) -> CloseView:
     """A view of the control point, from where `view` looks.
 
     It stands still over a way that fits in, otherwise it follows the mean over `_SMOOTH` seconds.
@@ -124,7 +126,7 @@ def close_view(world: World, view: View, aspect: float) -> CloseView:
     return CloseView(replace(fitted, distance=_FARTHEST), (sums[width:] - sums[:-width]) / width)
 
 
-def _looked_at(world: World) -> tuple[NDArray[np.int64], Vector, Vector]:
+def _looked_at(world: RecordedWorld) -> tuple[NDArray[np.int64], Vector, Vector]:
     """Rows that stand for a run, the points that should be in the picture, and bodies' places."""
     recording, model = world.recording, world.model
     rows = np.unique(np.linspace(0, len(recording) - 1, _LOOKS).astype(int))
@@ -142,7 +144,7 @@ def _looked_at(world: World) -> tuple[NDArray[np.int64], Vector, Vector]:
 
 
 def _score(
-    world: World,
+    world: RecordedWorld,
     rows: NDArray[np.int64],
     points: Vector,
     samples: Vector,

@@ -99,7 +99,8 @@ class Canvas:
     """Pictures of one size of a model.
 
     Attributes:
-        width, height: [px]. scene: what is drawn; geoms may be added to it after `update`.
+        width, height: [px].
+        scene: what is drawn; geoms may be added to it after `update`.
     """
 
     def __init__(self, model: mujoco.MjModel, width: int, height: int) -> None:

@@ -21,7 +21,7 @@ _LARGEST = 2.0
 
 
 @dataclass(frozen=True, slots=True)
-class Surface:
+class DrawnSurface:
     """A geom of MuJoCo: kind, half sizes (3,) [m], pose (3,), (3, 3) in the world."""
 
     kind: mujoco.mjtGeom
@@ -30,17 +30,18 @@ class Surface:
     rotation: Vector
 
 
-def equation_surfaces(models: Iterable[EquationModel], tip: Vector) -> list[Surface]:
+def equation_surfaces(models: Iterable[EquationModel], tip: Vector) -> list[DrawnSurface]:
     """The surfaces of the equations that are simple; the others are left out.
 
     Args:
-        models: the equations. tip: (n, 3) the tool's way [m], around which a surface is shown.
+        models: the equations.
+        tip: (n, 3) the tool's way [m], around which a surface is shown.
     """
     found = [_surface(model, tip) for model in models if not model.joints]
     return [surface for surface in found if surface is not None]
 
 
-def _surface(model: EquationModel, tip: Vector) -> Surface | None:
+def _surface(model: EquationModel, tip: Vector) -> DrawnSurface | None:
     """r = x^T A x / 2 + b^T x + c with A = 0, or A of two or three equal eigenvalues."""
     x, clock = ca.SX.sym("x", 3), ca.SX.sym("clock")
     R = model.rotation
@@ -70,7 +71,7 @@ def _surface(model: EquationModel, tip: Vector) -> Surface | None:
     )
 
 
-def _plane(model: EquationModel, local: Vector, b: Vector, c: float) -> Surface:
+def _plane(model: EquationModel, local: Vector, b: Vector, c: float) -> DrawnSurface:
     normal = b / np.linalg.norm(b)
     foot = -c / float(np.linalg.norm(b)) * normal
     across = _axes_about(normal)
@@ -86,7 +87,7 @@ def _round(
     local: Vector,
     terms: tuple[float, Vector, Vector, float],
     dimensions: int,
-) -> Surface | None:
+) -> DrawnSurface | None:
     """A cylinder or sphere of a x^2 / 2 + b x + c over two or three of its axes."""
     a, vectors, b, c = terms
     along = vectors.T @ b
@@ -111,9 +112,9 @@ def _round(
 
 def _placed(
     model: EquationModel, kind: mujoco.mjtGeom, half: Vector, center: Vector, axes: Vector
-) -> Surface:
+) -> DrawnSurface:
     rotation = np.ascontiguousarray(model.rotation @ axes)
-    return Surface(kind, half, model.origin + model.rotation @ center, rotation)
+    return DrawnSurface(kind, half, model.origin + model.rotation @ center, rotation)
 
 
 def _axes_about(normal: Vector) -> Vector:

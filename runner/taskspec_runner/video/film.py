@@ -11,10 +11,10 @@ import numpy as np
 from taskspec_runner.errors import InputError, OutputError
 from taskspec_runner.video.camera import frame_run, seen_from
 from taskspec_runner.video.canvas import Image, new_context
-from taskspec_runner.video.panel import HEIGHT, WIDTH, Panel
+from taskspec_runner.video.panel import HEIGHT, WIDTH, SignalPanel
 from taskspec_runner.video.picture import SPLIT, Pictures
 from taskspec_runner.video.recording import Recording
-from taskspec_runner.video.world import World
+from taskspec_runner.video.world import RecordedWorld
 
 #: Of the coder: good to look at, and small.
 _QUALITY = ["-crf", "21", "-preset", "medium", "-movflags", "+faststart"]
@@ -26,8 +26,10 @@ class Cut:
     """What of a run is shown, and how.
 
     Attributes:
-        start, end: run time [s]; None for the whole. speed: 2 shows it twice as fast.
-        width, height: [px], even. fps: frames a second.
+        start, end: run time [s]; None for the whole.
+        speed: 2 shows it twice as fast.
+        width, height: [px], even.
+        fps: frames a second.
         camera: azimuth, elevation [deg] and distance [m] of the picture of the arm; None to find.
     """
 
@@ -66,12 +68,12 @@ class Film:
         """
         self.rows = [recording.row(clock) for clock in cut.clocks(recording)]
         below = min(round(cut.height * 0.3), round(HEIGHT * cut.width / WIDTH))
-        world = World(recording)
+        world = RecordedWorld(recording)
         above = cut.height - below
         view = None
         if cut.camera is not None:
             view = seen_from(frame_run(world, SPLIT * cut.width / above), *cut.camera)
-        self._panel = Panel(recording, cut.width, below)
+        self._panel = SignalPanel(recording, cut.width, below)
         self._pictures = Pictures(world, cut.width, above, view)
 
     def __enter__(self) -> Film:
@@ -124,7 +126,9 @@ def write_video(
     """Writes a run as an H.264 video, whole or not at all.
 
     Args:
-        recording: of the run. path: of the file, such as out.mp4. cut: what of it, and how.
+        recording: of the run.
+        path: of the file, such as out.mp4.
+        cut: what of it, and how.
         progress: called with the frames done and the frames there are.
 
     Raises:

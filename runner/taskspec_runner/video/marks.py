@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from taskspec.geometry.axis import TRANSLATIONS, Axis
 from taskspec.program.stages.stage import CompiledStage
 from taskspec_runner.video.equations import equation_surfaces
-from taskspec_runner.video.world import World
+from taskspec_runner.video.world import RecordedWorld
 
 Vector = NDArray[np.float64]
 Color = tuple[float, float, float, float]
@@ -43,7 +43,8 @@ class Arm:
 
     Attributes:
         kind: force, motion or free for an axis of the frame, applied for the force.
-        name: of the axis. start, end: (3,) in the world [m].
+        name: of the axis.
+        start, end: (3,) in the world [m].
     """
 
     kind: str
@@ -66,7 +67,7 @@ def kind_of(stage: CompiledStage, axis: Axis) -> str:
 
 
 @dataclass(frozen=True, slots=True)
-class Path:
+class DrawnPath:
     """A path as thin bars: the row that each ends at, its middle, axes and half length."""
 
     rows: NDArray[np.int64]
@@ -82,7 +83,7 @@ class Marks:
         scale: length of the force arrow [m/N], 0 where a run has no force.
     """
 
-    def __init__(self, world: World, size: float = 1.0) -> None:
+    def __init__(self, world: RecordedWorld, size: float = 1.0) -> None:
         """Prepares the marks of a world, `size` times as large."""
         self._world, self._size = world, size
         recording = self.recording = world.recording
@@ -142,7 +143,7 @@ class Marks:
                 mujoco.mjv_connector(geom, kind, self._size * width, arm.start, end)
 
     def _path(
-        self, scene: mujoco.MjvScene, path: Path, width: float, color: Color, until: int
+        self, scene: mujoco.MjvScene, path: DrawnPath, width: float, color: Color, until: int
     ) -> None:
         """Adds the bars of a path up to a row."""
         size = np.full(3, self._size * width)
@@ -152,7 +153,7 @@ class Marks:
             _new(scene, color, box, size, path.middles[i], path.axes[i], _EMISSION)
 
 
-def _bars(points: Vector, starts: Sequence[int]) -> Path:
+def _bars(points: Vector, starts: Sequence[int]) -> DrawnPath:
     """A path (n, 3) as bars, none of them where it jumps as a visit starts."""
     steps = np.linalg.norm(np.diff(points, axis=0, prepend=points[:1]), axis=1)
     jumps = np.array([row for row in starts if steps[row] > _JUMP], dtype=np.int64)
@@ -168,7 +169,9 @@ def _bars(points: Vector, starts: Sequence[int]) -> Path:
     z = along / np.maximum(length, 1e-12)[:, None]
     x = np.cross(np.eye(3)[np.argmin(np.abs(z), axis=1)], z)
     x /= np.maximum(np.linalg.norm(x, axis=1), 1e-12)[:, None]
-    return Path(rows[1:][kept], (a + b) / 2, np.stack([x, np.cross(z, x), z], axis=2), 0.5 * length)
+    return DrawnPath(
+        rows[1:][kept], (a + b) / 2, np.stack([x, np.cross(z, x), z], axis=2), 0.5 * length
+    )
 
 
 def _new(

@@ -32,7 +32,7 @@ _LEGEND = 1082
 _WASH = 0.16
 
 
-class Panel:
+class SignalPanel:
     """Draws the panel for any row of a run."""
 
     def __init__(self, recording: Recording, width: int, height: int) -> None:

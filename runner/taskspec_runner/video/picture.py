@@ -14,7 +14,7 @@ from taskspec_runner.video.camera import View, close_view, frame_run
 from taskspec_runner.video.canvas import Canvas, Image
 from taskspec_runner.video.lettering import Pen, dark, font
 from taskspec_runner.video.marks import COLORS, Arm, Marks
-from taskspec_runner.video.world import World
+from taskspec_runner.video.world import RecordedWorld
 
 Vector = NDArray[np.float64]
 
@@ -31,11 +31,14 @@ class Pictures:
     """Draws any row of a run.
 
     Attributes:
-        view, close: the cameras of the two halves. marks: drawn in each of them.
+        view, close: the cameras of the two halves.
+        marks: drawn in each of them.
         canvas: holds the scene that was drawn last, that of the right half.
     """
 
-    def __init__(self, world: World, width: int, height: int, view: View | None = None) -> None:
+    def __init__(
+        self, world: RecordedWorld, width: int, height: int, view: View | None = None
+    ) -> None:
         """Prepares pictures of a size [px]; a `view` replaces that which is found.
 
         Raises:

@@ -30,9 +30,12 @@ class Recording:
     """Where everything of a run was, tick by tick.
 
     Attributes:
-        program: the task of the folder, compiled. history: its log. visits: in order.
+        program: the task of the folder, compiled.
+        history: its log.
+        visits: in order.
         q: (n, joints) [rad or m].
-        tip: (n, 3) the tool's tip in the world [m]. point: (n, 3) the control point of the stage.
+        tip: (n, 3) the tool's tip in the world [m].
+        point: (n, 3) the control point of the stage.
         axes: (n, 3, 3) the axes of the stage's frame; NaN where it is not known.
         force: (n, 3) what the robot applies, world axes [N].
         wanted: (n, 3) the reference of the control point [m].
@@ -84,7 +87,8 @@ def read_recording(folder: Path, program: Program | None = None) -> Recording:
     """Reads a run back; one that was cut short up to where its log ends.
 
     Args:
-        folder: of the run. program: its compiled task, where that is at hand.
+        folder: of the run.
+        program: its compiled task, where that is at hand.
 
     Raises:
         InputError: the folder holds no run, no tick, or a task that cannot be read any more.
@@ -153,7 +157,8 @@ def steadiest_contact(recording: Recording, span: float = 0.2) -> int:
     """A row of a large force that stays: by its mean over a while less twice its spread.
 
     Args:
-        recording: of the run. span: the while [s].
+        recording: of the run.
+        span: the while [s].
 
     Returns:
         The middle one of the rows where that is nearly as large as anywhere; of a run without

@@ -24,8 +24,11 @@ class Shown:
     """One signal over a visit.
 
     Attributes:
-        visit: where it holds. name: as in the log. unit: as it is written.
-        values: (k,) over the rows of the visit. wanted: (k,) its reference; None without one.
+        visit: where it holds.
+        name: as in the log.
+        unit: as it is written.
+        values: (k,) over the rows of the visit.
+        wanted: (k,) its reference; None without one.
     """
 
     visit: Visit

@@ -12,7 +12,7 @@ from taskspec.compiler import Program
 from taskspec_runner.video.canvas import backends
 from taskspec_runner.video.picture import Pictures
 from taskspec_runner.video.recording import Recording, read_recording, steadiest_contact
-from taskspec_runner.video.world import World
+from taskspec_runner.video.world import RecordedWorld
 
 #: Size of the picture [px].
 SIZE = (1120, 490)
@@ -24,7 +24,8 @@ def render_still(folder: Path, clock: float | None = None, size: tuple[int, int]
     """A PNG of a run at one time.
 
     Args:
-        folder: of the run. clock: run time [s]; None for the largest force that stays.
+        folder: of the run.
+        clock: run time [s]; None for the largest force that stays.
         size: width and height [px].
 
     Raises:
@@ -36,7 +37,7 @@ def render_still(folder: Path, clock: float | None = None, size: tuple[int, int]
 
 def _png(recording: Recording, clock: float | None, size: tuple[int, int]) -> bytes:
     row = steadiest_contact(recording) if clock is None else recording.row(clock)
-    pictures = Pictures(World(recording), *size)
+    pictures = Pictures(RecordedWorld(recording), *size)
     try:
         drawn = pictures.draw(row)
     finally:
@@ -52,7 +53,8 @@ def still_for_report(folder: Path, program: Program | None = None) -> tuple[str,
     """The picture as a `data:` address with its run time [s]; None where none can be drawn.
 
     Args:
-        folder: of the run. program: its compiled task, where that is at hand.
+        folder: of the run.
+        program: its compiled task, where that is at hand.
     """
     if not backends():
         return None

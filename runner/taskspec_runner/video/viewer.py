@@ -17,7 +17,7 @@ from taskspec_runner.video.film import Cut
 from taskspec_runner.video.marks import Marks
 from taskspec_runner.video.recording import Recording
 from taskspec_runner.video.shown import shown_forces
-from taskspec_runner.video.world import World
+from taskspec_runner.video.world import RecordedWorld
 
 #: Of a window, about.
 _ASPECT = 16 / 9
@@ -63,7 +63,7 @@ def view(recording: Recording, cut: Cut) -> None:
 
 
 @contextlib.contextmanager
-def _window(world: World) -> Iterator[Any]:
+def _window(world: RecordedWorld) -> Iterator[Any]:
     """MuJoCo's window on a world."""
     try:
         from mujoco import viewer
@@ -89,7 +89,7 @@ class Show:
     """
 
     def __init__(self, recording: Recording, cut: Cut) -> None:
-        self.world, self._recording, self._cut = World(recording), recording, cut
+        self.world, self._recording, self._cut = RecordedWorld(recording), recording, cut
         self._marks, self._shown = Marks(self.world), shown_forces(recording)
         self._clocks = cut.clocks(recording)
         # A window cannot let hidden marks shine through, as pictures do.

@@ -28,11 +28,12 @@ _SAMPLES = 4
 _SHADOW = 2048
 
 
-class World:
+class RecordedWorld:
     """The robot in its world.
 
     Attributes:
-        recording: of the run. model, data: MuJoCo's, as far as looks go.
+        recording: of the run.
+        model, data: MuJoCo's, as far as looks go.
         links: pairs of bodies of the arm between which nothing is drawn by the robot's file.
     """
 

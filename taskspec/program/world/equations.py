@@ -29,7 +29,8 @@ class EquationModel:
     """r(place, clock) = 0, or one side of it.
 
     Attributes:
-        name: of the object. constraint: as the file states it.
+        name: of the object.
+        constraint: as the file states it.
         joints: (n,) joint positions are its place, else the (3,) tool tip in the world.
         rotation, origin: (3, 3), (3,) of the frame in which x, y and z count.
         params: numbers that it may use.
@@ -88,7 +89,8 @@ class EquationTerms:
 
     Attributes:
         distance: r / |r_x| [m, rad], to first order the distance from the constraint.
-        normal: (1, d) r_x / |r_x|. by_time: r_t / |r_x| [m/s, rad/s].
+        normal: (1, d) r_x / |r_x|.
+        by_time: r_t / |r_x| [m/s, rad/s].
         drift: (x'^T r_xx x' + 2 r_xt x' + r_tt) / |r_x|, without the curvature of the way from
             the joints to the place [m/s^2, rad/s^2].
         scale: |r_x|: the multiplier of r itself is the force divided by it.
@@ -123,7 +125,9 @@ def reaction(
     relation holds.
 
     Args:
-        model: the equation. terms: at the place. rate: of the place (3,) or (n,).
+        model: the equation.
+        terms: at the place.
+        rate: of the place (3,) or (n,).
         stiffness, damping: of the constraint.
     """
     closing = terms.normal @ rate + terms.by_time
@@ -141,7 +145,8 @@ class StartEquation:
     """An equation at the start pose.
 
     Attributes:
-        distance: r / |r_x| [m, rad]. normal: (n,) unit normal on the joints' rates.
+        distance: r / |r_x| [m, rad].
+        normal: (n,) unit normal on the joints' rates.
         scale: |r_x|.
     """
 

@@ -82,7 +82,8 @@ def measure(frame: FrameModel, force: Vector, tip: Vector) -> tuple[Vector, Vect
     """(3, 3), (3,) pose of an estimated frame.
 
     Args:
-        frame: whose heading counts. tip: (3,) where the stage ended, world.
+        frame: whose heading counts.
+        tip: (3,) where the stage ended, world.
         force: (3,) mean by the environment on the tool, world: along the outward normal.
 
     Raises:
@@ -103,7 +104,9 @@ def with_nominal(
     """The frames, the measured ones where the file would have them.
 
     Args:
-        frames: all frames. normal: (3,) that is expected. origin: (3,) of the tip at the start.
+        frames: all frames.
+        normal: (3,) that is expected.
+        origin: (3,) of the tip at the start.
     """
     found = dict(frames)
     for name, frame in frames.items():

@@ -24,7 +24,10 @@ class ControlPoint:
 
     Attributes:
         offset: (3,) from the tip [m].
-        p: (3,) position. J: (6, n). drift: (6,) J' q'. twist: (6,) J q'.
+        p: (3,) position.
+        J: (6, n).
+        drift: (6,) J' q'.
+        twist: (6,) J q'.
         wrench: (6,) measured, by the environment, moment about this point.
     """
 
@@ -40,7 +43,8 @@ def control_point(terms: TermSymbols, wrench: ca.SX, offset: ca.SX | None) -> Co
     """Shifts the tip's kinematics and the measured wrench to the control point.
 
     Args:
-        terms: kinematics of the tip. wrench: (6,) about the tip.
+        terms: kinematics of the tip.
+        wrench: (6,) about the tip.
         offset: (3,) control point in tip axes, None for the tip itself.
     """
     if offset is None:
@@ -65,7 +69,9 @@ class ToolPoint:
     """The point of the tool that a following frame is nearest to: a ball's centre, or the tip.
 
     Attributes:
-        center: (3,) world [m]. lever: (3,) from the tip. velocity: (3,) world [m/s].
+        center: (3,) world [m].
+        lever: (3,) from the tip.
+        velocity: (3,) world [m/s].
         radius: [m] between this point and the tool's surface.
     """
 

@@ -29,11 +29,13 @@ class MechanismModel:
     """A mechanism as the controller has it.
 
     Attributes:
-        name: of the object. kind: hinge, slide or screw.
+        name: of the object.
+        kind: hinge, slide or screw.
         rotation, origin: (3, 3), (3,) its own axes in the world at coordinate 0.
         handle: (3,) the handle in them at coordinate 0 [m].
         lead: way along z per angle about it [m/rad].
-        angular: its coordinate is an angle. free: the knob turns on the handle.
+        angular: its coordinate is an angle.
+        free: the knob turns on the handle.
     """
 
     name: str
@@ -68,8 +70,10 @@ class MechanismModel:
         """Angle [rad] within half a turn of the one `before`, so that whole turns are counted.
 
         Args:
-            p: (3,) tip in the world. turned: (3, 3) rotation of the tool since the run began,
-                world axes. before: the angle of the last tick.
+            p: (3,) tip in the world.
+            turned: (3, 3) rotation of the tool since the run began,
+                world axes.
+            before: the angle of the last tick.
         """
         c, s = ca.cos(before), ca.sin(before)
         if self.swings:

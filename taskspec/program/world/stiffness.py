@@ -1,4 +1,4 @@
-"""Stiffness and damping of the contact with an object, `rigid` included."""
+"""Stiffness and damping of contacts, `rigid` included, and of the grip."""
 
 from __future__ import annotations
 
@@ -33,9 +33,13 @@ RESOLVED_PHASE = 1.0
 
 @dataclass(frozen=True, slots=True)
 class Compliance:
-    """A contact's stiffness [N/m] and damping [N s/m]; `phase` [rad] is what one step makes of it.
+    """A contact's spring and damper.
 
-    The phase is T sqrt(k / m) with the mass m that the tool has along the normal at the start.
+    Attributes:
+        stiffness: [N/m].
+        damping: [N s/m].
+        phase: T sqrt(k / m) [rad], what one step of the plant makes of it with the mass m that the
+            tool has along the normal at the start.
     """
 
     stiffness: float
@@ -43,11 +47,34 @@ class Compliance:
     phase: float
 
 
+@dataclass(frozen=True, slots=True)
+class GripCompliance:
+    """A spring and damper in six directions between the tool tip and what it holds.
+
+    Attributes:
+        stiffness: [N/m].
+        damping: [N s/m].
+        angular_stiffness: [N m/rad].
+        angular_damping: [N m s/rad].
+    """
+
+    stiffness: float
+    damping: float
+    angular_stiffness: float
+    angular_damping: float
+
+
+#: Every grasp's.
+GRIP = GripCompliance(stiffness=50e3, damping=300.0, angular_stiffness=500.0, angular_damping=1.5)
+
+
 def compliance(shape: Shape, robot: RobotModel, start: Vector, plant_period: float) -> Compliance:
     """The contact of the tool with an object as its declaration means it.
 
     Args:
-        shape: the object. robot: the arm. start: (n,) where the run begins.
+        shape: the object.
+        robot: the arm.
+        start: (n,) where the run begins.
         plant_period: step of the plant [s].
     """
     mass = normal_mass(robot, start, shape)
@@ -71,8 +98,11 @@ def equation_compliance(
     """What an equation's declaration means along its unit gradient.
 
     Args:
-        model: the equation. robot: the arm. start: (n,) where the run begins.
-        declared: its object. plant_period: step of the plant [s].
+        model: the equation.
+        robot: the arm.
+        start: (n,) where the run begins.
+        declared: its object.
+        plant_period: step of the plant [s].
 
     Returns:
         In N/m and N s/m; for an equation on joints in N m/rad and N m s/rad.
@@ -170,7 +200,9 @@ def settling_rate(damping: float, mobility: float, plant_period: float) -> float
     and the friction force flips between the cone's limits.
 
     Args:
-        damping: of one point of the contact [N s/m]. mobility: A [1/kg]. plant_period: [s].
+        damping: of one point of the contact [N s/m].
+        mobility: A [1/kg].
+        plant_period: [s].
     """
     return min(damping * (1 - IMPEDANCE) * mobility, IMPEDANCE * SETTLING / plant_period)
 
@@ -179,7 +211,9 @@ def creep(damping: float, mobility: float, plant_period: float) -> tuple[float, 
     """What friction below its limit is at one point: force over slip [N s/m], and added mass [kg].
 
     Args:
-        damping: of the point [N s/m]. mobility: A [1/kg]. plant_period: [s].
+        damping: of the point [N s/m].
+        mobility: A [1/kg].
+        plant_period: [s].
     """
     rate = settling_rate(damping, mobility, plant_period)
     return IMPRATIO * rate / ((1 - IMPEDANCE) * mobility), IMPRATIO * added_mass(mobility)
