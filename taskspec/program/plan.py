@@ -162,13 +162,13 @@ class StagePlan:
 
     @cached_property
     def contact(self) -> str | None:
-        """The object that the stage is about: that of its first force, or that which it meets."""
+        """The object that the stage is about: the stiffest that it presses on, or what it meets."""
         named = self.spec.contact or self.surface
         if named is not None or self.gripped:
             return named
-        pressed = [self.contacts[a] for a in self.forces if self.contacts[a] is not None]
+        pressed = [c for a in self.forces if (c := self.contacts[a]) is not None]
         if pressed:
-            return pressed[0]
+            return max(pressed, key=lambda c: self.context.compliances[c].stiffness)
         if self.approached is not None:
             return self.approached
         near = [self._met[a] for a in self.contacts if a in self._met]
