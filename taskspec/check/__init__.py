@@ -9,7 +9,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import taskspec.rules.all  # noqa: F401  (it registers the rules)
-from taskspec.check.axes.signals import check_expectations, check_signals
 from taskspec.check.contact.bodies import check_bodies
 from taskspec.check.contact.equations import check_constraints, check_equations
 from taskspec.check.contact.forces import check_forces
@@ -17,7 +16,6 @@ from taskspec.check.contact.leaving import check_leaving
 from taskspec.check.contact.resisting import check_resisting
 from taskspec.check.contact.set_points import check_set_points
 from taskspec.check.contact.yielding import check_yielding
-from taskspec.check.expectations.judging import check_judging
 from taskspec.check.reach.feasibility import check_feasibility
 from taskspec.check.reach.sensor import check_sensor
 from taskspec.check.reach.singular import check_singular
@@ -26,11 +24,7 @@ from taskspec.check.stages.entering import check_entering, check_ramps
 from taskspec.check.stages.guards import check_guards
 from taskspec.check.stages.impact import check_impact
 from taskspec.check.stages.noise import check_noise
-from taskspec.check.values.lasting import check_lasting
-from taskspec.check.values.references import check_motions, check_references
-from taskspec.check.values.variations import check_variations
 from taskspec.foresight.task_plan import TaskPlan, plan_task
-from taskspec.geometry.axis import Axis
 from taskspec.rules import Phase, ask
 from taskspec.spec import LoadedTask
 from taskspec.text.diagnostic import Diagnostic, Diagnostics, SpecError
@@ -82,36 +76,26 @@ def check_stages(task: TaskPlan) -> tuple[Diagnostic, ...]:
     """Findings about the stages of a task whose robot and start are sound."""
     context, loaded = task.context, task.context.loaded
     found = Diagnostics(loaded.source.name)
-    steady = check_variations(context, found)
-    if steady is not context:
-        context, task = steady, TaskPlan(steady)
+    if not ask(Phase.VARIATIONS, task, loaded, found):
+        task = task.unvaried()
+        context = task.context
     ask(Phase.TASK, task, loaded, found)
     check_bodies(context, found)
-    check_motions(context, found)
     check_equations(context, found)
     check_sensor(context, found)
-    axes_of: dict[str, tuple[Axis, ...]] = {}
     for name, plan in task.stages.items():
         if not ask(Phase.FRAME, plan, loaded, found):
             continue
         rotation, axes = plan.rotation, plan.axes
-        axes_of[name] = axes
-        check_signals(context, name, axes, found)
-        check_references(context, name, axes, found)
+        task.framed[name] = plan
         check_set_points(context, name, axes, rotation, found)
         check_ramps(context, name, axes, found)
         check_constraints(context, name, axes, rotation, found)
         if not ask(Phase.AXES, plan, loaded, found):
             continue
-        try:
-            path = plan.path
-        except SpecError as error:
-            found.extend(error.diagnostics)
-            continue
-        if not check_lasting(context, name, path, found):
-            continue
         if not ask(Phase.PATH, plan, loaded, found):
             continue
+        path = plan.path
         check_forces(context, name, axes, rotation, path, found)
         nominal = task.follow(name).nominal
         check_feasibility(context, name, axes, nominal.places, found)
@@ -124,7 +108,5 @@ def check_stages(task: TaskPlan) -> tuple[Diagnostic, ...]:
         check_impact(context, name, axes, rotation, nominal.gap, found)
         check_entering(context, name, axes, rotation, nominal.gap, found)
         ask(Phase.MOTION, plan, loaded, found)
-    check_expectations(context, axes_of, found)
-    check_judging(context, axes_of, found)
     ask(Phase.RUN, task, loaded, found)
     return found.sorted()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 from taskspec.foresight.nominal import Walk
 from taskspec.program.context import Context
@@ -17,6 +18,8 @@ class TaskPlan:
     Attributes:
         context: robot, start, frames and surfaces.
         stages: by name, in the order of the file.
+        framed: those of them whose frame is known to have axes as the run begins; they are entered
+            as the task is examined.
     """
 
     def __init__(self, context: Context) -> None:
@@ -25,6 +28,13 @@ class TaskPlan:
         self.stages: Mapping[str, StagePlan] = {
             name: StagePlan(context, name, lambda: walk.tool) for name in context.loaded.task.stages
         }
+        self.framed: dict[str, StagePlan] = {}
+
+    def unvaried(self) -> TaskPlan:
+        """The plan of the same task with nothing that varies."""
+        loaded = self.context.loaded
+        alone = loaded.task.model_copy(update={"vary": {}})
+        return TaskPlan(replace(self.context, loaded=replace(loaded, task=alone)))
 
     def follow(self, name: str) -> StagePlan:
         """A stage with its nominal trajectory, which goes on from that of the last one followed.

@@ -3,13 +3,28 @@
 Rules of one phase are asked in this order.
 """
 
-from taskspec.rules import axes, contacts, frames, law, objects, robot
+from taskspec.rules import (
+    axes,
+    contacts,
+    expectations,
+    frames,
+    law,
+    objects,
+    references,
+    robot,
+    signals,
+    variations,
+)
 
 __all__ = [
     "axes",
     "contacts",
+    "expectations",
     "frames",
     "law",
     "objects",
+    "references",
     "robot",
+    "signals",
+    "variations",
 ]

@@ -38,6 +38,8 @@ class Phase(IntEnum):
     """When a rule is asked, which is what has to be known of its subject.
 
     Attributes:
+        VARIATIONS: of the task, before anything else; one that cannot vary as its file says is
+            looked at as if it did not vary.
         TASK: of the task, before its stages.
         FRAME: of a stage, when nothing is known yet but its frame.
         AXES: of a stage whose axes are known.
@@ -48,13 +50,14 @@ class Phase(IntEnum):
         STABILITY: of a task without an error so far.
     """
 
-    TASK = 0
-    FRAME = 1
-    AXES = 2
-    PATH = 3
-    MOTION = 4
-    RUN = 5
-    STABILITY = 6
+    VARIATIONS = 0
+    TASK = 1
+    FRAME = 2
+    AXES = 3
+    PATH = 4
+    MOTION = 5
+    RUN = 6
+    STABILITY = 7
 
 
 @dataclass(frozen=True, slots=True)

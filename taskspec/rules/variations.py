@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Iterator
 
 from taskspec.analysis.corners import nominal
+from taskspec.foresight.task_plan import TaskPlan
 from taskspec.program.context import Context
+from taskspec.rules.finding import Finding, error
+from taskspec.rules.registry import Phase, rule
 from taskspec.spec import FILE
 from taskspec.spec.vary import OBJECT, ROBOT, Target
-from taskspec.text.diagnostic import Diagnostics
 from taskspec.text.units import in_si
 
 #: Values that have to be more than zero; all others but places and biases may also be zero.
@@ -16,13 +18,11 @@ _POSITIVE = ("stiffness", "size", "radius", "length", "mass", "inertia", "robot.
 _ANY = ("xyz", "rpy", "robot.sensor.bias")
 
 
-def check_variations(context: Context, found: Diagnostics) -> Context:
-    """Reports variations whose lower end is a value that the file itself could not state.
-
-    Returns the task to check further, which varies nothing if something cannot be varied so.
-    """
-    loaded, possible = context.loaded, True
-    for path, components in loaded.task.vary.items():
+@rule({}, also=("TS118",), phase=Phase.VARIATIONS)
+def impossible_variations(task: TaskPlan) -> Iterator[Finding]:
+    """Reports variations whose lower end is a value that the file itself could not state."""
+    context = task.context
+    for path, components in context.loaded.task.vary.items():
         _, _, key = path.rpartition(".")
         if key in _ANY or path in _ANY:
             continue
@@ -36,20 +36,16 @@ def check_variations(context: Context, found: Diagnostics) -> Context:
             low = middle + variation.low
             if low > 0 or (low == 0 and not positive):
                 continue
-            possible = False
             unit = dimensions[i]
             declared = f", from {in_si(middle, unit)} in the file" if variation.relative else ""
-            found.error(
+            yield error(
                 "TS118",
                 f"this lets {path!r} become {in_si(low, unit)}{declared}: it has to be "
                 f"{'above 0' if positive else '0 or more'}",
-                loaded.span(FILE.vary[path] if index is None else FILE.vary[path][index]),
+                FILE.vary[path] if index is None else FILE.vary[path][index],
                 "narrow the interval, or write its ends: a..b",
+                stops=True,
             )
-    if possible:
-        return context
-    steady = loaded.task.model_copy(update={"vary": {}})
-    return replace(context, loaded=replace(loaded, task=steady))
 
 
 def _target(context: Context, path: str) -> Target:

@@ -1,1 +1,0 @@
-"""TS2xx: axes, laws, frames and signals that do not go together."""

@@ -1,1 +1,0 @@
-"""TS7xx: expectations that cannot be met or judged."""

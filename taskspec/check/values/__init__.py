@@ -1,1 +1,0 @@
-"""TS1xx: values of the file that cannot be meant, whatever the stages do with them."""

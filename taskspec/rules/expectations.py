@@ -1,0 +1,267 @@
+"""Expectations that no good run can meet, or that cannot be judged."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+
+from taskspec.check.stages.conditions import bounds_of, names, parts, value_of
+from taskspec.foresight.flow import good_end, reached
+from taskspec.foresight.interval import ANY, Interval, IntervalAlgebra, point
+from taskspec.foresight.ranges import constant, longest, natural
+from taskspec.foresight.task_plan import TaskPlan
+from taskspec.geometry.axis import as_axis
+from taskspec.program.context import Context
+from taskspec.program.known import known_value
+from taskspec.program.signals import entry_of
+from taskspec.rules.finding import Finding, error, warning
+from taskspec.rules.registry import Phase, rule
+from taskspec.rules.signals import no_such_signal
+from taskspec.signals import CLOCKS
+from taskspec.spec import Expectation
+from taskspec.text.expression import evaluate
+from taskspec.text.expression.tree import Call, Held, Name, Node, Reduce, Within, walk
+from taskspec.text.show import show
+
+_ALGEBRA = IntervalAlgebra()
+#: Reducers whose value is that of a steady signal although the signal was another before.
+_LATE = ("last",)
+
+
+@rule("TS720", "an expectation of a stage that is not entered", phase=Phase.RUN)
+def unvisited_stages(task: TaskPlan) -> Iterator[Finding]:
+    """Reports expectations of stages that no run enters, or only one with a failure."""
+    stages, way = task.context.loaded.task.stages, _well(task.context)
+    entered = reached(stages, {next(iter(stages))})
+    for expectation in task.context.loaded.task.expect:
+        expression = expectation.expression
+        places: dict[str, Name] = {}
+        for name in names(expression.tree):
+            stage = _stage_of(task.context, name)
+            if stage is not None and stage not in way:
+                places.setdefault(stage, name)
+        for stage, name in places.items():
+            if stage in entered:
+                yield warning(
+                    "TS720",
+                    f"stage {stage!r} is entered only after a failure: in a run without one this "
+                    "fails",
+                    expression.where(name),
+                    "expect something of a stage that every good run enters",
+                )
+            else:
+                yield error(
+                    "TS720",
+                    f"stage {stage!r} is never entered, so this always fails",
+                    expression.where(name),
+                    "lead to the stage with 'next' or 'on_fail', or leave the expectation out",
+                )
+
+
+@rule("TS721", "an expectation of a signal that a stage does not have", phase=Phase.RUN)
+def signals_without_value(task: TaskPlan) -> Iterator[Finding]:
+    """Reports signals of the whole run that some stage of every good run does not have."""
+    way = [task.framed[name] for name in _well(task.context) if name in task.framed]
+    for expectation in task.context.loaded.task.expect:
+        expression = expectation.expression
+        inside = {
+            name
+            for call in walk(expression.tree)
+            if isinstance(call, Call) and call.function == "norm"
+            for name in names(call)
+        }
+        for name in names(expression.tree):
+            if name in inside or name.path[0] == "path_done" or name.frame is not None:
+                continue
+            if _stage_of(task.context, name) is not None:
+                continue
+            for stage in way:
+                reason = no_such_signal(stage, name, inside_norm=False)
+                if reason is None:
+                    continue
+                yield error(
+                    "TS721",
+                    f"{name} is judged in the whole run, and has no value in stage "
+                    f"{stage.name!r}: {reason}",
+                    expression.where(name),
+                    f"ask for it in the stages that have it, as in STAGE.{name}",
+                )
+                break
+
+
+@rule("TS724", "an expectation of a time finer than a tick", phase=Phase.RUN)
+def times_between_ticks(task: TaskPlan) -> Iterator[Finding]:
+    """Reports times that are to be met more finely than ticks come."""
+    context = task.context
+    for expectation in context.loaded.task.expect:
+        expression = expectation.expression
+        for part in parts(expression.tree):
+            if not isinstance(part, Within):
+                continue
+            inner = part.x.arg if isinstance(part.x, Reduce) else part.x
+            low, high = (_known(context, end) for end in (part.low, part.high))
+            if not isinstance(inner, Name) or inner.path[-1] not in ("t", "clock"):
+                continue
+            if low is not None and high is not None and 0 <= high - low < context.period:
+                yield warning(
+                    "TS724",
+                    f"this asks for a time within {show(high - low, 'ms', 3)}, and the controller "
+                    f"ticks every {show(context.period, 'ms', 3)}",
+                    expression.where(part),
+                    "widen it to one tick at least",
+                )
+
+
+@rule(
+    {
+        "TS722": "an expectation that can never hold",
+        "TS723": "an expectation that a set point contradicts",
+    },
+    phase=Phase.RUN,
+)
+def impossible_expectations(task: TaskPlan) -> Iterator[Finding]:
+    """Reports expectations that fail whatever happens, or in every run that ends well."""
+    expectations = task.context.loaded.task.expect
+    for number, expectation in enumerate(expectations):
+        never = _never(task.context, expectation, expectations[:number])
+        if never is not None:
+            yield never
+        else:
+            yield from _beside_a_set_point(task, expectation)
+
+
+def _well(context: Context) -> list[str]:
+    """The stages of a run in which every stage ends well, in order."""
+    stages = context.loaded.task.stages
+    way: list[str] = []
+    name: str | None = next(iter(stages))
+    while name is not None and name not in way:
+        way.append(name)
+        name = good_end(stages, name)
+    return way
+
+
+def _stage_of(context: Context, name: Name) -> str | None:
+    """The stage whose ticks a signal is judged in; None for the whole run, or another name."""
+    stages = context.loaded.task.stages
+    judged = len(name.path) > 1 and name.path[0] in stages and name.path[1] != "visits"
+    return name.path[0] if judged else None
+
+
+def _known(context: Context, node: Node) -> float | None:
+    """The value of a part of an expression that params alone tell; None of any other."""
+    interval = evaluate(node, _ALGEBRA, lambda name: _natural(context, name))
+    return interval.low if interval.low == interval.high else None
+
+
+def _never(
+    context: Context, expectation: Expectation, before: Sequence[Expectation]
+) -> Finding | None:
+    """What can never hold, by itself or beside what was expected before; None where it can."""
+    expression = expectation.expression
+
+    def lookup(name: Name) -> Interval:
+        return _natural(context, name)
+
+    for part in parts(expression.tree):
+        if value_of(part, _ALGEBRA, lookup).never:
+            return error(
+                "TS722",
+                "this can never hold: no values of its signals make it true",
+                expression.where(part),
+                "correct the number or the relation",
+            )
+    for other in before:
+        if isinstance(other.expression.tree, Held):
+            continue
+        bounds = bounds_of([other.expression.tree], _ALGEBRA, lookup)
+        if not value_of(expression.tree, _ALGEBRA, lookup, bounds).never:
+            continue
+        if value_of(other.expression.tree, _ALGEBRA, lookup).never:
+            continue  # Reported by itself.
+        place = other.expression.span
+        return error(
+            "TS722",
+            "this and an expectation before it exclude each other",
+            expression.span,
+            "a run can meet one of them at the most",
+            () if place is None else (("the other one", place),),
+        )
+    return None
+
+
+def _natural(context: Context, name: Name) -> Interval:
+    """What a true signal can be by its nature."""
+    stage = _stage_of(context, name)
+    found = entry_of(context.loaded.task, name.path[1:] if stage else name.path)
+    if found is None:
+        return constant(context, name) or ANY
+    if stage and found.signal is CLOCKS["t"]:
+        return Interval(0.0, longest(context, context.loaded.task.stages[stage]))
+    return natural(found)
+
+
+def _beside_a_set_point(task: TaskPlan, expectation: Expectation) -> Iterator[Finding]:
+    """Reports a force that is expected to be something else than its loop makes it."""
+    context, expression = task.context, expectation.expression
+    for part in parts(expression.tree):
+        signals = {n for n in names(part) if not _is_constant(context, n)}
+        reducers = {n.reducer for n in walk(part) if isinstance(n, Reduce)}
+        if len(signals) != 1:
+            continue
+        (signal,) = signals
+        wanted = _set_point(task, signal)
+        if wanted is None:
+            continue
+
+        def lookup(name: Name, held: Name = signal, value: float = wanted) -> Interval:
+            return point(value) if name == held else _natural(context, name)
+
+        if reducers <= {*_LATE}:
+            never = value_of(part, _ALGEBRA, lookup).never
+        else:
+            never = _never_beyond(context, part, signal, wanted)
+        if never:
+            stage, kind, axis = signal.path
+            unit = "N" if kind == "force" else "N*m"
+            yield warning(
+                "TS723",
+                f"stage {stage!r} holds {show(wanted, unit)} on {axis!r}, and this does not hold "
+                "there",
+                expression.where(part),
+                "expect the set point, with a tolerance: 'within -press +- 0.5 N'",
+            )
+
+
+def _never_beyond(context: Context, part: Node, signal: Name, wanted: float) -> bool:
+    """Whether a condition on greatest or least values excludes a value that is reached."""
+    bounds: dict[Node, Interval] = {}
+    for node in walk(part):
+        if isinstance(node, Reduce) and node.arg == signal:
+            if node.reducer == "max":
+                bounds[node] = Interval(wanted, math.inf)
+            elif node.reducer == "min":
+                bounds[node] = Interval(-math.inf, wanted)
+    return (
+        bool(bounds)
+        and value_of(part, _ALGEBRA, lambda name: _natural(context, name), bounds).never
+    )
+
+
+def _is_constant(context: Context, name: Name) -> bool:
+    return len(name.path) == 1 and name.path[0] in ("pi", *context.loaded.task.params)
+
+
+def _set_point(task: TaskPlan, signal: Name) -> float | None:
+    """The steady set point of a force that a loop reaches [N, N m]; None where there is none."""
+    name = _stage_of(task.context, signal)
+    if name is None or signal.frame is not None or len(signal.path) != len(("stage", "force", "z")):
+        return None
+    stage, axis = task.stages[name], as_axis(signal.path[2])
+    entry = None if axis is None else stage.spec.axes.get(axis)
+    # Motion that shares the axis, or a program, may leave another force.
+    facts = stage.law.control_law
+    if entry is None or not facts.force_loop or facts.shares or stage.law.solve == "qp":
+        return None
+    wanted = {"force": entry.force, "torque": entry.torque}.get(signal.path[1])
+    return None if wanted is None else known_value(task.context, wanted)

@@ -1,0 +1,229 @@
+"""References over the whole of their stage: where they have no value, jump, or last too long."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from taskspec.foresight.ranges import longest
+from taskspec.foresight.task_plan import TaskPlan
+from taskspec.geometry.axis import AXES, Axis
+from taskspec.program.algebra import CasadiAlgebra
+from taskspec.program.context import Context
+from taskspec.program.execution.tracks import move_speed
+from taskspec.program.known import known_value
+from taskspec.program.plan import StagePlan
+from taskspec.rules.finding import Finding, error, warning
+from taskspec.rules.registry import Phase, rule
+from taskspec.spec import FILE, KeyPath
+from taskspec.text.diagnostic import Severity
+from taskspec.text.expression import Expression
+from taskspec.text.expression.tree import Name, walk
+from taskspec.text.show import show
+
+Vector = NDArray[np.float64]
+
+#: Ticks at which a reference is looked at; of a longer stage as many, evenly chosen.
+_MOST = 20_000
+#: A step of a planned position is a jump from this on [m, rad], and from so many times the steps
+#: near it on: a motion that is resolved by its ticks changes little from one to the next. A jump
+#: may take two ticks, as sign(t) is 0 in one, so those right beside it do not count.
+_JUMP = {"linear": 2e-3, "angular": math.radians(1.0)}
+_TIMES = 20.0
+_NEAR = (2, 3)
+#: A hundred days, and a share of any tick [s]: numbers of jerk-limited moves fail far beyond both.
+_LONGEST, _SHORTEST = 1e7, 1e-9
+#: What is shorter is no motion [m, rad].
+_NOWHERE = 1e-12
+
+
+@rule({}, also=("TS117",), phase=Phase.AXES)
+def references_without_start(stage: StagePlan) -> Iterator[Finding]:
+    """Reports references that have no finite value when their stage begins."""
+    for axis in stage.spec.axes.values():
+        for expression in (axis.velocity, axis.force, axis.torque, axis.position):
+            if expression is None:
+                continue
+            value = known_value(stage.context, expression, {"t": 0.0, "clock": 0.0})
+            if value is not None and not math.isfinite(value):
+                yield error(
+                    "TS117",
+                    "this has no finite value at t = 0 s",
+                    expression.span,
+                    "mind what divides, and what stands under a root or in a logarithm",
+                )
+
+
+@rule("TS423", "a position that jumps", also=("TS117",), phase=Phase.AXES)
+def references_over_time(stage: StagePlan) -> Iterator[Finding]:
+    """Reports references that depend on time alone and are not finite, or jump.
+
+    A position is looked at with its rate and acceleration, which the laws use. What is not finite
+    as the stage begins is reported as such.
+    """
+    context = stage.context
+    end = longest(context, stage.spec)
+    if not math.isfinite(end):
+        return
+    times = _ticks(context, end)
+    first = stage.name == next(iter(context.loaded.task.stages))
+    clocks = {"t", "clock"} if first else {"t"}
+    for axis, expression, planned in _references(stage):
+        values = _values(context, expression, planned, clocks, times)
+        if values is None or not np.isfinite(values[0, 0]):
+            continue
+        wrong = np.flatnonzero(~np.isfinite(values).all(axis=0))
+        if len(wrong):
+            surely = stage.spec.until is None
+            yield _undefined(expression, values, times, int(wrong[0]), surely=surely)
+        elif axis is not None and planned:
+            yield from _jumps(axis, expression, values[0], times)
+
+
+@rule({}, also=("TS117",), phase=Phase.TASK)
+def object_motions(task: TaskPlan) -> Iterator[Finding]:
+    """Reports objects that move by an expression of `clock` which has no value while a run lasts.
+
+    The plant's guards would stop the run there.
+    """
+    context, spec = task.context, task.context.loaded.task
+    whole = sum(longest(context, stage) for stage in spec.stages.values())
+    if not math.isfinite(whole):
+        return
+    times = _ticks(context, whole)
+    for shape in spec.shapes.values():
+        for expression in () if shape.motion is None else shape.motion.axes.values():
+            values = _values(context, expression, True, {"clock"}, times)
+            if values is None or not np.isfinite(values[0, 0]):
+                continue
+            wrong = np.flatnonzero(~np.isfinite(values).all(axis=0))
+            if len(wrong):
+                yield _undefined(expression, values, times, int(wrong[0]), surely=False)
+
+
+@rule({}, also=("TS222",), phase=Phase.PATH)
+def arcs_without_radius(stage: StagePlan) -> Iterator[Finding]:
+    """Reports an arc about the very point where its stage begins."""
+    path = stage.path
+    if path is None or path.kind != "arc" or stage.frame.still:
+        return
+    if path.length(dict.fromkeys(AXES, 0.0)) <= _NOWHERE:
+        yield warning(
+            "TS222",
+            "this arc has no radius: in this frame x and y count from where the stage begins",
+            FILE.stages[stage.name].path.arc,
+            "put the center beside the tool, such as center: [20 mm, 0]",
+        )
+
+
+@rule({}, also=("TS118",), phase=Phase.PATH)
+def endless_motions(stage: StagePlan) -> Iterator[Finding]:
+    """Reports moves and paths that take longer than any run, or no time at all."""
+    own, path = FILE.stages[stage.name], stage.path
+    for axis, entry in stage.spec.axes.items():
+        if entry.move is not None:
+            place = own.axes[axis]["move" if entry.speed is None else "speed"]
+            yield from _endless(abs(entry.move), entry.speed or move_speed(axis), place)
+    if path is not None and path.speed is not None:
+        length = path.table.length if path.table else path.length(dict.fromkeys(AXES, 0.0))
+        yield from _endless(length, path.speed, own.path.speed)
+
+
+def _endless(length: float, speed: float, place: KeyPath) -> Iterator[Finding]:
+    lasts = length / speed
+    if not (length <= _NOWHERE or _SHORTEST <= lasts <= _LONGEST):
+        yield error(
+            "TS118",
+            f"at this speed the motion takes {show(lasts, 's', 2)}",
+            place,
+            "mind the units of the way and of the speed",
+            stops=True,
+        )
+
+
+def _ticks(context: Context, end: float) -> Vector:
+    """Seconds [s] at which a stage or a run of a length may tick."""
+    ticks = round(end / context.period)
+    return np.arange(0.0, ticks, max(1, ticks // _MOST)) * float(context.period)
+
+
+def _references(stage: StagePlan) -> Iterator[tuple[Axis | None, Expression, bool]]:
+    """Axis if it is one's, expression, and whether it is a position, which is differentiated."""
+    for axis, entry in stage.spec.axes.items():
+        if axis not in stage.axes:
+            continue
+        if entry.position is not None:
+            yield axis, entry.position, True
+        for expression in (entry.velocity, entry.force, entry.torque):
+            if expression is not None:
+                yield axis, expression, False
+    for constraint in stage.spec.constraints.values():
+        yield None, constraint.wanted, False
+
+
+def _values(
+    context: Context, expression: Expression, planned: bool, clocks: set[str], times: Vector
+) -> Vector | None:
+    """(3, k) or (1, k) the reference, of a position also its rates; None where signals decide.
+
+    `clocks` are the names that mean `times` (k,) here; those since the run began do in its first
+    stage.
+    """
+    used = {str(n) for n in walk(expression.tree) if isinstance(n, Name)}
+    params = context.loaded.task.params
+    if not used & clocks or not used <= {*clocks, "pi", *params}:
+        return None
+    t = ca.SX.sym("t")
+    known = {"pi": ca.SX(math.pi)} | {n: ca.SX(q.value) for n, q in params.items()}
+    known |= dict.fromkeys(clocks, t)
+    value = CasadiAlgebra(None, context.period).translate(expression, lambda n: known[str(n)])
+    rows = [value]
+    if planned:
+        rows.append(ca.jacobian(value, t))
+        rows.append(ca.jacobian(rows[1], t))
+    rows = [ca.densify(row) for row in rows]
+    function = ca.Function("reference", [t], [ca.vertcat(*rows)])
+    return np.array(function(times[None, :]))
+
+
+def _undefined(
+    expression: Expression, values: Vector, times: Vector, first: int, *, surely: bool
+) -> Finding:
+    """The finding of a reference whose value or rate is not finite from a tick on."""
+    row = int(np.flatnonzero(~np.isfinite(values[:, first]))[0])
+    subject = ("this has", "the rate of this has", "the acceleration of this has")[row]
+    return Finding(
+        "TS117",
+        f"{subject} no finite value at t = {show(float(times[first]), 's', 4)}"
+        + ("" if surely else ", which may come"),
+        expression.span,
+        "end the stage before that, or keep its argument in range with max, min or clamp",
+        severity=Severity.ERROR if surely else Severity.WARNING,
+    )
+
+
+def _jumps(axis: Axis, expression: Expression, values: Vector, times: Vector) -> Iterator[Finding]:
+    """Reports the first step of a position that is far from those beside it."""
+    steps = np.abs(np.diff(values))
+    near = np.zeros_like(steps)
+    for k in _NEAR:
+        near[k:] = np.maximum(near[k:], steps[:-k])
+        near[:-k] = np.maximum(near[:-k], steps[k:])
+    turns = axis.is_rotation
+    least = _JUMP["angular" if turns else "linear"]
+    jumps = np.flatnonzero((steps > least) & (steps > _TIMES * near))
+    if len(jumps) == 0:
+        return
+    k = int(jumps[0])
+    yield warning(
+        "TS423",
+        f"this jumps by {show(float(steps[k]), 'deg' if turns else 'mm', 3)} at "
+        f"t = {show(float(times[k + 1]), 's', 4)}: the arm cannot follow, and the controller "
+        "answers with all it has",
+        expression.span,
+        "pass over steadily, with smooth((t - t0)/(0.5 s)) between two values",
+    )

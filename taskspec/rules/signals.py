@@ -1,0 +1,115 @@
+"""Signals that exist in the language but not in this stage, on this arm."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from taskspec.foresight.task_plan import TaskPlan
+from taskspec.geometry.axis import ROTATIONS, Axis, as_axis
+from taskspec.program.context import Context
+from taskspec.program.plan import StagePlan
+from taskspec.program.signals import entry_of
+from taskspec.rules.finding import Finding, error
+from taskspec.rules.registry import Phase, rule
+from taskspec.signals import VECTORS
+from taskspec.text.expression import Expression
+from taskspec.text.expression.tree import Call, Name, Node, children
+
+
+@rule("TS224", "a signal that this stage cannot evaluate", phase=Phase.AXES)
+def missing_signals(stage: StagePlan) -> Iterator[Finding]:
+    """Reports signals in the expressions of a stage that it cannot evaluate."""
+    for condition in (stage.spec.until, stage.spec.fail_if):
+        if condition is not None:
+            yield from _missing(stage, condition, reference=False)
+    for axis in stage.spec.axes.values():
+        for reference in (axis.velocity, axis.force, axis.torque, axis.position):
+            if reference is not None:
+                yield from _missing(stage, reference, reference=True)
+
+
+def _missing(stage: StagePlan, expression: Expression, *, reference: bool) -> Iterator[Finding]:
+    context = stage.context
+    for node, inside_norm in _names(expression.tree, False):
+        hint = ""
+        entry = entry_of(context.loaded.task, node.path)
+        reason = no_such_signal(stage, node, inside_norm=inside_norm)
+        if reason is None and reference and entry is not None:
+            reason = entry.signal.reference or None
+        if reason is None and node.path[0] in context.mechanisms and node.path[0] != context.held:
+            reason = f"the robot does not hold {node.path[0]!r}, so it cannot know"
+            hint = f"let it: robot: {{grasp: {node.path[0]}.handle}}"
+        if reason is None and entry is not None:
+            reason = entry.signal.unmeasured or None
+        if reason is not None:
+            yield error("TS224", f"{node}: {reason}", expression.where(node), hint)
+
+
+@rule({}, also=("TS224",), phase=Phase.RUN)
+def missing_expected_signals(task: TaskPlan) -> Iterator[Finding]:
+    """Reports expectations about axes that their stage does not have."""
+    for expectation in task.context.loaded.task.expect:
+        expression = expectation.expression
+        for node, inside_norm in _names(expression.tree, False):
+            stage = task.framed.get(node.path[0])
+            if stage is None or len(node.path) < 2:
+                continue
+            inner = Name(node.path[1:], node.frame)
+            here = Name(inner.path)  # The verdict resolves other frames from the log.
+            reason = no_such_signal(stage, here, inside_norm=inside_norm)
+            if reason is not None:
+                hint = ""
+                if inner.path[0] == "error" and inner.path[-1] in stage.axes:
+                    kind = Axis(inner.path[-1]).effort
+                    hint = f"judge what it controls: {stage.name}.{kind}.{inner.path[-1]}"
+                yield error("TS224", f"{node}: {reason}", expression.where(node), hint)
+
+
+def no_such_signal(stage: StagePlan, node: Name, *, inside_norm: bool) -> str | None:
+    """Why a stage has no such signal, None if it has it."""
+    path, robot = node.path, stage.context.robot
+    if node.frame is not None:
+        elsewhere = _not_elsewhere(stage.context, node)
+        if elsewhere is not None:
+            return elsewhere
+    if path[0] == "gap" and len(path) == 1:
+        return "there is no object in the world to have a gap to" if stage.contact is None else None
+    if path[0] == "path_done" and stage.spec.path is None:
+        return f"stage {stage.name!r} has no path"
+    if path[0] == "joint" and int(path[1]) > robot.pin.nv:
+        return f"{robot.name!r} has {robot.pin.nv} joints"
+    if path[0] not in VECTORS or len(path) != 2 or inside_norm:
+        return None
+    axis = as_axis(path[1])
+    if axis is None:
+        return None
+    if node.frame is None and axis not in stage.axes:
+        return f"this arm has no axis {axis!r} in this frame; it has {', '.join(stage.axes)}"
+    declared = stage.spec.axes.get(axis)
+    facts = stage.law.control_law
+    loop = facts.force_loop and not facts.shares
+    if path[0] == "error" and loop and declared is not None and declared.has_force:
+        return f"{axis!r} is force-controlled here and has no motion error"
+    return None
+
+
+def _not_elsewhere(context: Context, node: Name) -> str | None:
+    """Why a signal has no meaning in another frame while the task runs, None if it has."""
+    assert node.frame is not None
+    frame, kind = context.frames[node.frame], node.path[0]
+    surface = frame.surface
+    if surface is not None and surface.parts:
+        of = f"the {surface.parts} of a {surface.name}"
+        return f"{of} are followed only by the stage's own frame"
+    place = kind == "position" and frame.still and node.path[-1] not in ROTATIONS
+    if (kind in VECTORS and VECTORS[kind].anywhere) or place:
+        return None
+    return "in another frame: force, torque, velocity, and positions in fixed frames"
+
+
+def _names(node: Node, inside_norm: bool) -> Iterator[tuple[Name, bool]]:
+    if isinstance(node, Name):
+        yield node, inside_norm
+    inside = inside_norm or (isinstance(node, Call) and node.function == "norm")
+    for child in children(node):
+        yield from _names(child, inside)
