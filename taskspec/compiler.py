@@ -66,7 +66,7 @@ class Program:
     def machine(self, views: Views | None = None) -> Machine:
         """A fresh machine; `views` are 1-D arrays for its inputs and outputs."""
         n = self.context.robot.pin.nv
-        context = self.context
+        context, task = self.context, self.context.loaded.task
         if views is None:
             lengths = (n, n, 6, len(context.equations), n, self.output_size)
             q, v, wrench, reactions, torque, outputs = (np.zeros(length) for length in lengths)
@@ -76,7 +76,7 @@ class Program:
             self.stages,
             context.period,
             views,
-            sensor_zero(context.loaded.task, context.robot),
+            sensor_zero(task, task.robot.sensor, context.robot),
             estimates(context.frames, context.period),
         )
 

@@ -116,7 +116,7 @@ def _robot(loaded: LoadedTask, models: Mapping[str, MechanismModel]) -> tuple[Ro
         model = load_robot(robot, loaded.base)
         start = robot.start
         if robot.grasp is not None:
-            return model, holding_start(loaded, model, models)
+            return model, holding_start(loaded, robot, model, models)
         xyz, rpy, joints = (start.xyz, start.rpy, start.joints) if start else (None, None, None)
         return model, solve_start(model, xyz, rpy, joints)
     except RobotError as error:

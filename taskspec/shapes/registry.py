@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from inspect import get_annotations
 from typing import TypeVar
 
 from taskspec.shapes.surface import SizeKey, Surface, ToolSurface
@@ -18,10 +19,14 @@ def register(kind: _Kind) -> _Kind:
 
     Raises:
         RuntimeError: the language has been imported, and its models are made.
+        TypeError: it does not state all that a shape of its kind does.
         ValueError: there is a kind of that name, or one of its keys means something else already.
     """
     if _read:
-        raise RuntimeError(f"register {kind.name!r} before {_read[0]!r} is imported")
+        raise RuntimeError(f"register {kind.__name__} before {_read[0]!r} is imported")
+    missing = [*_unstated(kind), *sorted(kind.__abstractmethods__)]
+    if missing:
+        raise TypeError(f"the shape {kind.__name__} does not state its {', '.join(missing)}")
     if kind.name in SHAPES:
         raise ValueError(f"there is a shape {kind.name!r} already")
     for key in kind.keys:
@@ -29,6 +34,12 @@ def register(kind: _Kind) -> _Kind:
             raise ValueError(f"{key.name!r} of {kind.name!r} differs from that of other shapes")
     SHAPES[kind.name] = kind
     return kind
+
+
+def _unstated(kind: type[Surface]) -> list[str]:
+    """Facts of a class that neither it nor what it is derived from gives."""
+    facts = {n: a for base in kind.__mro__ for n, a in get_annotations(base).items()}
+    return [n for n, a in facts.items() if "ClassVar" in str(a) and not hasattr(kind, n)]
 
 
 def all_shapes(reader: str) -> dict[str, type[Surface]]:

@@ -8,7 +8,15 @@ import pytest
 
 from taskspec.geometry.rotation import from_rpy
 from taskspec.program.prepare import chart_at
-from taskspec.shapes import Box, Cylinder, Plane, Sphere
+from taskspec.shapes import SHAPES, BoundedSurface, Box, Cylinder, Plane, SizeKey, Sphere, register
+
+
+@pytest.fixture
+def _open(monkeypatch):
+    """The registry as it is before the language is imported; it is forgotten what a test adds."""
+    monkeypatch.setattr("taskspec.shapes.registry._read", [])
+    monkeypatch.setattr("taskspec.shapes.registry.SHAPES", dict(SHAPES))
+
 
 RNG = np.random.default_rng(2)
 ORIGIN, R = np.array([0.3, -0.2, 0.5]), from_rpy((0.4, -0.3, 0.9))
@@ -94,3 +102,47 @@ def test_margins_end_at_a_cylinders_ends_and_a_spheres_pole():
     pole = ORIGIN + R @ np.array([0.2, 1e-4, 0])
     assert number(sphere.margin(ca.SX(pole), None)) < 0
     assert number(sphere.margin(ca.SX(ORIGIN + R @ np.array([0, 0, 0.2])), None)) > 0
+
+
+class Slab(Plane):
+    """A plane by another name."""
+
+    name = "slab"
+
+
+def test_shapes_are_listed_by_their_names():
+    assert list(SHAPES) == ["plane", "box", "cylinder", "sphere"]
+    assert all(kind.name == name for name, kind in SHAPES.items())
+
+
+def test_a_shape_comes_before_the_language():
+    with pytest.raises(RuntimeError, match=r"register Slab before 'taskspec\.spec\.world'"):
+        register(Slab)
+
+
+@pytest.mark.usefixtures("_open")
+def test_a_name_is_given_once():
+    register(Slab)
+    with pytest.raises(ValueError, match="there is a shape 'slab' already"):
+        register(Slab)
+
+
+@pytest.mark.usefixtures("_open")
+def test_a_key_means_the_same_on_every_shape():
+    class Coin(Cylinder):
+        name = "coin"
+        keys = (SizeKey("radius", "Radius of a coin"),)
+
+    with pytest.raises(ValueError, match="'radius' of 'coin' differs"):
+        register(Coin)
+
+
+@pytest.mark.usefixtures("_open")
+def test_a_shape_states_all_that_depends_on_it():
+    class Blob(BoundedSurface):
+        def height(self, x):
+            return x[2]
+
+    facts = "resting_points, name, chart, contact_points, extremes, geom, inertia, volume"
+    with pytest.raises(TypeError, match=f"the shape Blob does not state its {facts}"):
+        register(Blob)

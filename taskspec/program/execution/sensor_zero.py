@@ -64,9 +64,17 @@ class SensorZero:
             self.zero = self._sum / self._count
 
 
-def sensor_zero(task: Task, robot: RobotModel) -> SensorZero | None:
-    """What corrects the readings; None where the sensor gives the contact wrench as it is."""
-    sensor = task.robot.sensor
+def sensor_zero(task: Task, sensor: Sensor, robot: RobotModel) -> SensorZero | None:
+    """What corrects the readings of an arm's sensor.
+
+    Args:
+        task: for what varies, and for stages that tare.
+        sensor: as the file has it.
+        robot: the arm.
+
+    Returns:
+        None where the sensor gives the contact wrench as it is.
+    """
     varied = any(path.startswith("robot.sensor") for path in task.vary)
     if sensor == Sensor() and not varied and not any(s.tare for s in task.stages.values()):
         return None

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from taskspec.program.errors import spec_error
 from taskspec.program.world.mechanisms import MechanismModel
 from taskspec.robot import RobotError, RobotModel, solve_start
-from taskspec.spec import FILE, LoadedTask, Robot
+from taskspec.spec import FILE, LoadedTask, Robot, Task
 from taskspec.text.codes import register
 from taskspec.text.diagnostic import SpecError
 from taskspec.text.show import show
@@ -29,27 +29,32 @@ Vector = NDArray[np.float64]
 _REACH = 1e-3
 
 
-def grip_point(robot: Robot, loaded: LoadedTask, models: Mapping[str, MechanismModel]) -> Vector:
-    """(3,) where the tip takes hold of what `robot.grasp` names, world [m]."""
+def grip_point(robot: Robot, task: Task, models: Mapping[str, MechanismModel]) -> Vector:
+    """(3,) where the tip takes hold of what the robot's `grasp` names, world [m]."""
     assert robot.grasp is not None
     name = robot.grasp.removesuffix(".handle")
     if name in models:
         return models[name].grip
-    return np.array(loaded.task.shapes[name].xyz, dtype=float)
+    return np.array(task.shapes[name].xyz, dtype=float)
 
 
 def holding_start(
-    loaded: LoadedTask, model: RobotModel, models: Mapping[str, MechanismModel]
+    loaded: LoadedTask, robot: Robot, model: RobotModel, models: Mapping[str, MechanismModel]
 ) -> Vector:
     """(n,) the configuration in which a run starts whose robot holds something.
 
     Where the start has no place, it is where the tip takes hold.
 
+    Args:
+        loaded: the task.
+        robot: as the file has it.
+        model: its models.
+        models: of the mechanisms.
+
     Raises:
         SpecError: a given start is not at the handle, or nothing could turn what is held.
         RobotError: the arm does not get there.
     """
-    robot = loaded.task.robot
     start = robot.start
     name = (robot.grasp or "").removesuffix(".handle")
     if name in models and models[name].free and models[name].angular and not models[name].swings:
@@ -60,12 +65,12 @@ def holding_start(
             f"the knob of {name!r} is free and on its axis: the robot cannot turn it",
             "write knob: fixed, or place the handle off the axis",
         )
-    point = grip_point(robot, loaded, models)
+    point = grip_point(robot, loaded.task, models)
     if start is None or (start.xyz is None and start.joints is None):
         return _start_at(robot, model, point)
     q = solve_start(model, start.xyz, start.rpy, start.joints)
     if name in models:
-        _check_at_handle(loaded, model, q, point)
+        _check_at_handle(loaded, robot, model, q, point)
     return q
 
 
@@ -79,21 +84,23 @@ def _start_at(robot: Robot, model: RobotModel, point: Vector) -> Vector:
         raise RobotError(error.code, message, error.hint, field) from error
 
 
-def _check_at_handle(loaded: LoadedTask, model: RobotModel, q: Vector, point: Vector) -> None:
+def _check_at_handle(
+    loaded: LoadedTask, robot: Robot, model: RobotModel, q: Vector, point: Vector
+) -> None:
     data = model.pin.createData()
     pin.framesForwardKinematics(model.pin, data, q)
     tip = data.oMf[model.pin.getFrameId("tip")].translation
     distance = float(np.linalg.norm(tip - point))
     if distance > _REACH:
-        raise _away(loaded, distance)
+        raise _away(loaded, robot, distance)
 
 
-def _away(loaded: LoadedTask, distance: float) -> SpecError:
-    grasp = loaded.task.robot.grasp
+def _away(loaded: LoadedTask, robot: Robot, distance: float) -> SpecError:
     return spec_error(
         loaded,
         FILE.robot.start,
         "TS415",
-        f"the tool tip starts {show(distance, 'mm', 3)} away from {grasp!r}, which it is to hold",
+        f"the tool tip starts {show(distance, 'mm', 3)} away from {robot.grasp!r}, which it is to "
+        "hold",
         "leave xyz out: the start is then found from the handle",
     )
