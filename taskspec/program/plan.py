@@ -166,9 +166,8 @@ class StagePlan:
         named = self.spec.contact or self.surface
         if named is not None or self.gripped:
             return named
-        pressed = [c for a in self.forces if (c := self.contacts[a]) is not None]
-        if pressed:
-            return max(pressed, key=lambda c: self.context.compliances[c].stiffness)
+        if self.force_contacts:
+            return max(self.force_contacts, key=lambda c: self.context.compliances[c].stiffness)
         if self.approached is not None:
             return self.approached
         near = [self._met[a] for a in self.contacts if a in self._met]
@@ -179,8 +178,13 @@ class StagePlan:
     @cached_property
     def gap_contact(self) -> str | None:
         """The object that `gap` is the distance from; None where its forces have several."""
-        pressed = {c for a in self.forces if (c := self.contacts[a]) is not None}
-        return None if len(pressed) > 1 else self.contact
+        return None if len(self.force_contacts) > 1 else self.contact
+
+    @cached_property
+    def force_contacts(self) -> tuple[str, ...]:
+        """The objects that its forces press on, each once, by the order of their axes."""
+        contacts = (self.contacts[a] for a in self.forces)
+        return tuple(dict.fromkeys(c for c in contacts if c is not None))
 
     @cached_property
     def approached(self) -> str | None:

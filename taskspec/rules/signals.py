@@ -73,7 +73,7 @@ def no_such_signal(stage: StagePlan, node: Name, *, inside_norm: bool) -> str | 
         if elsewhere is not None:
             return elsewhere
     if path[0] == "gap" and len(path) == 1:
-        return "there is no object in the world to have a gap to" if stage.contact is None else None
+        return _no_gap(stage)
     if path[0] == "path_done" and stage.spec.path is None:
         return f"stage {stage.name!r} has no path"
     if path[0] == "joint" and int(path[1]) > robot.pin.nv:
@@ -90,6 +90,16 @@ def no_such_signal(stage: StagePlan, node: Name, *, inside_norm: bool) -> str | 
     loop = facts.force_loop and not facts.shares
     if path[0] == "error" and loop and declared is not None and declared.has_force:
         return f"{axis!r} is force-controlled here and has no motion error"
+    return None
+
+
+def _no_gap(stage: StagePlan) -> str | None:
+    """Why `gap` is the distance from no object, None if it is."""
+    if stage.contact is None:
+        return "there is no object in the world to have a gap to"
+    if stage.gap_contact is None:
+        names = " or ".join(f"{contact}.gap" for contact in stage.force_contacts)
+        return f"the forces of this stage press on several objects: write {names}"
     return None
 
 

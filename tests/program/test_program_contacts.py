@@ -151,6 +151,16 @@ def findings(world: str, *stages: str) -> list[str]:
     return [d.code for d in check_task(load_text(text, "contacts.yaml"))]
 
 
+def test_the_gap_from_several_objects_needs_a_name():
+    forces = "axes: {y: {force: 2 N}, z: {force: -5 N}}, within: {time: 1 s}"
+    world = f"{TABLE}, {FENCE}"
+    assert "TS224" in findings(world, f"corner: {{{forces}, until: gap < 1 mm}}")
+    assert "TS224" not in findings(world, f"corner: {{{forces}, until: fence.gap < 1 mm}}")
+    assert "TS224" not in findings(
+        world, f"corner: {{contact: fence, {forces}, until: gap < 1 mm}}"
+    )
+
+
 def test_names_are_checked():
     world = f"{TABLE}, door: {{mechanism: hinge, xyz: [1 m, 0, 0], handle: [0.1 m, 0, 0]}}"
     with pytest.raises(Exception, match="no object with a surface"):
