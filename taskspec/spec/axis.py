@@ -10,8 +10,8 @@ from pydantic_core import CoreSchema, core_schema
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.spec.fields import MechanismName, SurfaceName
 from taskspec.spec.model import Model, complete, short_form
+from taskspec.spec.parse_context import ParseContext as Reading
 from taskspec.spec.quantities import Constant, Formula
-from taskspec.spec.reading import Reading
 from taskspec.spec.words import Word
 from taskspec.text.codes import register
 from taskspec.text.data import Map, Text

@@ -8,8 +8,8 @@ from typing import Annotated
 from pydantic import Field
 
 from taskspec.spec.model import Model
+from taskspec.spec.parse_context import ParseContext, span_of
 from taskspec.spec.quantities import Constant
-from taskspec.spec.reading import Reading, span_of
 from taskspec.text.data import Map
 from taskspec.text.units import FREQUENCY
 
@@ -39,13 +39,13 @@ class Control(Model):
     )
 
 
-def settle_rates(control: Control, data: Map, reading: Reading) -> Control:
+def settle_rates(control: Control, data: Map, context: ParseContext) -> Control:
     """Return the rates with that of the plant filled in; report one that does not fit.
 
     Args:
         control: as the file has it.
         data: the raw mapping, empty if the file has none.
-        reading: the pass.
+        context: the pass.
     """
     if not all(SLOWEST <= rate <= FASTEST for rate in (control.rate, control.plant_rate)):
         return control
@@ -54,7 +54,7 @@ def settle_rates(control: Control, data: Map, reading: Reading) -> Control:
         return control.model_copy(update={"plant_rate": multiple * control.rate})
     ratio = control.plant_rate / control.rate
     if round(ratio) < 1 or abs(ratio - round(ratio)) > 1e-9 * ratio:
-        reading.error(
+        context.error(
             "TS118",
             f"the plant's rate is a whole multiple of the controller's ({control.rate:g} Hz)",
             span_of(data["plant_rate"]),

@@ -8,11 +8,11 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from taskspec.spec import values
+from taskspec.spec.field_type import FieldType
 from taskspec.spec.fields import FrameName
-from taskspec.spec.kinds import Kind
 from taskspec.spec.model import Model
+from taskspec.spec.parse_context import ParseContext, kind_of, span_of
 from taskspec.spec.quantities import Constant
-from taskspec.spec.reading import Reading, kind_of, span_of
 from taskspec.text.codes import register
 from taskspec.text.data import Map, Text
 from taskspec.text.expression import Expression, Problem, ScopeKind, infer, parse
@@ -51,23 +51,23 @@ class Constraint:
 
 
 @dataclass(frozen=True)
-class Sides(Kind):
+class Sides(FieldType):
     """The text of an equation."""
 
-    def read(self, value: object, reading: Reading) -> Constraint:
+    def read(self, value: object, context: ParseContext) -> Constraint:
         """Return the constraint."""
         nothing = Constraint(Expression("", Name(("x",)), NUMBER), "=", joints=False)
         if not isinstance(value, Text):
             message = f"an equation is needed here, this is {kind_of(value)}"
-            reading.error("TS022", message, span_of(value), "such as x^2 + y^2 = (300 mm)^2")
+            context.error("TS022", message, span_of(value), "such as x^2 + y^2 = (300 mm)^2")
             return nothing
-        node = values.parsed(value, "equation", reading, "an equation")
+        node = values.parsed(value, "equation", context, "an equation")
         if node is None:
             return nothing
         assert isinstance(node, Equation)
         residual = Binary("-", node.left, node.right, start=node.start, end=node.end)
-        kind, problems = infer(residual, reading.scope(ScopeKind.EQUATION))
-        reading.problems(value, problems or _coordinates(residual))
+        kind, problems = infer(residual, context.scope(ScopeKind.EQUATION))
+        context.problems(value, problems or _coordinates(residual))
         if problems:
             return nothing
         expression = Expression(value, residual, kind.dimension or NUMBER, value.node.origin)
@@ -148,11 +148,11 @@ class JointEquation(EquationObject):
     )
 
     @classmethod
-    def rules(cls, data: Map, reading: Reading) -> None:
+    def rules(cls, data: Map, context: ParseContext) -> None:
         """Report a frame, which joints do not have."""
         if "frame" in data and not _mixed(data.get("equation")):
             message = "an equation on joints has no 'frame'"
-            reading.error("TS310", message, data.node.key_span("frame"), "leave it out")
+            context.error("TS310", message, data.node.key_span("frame"), "leave it out")
 
 
 def kind_of_text(text: object) -> str:

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from taskspec.spec import values
-from taskspec.spec.kinds import Kind
-from taskspec.spec.reading import Reading, kind_of, span_of
+from taskspec.spec.field_type import FieldType
+from taskspec.spec.parse_context import ParseContext, kind_of, span_of
 from taskspec.text.data import Items, Map
 from taskspec.text.expression import Expression, ScopeKind
 
@@ -25,29 +25,29 @@ class Expectation:
     text: str
 
 
-def _condition(entry: object, reading: Reading) -> Expression | None:
+def _condition(entry: object, context: ParseContext) -> Expression | None:
     if isinstance(entry, Map) and len(entry) == 1:
         (key,) = entry
         message = "a condition is needed here, this is a mapping"
         hint = f"write the relation instead of the colon: {key} < …"
-        reading.error("TS022", message, span_of(entry), hint)
+        context.error("TS022", message, span_of(entry), hint)
         return None
-    return values.expression(entry, None, ScopeKind.EXPECT, reading)
+    return values.expression(entry, None, ScopeKind.EXPECT, context)
 
 
 @dataclass(frozen=True)
-class Expectations(Kind):
+class Expectations(FieldType):
     """A list of conditions."""
 
-    def read(self, value: object, reading: Reading) -> tuple[Expectation, ...]:
+    def read(self, value: object, context: ParseContext) -> tuple[Expectation, ...]:
         """Return the expectations in the order in which they are written."""
         if not isinstance(value, Items):
             message = f"a list of conditions is needed here, this is {kind_of(value)}"
-            reading.error("TS022", message, span_of(value), "begin each with '- '")
+            context.error("TS022", message, span_of(value), "begin each with '- '")
             return ()
-        if not reading.stages:
+        if not context.stages:
             return ()  # What is expected of stages that are not there is no further mistake.
-        found = (_condition(entry, reading) for entry in value)
+        found = (_condition(entry, context) for entry in value)
         return tuple(Expectation(e, str(e)) for e in found if e is not None)
 
     def json(self) -> dict[str, Any]:

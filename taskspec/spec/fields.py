@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Annotated
 
+from taskspec.spec.parse_context import ParseContext
 from taskspec.spec.quantities import Entries
-from taskspec.spec.reading import Reading
-from taskspec.spec.words import Reference
+from taskspec.spec.words import NameReference
 from taskspec.text.codes import register
 from taskspec.text.units import ANGLE, LENGTH
 
@@ -19,27 +19,27 @@ XYZ = Annotated[tuple[float, float, float], Entries((LENGTH,) * 3)]
 RPY = Annotated[tuple[float, float, float], Entries((ANGLE,) * 3)]
 
 
-def _other_than_a_frame(name: str, reading: Reading) -> str:
+def _other_than_a_frame(name: str, context: ParseContext) -> str:
     """What to write instead of the name of an object that is no frame."""
-    if name in reading.of_kind("equation", "joint equation"):
+    if name in context.of_kind("equation", "joint equation"):
         return f"{name!r} is an equation, which has no axes; name a frame"
     return ""
 
 
-def _other_than_a_surface(name: str, reading: Reading) -> str:
+def _other_than_a_surface(name: str, context: ParseContext) -> str:
     """What to write instead of the name of an object that has no surface."""
-    kind = reading.objects.get(name)
+    kind = context.objects.get(name)
     if kind in MECHANISMS:
         return f"it is a {kind}; a stage's frame may be {name!r} or '{name}.handle'"
     return "an equation is no surface; write a shape" if kind is not None else ""
 
 
 FrameName = Annotated[
-    str, Reference(lambda r: r.frames, "frame", "TS122", instead=_other_than_a_frame)
+    str, NameReference(lambda r: r.frames, "frame", "TS122", instead=_other_than_a_frame)
 ]
 SurfaceName = Annotated[
     str,
-    Reference(
+    NameReference(
         lambda r: r.of_kind("shape"),
         "object with a surface",
         "TS123",
@@ -50,11 +50,11 @@ SurfaceName = Annotated[
 ]
 MechanismName = Annotated[
     str,
-    Reference(
+    NameReference(
         lambda r: r.of_kind(*MECHANISMS),
         "mechanism",
         "TS123",
         unfit="'{}' is no mechanism",
     ),
 ]
-ObjectName = Annotated[str, Reference(lambda r: r.objects, "object", "TS123")]
+ObjectName = Annotated[str, NameReference(lambda r: r.objects, "object", "TS123")]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from taskspec.spec.model import mapping
-from taskspec.spec.reading import Reading
+from taskspec.spec.parse_context import ParseContext
 from taskspec.spec.words import ENDS
 from taskspec.text.codes import register
 from taskspec.text.data import Map
@@ -19,13 +19,13 @@ register(
 Edges = dict[str, list[tuple[str, Span]]]
 
 
-def check_flow(stages: Map, reading: Reading) -> None:
+def check_flow(stages: Map, context: ParseContext) -> None:
     """Report cycles without `attempts`, and stages that nothing leads to."""
     edges = _edges(stages)
     if edges is None:
         return
-    _check_reached(stages, edges, reading)
-    _check_cycles(stages, edges, reading)
+    _check_reached(stages, edges, context)
+    _check_cycles(stages, edges, context)
 
 
 def _edges(stages: Map) -> Edges | None:
@@ -49,7 +49,7 @@ def _edges(stages: Map) -> Edges | None:
     return edges
 
 
-def _check_reached(stages: Map, edges: Edges, reading: Reading) -> None:
+def _check_reached(stages: Map, edges: Edges, context: ParseContext) -> None:
     waiting = [next(iter(stages))] if stages else []
     reached = set(waiting)
     while waiting:
@@ -59,7 +59,7 @@ def _check_reached(stages: Map, edges: Edges, reading: Reading) -> None:
                 waiting.append(target)
     for name in stages:
         if name not in reached and name not in ENDS:
-            reading.diagnostics.warning(
+            context.diagnostics.warning(
                 "TS605",
                 f"the stage '{name}' is never reached",
                 stages.node.key_span(name),
@@ -67,7 +67,7 @@ def _check_reached(stages: Map, edges: Edges, reading: Reading) -> None:
             )
 
 
-def _check_cycles(stages: Map, edges: Edges, reading: Reading) -> None:
+def _check_cycles(stages: Map, edges: Edges, context: ParseContext) -> None:
     """Report circles of stages without `attempts`, each at the edge that closes it.
 
     The walk keeps its own stack: there may be thousands of stages.
@@ -85,14 +85,14 @@ def _check_cycles(stages: Map, edges: Edges, reading: Reading) -> None:
                 del trail[name]
                 done.add(name)
             elif target in trail:
-                _report_circle(list(trail), target, span, reading)
+                _report_circle(list(trail), target, span, context)
             elif target in free and target not in done:
                 trail[target] = iter(edges[target])
 
 
-def _report_circle(trail: list[str], target: str, span: Span | None, reading: Reading) -> None:
+def _report_circle(trail: list[str], target: str, span: Span | None, context: ParseContext) -> None:
     circle = [*trail[trail.index(target) :], target]
-    reading.error(
+    context.error(
         "TS604",
         f"stages in a circle without 'attempts': {' -> '.join(circle)}",
         span,

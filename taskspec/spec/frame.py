@@ -8,9 +8,9 @@ from pydantic import Field
 
 from taskspec.spec.fields import RPY, XYZ, FrameName, SurfaceName
 from taskspec.spec.model import Model, complete, mapping
+from taskspec.spec.parse_context import ParseContext
 from taskspec.spec.quantities import Entries
-from taskspec.spec.reading import Reading
-from taskspec.spec.words import Reference, Word
+from taskspec.spec.words import NameReference, Word
 from taskspec.text.codes import register
 from taskspec.text.data import Map
 from taskspec.text.nodes import pointer
@@ -55,17 +55,17 @@ class Frame(Model):
         None, title="Control point", description="origin: the control point is the frame's origin"
     )
 
-    estimate: Annotated[str, Reference(lambda r: r.stages, "stage", "TS124")] | None = Field(
+    estimate: Annotated[str, NameReference(lambda r: r.stages, "stage", "TS124")] | None = Field(
         None, title="Stage", description="The stage at whose end the frame is measured"
     )
 
     @classmethod
-    def rules(cls, data: Map, reading: Reading) -> None:
+    def rules(cls, data: Map, context: ParseContext) -> None:
         """Keep fixed, following and measured frames apart."""
         fixed = [key for key in _FIXED if key in data]
         other = [key for key in (*_FIXED, "surface", "point") if key in data]
         if "estimate" in data and other:
-            reading.error(
+            context.error(
                 "TS209",
                 f"a frame that is measured has no '{other[0]}'",
                 data.node.key_span(other[0]),
@@ -73,14 +73,14 @@ class Frame(Model):
             )
             return
         if "surface" in data and fixed:
-            reading.error(
+            context.error(
                 "TS209",
                 f"a frame that follows a surface has no '{fixed[0]}'",
                 data.node.key_span(fixed[0]),
                 "its place follows from the tool's",
             )
         if "surface" in data and "point" in data:
-            reading.error(
+            context.error(
                 "TS209",
                 "a frame that follows a surface keeps the control point at the tool tip",
                 data.node.key_span("point"),
@@ -89,23 +89,23 @@ class Frame(Model):
         if (
             "heading" in data
             and not data.keys() & {"surface", "estimate"}
-            and complete(data, reading)
+            and complete(data, context)
         ):
-            reading.error(
+            context.error(
                 "TS026",
                 "'heading' belongs to a frame that follows a surface or is measured",
                 data.node.key_span("heading"),
                 "add 'surface', or turn a fixed frame by 'rpy'",
             )
-        if not data and complete(data, reading):
-            reading.error(
+        if not data and complete(data, context):
+            context.error(
                 "TS021",
                 "a frame needs 'parent', 'xyz', 'rpy', 'surface' or 'estimate'",
                 pointer(data.node),
             )
 
 
-def check_loops(frames: Map, reading: Reading) -> None:
+def check_loops(frames: Map, context: ParseContext) -> None:
     """Report every circle of frames that are placed in each other, once."""
     parents = {name: mapping(frame).get("parent") for name, frame in frames.items()}
     seen: set[object] = set()
@@ -120,4 +120,4 @@ def check_loops(frames: Map, reading: Reading) -> None:
             circle = [str(frame) for frame in trail][trail[step] :]
             text = " in ".join([*circle, circle[0]])
             span = mapping(frames[circle[0]]).node.entries["parent"][1].span
-            reading.error("TS208", f"frames placed in a circle: {text}", span)
+            context.error("TS208", f"frames placed in a circle: {text}", span)

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from taskspec.geometry.axis import AXES, ROTATIONS, TRANSLATIONS, Axis
-from taskspec.spec.kinds import Kind
+from taskspec.spec.field_type import FieldType
+from taskspec.spec.parse_context import ParseContext
 from taskspec.spec.quantities import Constant
-from taskspec.spec.reading import Reading
 from taskspec.text.data import Map
 from taskspec.text.suggest import suggestion
 from taskspec.text.units import Dimension
@@ -40,7 +40,7 @@ class AxisValues:
 
 
 @dataclass(frozen=True)
-class GainField(Kind):
+class GainField(FieldType):
     """A gain: one quantity for all translations, `{linear, angular}`, or one for each axis.
 
     Attributes:
@@ -55,10 +55,10 @@ class GainField(Kind):
     above: float | None = None
     least: float | None = None
 
-    def read(self, value: object, reading: Reading) -> AxisValues:
+    def read(self, value: object, context: ParseContext) -> AxisValues:
         """Return the values of all axes."""
         if not isinstance(value, Map):
-            return AxisValues(**dict.fromkeys(TRANSLATIONS, self._one(value, Axis.X, reading)))
+            return AxisValues(**dict.fromkeys(TRANSLATIONS, self._one(value, Axis.X, context)))
         found: dict[str, float] = {}
         grouped = "linear" in value or "angular" in value
         words = tuple(_GROUPS) if grouped else AXES
@@ -68,17 +68,17 @@ class GainField(Kind):
                 span = value.node.key_span(key)
                 if key in AXES:
                     hint = "give 'linear' and 'angular', or the axes one by one"
-                    reading.error("TS026", f"'{key}' beside 'linear' or 'angular'", span, hint)
+                    context.error("TS026", f"'{key}' beside 'linear' or 'angular'", span, hint)
                 else:
-                    reading.error("TS020", f"unknown key '{key}' in a gain", span, hint)
+                    context.error("TS020", f"unknown key '{key}' in a gain", span, hint)
                 continue
             axes = _GROUPS.get(key) or (Axis(key),)
-            found |= dict.fromkeys(axes, self._one(entry, axes[0], reading))
+            found |= dict.fromkeys(axes, self._one(entry, axes[0], context))
         return AxisValues(**found)
 
-    def _one(self, value: object, axis: Axis, reading: Reading) -> float:
+    def _one(self, value: object, axis: Axis, context: ParseContext) -> float:
         dimension = self.angular if axis.is_rotation else self.linear
-        number = Constant(dimension, self.above, self.least).read(value, reading)
+        number = Constant(dimension, self.above, self.least).read(value, context)
         assert isinstance(number, float)
         return number
 

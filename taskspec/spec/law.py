@@ -15,8 +15,8 @@ from taskspec.laws.gains import AxisDesign, AxisPlant, Gain, Gains
 from taskspec.spec.axis import AxisEntry
 from taskspec.spec.gains import AxisValues, GainField
 from taskspec.spec.model import Model, mapping, short_form
+from taskspec.spec.parse_context import ParseContext
 from taskspec.spec.quantities import ForJoints
-from taskspec.spec.reading import Reading
 from taskspec.spec.words import Word, Words
 from taskspec.text.codes import register
 from taskspec.text.data import Map, Text
@@ -182,7 +182,7 @@ class Law(Model):
         return joint_damping(self.joint_damping, joints)
 
     @classmethod
-    def expand(cls, data: object, reading: Reading) -> object:  # noqa: ARG003
+    def expand(cls, data: object, context: ParseContext) -> object:  # noqa: ARG003
         """Read a bare name as a law with designed gains, and damping in the joints as such."""
         full = short_form(data, "kind")
         if not isinstance(full, Map):
@@ -195,19 +195,19 @@ class Law(Model):
         return full
 
     @classmethod
-    def rules(cls, data: Map, reading: Reading) -> None:
+    def rules(cls, data: Map, context: ParseContext) -> None:
         """Report gains, and goals of the null space, that the named law does not have."""
         if "joint_damping" in data.node.entries:
             span = data.node.key_span("joint_damping")
             having = " or ".join(name for name, law in LAWS.items() if law.damps_joints)
-            reading.error(
+            context.error(
                 "TS020",
                 "unknown key 'joint_damping' in a law",
                 span,
                 f"the law {having} calls it 'damping'",
             )
         if "solver" in data and data.get("solve", "closed-form") == "closed-form":
-            reading.error(
+            context.error(
                 "TS026",
                 "a solver is of the quadratic program, and this law does not solve one",
                 data.node.key_span("solver"),
@@ -217,7 +217,7 @@ class Law(Model):
         if not isinstance(kind, str) or kind not in LAWS:
             return
         if "null_space" in data and not LAWS[kind].holds_null_space:
-            reading.error(
+            context.error(
                 "TS213",
                 f"the law '{kind}' leaves the null space alone",
                 data.node.key_span("null_space"),
@@ -233,7 +233,7 @@ class Law(Model):
         for key, owner in given:
             name = f"force.{key}" if owner is force else key
             if name not in has:
-                reading.error(
+                context.error(
                     "TS207",
                     f"the law '{kind}' has no gain '{name}'",
                     owner.node.key_span(key),

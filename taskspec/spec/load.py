@@ -15,11 +15,10 @@ from taskspec.spec import overrides as overriding
 from taskspec.spec.control import settle_rates
 from taskspec.spec.key_path import KeyPath, is_key, steps_of
 from taskspec.spec.model import REPORTED, mapping
-from taskspec.spec.names import collect_names
+from taskspec.spec.names import collect_names, unused, warn_unused
 from taskspec.spec.params import evaluate_params
-from taskspec.spec.reading import Reading
+from taskspec.spec.parse_context import ParseContext
 from taskspec.spec.task import Task
-from taskspec.spec.unused import unused, warn_unused
 from taskspec.text import nodes
 from taskspec.text.characters import normal
 from taskspec.text.codes import register
@@ -148,17 +147,17 @@ def _load(
 def _validate(root: nodes.Mapping, found: Diagnostics, path: Path) -> Task | None:
     data = to_data(root, found)
     assert isinstance(data, Map)
-    reading = Reading(found, data, keys=_keys(root))
-    collect_names(reading)
-    evaluate_params(reading)
+    context = ParseContext(found, data, keys=_keys(root))
+    collect_names(context)
+    evaluate_params(context)
     try:
-        task = Task.model_validate(data, context=reading)
+        task = Task.model_validate(data, context=context)
     except ValidationError as error:
         for detail in error.errors(include_url=False, include_context=False):
-            _translate(detail, root, reading)
+            _translate(detail, root, context)
         return None
     filled: dict[str, object] = {
-        "control": settle_rates(task.control, mapping(data.get("control")), reading)
+        "control": settle_rates(task.control, mapping(data.get("control")), context)
     }
     if "name" not in data:
         filled["name"] = _name_from(path)
@@ -181,7 +180,7 @@ def _keys(root: nodes.Mapping) -> dict[int, Span]:
     return places
 
 
-def _translate(detail: ErrorDetails, root: nodes.Mapping, reading: Reading) -> None:
+def _translate(detail: ErrorDetails, root: nodes.Mapping, context: ParseContext) -> None:
     """Report an error of pydantic, unless it is already reported."""
     kind, loc = detail["type"], _in_file(detail["loc"])
     if kind == REPORTED:
@@ -189,18 +188,18 @@ def _translate(detail: ErrorDetails, root: nodes.Mapping, reading: Reading) -> N
     if kind == "missing":
         owner, depth = nodes.find(root, loc[:-1])
         quiet = isinstance(owner, nodes.Mapping) and owner.broken
-        if quiet or id(owner) in reading.quiet:
+        if quiet or id(owner) in context.quiet:
             return
         where = f"'{loc[-2]}'" if len(loc) > 1 else "the task"
         hint = (_EXAMPLES if len(loc) == 1 else _INNER_EXAMPLES).get(str(loc[-1]), "")
         span = nodes.place(root, loc[:depth])
-        reading.error("TS021", f"{where} needs the key '{loc[-1]}'", span, hint)
+        context.error("TS021", f"{where} needs the key '{loc[-1]}'", span, hint)
         return
     if kind == "dict_type":
         message, hint = f"'{loc[-1]}' is a mapping of names", "write 'name: ' before each entry"
     else:
         message, hint = f"this does not fit: {detail['msg']}", ""
-    reading.error("TS022", message, nodes.place(root, loc), hint)
+    context.error("TS022", message, nodes.place(root, loc), hint)
 
 
 def _in_file(loc: tuple[int | str, ...]) -> tuple[int | str, ...]:

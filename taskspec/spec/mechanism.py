@@ -8,9 +8,8 @@ from pydantic import Field
 
 from taskspec.spec.fields import MECHANISMS, RPY, XYZ
 from taskspec.spec.model import Model
-from taskspec.spec.quantities import Constant
-from taskspec.spec.reach import Reach
-from taskspec.spec.reading import Reading
+from taskspec.spec.parse_context import ParseContext
+from taskspec.spec.quantities import Constant, IntervalAroundZero
 from taskspec.spec.words import Word
 from taskspec.text.data import Map
 from taskspec.text.units import (
@@ -105,11 +104,11 @@ class Mechanism(Model):
     detent: Detent | None = None
 
     @classmethod
-    def expand(cls, data: object, reading: Reading) -> object:
+    def expand(cls, data: object, context: ParseContext) -> object:
         """Look no further into a mechanism of an unknown kind."""
         if not isinstance(data, Map) or data.get("mechanism", "") in MECHANISMS:
             return data
-        reading.quiet.add(id(data.node))
+        context.quiet.add(id(data.node))
         rest = Map({key: value for key, value in data.items() if key == "mechanism"})
         rest.node = data.node
         return rest
@@ -133,7 +132,9 @@ class Mechanism(Model):
 class _Turning(Mechanism):
     damping: Annotated[float, Constant(ANGULAR_DAMPING, least=0)] = Field(0.0, title="Damping")
     friction: Annotated[float, Constant(MOMENT, least=0)] = Field(0.0, title="Friction")
-    stop: Annotated[tuple[float, float], Reach(ANGLE)] | None = Field(None, title="Stop")
+    stop: Annotated[tuple[float, float], IntervalAroundZero(ANGLE)] | None = Field(
+        None, title="Stop"
+    )
     detent: AngularDetent | None = Field(None, title="Detent")
 
 
@@ -157,7 +158,9 @@ class Slide(Mechanism):
     mass: Annotated[float, Constant(MASS, above=0)] = Field(1.0, title="Mass")
     damping: Annotated[float, Constant(DAMPING, least=0)] = Field(0.0, title="Damping")
     friction: Annotated[float, Constant(FORCE, least=0)] = Field(0.0, title="Friction")
-    stop: Annotated[tuple[float, float], Reach(LENGTH)] | None = Field(None, title="Stop")
+    stop: Annotated[tuple[float, float], IntervalAroundZero(LENGTH)] | None = Field(
+        None, title="Stop"
+    )
     detent: LinearDetent | None = Field(None, title="Detent")
 
 

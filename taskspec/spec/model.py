@@ -14,7 +14,7 @@ from pydantic import (
 )
 from pydantic_core import CoreSchema, PydanticCustomError
 
-from taskspec.spec.reading import Reading, kind_of, span_of
+from taskspec.spec.parse_context import ParseContext, kind_of, span_of
 from taskspec.text.codes import register
 from taskspec.text.data import Map
 from taskspec.text.expression.spelling import KEY_WORDS
@@ -52,12 +52,12 @@ class Model(BaseModel):
     short: ClassVar[dict[str, Any] | None] = None
 
     @classmethod
-    def expand(cls, data: object, reading: Reading) -> object:  # noqa: ARG003
+    def expand(cls, data: object, context: ParseContext) -> object:  # noqa: ARG003
         """Return the full form of a short form."""
         return data
 
     @classmethod
-    def rules(cls, data: Map, reading: Reading) -> None:
+    def rules(cls, data: Map, context: ParseContext) -> None:
         """Report keys that do not go together."""
 
     @classmethod
@@ -89,21 +89,21 @@ class Model(BaseModel):
     @model_validator(mode="before")
     @classmethod
     def _enter(cls, data: object, info: ValidationInfo) -> object:
-        reading: Reading | None = info.context
-        if reading is None:
+        context: ParseContext | None = info.context
+        if context is None:
             return data
-        data = cls.expand(data, reading)
+        data = cls.expand(data, context)
         if not isinstance(data, Map):
             message = f"{cls.noun} is a mapping of keys to values, this is {kind_of(data)}"
             hint = cls.example or f"keys: {', '.join(cls.model_fields)}"
-            reading.error("TS022", message, span_of(data), hint)
+            context.error("TS022", message, span_of(data), hint)
             raise PydanticCustomError(REPORTED, "reported")
-        known = cls._known(data, reading)
-        cls.rules(known, reading)
+        known = cls._known(data, context)
+        cls.rules(known, context)
         return known
 
     @classmethod
-    def _known(cls, data: Map, reading: Reading) -> Map:
+    def _known(cls, data: Map, context: ParseContext) -> Map:
         """Report and leave out keys that the model does not have."""
         if all(key in cls.model_fields for key in data):
             return data
@@ -113,21 +113,21 @@ class Model(BaseModel):
             if key in cls.model_fields:
                 known[key] = value
             elif key in cls.reserved:
-                reading.unsupported(key, data.node.key_span(key))
-                reading.quiet.add(id(data.node))
+                context.unsupported(key, data.node.key_span(key))
+                context.quiet.add(id(data.node))
             else:
                 hint = suggestion(key, [*cls.model_fields, *cls.reserved], "keys")
                 if (other := KEY_WORDS.get(key.lower(), "")) in cls.model_fields:
                     hint = f"did you mean '{other}'?"
                 message = f"unknown key '{key}' in {cls.noun}"
-                reading.error("TS020", message, data.node.key_span(key), hint)
-                reading.quiet.add(id(data.node))
+                context.error("TS020", message, data.node.key_span(key), hint)
+                context.quiet.add(id(data.node))
         return known
 
 
-def complete(data: Map, reading: Reading) -> bool:
+def complete(data: Map, context: ParseContext) -> bool:
     """Whether the absence of a key in a mapping means that the user left it out."""
-    return not data.node.broken and id(data.node) not in reading.quiet
+    return not data.node.broken and id(data.node) not in context.quiet
 
 
 def mapping(value: object) -> Map:

@@ -1,21 +1,23 @@
-"""The names that a file gives."""
+"""The names that a file gives: whether they can be given, and which of them nothing uses."""
 
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 
 from taskspec import signals
 from taskspec.spec.fields import MECHANISMS
 from taskspec.spec.model import mapping
 from taskspec.spec.objects import kind_of_object
-from taskspec.spec.reading import Reading
+from taskspec.spec.parse_context import ParseContext
 from taskspec.spec.words import ENDS
 from taskspec.spec.world import is_free
+from taskspec.text import nodes
 from taskspec.text.codes import register
 from taskspec.text.data import Map
+from taskspec.text.diagnostic import Diagnostics
 from taskspec.text.expression.functions import FUNCTIONS, REDUCERS
 from taskspec.text.expression.scope import CONSTANTS
-from taskspec.text.nodes import Mapping
 from taskspec.text.source import Span
 from taskspec.text.units import UNITS
 
@@ -23,6 +25,7 @@ register(
     {
         "TS125": "a name that cannot be given",
         "TS126": "a name given twice",
+        "TS130": "a name that nothing uses",
     }
 )
 
@@ -33,45 +36,53 @@ _ARTICLES = {"world": "an object", "frames": "a frame", "stages": "a stage", "pa
 _WORDS = {"and", "or", "not", "for", "within", "in"}
 _FRAMES = {"world", "tool"}
 _OTHER = {"robot", "params"}
+_ANY_WORD = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
+#: Texts for people, in which a word is no use of a name.
+_PROSE = ("name", "about")
+#: Section -> what one of its entries is, and how it would be used.
+_DECLARED = {
+    "params": ("param", "use it by its bare name where a number stands, or leave it out"),
+    "frames": ("frame", "name it as 'frame' of the task or of a stage, or leave it out"),
+}
 
 
-def collect_names(reading: Reading) -> None:
-    """Enter the names of stages, objects and frames into `reading`, and report bad ones."""
-    sections = {key: _names(reading.data, key) for key in _SHARED}
-    reading.stages = dict.fromkeys(sections["stages"])
-    reading.targets = dict.fromkeys((*reading.stages, *ENDS))
-    world = mapping(reading.data.get("world"))
-    reading.objects = {name: kind_of_object(world.get(name)) for name in sections["world"]}
-    handles = [f"{name}.handle" for name in reading.of_kind(*MECHANISMS)]
+def collect_names(context: ParseContext) -> None:
+    """Enter the names of stages, objects and frames into `context`, and report bad ones."""
+    sections = {key: _names(context.data, key) for key in _SHARED}
+    context.stages = dict.fromkeys(sections["stages"])
+    context.targets = dict.fromkeys((*context.stages, *ENDS))
+    world = mapping(context.data.get("world"))
+    context.objects = {name: kind_of_object(world.get(name)) for name in sections["world"]}
+    handles = [f"{name}.handle" for name in context.of_kind(*MECHANISMS)]
     loose = [name for name, value in world.items() if is_free(mapping(value))]
-    reading.held = dict.fromkeys((*handles, *loose))
+    context.held = dict.fromkeys((*handles, *loose))
     own = ("world", "tool")
-    posed = reading.of_kind("shape", *MECHANISMS)
-    reading.frames = dict.fromkeys((*own, *sections["frames"], *posed, *handles))
-    _check_unique(sections, reading)
-    for key, names in (*sections.items(), ("params", _names(reading.data, "params"))):
+    posed = context.of_kind("shape", *MECHANISMS)
+    context.frames = dict.fromkeys((*own, *sections["frames"], *posed, *handles))
+    _check_unique(sections, context)
+    for key, names in (*sections.items(), ("params", _names(context.data, "params"))):
         for name, span in names.items():
             reason = _why_not(name, key)
             if reason is not None:
                 message = f"'{name}' cannot be the name of {_ARTICLES[key]}"
-                reading.error("TS125", message, span, reason)
+                context.error("TS125", message, span, reason)
 
 
 def _names(data: Map, section: str) -> dict[str, Span]:
     """Return all names of a section and their places, whatever they stand for."""
     node = data.node.get(section)
-    if not isinstance(node, Mapping):
+    if not isinstance(node, nodes.Mapping):
         return {}
     return {name: key.span for name, (key, _) in node.entries.items()}
 
 
-def _check_unique(sections: dict[str, dict[str, Span]], reading: Reading) -> None:
+def _check_unique(sections: dict[str, dict[str, Span]], context: ParseContext) -> None:
     first: dict[str, str] = {}
     for key, names in sections.items():
         for name, place in names.items():
             if name in first:
                 span = sections[first[name]][name]
-                reading.diagnostics.error(
+                context.diagnostics.error(
                     "TS126",
                     f"'{name}' names both {_ARTICLES[first[name]]} and {_ARTICLES[key]}",
                     place,
@@ -103,3 +114,44 @@ def _why_not(name: str, section: str) -> str | None:
     if section != "params" and name in _FRAMES | _OTHER:
         return f"'{name}' has a meaning of its own"
     return None
+
+
+def unused(root: nodes.Mapping) -> set[tuple[str, str]]:
+    """Return sections and names of params and frames whose name no value of the file has as a word.
+
+    A word that means something else, as a coordinate that hides a param, counts as a use: what is
+    returned is certain.
+
+    Args:
+        root: of a file.
+    """
+    words = set(_words_of(root))
+    return {
+        (section, name)
+        for section in _DECLARED
+        if isinstance(declared := root.get(section), nodes.Mapping)
+        for name in declared.entries
+        if name not in words
+    }
+
+
+def warn_unused(root: nodes.Mapping, names: set[tuple[str, str]], diagnostics: Diagnostics) -> None:
+    """Report names that nothing uses.
+
+    Args:
+        root: of a file without errors.
+        names: sections and names.
+        diagnostics: where they are reported.
+    """
+    for section, name in sorted(names):
+        noun, hint = _DECLARED[section]
+        span = nodes.place(root, (section, name), key=True)
+        diagnostics.warning("TS130", f"nothing uses the {noun} '{name}'", span, hint)
+
+
+def _words_of(root: nodes.Mapping) -> Iterator[str]:
+    """Yield the words of all values: keys are names of the language, or declare one."""
+    for key, (_, value) in root.entries.items():
+        if key not in _PROSE:
+            for scalar in nodes.scalars(value):
+                yield from _ANY_WORD.findall(scalar.value)

@@ -7,8 +7,8 @@ from graphlib import CycleError, TopologicalSorter
 from typing import Any
 
 from taskspec.spec import values
-from taskspec.spec.kinds import Kind
-from taskspec.spec.reading import Reading, kind_of, span_of
+from taskspec.spec.field_type import FieldType
+from taskspec.spec.parse_context import ParseContext, kind_of, span_of
 from taskspec.text.codes import register
 from taskspec.text.data import Map, Text
 from taskspec.text.units import Quantity
@@ -18,27 +18,27 @@ register({"TS127": "params that define each other in a circle"})
 _WORD = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 
 
-class Params(Kind):
+class Params(FieldType):
     """The params, which are evaluated before anything else is read."""
 
-    def read(self, value: object, reading: Reading) -> dict[str, Quantity]:
+    def read(self, value: object, context: ParseContext) -> dict[str, Quantity]:
         """Return the evaluated params."""
         if not isinstance(value, Map):
             message = f"'params' is a mapping of names to quantities, this is {kind_of(value)}"
-            reading.error("TS022", message, span_of(value), "params: {press: 15 N}")
-        return dict(reading.params)
+            context.error("TS022", message, span_of(value), "params: {press: 15 N}")
+        return dict(context.params)
 
     def json(self) -> dict[str, Any]:
         """Describe the mapping."""
         return {"type": "object", "additionalProperties": {"type": ["string", "number"]}}
 
 
-def evaluate_params(reading: Reading) -> None:
-    """Evaluate all params, in whatever order they use each other, into `reading`."""
-    data = reading.data.get("params")
+def evaluate_params(context: ParseContext) -> None:
+    """Evaluate all params, in whatever order they use each other, into `context`."""
+    data = context.data.get("params")
     if not isinstance(data, Map):
         return
-    reading.broken.update(data.node.entries.keys() - data.keys())
+    context.broken.update(data.node.entries.keys() - data.keys())
     uses = {name: _uses(value) & data.keys() for name, value in data.items()}
     try:
         order = list(TopologicalSorter(uses).static_order())
@@ -47,15 +47,15 @@ def evaluate_params(reading: Reading) -> None:
         text = " uses ".join(circle)
         span = data.node.key_span(circle[0])
         hint = "give one of them a value of its own"
-        reading.error("TS127", f"params define each other in a circle: {text}", span, hint)
-        reading.broken.update(data)
+        context.error("TS127", f"params define each other in a circle: {text}", span, hint)
+        context.broken.update(data)
         return
     for name in order:
-        result = values.quantity(data[name], reading)
+        result = values.quantity(data[name], context)
         if result is None:
-            reading.broken.add(name)
+            context.broken.add(name)
         else:
-            reading.params[name] = result
+            context.params[name] = result
 
 
 def _uses(value: object) -> set[str]:

@@ -7,8 +7,8 @@ from typing import Annotated
 from pydantic import Field
 
 from taskspec.spec.model import Model, complete
-from taskspec.spec.quantities import Constant, Entries, Series
-from taskspec.spec.reading import Reading
+from taskspec.spec.parse_context import ParseContext
+from taskspec.spec.quantities import Constant, Entries, QuantityList
 from taskspec.spec.words import Free
 from taskspec.text.codes import register
 from taskspec.text.data import Items, Map
@@ -54,19 +54,19 @@ class Lissajous(Model):
     amplitude: Annotated[tuple[float, ...], Entries((LENGTH,) * 3, fewest=1)] = Field(
         title="Amplitudes", description="[x, y, z], from the left"
     )
-    turns: Annotated[tuple[float, ...], Series(NUMBER)] = Field(
+    turns: Annotated[tuple[float, ...], QuantityList(NUMBER)] = Field(
         title="Turns", description="Periods on each axis"
     )
 
     @classmethod
-    def rules(cls, data: Map, reading: Reading) -> None:
+    def rules(cls, data: Map, context: ParseContext) -> None:
         """Ask for one number of turns for each amplitude."""
         amplitude, turns = data.get("amplitude"), data.get("turns")
         if isinstance(amplitude, Items) and isinstance(turns, Items):
             broken = amplitude.node.broken or turns.node.broken
             if len(amplitude) != len(turns) and not broken:
                 message = f"{len(amplitude)} amplitudes, but {len(turns)} turns"
-                reading.error("TS023", message, pointer(turns.node))
+                context.error("TS023", message, pointer(turns.node))
 
 
 class Path(Model):
@@ -95,18 +95,18 @@ class Path(Model):
     time: Annotated[float, Constant(TIME, above=0)] | None = Field(None, title="Duration")
 
     @classmethod
-    def rules(cls, data: Map, reading: Reading) -> None:
+    def rules(cls, data: Map, context: ParseContext) -> None:
         """Ask for one form, and one of `speed` and `time`."""
         forms = [key for key in FORMS if key in data]
-        if not forms and complete(data, reading):
+        if not forms and complete(data, context):
             hint = f"one of {alternatives(FORMS)}"
-            reading.error("TS606", "a path without a form", pointer(data.node), hint)
+            context.error("TS606", "a path without a form", pointer(data.node), hint)
         if len(forms) > 1:
-            reading.error("TS606", f"'{forms[0]}' and '{forms[1]}' in one path",
+            context.error("TS606", f"'{forms[0]}' and '{forms[1]}' in one path",
                           data.node.key_span(forms[1]), "make two stages of it")  # fmt: skip
         if "speed" in data and "time" in data:
-            reading.error("TS606", "'speed' and 'time' in one path", data.node.key_span("time"),
+            context.error("TS606", "'speed' and 'time' in one path", data.node.key_span("time"),
                           "keep one of the two")  # fmt: skip
-        elif forms and "file" not in forms and not data.keys() & _PACE and complete(data, reading):
-            reading.error("TS606", "a path needs a 'speed' or a 'time'",
+        elif forms and "file" not in forms and not data.keys() & _PACE and complete(data, context):
+            context.error("TS606", "a path needs a 'speed' or a 'time'",
                           data.node.key_span(forms[0]), "such as speed: 50 mm/s")  # fmt: skip

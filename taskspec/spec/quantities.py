@@ -1,4 +1,4 @@
-"""Fields that hold quantities: constants, expressions, lists of constants."""
+"""Fields that hold quantities: constants, expressions, lists of constants, intervals."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from itertools import pairwise
 from typing import Any
 
 from taskspec.spec import values
-from taskspec.spec.kinds import Kind
-from taskspec.spec.reading import Reading, kind_of, span_of
+from taskspec.spec.field_type import FieldType
+from taskspec.spec.parse_context import ParseContext, kind_of, span_of
 from taskspec.text.codes import register
 from taskspec.text.data import Items, Real, Text, Whole
-from taskspec.text.expression import Expression, ScopeKind
-from taskspec.text.expression.tree import Number
+from taskspec.text.expression import Expression, Problem, ScopeKind, check
+from taskspec.text.expression.tree import IntervalNode, Number, SpreadNode
 from taskspec.text.traps import adjoin
 from taskspec.text.units import (
     NUMBER,
@@ -32,7 +32,7 @@ _SCALAR: dict[str, Any] = {"type": ["string", "number"]}
 
 
 @dataclass(frozen=True)
-class Constant(Kind):
+class Constant(FieldType):
     """A quantity that does not change.
 
     Attributes:
@@ -49,26 +49,26 @@ class Constant(Kind):
     most: float | None = None
     words: tuple[str, ...] = ()
 
-    def read(self, value: object, reading: Reading) -> float | str:
+    def read(self, value: object, context: ParseContext) -> float | str:
         """Return SI units, or one of the words."""
         if isinstance(value, Text) and str(value) in self.words:
             return str(value)
-        result = values.constant(value, self.dimension, reading)
+        result = values.constant(value, self.dimension, context)
         if result is None:
             return 0.0
         if self.above is not None and result <= self.above:
-            self._report(value, "more than", self.above, reading)
+            self._report(value, "more than", self.above, context)
         elif self.above is not None and result < self.above + SMALLEST:
-            self._report(value, "at least", self.above + SMALLEST, reading)
+            self._report(value, "at least", self.above + SMALLEST, context)
         elif self.least is not None and result < self.least:
-            self._report(value, "at least", self.least, reading)
+            self._report(value, "at least", self.least, context)
         elif self.most is not None and result > self.most:
-            self._report(value, "at most", self.most, reading)
+            self._report(value, "at most", self.most, context)
         return result
 
-    def _report(self, value: object, relation: str, bound: float, reading: Reading) -> None:
+    def _report(self, value: object, relation: str, bound: float, context: ParseContext) -> None:
         limit = in_si(bound, self.dimension) if bound else "0"
-        reading.error("TS118", f"this has to be {relation} {limit}", span_of(value))
+        context.error("TS118", f"this has to be {relation} {limit}", span_of(value))
 
     def json(self) -> dict[str, Any]:
         """Describe the quantity."""
@@ -85,15 +85,15 @@ def _description(dimension: Dimension, words: tuple[str, ...] = ()) -> str:
 
 
 @dataclass(frozen=True)
-class Formula(Kind):
+class Formula(FieldType):
     """An expression; without a dimension it is a condition."""
 
     dimension: Dimension | None
     scope: ScopeKind
 
-    def read(self, value: object, reading: Reading) -> Expression:
+    def read(self, value: object, context: ParseContext) -> Expression:
         """Return the checked expression."""
-        return values.expression(value, self.dimension, self.scope, reading) or _NOTHING
+        return values.expression(value, self.dimension, self.scope, context) or _NOTHING
 
     def json(self) -> dict[str, Any]:
         """Describe the expression."""
@@ -106,7 +106,7 @@ _NOTHING = Expression("", Number(0.0, NUMBER), NUMBER)
 
 
 @dataclass(frozen=True)
-class Entries(Kind):
+class Entries(FieldType):
     """A list of constants, each with its own dimension.
 
     Attributes:
@@ -121,11 +121,11 @@ class Entries(Kind):
     nonzero: bool = False
     above: float | None = None
 
-    def read(self, value: object, reading: Reading) -> tuple[float, ...]:
+    def read(self, value: object, context: ParseContext) -> tuple[float, ...]:
         """Return the entries in SI units."""
         if not isinstance(value, Items):
             message = f"a list of {self._count()} is needed here, this is {kind_of(value)}"
-            reading.error("TS022", message, span_of(value), self._example())
+            context.error("TS022", message, span_of(value), self._example())
             return (0.0,) * len(self.dimensions)
         fewest = len(self.dimensions) if self.fewest is None else self.fewest
         if not fewest <= len(value) <= len(self.dimensions) and not value.node.broken:
@@ -134,16 +134,16 @@ class Entries(Kind):
             torn = any(adjoin(a, b) for a, b in pairwise(items)) and len(value) > fewest
             hint = "a comma begins a new entry; decimals follow a point, as in 0.5"
             hint = hint if torn else self._example()
-            reading.error("TS023", message, span_of(value), hint)
-        before = len(reading.diagnostics)
+            context.error("TS023", message, span_of(value), hint)
+        before = len(context.diagnostics)
         result = []
         for entry, dimension in zip(value, self.dimensions, strict=False):
-            number = Constant(dimension, above=self.above).read(entry, reading)
+            number = Constant(dimension, above=self.above).read(entry, context)
             assert isinstance(number, float)
             result.append(number)
-        sound = value and len(reading.diagnostics) == before
+        sound = value and len(context.diagnostics) == before
         if self.nonzero and sound and max(map(abs, result)) < SMALLEST:
-            reading.error("TS118", "a direction of length zero", span_of(value))
+            context.error("TS118", "a direction of length zero", span_of(value))
         return tuple(result)
 
     def _example(self) -> str:
@@ -172,7 +172,7 @@ class Entries(Kind):
         }
 
 
-class Measured(float):
+class DimensionedNumber(float):
     """A number in SI units that knows what it measures.
 
     Attributes:
@@ -181,7 +181,7 @@ class Measured(float):
 
     dimension: Dimension | None
 
-    def __new__(cls, value: float, dimension: Dimension | None = None) -> Measured:
+    def __new__(cls, value: float, dimension: Dimension | None = None) -> DimensionedNumber:
         """Attach the dimension."""
         made = super().__new__(cls, value)
         made.dimension = dimension
@@ -189,46 +189,46 @@ class Measured(float):
 
 
 @dataclass(frozen=True)
-class Series(Kind):
+class QuantityList(FieldType):
     """A list of constants, of any length but none.
 
     Attributes:
         dimension: what an entry measures.
-        other: what an entry may measure instead; the entries are then `Measured`.
+        other: what an entry may measure instead; the entries are then `DimensionedNumber`.
     """
 
     dimension: Dimension
     other: Dimension | None = None
 
-    def read(self, value: object, reading: Reading) -> tuple[float, ...]:
+    def read(self, value: object, context: ParseContext) -> tuple[float, ...]:
         """Return the entries in SI units."""
         if not isinstance(value, Items):
             message = f"a list is needed here, this is {kind_of(value)}"
-            reading.error("TS022", message, span_of(value))
+            context.error("TS022", message, span_of(value))
             return (0.0,)
         if not value and not value.node.broken:
-            reading.error("TS023", "this list is empty", span_of(value))
+            context.error("TS023", "this list is empty", span_of(value))
         if self.other is not None:
-            return tuple(self._either(entry, self.other, reading) for entry in value)
-        return tuple(values.constant(entry, self.dimension, reading) or 0.0 for entry in value)
+            return tuple(self._either(entry, self.other, context) for entry in value)
+        return tuple(values.constant(entry, self.dimension, context) or 0.0 for entry in value)
 
-    def _either(self, value: object, other: Dimension, reading: Reading) -> Measured:
+    def _either(self, value: object, other: Dimension, context: ParseContext) -> DimensionedNumber:
         needed = f"{noun(self.dimension)} or {noun(other)}"
         if not isinstance(value, Text | Whole | Real):
             message = f"{needed} is needed here, this is {kind_of(value)}"
-            reading.error("TS022", message, span_of(value))
-            return Measured(0.0)
-        found = values.quantity(value, reading)
+            context.error("TS022", message, span_of(value))
+            return DimensionedNumber(0.0)
+        found = values.quantity(value, context)
         if found is None or found.bare:
-            return Measured(found.value if found is not None else 0.0)
+            return DimensionedNumber(found.value if found is not None else 0.0)
         if found.dimension == NUMBER:
             units = alternatives((*fitting(self.dimension), *fitting(other)))
             message = f"a number without a unit, where {needed} is needed"
-            reading.error("TS110", message, span_of(value), f"add a unit: {units}")
+            context.error("TS110", message, span_of(value), f"add a unit: {units}")
         elif found.dimension not in (self.dimension, other):
             message = f"{needed} is needed here, this is {describe(found.dimension)}"
-            reading.error("TS112", message, span_of(value))
-        return Measured(found.value, found.dimension)
+            context.error("TS112", message, span_of(value))
+        return DimensionedNumber(found.value, found.dimension)
 
     def json(self) -> dict[str, Any]:
         """Describe the list."""
@@ -240,20 +240,71 @@ class Series(Kind):
 
 
 @dataclass(frozen=True)
-class ForJoints(Kind):
+class ForJoints(FieldType):
     """One constant for all joints, or a list with one for each."""
 
     dimension: Dimension
 
-    def read(self, value: object, reading: Reading) -> tuple[float, ...]:
+    def read(self, value: object, context: ParseContext) -> tuple[float, ...]:
         """Return SI units: one number for all joints, or one for each."""
         entries = value if isinstance(value, Items) else [value]
         if not entries:
-            reading.error("TS023", "this list is empty", span_of(value))
+            context.error("TS023", "this list is empty", span_of(value))
         one = Constant(self.dimension, least=0)
-        return tuple(float(one.read(entry, reading)) for entry in entries)
+        return tuple(float(one.read(entry, context)) for entry in entries)
 
     def json(self) -> dict[str, Any]:
         """Describe both forms."""
         one = Constant(self.dimension).json()
         return {"anyOf": [one, {"type": "array", "minItems": 1, "items": one}]}
+
+
+@dataclass(frozen=True)
+class IntervalAroundZero(FieldType):
+    """From a least to a greatest value with 0 between them: `0..90 deg` or `+- 90 deg`.
+
+    Attributes:
+        dimension: what it measures.
+    """
+
+    dimension: Dimension
+
+    def read(self, value: object, context: ParseContext) -> tuple[float, float]:
+        """Return both ends in SI units."""
+        node = values.parsed(value, "uncertain", context, "an interval")
+        if node is None:
+            return 0.0, 0.0
+        assert isinstance(value, Text | Whole | Real)
+        checked = check(node, context.scope(ScopeKind.CONSTANT), self.dimension)
+        problems = checked.problems
+        if not problems and not isinstance(node, IntervalNode | SpreadNode):
+            message = f"an interval of {describe(self.dimension)} is needed here"
+            hint = "write a..b or '+- x'"
+            problems = (Problem("TS023", message, node.start, node.end, hint),)
+        context.problems(value, problems)
+        if problems:
+            return 0.0, 0.0
+        if isinstance(node, SpreadNode):
+            half = values.number(value, node.x, context) or 0.0
+            return -half, half
+        assert isinstance(node, IntervalNode)
+        low = values.number(value, node.low, context) or 0.0
+        high = values.number(value, node.high, context) or 0.0
+        if low >= high:
+            message = "this interval ends before it begins"
+            problem = Problem("TS711", message, node.start, node.end, "write the smaller first")
+            context.problems(value, (problem,))
+        elif not low <= 0 <= high:
+            message = "this leaves out 0, where the mechanism is as it is declared"
+            hint = "count from there: the run begins at 0"
+            context.problems(value, (Problem("TS118", message, node.start, node.end, hint),))
+        return low, high
+
+    def json(self) -> dict[str, Any]:
+        """Describe the interval."""
+        unit = fitting(self.dimension)[0]
+        return {
+            "type": "string",
+            "description": f"From a least to a greatest value in {unit}: 'a..b' or '+- x'",
+            "examples": [f"0..90 {unit}", f"+- 90 {unit}"],
+        }

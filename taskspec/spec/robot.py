@@ -9,10 +9,10 @@ from pydantic import Field
 from taskspec.shapes import tool_shapes
 from taskspec.spec.fields import RPY, XYZ
 from taskspec.spec.model import Model, complete, mapping, short_form
-from taskspec.spec.quantities import Constant, Entries, ForJoints, Series
-from taskspec.spec.reading import Reading
+from taskspec.spec.parse_context import ParseContext
+from taskspec.spec.quantities import Constant, Entries, ForJoints, QuantityList
 from taskspec.spec.sizes import check_sizes
-from taskspec.spec.words import Free, Reference, Switch, Word
+from taskspec.spec.words import Free, NameReference, Switch, Word
 from taskspec.text.codes import register
 from taskspec.text.data import Map
 from taskspec.text.units import (
@@ -30,7 +30,7 @@ register({"TS128": "something that cannot be held"})
 
 Held = Annotated[
     str,
-    Reference(
+    NameReference(
         lambda r: r.held,
         "handle or loose body",
         "TS128",
@@ -76,14 +76,14 @@ class Tool(Model):
     mass: Annotated[float, Constant(MASS, least=0)] = Field(0.0, title="Mass")
 
     @classmethod
-    def rules(cls, data: Map, reading: Reading) -> None:
+    def rules(cls, data: Map, context: ParseContext) -> None:
         """Ask for the sizes of the tool's shape."""
         shape = data.get("shape", cls.model_fields["shape"].default)
         if isinstance(shape, str) and shape in _ENDS:
             keys = _ENDS[shape].tool_keys
             needed = [key for key, is_needed in keys.items() if is_needed]
             # A tool of every shape has a length.
-            check_sizes(shape, needed, {*keys, "length"}, data, reading)
+            check_sizes(shape, needed, {*keys, "length"}, data, context)
 
 
 class Start(Model):
@@ -99,17 +99,17 @@ class Start(Model):
 
     xyz: XYZ | None = Field(None, title="Tool tip in the world", description="[x, y, z], lengths")
     rpy: RPY | None = Field(None, title="Orientation of the tool", description="[roll, pitch, yaw]")
-    joints: Annotated[tuple[float, ...], Series(ANGLE, LENGTH)] | None = Field(
+    joints: Annotated[tuple[float, ...], QuantityList(ANGLE, LENGTH)] | None = Field(
         None,
         title="Joint positions",
         description="One for each joint: angles of hinges, lengths of slides",
     )
 
     @classmethod
-    def rules(cls, data: Map, reading: Reading) -> None:
+    def rules(cls, data: Map, context: ParseContext) -> None:
         """Allow a pose or joints, not both."""
         if "joints" in data and ("xyz" in data or "rpy" in data):
-            reading.error(
+            context.error(
                 "TS026",
                 "a start is given by 'xyz' and 'rpy', or by 'joints'",
                 data.node.key_span("joints"),
@@ -117,10 +117,10 @@ class Start(Model):
             )
         elif (
             not data.keys() & {"joints", "xyz"}
-            and complete(data, reading)
-            and "grasp" not in mapping(reading.data.get("robot"))
+            and complete(data, context)
+            and "grasp" not in mapping(context.data.get("robot"))
         ):
-            reading.error(
+            context.error(
                 "TS021", "a start needs 'xyz' or 'joints'", data.node.key_span("rpy"),
                 "leave 'start' out to begin in the robot's home position",
             )  # fmt: skip
@@ -137,7 +137,7 @@ class Noise(Model):
     torque: Annotated[float, Constant(MOMENT, least=0)] = Field(0.0, title="Of each moment")
 
     @classmethod
-    def expand(cls, data: object, reading: Reading) -> object:  # noqa: ARG003
+    def expand(cls, data: object, context: ParseContext) -> object:  # noqa: ARG003
         """Read a bare force as the noise of the forces."""
         return short_form(data, "force")
 
@@ -205,7 +205,7 @@ class Robot(Model):
     base: Pose = Field(Pose(), title="Placement of the base in the world")
     tool: Tool = Field(Tool(), title="Tool")
     start: Start | None = Field(None, title="Start of the run")
-    posture: Annotated[tuple[float, ...], Series(ANGLE, LENGTH)] | None = Field(
+    posture: Annotated[tuple[float, ...], QuantityList(ANGLE, LENGTH)] | None = Field(
         None, title="Posture", description="Joint positions that a redundant arm stays near"
     )
     balanced: Annotated[bool, Switch()] = Field(

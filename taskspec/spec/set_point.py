@@ -8,10 +8,10 @@ from typing import Annotated, Any
 from pydantic import Field
 
 from taskspec.spec.axis import Ramp
-from taskspec.spec.kinds import Kind
+from taskspec.spec.field_type import FieldType
 from taskspec.spec.model import Model, complete
+from taskspec.spec.parse_context import ParseContext, kind_of, span_of
 from taskspec.spec.quantities import Formula
-from taskspec.spec.reading import Reading, kind_of, span_of
 from taskspec.text.data import Map
 from taskspec.text.expression import Expression, ScopeKind
 from taskspec.text.nodes import pointer
@@ -51,42 +51,42 @@ _AXIS = "to press on it, give an axis of the stage's frame a force: axes: {z: {f
 
 
 @dataclass(frozen=True)
-class SetPoints(Kind):
+class SetPoints(FieldType):
     """A mapping of equations to their set points."""
 
-    def read(self, value: object, reading: Reading) -> dict[str, SetPoint]:
+    def read(self, value: object, context: ParseContext) -> dict[str, SetPoint]:
         """Return the set points by the name of the equation."""
         if not isinstance(value, Map):
             message = f"'constraints' is a mapping of equations, this is {kind_of(value)}"
-            reading.error("TS022", message, span_of(value), "such as {rim: {force: 20 N}}")
+            context.error("TS022", message, span_of(value), "such as {rim: {force: 20 N}}")
             return {}
         found = {}
-        known = reading.of_kind("equation", "joint equation")
+        known = context.of_kind("equation", "joint equation")
         for name, entry in value.items():
             if name not in known:
                 span = value.node.key_span(name)
-                hint = _AXIS if name in reading.objects else suggestion(name, known, "equations")
-                reading.error("TS123", f"'{name}' is no equation", span, hint)
+                hint = _AXIS if name in context.objects else suggestion(name, known, "equations")
+                context.error("TS123", f"'{name}' is no equation", span, hint)
                 continue
-            self._check(name, entry, reading)
-            found[name] = SetPoint.model_validate(entry, context=reading)
+            self._check(name, entry, context)
+            found[name] = SetPoint.model_validate(entry, context=context)
         return found
 
-    def _check(self, name: str, entry: object, reading: Reading) -> None:
+    def _check(self, name: str, entry: object, context: ParseContext) -> None:
         """Ask for the one quantity that fits the equation."""
         if not isinstance(entry, Map):
             return
-        on_joints = reading.objects[name] == "joint equation"
+        on_joints = context.objects[name] == "joint equation"
         right, wrong = ("torque", "force") if on_joints else ("force", "torque")
         if wrong in entry:
             where = "joints" if on_joints else "the tool tip"
             message = f"a {wrong} on an equation of {where}"
-            reading.error("TS205", message, entry.node.key_span(wrong), f"write '{right}'")
-        elif right not in entry and complete(entry, reading):
+            context.error("TS205", message, entry.node.key_span(wrong), f"write '{right}'")
+        elif right not in entry and complete(entry, context):
             message = f"a set point needs a '{right}'"
             unit = fitting(FORCE.on(rotation=on_joints))[0]
             hint = f"such as {{{right}: 20 {unit}}}"
-            reading.error("TS021", message, pointer(entry.node), hint)
+            context.error("TS021", message, pointer(entry.node), hint)
 
     def json(self) -> dict[str, Any]:
         """Describe the mapping."""

@@ -6,7 +6,7 @@ from collections.abc import Collection
 
 from taskspec.shapes import size_keys
 from taskspec.spec.model import complete
-from taskspec.spec.reading import Reading
+from taskspec.spec.parse_context import ParseContext
 from taskspec.text.codes import register
 from taskspec.text.data import Map
 from taskspec.text.nodes import pointer
@@ -20,7 +20,7 @@ register(
 
 
 def check_sizes(
-    shape: str, needed: Collection[str], allowed: Collection[str], data: Map, reading: Reading
+    shape: str, needed: Collection[str], allowed: Collection[str], data: Map, context: ParseContext
 ) -> None:
     """Report sizes that a shape needs or does not have.
 
@@ -29,16 +29,16 @@ def check_sizes(
         needed: keys of the sizes that it needs.
         allowed: keys of those that it can have.
         data: the mapping that holds the sizes.
-        reading: the pass.
+        context: the pass.
     """
     sizes = size_keys()
     for key in sizes:
         if key in data and key not in allowed:
             has = f"its sizes: {', '.join(sorted(allowed))}" if allowed else "it has no size"
-            reading.error("TS302", f"a {shape} has no '{key}'", data.node.key_span(key), has)
+            context.error("TS302", f"a {shape} has no '{key}'", data.node.key_span(key), has)
     missing = [key for key in needed if key not in data]
-    if missing and complete(data, reading):
+    if missing and complete(data, context):
         span = data.node.key_span("shape") if "shape" in data else pointer(data.node)
         names = " and ".join(f"'{key}'" for key in missing)
         example = f"such as {missing[0]}: {sizes[missing[0]].example}"
-        reading.error("TS301", f"a {shape} needs {names}", span, example)
+        context.error("TS301", f"a {shape} needs {names}", span, example)

@@ -14,11 +14,11 @@ from taskspec.spec.fields import FrameName, SurfaceName
 from taskspec.spec.law import Law, law_of
 from taskspec.spec.limits import Limits
 from taskspec.spec.model import Model, complete, mapping
+from taskspec.spec.parse_context import ParseContext as Reading
 from taskspec.spec.path import Path
 from taskspec.spec.quantities import Constant, Formula
-from taskspec.spec.reading import Reading
 from taskspec.spec.set_point import SetPoint, SetPoints
-from taskspec.spec.words import Count, Reference, Switch
+from taskspec.spec.words import Count, NameReference, Switch
 from taskspec.text.codes import register
 from taskspec.text.data import Map, Text
 from taskspec.text.expression import Expression, ScopeKind
@@ -39,7 +39,7 @@ register(
     }
 )
 
-StageName = Annotated[str, Reference(lambda r: r.targets, "stage", "TS124")]
+StageName = Annotated[str, NameReference(lambda r: r.targets, "stage", "TS124")]
 Condition = Annotated[Expression, Formula(None, ScopeKind.GUARD)]
 
 

@@ -10,17 +10,17 @@ from pydantic import Field
 from taskspec.spec.control import Control
 from taskspec.spec.equation import EquationObject
 from taskspec.spec.expectation import Expectation, Expectations
+from taskspec.spec.field_type import FieldType
 from taskspec.spec.fields import FrameName
 from taskspec.spec.flow import check_flow
 from taskspec.spec.frame import Frame, check_loops
-from taskspec.spec.kinds import Kind
 from taskspec.spec.law import Law
 from taskspec.spec.limits import Limits
 from taskspec.spec.mechanism import Mechanism
 from taskspec.spec.model import Model, mapping
 from taskspec.spec.objects import ByKind, Object, equations, mechanisms, shapes
 from taskspec.spec.params import Params
-from taskspec.spec.reading import Reading, span_of
+from taskspec.spec.parse_context import ParseContext, span_of
 from taskspec.spec.robot import Robot
 from taskspec.spec.stage import Stage
 from taskspec.spec.vary import OBJECT, ROBOT, Variation, Variations
@@ -41,15 +41,15 @@ VERSION = 1
 _NAME = re.compile(r"[a-z][a-z0-9-]*\Z")
 
 
-class Version(Kind):
+class Version(FieldType):
     """The version of the language."""
 
-    def read(self, value: object, reading: Reading) -> int:
+    def read(self, value: object, context: ParseContext) -> int:
         """Return 1."""
         if not (isinstance(value, Whole) and value == VERSION):
             text = str(value) if isinstance(value, Text | Whole | Real) else "this"
             message = f"version '{text}' of the language is not known"
-            reading.error("TS024", message, span_of(value), f"write taskspec: {VERSION}")
+            context.error("TS024", message, span_of(value), f"write taskspec: {VERSION}")
         return VERSION
 
     def json(self) -> dict[str, Any]:
@@ -130,18 +130,18 @@ class Task(Model):
         return OBJECT[self.world[name].kind][key]
 
     @classmethod
-    def rules(cls, data: Map, reading: Reading) -> None:
+    def rules(cls, data: Map, context: ParseContext) -> None:
         """Look at the file as a whole."""
         stages = data.get("stages")
         if isinstance(stages, Map):
             if not stages and not stages.node.broken:
-                reading.error("TS021", "a task needs at least one stage",
+                context.error("TS021", "a task needs at least one stage",
                               data.node.key_span("stages"))  # fmt: skip
-            check_flow(stages, reading)
-        check_loops(mapping(data.get("frames")), reading)
+            check_flow(stages, context)
+        check_loops(mapping(data.get("frames")), context)
         about = data.get("about")
         if isinstance(about, Text) and about.node.comment:
-            reading.diagnostics.warning(
+            context.diagnostics.warning(
                 "TS016",
                 f"the text ends before '{about.node.comment}'",
                 about.node.span,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from taskspec.spec.reading import Reading, kind_of, span_of
+from taskspec.spec.parse_context import ParseContext, kind_of, span_of
 from taskspec.text.codes import register
 from taskspec.text.data import Real, Text, Whole
 from taskspec.text.expression import (
@@ -29,18 +29,18 @@ register({"TS117": "a value that is not finite"})
 _FLOATS = FloatAlgebra()
 
 
-def parsed(value: object, start: Start, reading: Reading, needed: str) -> Node | None:
+def parsed(value: object, start: Start, context: ParseContext, needed: str) -> Node | None:
     """Return the tree of a scalar, or None after reporting why there is none.
 
     Args:
         value: a datum of the file.
         start: what it has to be.
-        reading: the pass.
+        context: the pass.
         needed: what its place needs, in words.
     """
     if not isinstance(value, Text | Whole | Real):
         message = f"{needed} is needed here, this is {kind_of(value)}"
-        reading.error("TS022", message, span_of(value), _kind_hint(value))
+        context.error("TS022", message, span_of(value), _kind_hint(value))
         return None
     if not isinstance(value, Text):
         # A YAML number may be written as `.5`, which is no number of the expression language.
@@ -48,12 +48,12 @@ def parsed(value: object, start: Start, reading: Reading, needed: str) -> Node |
     try:
         return parse(value, start)
     except ExpressionError as error:
-        reading.problems(value, error.problems)
+        context.problems(value, error.problems)
         return None
 
 
 def expression(
-    value: object, dimension: Dimension | None, kind: ScopeKind, reading: Reading
+    value: object, dimension: Dimension | None, kind: ScopeKind, context: ParseContext
 ) -> Expression | None:
     """Return a checked expression, or None after reporting what is wrong with it.
 
@@ -61,72 +61,72 @@ def expression(
         value: a datum of the file.
         dimension: what its place asks for; None for a condition.
         kind: where it stands.
-        reading: the pass.
+        context: the pass.
     """
     start: Start = "sum" if dimension is not None else "logic"
     needed = describe(dimension) if dimension is not None else "a condition"
-    node = parsed(value, start, reading, needed)
+    node = parsed(value, start, context, needed)
     if node is None:
         return None
     assert isinstance(value, Text | Whole | Real)
-    checked = check(node, reading.scope(kind), dimension)
-    reading.problems(value, checked.problems)
+    checked = check(node, context.scope(kind), dimension)
+    context.problems(value, checked.problems)
     if checked.problems:
         return None
-    ends = tuple(interval_problems(checked.tree, lambda name: _known(name, reading)))
-    reading.problems(value, ends)
+    ends = tuple(interval_problems(checked.tree, lambda name: _known(name, context)))
+    context.problems(value, ends)
     if ends:
         return None
-    fixed = all(n.path[0] in reading.params for n in walk(node) if isinstance(n, Name))
-    if dimension is not None and fixed and number(value, node, reading) is None:
+    fixed = all(n.path[0] in context.params for n in walk(node) if isinstance(n, Name))
+    if dimension is not None and fixed and number(value, node, context) is None:
         return None
     return Expression(value.node.value, checked.tree, checked.dimension, value.node.origin)
 
 
-def _known(name: Name, reading: Reading) -> float:
+def _known(name: Name, context: ParseContext) -> float:
     """The value of a param or constant; nan of any other name."""
     if str(name) in CONSTANTS:
         return CONSTANTS[str(name)][0]
-    param = reading.params.get(str(name))
+    param = context.params.get(str(name))
     return math.nan if param is None else param.value
 
 
-def constant(value: object, dimension: Dimension, reading: Reading) -> float | None:
+def constant(value: object, dimension: Dimension, context: ParseContext) -> float | None:
     """Return a constant in SI units, or None after reporting what is wrong with it.
 
     None is also returned, in silence, if it uses a param that is itself wrong.
     """
-    node = parsed(value, "sum", reading, describe(dimension))
+    node = parsed(value, "sum", context, describe(dimension))
     if node is None:
         return None
-    checked = check(node, reading.scope(ScopeKind.CONSTANT), dimension)
-    reading.problems(value, checked.problems)
-    return None if checked.problems else number(value, node, reading)
+    checked = check(node, context.scope(ScopeKind.CONSTANT), dimension)
+    context.problems(value, checked.problems)
+    return None if checked.problems else number(value, node, context)
 
 
-def quantity(value: object, reading: Reading) -> Quantity | None:
+def quantity(value: object, context: ParseContext) -> Quantity | None:
     """Return a constant of whatever dimension, or None after reporting what is wrong with it."""
-    node = parsed(value, "sum", reading, "a quantity")
+    node = parsed(value, "sum", context, "a quantity")
     if node is None:
         return None
-    kind, problems = infer(node, reading.scope(ScopeKind.CONSTANT))
+    kind, problems = infer(node, context.scope(ScopeKind.CONSTANT))
     if not problems and kind.kind == "condition":
         problems = (Problem("TS114", "a quantity is needed here", node.start, node.end),)
-    reading.problems(value, problems)
+    context.problems(value, problems)
     if problems or kind.kind == "unknown":
         return None
-    result = number(value, node, reading)
+    result = number(value, node, context)
     if result is None:
         return None
     return Quantity(result, kind.dimension or NUMBER, bare=kind.dimension is None)
 
 
-def number(value: object, node: Node, reading: Reading) -> float | None:
+def number(value: object, node: Node, context: ParseContext) -> float | None:
     """Return the value of a checked constant tree; None if a part of it is broken or infinite."""
     names = [n.path[0] for n in walk(node) if isinstance(n, Name)]
-    if any(name in reading.broken for name in names):
+    if any(name in context.broken for name in names):
         return None
-    result = evaluate(node, _FLOATS, lambda name: _lookup(name, reading))
+    result = evaluate(node, _FLOATS, lambda name: _lookup(name, context))
     if abs(result) <= LARGEST:
         return result
     hint = "mind what divides, and what stands under a root or in a logarithm"
@@ -134,13 +134,13 @@ def number(value: object, node: Node, reading: Reading) -> float | None:
     if math.isfinite(result):
         message = f"this comes to {result:g} in SI units, where numbers go up to {LARGEST:g}"
         problem = Problem("TS118", message, node.start, node.end)
-    reading.problems(value, (problem,))
+    context.problems(value, (problem,))
     return None
 
 
-def _lookup(name: Name, reading: Reading) -> float:
+def _lookup(name: Name, context: ParseContext) -> float:
     word = name.path[0]
-    return reading.params[word].value if word in reading.params else CONSTANTS[word][0]
+    return context.params[word].value if word in context.params else CONSTANTS[word][0]
 
 
 def _kind_hint(value: object) -> str:

@@ -7,14 +7,14 @@ from typing import Any
 
 from taskspec.shapes import SHAPES, size_keys
 from taskspec.spec import values
-from taskspec.spec.kinds import Kind
+from taskspec.spec.field_type import FieldType
 from taskspec.spec.model import mapping
-from taskspec.spec.reading import Reading, kind_of, span_of
+from taskspec.spec.parse_context import ParseContext, kind_of, span_of
 from taskspec.spec.world import is_free
 from taskspec.text.codes import register
 from taskspec.text.data import Items, Map
 from taskspec.text.expression import Problem, ScopeKind, check
-from taskspec.text.expression.tree import Interval, Node, Spread
+from taskspec.text.expression.tree import IntervalNode, Node, SpreadNode
 from taskspec.text.suggest import closest, suggestion
 from taskspec.text.units import (
     ANGLE,
@@ -84,20 +84,20 @@ class Variation:
 
 
 @dataclass(frozen=True)
-class Variations(Kind):
+class Variations(FieldType):
     """Paths of values, each with an interval for every component."""
 
-    def read(self, value: object, reading: Reading) -> dict[str, tuple[Variation | None, ...]]:
+    def read(self, value: object, context: ParseContext) -> dict[str, tuple[Variation | None, ...]]:
         """Return the variations by path; a component that does not vary is None."""
         if not isinstance(value, Map):
             message = f"'vary' is a mapping of paths to intervals, this is {kind_of(value)}"
-            reading.error("TS022", message, span_of(value), "world.table.stiffness: 5..80 kN/m")
+            context.error("TS022", message, span_of(value), "world.table.stiffness: 5..80 kN/m")
             return {}
         found = {}
         for path, entry in value.items():
-            target = _target(path, value, reading)
+            target = _target(path, value, context)
             if target is not None:
-                found[path] = _components(entry, target, reading)
+                found[path] = _components(entry, target, context)
         return found
 
     def json(self) -> dict[str, Any]:
@@ -107,7 +107,7 @@ class Variations(Kind):
         return {"type": "object", "additionalProperties": entry}
 
 
-def _target(path: str, data: Map, reading: Reading) -> Target | None:
+def _target(path: str, data: Map, context: ParseContext) -> Target | None:
     """Return what a path names, or None after reporting that nothing there can vary."""
     section, _, rest = path.partition(".")
     owner, _, key = rest.partition(".")
@@ -118,24 +118,24 @@ def _target(path: str, data: Map, reading: Reading) -> Target | None:
         near = closest(rest, ROBOT)
         hint = suggestion("", ROBOT, "values of the robot that can vary")
         hint = hint if near is None else f"did you mean 'robot.{near}'?"
-        reading.error("TS710", f"'{path}' is no value that can vary", span, hint)
+        context.error("TS710", f"'{path}' is no value that can vary", span, hint)
         return None
-    if section == "world" and owner in reading.objects:
-        raw = mapping(mapping(reading.data.get("world")).get(owner))
-        fields = _fields(raw, reading.objects[owner])
+    if section == "world" and owner in context.objects:
+        raw = mapping(mapping(context.data.get("world")).get(owner))
+        fields = _fields(raw, context.objects[owner])
         if fields is None or key in fields:
-            return OBJECT[reading.objects[owner]].get(key)
+            return OBJECT[context.objects[owner]].get(key)
         hint = suggestion(key, fields, f"values of '{owner}' that can vary")
-        reading.error("TS710", f"'{key}' of '{owner}' is no value that can vary", span, hint)
+        context.error("TS710", f"'{key}' of '{owner}' is no value that can vary", span, hint)
         return None
     if section == "world" and owner:
-        hint = suggestion(owner, reading.objects, "objects")
-        reading.error("TS123", f"unknown object '{owner}'", span, hint)
+        hint = suggestion(owner, context.objects, "objects")
+        context.error("TS123", f"unknown object '{owner}'", span, hint)
         return None
-    options = [f"world.{name}.stiffness" for name in reading.objects]
+    options = [f"world.{name}.stiffness" for name in context.objects]
     options += [f"robot.{name}" for name in ROBOT]
     hint = suggestion(path, options, "values that can vary")
-    reading.error("TS710", f"'{path}' is no value that can vary", span, hint)
+    context.error("TS710", f"'{path}' is no value that can vary", span, hint)
     return None
 
 
@@ -151,58 +151,60 @@ def _fields(data: Map, kind: str) -> list[str] | None:
     return [key for key in OBJECT[kind] if key not in missing]
 
 
-def _components(value: object, target: Target, reading: Reading) -> tuple[Variation | None, ...]:
+def _components(
+    value: object, target: Target, context: ParseContext
+) -> tuple[Variation | None, ...]:
     count = len(target)
     if count == 1:
         if isinstance(value, Items):
             message = "one interval is needed here, this is a list"
-            reading.error("TS023", message, span_of(value))
+            context.error("TS023", message, span_of(value))
             return ()
-        return (_variation(value, target[0], reading),)
+        return (_variation(value, target[0], context),)
     if not isinstance(value, Items) or len(value) != count:
         if not (isinstance(value, Items) and value.node.broken):
             hint = _SUCH_AS.get(target[0], "")
             message = f"{count} components are needed here, 0 for one that does not vary"
-            reading.error("TS023", message, span_of(value), hint)
+            context.error("TS023", message, span_of(value), hint)
         return ()
     return tuple(
-        _variation(entry, dimension, reading)
+        _variation(entry, dimension, context)
         for entry, dimension in zip(value, target, strict=True)
     )
 
 
-def _variation(value: object, dimension: Dimension, reading: Reading) -> Variation | None:
-    node = values.parsed(value, "uncertain", reading, "an interval")
+def _variation(value: object, dimension: Dimension, context: ParseContext) -> Variation | None:
+    node = values.parsed(value, "uncertain", context, "an interval")
     if node is None:
         return None
-    checked = check(node, reading.scope(ScopeKind.CONSTANT), dimension)
-    reading.problems(value, checked.problems)
+    checked = check(node, context.scope(ScopeKind.CONSTANT), dimension)
+    context.problems(value, checked.problems)
     if checked.problems:
         return None
-    if isinstance(node, Spread):
-        half = values.number(value, node.x, reading)
+    if isinstance(node, SpreadNode):
+        half = values.number(value, node.x, context)
         return Variation(-half, half, relative=True) if half is not None else None
-    if isinstance(node, Interval):
-        return _interval(value, node, reading)
-    nominal = values.number(value, node, reading)
+    if isinstance(node, IntervalNode):
+        return _interval(value, node, context)
+    nominal = values.number(value, node, context)
     if nominal != 0 and nominal is not None:
         message = f"{describe(dimension)} that varies is an interval"
-        _report(value, node, message, reading)
+        _report(value, node, message, context)
     return None
 
 
-def _interval(value: object, node: Interval, reading: Reading) -> Variation | None:
-    low = values.number(value, node.low, reading)
-    high = values.number(value, node.high, reading)
+def _interval(value: object, node: IntervalNode, context: ParseContext) -> Variation | None:
+    low = values.number(value, node.low, context)
+    high = values.number(value, node.high, context)
     if low is None or high is None:
         return None
     if low > high:
         problem = Problem("TS711", "this interval ends before it begins", node.start, node.end,
                           "write the smaller value first")  # fmt: skip
-        reading.problems(value, (problem,))
+        context.problems(value, (problem,))
     return Variation(low, high, relative=False)
 
 
-def _report(value: object, node: Node, message: str, reading: Reading) -> None:
+def _report(value: object, node: Node, message: str, context: ParseContext) -> None:
     hint = "write a..b or '+- x'; 0 does not vary"
-    reading.problems(value, (Problem("TS710", message, node.start, node.end, hint),))
+    context.problems(value, (Problem("TS710", message, node.start, node.end, hint),))

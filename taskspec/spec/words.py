@@ -7,10 +7,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from taskspec.spec.kinds import Kind
-from taskspec.spec.reading import Reading, kind_of, span_of
+from taskspec.spec.field_type import FieldType
+from taskspec.spec.parse_context import ParseContext, kind_of, span_of
 from taskspec.text.codes import register
-from taskspec.text.data import Items, Text, Truth, Whole
+from taskspec.text.data import Items, Text, TruthValue, Whole
 from taskspec.text.suggest import suggestion
 
 register({"TS025": "not one of the words that fit"})
@@ -22,7 +22,7 @@ _MEANT = {"yes": "true", "on": "true", "no": "false", "off": "false"}
 
 
 @dataclass(frozen=True)
-class Word(Kind):
+class Word(FieldType):
     """One of a few words.
 
     Attributes:
@@ -39,11 +39,11 @@ class Word(Kind):
     code: str = "TS025"
     others: tuple[str, ...] = ()
 
-    def read(self, value: object, reading: Reading) -> str:
+    def read(self, value: object, context: ParseContext) -> str:
         """Return the word."""
         if not isinstance(value, Text):
             message = f"a word is needed here, this is {kind_of(value)}"
-            reading.error(
+            context.error(
                 "TS022", message, span_of(value), f"{self.what}s: {', '.join(self.words)}"
             )
             return self.words[0]
@@ -51,10 +51,10 @@ class Word(Kind):
         if word in self.words:
             return word
         if word in self.reserved:
-            reading.unsupported(word, span_of(value))
+            context.unsupported(word, span_of(value))
             return self.words[0]
         hint = suggestion(word, self.words + self.others + self.reserved, f"{self.what}s")
-        reading.error(self.code, f"unknown {self.what} '{word}'", span_of(value), hint)
+        context.error(self.code, f"unknown {self.what} '{word}'", span_of(value), hint)
         return self.words[0]
 
     def json(self) -> dict[str, Any]:
@@ -63,7 +63,7 @@ class Word(Kind):
 
 
 @dataclass(frozen=True)
-class Words(Kind):
+class Words(FieldType):
     """One of a few words, or a list of some of them.
 
     Attributes:
@@ -72,19 +72,19 @@ class Words(Kind):
 
     word: Word
 
-    def read(self, value: object, reading: Reading) -> tuple[str, ...]:
+    def read(self, value: object, context: ParseContext) -> tuple[str, ...]:
         """Return the words in the order of the file."""
         entries = value if isinstance(value, Items) else [value]
         if isinstance(value, Items) and not value and not value.node.broken:
-            reading.error("TS023", "this list is empty", span_of(value))
+            context.error("TS023", "this list is empty", span_of(value))
         found: dict[str, None] = {}
         for entry in entries:
-            before = len(reading.diagnostics)
-            word = self.word.read(entry, reading)
-            if len(reading.diagnostics) > before:
+            before = len(context.diagnostics)
+            word = self.word.read(entry, context)
+            if len(context.diagnostics) > before:
                 continue
             if word in found:
-                reading.error("TS023", f"'{word}' stands in this list twice", span_of(entry))
+                context.error("TS023", f"'{word}' stands in this list twice", span_of(entry))
             found[word] = None
         return tuple(found)
 
@@ -96,7 +96,7 @@ class Words(Kind):
 
 
 @dataclass(frozen=True)
-class Reference(Kind):
+class NameReference(FieldType):
     """The name of something that the file defines elsewhere.
 
     Attributes:
@@ -108,26 +108,26 @@ class Reference(Kind):
         instead: what to do about a name that exists but does not fit; empty for no advice.
     """
 
-    names: Callable[[Reading], dict[str, None]]
+    names: Callable[[ParseContext], dict[str, None]]
     what: str
     code: str
     plural: str = ""
     unfit: str = ""
-    instead: Callable[[str, Reading], str] = lambda _name, _reading: ""
+    instead: Callable[[str, ParseContext], str] = lambda _name, _context: ""
 
-    def read(self, value: object, reading: Reading) -> str:
+    def read(self, value: object, context: ParseContext) -> str:
         """Return the name."""
         if not isinstance(value, Text):
             article = "an" if self.what[0] in "aeio" else "a"
             message = f"the name of {article} {self.what} is needed here, this is {kind_of(value)}"
-            reading.error("TS022", message, span_of(value))
-        elif value not in (names := self.names(reading)):
-            hint = self.instead(value, reading) or suggestion(
+            context.error("TS022", message, span_of(value))
+        elif value not in (names := self.names(context)):
+            hint = self.instead(value, context) or suggestion(
                 value, names, self.plural or f"{self.what}s"
             )
             hint = hint or f"the file has no {self.plural or f'{self.what}s'}"
             message = self.unfit.format(value) or f"unknown {self.what} '{value}'"
-            reading.error(self.code, message, span_of(value), hint)
+            context.error(self.code, message, span_of(value), hint)
         return str(value)
 
     def json(self) -> dict[str, Any]:
@@ -136,7 +136,7 @@ class Reference(Kind):
 
 
 @dataclass(frozen=True)
-class Free(Kind):
+class Free(FieldType):
     """Any text.
 
     Attributes:
@@ -151,18 +151,18 @@ class Free(Kind):
     pattern: str = ""
     filled: bool = False
 
-    def read(self, value: object, reading: Reading) -> str:
+    def read(self, value: object, context: ParseContext) -> str:
         """Return the text."""
         if not isinstance(value, Text):
             message = f"a text is needed here, this is {kind_of(value)}"
-            reading.error("TS022", message, span_of(value), "put it in quotes")
+            context.error("TS022", message, span_of(value), "put it in quotes")
             return ""
         if self.filled and not value.strip():
-            reading.error("TS022", "this text is empty", span_of(value))
+            context.error("TS022", "this text is empty", span_of(value))
         if self.matches is not None and not self.matches(value):
             near = re.sub(r"[^a-z0-9]+", "-", value.lower()).strip("-")
             hint = f"write '{near}'" if near != value and self.matches(near) else ""
-            reading.error("TS125", f"'{value}' is not {self.form}", span_of(value), hint)
+            context.error("TS125", f"'{value}' is not {self.form}", span_of(value), hint)
         return str(value)
 
     def json(self) -> dict[str, Any]:
@@ -171,17 +171,17 @@ class Free(Kind):
 
 
 @dataclass(frozen=True)
-class Count(Kind):
+class Count(FieldType):
     """A whole number of at least one."""
 
-    def read(self, value: object, reading: Reading) -> int:
+    def read(self, value: object, context: ParseContext) -> int:
         """Return the number."""
         if not isinstance(value, Whole):
             message = f"a whole number is needed here, this is {kind_of(value)}"
-            reading.error("TS022", message, span_of(value))
+            context.error("TS022", message, span_of(value))
             return 1
         if value < 1:
-            reading.error("TS118", "this has to be at least 1", span_of(value))
+            context.error("TS118", "this has to be at least 1", span_of(value))
         return int(value)
 
     def json(self) -> dict[str, Any]:
@@ -190,16 +190,16 @@ class Count(Kind):
 
 
 @dataclass(frozen=True)
-class Switch(Kind):
+class Switch(FieldType):
     """`true` or `false`."""
 
-    def read(self, value: object, reading: Reading) -> bool:
+    def read(self, value: object, context: ParseContext) -> bool:
         """Return the truth value."""
-        if isinstance(value, Truth):
+        if isinstance(value, TruthValue):
             return value.value
         message = f"true or false is needed here, this is {kind_of(value)}"
         hint = f"write '{_MEANT[value]}'" if isinstance(value, Text) and value in _MEANT else ""
-        reading.error("TS022", message, span_of(value), hint)
+        context.error("TS022", message, span_of(value), hint)
         return False
 
     def json(self) -> dict[str, Any]:

@@ -10,8 +10,8 @@ from taskspec.geometry.axis import AXES, ROTATIONS, Axis
 from taskspec.shapes import BoundedSurface, SizeKey, all_shapes, size_keys
 from taskspec.spec.fields import RPY, XYZ
 from taskspec.spec.model import Model, complete
+from taskspec.spec.parse_context import ParseContext
 from taskspec.spec.quantities import Constant, Entries, Formula
-from taskspec.spec.reading import Reading
 from taskspec.spec.sizes import check_sizes
 from taskspec.spec.words import Switch, Word
 from taskspec.text.data import Map
@@ -56,14 +56,14 @@ class Motion(Model):
         return {axis: e for axis in MOTION if (e := getattr(self, axis)) is not None}
 
     @classmethod
-    def rules(cls, data: Map, reading: Reading) -> None:
+    def rules(cls, data: Map, context: ParseContext) -> None:
         """Ask for an axis, and for no more than one rotation."""
-        if not data and complete(data, reading):
-            reading.error("TS021", "a motion needs an axis", pointer(data.node), cls.example)
+        if not data and complete(data, context):
+            context.error("TS021", "a motion needs an axis", pointer(data.node), cls.example)
         turns = [axis for axis in ROTATIONS if axis in data]
         if len(turns) > 1:
             message = "an object turns about one of its axes"
-            reading.error("TS026", message, data.node.key_span(turns[1]), "keep one of them")
+            context.error("TS026", message, data.node.key_span(turns[1]), "keep one of them")
 
 
 class _PlacedShape(Model):
@@ -141,39 +141,39 @@ class Shape(_SizedShape):
         return {key.name: getattr(self, key.name) for key in _SHAPES[self.shape].keys}
 
     @classmethod
-    def expand(cls, data: object, reading: Reading) -> object:
+    def expand(cls, data: object, context: ParseContext) -> object:
         """Report an object of a kind that comes later or of none, and look no further into it."""
         if not isinstance(data, Map):
             return data
         if "shape" not in data:
-            return _of_no_kind(data, reading, [*cls.model_fields, *cls.reserved])
+            return _of_no_kind(data, context, [*cls.model_fields, *cls.reserved])
         if data.get("shape") not in _LATER:
             return data
-        reading.quiet.add(id(data.node))
+        context.quiet.add(id(data.node))
         rest = Map({"shape": data["shape"]})
         rest.node = data.node
         return rest
 
     @classmethod
-    def rules(cls, data: Map, reading: Reading) -> None:
+    def rules(cls, data: Map, context: ParseContext) -> None:
         """Ask for the sizes of the shape."""
         shape = data.get("shape")
         if isinstance(shape, str) and shape in _SHAPES:
             needed = tuple(key.name for key in _SHAPES[shape].keys)
-            check_sizes(shape, needed, needed, data, reading)
-        _check_free(data, reading)
+            check_sizes(shape, needed, needed, data, context)
+        _check_free(data, context)
 
 
-def _of_no_kind(data: Map, reading: Reading, keys: list[str]) -> Map:
+def _of_no_kind(data: Map, context: ParseContext, keys: list[str]) -> Map:
     """Report an object that none of the three keys gives a kind; return what can be checked."""
     slips = {key: near for key in data if key not in keys and (near := closest(key, KIND_KEYS))}
     for key, near in slips.items():
         hint = f"did you mean '{near}'?"
-        reading.error("TS020", f"unknown key '{key}' in an object", data.node.key_span(key), hint)
-    if not slips and complete(data, reading):
+        context.error("TS020", f"unknown key '{key}' in an object", data.node.key_span(key), hint)
+    if not slips and complete(data, context):
         message = "an object needs a 'shape', an 'equation' or a 'mechanism'"
-        reading.error("TS021", message, pointer(data.node), f"such as {Shape.example}")
-    reading.quiet.add(id(data.node))
+        context.error("TS021", message, pointer(data.node), f"such as {Shape.example}")
+    context.quiet.add(id(data.node))
     rest = Map({key: value for key, value in data.items() if key in keys})
     rest.node = data.node
     return rest
@@ -184,21 +184,21 @@ def is_free(data: Map) -> bool:
     return "free" in data and bool(getattr(data["free"], "value", True))
 
 
-def _check_free(data: Map, reading: Reading) -> None:
+def _check_free(data: Map, context: ParseContext) -> None:
     """Ask for a mass of a loose body, and of a loose body alone."""
-    sure, free = complete(data, reading), is_free(data)
+    sure, free = complete(data, context), is_free(data)
     shape = data.get("shape")
     kind = _SHAPES.get(shape) if isinstance(shape, str) else None
     if free and kind is not None and not issubclass(kind, BoundedSurface):
         message = f"a {kind.name} is endless and cannot be loose"
         other = next(name for name, k in _SHAPES.items() if issubclass(k, BoundedSurface))
-        reading.error("TS302", message, data.node.key_span("free"), f"take a {other}")
+        context.error("TS302", message, data.node.key_span("free"), f"take a {other}")
     if free and "motion" in data:
         message, span = "a loose body has no 'motion' of its own", data.node.key_span("motion")
-        reading.error("TS026", message, span, "keep one of the two")
+        context.error("TS026", message, span, "keep one of the two")
     if free and "mass" not in data and sure:
         message, span = "a loose body needs a 'mass'", data.node.key_span("free")
-        reading.error("TS301", message, span, "such as mass: 500 g")
+        context.error("TS301", message, span, "such as mass: 500 g")
     if "mass" in data and not free and sure:
         message, span = "'mass' belongs to a loose body", data.node.key_span("mass")
-        reading.error("TS026", message, span, "add 'free: true'")
+        context.error("TS026", message, span, "add 'free: true'")

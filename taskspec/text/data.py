@@ -51,7 +51,7 @@ class Real(float):
     node: nodes.Scalar
 
 
-class Truth:
+class TruthValue:
     """`true` or `false`."""
 
     __slots__ = ("node", "value")
@@ -75,7 +75,7 @@ class Map(dict[str, object]):
     node: nodes.Mapping
 
 
-Leaf = Text | Whole | Real | Truth
+Leaf = Text | Whole | Real | TruthValue
 
 
 def to_data(node: nodes.Node, diagnostics: Diagnostics) -> object | None:
@@ -129,7 +129,7 @@ def _leaf(node: nodes.Scalar, diagnostics: Diagnostics) -> Leaf | None:
     if not node.plain or not text:
         return _placed(Text(text), node)
     if text in _TRUTH:
-        return Truth(_TRUTH[text], node)
+        return TruthValue(_TRUTH[text], node)
     if _NOT_FINITE.match(text):
         diagnostics.error("TS015", f"'{text}' is not a finite number", node.span)
         return None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from taskspec.text.data import Items, Map, Real, Truth, Whole, to_data
+from taskspec.text.data import Items, Map, Real, TruthValue, Whole, to_data
 from taskspec.text.diagnostic import Diagnostic, Diagnostics
 from taskspec.text.nodes import Mapping
 from taskspec.text.source import Source
@@ -15,7 +15,7 @@ def plain(value: object) -> object:
         return {key: plain(entry) for key, entry in value.items()}
     if isinstance(value, Items):
         return [plain(entry) for entry in value]
-    if isinstance(value, Truth):
+    if isinstance(value, TruthValue):
         return value.value
     if isinstance(value, Whole):
         return int(value)

@@ -26,8 +26,14 @@ from taskspec.spec.mechanism import (
 )
 from taskspec.spec.model import Model
 from taskspec.spec.path import Path
-from taskspec.spec.quantities import Constant, Entries, ForJoints, Formula, Series
-from taskspec.spec.reach import Reach
+from taskspec.spec.quantities import (
+    Constant,
+    Entries,
+    ForJoints,
+    Formula,
+    IntervalAroundZero,
+    QuantityList,
+)
 from taskspec.spec.robot import Noise, Pose, Sensor, Start, Tool
 from taskspec.spec.set_point import SetPoint
 from taskspec.spec.stage import Stage, Within
@@ -62,7 +68,16 @@ KEYS: dict[str, tuple[type[Model], ...]] = {
 def kinds(annotation: object) -> Iterator[object]:
     """What reads a field, wherever it stands in the field's type."""
     for part in get_args(annotation):
-        if isinstance(part, Constant | Entries | Series | ForJoints | GainField | Formula | Reach):
+        if isinstance(
+            part,
+            Constant
+            | Entries
+            | QuantityList
+            | ForJoints
+            | GainField
+            | Formula
+            | IntervalAroundZero,
+        ):
             yield part
         else:
             yield from kinds(part)
@@ -85,9 +100,9 @@ def units_needed(model: type[Model], key: str) -> set[object]:
     for kind in [*field.metadata, *kinds(field.annotation)]:
         if isinstance(kind, Formula):
             found.add(kind.dimension or "condition")
-        elif isinstance(kind, Series):
+        elif isinstance(kind, QuantityList):
             found.update({kind.dimension, kind.other} - {None})
-        elif isinstance(kind, Constant | ForJoints | Reach):
+        elif isinstance(kind, Constant | ForJoints | IntervalAroundZero):
             found.add(kind.dimension)
         elif isinstance(kind, Entries):
             found.update(kind.dimensions)

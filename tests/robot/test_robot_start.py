@@ -12,7 +12,7 @@ import pytest
 
 from taskspec.robot import RobotError, RobotModel, check_joints, solve_start
 from taskspec.robot.inverse_kinematics import InverseKinematics, Target
-from taskspec.spec.quantities import Measured
+from taskspec.spec.quantities import DimensionedNumber
 from taskspec.text.units import ANGLE, LENGTH
 
 Load = Callable[..., RobotModel]
@@ -137,11 +137,11 @@ def test_sliding_joints_are_told_in_millimetres(load: Load) -> None:
 
 def test_kinds_of_joints(load: Load) -> None:
     robot = load("own.xml", flange="grip")
-    home = [Measured(q, ANGLE) for q in robot.home]
-    slide = Measured(robot.home[0], LENGTH)
+    home = [DimensionedNumber(q, ANGLE) for q in robot.home]
+    slide = DimensionedNumber(robot.home[0], LENGTH)
     q = solve_start(robot, joints=(slide, *home[1:]))
     np.testing.assert_array_equal(q, robot.home)
-    solve_start(robot, joints=(slide, *(Measured(0.0) if q == 0 else q for q in home[1:])))
+    solve_start(robot, joints=(slide, *(DimensionedNumber(0.0) if q == 0 else q for q in home[1:])))
     with pytest.raises(
         RobotError, match=r"joint 1 .* slides, and the start gives it an angle"
     ) as c:

@@ -67,19 +67,19 @@ def test_functions_are_those_of_mathematics(name: str) -> None:
 
 def test_bare_first_number_takes_the_unit_of_the_second() -> None:
     node = parse("5..80 kN/m", "value")
-    assert isinstance(node, tree.Interval)
+    assert isinstance(node, tree.IntervalNode)
     assert node.low == tree.Number(5000.0, STIFFNESS, unit="kN/m")
     node = parse("-3 .. -2 mm", "value")
-    assert isinstance(node, tree.Interval)
+    assert isinstance(node, tree.IntervalNode)
     assert node.low == tree.Negate(tree.Number(0.003, LENGTH, unit="mm"))
     node = parse("20 +- 0.5 N", "value")
-    assert isinstance(node, tree.Interval)
+    assert isinstance(node, tree.IntervalNode)
     assert isinstance(node.low, tree.Binary)
     assert node.low.left == tree.Number(20.0, FORCE, unit="N")
 
 
 def test_plus_minus_about_a_value_that_stands_elsewhere() -> None:
-    assert parse("+- 3 mm", "uncertain") == tree.Spread(tree.Number(0.003, LENGTH, unit="mm"))
+    assert parse("+- 3 mm", "uncertain") == tree.SpreadNode(tree.Number(0.003, LENGTH, unit="mm"))
 
 
 def test_equation() -> None:

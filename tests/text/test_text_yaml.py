@@ -5,7 +5,7 @@ import time
 import pytest
 
 from taskspec.text.characters import normal
-from taskspec.text.data import Items, Map, Real, Text, Truth, Whole, to_data
+from taskspec.text.data import Items, Map, Real, Text, TruthValue, Whole, to_data
 from taskspec.text.diagnostic import Diagnostics
 from taskspec.text.nodes import Mapping, Node, Scalar, Sequence
 from taskspec.text.source import Source
@@ -70,7 +70,7 @@ def test_scalars_follow_yaml_1_2(text: str, kind: type, value: object) -> None:
 @pytest.mark.parametrize(("text", "value"), [("true", True), ("False", False), ("TRUE", True)])
 def test_truth(text: str, value: bool) -> None:
     found = datum(text)
-    assert isinstance(found, Truth)
+    assert isinstance(found, TruthValue)
     assert found.value is value
 
 

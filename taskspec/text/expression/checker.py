@@ -94,9 +94,9 @@ class Checker:
                 return CONDITION
             case tree.Held():
                 return self._held(node)
-            case tree.Interval(low, high):
+            case tree.IntervalNode(low, high):
                 return self.same(ends(low, high))
-            case tree.Spread(x):
+            case tree.SpreadNode(x):
                 return self.number(x, self.type_of(x))
             case _:
                 raise TypeError(f"{type(node).__name__} is not part of a value")

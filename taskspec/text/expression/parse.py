@@ -141,16 +141,16 @@ class _Build(Transformer[Token, tree.Node]):
         return tree.Equation(c[1].value, c[0], c[2], start=c[0].start, end=c[2].end)
 
     def spread(self, c: list[Any]) -> tree.Node:
-        return tree.Spread(c[1], start=c[0].start_pos, end=c[1].end)
+        return tree.SpreadNode(c[1], start=c[0].start_pos, end=c[1].end)
 
     def between(self, c: list[Any]) -> tree.Node:
         low = _adopt_unit(c[0], c[2])
-        return tree.Interval(low, c[2], start=low.start, end=c[2].end)
+        return tree.IntervalNode(low, c[2], start=low.start, end=c[2].end)
 
     def about(self, c: list[Any]) -> tree.Node:
         middle, half = _adopt_unit(c[0], c[2]), c[2]
         place = {"start": middle.start, "end": half.end}
-        return tree.Interval(
+        return tree.IntervalNode(
             tree.Binary("-", middle, half, **place),
             tree.Binary("+", middle, half, **place),
             **place,

@@ -122,7 +122,7 @@ class Held(Node):
 
 
 @dataclass(frozen=True, slots=True)
-class Interval(Node):
+class IntervalNode(Node):
     """From `low` to `high`."""
 
     low: Node
@@ -130,7 +130,7 @@ class Interval(Node):
 
 
 @dataclass(frozen=True, slots=True)
-class Spread(Node):
+class SpreadNode(Node):
     """Plus or minus x about a nominal value that stands elsewhere."""
 
     x: Node
@@ -148,7 +148,7 @@ class Equation(Node):
 def children(node: Node) -> tuple[Node, ...]:
     """Return the nodes directly below a node, in the order in which they are written."""
     match node:
-        case Negate(x) | Not(x) | Spread(x):
+        case Negate(x) | Not(x) | SpreadNode(x):
             return (x,)
         case Binary(_, left, right) | Compare(_, left, right) | Equation(_, left, right):
             return (left, right)
@@ -164,7 +164,7 @@ def children(node: Node) -> tuple[Node, ...]:
             return items
         case Held(x, amount):
             return (x, amount)
-        case Interval(low, high):
+        case IntervalNode(low, high):
             return (low, high)
         case _:
             return ()

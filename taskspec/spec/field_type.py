@@ -8,10 +8,10 @@ from typing import Any
 from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
 from pydantic_core import CoreSchema, core_schema
 
-from taskspec.spec.reading import Reading
+from taskspec.spec.parse_context import ParseContext
 
 
-class Kind(ABC):
+class FieldType(ABC):
     """Reads a datum, reports what is wrong with it, and describes itself to editors.
 
     Used as the metadata of an `Annotated` type. A datum that cannot be read is reported and
@@ -19,7 +19,7 @@ class Kind(ABC):
     """
 
     @abstractmethod
-    def read(self, value: object, reading: Reading) -> object:
+    def read(self, value: object, context: ParseContext) -> object:
         """Return the value of a datum, or a stand-in after reporting what is wrong."""
 
     @abstractmethod

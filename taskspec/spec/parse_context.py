@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 from taskspec.text import nodes
 from taskspec.text.codes import register
-from taskspec.text.data import Items, Map, Real, Text, Truth, Whole
+from taskspec.text.data import Items, Map, Real, Text, TruthValue, Whole
 from taskspec.text.diagnostic import Diagnostics
 from taskspec.text.expression import Problem, Scope, ScopeKind
 from taskspec.text.source import Span
@@ -16,7 +16,7 @@ register({"TS090": "part of the language, but not supported yet"})
 
 
 @dataclass(slots=True)
-class Reading:
+class ParseContext:
     """The context of one pass over a file.
 
     Attributes:
@@ -88,7 +88,7 @@ class Reading:
 
 def span_of(value: object) -> Span | None:
     """Return the place to point at for a value."""
-    if isinstance(value, Text | Whole | Real | Truth | Items | Map):
+    if isinstance(value, Text | Whole | Real | TruthValue | Items | Map):
         return nodes.pointer(value.node)
     return None
 
@@ -99,7 +99,7 @@ def kind_of(value: object) -> str:
         return "a mapping"
     if isinstance(value, Items):
         return "a list"
-    if isinstance(value, Truth):
+    if isinstance(value, TruthValue):
         return "true or false"
     if isinstance(value, Whole | Real):
         return "a number"
