@@ -13,16 +13,13 @@ from taskspec.check.contact.bodies import check_bodies
 from taskspec.check.contact.equations import check_constraints, check_equations
 from taskspec.check.contact.forces import check_forces
 from taskspec.check.contact.leaving import check_leaving
-from taskspec.check.contact.resisting import check_resisting
 from taskspec.check.contact.set_points import check_set_points
-from taskspec.check.contact.yielding import check_yielding
 from taskspec.check.reach.feasibility import check_feasibility
 from taskspec.check.reach.sensor import check_sensor
 from taskspec.check.reach.singular import check_singular
 from taskspec.check.stability.predicted import check_stability
 from taskspec.check.stages.entering import check_entering, check_ramps
 from taskspec.check.stages.guards import check_guards
-from taskspec.check.stages.impact import check_impact
 from taskspec.check.stages.noise import check_noise
 from taskspec.foresight.task_plan import TaskPlan, plan_task
 from taskspec.rules import Phase, ask
@@ -100,12 +97,9 @@ def check_stages(task: TaskPlan) -> tuple[Diagnostic, ...]:
         nominal = task.follow(name).nominal
         check_feasibility(context, name, axes, nominal.places, found)
         check_singular(context, name, axes, nominal.places, found)
-        check_yielding(context, name, axes, rotation, path, found)
         check_leaving(context, name, axes, path, nominal, found)
-        check_resisting(context, name, axes, rotation, found)
         check_guards(context, name, axes, rotation, nominal.gap, found)
         check_noise(context, name, rotation, nominal.gap, found)
-        check_impact(context, name, axes, rotation, nominal.gap, found)
         check_entering(context, name, axes, rotation, nominal.gap, found)
         ask(Phase.MOTION, plan, loaded, found)
     ask(Phase.RUN, task, loaded, found)

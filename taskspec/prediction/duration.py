@@ -6,8 +6,8 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from taskspec.check.contact.yielding import coordinate_rate
 from taskspec.foresight.flow import good_end
+from taskspec.foresight.held_motion import coordinate_rate
 from taskspec.foresight.interval import ANY, Interval, point
 from taskspec.geometry.axis import AXES, TRANSLATIONS, Axis
 from taskspec.motion import profile
@@ -146,8 +146,7 @@ def mechanism_rate(begin: Begin) -> float | None:
     """Rate of the held mechanism [rad/s, m/s]; None where none is held, or it is not known."""
     if not begin.stage.plan.held:
         return None
-    stage = begin.stage
-    return coordinate_rate(begin.context, stage.name, stage.plan.axes, begin.rotation)
+    return coordinate_rate(begin.stage.plan)
 
 
 def whole(stages: Mapping[str, Stage], found: Sequence[StagePrediction]) -> Duration:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec.check.contact.yielding import coordinate_rate
+from taskspec.foresight.held_motion import coordinate_rate
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.prediction.begin import Begin
 from taskspec.prediction.reach import Bearing, bearing
@@ -169,7 +169,7 @@ def _mechanism(begin: Begin, rest: Rest) -> None:
     """What the held mechanism takes to go on at its rate: friction and damping."""
     context, stage = begin.context, begin.stage
     name = stage.plan.held
-    rate = coordinate_rate(context, stage.name, stage.plan.axes, begin.rotation) if name else None
+    rate = coordinate_rate(stage.plan) if name else None
     if not rate:
         return
     held = context.loaded.task.mechanisms[name]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from taskspec.check.stages.impact import meeting, striking_mass
+from taskspec.foresight.approach import approach, striking_mass
 from taskspec.laws.gains import on_axis
 from taskspec.prediction.begin import Begin
 from taskspec.prediction.types import Impact
@@ -14,7 +14,7 @@ from taskspec.prediction.worlds import extreme
 def impact(begin: Begin) -> Impact | None:
     """The impact of a stage; None where it meets nothing that it knows of."""
     context, stage = begin.context, begin.stage
-    met = meeting(context, stage.name, stage.plan.axes, begin.rotation, begin.gap)
+    met = approach(stage.plan, begin.gap)
     if met is None:
         return None
     contact = context.compliances[met.contact]
@@ -22,7 +22,7 @@ def impact(begin: Begin) -> Impact | None:
         contact=met.contact,
         axis=met.axis,
         speed=met.closing,
-        mass=striking_mass(context, stage.plan.spec, stage.plan.axes, begin.rotation, met.axis),
+        mass=striking_mass(stage.plan, met.axis),
         stiffness=contact.stiffness,
         damping=contact.damping,
         drag=stage.plan.law.control_law.drag(on_axis(stage.plan.gains, met.axis)),

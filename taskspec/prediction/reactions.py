@@ -8,10 +8,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec.check.contact.resisting import gradients
-from taskspec.check.contact.yielding import free_twists
 from taskspec.control.state import ARM_LENGTH
 from taskspec.foresight.nominal import AT_SURFACE
+from taskspec.foresight.resistance import gradients
 from taskspec.prediction.begin import Begin
 from taskspec.prediction.reach import bearing, moment_arms
 from taskspec.prediction.types import StagePrediction, State
@@ -152,5 +151,5 @@ def mechanism_twists(begin: Begin) -> Vector | None:
     if not begin.stage.plan.held:
         return None
     point = context.start_p + context.lever_of(begin.stage.plan.frame)
-    T = free_twists(context.mechanisms[begin.stage.plan.held], context.start_p, point)
+    T = context.mechanisms[begin.stage.plan.held].free_twists(context.start_p, point)
     return np.asarray(np.kron(np.eye(2), begin.rotation.T) @ T)

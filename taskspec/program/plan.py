@@ -336,6 +336,25 @@ class StagePlan:
         return tuple(sorted(found, key=lambda c: c != self.contact))
 
     @cached_property
+    def set_points(self) -> dict[Axis, float]:
+        """Forces and torques of its axes that are constant and not zero [N, N m]."""
+        found = {}
+        for axis in self.spec.axes:
+            value = self.set_point_of(axis)
+            if value:
+                found[axis] = value
+        return found
+
+    def set_point_of(self, axis: Axis) -> float | None:
+        """Force along an axis, or torque about it, where the text of the file tells it [N, N m].
+
+        None where it depends on time or signals, and on axes without one or that do not exist.
+        """
+        entry = self.spec.axes.get(axis) if axis in self.axes else None
+        expression = None if entry is None else getattr(entry, axis.effort)
+        return None if expression is None else known_value(self.context, expression)
+
+    @cached_property
     def active(self) -> tuple[str, ...]:
         """Names of the equations that constrain it."""
         return active_equations(self.law, self.spec, self.context.equations)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 
-from taskspec.check.stages.conditions import bounds_of, names, parts, value_of
+from taskspec.foresight.conditions import bounds_of, names, parts, value_of
 from taskspec.foresight.flow import good_end, reached
 from taskspec.foresight.interval import ANY, Interval, IntervalAlgebra, point
 from taskspec.foresight.ranges import constant, longest, natural

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from taskspec.check.stages.conditions import value_of
+from taskspec.foresight.conditions import value_of
 from taskspec.foresight.interval import ANY, MAYBE, NEVER, Interval, IntervalAlgebra
 from taskspec.text.expression import FloatAlgebra, evaluate, parse
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.check.reach.statics import steady
-from taskspec.check.stages.conditions import names, parts, value_of
+from taskspec.foresight.conditions import names, parts, value_of
 from taskspec.foresight.interval import Interval, IntervalAlgebra, point
 from taskspec.foresight.nominal import AT_SURFACE
 from taskspec.foresight.ranges import Ranges, longest

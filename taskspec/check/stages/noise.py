@@ -7,8 +7,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec.check.stages.conditions import bounds_of, names
 from taskspec.control.sensor import SensorModel
+from taskspec.foresight.conditions import bounds_of, names
 from taskspec.foresight.interval import Interval, IntervalAlgebra
 from taskspec.foresight.nominal import AT_SURFACE
 from taskspec.foresight.ranges import Ranges, longest

@@ -118,6 +118,19 @@ class MechanismModel:
             return across / size, turn
         return none, axis
 
+    def free_twists(self, tip: Matrix, point: Matrix) -> Matrix:
+        """(6, k) twists of a point (3,) of the tool that it leaves free, world axes.
+
+        The first belongs to its coordinate, a second to a free knob about the handle at `tip` (3,).
+        """
+        axis = self.rotation[:, 2]
+        turn = np.concatenate([np.cross(axis, point - self.origin) + self.lead * axis, axis])
+        slide = np.concatenate([axis, np.zeros(3)])
+        columns = [turn if self.angular else slide]
+        if self.free:
+            columns.append(np.concatenate([np.cross(axis, point - tip), axis]))
+        return np.array(columns).T
+
     def handle_axes(self, p: ca.SX) -> ca.SX:
         """(3, 3) axes of a swinging handle at p (3,), world: radial, tangential, the axis."""
         x = self.local(p)

@@ -1,0 +1,98 @@
+"""How a stage comes to its surface."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taskspec.foresight.conditions import names, value_of
+from taskspec.foresight.course import moving_axes
+from taskspec.foresight.interval import Interval, IntervalAlgebra, point
+from taskspec.foresight.nominal import AT_SURFACE
+from taskspec.foresight.ranges import Ranges
+from taskspec.geometry.axis import TRANSLATIONS, Axis
+from taskspec.program.axes import MOSTLY
+from taskspec.program.known import known_value
+from taskspec.program.plan import StagePlan
+from taskspec.text.expression.tree import Held
+
+Vector = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Approach:
+    """A stage on its way to its surface.
+
+    Attributes:
+        contact: the object.
+        axis: mostly along its normal, that moves.
+        rates: (3,) constant velocities along the frame's axes [m/s].
+        closing: along the normal [m/s].
+        gap: from the object as the stage starts [m]; None where that is unknown.
+    """
+
+    contact: str
+    axis: Axis
+    rates: Vector
+    closing: float
+    gap: float | None
+
+
+def approach(stage: StagePlan, gap: float | None) -> Approach | None:
+    """How a stage comes to its surface; None where it does not, or is there already.
+
+    Args:
+        stage: the stage.
+        gap: from its contact as it starts [m]; None where that is unknown.
+    """
+    contact = stage.approached
+    if contact is None or stage.spec.until is None:
+        return None
+    gap = gap if contact == stage.contact else None
+    if gap is not None and gap < AT_SURFACE:
+        return None
+    normal, rates = stage.normal_of(contact), rates_of(stage)
+    closing = -float(normal @ stage.rotation @ rates)
+    if closing <= 0:
+        return None
+    fits = {a: abs(stage.along(a, normal)) for a in moved(rates)}
+    axis = max(fits, key=lambda a: fits[a])
+    if fits[axis] < MOSTLY or not waits_for_contact(stage):
+        return None
+    return Approach(contact, axis, rates, closing, gap)
+
+
+def rates_of(stage: StagePlan) -> Vector:
+    """(3,) constant velocities of a stage along its frame's axes [m/s]."""
+    rates = np.zeros(3)
+    for axis, entry in moving_axes(stage.spec).items():
+        if axis in stage.translations and entry.velocity is not None:
+            rates[axis.row] = known_value(stage.context, entry.velocity) or 0.0
+    return np.where(np.isfinite(rates), rates, 0.0)
+
+
+def moved(rates: Vector) -> list[Axis]:
+    """The axes whose velocity, of (3,), is not zero."""
+    return [a for a, rate in zip(TRANSLATIONS, rates, strict=True) if rate]
+
+
+def waits_for_contact(stage: StagePlan) -> bool:
+    """Whether the guard of a stage cannot hold before something is felt."""
+    until = stage.spec.until
+    if until is None:
+        return False
+    felt: dict[str, Interval] = {
+        str(n): point(0.0) for n in names(until.tree) if n.path[0] in ("force", "torque")
+    }
+    felt["touching"] = point(0.0)
+    inner = until.tree.x if isinstance(until.tree, Held) else until.tree
+    ranges = Ranges(stage.context, stage.name, felt)
+    return value_of(inner, IntervalAlgebra(), ranges).never
+
+
+def striking_mass(stage: StagePlan, axis: Axis) -> float:
+    """Mass that strikes [kg]: the arm's own along an axis, or the apparent one of its law."""
+    own = {name: by_axis[axis] for name, by_axis in stage.gains.items() if axis in by_axis}
+    return float(stage.law.control_law.strikes_with(own, stage.plants[axis].h))

@@ -1,0 +1,134 @@
+"""Stages that meet a surface: the peak of force there, and bounds that end them before it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from taskspec.foresight.approach import (
+    Approach,
+    approach,
+    moved,
+    rates_of,
+    striking_mass,
+    waits_for_contact,
+)
+from taskspec.foresight.flow import good_end
+from taskspec.foresight.nominal import AT_SURFACE
+from taskspec.program.axes import MOSTLY
+from taskspec.program.context import Context
+from taskspec.program.plan import StagePlan
+from taskspec.rules.finding import Finding, warning
+from taskspec.rules.registry import rule
+from taskspec.spec import FILE
+from taskspec.text.diagnostic import Severity
+from taskspec.text.show import inside, show
+
+#: The peak of a critically damped impact against that of an undamped one: the least that the
+#: stage that follows can make of it. Measured with designed gains: 0.42 to 0.62.
+_LEAST_SHARE = math.exp(-1.0)
+
+
+@rule("TS617", "a bound that ends a stage before it comes to its surface")
+def surfaces_not_reached(stage: StagePlan) -> Iterator[Finding]:
+    """Stages that move away from what they wait to feel, or whose bound ends them before it."""
+    yield from _away(stage)
+    way = approach(stage, stage.nominal.gap)
+    if way is not None:
+        yield from _short(stage, way)
+
+
+@rule("TS616", "an impact beyond the limit on force")
+def hard_impacts(stage: StagePlan) -> Iterator[Finding]:
+    """An impact beyond the limit: a mass h at speed v on a spring k makes v sqrt(h k)."""
+    context, stages = stage.context, stage.context.loaded.task.stages
+    way = approach(stage, stage.nominal.gap)
+    if way is None or any(_short(stage, way)):
+        return
+    after = good_end(stages, stage.name)
+    limits = [stage.limits.force]
+    if after is not None:
+        limits.append(StagePlan(context, after).limits.force)
+    if any(most is None for most in limits):
+        return
+    most = max(limit for limit in limits if limit is not None)
+    contact, closing = way.contact, way.closing
+    h = striking_mass(stage, way.axis)
+    k, b = context.compliances[contact].stiffness, context.compliances[contact].damping
+    peak = closing * max(math.sqrt(h * k), b)
+    if peak <= most:
+        return
+    softest = min([k, *_stiffnesses(context, contact)])
+    certain = _LEAST_SHARE * closing * math.sqrt(h * softest) > most
+    stops = certain and stage.law.solve == "closed-form"
+    slower = show(inside(closing * most / peak, upper=True, digits=2), "mm/s")
+    yield Finding(
+        "TS616",
+        f"stage {stage.name!r} meets {contact!r} with {show(closing, 'mm/s', 3)}: "
+        f"{show(h, 'kg', 2)} on {show(k, 'kN/m', 3)} {'make' if certain else 'may make'} about "
+        f"{show(peak, 'N', 3)}, and the limit on force is {show(most, 'N')}",
+        FILE.stages[stage.name].axes[way.axis].velocity,
+        f"approach with {slower} or less, or raise the limit",
+        severity=Severity.ERROR if stops else Severity.WARNING,
+    )
+
+
+def _away(stage: StagePlan) -> Iterator[Finding]:
+    """A stage that waits to feel the only object there is, and moves away from it."""
+    context, gap = stage.context, stage.nominal.gap
+    alone = len(context.start_gaps) == 1 and not context.loaded.task.equations
+    if gap is None or gap < AT_SURFACE or not alone:
+        return
+    if context.loaded.task.robot.grasp is not None:
+        return
+    (contact,) = context.start_gaps
+    rates = rates_of(stage)
+    leaving = float(stage.normal_of(contact) @ stage.rotation @ rates)
+    if leaving <= MOSTLY * float(np.linalg.norm(rates)) or not waits_for_contact(stage):
+        return
+    axis = max(moved(rates), key=lambda a: abs(rates[a.row]))
+    back = -float(rates[axis.row])
+    yield warning(
+        "TS617",
+        f"stage {stage.name!r} begins {show(gap, 'mm', 3)} away from {contact!r}, moves away from "
+        "it and waits to feel something: its bound ends it before",
+        FILE.stages[stage.name].axes[axis].velocity,
+        f"did you mean {show(back, 'mm/s')}? the outward normal points away from the object",
+    )
+
+
+def _short(stage: StagePlan, way: Approach) -> Iterator[Finding]:
+    """A bound that ends a stage before it comes to its surface."""
+    context, frame, gap = stage.context, stage.frame, way.gap
+    named = way.contact in (frame.surface_name, frame.owner)
+    nothing_else = len(context.start_gaps) == 1 or named
+    within = stage.spec.within
+    if gap is None or within is None or not nothing_else or context.loaded.task.equations:
+        return
+    time = gap / way.closing
+    needs = {"time": time, "travel": time * float(np.linalg.norm(way.rates))}
+    units = {"time": "s", "travel": "mm"}
+    for key, need in needs.items():
+        bound = getattr(within, key)
+        if bound is None or bound >= need:
+            continue
+        yield warning(
+            "TS617",
+            f"stage {stage.name!r} begins {show(gap, 'mm', 3)} away from {way.contact!r} and comes "
+            f"there after {show(need, units[key], 3)}: this bound ends it before",
+            FILE.stages[stage.name].within[key],
+            f"raise it, or begin nearer to {way.contact!r}",
+        )
+        return
+
+
+def _stiffnesses(context: Context, contact: str) -> list[float]:
+    """The ends that `vary` gives to a contact's stiffness [N/m]."""
+    ends = []
+    for variation in context.loaded.task.vary.get(f"world.{contact}.stiffness", ()):
+        if variation is not None:
+            base = context.compliances[contact].stiffness if variation.relative else 0.0
+            ends += [max(0.0, base + variation.low), max(0.0, base + variation.high)]
+    return ends

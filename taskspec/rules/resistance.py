@@ -1,0 +1,102 @@
+"""Forces that nothing in the world returns: artificial against natural constraints, by rank."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from taskspec.foresight.resistance import resists
+from taskspec.geometry.axis import Axis
+from taskspec.program.context import Context
+from taskspec.program.known import known_value
+from taskspec.program.plan import StagePlan
+from taskspec.program.reference.orientation import representation_of
+from taskspec.rules.finding import Finding, info
+from taskspec.rules.registry import rule
+from taskspec.spec import FILE, KeyPath
+from taskspec.text.diagnostic import Severity
+from taskspec.text.show import show
+
+_TIMES = (0.0, 0.13, 0.37, 1.0, 2.9)
+#: A contradiction of lines, or an open-loop force without a surface, says it already.
+_SAID_BY = ("TS303", "TS420")
+
+
+@rule("TS320", "a force that nothing resists")
+def unresisted_forces(stage: StagePlan) -> Iterator[Finding]:
+    """Set points of force loops on axes along and about which nothing resists."""
+    law = stage.law.control_law
+    severity = Severity.WARNING if law.shares or stage.law.solve == "qp" else Severity.ERROR
+    for axis, value, place in _unresisted(stage):
+        turns = axis.is_rotation
+        if value:
+            yield Finding(
+                "TS320",
+                f"nothing resists {show(value, 'N*m' if turns else 'N')} "
+                f"{'about' if turns else 'along'} {axis!r}: {_reason(stage.context, turns)}, "
+                f"and the tool {'turns' if turns else 'runs'} away",
+                place,
+                f"move or hold {axis!r} instead, or declare under 'world' what is to resist",
+                unless=_SAID_BY,
+                severity=severity,
+            )
+
+
+@rule("TS325", "an axis that nothing determines")
+def undetermined_axes(stage: StagePlan) -> Iterator[Finding]:
+    """Axes without a motion, along which neither a force is set nor can be.
+
+    That f = 0 there is natural already, so stating it is no constraint: what is left of the law is
+    its damping.
+    """
+    if stage.law.control_law.shares:
+        return
+    for axis, value, place in _unresisted(stage):
+        turns = axis.is_rotation
+        if value or (turns and representation_of(stage.law) is not None):
+            continue  # Euler angles leave no rotation to a torque, which TS228 says.
+        yield info(
+            "TS325",
+            f"nothing determines {axis!r}: no {'moment' if turns else 'force'} is asked for, and "
+            f"{_reason(stage.context, turns)}; only damping keeps the tool there",
+            place,
+            f"hold it or move it, unless it is to {'turn' if turns else 'go'} freely",
+            unless=_SAID_BY,
+        )
+
+
+def _unresisted(stage: StagePlan) -> Iterator[tuple[Axis, float, KeyPath]]:
+    """Axes of force loops that nothing resists: their set points, and where these stand."""
+    if not stage.law.control_law.force_loop:
+        return
+    for axis in stage.spec.axes:
+        value = _set_point(stage, axis) if axis in stage.axes else None
+        if value is not None and not resists(stage, axis):
+            yield axis, value, FILE.stages[stage.name].axes[axis][axis.effort]
+
+
+def _set_point(stage: StagePlan, axis: Axis) -> float | None:
+    """A set point, not zero if it is ever another [N, N m]; None where signals decide it."""
+    entry = stage.spec.axes[axis]
+    expression = entry.force if entry.torque is None else entry.torque
+    if expression is None:
+        return None
+    values = [known_value(stage.context, expression, {"t": t, "clock": t}) for t in _TIMES]
+    if any(v is None or not np.isfinite(v) for v in values):
+        return None
+    return next((v for v in values if v), 0.0)
+
+
+def _reason(context: Context, turns: bool) -> str:
+    task = context.loaded.task
+    objects = [*task.shapes, *task.equations]
+    if turns and context.held:
+        return f"the knob of {context.held!r} turns freely"
+    if not objects:
+        return "there is nothing in the world to push on"
+    if turns:
+        touching = "a ball touches in one point" if task.shapes else "an equation holds one point"
+        return f"{touching} and bears no moment"
+    listed = ", ".join(map(repr, objects))
+    return f"without friction {listed} {'returns' if len(objects) == 1 else 'return'} none there"
