@@ -13,6 +13,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from taskspec.control.reference import opposite
 from taskspec.program.world.stiffness import GRIP
 from taskspec.spec import Mechanism, Task
 from taskspec_runner.plant.arm import SceneArm
@@ -142,7 +143,7 @@ class Grip:
         if held is None:
             return 0.0
         # Scalars: at this size they cost a third of the same in array operations.
-        fx, fy, fz, mx, my, mz = (-self.wrench).tolist()
+        fx, fy, fz, mx, my, mz = opposite(self.wrench).tolist()
         x, y, z = self._axis.tolist()
         along = x * fx + y * fy + z * fz
         if not held.angular:

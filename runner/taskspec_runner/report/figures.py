@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from taskspec.geometry.axis import AXES, ROTATIONS, TRANSLATIONS
+from taskspec.signals import SCALARS
 from taskspec.text.units import FORCE, POWER, VELOCITY
 from taskspec_runner.report import foretold
 from taskspec_runner.report.chart import (
@@ -23,6 +25,7 @@ from taskspec_runner.report.gaps import gap_charts
 from taskspec_runner.report.joints import joint_positions, joint_torques
 from taskspec_runner.report.mechanisms import coordinate_charts, effort_charts
 from taskspec_runner.report.quantities import plain_scale, quantity, scale
+from taskspec_runner.report.selection import selected
 from taskspec_runner.verdict.metrics import set_points
 
 LINEAR, ANGULAR = TRANSLATIONS, ROTATIONS
@@ -54,7 +57,21 @@ def sections(run: Run) -> tuple[Section, ...]:
     arm.add(joint_torques(run))
     arm.add(joint_positions(run))
     arm.add(_power(run))
-    return tuple(s for s in (contact, motion, arm) if s.charts or s.silent)
+    drawn = (contact, motion, arm)
+    return tuple(s for s in (*drawn, _judged(run, drawn)) if s.charts or s.silent)
+
+
+def _judged(run: Run, drawn: Sequence[Section]) -> Section:
+    """Single signals that expectations bound and that no other chart shows."""
+    shown = {t.signal for section in drawn for chart in section.charts for t in chart.traces}
+    numbers = [name for name, signal in SCALARS.items() if not signal.condition]
+    bounded = {expectation.signal for expectation in run.expectations}
+    names = [n for n in numbers if n in bounded - shown and run.column(n) is not None]
+    section = Section("Judged")
+    for chart in selected(run, names):
+        title = ", ".join(trace.label for trace in chart.traces)
+        section.add(replace(chart, title=title[:1].upper() + title[1:]))
+    return section
 
 
 def wrench_name(axis: str) -> str:
