@@ -55,6 +55,7 @@ docs-shown: $(READY)  ## draw the pictures again, write again what files and com
 	$(BIN)/python docs/images/screens.py
 	$(BIN)/python tests/docs/diagnostic_pages.py
 	$(BIN)/python tests/docs/shown_pages.py
+	$(BIN)/python tests/docs/signal_tables.py
 
 docs-site: $(READY)  ## build the site; a link that leads nowhere is an error
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet

@@ -14,9 +14,9 @@ from documents import (
     load,
     models_of,
     table,
-    units_written,
     words,
 )
+from signal_tables import with_tables
 
 from taskspec import signals
 from taskspec.laws import LAWS
@@ -87,21 +87,22 @@ def test_robots():
     assert rows == {r.name: (r.joints, " ".join(r.axes)) for r in builtin_robots()}
 
 
-def test_signals():
-    expected = {
-        **{f"{s.name}.{a}": d for s in signals.VECTORS.values() for a, d in s.dimensions.items()},
-        **{s.name: "condition" if s.condition else s.dimension for s in signals.SCALARS.values()},
-        **{s.name: s.dimension for s in signals.CLOCKS.values()},
-        **{f"joint.N.{s.name}": s.dimension for s in signals.JOINT.values()},
-        **{f"STAGE.{s.name}": s.dimension for s in signals.STAGE.values()},
-    }
-    documented = {
-        signal: dimension
-        for row in table(LANGUAGE, "table: signals")
-        for signal in words(row[0])
-        for dimension in units_written(row[1])
-    }
-    assert documented == expected
+def test_signals_are_those_of_the_table():
+    """`python tests/docs/signal_tables.py` writes them again."""
+    text = LANGUAGE.read_text(encoding="utf-8")
+    assert with_tables(text) == text
+
+
+def test_signals_that_other_frames_show_differently():
+    entries = (*signals.VECTORS.values(), *signals.SCALARS.values())
+    text = " ".join(LANGUAGE.read_text(encoding="utf-8").split())
+    match = re.search(
+        r"In expectations that works for ([^;]*); in references and guards for (.*?), and for the",
+        text,
+    )
+    assert match is not None
+    assert set(words(match[1])) == {s.name for s in entries if s.framed}
+    assert set(words(match[2])) == {s.name for s in entries if s.anywhere}
 
 
 @pytest.mark.parametrize("row", table(LANGUAGE, "table: signals"), ids=lambda row: words(row[0])[0])
@@ -132,18 +133,6 @@ OBJECTS = {
     "screw": "ball: {mechanism: screw, xyz: [500 mm, 0, 300 mm], pitch: 2 mm/turn}",
 }
 OF_OBJECTS = table(LANGUAGE, "table: object signals")
-
-
-def test_signals_of_objects():
-    documented: dict[str, dict[str, object]] = {}
-    for kind, signal, unit, *_ in OF_OBJECTS:
-        (dimension,) = units_written(unit)
-        documented.setdefault(words(kind)[0], {})[words(signal)[0]] = dimension
-    has = {
-        kind: {name: s.dimensions[kind] for name, s in entries.items()}
-        for kind, entries in signals.OBJECT.items()
-    }
-    assert documented == has
 
 
 @pytest.mark.parametrize("row", OF_OBJECTS, ids=lambda row: "-".join(words(row[0] + row[1])))
