@@ -7,8 +7,7 @@ from collections.abc import Iterator
 from taskspec.geometry.axis import Axis
 from taskspec.program.plan import StagePlan
 from taskspec.program.reference.coupling import UncoupledError
-from taskspec.rules.finding import Finding, error
-from taskspec.rules.registry import Phase, rule
+from taskspec.rules import Finding, Phase, error, rule
 from taskspec.spec import FILE, key_of
 
 

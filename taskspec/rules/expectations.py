@@ -14,8 +14,7 @@ from taskspec.geometry.axis import as_axis
 from taskspec.program.context import Context
 from taskspec.program.known import known_value
 from taskspec.program.signals import entry_of
-from taskspec.rules.finding import Finding, error, warning
-from taskspec.rules.registry import Phase, rule
+from taskspec.rules import Finding, Phase, error, rule, warning
 from taskspec.rules.signals import no_such_signal
 from taskspec.signals import CLOCKS
 from taskspec.spec import Expectation

@@ -15,8 +15,7 @@ from taskspec.program.plan import StagePlan
 from taskspec.program.prepare import chart_at, pose_of_base, tool_center
 from taskspec.program.world.estimated_frames import LEAST_SINE
 from taskspec.program.world.frames import FrameModel
-from taskspec.rules.finding import Finding, Place, error, warning
-from taskspec.rules.registry import Phase, rule
+from taskspec.rules import Finding, Phase, Place, error, rule, warning
 from taskspec.shapes import SHAPES
 from taskspec.spec import FILE, KeyPath, Stage
 from taskspec.text.expression import Expression

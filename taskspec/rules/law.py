@@ -12,8 +12,7 @@ from taskspec.geometry.axis import AXES
 from taskspec.program.plan import StagePlan
 from taskspec.program.reference.orientation import NEAREST, angles_of, representation_of
 from taskspec.program.stages.null_space import bounded
-from taskspec.rules.finding import Finding, error, warning
-from taskspec.rules.registry import Phase, rule
+from taskspec.rules import Finding, Phase, error, rule, warning
 from taskspec.spec import FILE, KeyPath, key_of
 
 _ROTATIONS = AXES[3:]

@@ -9,8 +9,7 @@ from taskspec.program.axes import MOSTLY
 from taskspec.program.known import known_value
 from taskspec.program.plan import StagePlan
 from taskspec.program.world.stiffness import RESOLVED_PHASE
-from taskspec.rules.finding import Finding, warning
-from taskspec.rules.registry import Phase, rule
+from taskspec.rules import Finding, Phase, rule, warning
 from taskspec.spec import FILE
 from taskspec.text.show import show
 

@@ -17,8 +17,7 @@ from taskspec.program.context import Context
 from taskspec.program.execution.tracks import move_speed
 from taskspec.program.known import known_value
 from taskspec.program.plan import StagePlan
-from taskspec.rules.finding import Finding, error, warning
-from taskspec.rules.registry import Phase, rule
+from taskspec.rules import Finding, Phase, error, rule, warning
 from taskspec.spec import FILE, KeyPath
 from taskspec.text.diagnostic import Severity
 from taskspec.text.expression import Expression

@@ -8,8 +8,7 @@ from collections.abc import Iterator
 from taskspec.foresight.task_plan import TaskPlan
 from taskspec.program.plan import StagePlan
 from taskspec.robot import RobotError, check_joints
-from taskspec.rules.finding import Finding, error, warning
-from taskspec.rules.registry import Phase, rule
+from taskspec.rules import Finding, Phase, error, rule, warning
 from taskspec.signals.entries import TOUCHING
 from taskspec.spec import FILE, KeyPath, below
 from taskspec.text.show import show

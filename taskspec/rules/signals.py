@@ -9,8 +9,7 @@ from taskspec.geometry.axis import ROTATIONS, Axis, as_axis
 from taskspec.program.context import Context
 from taskspec.program.plan import StagePlan
 from taskspec.program.signals import entry_of
-from taskspec.rules.finding import Finding, error
-from taskspec.rules.registry import Phase, rule
+from taskspec.rules import Finding, Phase, error, rule
 from taskspec.signals import VECTORS
 from taskspec.text.expression import Expression
 from taskspec.text.expression.tree import Call, Name, Node, children

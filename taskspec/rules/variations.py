@@ -7,8 +7,7 @@ from collections.abc import Iterator
 from taskspec.analysis.corners import nominal
 from taskspec.foresight.task_plan import TaskPlan
 from taskspec.program.context import Context
-from taskspec.rules.finding import Finding, error
-from taskspec.rules.registry import Phase, rule
+from taskspec.rules import Finding, Phase, error, rule
 from taskspec.spec import FILE
 from taskspec.spec.vary import OBJECT, ROBOT, Target
 from taskspec.text.units import in_si
