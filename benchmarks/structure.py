@@ -65,7 +65,7 @@ _LOADED_CHECK = (
     """
 import json, sys
 import taskspec
-from taskspec.check import check_task
+from taskspec.examination import check_task
 check_task(taskspec.load(TASK))
 """
     + _COUNT

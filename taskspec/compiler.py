@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec.check import Examination, examine
+from taskspec.examination import Examination, examine
 from taskspec.foresight.task_plan import TaskPlan, plan_task
 from taskspec.program.context import Context
 from taskspec.program.errors import spec_error

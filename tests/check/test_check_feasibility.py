@@ -7,7 +7,7 @@ import re
 import numpy as np
 import pytest
 
-from taskspec.check import check_task
+from taskspec.examination import check_task
 from taskspec.program.prepare import prepare
 from taskspec.spec import load_text
 from taskspec.text.diagnostic import Diagnostic, Severity

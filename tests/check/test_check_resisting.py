@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from taskspec.check import check_task
+from taskspec.examination import check_task
 from taskspec.spec import load_text
 
 HEAD = "taskspec: 1\nname: resists\n"

@@ -6,7 +6,7 @@ import re
 
 import pytest
 
-from taskspec.check import check_task
+from taskspec.examination import check_task
 from taskspec.spec import load_text
 
 TASK = """

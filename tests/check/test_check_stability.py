@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from taskspec.check import check_task
+from taskspec.examination import check_task
 from taskspec.spec import load_task, load_text
 from taskspec.text.diagnostic import Severity
 

@@ -11,8 +11,8 @@ from taskspec.analysis.corners import corners
 from taskspec.analysis.family import Family
 from taskspec.analysis.margin import rings
 from taskspec.analysis.stage import analyse
-from taskspec.check import check_task
 from taskspec.check.stability.worlds import Plants
+from taskspec.examination import check_task
 from taskspec.program.plan import StagePlan
 from taskspec.program.prepare import prepare
 from taskspec.spec import load_text

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from taskspec.check import check_task
+from taskspec.examination import check_task
 from taskspec.spec import load_task
 from taskspec.text.diagnostic import Diagnostic, SpecError
 from taskspec.text.render import render

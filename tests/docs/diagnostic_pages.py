@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from taskspec.check import check_task
+from taskspec.examination import check_task
 from taskspec.spec import load_task
 from taskspec.text.codes import CODES
 from taskspec.text.diagnostic import Diagnostic, SpecError

@@ -16,8 +16,8 @@ from typing import Any
 
 import pytest
 
-from taskspec.check import examine
 from taskspec.compiler import admit
+from taskspec.examination import examine
 from taskspec.spec import LoadedTask, load_text
 from taskspec.spec.model import Model
 from taskspec.text.diagnostic import Severity, SpecError

@@ -7,8 +7,8 @@ import re
 import pytest
 from documents import DOCUMENTS, LANGUAGE, ROOT, TASKS, blocks, completed, is_task, load, words
 
-from taskspec.check import check_task
 from taskspec.compiler import compile_task
+from taskspec.examination import check_task
 from taskspec.laws import LAWS
 from taskspec.motion.table import read_table
 from taskspec.text.codes import CODES

@@ -81,7 +81,7 @@ def serve(theirs: Connection) -> None:
     """Answers paths until the other end is closed."""
     warnings.simplefilter("error")
     resource.setrlimit(resource.RLIMIT_AS, (_ALL, _ALL))
-    from taskspec import check  # noqa: F401  # Loading it is no part of what a file takes.
+    from taskspec import examination  # noqa: F401  # Loading it is no part of what a file takes.
 
     while True:
         try:

@@ -8,8 +8,8 @@ import pinocchio as pin
 import pytest
 
 from measures import rms
-from taskspec.check import check_task
 from taskspec.control.representation import REPRESENTATIONS
+from taskspec.examination import check_task
 from taskspec.program.reference.orientation import angles_of
 from taskspec.spec import load_text
 

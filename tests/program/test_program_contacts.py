@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from taskspec.check import check_task
+from taskspec.examination import check_task
 from taskspec.foresight.task_plan import TaskPlan, plan_task
 from taskspec.geometry.axis import Axis
 from taskspec.spec import load_text

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from taskspec.check import check_task
+from taskspec.examination import check_task
 from taskspec.program.world import estimated_frames
 from taskspec.program.world.frames import FrameModel
 from taskspec.spec import load_text

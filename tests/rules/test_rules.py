@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import pytest
 
-import taskspec.check  # noqa: F401  (it registers all rules)
+import taskspec.examination  # noqa: F401  (it registers all rules)
 from taskspec.rules import RULES, Finding, Phase, ask, error, info, registry, rule, rule_of, warning
 from taskspec.spec import FILE, LoadedTask, key_of, load_text
 from taskspec.text.codes import CODES

@@ -354,7 +354,7 @@ def test_validate_survives_an_internal_error(
     def broken(_: object) -> None:
         raise ZeroDivisionError("as a\ntest")
 
-    monkeypatch.setattr("taskspec.check.examine", broken)
+    monkeypatch.setattr("taskspec.examination.examine", broken)
     result = call("validate", tap, here / "spoiled.yaml")
     assert result.exit_code == 3
     assert f"{tap}: internal error: ZeroDivisionError: as a test; please report" in result.stderr

@@ -12,9 +12,9 @@ import pytest
 from typer.testing import CliRunner
 
 import taskspec_runner
-from taskspec import check, compiler, load
-from taskspec.check import Examination
+from taskspec import compiler, examination, load
 from taskspec.compiler import Program
+from taskspec.examination import Examination
 from taskspec.spec import LoadedTask, load_text
 from taskspec.text.diagnostic import SpecError
 from taskspec_runner import session
@@ -27,7 +27,7 @@ sys.path.insert(0, str(Path(__file__).parent.parent / "corpus"))
 from golden import ERRORS, overrides_of
 
 Codes = list[str]
-EXAMINE, ADMIT = check.examine, compiler.admit
+EXAMINE, ADMIT = examination.examine, compiler.admit
 _FINDING = re.compile(r"^(?:\S+: )?(error|warning|info)\[(TS\d{3})\]: ", re.MULTILINE)
 #: Worlds that `vary` allows are not that of a run.
 OF_OTHER_WORLDS = "TS503"
@@ -77,7 +77,7 @@ def gate(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Gate:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(session, "execute_program", never)
     for module, name, replaced in (
-        (check, "examine", examine),
+        (examination, "examine", examine),
         (compiler, "examine", examine),
         (compiler, "admit", admit),
     ):

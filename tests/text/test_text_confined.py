@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from taskspec.check import check_task
+from taskspec.examination import check_task
 from taskspec.spec import load_task
 from taskspec.text.confined import VARIABLE, confines, project
 from taskspec.text.diagnostic import SpecError

@@ -38,7 +38,7 @@ def _prefixes(texts: Sequence[str], option: str) -> tuple[str, ...]:
     if not prefixes:
         return ()
     # The later layers register their codes when they are imported.
-    import taskspec.check  # noqa: F401
+    import taskspec.examination  # noqa: F401
 
     for prefix in prefixes:
         if not prefix or not any(code.startswith(prefix) for code in CODES):

@@ -14,8 +14,8 @@ from rich.markdown import Markdown
 from rich.table import Table
 from rich.text import Text
 
-from taskspec.check import examine
 from taskspec.compiler import admit
+from taskspec.examination import examine
 from taskspec.text.codes import CODES
 from taskspec.text.suggest import suggestion
 from taskspec_runner.cli.account import StageAccount

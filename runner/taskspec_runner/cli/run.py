@@ -17,8 +17,8 @@ from taskspec_runner.cli.loading import load
 from taskspec_runner.loop.interrupt import BY_SIGNAL
 
 if TYPE_CHECKING:
-    from taskspec.check import Examination
     from taskspec.compiler import Program
+    from taskspec.examination import Examination
 
 
 def run_task(
@@ -91,8 +91,8 @@ def _admitted(file: Path, sets: Sequence[str], law: str | None, *, force: bool) 
     Raises:
         SpecError: the task is refused; where `force` would lift that, this is said.
     """
-    from taskspec.check import examine
     from taskspec.compiler import admit
+    from taskspec.examination import examine
 
     examined = examine(load(file, sets, law))
     try:

@@ -145,6 +145,6 @@ def _examine(path: Path) -> _Found:
     except SpecError as error:
         return error.diagnostics, dict(error.sources)
     # A file that cannot even be read needs no robot.
-    from taskspec.check import examine
+    from taskspec.examination import examine
 
     return examine(loaded).findings, dict(loaded.sources)

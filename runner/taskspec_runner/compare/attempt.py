@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-from taskspec.check import examine
 from taskspec.compiler import UNSTABLE, Program, admit, refusals
+from taskspec.examination import examine
 from taskspec.spec import LoadedTask
 from taskspec.text.diagnostic import Diagnostic, SpecError
 from taskspec.text.source import Source

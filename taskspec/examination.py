@@ -1,4 +1,4 @@
-"""What can be known before anything moves: findings about a task that its text alone does not show.
+"""The examination of a task: its plan, and what all rules find before anything moves.
 
 Text, names, units and modes are checked while the file is read; here the robot, its start, its
 axes and its contacts come in.
