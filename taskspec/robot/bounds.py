@@ -49,7 +49,7 @@ class _EnoughError(Exception):
 
 
 def check_text(text: str, shown: str) -> None:
-    """Refuse a file with too many elements, or too deep ones, before they are kept in memory.
+    """Refuses a file with too many elements, or too deep ones, before they are kept in memory.
 
     Text that is no XML passes: whoever reads it says so.
 
@@ -88,7 +88,7 @@ def too_large(shown: str, count: int, depth: int) -> RobotError:
 
 
 def check_growth(root: ElementTree.Element, shown: str) -> None:
-    """Refuse a file that becomes too large when it is built: copies, bodies, declared sizes.
+    """Refuses a file that becomes too large when it is built: copies, bodies, declared sizes.
 
     Raises:
         RobotError: TS403, or TS405 for too many bodies.
@@ -148,7 +148,7 @@ def _at_most(word: str, most: int) -> bool:
 
 
 def check_numbers(m: mujoco.MjModel, shown: str) -> None:
-    """Refuse numbers with which no simulation goes well.
+    """Refuses numbers with which no simulation goes well.
 
     Raises:
         RobotError: TS405.

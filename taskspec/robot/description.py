@@ -48,7 +48,7 @@ class Description:
 
 @contextmanager
 def listening(heard: list[str]) -> Iterator[None]:
-    """Collect MuJoCo's warnings, some of which would go to a log file in the working directory."""
+    """Collects MuJoCo's warnings, some of which would go to a log file in the working directory."""
     before = mujoco.get_mju_user_warning()
     mujoco.set_mju_user_warning(heard.append)
     try:

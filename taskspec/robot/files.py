@@ -180,7 +180,7 @@ def on_one_line(root: ElementTree.Element) -> str:
 
 
 def check_size(root: ElementTree.Element, shown: str) -> None:
-    """Refuse elements that are too deep or too many, and numbers that are none.
+    """Refuses elements that are too deep or too many, and numbers that are none.
 
     Raises:
         RobotError: TS403 or TS405.

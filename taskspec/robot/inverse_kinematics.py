@@ -129,7 +129,7 @@ class InverseKinematics:
         return self._homed(best, target)
 
     def descend(self, start: Array, target: Target, most: int = _ITERATIONS) -> tuple[Array, float]:
-        """Descend from `start` (n,), in `most` iterations.
+        """Descends from `start` (n,), in `most` iterations.
 
         Returns:
             The configuration found and its error's norm.
@@ -163,7 +163,7 @@ class InverseKinematics:
         return q, size
 
     def _homed(self, q: Array, target: Target) -> tuple[Array, float]:
-        """Move along the solutions of `target` towards home, as long as that comes nearer."""
+        """Moves along the solutions of `target` towards home, as long as that comes nearer."""
         home = self.robot.home
         for _ in range(_HOMING):
             J = self._jacobian(q, target)

@@ -138,7 +138,7 @@ def _short_of(axes: tuple[Axis, ...], m: mujoco.MjModel, chain: Chain) -> tuple[
 
 
 def _check_inertia(twin: pin.Model, home: Array) -> None:
-    """Refuse an arm of which a joint moves nothing that has a mass."""
+    """Refuses an arm of which a joint moves nothing that has a mass."""
     data = twin.createData()
     H = pin.crba(twin, data, home)
     H = np.triu(H) + np.triu(H, 1).T

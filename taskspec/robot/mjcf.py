@@ -120,7 +120,7 @@ def mjcf_spec(text: str, roots: Roots, *, meshes: bool) -> tuple[mujoco.MjSpec, 
 
 
 def _take_meshes(spec: mujoco.MjSpec, roots: Roots, keep: bool) -> dict[str, str]:
-    """Hand the bytes of the meshes to `spec`; delete the others and return their files by name."""
+    """Hands the bytes of the meshes to `spec`; deletes the others, returns their files by name."""
     absent: dict[str, str] = {}
     assets: dict[str, bytes] = {}
     folder = roots.model / spec.meshdir

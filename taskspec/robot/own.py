@@ -63,7 +63,7 @@ def read_own(shown: str, folder: Path) -> Description:
 
 
 def _compile(shown: str, make: MakeSpec, notes: list[str]) -> mujoco.MjModel:
-    """Compile what `make` makes, without meshes or with mended inertias if it takes that.
+    """Compiles what `make` makes, without meshes or with mended inertias if it takes that.
 
     What was left out or mended is added to `notes`.
     """
@@ -99,7 +99,7 @@ def _compile(shown: str, make: MakeSpec, notes: list[str]) -> mujoco.MjModel:
 
 
 def _settle(spec: mujoco.MjSpec, balance: bool) -> None:
-    """Set what every file is compiled with."""
+    """Sets what every file is compiled with."""
     spec.memory = spec.njmax = spec.nconmax = spec.nstack = -1
     spec.compiler.fusestatic = False
     spec.compiler.boundmass = max(spec.compiler.boundmass, BOUND_MASS)

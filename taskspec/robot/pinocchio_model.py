@@ -54,7 +54,7 @@ def pinocchio_model(m: mujoco.MjModel) -> tuple[pin.Model, list[tuple[int, pin.S
 def _add_joint(
     model: pin.Model, m: mujoco.MjModel, j: int, parent: int, placement: pin.SE3
 ) -> tuple[int, pin.SE3]:
-    """Append joint `j`, met at `placement`; returns it and the body frame's pose in it."""
+    """Appends joint `j`, met at `placement`; returns it and the body frame's pose in it."""
     axis, anchor = np.array(m.jnt_axis[j]), np.array(m.jnt_pos[j])
     ref = float(m.qpos0[m.jnt_qposadr[j]])
     # A displacement by -ref along the joint itself makes Pinocchio's zero MuJoCo's ref.

@@ -59,7 +59,7 @@ class Rebuilt:
 
 
 def rebuild(m: mujoco.MjModel, chain: Chain, home: Array, base: pin.SE3) -> Rebuilt:
-    """Write the arm of `m` down anew.
+    """Writes the arm of `m` down anew.
 
     Joints that do not move the flange are locked where `home` has them. Geoms are kept for their
     looks.

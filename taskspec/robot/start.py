@@ -221,7 +221,7 @@ def _length(length: float) -> str:
 def check_joints(
     model: RobotModel, joints: Sequence[float], of: str, field: tuple[str, ...]
 ) -> None:
-    """Check that joint positions of a task file fit the robot's joints, but not their limits.
+    """Checks that joint positions of a task file fit the robot's joints, but not their limits.
 
     Args:
         model: The robot.

@@ -121,7 +121,7 @@ def make_tool(tool: ToolLike, planar: bool) -> MountedTool:
 def attach(
     carrier: mujoco.MjsBody, flange: pin.SE3, tool: MountedTool, taken: set[str]
 ) -> tuple[str, tuple[str, ...]]:
-    """Add the tool's body and geoms below `carrier`; the body's frame is the tip frame.
+    """Adds the tool's body and geoms below `carrier`; the body's frame is the tip frame.
 
     Args:
         carrier: The body that carries the flange.

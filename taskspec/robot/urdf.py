@@ -18,7 +18,7 @@ _MOMENTS = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
 
 
 def check_urdf(root: ElementTree.Element, shown: str) -> list[str]:
-    """Check a URDF file, mend the inertias that MuJoCo would not take, and say which.
+    """Checks a URDF file, repairs inertias that MuJoCo would not take, and says which.
 
     Raises:
         RobotError: TS402 when it is still xacro; TS405 when its numbers make no arm.
@@ -53,7 +53,7 @@ def check_urdf(root: ElementTree.Element, shown: str) -> list[str]:
 
 
 def _mend(inertia: ElementTree.Element, name: str) -> bool:
-    """Make a tensor one that MuJoCo takes; returns whether that changed more than a point mass."""
+    """Makes a tensor one that MuJoCo takes; returns whether that changed more than a point mass."""
     xx, yy, zz, xy, xz, yz = (_number(inertia, key, name) for key in _MOMENTS)
     if not np.isfinite([xx, yy, zz, xy, xz, yz]).all():
         raise RobotError("TS405", f"link '{name}' has an inertia that is not finite")

@@ -47,7 +47,7 @@ class Finding:
     severity: Severity = Severity.ERROR
 
     def report(self, loaded: LoadedTask, found: Diagnostics) -> None:
-        """Add the finding to the diagnostics of a task, unless they say it already."""
+        """Adds the finding to the diagnostics of a task, unless they say it already."""
         span = None if self.place is None else _located(self.place, loaded)
         at = span if self.unless_at is None else _located(self.unless_at, loaded)
         if self.unless and found.covers(self.unless, at):

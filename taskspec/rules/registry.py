@@ -97,7 +97,7 @@ class Rule:
         return tuple(f"docs/diagnostics/{code}.md" for code in self.codes)
 
     def findings(self, plan: object) -> Iterator[Finding]:
-        """Yield what the rule finds in a plan.
+        """What the rule finds in a plan.
 
         Raises:
             AssertionError: it reports a code that is not one of its own.
@@ -118,7 +118,7 @@ def rule(
     also: tuple[str, ...] = (),
     phase: Phase = Phase.MOTION,
 ) -> Callable[[Check], Check]:
-    """Register a function as a rule.
+    """Registers a function as a rule.
 
     Args:
         codes: the code that it reports, or several with their titles; none where all are `also`.
@@ -145,7 +145,7 @@ def rule_of(code: str) -> Rule | None:
 
 
 def ask(phase: Phase, plan: object, loaded: LoadedTask, found: Diagnostics) -> bool:
-    """Ask all rules of a phase about a plan, and report what they find.
+    """Asks all rules of a phase about a plan, and reports what they find.
 
     Where a rule needs something of the plan that raises a `SpecError`, that is what is reported,
     and no further rule is asked.

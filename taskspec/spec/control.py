@@ -40,7 +40,7 @@ class Control(Model):
 
 
 def settle_rates(control: Control, data: Map, context: ParseContext) -> Control:
-    """Return the rates with that of the plant filled in; report one that does not fit.
+    """The rates with that of the plant filled in; reports one that does not fit.
 
     Args:
         control: as the file has it.

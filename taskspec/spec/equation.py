@@ -55,7 +55,7 @@ class Sides(FieldType):
     """The text of an equation."""
 
     def read(self, value: object, context: ParseContext) -> Constraint:
-        """Return the constraint."""
+        """The constraint."""
         nothing = Constraint(Expression("", Name(("x",)), NUMBER), "=", joints=False)
         if not isinstance(value, Text):
             message = f"an equation is needed here, this is {kind_of(value)}"
@@ -74,7 +74,7 @@ class Sides(FieldType):
         return Constraint(expression, node.op, on_joints(residual))
 
     def json(self) -> dict[str, Any]:
-        """Describe the equation."""
+        """Describes the equation."""
         return {
             "type": "string",
             "description": "Two sides, related by =, <= or >=",
@@ -93,7 +93,7 @@ def on_joints(residual: Binary) -> bool:
 
 
 def _coordinates(residual: Binary) -> tuple[Problem, ...]:
-    """Report an equation on nothing, or on the tip and on joints at once."""
+    """Reports an equation on nothing, or on the tip and on joints at once."""
     used = {n.path[0]: n for n in walk(residual) if isinstance(n, Name)}
     mine = {name: node for name, node in used.items() if coordinate(name) is not None}
     if not mine:
@@ -149,7 +149,7 @@ class JointEquation(EquationObject):
 
     @classmethod
     def rules(cls, data: Map, context: ParseContext) -> None:
-        """Report a frame, which joints do not have."""
+        """Reports a frame, which joints do not have."""
         if "frame" in data and not _mixed(data.get("equation")):
             message = "an equation on joints has no 'frame'"
             context.error("TS310", message, data.node.key_span("frame"), "leave it out")

@@ -40,7 +40,7 @@ class Expectations(FieldType):
     """A list of conditions."""
 
     def read(self, value: object, context: ParseContext) -> tuple[Expectation, ...]:
-        """Return the expectations in the order in which they are written."""
+        """The expectations in the order in which they are written."""
         if not isinstance(value, Items):
             message = f"a list of conditions is needed here, this is {kind_of(value)}"
             context.error("TS022", message, span_of(value), "begin each with '- '")
@@ -51,5 +51,5 @@ class Expectations(FieldType):
         return tuple(Expectation(e, str(e)) for e in found if e is not None)
 
     def json(self) -> dict[str, Any]:
-        """Describe the list."""
+        """Describes the list."""
         return {"type": "array", "items": {"type": ["string", "boolean"]}}

@@ -20,11 +20,11 @@ class FieldType(ABC):
 
     @abstractmethod
     def read(self, value: object, context: ParseContext) -> object:
-        """Return the value of a datum, or a stand-in after reporting what is wrong."""
+        """The value of a datum, or a stand-in after reporting what is wrong."""
 
     @abstractmethod
     def json(self) -> dict[str, Any]:
-        """Return the JSON Schema; it rejects nothing that `read` accepts."""
+        """The JSON Schema; it rejects nothing that `read` accepts."""
 
     def __get_pydantic_core_schema__(
         self, source: object, handler: GetCoreSchemaHandler

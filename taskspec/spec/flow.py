@@ -20,7 +20,7 @@ Edges = dict[str, list[tuple[str, Span]]]
 
 
 def check_flow(stages: Map, context: ParseContext) -> None:
-    """Report cycles without `attempts`, and stages that nothing leads to."""
+    """Reports cycles without `attempts`, and stages that nothing leads to."""
     edges = _edges(stages)
     if edges is None:
         return
@@ -29,7 +29,7 @@ def check_flow(stages: Map, context: ParseContext) -> None:
 
 
 def _edges(stages: Map) -> Edges | None:
-    """Return where each stage may lead and what says so; None if that cannot be known."""
+    """Where each stage may lead and what says so; None if that cannot be known."""
     names = list(stages)
     edges: Edges = {}
     for index, (name, value) in enumerate(stages.items()):
@@ -68,7 +68,7 @@ def _check_reached(stages: Map, edges: Edges, context: ParseContext) -> None:
 
 
 def _check_cycles(stages: Map, edges: Edges, context: ParseContext) -> None:
-    """Report circles of stages without `attempts`, each at the edge that closes it.
+    """Reports circles of stages without `attempts`, each at the edge that closes it.
 
     The walk keeps its own stack: there may be thousands of stages.
     """

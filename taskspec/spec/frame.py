@@ -61,7 +61,7 @@ class Frame(Model):
 
     @classmethod
     def rules(cls, data: Map, context: ParseContext) -> None:
-        """Keep fixed, following and measured frames apart."""
+        """Keeps fixed, following and measured frames apart."""
         fixed = [key for key in _FIXED if key in data]
         other = [key for key in (*_FIXED, "surface", "point") if key in data]
         if "estimate" in data and other:
@@ -106,7 +106,7 @@ class Frame(Model):
 
 
 def check_loops(frames: Map, context: ParseContext) -> None:
-    """Report every circle of frames that are placed in each other, once."""
+    """Reports every circle of frames that are placed in each other, once."""
     parents = {name: mapping(frame).get("parent") for name, frame in frames.items()}
     seen: set[object] = set()
     for name in frames:

@@ -28,7 +28,7 @@ class AxisValues:
     rz: float | None = None
 
     def get(self, axis: Axis) -> float | None:
-        """Return the value of an axis.
+        """The value of an axis.
 
         Raises:
             KeyError: there is no such axis.
@@ -56,7 +56,7 @@ class GainField(FieldType):
     least: float | None = None
 
     def read(self, value: object, context: ParseContext) -> AxisValues:
-        """Return the values of all axes."""
+        """The values of all axes."""
         if not isinstance(value, Map):
             return AxisValues(**dict.fromkeys(TRANSLATIONS, self._one(value, Axis.X, context)))
         found: dict[str, float] = {}
@@ -83,7 +83,7 @@ class GainField(FieldType):
         return number
 
     def json(self) -> dict[str, Any]:
-        """Describe the three forms."""
+        """Describes the three forms."""
         linear, angular = Constant(self.linear).json(), Constant(self.angular).json()
         axes = dict.fromkeys(TRANSLATIONS, linear) | dict.fromkeys(ROTATIONS, angular)
         forms = {"linear": linear, "angular": angular}

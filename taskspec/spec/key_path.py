@@ -40,7 +40,7 @@ class KeyPath:
     def __init__(
         self, steps: tuple[Step, ...] = (), below: tuple[Any, ...] = (Task,), *, key: bool = False
     ) -> None:
-        """Make a path; use `FILE` and its keys instead.
+        """Makes a path; use `FILE` and its keys instead.
 
         Args:
             steps: keys and indices from the root.
@@ -52,7 +52,7 @@ class KeyPath:
         self._key = key
 
     def __getattr__(self, name: str) -> KeyPath:
-        """Return the path of a key of the language below this one.
+        """The path of a key of the language below this one.
 
         Raises:
             UnknownKeyError: nothing that may stand here has such a key.
@@ -62,7 +62,7 @@ class KeyPath:
         return self[name]
 
     def __getitem__(self, step: Step) -> KeyPath:
-        """Return the path of a name, a list index or a key below this one.
+        """The path of a name, a list index or a key below this one.
 
         Raises:
             UnknownKeyError: nothing that may stand here has such a key.

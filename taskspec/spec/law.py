@@ -128,7 +128,7 @@ class Law(Model):
         return LAWS[self.kind]
 
     def given(self, axis: Axis) -> dict[str, float]:
-        """Return the gains that the file gives on an axis, by name [SI]."""
+        """The gains that the file gives on an axis, by name [SI]."""
         found: dict[str, float] = {}
         for owner, names in ((self, _GAINS), (self.force, tuple(ForceGains.model_fields))):
             for name in names if owner is not None else ():
@@ -139,7 +139,7 @@ class Law(Model):
         return found
 
     def design(self, axes: Mapping[Axis, AxisEntry], plants: Mapping[Axis, AxisPlant]) -> Gains:
-        """Return all gains of a stage: those of the file, and designed ones for what it leaves out.
+        """All gains of a stage: those of the file, and designed ones for what it leaves out.
 
         Args:
             axes: modes of the axes that exist.
@@ -162,18 +162,19 @@ class Law(Model):
         return gains
 
     def design_equation(self, joints: bool, plant: AxisPlant) -> dict[str, Gain]:
-        """Return the gains of the force loop of one equation.
+        """The gains of the force loop of one equation.
 
         An equation takes what is given for translations, one on joints what is given for rotations.
 
         Args:
-            joints: whether it is on joints. plant: mass and stiffness along its unit gradient.
+            joints: whether it is on joints.
+            plant: mass and stiffness along its unit gradient.
         """
         given = self.given(Axis.RX if joints else Axis.X)
         return self.control_law.design_equation(AxisDesign(plant, given, rotation=joints))
 
     def design_joints(self, joints: Sequence[AxisPlant]) -> dict[str, Gain]:
-        """Return the damping of each joint [N m s/rad], by `joint.N`.
+        """The damping of each joint [N m s/rad], by `joint.N`.
 
         Args:
             joints: for each joint, its inertia with the others free (h) and held, and the
@@ -183,7 +184,7 @@ class Law(Model):
 
     @classmethod
     def expand(cls, data: object, context: ParseContext) -> object:  # noqa: ARG003
-        """Read a bare name as a law with designed gains, and damping in the joints as such."""
+        """Reads a bare name as a law with designed gains, and damping in the joints as such."""
         full = short_form(data, "kind")
         if not isinstance(full, Map):
             return full
@@ -196,7 +197,7 @@ class Law(Model):
 
     @classmethod
     def rules(cls, data: Map, context: ParseContext) -> None:
-        """Report gains, and goals of the null space, that the named law does not have."""
+        """Reports gains, and goals of the null space, that the named law does not have."""
         if "joint_damping" in data.node.entries:
             span = data.node.key_span("joint_damping")
             having = " or ".join(name for name, law in LAWS.items() if law.damps_joints)
@@ -242,7 +243,7 @@ class Law(Model):
 
 
 def law_of(data: object) -> str | None:
-    """Return the supported law that a raw `law` names, the default for None, else None."""
+    """The supported law that a raw `law` names, the default for None, else None."""
     if data is None:
         return DEFAULT
     kind = data.get("kind", DEFAULT) if isinstance(data, Map) else data

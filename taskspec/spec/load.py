@@ -64,7 +64,7 @@ class LoadedTask:
     root: nodes.Mapping = field(repr=False, compare=False)
 
     def span(self, path: KeyPath) -> Span:
-        """Return the place of a path, or of its nearest ancestor that the file has.
+        """The place of a path, or of its nearest ancestor that the file has.
 
         Args:
             path: such as `FILE.stages["wipe"].axes["z"]`; `key_of` it is the key itself.
@@ -78,7 +78,7 @@ class LoadedTask:
 
 
 def load_task(path: Path, overrides: Mapping[str, str] | None = None) -> LoadedTask:
-    """Read and check a task file.
+    """Reads and checks a task file.
 
     Args:
         path: the file.
@@ -109,7 +109,7 @@ def load_text(
     overrides: Mapping[str, str] | None = None,
     base: Path | None = None,
 ) -> LoadedTask:
-    """Read and check the text of a task.
+    """Reads and checks the text of a task.
 
     Args:
         text: the text.
@@ -165,7 +165,7 @@ def _validate(root: nodes.Mapping, found: Diagnostics, path: Path) -> Task | Non
 
 
 def _keys(root: nodes.Mapping) -> dict[int, Span]:
-    """Return for each mapping the place to point at: its bracket, or the key that it hangs on."""
+    """For each mapping the place to point at: its bracket, or the key that it hangs on."""
     places: dict[int, Span] = {}
     waiting: list[nodes.Node] = [root]
     while waiting:
@@ -181,7 +181,7 @@ def _keys(root: nodes.Mapping) -> dict[int, Span]:
 
 
 def _translate(detail: ErrorDetails, root: nodes.Mapping, context: ParseContext) -> None:
-    """Report an error of pydantic, unless it is already reported."""
+    """Reports an error of pydantic, unless it is already reported."""
     kind, loc = detail["type"], _in_file(detail["loc"])
     if kind == REPORTED:
         return
@@ -203,11 +203,11 @@ def _translate(detail: ErrorDetails, root: nodes.Mapping, context: ParseContext)
 
 
 def _in_file(loc: tuple[int | str, ...]) -> tuple[int | str, ...]:
-    """Return a place of pydantic's as the file has it: without the kind that follows an object."""
+    """A place of pydantic's as the file has it: without the kind that follows an object."""
     return (*loc[:2], *loc[3:]) if loc[:1] == ("world",) else tuple(loc)
 
 
 def _name_from(path: Path) -> str:
-    """Return a task's name made from that of its file."""
+    """A task's name made from that of its file."""
     words = re.sub(r"[^a-z0-9]+", "-", path.name.lower().split(".")[0]).strip("-")
     return words if words[:1].isalpha() else f"task-{words}".strip("-")

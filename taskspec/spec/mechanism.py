@@ -105,7 +105,7 @@ class Mechanism(Model):
 
     @classmethod
     def expand(cls, data: object, context: ParseContext) -> object:
-        """Look no further into a mechanism of an unknown kind."""
+        """Looks no further into a mechanism of an unknown kind."""
         if not isinstance(data, Map) or data.get("mechanism", "") in MECHANISMS:
             return data
         context.quiet.add(id(data.node))

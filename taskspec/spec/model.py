@@ -53,12 +53,12 @@ class Model(BaseModel):
 
     @classmethod
     def expand(cls, data: object, context: ParseContext) -> object:  # noqa: ARG003
-        """Return the full form of a short form."""
+        """The full form of a short form."""
         return data
 
     @classmethod
     def rules(cls, data: Map, context: ParseContext) -> None:
-        """Report keys that do not go together."""
+        """Reports keys that do not go together."""
 
     @classmethod
     def dimension_of(cls, key: str) -> Dimension:
@@ -104,7 +104,7 @@ class Model(BaseModel):
 
     @classmethod
     def _known(cls, data: Map, context: ParseContext) -> Map:
-        """Report and leave out keys that the model does not have."""
+        """Reports and leaves out keys that the model does not have."""
         if all(key in cls.model_fields for key in data):
             return data
         known = Map()
@@ -131,12 +131,12 @@ def complete(data: Map, context: ParseContext) -> bool:
 
 
 def mapping(value: object) -> Map:
-    """Return a datum if it is a mapping, else an empty mapping."""
+    """A datum if it is a mapping, else an empty mapping."""
     return value if isinstance(value, Map) else Map()
 
 
 def short_form(data: object, key: str) -> object:
-    """Return `{key: data}` for a scalar datum, anything else unchanged."""
+    """`{key: data}` for a scalar datum, anything else unchanged."""
     node = getattr(data, "node", None)
     if not isinstance(node, Scalar):
         return data

@@ -47,7 +47,7 @@ _DECLARED = {
 
 
 def collect_names(context: ParseContext) -> None:
-    """Enter the names of stages, objects and frames into `context`, and report bad ones."""
+    """Enters the names of stages, objects and frames into `context`, and reports bad ones."""
     sections = {key: _names(context.data, key) for key in _SHARED}
     context.stages = dict.fromkeys(sections["stages"])
     context.targets = dict.fromkeys((*context.stages, *ENDS))
@@ -69,7 +69,7 @@ def collect_names(context: ParseContext) -> None:
 
 
 def _names(data: Map, section: str) -> dict[str, Span]:
-    """Return all names of a section and their places, whatever they stand for."""
+    """All names of a section and their places, whatever they stand for."""
     node = data.node.get(section)
     if not isinstance(node, nodes.Mapping):
         return {}
@@ -94,7 +94,7 @@ def _check_unique(sections: dict[str, dict[str, Span]], context: ParseContext) -
 
 
 def _why_not(name: str, section: str) -> str | None:
-    """Return why a name cannot be given, None if it can."""
+    """Why a name cannot be given, None if it can."""
     if not _NAME.match(name):
         rule = "a name is a letter followed by letters, digits and '_'"
         near = re.sub(r"[^A-Za-z0-9]+", "_", name).strip("_")
@@ -117,7 +117,7 @@ def _why_not(name: str, section: str) -> str | None:
 
 
 def unused(root: nodes.Mapping) -> set[tuple[str, str]]:
-    """Return sections and names of params and frames whose name no value of the file has as a word.
+    """Sections and names of params and frames whose name no value of the file has as a word.
 
     A word that means something else, as a coordinate that hides a param, counts as a use: what is
     returned is certain.
@@ -136,7 +136,7 @@ def unused(root: nodes.Mapping) -> set[tuple[str, str]]:
 
 
 def warn_unused(root: nodes.Mapping, names: set[tuple[str, str]], diagnostics: Diagnostics) -> None:
-    """Report names that nothing uses.
+    """Reports names that nothing uses.
 
     Args:
         root: of a file without errors.
@@ -150,7 +150,7 @@ def warn_unused(root: nodes.Mapping, names: set[tuple[str, str]], diagnostics: D
 
 
 def _words_of(root: nodes.Mapping) -> Iterator[str]:
-    """Yield the words of all values: keys are names of the language, or declare one."""
+    """The words of all values: keys are names of the language, or declare one."""
     for key, (_, value) in root.entries.items():
         if key not in _PROSE:
             for scalar in nodes.scalars(value):

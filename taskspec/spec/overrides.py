@@ -25,7 +25,7 @@ _NAMED = ("params", "world", "frames", "stages", "vary", "expect")
 def apply(
     root: MappingNode, overrides: Mapping[str, str], keys: tuple[str, ...], found: Diagnostics
 ) -> Source:
-    """Change the tree of a file; return the text in which the changes are shown.
+    """Changes the tree of a file; returns the text in which the changes are shown.
 
     Args:
         root: the tree, which is changed in place.
@@ -59,7 +59,7 @@ def _steps(root: MappingNode, path: str, keys: tuple[str, ...]) -> list[str]:
 
 
 def _value(text: str, line: int, shift: int, found: Diagnostics) -> Node | None:
-    """Read one value; what is wrong with it is shown in the line that the override has."""
+    """Reads one value; what is wrong with it is shown in the line that the override has."""
     inner = Diagnostics(NAME)
     node = read(Source(NAME, text), inner, inner=True)
     for d in inner.sorted():
@@ -132,7 +132,7 @@ def _put(
 
 
 def _full_law(owner: MappingNode, node: Scalar) -> MappingNode:
-    """Write `law: hybrid` as `law: {kind: hybrid}` so that a gain can be set."""
+    """Writes `law: hybrid` as `law: {kind: hybrid}` so that a gain can be set."""
     full = MappingNode(node.span, flow=True, entries={"kind": (node, node)})
     owner.entries["law"] = (owner.entries["law"][0], full)
     return full

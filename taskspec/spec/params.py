@@ -22,19 +22,19 @@ class Params(FieldType):
     """The params, which are evaluated before anything else is read."""
 
     def read(self, value: object, context: ParseContext) -> dict[str, Quantity]:
-        """Return the evaluated params."""
+        """The evaluated params."""
         if not isinstance(value, Map):
             message = f"'params' is a mapping of names to quantities, this is {kind_of(value)}"
             context.error("TS022", message, span_of(value), "params: {press: 15 N}")
         return dict(context.params)
 
     def json(self) -> dict[str, Any]:
-        """Describe the mapping."""
+        """Describes the mapping."""
         return {"type": "object", "additionalProperties": {"type": ["string", "number"]}}
 
 
 def evaluate_params(context: ParseContext) -> None:
-    """Evaluate all params, in whatever order they use each other, into `context`."""
+    """Evaluates all params, in whatever order they use each other, into `context`."""
     data = context.data.get("params")
     if not isinstance(data, Map):
         return

@@ -47,7 +47,7 @@ class ParseContext:
     _scopes: dict[ScopeKind, Scope] = field(default_factory=dict)
 
     def scope(self, kind: ScopeKind) -> Scope:
-        """Return the names that an expression of this kind may use."""
+        """The names that an expression of this kind may use."""
         if kind not in self._scopes:
             self._scopes[kind] = Scope(
                 kind,
@@ -60,23 +60,23 @@ class ParseContext:
         return self._scopes[kind]
 
     def of_kind(self, *kinds: str) -> dict[str, None]:
-        """Return the names of the objects of some kinds."""
+        """The names of the objects of some kinds."""
         return {name: None for name, kind in self.objects.items() if kind in kinds}
 
     def key_of(self, data: Map) -> Span:
-        """Return the place of the key that a mapping hangs on, or of its first character."""
+        """The place of the key that a mapping hangs on, or of its first character."""
         return self.keys.get(id(data.node)) or nodes.pointer(data.node)
 
     def error(self, code: str, message: str, span: Span | None, hint: str = "") -> None:
-        """Report an error."""
+        """Reports an error."""
         self.diagnostics.error(code, message, span, hint)
 
     def unsupported(self, word: str, span: Span | None) -> None:
-        """Report a word of the language that this version does not read yet."""
+        """Reports a word of the language that this version does not read yet."""
         self.error("TS090", f"'{word}' is part of the language but not supported yet", span)
 
     def problems(self, value: object, problems: tuple[Problem, ...]) -> None:
-        """Report what is wrong inside a scalar."""
+        """Reports what is wrong inside a scalar."""
         assert isinstance(value, Text | Whole | Real)
         origin = value.node.origin
         for problem in problems:
@@ -87,14 +87,14 @@ class ParseContext:
 
 
 def span_of(value: object) -> Span | None:
-    """Return the place to point at for a value."""
+    """The place to point at for a value."""
     if isinstance(value, Text | Whole | Real | TruthValue | Items | Map):
         return nodes.pointer(value.node)
     return None
 
 
 def kind_of(value: object) -> str:
-    """Return what a value is, in words."""
+    """What a value is, in words."""
     if isinstance(value, Map):
         return "a mapping"
     if isinstance(value, Items):

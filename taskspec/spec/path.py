@@ -60,7 +60,7 @@ class Lissajous(Model):
 
     @classmethod
     def rules(cls, data: Map, context: ParseContext) -> None:
-        """Ask for one number of turns for each amplitude."""
+        """Asks for one number of turns for each amplitude."""
         amplitude, turns = data.get("amplitude"), data.get("turns")
         if isinstance(amplitude, Items) and isinstance(turns, Items):
             broken = amplitude.node.broken or turns.node.broken
@@ -96,7 +96,7 @@ class Path(Model):
 
     @classmethod
     def rules(cls, data: Map, context: ParseContext) -> None:
-        """Ask for one form, and one of `speed` and `time`."""
+        """Asks for one form, and one of `speed` and `time`."""
         forms = [key for key in FORMS if key in data]
         if not forms and complete(data, context):
             hint = f"one of {alternatives(FORMS)}"

@@ -50,7 +50,7 @@ class Constant(FieldType):
     words: tuple[str, ...] = ()
 
     def read(self, value: object, context: ParseContext) -> float | str:
-        """Return SI units, or one of the words."""
+        """SI units, or one of the words."""
         if isinstance(value, Text) and str(value) in self.words:
             return str(value)
         result = values.constant(value, self.dimension, context)
@@ -71,7 +71,7 @@ class Constant(FieldType):
         context.error("TS118", f"this has to be {relation} {limit}", span_of(value))
 
     def json(self) -> dict[str, Any]:
-        """Describe the quantity."""
+        """Describes the quantity."""
         return _SCALAR | {"description": _description(self.dimension, self.words)}
 
 
@@ -92,11 +92,11 @@ class Formula(FieldType):
     scope: ScopeKind
 
     def read(self, value: object, context: ParseContext) -> Expression:
-        """Return the checked expression."""
+        """The checked expression."""
         return values.expression(value, self.dimension, self.scope, context) or _NOTHING
 
     def json(self) -> dict[str, Any]:
-        """Describe the expression."""
+        """Describes the expression."""
         if self.dimension is None:
             return {"type": ["string", "boolean"], "description": "A condition"}
         return _SCALAR | {"description": f"{_description(self.dimension)}; an expression"}
@@ -122,7 +122,7 @@ class Entries(FieldType):
     above: float | None = None
 
     def read(self, value: object, context: ParseContext) -> tuple[float, ...]:
-        """Return the entries in SI units."""
+        """The entries in SI units."""
         if not isinstance(value, Items):
             message = f"a list of {self._count()} is needed here, this is {kind_of(value)}"
             context.error("TS022", message, span_of(value), self._example())
@@ -162,7 +162,7 @@ class Entries(FieldType):
         return f"{self.fewest} to {most}"
 
     def json(self) -> dict[str, Any]:
-        """Describe the list."""
+        """Describes the list."""
         most = len(self.dimensions)
         return {
             "type": "array",
@@ -182,7 +182,7 @@ class DimensionedNumber(float):
     dimension: Dimension | None
 
     def __new__(cls, value: float, dimension: Dimension | None = None) -> DimensionedNumber:
-        """Attach the dimension."""
+        """Attaches the dimension."""
         made = super().__new__(cls, value)
         made.dimension = dimension
         return made
@@ -201,7 +201,7 @@ class QuantityList(FieldType):
     other: Dimension | None = None
 
     def read(self, value: object, context: ParseContext) -> tuple[float, ...]:
-        """Return the entries in SI units."""
+        """The entries in SI units."""
         if not isinstance(value, Items):
             message = f"a list is needed here, this is {kind_of(value)}"
             context.error("TS022", message, span_of(value))
@@ -231,7 +231,7 @@ class QuantityList(FieldType):
         return DimensionedNumber(found.value, found.dimension)
 
     def json(self) -> dict[str, Any]:
-        """Describe the list."""
+        """Describes the list."""
         entry = Constant(self.dimension).json()
         if self.other is not None:
             second = _description(self.other)
@@ -246,7 +246,7 @@ class ForJoints(FieldType):
     dimension: Dimension
 
     def read(self, value: object, context: ParseContext) -> tuple[float, ...]:
-        """Return SI units: one number for all joints, or one for each."""
+        """SI units: one number for all joints, or one for each."""
         entries = value if isinstance(value, Items) else [value]
         if not entries:
             context.error("TS023", "this list is empty", span_of(value))
@@ -254,7 +254,7 @@ class ForJoints(FieldType):
         return tuple(float(one.read(entry, context)) for entry in entries)
 
     def json(self) -> dict[str, Any]:
-        """Describe both forms."""
+        """Describes both forms."""
         one = Constant(self.dimension).json()
         return {"anyOf": [one, {"type": "array", "minItems": 1, "items": one}]}
 
@@ -270,7 +270,7 @@ class IntervalAroundZero(FieldType):
     dimension: Dimension
 
     def read(self, value: object, context: ParseContext) -> tuple[float, float]:
-        """Return both ends in SI units."""
+        """Both ends in SI units."""
         node = values.parsed(value, "uncertain", context, "an interval")
         if node is None:
             return 0.0, 0.0
@@ -301,7 +301,7 @@ class IntervalAroundZero(FieldType):
         return low, high
 
     def json(self) -> dict[str, Any]:
-        """Describe the interval."""
+        """Describes the interval."""
         unit = fitting(self.dimension)[0]
         return {
             "type": "string",

@@ -77,7 +77,7 @@ class Tool(Model):
 
     @classmethod
     def rules(cls, data: Map, context: ParseContext) -> None:
-        """Ask for the sizes of the tool's shape."""
+        """Asks for the sizes of the tool's shape."""
         shape = data.get("shape", cls.model_fields["shape"].default)
         if isinstance(shape, str) and shape in _ENDS:
             keys = _ENDS[shape].tool_keys
@@ -107,7 +107,7 @@ class Start(Model):
 
     @classmethod
     def rules(cls, data: Map, context: ParseContext) -> None:
-        """Allow a pose or joints, not both."""
+        """Allows a pose or joints, not both."""
         if "joints" in data and ("xyz" in data or "rpy" in data):
             context.error(
                 "TS026",
@@ -138,7 +138,7 @@ class Noise(Model):
 
     @classmethod
     def expand(cls, data: object, context: ParseContext) -> object:  # noqa: ARG003
-        """Read a bare force as the noise of the forces."""
+        """Reads a bare force as the noise of the forces."""
         return short_form(data, "force")
 
 

@@ -14,7 +14,7 @@ _ID = f"urn:taskspec:schema:{VERSION}"
 
 
 def schema_text() -> str:
-    """Return the JSON Schema as the text of its file.
+    """The JSON Schema as the text of its file.
 
     It rejects nothing that `load_task` accepts; what only the compiler can know, it lets pass.
     """
@@ -30,7 +30,7 @@ def schema_text() -> str:
 
 
 def write_schema(folder: Path) -> Path:
-    """Write the schema into a folder and return its path.
+    """Writes the schema into a folder and returns its path.
 
     Raises:
         OSError: the folder cannot be written.
@@ -41,7 +41,7 @@ def write_schema(folder: Path) -> Path:
 
 
 def is_stale(path: Path) -> bool:
-    """Return whether a file is absent or differs from the schema of these models."""
+    """Whether a file is absent or differs from the schema of these models."""
     try:
         return path.read_text(encoding="utf-8") != schema_text()
     except FileNotFoundError:
@@ -49,7 +49,7 @@ def is_stale(path: Path) -> bool:
 
 
 def _tidy(value: Any) -> Any:
-    """Leave out what is true of Python but not of a file: null, and defaults made of it."""
+    """Leaves out what is true of Python but not of a file: null, and defaults made of it."""
     if isinstance(value, list):
         return [_tidy(entry) for entry in value]
     if not isinstance(value, dict):

@@ -81,7 +81,7 @@ _GROUPS = {"linear": "All translations", "angular": "All rotations"}
 
 
 def annotate(model: str, form: dict[str, Any]) -> None:
-    """Add to each key of a model's JSON Schema what its notes say, in place."""
+    """Adds to each key of a model's JSON Schema what its notes say, in place."""
     for name, field in form.get("properties", {}).items():
         description, examples = NOTES.get(f"{model}.{name}", ("", ()))
         if description:

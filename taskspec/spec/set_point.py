@@ -55,7 +55,7 @@ class SetPoints(FieldType):
     """A mapping of equations to their set points."""
 
     def read(self, value: object, context: ParseContext) -> dict[str, SetPoint]:
-        """Return the set points by the name of the equation."""
+        """The set points by the name of the equation."""
         if not isinstance(value, Map):
             message = f"'constraints' is a mapping of equations, this is {kind_of(value)}"
             context.error("TS022", message, span_of(value), "such as {rim: {force: 20 N}}")
@@ -73,7 +73,7 @@ class SetPoints(FieldType):
         return found
 
     def _check(self, name: str, entry: object, context: ParseContext) -> None:
-        """Ask for the one quantity that fits the equation."""
+        """Asks for the one quantity that fits the equation."""
         if not isinstance(entry, Map):
             return
         on_joints = context.objects[name] == "joint equation"
@@ -89,7 +89,7 @@ class SetPoints(FieldType):
             context.error("TS021", message, pointer(entry.node), hint)
 
     def json(self) -> dict[str, Any]:
-        """Describe the mapping."""
+        """Describes the mapping."""
         entry = {
             "type": "object",
             "title": "Set point",

@@ -22,7 +22,7 @@ register(
 def check_sizes(
     shape: str, needed: Collection[str], allowed: Collection[str], data: Map, context: ParseContext
 ) -> None:
-    """Report sizes that a shape needs or does not have.
+    """Reports sizes that a shape needs or does not have.
 
     Args:
         shape: its name.

@@ -45,7 +45,7 @@ class Version(FieldType):
     """The version of the language."""
 
     def read(self, value: object, context: ParseContext) -> int:
-        """Return 1."""
+        """1."""
         if not (isinstance(value, Whole) and value == VERSION):
             text = str(value) if isinstance(value, Text | Whole | Real) else "this"
             message = f"version '{text}' of the language is not known"
@@ -53,7 +53,7 @@ class Version(FieldType):
         return VERSION
 
     def json(self) -> dict[str, Any]:
-        """Describe the version."""
+        """Describes the version."""
         return {"const": VERSION}
 
 
@@ -131,7 +131,7 @@ class Task(Model):
 
     @classmethod
     def rules(cls, data: Map, context: ParseContext) -> None:
-        """Look at the file as a whole."""
+        """Looks at the file as a whole."""
         stages = data.get("stages")
         if isinstance(stages, Map):
             if not stages and not stages.node.broken:

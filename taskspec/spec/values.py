@@ -30,7 +30,7 @@ _FLOATS = FloatAlgebra()
 
 
 def parsed(value: object, start: Start, context: ParseContext, needed: str) -> Node | None:
-    """Return the tree of a scalar, or None after reporting why there is none.
+    """The tree of a scalar, or None after reporting why there is none.
 
     Args:
         value: a datum of the file.
@@ -55,7 +55,7 @@ def parsed(value: object, start: Start, context: ParseContext, needed: str) -> N
 def expression(
     value: object, dimension: Dimension | None, kind: ScopeKind, context: ParseContext
 ) -> Expression | None:
-    """Return a checked expression, or None after reporting what is wrong with it.
+    """A checked expression, or None after reporting what is wrong with it.
 
     Args:
         value: a datum of the file.
@@ -92,7 +92,7 @@ def _known(name: Name, context: ParseContext) -> float:
 
 
 def constant(value: object, dimension: Dimension, context: ParseContext) -> float | None:
-    """Return a constant in SI units, or None after reporting what is wrong with it.
+    """A constant in SI units, or None after reporting what is wrong with it.
 
     None is also returned, in silence, if it uses a param that is itself wrong.
     """
@@ -105,7 +105,7 @@ def constant(value: object, dimension: Dimension, context: ParseContext) -> floa
 
 
 def quantity(value: object, context: ParseContext) -> Quantity | None:
-    """Return a constant of whatever dimension, or None after reporting what is wrong with it."""
+    """A constant of whatever dimension, or None after reporting what is wrong with it."""
     node = parsed(value, "sum", context, "a quantity")
     if node is None:
         return None
@@ -122,7 +122,7 @@ def quantity(value: object, context: ParseContext) -> Quantity | None:
 
 
 def number(value: object, node: Node, context: ParseContext) -> float | None:
-    """Return the value of a checked constant tree; None if a part of it is broken or infinite."""
+    """The value of a checked constant tree; None if a part of it is broken or infinite."""
     names = [n.path[0] for n in walk(node) if isinstance(n, Name)]
     if any(name in context.broken for name in names):
         return None

@@ -88,7 +88,7 @@ class Variations(FieldType):
     """Paths of values, each with an interval for every component."""
 
     def read(self, value: object, context: ParseContext) -> dict[str, tuple[Variation | None, ...]]:
-        """Return the variations by path; a component that does not vary is None."""
+        """The variations by path; a component that does not vary is None."""
         if not isinstance(value, Map):
             message = f"'vary' is a mapping of paths to intervals, this is {kind_of(value)}"
             context.error("TS022", message, span_of(value), "world.table.stiffness: 5..80 kN/m")
@@ -101,14 +101,14 @@ class Variations(FieldType):
         return found
 
     def json(self) -> dict[str, Any]:
-        """Describe the mapping."""
+        """Describes the mapping."""
         one = {"type": ["string", "number"], "description": "'a..b', '+- x', or 0"}
         entry = {"anyOf": [one, {"type": "array", "items": one}]}
         return {"type": "object", "additionalProperties": entry}
 
 
 def _target(path: str, data: Map, context: ParseContext) -> Target | None:
-    """Return what a path names, or None after reporting that nothing there can vary."""
+    """What a path names, or None after reporting that nothing there can vary."""
     section, _, rest = path.partition(".")
     owner, _, key = rest.partition(".")
     span = data.node.key_span(path)
@@ -140,7 +140,7 @@ def _target(path: str, data: Map, context: ParseContext) -> Target | None:
 
 
 def _fields(data: Map, kind: str) -> list[str] | None:
-    """Return the values of a raw object that can vary; None if its shape is not known."""
+    """The values of a raw object that can vary; None if its shape is not known."""
     if kind != "shape":
         return list(OBJECT[kind])
     name = data.get("shape")

@@ -40,7 +40,7 @@ class Word(FieldType):
     others: tuple[str, ...] = ()
 
     def read(self, value: object, context: ParseContext) -> str:
-        """Return the word."""
+        """The word."""
         if not isinstance(value, Text):
             message = f"a word is needed here, this is {kind_of(value)}"
             context.error(
@@ -58,7 +58,7 @@ class Word(FieldType):
         return self.words[0]
 
     def json(self) -> dict[str, Any]:
-        """List the words."""
+        """Lists the words."""
         return {"enum": list(self.words)}
 
 
@@ -73,7 +73,7 @@ class Words(FieldType):
     word: Word
 
     def read(self, value: object, context: ParseContext) -> tuple[str, ...]:
-        """Return the words in the order of the file."""
+        """The words in the order of the file."""
         entries = value if isinstance(value, Items) else [value]
         if isinstance(value, Items) and not value and not value.node.broken:
             context.error("TS023", "this list is empty", span_of(value))
@@ -89,7 +89,7 @@ class Words(FieldType):
         return tuple(found)
 
     def json(self) -> dict[str, Any]:
-        """Describe both forms."""
+        """Describes both forms."""
         items = self.word.json()
         listed = {"type": "array", "minItems": 1, "uniqueItems": True, "items": items}
         return {"anyOf": [items, listed]}
@@ -116,7 +116,7 @@ class NameReference(FieldType):
     instead: Callable[[str, ParseContext], str] = lambda _name, _context: ""
 
     def read(self, value: object, context: ParseContext) -> str:
-        """Return the name."""
+        """The name."""
         if not isinstance(value, Text):
             article = "an" if self.what[0] in "aeio" else "a"
             message = f"the name of {article} {self.what} is needed here, this is {kind_of(value)}"
@@ -131,7 +131,7 @@ class NameReference(FieldType):
         return str(value)
 
     def json(self) -> dict[str, Any]:
-        """Describe the name."""
+        """Describes the name."""
         return {"type": "string", "description": f"The name of a {self.what}"}
 
 
@@ -152,7 +152,7 @@ class Free(FieldType):
     filled: bool = False
 
     def read(self, value: object, context: ParseContext) -> str:
-        """Return the text."""
+        """The text."""
         if not isinstance(value, Text):
             message = f"a text is needed here, this is {kind_of(value)}"
             context.error("TS022", message, span_of(value), "put it in quotes")
@@ -166,7 +166,7 @@ class Free(FieldType):
         return str(value)
 
     def json(self) -> dict[str, Any]:
-        """Describe the text."""
+        """Describes the text."""
         return {"type": "string"} | ({"pattern": self.pattern} if self.pattern else {})
 
 
@@ -175,7 +175,7 @@ class Count(FieldType):
     """A whole number of at least one."""
 
     def read(self, value: object, context: ParseContext) -> int:
-        """Return the number."""
+        """The number."""
         if not isinstance(value, Whole):
             message = f"a whole number is needed here, this is {kind_of(value)}"
             context.error("TS022", message, span_of(value))
@@ -185,7 +185,7 @@ class Count(FieldType):
         return int(value)
 
     def json(self) -> dict[str, Any]:
-        """Describe the number."""
+        """Describes the number."""
         return {"type": "integer", "minimum": 1}
 
 
@@ -194,7 +194,7 @@ class Switch(FieldType):
     """`true` or `false`."""
 
     def read(self, value: object, context: ParseContext) -> bool:
-        """Return the truth value."""
+        """The truth value."""
         if isinstance(value, TruthValue):
             return value.value
         message = f"true or false is needed here, this is {kind_of(value)}"
@@ -203,5 +203,5 @@ class Switch(FieldType):
         return False
 
     def json(self) -> dict[str, Any]:
-        """Describe the switch."""
+        """Describes the switch."""
         return {"type": "boolean"}

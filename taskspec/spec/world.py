@@ -57,7 +57,7 @@ class Motion(Model):
 
     @classmethod
     def rules(cls, data: Map, context: ParseContext) -> None:
-        """Ask for an axis, and for no more than one rotation."""
+        """Asks for an axis, and for no more than one rotation."""
         if not data and complete(data, context):
             context.error("TS021", "a motion needs an axis", pointer(data.node), cls.example)
         turns = [axis for axis in ROTATIONS if axis in data]
@@ -142,7 +142,7 @@ class Shape(_SizedShape):
 
     @classmethod
     def expand(cls, data: object, context: ParseContext) -> object:
-        """Report an object of a kind that comes later or of none, and look no further into it."""
+        """Reports an object of a kind that comes later or of none, and looks no further into it."""
         if not isinstance(data, Map):
             return data
         if "shape" not in data:
@@ -156,7 +156,7 @@ class Shape(_SizedShape):
 
     @classmethod
     def rules(cls, data: Map, context: ParseContext) -> None:
-        """Ask for the sizes of the shape."""
+        """Asks for the sizes of the shape."""
         shape = data.get("shape")
         if isinstance(shape, str) and shape in _SHAPES:
             needed = tuple(key.name for key in _SHAPES[shape].keys)
@@ -165,7 +165,7 @@ class Shape(_SizedShape):
 
 
 def _of_no_kind(data: Map, context: ParseContext, keys: list[str]) -> Map:
-    """Report an object that none of the three keys gives a kind; return what can be checked."""
+    """Reports an object that none of the three keys gives a kind; returns what can be checked."""
     slips = {key: near for key in data if key not in keys and (near := closest(key, KIND_KEYS))}
     for key, near in slips.items():
         hint = f"did you mean '{near}'?"
@@ -185,7 +185,7 @@ def is_free(data: Map) -> bool:
 
 
 def _check_free(data: Map, context: ParseContext) -> None:
-    """Ask for a mass of a loose body, and of a loose body alone."""
+    """Asks for a mass of a loose body, and of a loose body alone."""
     sure, free = complete(data, context), is_free(data)
     shape = data.get("shape")
     kind = _SHAPES.get(shape) if isinstance(shape, str) else None

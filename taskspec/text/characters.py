@@ -26,12 +26,12 @@ _LISTED = 20
 
 
 def normal(text: str) -> str:
-    """Return the text without a byte order mark and with plain line ends."""
+    """The text without a byte order mark and with plain line ends."""
     return text.removeprefix("\ufeff").replace("\r\n", "\n").replace("\r", "\n")
 
 
 def readable(text: str, diagnostics: Diagnostics) -> str | None:
-    """Report forbidden characters and tabs; return the text with spaces in their places.
+    """Reports forbidden characters and tabs; returns the text with spaces in their places.
 
     Returns None if tabs indent it, since its structure cannot be known then.
     """
@@ -58,7 +58,7 @@ def readable(text: str, diagnostics: Diagnostics) -> str | None:
 
 
 def first_forbidden(text: str) -> str | None:
-    """Return the first forbidden character of a text in words, None if there is none."""
+    """The first forbidden character of a text in words, None if there is none."""
     match = _FORBIDDEN.search(text)
     return _named(match[0]) if match else None
 

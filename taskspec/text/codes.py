@@ -11,7 +11,7 @@ expectations. The page of a code is `docs/diagnostics/CODE.md`."""
 
 
 def register(codes: Mapping[str, str]) -> None:
-    """Add codes with their titles; whatever reports a code calls this beside it.
+    """Adds codes with their titles; whatever reports a code calls this beside it.
 
     Raises:
         ValueError: a code is registered already.

@@ -79,7 +79,7 @@ Leaf = Text | Whole | Real | TruthValue
 
 
 def to_data(node: nodes.Node, diagnostics: Diagnostics) -> object | None:
-    """Return a node as data; what has no usable value is reported and left out.
+    """A node as data; what has no usable value is reported and left out.
 
     A collection that something was left out of is marked as broken.
     """

@@ -99,7 +99,7 @@ class Diagnostics:
         hint: str = "",
         notes: tuple[tuple[str, Span], ...] = (),
     ) -> None:
-        """Add an error; `notes` are further (message, place) pairs."""
+        """Adds an error; `notes` are further (message, place) pairs."""
         self.add(Severity.ERROR, code, message, span, hint, notes)
 
     def warning(
@@ -110,7 +110,7 @@ class Diagnostics:
         hint: str = "",
         notes: tuple[tuple[str, Span], ...] = (),
     ) -> None:
-        """Add a warning; `notes` are further (message, place) pairs."""
+        """Adds a warning; `notes` are further (message, place) pairs."""
         self.add(Severity.WARNING, code, message, span, hint, notes)
 
     def info(
@@ -121,7 +121,7 @@ class Diagnostics:
         hint: str = "",
         notes: tuple[tuple[str, Span], ...] = (),
     ) -> None:
-        """Add a remark; `notes` are further (message, place) pairs."""
+        """Adds a remark; `notes` are further (message, place) pairs."""
         self.add(Severity.INFO, code, message, span, hint, notes)
 
     def add(
@@ -133,7 +133,7 @@ class Diagnostics:
         hint: str = "",
         notes: tuple[tuple[str, Span], ...] = (),
     ) -> None:
-        """Add a finding of any severity.
+        """Adds a finding of any severity.
 
         Raises:
             AssertionError: the code is not registered.
@@ -151,12 +151,12 @@ class Diagnostics:
         self._found.setdefault(found)
 
     def extend(self, diagnostics: Iterable[Diagnostic]) -> None:
-        """Add findings that are already complete."""
+        """Adds findings that are already complete."""
         for diagnostic in diagnostics:
             self._found.setdefault(diagnostic)
 
     def sorted(self) -> tuple[Diagnostic, ...]:
-        """Return the findings by source and place; those without a place first."""
+        """The findings by source and place; those without a place first."""
         return tuple(sorted(self._found, key=_order))
 
     @property

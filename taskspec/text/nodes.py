@@ -52,12 +52,12 @@ class Mapping:
     broken: bool = False
 
     def get(self, key: str) -> Node | None:
-        """Return the value of a key."""
+        """The value of a key."""
         entry = self.entries.get(key)
         return entry[1] if entry else None
 
     def key_span(self, key: str) -> Span:
-        """Return the place of a key, or of the mapping if it has no such key."""
+        """The place of a key, or of the mapping if it has no such key."""
         entry = self.entries.get(key)
         return entry[0].span if entry else self.span
 
@@ -67,7 +67,7 @@ Step = str | int
 
 
 def find(root: Node, path: tuple[Step, ...]) -> tuple[Node, int]:
-    """Return the node at `path`, or its nearest existing ancestor, and how many steps fitted."""
+    """The node at `path`, or its nearest existing ancestor, and how many steps fitted."""
     node = root
     for index, step in enumerate(path):
         below = child(node, step)
@@ -78,7 +78,7 @@ def find(root: Node, path: tuple[Step, ...]) -> tuple[Node, int]:
 
 
 def child(node: Node, step: Step) -> Node | None:
-    """Return the node one step below."""
+    """The node one step below."""
     if isinstance(node, Mapping):
         return node.get(str(step))
     if isinstance(node, Sequence) and isinstance(step, int) and 0 <= step < len(node.items):
@@ -87,7 +87,7 @@ def child(node: Node, step: Step) -> Node | None:
 
 
 def place(root: Node, path: tuple[Step, ...], *, key: bool = False) -> Span:
-    """Return the place to point at for `path`; the nearest ancestor if it does not exist.
+    """The place to point at for `path`; the nearest ancestor if it does not exist.
 
     A scalar is its own place, a flow collection its bracket, a block collection the key it hangs
     on. With `key`, the last key itself.
@@ -103,7 +103,7 @@ def place(root: Node, path: tuple[Step, ...], *, key: bool = False) -> Span:
 
 
 def pointer(node: Node) -> Span:
-    """Return the place of a scalar, or the first character of a collection or of nothing."""
+    """The place of a scalar, or the first character of a collection or of nothing."""
     span = node.span
     if isinstance(node, Scalar) and node.value:
         return span
@@ -111,7 +111,7 @@ def pointer(node: Node) -> Span:
 
 
 def scalars(node: Node) -> Iterator[Scalar]:
-    """Yield every scalar below a node, keys left out."""
+    """Every scalar below a node, keys left out."""
     if isinstance(node, Scalar):
         yield node
     elif isinstance(node, Sequence):

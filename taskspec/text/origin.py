@@ -26,7 +26,7 @@ class Origin:
     _offsets: list[int] = field(default_factory=list, compare=False, repr=False)
 
     def at(self, start: int, end: int) -> Span:
-        """Return the place of the characters `start` to `end` (exclusive) of the value.
+        """The place of the characters `start` to `end` (exclusive) of the value.
 
         Where escapes or folding hide the way back, that is the whole scalar.
         """
@@ -49,7 +49,7 @@ class Origin:
 
 
 def _align(value: str, raw: str, skip: int) -> list[int]:
-    """Return for each character of the value its offset in the raw text; [-1] if it is hidden.
+    """For each character of the value its offset in the raw text; [-1] if it is hidden.
 
     Folding makes one space or line end of a stretch of them, so stretches match stretches.
     """
@@ -81,5 +81,5 @@ def _behind_spaces(raw: str, position: int) -> int:
 
 
 def origin_of(source: Source, span: Span, value: str, start: int, end: int, skip: int) -> Origin:
-    """Return the origin of a scalar that is `source.text[start:end]`."""
+    """The origin of a scalar that is `source.text[start:end]`."""
     return Origin(span, value, source.text[start:end], skip)

@@ -36,7 +36,7 @@ Line = tuple[tuple[str, Style], ...]
 
 
 def render(diagnostics: Iterable[Diagnostic], sources: Mapping[str, Source]) -> str:
-    """Return every diagnostic in full, separated by blank lines.
+    """Every diagnostic in full, separated by blank lines.
 
     Args:
         diagnostics: what was found.
@@ -46,14 +46,14 @@ def render(diagnostics: Iterable[Diagnostic], sources: Mapping[str, Source]) -> 
 
 
 def plain(rendered: Iterable[Line]) -> str:
-    """Return lines without their styles."""
+    """Lines without their styles."""
     return "\n".join("".join(text for text, _ in line) for line in rendered)
 
 
 def diagnostic_lines(
     diagnostics: Iterable[Diagnostic], sources: Mapping[str, Source]
 ) -> Iterator[Line]:
-    """Yield the lines of every diagnostic in full, a blank one between two.
+    """The lines of every diagnostic in full, a blank one between two.
 
     A diagnostic is a header, a snippet with caret and hint, and its second places.
     """
@@ -75,14 +75,14 @@ def diagnostic_lines(
 
 
 def headline(diagnostic: Diagnostic) -> Line:
-    """Return `file:line:column: severity[code]: message`."""
+    """`file:line:column: severity[code]: message`."""
     style = Style(diagnostic.severity.value)
     code = f"[{diagnostic.code}]"
     return _header(diagnostic.source, diagnostic.span, style, code, diagnostic.message)
 
 
 def visible(text: str) -> str:
-    """Return the text with everything that could move a terminal's cursor written as an escape."""
+    """The text with everything that could move a terminal's cursor written as an escape."""
     if text.isprintable():
         return text
     return "".join(
@@ -136,7 +136,7 @@ def _in_margin(number: str, text: str, style: Style = Style.PLAIN) -> Line:
 
 
 def _columns(text: str) -> int:
-    """Return the terminal columns of the text: wide characters take two, combining ones none."""
+    """The terminal columns of the text: wide characters take two, combining ones none."""
     if text.isascii():
         return len(text)
     return sum(

@@ -37,11 +37,11 @@ class Source:
         object.__setattr__(self, "_starts", list(starts))
 
     def offset(self, line: int, column: int) -> int:
-        """Return the index in `text` of a place (1-based line and column)."""
+        """The index in `text` of a place (1-based line and column)."""
         return self._starts[line - 1] + column - 1
 
     def line(self, number: int) -> str:
-        """Return line `number` (1-based) without its end; empty beyond the last line."""
+        """Line `number` (1-based) without its end; empty beyond the last line."""
         return self._lines[number - 1] if 0 < number <= len(self._lines) else ""
 
     @property

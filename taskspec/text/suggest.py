@@ -13,7 +13,7 @@ _COMPARED = 300
 
 
 def closest(word: str, options: Iterable[str]) -> str | None:
-    """Return the option most like `word`, or None if none is like it."""
+    """The option most like `word`, or None if none is like it."""
     folded = {_fold(c): c for c in islice(options, _COMPARED)}
     wanted = _fold(word)
     if wanted in folded:
@@ -27,7 +27,7 @@ def _fold(word: str) -> str:
 
 
 def suggestion(word: str, options: Iterable[str], what: str = "") -> str:
-    """Return a hint: the nearest option, else the list of options, else nothing.
+    """A hint: the nearest option, else the list of options, else nothing.
 
     Args:
         word: what was written.

@@ -23,7 +23,7 @@ _ENDS_WHOLE = re.compile(r"(?<![\w.])[0-9]+\Z")
 
 
 def comment_after(source: Source, end: int) -> str:
-    """Return what follows in the line if it is ` #word`: often meant as text, not as a comment."""
+    """What follows in the line if it is ` #word`: often meant as text, not as a comment."""
     match = re.compile(r"[ ]+(#[^ #\n][^\n]*)").match(source.text, end)
     return match[1] if match else ""
 
@@ -31,7 +31,7 @@ def comment_after(source: Source, end: int) -> str:
 def repair_pairs(
     pairs: list[tuple[Scalar, Node]], mapping: Mapping, source: Source, diagnostics: Diagnostics
 ) -> list[tuple[Scalar, Node]]:
-    """Return the entries of a mapping as they were meant, each repair reported."""
+    """The entries of a mapping as they were meant, each repair reported."""
     repaired: list[tuple[Scalar, Node]] = []
     waiting = list(reversed(pairs))
     while waiting:
@@ -50,7 +50,7 @@ def repair_pairs(
 
 
 def join_items(sequence: Sequence, source: Source, diagnostics: Diagnostics) -> None:
-    """Join list entries that a comma inside parentheses has torn apart."""
+    """Joins list entries that a comma inside parentheses has torn apart."""
     joined: list[Node] = []
     waiting = list(reversed(sequence.items))
     while waiting:
@@ -173,7 +173,7 @@ def _part(whole: Scalar, source: Source, begin: int, end: int, start: int) -> Sc
 
 
 def _as_mapping(value: Scalar, source: Source, diagnostics: Diagnostics) -> Node:
-    """Read `key:value` on a line of its own, below a key, as the mapping that was meant."""
+    """Reads `key:value` on a line of its own, below a key, as the mapping that was meant."""
     split = _split(value, source) if "\n" not in value.origin.raw else None
     if split is None:
         return value

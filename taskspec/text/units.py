@@ -49,7 +49,7 @@ class Dimension:
         return describe(self)
 
     def on(self, *, rotation: bool) -> Dimension:
-        """Return what it is on an axis: about one, moments and angles for forces and lengths."""
+        """What it is on an axis: about one, moments and angles for forces and lengths."""
         return _ABOUT.get(self, self) if rotation else self
 
 
@@ -237,7 +237,7 @@ _ABOUT = {
 
 
 def measure_of(dimension: Dimension) -> Measure:
-    """Return what is known of quantities of a dimension."""
+    """What is known of quantities of a dimension."""
     if dimension in _OF_DIMENSION:
         return _OF_DIMENSION[dimension]
     symbol = _symbol(dimension)
@@ -245,48 +245,48 @@ def measure_of(dimension: Dimension) -> Measure:
 
 
 def measure_in(si: str) -> Measure | None:
-    """Return the measure whose SI unit has this name; None where none has."""
+    """The measure whose SI unit has this name; None where none has."""
     return _OF_UNIT.get(si)
 
 
 def describe(dimension: Dimension) -> str:
-    """Return the dimension in words, such as `a force (N)`."""
+    """The dimension in words, such as `a force (N)`."""
     measure = measure_of(dimension)
     return f"{measure.noun} ({measure.si})" if measure.si else measure.noun
 
 
 def noun(dimension: Dimension) -> str:
-    """Return the dimension in words without its unit, such as `a force`."""
+    """The dimension in words without its unit, such as `a force`."""
     return measure_of(dimension).noun if dimension in _OF_DIMENSION else describe(dimension)
 
 
 def fitting(dimension: Dimension) -> tuple[str, ...]:
-    """Return the units that people use for this dimension, the most readable first."""
+    """The units that people use for this dimension, the most readable first."""
     return measure_of(dimension).units
 
 
 def si_unit(dimension: Dimension) -> str:
-    """Return the SI unit of a dimension, such as `m/s`; empty for plain numbers."""
+    """The SI unit of a dimension, such as `m/s`; empty for plain numbers."""
     return measure_of(dimension).si
 
 
 def in_si(value: float, dimension: Dimension) -> str:
-    """Return an SI value with its unit, such as `20 Hz`."""
+    """An SI value with its unit, such as `20 Hz`."""
     return f"{value:g} {si_unit(dimension)}".rstrip()
 
 
 def usual_units() -> tuple[str, ...]:
-    """Return the composed units that people use, such as `mm/s`."""
+    """The composed units that people use, such as `mm/s`."""
     return tuple(unit for measure in _OF_DIMENSION.values() for unit in measure.units)
 
 
 def fitting_text(dimension: Dimension) -> str:
-    """Return the usual units as text, such as `N, mN or kN`."""
+    """The usual units as text, such as `N, mN or kN`."""
     return alternatives(fitting(dimension))
 
 
 def alternatives(words: tuple[str, ...] | list[str]) -> str:
-    """Return `a`, `a or b`, `a, b or c`."""
+    """`a`, `a or b`, `a, b or c`."""
     if len(words) < 2:
         return "".join(words)
     return f"{', '.join(words[:-1])} or {words[-1]}"
@@ -324,7 +324,7 @@ _UNIT_PARTS = re.compile(r"([*/]?)([A-Za-z]+|%)(?:\^(-?[0-9]))?")
 
 @lru_cache(maxsize=512)
 def parse_unit(text: str) -> Unit:
-    """Return the unit that `text` names, such as `N*s/m`, `/s` or `1/s`.
+    """The unit that `text` names, such as `N*s/m`, `/s` or `1/s`.
 
     Raises:
         ValueError: it is not made of names of the table.
@@ -342,7 +342,7 @@ def parse_unit(text: str) -> Unit:
 
 
 def split_quantity(text: str) -> tuple[float, str] | None:
-    """Return the number and the unit text of a quantity, or None if `text` is not one."""
+    """The number and the unit text of a quantity, or None if `text` is not one."""
     match = _QUANTITY_PARTS.match(text)
     if match is None:
         return None
@@ -350,7 +350,7 @@ def split_quantity(text: str) -> tuple[float, str] | None:
 
 
 def to_si(value: float, unit: str) -> Quantity:
-    """Return a number with the text of its unit (empty for none) in SI units."""
+    """A number with the text of its unit (empty for none) in SI units."""
     if not unit:
         return Quantity(value, NUMBER, bare=value == 0)
     parsed = parse_unit(unit)

@@ -59,7 +59,7 @@ class _Finding:
 
 
 def explain_root(root: Node | None, diagnostics: Diagnostics) -> None:
-    """Report a file that is empty or is not a mapping."""
+    """Reports a file that is empty or is not a mapping."""
     if root is None or (isinstance(root, Scalar) and root.empty):
         diagnostics.error("TS010", "the file is empty", None, _BEGIN)
         return
@@ -73,7 +73,7 @@ def explain_root(root: Node | None, diagnostics: Diagnostics) -> None:
 
 
 def explain_syntax(error: yaml.MarkedYAMLError, source: Source, diagnostics: Diagnostics) -> None:
-    """Report what PyYAML cannot read."""
+    """Reports what PyYAML cannot read."""
     mark = error.problem_mark or error.context_mark
     if mark is None:
         diagnostics.error("TS001", f"this is not readable as YAML: {error.problem}", None)
@@ -95,7 +95,7 @@ def explain_syntax(error: yaml.MarkedYAMLError, source: Source, diagnostics: Dia
 
 
 def explain_crash(error: Exception, source: Source, diagnostics: Diagnostics) -> None:
-    """Report what makes PyYAML fail in its own code: an escape that names no character."""
+    """Reports what makes PyYAML fail in its own code: an escape that names no character."""
     escape = re.search(r"\\U(?!000|0010)[0-9A-Fa-f]{8}", source.text)
     if escape is None:
         diagnostics.error("TS001", f"this is not readable as YAML: {error}", None)
@@ -107,7 +107,7 @@ def explain_crash(error: Exception, source: Source, diagnostics: Diagnostics) ->
 
 
 def _sign(context: str, problem: str, here: _Place) -> _Finding | None:
-    """Explain a value that begins with a sign."""
+    """Explains a value that begins with a sign."""
     text, column = here.text, here.column
     if "block scalar" in context:
         at = max(text.rfind(">", 0, column), text.rfind("|", 0, column))
@@ -126,7 +126,7 @@ def _sign(context: str, problem: str, here: _Place) -> _Finding | None:
 
 
 def _quoted(context: str, problem: str, began: _Place) -> _Finding | None:
-    """Explain a text in quotes that goes wrong."""
+    """Explains a text in quotes that goes wrong."""
     if "double-quoted" in context and "end of" not in problem and "quoted scalar" not in problem:
         return _Finding("an unknown escape in a text", "use single quotes, or double the '\\'")
     if "quoted scalar" in context:
@@ -136,7 +136,7 @@ def _quoted(context: str, problem: str, began: _Place) -> _Finding | None:
 
 
 def _colon(problem: str, here: _Place, began: _Place, source: Source) -> _Finding | None:
-    """Explain a colon too many, too few, or without its space."""
+    """Explains a colon too many, too few, or without its space."""
     if "mapping values are not allowed" in problem:
         above = source.line(here.line - 1)
         if glued := _GLUED_LINE.match(above):
@@ -173,7 +173,7 @@ def _without_space(text: str, line: int, column: int) -> _Finding:
 
 
 def _structure(context: str, problem: str, here: _Place, source: Source) -> _Finding:
-    """Explain brackets and indentation."""
+    """Explains brackets and indentation."""
     if "flow mapping" in context or "flow sequence" in context:
         brace = "}" if "mapping" in context else "]"
         if _QUOTED.search(here.text[: here.column - 1]):

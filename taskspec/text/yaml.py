@@ -42,7 +42,7 @@ class _StopError(Exception):
 
 
 def read(source: Source, diagnostics: Diagnostics, *, inner: bool = False) -> Node | None:
-    """Return the tree of a text, or None if it cannot be read; everything wrong is reported.
+    """The tree of a text, or None if it cannot be read; everything wrong is reported.
 
     Args:
         source: the text, with plain line ends.
@@ -85,7 +85,7 @@ class _Composer:
         self._count = 0
 
     def document(self) -> Node | None:
-        """Return the root of the one document, None if there is none."""
+        """The root of the one document, None if there is none."""
         root: Node | None = None
         documents = 0
         while True:

@@ -23,7 +23,7 @@ class Checked:
 
 
 def check(node: tree.Node, scope: Scope, expected: Dimension | None) -> Checked:
-    """Check names, types and dimensions, all of them.
+    """Checks names, types and dimensions, all of them.
 
     Args:
         node: a parsed expression.
@@ -45,7 +45,7 @@ def check(node: tree.Node, scope: Scope, expected: Dimension | None) -> Checked:
 
 
 def infer(node: tree.Node, scope: Scope) -> tuple[Type, tuple[Problem, ...]]:
-    """Return the type of an expression whose place asks for none, and every problem found."""
+    """The type of an expression whose place asks for none, and every problem found."""
     checker = Checker(scope)
     found = checker.type_of(node)
     if found.kind == "vector":

@@ -57,12 +57,12 @@ class Checker:
         self._reducing = False
 
     def report(self, code: str, message: str, node: tree.Node, hint: str = "") -> Type:
-        """Add a problem at a node, whose type is unknown from then on."""
+        """Adds a problem at a node, whose type is unknown from then on."""
         self.problems.append(Problem(code, message, node.start, node.end, hint))
         return UNKNOWN
 
     def type_of(self, node: tree.Node) -> Type:  # noqa: C901 - one case for each kind of node
-        """Return the type of a node; report what is wrong in it and below it."""
+        """The type of a node; reports what is wrong in it and below it."""
         match node:
             case tree.Number():
                 zero = node.value_si == 0 and not node.unit
@@ -102,7 +102,7 @@ class Checker:
                 raise TypeError(f"{type(node).__name__} is not part of a value")
 
     def number(self, node: tree.Node, found: Type) -> Type:
-        """Report a condition or a vector where one number is needed."""
+        """Reports a condition or a vector where one number is needed."""
         if found.kind == "condition":
             return self.report("TS114", "a number is needed here, this is true or false", node)
         if found.kind == "vector":
@@ -112,7 +112,7 @@ class Checker:
         return found
 
     def want(self, node: tree.Node, found: Type, expected: Dimension) -> Type:
-        """Report a number that is not of the expected dimension."""
+        """Reports a number that is not of the expected dimension."""
         found = self.number(node, found)
         if found.kind == "unknown" or found.dimension in (None, expected):
             return found
@@ -125,7 +125,7 @@ class Checker:
         return self.report("TS112", message, node, hint)
 
     def _unit_hint(self, node: tree.Node, wanted: Dimension | None) -> str:
-        """Return which unit would have fitted a lone number, or where a param lacks its unit."""
+        """Which unit would have fitted a lone number, or where a param lacks its unit."""
         lone = node.x if isinstance(node, tree.Negate) else node
         if isinstance(lone, tree.Number) and wanted not in (None, NUMBER):
             return f"units that fit: {fitting_text(wanted)}"
@@ -136,7 +136,7 @@ class Checker:
         return ""
 
     def want_condition(self, node: tree.Node, found: Type) -> Type:
-        """Report anything that is neither true nor false."""
+        """Reports anything that is neither true nor false."""
         if found.kind in ("condition", "unknown"):
             return found
         what = "three numbers" if found.kind == "vector" else in_words(found)
@@ -148,7 +148,7 @@ class Checker:
         )
 
     def same(self, nodes: list[tree.Node]) -> Type:
-        """Ask all nodes for one dimension; return it."""
+        """Asks all nodes for one dimension; returns it."""
         kinds = [self.number(node, self.type_of(node)) for node in nodes]
         leader: tuple[tree.Node, Type] | None = None
         for node, kind in zip(nodes, kinds, strict=True):

@@ -15,50 +15,50 @@ class Algebra(Protocol[T]):
     """The operations on one kind of number; a condition is a number of the same kind."""
 
     def number(self, value: float) -> T:
-        """Return a constant."""
+        """A constant."""
         ...
 
     def binary(self, op: tree.BinaryOp, left: T, right: T) -> T:
-        """Return left op right."""
+        """Left op right."""
         ...
 
     def negate(self, x: T) -> T:
-        """Return -x."""
+        """-x."""
         ...
 
     def power(self, base: T, exponent: float) -> T:
-        """Return base ^ exponent."""
+        """Base ^ exponent."""
         ...
 
     def call(self, function: str, args: Sequence[T]) -> T:
-        """Return a function of `functions.FUNCTIONS`; `norm` comes with its components."""
+        """A function of `functions.FUNCTIONS`; `norm` comes with its components."""
         ...
 
     def compare(self, op: tree.CompareOp, left: T, right: T) -> T:
-        """Return whether left op right."""
+        """Whether left op right."""
         ...
 
     def logic(self, op: Literal["and", "or"], items: Sequence[T]) -> T:
-        """Return whether all of the items hold, or any."""
+        """Whether all of the items hold, or any."""
         ...
 
     def invert(self, x: T) -> T:
-        """Return not x."""
+        """Not x."""
         ...
 
     def held(self, node: tree.Held, x: T, amount: float) -> T:
-        """Return whether x held for `amount` [s in guards, share 0..1 in expectations]."""
+        """Whether x held for `amount` [s in guards, share 0..1 in expectations]."""
         ...
 
     def reduce(self, node: tree.Reduce, reducer: str, x: T) -> T:
-        """Return one number from the history of x."""
+        """One number from the history of x."""
         ...
 
 
 def evaluate(  # noqa: C901 - one case for each kind of node
     node: tree.Node, algebra: Algebra[T], lookup: Callable[[tree.Name], T]
 ) -> T:
-    """Return the value of a checked tree.
+    """The value of a checked tree.
 
     Args:
         node: a tree as `check` returns it.
@@ -107,11 +107,11 @@ class FloatAlgebra:
     """Plain numbers; what has no value is nan. Conditions are 0.0 and 1.0."""
 
     def number(self, value: float) -> float:
-        """Return the constant itself."""
+        """The constant itself."""
         return value
 
     def binary(self, op: tree.BinaryOp, left: float, right: float) -> float:
-        """Return left op right; division by zero is nan."""
+        """Left op right; division by zero is nan."""
         if op == "+":
             return left + right
         if op == "-":
@@ -121,37 +121,37 @@ class FloatAlgebra:
         return left / right if right else math.nan
 
     def negate(self, x: float) -> float:
-        """Return -x."""
+        """-x."""
         return -x
 
     def power(self, base: float, exponent: float) -> float:
-        """Return base ^ exponent; a root of a negative number is nan."""
+        """Base ^ exponent; a root of a negative number is nan."""
         return _guarded(math.pow, base, exponent)
 
     def call(self, function: str, args: Sequence[float]) -> float:
-        """Return the function's value; outside its domain nan."""
+        """The function's value; outside its domain nan."""
         return _guarded(_FLOAT[function], *args)
 
     def compare(self, op: tree.CompareOp, left: float, right: float) -> float:
-        """Return 1.0 or 0.0."""
+        """1.0 or 0.0."""
         less, equal = left < right, left == right
         holds = {"<": less, "<=": less or equal, ">": left > right, ">=": left >= right}
         return float(holds[op])
 
     def logic(self, op: Literal["and", "or"], items: Sequence[float]) -> float:
-        """Return 1.0 or 0.0."""
+        """1.0 or 0.0."""
         return float(all(items) if op == "and" else any(items))
 
     def invert(self, x: float) -> float:
-        """Return 1.0 or 0.0."""
+        """1.0 or 0.0."""
         return float(not x)
 
     def held(self, node: tree.Held, x: float, amount: float) -> float:  # noqa: ARG002
-        """Return x: one value has no history."""
+        """X: one value has no history."""
         return x
 
     def reduce(self, node: tree.Reduce, reducer: str, x: float) -> float:  # noqa: ARG002
-        """Return x: one value has no history."""
+        """X: one value has no history."""
         return 0.0 if reducer == "std" else x
 
 
@@ -163,7 +163,7 @@ def _guarded(function: Callable[..., float], *args: float) -> float:
 
 
 def smooth(x: float) -> float:
-    """Return 0 for x <= 0, 1 for x >= 1, and the quintic with flat ends between."""
+    """0 for x <= 0, 1 for x >= 1, and the quintic with flat ends between."""
     u = min(max(x, 0.0), 1.0)
     return u * u * u * (10.0 + u * (6.0 * u - 15.0))
 

@@ -32,7 +32,7 @@ class Expression:
         return self.origin.span if self.origin else None
 
     def where(self, node: Node) -> Span | None:
-        """Return the place of a part of the tree."""
+        """The place of a part of the tree."""
         return self.origin.at(node.start, node.end) if self.origin else None
 
     def __str__(self) -> str:

@@ -32,7 +32,7 @@ MAX_EXPONENT = 8.0
 
 
 def parse(text: str, start: Start) -> tree.Node:
-    """Return the tree of an expression.
+    """The tree of an expression.
 
     Args:
         text: the expression.
@@ -67,7 +67,7 @@ def parse(text: str, start: Start) -> tree.Node:
 
 
 def _plain_quantity(text: str) -> tree.Number | None:
-    """Return a lone quantity without waking the parser: most values of a file are one."""
+    """A lone quantity without waking the parser: most values of a file are one."""
     stripped = text.strip(" \n")
     if not stripped[:1].isdigit():
         return None
@@ -123,7 +123,7 @@ def _parser() -> Lark:
 
 
 def _adopt_unit(first: tree.Node, second: tree.Node) -> tree.Node:
-    """Give a bare first number the unit of the second: `5..80 kN/m`."""
+    """Gives a bare first number the unit of the second: `5..80 kN/m`."""
     number = first.x if isinstance(first, tree.Negate) else first
     donor = second.x if isinstance(second, tree.Negate) else second
     if not (isinstance(number, tree.Number) and isinstance(donor, tree.Number)):

@@ -96,7 +96,7 @@ class Meaning:
 
 
 def resolve(path: tuple[str, ...], scope: Scope) -> Meaning | None:
-    """Return what a dotted name means in a scope, or None if it means nothing there.
+    """What a dotted name means in a scope, or None if it means nothing there.
 
     A first word that is a stage wins over everything else that it could be.
     """
@@ -119,7 +119,7 @@ def resolve(path: tuple[str, ...], scope: Scope) -> Meaning | None:
 
 
 def coordinate(name: str) -> Dimension | None:
-    """Return the dimension of a coordinate that an equation may use, None for any other name."""
+    """The dimension of a coordinate that an equation may use, None for any other name."""
     if name[:1] == "q" and name[1:].isdigit() and not name.startswith("q0"):
         return ANGLE
     return COORDINATES.get(name)

@@ -30,7 +30,7 @@ _RELATIONS = {"LT", "LE", "GT", "GE", "WITHIN"}
 
 
 def unknown_unit(word: str) -> str:
-    """Return the hint for a word that stands where a unit would."""
+    """The hint for a word that stands where a unit would."""
     if word.lower() in ELSEWHERE:
         return ELSEWHERE[word.lower()]
     near = UNIT_WORDS.get(word.lower()) or closest(word, [*UNITS, *usual_units()])
@@ -40,7 +40,7 @@ def unknown_unit(word: str) -> str:
 
 
 def explain_character(text: str, position: int, start: str) -> Problem:
-    """Say what to write instead of a character that no expression contains."""
+    """Says what to write instead of a character that no expression contains."""
     character = text[position]
     hint = CHARACTERS.get(character, "")
     if text[position : position + 2] == "!=":
@@ -80,7 +80,7 @@ class _Token:
 
 
 def explain_token(text: str, error: UnexpectedInput, start: str) -> Problem:
-    """Say what is wrong at the first word that does not fit the grammar."""
+    """Says what is wrong at the first word that does not fit the grammar."""
     if not isinstance(error, UnexpectedToken) or error.token.type == "$END":
         return _unfinished(text, start)
     found = error.token

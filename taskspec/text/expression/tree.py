@@ -146,7 +146,7 @@ class Equation(Node):
 
 
 def children(node: Node) -> tuple[Node, ...]:
-    """Return the nodes directly below a node, in the order in which they are written."""
+    """The nodes directly below a node, in the order in which they are written."""
     match node:
         case Negate(x) | Not(x) | SpreadNode(x):
             return (x,)
@@ -171,7 +171,7 @@ def children(node: Node) -> tuple[Node, ...]:
 
 
 def walk(node: Node) -> Iterator[Node]:
-    """Yield a node and everything below it, without recursion."""
+    """A node and everything below it, without recursion."""
     waiting = [node]
     while waiting:
         current = waiting.pop()

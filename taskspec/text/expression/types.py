@@ -28,7 +28,7 @@ PLAIN = Type("number", NUMBER)
 
 
 def ends(low: tree.Node, high: tree.Node) -> list[tree.Node]:
-    """Return what an interval was written with: a +- b is held as a - b and a + b."""
+    """What an interval was written with: a +- b is held as a - b and a + b."""
     if (
         isinstance(low, tree.Binary)
         and isinstance(high, tree.Binary)
@@ -47,15 +47,15 @@ def is_bare(node: tree.Node) -> bool:
 
 
 def in_words(kind: Type) -> str:
-    """Return a number's dimension in words."""
+    """A number's dimension in words."""
     return describe(kind.dimension) if kind.dimension is not None else "zero"
 
 
 def example_axis(node: tree.Node) -> str:
-    """Return an axis to show as an example for a signal without one."""
+    """An axis to show as an example for a signal without one."""
     return "rz" if isinstance(node, tree.Name) and node.path[-1] == "torque" else "z"
 
 
 def cycle_hint(kind: Type) -> str:
-    """Return what to do about a time in a sine."""
+    """What to do about a time in a sine."""
     return "divide by the period: sin(2*pi*t/(4 s))" if kind.dimension == TIME else ""

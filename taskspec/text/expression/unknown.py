@@ -42,7 +42,7 @@ _TRUTH = ("yes", "no", "on", "off", "true", "false")
 
 
 def explain_name(node: Name, scope: Scope) -> Problem:
-    """Say why a name cannot be used: misspelt, out of scope, a unit, a function and so on."""
+    """Says why a name cannot be used: misspelt, out of scope, a unit, a function and so on."""
     path, start = node.path, node.start
     text = ".".join(path)
     end = start + len(text)
@@ -85,7 +85,7 @@ def _axis(word: str, scope: Scope) -> tuple[str, str, str]:
 
 
 def _single(word: str, scope: Scope) -> tuple[str, str, str]:
-    """Return code, message and hint for a name without dots."""
+    """Code, message and hint for a name without dots."""
     if word in UNITS:
         return "TS120", f"'{word}' is a unit", f"a unit follows a number, as in '1 {word}'"
     if word in FUNCTIONS or word in REDUCERS:

@@ -9,7 +9,7 @@ from taskspec.text.expression import tree
 
 
 def written_out(node: tree.Node) -> tree.Node:
-    """Replace the argument of norm(vector) by the vector's components."""
+    """Replaces the argument of norm(vector) by the vector's components."""
     match node:
         case tree.Call("norm", (tree.Name(path, frame) as name,)) if path[-1] in VECTORS:
             axes = VECTORS[path[-1]].bare

@@ -15,7 +15,7 @@ register({"TS711": "an interval whose ends are the wrong way round"})
 
 
 def interval_problems(root: tree.Node, lookup: Callable[[tree.Name], float]) -> Iterator[Problem]:
-    """Say which intervals of a condition no measured number lies in.
+    """Says which intervals of a condition no measured number lies in.
 
     Args:
         root: a checked tree.
