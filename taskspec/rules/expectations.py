@@ -21,6 +21,7 @@ from taskspec.spec import Expectation
 from taskspec.text.expression import evaluate
 from taskspec.text.expression.tree import Call, Held, Name, Node, Reduce, Within, walk
 from taskspec.text.show import show
+from taskspec.text.units import FORCE
 
 _ALGEBRA = IntervalAlgebra()
 #: Reducers whose value is that of a steady signal although the signal was another before.
@@ -222,7 +223,7 @@ def _beside_a_set_point(task: TaskPlan, expectation: Expectation) -> Iterator[Fi
             never = _never_beyond(context, part, signal, wanted)
         if never:
             stage, kind, axis = signal.path
-            unit = "N" if kind == "force" else "N*m"
+            unit = FORCE.on(rotation=kind == "torque")
             yield warning(
                 "TS723",
                 f"stage {stage!r} holds {show(wanted, unit)} on {axis!r}, and this does not hold "

@@ -10,6 +10,7 @@ from taskspec.rules.finding import Finding, warning
 from taskspec.rules.registry import rule
 from taskspec.spec import FILE, key_of
 from taskspec.text.show import show
+from taskspec.text.units import VELOCITY
 
 #: Slower than this is the rounding of a mechanism that stands still [m/s, rad/s].
 _NOTHING = 1e-9
@@ -26,11 +27,10 @@ def motions_against_a_mechanism(stage: StagePlan) -> Iterator[Finding]:
     if motion is None or axis is None:
         return
     rate = motion.rates[axis]
-    unit = "deg/s" if axis.is_rotation else "mm/s"
+    unit = axis.of(VELOCITY)
     has = motion.allowed(axis)
     has = has if abs(has) > _NOTHING else 0.0
     does = f"is to move with {show(rate, unit, 3)}" if rate else "is held"
-    free = "torque" if axis.is_rotation else "force"
     axes = FILE.stages[stage.name].axes
     first = list(motion.rates)[motion.moved[0]]
     yield warning(
@@ -38,7 +38,7 @@ def motions_against_a_mechanism(stage: StagePlan) -> Iterator[Finding]:
         f"{axis!r} {does}, and {held!r} lets it move with {show(has, unit, 3)} where the "
         "run begins: the arm works against the grip",
         key_of(axes[axis if axis in stage.spec.axes else first]),
-        f"let it give way: {axis}: {{{free}: 0}}",
+        f"let it give way: {axis}: {{{axis.effort}: 0}}",
         unless=("TS232",),
         unless_at=axes[axis],
     )

@@ -22,7 +22,7 @@ from taskspec.program.context import Context
 from taskspec.program.plan import StagePlan
 from taskspec.rules.finding import Finding, warning
 from taskspec.rules.registry import rule
-from taskspec.spec import FILE
+from taskspec.spec import FILE, Within
 from taskspec.text.diagnostic import Severity
 from taskspec.text.show import inside, show
 
@@ -109,7 +109,6 @@ def _short(stage: StagePlan, way: Approach) -> Iterator[Finding]:
         return
     time = gap / way.closing
     needs = {"time": time, "travel": time * float(np.linalg.norm(way.rates))}
-    units = {"time": "s", "travel": "mm"}
     for key, need in needs.items():
         bound = getattr(within, key)
         if bound is None or bound >= need:
@@ -117,7 +116,7 @@ def _short(stage: StagePlan, way: Approach) -> Iterator[Finding]:
         yield warning(
             "TS617",
             f"stage {stage.name!r} begins {show(gap, 'mm', 3)} away from {way.contact!r} and comes "
-            f"there after {show(need, units[key], 3)}: this bound ends it before",
+            f"there after {show(need, Within.dimension_of(key), 3)}: this bound ends it before",
             FILE.stages[stage.name].within[key],
             f"raise it, or begin nearer to {way.contact!r}",
         )

@@ -23,6 +23,7 @@ from taskspec.text.diagnostic import Severity
 from taskspec.text.expression import Expression
 from taskspec.text.expression.tree import Name, walk
 from taskspec.text.show import show
+from taskspec.text.units import LENGTH, TIME
 
 Vector = NDArray[np.float64]
 
@@ -137,7 +138,7 @@ def _endless(length: float, speed: float, place: KeyPath) -> Iterator[Finding]:
     if not (length <= _NOWHERE or _SHORTEST <= lasts <= _LONGEST):
         yield error(
             "TS118",
-            f"at this speed the motion takes {show(lasts, 's', 2)}",
+            f"at this speed the motion takes {show(lasts, TIME, 2)}",
             place,
             "mind the units of the way and of the speed",
             stops=True,
@@ -197,7 +198,7 @@ def _undefined(
     subject = ("this has", "the rate of this has", "the acceleration of this has")[row]
     return Finding(
         "TS117",
-        f"{subject} no finite value at t = {show(float(times[first]), 's', 4)}"
+        f"{subject} no finite value at t = {show(float(times[first]), TIME, 4)}"
         + ("" if surely else ", which may come"),
         expression.span,
         "end the stage before that, or keep its argument in range with max, min or clamp",
@@ -212,16 +213,15 @@ def _jumps(axis: Axis, expression: Expression, values: Vector, times: Vector) ->
     for k in _NEAR:
         near[k:] = np.maximum(near[k:], steps[:-k])
         near[:-k] = np.maximum(near[:-k], steps[k:])
-    turns = axis.is_rotation
-    least = _JUMP["angular" if turns else "linear"]
+    least = _JUMP["angular" if axis.is_rotation else "linear"]
     jumps = np.flatnonzero((steps > least) & (steps > _TIMES * near))
     if len(jumps) == 0:
         return
     k = int(jumps[0])
     yield warning(
         "TS423",
-        f"this jumps by {show(float(steps[k]), 'deg' if turns else 'mm', 3)} at "
-        f"t = {show(float(times[k + 1]), 's', 4)}: the arm cannot follow, and the controller "
+        f"this jumps by {show(float(steps[k]), axis.of(LENGTH), 3)} at "
+        f"t = {show(float(times[k + 1]), TIME, 4)}: the arm cannot follow, and the controller "
         "answers with all it has",
         expression.span,
         "pass over steadily, with smooth((t - t0)/(0.5 s)) between two values",

@@ -17,6 +17,7 @@ from taskspec.rules.registry import rule
 from taskspec.spec import FILE, KeyPath
 from taskspec.text.diagnostic import Severity
 from taskspec.text.show import show
+from taskspec.text.units import FORCE
 
 _TIMES = (0.0, 0.13, 0.37, 1.0, 2.9)
 #: A contradiction of lines, or an open-loop force without a surface, says it already.
@@ -33,7 +34,7 @@ def unresisted_forces(stage: StagePlan) -> Iterator[Finding]:
         if value:
             yield Finding(
                 "TS320",
-                f"nothing resists {show(value, 'N*m' if turns else 'N')} "
+                f"nothing resists {show(value, axis.of(FORCE))} "
                 f"{'about' if turns else 'along'} {axis!r}: {_reason(stage.context, turns)}, "
                 f"and the tool {'turns' if turns else 'runs'} away",
                 place,
