@@ -32,7 +32,12 @@ def places() -> dict[str, str]:
     files += [*(ROOT / "tasks" / "robots").iterdir(), ROOT / "action.yml"]
     plain = [path.relative_to(ROOT).as_posix() for path in files if path.is_file()]
     pages = {f"tasks/{path.name}": f"tasks/{path.stem}.md" for path in TASKS}
-    named = {"tasks": "tasks/README.md", "CHANGELOG.md": "changelog.md", "README.md": "README.md"}
+    named = {
+        "tasks": "tasks/README.md",
+        "CHANGELOG.md": "changelog.md",
+        "CONTRIBUTING.md": "contributing.md",
+        "README.md": "README.md",
+    }
     return {path: f"files/{path}" for path in plain} | pages | named
 
 
@@ -87,6 +92,11 @@ _TABLES_HEAD = """\
 The tables of [the task language](language.md) that one looks things up in; what they mean in
 detail is said there. Tests hold every one of them against the code.
 """
+
+
+def contributing() -> str:
+    """How to add to the project, with links as the site has them."""
+    return (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8").replace("](docs/", "](")
 
 
 def changelog() -> str:

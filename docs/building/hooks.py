@@ -37,6 +37,7 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     made["signals.md"] = collected.tables_page()
     made["cli.md"] = commands.reference()
     made["changelog.md"] = collected.changelog()
+    made["contributing.md"] = collected.contributing()
     for path, text in made.items():
         files.append(File.generated(config, path, content=text))
     for path, place in _PLACES.items():
