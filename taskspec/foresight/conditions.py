@@ -15,7 +15,7 @@ from taskspec.text.expression.tree import (
     Negate,
     Node,
     Reduce,
-    Within,
+    WithinNode,
 )
 
 Lookup = Callable[[Name], Interval]
@@ -67,7 +67,7 @@ def bounds_of(
                 else:
                     add(part.left, Interval(ANY.low, right.high))
                     add(part.right, Interval(left.low, ANY.high))
-            elif isinstance(part, Within):
+            elif isinstance(part, WithinNode):
                 low = evaluate(part.low, algebra, lookup).low
                 add(part.x, Interval(low, evaluate(part.high, algebra, lookup).high))
     return found

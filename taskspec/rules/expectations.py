@@ -19,7 +19,7 @@ from taskspec.rules.signals import no_such_signal
 from taskspec.signals import CLOCKS
 from taskspec.spec import Expectation
 from taskspec.text.expression import evaluate
-from taskspec.text.expression.tree import Call, Held, Name, Node, Reduce, Within, walk
+from taskspec.text.expression.tree import Call, Held, Name, Node, Reduce, WithinNode, walk
 from taskspec.text.show import show
 from taskspec.text.units import FORCE
 
@@ -96,7 +96,7 @@ def times_between_ticks(task: TaskPlan) -> Iterator[Finding]:
     for expectation in context.loaded.task.expect:
         expression = expectation.expression
         for part in parts(expression.tree):
-            if not isinstance(part, Within):
+            if not isinstance(part, WithinNode):
                 continue
             inner = part.x.arg if isinstance(part.x, Reduce) else part.x
             low, high = (_known(context, end) for end in (part.low, part.high))

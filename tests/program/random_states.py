@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from taskspec.compiler import compile_unchecked
-from taskspec.control.qp import Problem
+from taskspec.control.qp import QuadraticProgram
 from taskspec.program.ports import fields, slices
 from taskspec.spec import load_text
 
@@ -106,15 +106,15 @@ class States:
         self.machine.update_terms()
         self.evaluate()
 
-    def problem(self) -> Problem:
+    def problem(self) -> QuadraticProgram:
         """The program around the torque of the last evaluation; the resolver's own arrays."""
         self.resolver._assemble.evaluate()
         return self.resolver._problem
 
-    def copy(self) -> Problem:
+    def copy(self) -> QuadraticProgram:
         """The same in arrays of its own."""
         p = self.problem()
-        return Problem(p.P.copy(), p.g.copy(), p.A.copy(), p.lower.copy(), p.upper.copy())
+        return QuadraticProgram(p.P.copy(), p.g.copy(), p.A.copy(), p.lower.copy(), p.upper.copy())
 
     def acceptance(self, x, dual) -> tuple[np.ndarray, float]:
         """Torque (n,) and KKT residual of an answer."""

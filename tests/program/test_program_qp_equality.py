@@ -7,7 +7,7 @@ import pinocchio as pin
 import pytest
 from random_states import States, press_text
 
-from taskspec.control.qp import Problem, Status, make_solver, residual
+from taskspec.control.qp import QuadraticProgram, Status, make_solver, residual
 from taskspec.laws import LAWS
 from taskspec.program.limits.relaxing import relax
 
@@ -20,7 +20,7 @@ STATES = 500
 ASKED = 1e-8
 
 
-def in_accelerations(states: States, problem: Problem) -> Problem:
+def in_accelerations(states: States, problem: QuadraticProgram) -> QuadraticProgram:
     """The program in joint accelerations, from Pinocchio's inertia: another way to the torque.
 
     x = L'(q'' - q''*) in P = L (..) L'. q''* itself enters by its numbers, so a torque that comes
@@ -29,7 +29,7 @@ def in_accelerations(states: States, problem: Problem) -> Problem:
     L, wish = np.linalg.cholesky(dynamics(states)[0]), acceleration(states)
     A = problem.A @ L.T
     P = L @ problem.P @ L.T
-    return Problem(
+    return QuadraticProgram(
         np.ascontiguousarray((P + P.T) / 2),
         -P @ wish,
         np.ascontiguousarray(A),
@@ -63,7 +63,7 @@ def acceleration(states: States) -> np.ndarray:
     return np.linalg.solve(H, states.torque - bias)
 
 
-def widen(problem: Problem) -> None:
+def widen(problem: QuadraticProgram) -> None:
     """Moves every limit that is in the way of x = 0 beyond it."""
     np.minimum(problem.lower, -1.0, out=problem.lower)
     np.maximum(problem.upper, 1.0, out=problem.upper)
@@ -157,7 +157,7 @@ def test_every_answer_under_active_limits_is_optimal():
     assert worst < 1e-8
 
 
-def apart(problem: Problem, exact, found) -> float:
+def apart(problem: QuadraticProgram, exact, found) -> float:
     """How far x may be from the exact one, as a norm, when OSQP is as good as it was asked to be.
 
     With residuals r_d of stationarity and r_p of the rows, z = A x - r_p in the bounds and y in

@@ -12,8 +12,8 @@ from random_states import States, press_text
 from scipy.optimize import linprog
 
 from taskspec.compiler import compile_unchecked
-from taskspec.control.qp import Problem, Solution, Status
-from taskspec.control.qp.problem import unsolved
+from taskspec.control.qp import QuadraticProgram, Solution, Status
+from taskspec.control.qp.quadratic_program import unsolved
 from taskspec.program.execution.resolver import HELD_TICKS
 from taskspec.program.limits.bounds import PRECEDENCE
 from taskspec.program.limits.relaxing import relax
@@ -26,11 +26,15 @@ T = 1e-3
 SPARE = 1e-4
 
 
-def collide(*rows: tuple[str, float, float], slope: float = 1.0) -> tuple[Problem, list[str]]:
+def collide(
+    *rows: tuple[str, float, float], slope: float = 1.0
+) -> tuple[QuadraticProgram, list[str]]:
     """A program in two unknowns with rows on the first: (kind, lower, upper)."""
     A = np.array([[slope, 0.0] for _ in rows])
     low, high = (np.array([row[i] for row in rows]) for i in (1, 2))
-    problem = Problem(np.eye(2), np.zeros(2), np.ascontiguousarray(A), low.copy(), high.copy())
+    problem = QuadraticProgram(
+        np.eye(2), np.zeros(2), np.ascontiguousarray(A), low.copy(), high.copy()
+    )
     return problem, [kind for kind, _, _ in rows]
 
 

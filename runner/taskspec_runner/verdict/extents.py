@@ -117,7 +117,7 @@ class Extents:
             value, *bounds = (
                 np.broadcast_to(s.values, shape)[truth.window] for _, s in self._sides
             )
-        if isinstance(self._condition, tree.Within):
+        if isinstance(self._condition, tree.WithinNode):
             return value, (bounds[0], bounds[1])
         below = self._say.relation(self._condition, self._sides).startswith("<")
         return value, (None, bounds[0]) if below else (bounds[0], None)

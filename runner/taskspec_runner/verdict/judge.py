@@ -137,7 +137,7 @@ class _Examiner:
             parts: tuple[tree.Node, ...] = (node.left, node.right)
             if not self._is_measured(node.left):
                 parts = (node.right, node.left)
-        elif isinstance(node, tree.Within):
+        elif isinstance(node, tree.WithinNode):
             parts = (node.x, node.low, node.high)
         else:
             return ()
@@ -162,7 +162,7 @@ class _Examiner:
         name = signal.args[0] if isinstance(signal, tree.Call) and size else signal
         if not isinstance(name, tree.Name) or name.frame is not None:
             return None
-        if isinstance(inner, tree.Within):
+        if isinstance(inner, tree.WithinNode):
             return None if size or reducer else (bounds[0], bounds[1])
         assert isinstance(inner, tree.Compare)
         below = inner.op.startswith("<") == (sides[0][0] is inner.left)

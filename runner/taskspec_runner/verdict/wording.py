@@ -153,7 +153,7 @@ class Wording:
         series = sides[0][1]
         values = np.broadcast_to(series.values, truth.values.shape)[truth.window]
         low, high = show(float(values.min()), unit), show(float(values.max()), unit)
-        if isinstance(node, tree.Within):
+        if isinstance(node, tree.WithinNode):
             return f"{low} to {high}"
         return (
             f"at most {high}" if self.relation(node, sides).startswith("<") else f"at least {low}"
@@ -163,7 +163,7 @@ class Wording:
         """The value that misses its bound by most, and when that was."""
         shape = truth.values.shape
         x, *bounds = (np.broadcast_to(series.values, shape) for _, series in sides)
-        if isinstance(node, tree.Within):
+        if isinstance(node, tree.WithinNode):
             excess = np.maximum(bounds[0] - x, x - bounds[1])
         else:
             excess = x - bounds[0]
@@ -188,7 +188,7 @@ class Wording:
             show(float(b.values[row or 0] if b.window is not None else b.number), unit, digits)
             for b in bounds
         ]
-        if isinstance(node, tree.Within):
+        if isinstance(node, tree.WithinNode):
             return f"needs {numbers[0]} to {numbers[1]}"
         return f"needs {self.relation(node, sides)} {numbers[0]}"
 

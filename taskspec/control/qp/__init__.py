@@ -1,6 +1,12 @@
 """Dense quadratic programs, one per tick, behind one small interface with two solvers."""
 
 from taskspec.control.qp.make import SOLVERS, make_solver
-from taskspec.control.qp.problem import Problem, Solution, Solver, Status, residual
+from taskspec.control.qp.quadratic_program import (
+    QuadraticProgram,
+    Solution,
+    Solver,
+    Status,
+    residual,
+)
 
-__all__ = ["SOLVERS", "Problem", "Solution", "Solver", "Status", "make_solver", "residual"]
+__all__ = ["SOLVERS", "QuadraticProgram", "Solution", "Solver", "Status", "make_solver", "residual"]

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.control.qp.make import make_solver
-from taskspec.control.qp.problem import Array, Problem, Status
+from taskspec.control.qp.quadratic_program import Array, QuadraticProgram, Status
 
 Rows = NDArray[np.intp]
 
@@ -57,7 +57,7 @@ def contradiction(
         row = int(crossed[0])
         return Certificate((row,), (1.0,), float(lower[row] - upper[row]))
     rows, low, high = _scaled(A, lower, upper)
-    if not Problem(np.eye(A.shape[1]), np.zeros(A.shape[1]), rows, low, high).is_finite():
+    if not QuadraticProgram(np.eye(A.shape[1]), np.zeros(A.shape[1]), rows, low, high).is_finite():
         raise ValueError("the rows are not finite")
     named: Rows = np.arange(len(rows))
     if not _infeasible(rows, low, high, named):
@@ -79,7 +79,7 @@ def _candidates(A: Array, lower: Array, upper: Array, given: Rows) -> Rows:
     from taskspec.control.qp.osqp import OsqpSolver
 
     m, n = A.shape
-    problem = Problem(np.eye(n), np.zeros(n), A, lower, upper)
+    problem = QuadraticProgram(np.eye(n), np.zeros(n), A, lower, upper)
     y = OsqpSolver(n, m).certificate(problem)
     weights = np.zeros(m) if y is None else np.abs(y)
     order: Rows = np.argsort(weights, kind="stable")
@@ -106,7 +106,7 @@ def _infeasible(A: Array, lower: Array, upper: Array, named: Rows) -> bool:
     if not named.size:
         return False
     n = A.shape[1]
-    part = Problem(np.eye(n), np.zeros(n), A[named], lower[named], upper[named])
+    part = QuadraticProgram(np.eye(n), np.zeros(n), A[named], lower[named], upper[named])
     return make_solver("daqp", n, len(named)).solve(part).status is Status.INFEASIBLE
 
 

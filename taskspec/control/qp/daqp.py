@@ -7,7 +7,7 @@ import math
 import daqp
 import numpy as np
 
-from taskspec.control.qp.problem import Problem, Solution, Status, unsolved
+from taskspec.control.qp.quadratic_program import QuadraticProgram, Solution, Status, unsolved
 
 # primal_tol is the violation, in rows scaled to unit length in the metric of P, up to which a
 # bound counts as kept; 1e-6 by default. eps_prox = 0 switches off the proximal outer iteration,
@@ -39,7 +39,7 @@ class DaqpSolver:
         """Forgets everything about earlier problems."""
         self._model = None
 
-    def solve(self, problem: Problem, *, finite: bool = False) -> Solution:
+    def solve(self, problem: QuadraticProgram, *, finite: bool = False) -> Solution:
         """Solves the problem, or says why not; data that are not finite never reach DAQP."""
         if not (finite or problem.is_finite()):
             return self._failed(Status.NOT_FINITE)
@@ -74,7 +74,7 @@ def _status(code: int) -> Status:
     return Status.NOT_CONVERGED
 
 
-def _without_answer(problem: Problem) -> Status:
+def _without_answer(problem: QuadraticProgram) -> Status:
     """Why finite data gave no finite answer: a lower bound of +inf, an upper one of -inf."""
     if np.any(problem.lower == math.inf) or np.any(problem.upper == -math.inf):
         return Status.INFEASIBLE

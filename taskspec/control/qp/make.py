@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from taskspec.control.qp.problem import Solver
+from taskspec.control.qp.quadratic_program import Solver
 
 SOLVERS = ("daqp", "osqp")
 

@@ -9,7 +9,13 @@ import numpy as np
 import osqp
 import scipy.sparse as sp
 
-from taskspec.control.qp.problem import Array, Problem, Solution, Status, unsolved
+from taskspec.control.qp.quadratic_program import (
+    Array,
+    QuadraticProgram,
+    Solution,
+    Status,
+    unsolved,
+)
 
 # Nothing depends on measured time (no time limit, the step of rho at a fixed count), so that the
 # same problems give the same bits. Polishing is off: it prints even when it is not verbose. The
@@ -64,7 +70,7 @@ class OsqpSolver:
         """Forgets everything about earlier problems, the warm start included."""
         self._solver = None
 
-    def solve(self, problem: Problem, *, finite: bool = False) -> Solution:
+    def solve(self, problem: QuadraticProgram, *, finite: bool = False) -> Solution:
         """Solves the problem to 1e-8, or says why not."""
         if not (finite or problem.is_finite()):
             self._solver = None
@@ -84,7 +90,7 @@ class OsqpSolver:
         self._solver = None
         return Solution(*self._nothing, status, result.info.iter)
 
-    def certificate(self, problem: Problem) -> Array | None:
+    def certificate(self, problem: QuadraticProgram) -> Array | None:
         """Multipliers y (m,) that prove the problem infeasible, None unless OSQP finds them.
 
         A'y = 0 and upper'y+ + lower'y- < 0, to the tolerance `eps_prim_inf`.
@@ -98,7 +104,7 @@ class OsqpSolver:
             return None
         return np.array(result.prim_inf_cert, dtype=np.float64)
 
-    def _load(self, problem: Problem) -> bool:
+    def _load(self, problem: QuadraticProgram) -> bool:
         """Hands the data over; False when OSQP refuses them, such as an indefinite P."""
         np.take(problem.flat_P, self._triangle, out=self._P.data)
         np.copyto(self._columns, problem.A.T)
@@ -125,7 +131,7 @@ class OsqpSolver:
         return True
 
 
-def _contradicts_itself(problem: Problem) -> bool:
+def _contradicts_itself(problem: QuadraticProgram) -> bool:
     """True when a single row cannot be met: its bounds cross, or one is infinite inwards."""
     lower, upper = problem.lower, problem.upper
     return bool((lower > upper).any() or (lower == math.inf).any() or (upper == -math.inf).any())

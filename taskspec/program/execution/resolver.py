@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec.control.qp import Problem, Solution, Status, make_solver
+from taskspec.control.qp import QuadraticProgram, Solution, Status, make_solver
 from taskspec.program.bound import BoundFunction
 from taskspec.program.limits.relaxing import relax
 from taskspec.program.limits.resolution import Resolution
@@ -86,7 +86,9 @@ class Resolver:
         self._clear, self._paring = True, False
         pieces, bounds = np.split(handed_over, [resolution.handed])
         lower, upper, self._clamped_cut = np.split(bounds, [m, 2 * m])
-        self._problem = problem = Problem(np.eye(n), np.zeros(n), np.zeros((m, n)), lower, upper)
+        self._problem = problem = QuadraticProgram(
+            np.eye(n), np.zeros(n), np.zeros((m, n)), lower, upper
+        )
         self._x, self._dual = np.zeros(n), np.zeros(m)
         self._accepted, self._found_cut = np.zeros(n), np.zeros(r)
         self._residual, self._binding = np.zeros(1), np.zeros(1)
@@ -202,7 +204,7 @@ class _Nearest:
     def __init__(self, resolution: Resolution, inputs: Sequence[Vector]) -> None:
         g, r = resolution.generators, len(resolution.requested)
         m = len(resolution.conditions)
-        self._problem = Problem.empty(g, m)
+        self._problem = QuadraticProgram.empty(g, m)
         self._effect, self.values = np.zeros((r, g)), np.zeros(r)
         self._texts, self._dual = resolution.conditions, np.zeros(m)
         problem = self._problem

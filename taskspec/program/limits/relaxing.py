@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec.control.qp import Problem, Status, make_solver
+from taskspec.control.qp import QuadraticProgram, Status, make_solver
 from taskspec.program.limits.bounds import PRECEDENCE
 
 Mask = NDArray[np.bool_]
@@ -24,7 +24,7 @@ _UNIT = 100.0
 _SPARE = 1e-5
 
 
-def relax(problem: Problem, kinds: Sequence[str], solver: str) -> bool:
+def relax(problem: QuadraticProgram, kinds: Sequence[str], solver: str) -> bool:
     """Widens the bounds of limits that collide, as little as it takes, the last of them first.
 
     Every kind of limit is given, after those before it in `PRECEDENCE`, the smallest equal
@@ -48,7 +48,9 @@ def relax(problem: Problem, kinds: Sequence[str], solver: str) -> bool:
     return True
 
 
-def _least_widening(problem: Problem, rows: Mask, ignored: Mask, solver: str) -> float | None:
+def _least_widening(
+    problem: QuadraticProgram, rows: Mask, ignored: Mask, solver: str
+) -> float | None:
     """The least t with which lower - t <= A x <= upper + t on `rows` agrees with all the others.
 
     Args:
@@ -56,7 +58,7 @@ def _least_widening(problem: Problem, rows: Mask, ignored: Mask, solver: str) ->
         solver: by name.
     """
     m, n = problem.A.shape
-    wide = Problem.empty(n + 1, 2 * m)
+    wide = QuadraticProgram.empty(n + 1, 2 * m)
     wide.A[:m, :n] = wide.A[m:, :n] = problem.A
     wide.A[:m, n], wide.A[m:, n] = -_UNIT * rows, _UNIT * rows
     wide.upper[:m] = np.where(ignored, np.inf, problem.upper)

@@ -83,7 +83,7 @@ class Checker:
             case tree.Compare(_, left, right):
                 self.same([left, right])
                 return CONDITION
-            case tree.Within(x, low, high):
+            case tree.WithinNode(x, low, high):
                 self.same([x, *ends(low, high)])
                 return CONDITION
             case tree.Not(x):

@@ -86,7 +86,7 @@ def evaluate(  # noqa: C901 - one case for each kind of node
             return algebra.reduce(node, reducer, value(arg))
         case tree.Compare(relation, left, right):
             return algebra.compare(relation, value(left), value(right))
-        case tree.Within(x, low, high):
+        case tree.WithinNode(x, low, high):
             inner = value(x)
             return algebra.logic(
                 "and",

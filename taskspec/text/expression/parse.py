@@ -174,7 +174,7 @@ class _Build(Transformer[Token, tree.Node]):
 
     def within(self, c: list[Any]) -> tree.Node:
         x, interval = c[0], c[2]
-        return tree.Within(x, interval.low, interval.high, start=x.start, end=interval.end)
+        return tree.WithinNode(x, interval.low, interval.high, start=x.start, end=interval.end)
 
     def binary(self, c: list[Any]) -> tree.Node:
         return tree.Binary(c[1].value, c[0], c[2], start=c[0].start, end=c[2].end)

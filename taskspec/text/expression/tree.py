@@ -90,7 +90,7 @@ class Compare(Node):
 
 
 @dataclass(frozen=True, slots=True)
-class Within(Node):
+class WithinNode(Node):
     """low <= x <= high; from `x within a..b` or `x within a +- b`."""
 
     x: Node
@@ -158,7 +158,7 @@ def children(node: Node) -> tuple[Node, ...]:
             return args
         case Reduce(_, arg):
             return (arg,)
-        case Within(x, low, high):
+        case WithinNode(x, low, high):
             return (x, low, high)
         case Logic(_, items):
             return items

@@ -26,7 +26,7 @@ def written_out(node: tree.Node) -> tree.Node:
             return replace(node, args=tuple(map(written_out, args)))
         case tree.Reduce(_, arg):
             return replace(node, arg=written_out(arg))
-        case tree.Within(x, low, high):
+        case tree.WithinNode(x, low, high):
             return replace(node, x=written_out(x), low=written_out(low), high=written_out(high))
         case tree.Logic(_, items):
             return replace(node, items=tuple(map(written_out, items)))

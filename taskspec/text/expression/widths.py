@@ -22,7 +22,7 @@ def interval_problems(root: tree.Node, lookup: Callable[[tree.Name], float]) -> 
         lookup: the value of a param in SI units; nan of any other name.
     """
     for node in tree.walk(root):
-        if not isinstance(node, tree.Within):
+        if not isinstance(node, tree.WithinNode):
             continue
         low, high = (evaluate(end, FloatAlgebra(), lookup) for end in (node.low, node.high))
         begin, end = node.low.start, node.high.end
@@ -39,7 +39,7 @@ def interval_problems(root: tree.Node, lookup: Callable[[tree.Name], float]) -> 
             yield Problem("TS103", message, begin, end, "give it a width, such as +- 2 % of it")
 
 
-def _half(node: tree.Within) -> tree.Node | None:
+def _half(node: tree.WithinNode) -> tree.Node | None:
     """The x of `within a +- x`; None of an interval with two ends."""
     match node.low, node.high:
         case tree.Binary("-", first, below), tree.Binary("+", second, above):

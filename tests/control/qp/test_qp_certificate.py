@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from taskspec.control.qp.certificate import Certificate, contradiction
-from taskspec.control.qp.problem import Array
+from taskspec.control.qp.quadratic_program import Array
 
 INF = np.inf
 

@@ -8,13 +8,13 @@ import sys
 import numpy as np
 import pytest
 
-from taskspec.control.qp import SOLVERS, Problem, Status, make_solver, residual
-from taskspec.control.qp.problem import Array
+from taskspec.control.qp import SOLVERS, QuadraticProgram, Status, make_solver, residual
+from taskspec.control.qp.quadratic_program import Array
 
 N, M = 7, 20
 
 
-def random_problem(rng: np.random.Generator, n: int = N, m: int = M) -> Problem:
+def random_problem(rng: np.random.Generator, n: int = N, m: int = M) -> QuadraticProgram:
     """Feasible, with rows and Hessian of order one and an optimum outside some of the bounds."""
     root = rng.normal(size=(n, n))
     P = root @ root.T + 0.1 * np.eye(n)
@@ -24,10 +24,10 @@ def random_problem(rng: np.random.Generator, n: int = N, m: int = M) -> Problem:
     upper = A @ inside + rng.random(m)
     lower[rng.random(m) < 0.3] = -np.inf
     upper[rng.random(m) < 0.3] = np.inf
-    return Problem(P, -P @ wish, A, lower, upper)
+    return QuadraticProgram(P, -P @ wish, A, lower, upper)
 
 
-def degenerate_problem(rng: np.random.Generator, n: int = N, m: int = M) -> Problem:
+def degenerate_problem(rng: np.random.Generator, n: int = N, m: int = M) -> QuadraticProgram:
     """Feasible in one point or nearly: equalities, rows twice, rows of zeros, bounds that touch."""
     P, g, A, inside = (
         np.diag(10.0 ** rng.uniform(-2, 2, n)),
@@ -44,17 +44,17 @@ def degenerate_problem(rng: np.random.Generator, n: int = N, m: int = M) -> Prob
     lower[1] = upper[1] = at[1]
     lower[5] = upper[5] = at[5]
     lower[7] = upper[7] = at[7]
-    return Problem(P, g, A, lower, upper)
+    return QuadraticProgram(P, g, A, lower, upper)
 
 
-def copy(source: Problem, into: Problem) -> Problem:
+def copy(source: QuadraticProgram, into: QuadraticProgram) -> QuadraticProgram:
     """Rewrites `into` in place, as a tick does."""
     for name in ("P", "g", "A", "lower", "upper"):
         getattr(into, name)[...] = getattr(source, name)
     return into
 
 
-def infeasible_problem(rng: np.random.Generator) -> Problem:
+def infeasible_problem(rng: np.random.Generator) -> QuadraticProgram:
     problem = random_problem(rng)
     problem.A[1] = problem.A[0]
     problem.lower[:2], problem.upper[:2] = (1.0, 3.0), (2.0, 4.0)
@@ -74,7 +74,7 @@ def solver_name(request: pytest.FixtureRequest) -> str:
 def test_daqp_meets_the_optimality_conditions_on_thousands_of_problems(make) -> None:
     rng = np.random.default_rng(0)
     solver = make_solver("daqp", N, M)
-    problem = Problem.empty(N, M)
+    problem = QuadraticProgram.empty(N, M)
     for _ in range(3000):
         found = solver.solve(copy(make(rng), problem))
         assert found.status is Status.SOLVED
@@ -98,7 +98,7 @@ def test_solvers_agree_to_the_tolerance_asked_of_osqp(n: int, m: int) -> None:
 
 def test_one_unknown_by_hand(solver_name: str) -> None:
     # min x^2 - 2x with x <= 1/4: at the bound, where 2x - 2 + y = 0 gives y = 3/2.
-    problem = Problem(
+    problem = QuadraticProgram(
         np.array([[2.0]]),
         np.array([-2.0]),
         np.array([[1.0]]),
@@ -128,7 +128,7 @@ def test_nan_is_refused_and_leaves_nothing_behind(
     solver_name: str, array: str, before: bool
 ) -> None:
     rng = np.random.default_rng(4)
-    good, problem = random_problem(rng), Problem.empty(N, M)
+    good, problem = random_problem(rng), QuadraticProgram.empty(N, M)
     expected = make_solver("daqp", N, M).solve(good)
     solver = make_solver(solver_name, N, M)
     if before:
@@ -166,7 +166,7 @@ def test_infeasible_then_good(solver_name: str) -> None:
 )
 def test_bounds_that_cross_are_infeasible(solver_name: str, lower: float, upper: float) -> None:
     good = random_problem(np.random.default_rng(7))
-    problem = copy(good, Problem.empty(N, M))
+    problem = copy(good, QuadraticProgram.empty(N, M))
     solver = make_solver(solver_name, N, M)
     assert solver.solve(problem).status is Status.SOLVED
     problem.lower[2], problem.upper[2] = lower, upper
@@ -183,7 +183,7 @@ def test_equality_opens_again(solver_name: str) -> None:
     good.lower[:], good.upper[:] = -np.inf, np.inf
     good.upper[3] = good.A[3] @ wish - 1.0
     expected = make_solver(solver_name, N, M).solve(good)
-    solver, problem = make_solver(solver_name, N, M), copy(good, Problem.empty(N, M))
+    solver, problem = make_solver(solver_name, N, M), copy(good, QuadraticProgram.empty(N, M))
     problem.lower[3] = problem.upper[3] = good.A[3] @ wish + 1.0
     at_equality = solver.solve(problem)
     assert problem.A[3] @ at_equality.x == pytest.approx(problem.upper[3], abs=1e-6)
@@ -198,7 +198,7 @@ def test_equality_opens_again(solver_name: str) -> None:
 
 def test_indefinite_hessian_is_refused_and_leaves_nothing_behind(solver_name: str) -> None:
     good = random_problem(np.random.default_rng(9))
-    problem, solver = copy(good, Problem.empty(N, M)), make_solver(solver_name, N, M)
+    problem, solver = copy(good, QuadraticProgram.empty(N, M)), make_solver(solver_name, N, M)
     solver.solve(problem)
     problem.P[0, 0] = -5.0
     assert solver.solve(problem).status is Status.NOT_CONVERGED
@@ -210,7 +210,7 @@ def test_indefinite_hessian_is_refused_and_leaves_nothing_behind(solver_name: st
 def test_nothing_is_printed(solver_name: str, capfd: pytest.CaptureFixture[str]) -> None:
     rng = np.random.default_rng(10)
     solver = make_solver(solver_name, N, M)
-    problem = Problem.empty(N, M)
+    problem = QuadraticProgram.empty(N, M)
     for make in (random_problem, infeasible_problem, degenerate_problem):
         solver.solve(copy(make(rng), problem))
     problem.lower[2] = problem.upper[2] + 1.0
@@ -226,7 +226,7 @@ def test_nothing_is_printed(solver_name: str, capfd: pytest.CaptureFixture[str])
 def test_same_problems_give_the_same_bits(solver_name: str) -> None:
     def answers() -> bytes:
         rng, solver = np.random.default_rng(11), make_solver(solver_name, N, M)
-        problem = Problem.empty(N, M)
+        problem = QuadraticProgram.empty(N, M)
         found = [solver.solve(copy(random_problem(rng), problem)) for _ in range(500)]
         return b"".join(s.x.tobytes() + s.dual.tobytes() for s in found)
 
@@ -275,17 +275,17 @@ def test_residual_sees_each_kind_of_error() -> None:
         assert residual(problem, x, other) > 1e-3
     assert residual(problem, x + 1e-3, dual) > 1e-4
     assert np.isnan(residual(problem, x * np.nan, dual))
-    unbounded = Problem(problem.P, problem.g, problem.A * 0, problem.lower, problem.upper)
+    unbounded = QuadraticProgram(problem.P, problem.g, problem.A * 0, problem.lower, problem.upper)
     assert residual(unbounded, -np.linalg.solve(problem.P, problem.g), 0 * dual) > 1e-3
 
 
 def test_arrays_of_other_shapes_or_kinds_are_refused() -> None:
-    def made(**changed: Array) -> Problem:
+    def made(**changed: Array) -> QuadraticProgram:
         arrays = {
             "P": np.eye(2), "g": np.zeros(2), "A": np.zeros((3, 2)),
             "lower": np.zeros(3), "upper": np.zeros(3),
         }  # fmt: skip
-        return Problem(**(arrays | changed))
+        return QuadraticProgram(**(arrays | changed))
 
     made()
     with pytest.raises(ValueError, match="lower must be"):

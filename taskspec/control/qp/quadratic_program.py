@@ -23,7 +23,7 @@ class Status(enum.Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class Problem:
+class QuadraticProgram:
     """min 1/2 x'Px + g'x  subject to  lower <= Ax <= upper.
 
     The arrays stay the same objects for as long as the problem lives and are rewritten in place
@@ -64,7 +64,7 @@ class Problem:
         object.__setattr__(self, "flat_A", self.A.reshape(-1))
 
     @classmethod
-    def empty(cls, n: int, m: int) -> Problem:
+    def empty(cls, n: int, m: int) -> QuadraticProgram:
         """A problem of n unknowns and m rows that asks for nothing: x = 0 solves it."""
         infinite = np.full(m, np.inf)
         return cls(np.eye(n), np.zeros(n), np.zeros((m, n)), -infinite, infinite)
@@ -101,7 +101,7 @@ class Solution(NamedTuple):
 class Solver(Protocol):
     """Solves problems of one size; keeps memory between solves, never the problem."""
 
-    def solve(self, problem: Problem, *, finite: bool = False) -> Solution:
+    def solve(self, problem: QuadraticProgram, *, finite: bool = False) -> Solution:
         """Solves a problem of the size that the solver was made for.
 
         Args:
@@ -120,7 +120,7 @@ def unsolved(n: int, m: int) -> tuple[Array, Array]:
     return x, dual
 
 
-def residual(problem: Problem, x: Array, dual: Array) -> float:
+def residual(problem: QuadraticProgram, x: Array, dual: Array) -> float:
     """Largest of the four scaled errors in the Karush-Kuhn-Tucker conditions, without unit.
 
     - stationarity |Px + g + A'y|, over max(1, |Px|, |g|, |A'y|);
