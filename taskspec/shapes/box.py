@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from taskspec.shapes.surface import Vector
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, eq=False)
 class Box(ToolSurface):
     """A box about its origin.
 
@@ -127,7 +127,7 @@ class Box(ToolSurface):
         return ToolEnd(solid, -z, min(x, y), 2 * -z, centers, np.full(4, point))
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, eq=False)
 class BoxFace(SurfaceChart):
     """One face of a box.
 

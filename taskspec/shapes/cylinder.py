@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from taskspec.shapes.surface import Vector
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, eq=False)
 class Cylinder(ToolSurface):
     """A cylinder about its z.
 
@@ -98,7 +98,7 @@ def _rim(radius: float) -> Vector:
     return radius * np.column_stack((np.cos(angles), np.sin(angles)))
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, eq=False)
 class CylinderSide(SurfaceChart):
     """The side of a cylinder, without its ends."""
 

@@ -17,7 +17,7 @@ _SLAB = 0.015
 _BLOCK, _BLOCK_THICKNESS = 1000.0, 10.0
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, eq=False)
 class Plane(Surface):
     """z = 0, with the outward normal z."""
 
@@ -48,7 +48,7 @@ class Plane(Surface):
         return Geom("box", (float(half[0]), float(half[1]), _SLAB), middle)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, eq=False)
 class PlaneChart(SurfaceChart):
     """All of a plane."""
 

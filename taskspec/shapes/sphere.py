@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from taskspec.shapes.surface import Vector
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, eq=False)
 class Sphere(ToolSurface):
     """A sphere about its origin.
 
@@ -67,7 +67,7 @@ class Sphere(ToolSurface):
         return ToolEnd(solid, -radius, radius, -radius, centers, np.array([radius]), flat=False)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, eq=False)
 class SphereChart(SurfaceChart):
     """All of a sphere but the poles, where x is not defined."""
 

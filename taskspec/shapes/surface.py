@@ -54,7 +54,7 @@ class SizeKey:
 RADIUS = SizeKey("radius", "Radius", shown=("50 mm",))
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, eq=False)
 class Geom:
     """A geom of MuJoCo as data, in the axes of the shape.
 
@@ -69,7 +69,7 @@ class Geom:
     center: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, eq=False)
 class Surface(ABC):
     """A kind of shape, and of that kind one that is somewhere.
 
@@ -148,7 +148,6 @@ class Surface(ABC):
         return None
 
 
-@dataclass(frozen=True, slots=True)
 class BoundedSurface(Surface):
     """A shape of finite size: it has a volume, and may be a loose body.
 
@@ -179,7 +178,7 @@ class BoundedSurface(Surface):
         """Points (k, 3) [m] that it reaches furthest with, own axes, and a radius about them."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, eq=False)
 class ToolEnd:
     """The end of a tool, in the tip frame: z out of the tool, its lowest points in z = 0.
 
@@ -202,7 +201,6 @@ class ToolEnd:
     flat: bool = True
 
 
-@dataclass(frozen=True, slots=True)
 class ToolSurface(BoundedSurface):
     """A shape that can be the end of a tool.
 
@@ -225,8 +223,6 @@ class ToolSurface(BoundedSurface):
 
 class SurfaceChart(ABC):
     """Distance, foot, normal and frame of the part of a surface that the tool follows."""
-
-    __slots__ = ()
 
     @abstractmethod
     def distance(self, point: ca.SX) -> ca.SX:
