@@ -5,87 +5,24 @@ What refuses a task on this way is `admit`; `validate` shows the same findings.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.examination import Examination, examine
-from taskspec.foresight.task_plan import TaskPlan, plan_task
-from taskspec.program.context import Context
+from taskspec.foresight.nominal import plan_task
 from taskspec.program.errors import spec_error
-from taskspec.program.execution.machine import Machine, Views
-from taskspec.program.execution.sensor_zero import sensor_zero
-from taskspec.program.ports import fields
+from taskspec.program.plan import TaskPlan
+from taskspec.program.program import Program, refusals
 from taskspec.program.signals import UnknownSignalError
 from taskspec.program.stages.stage import CompiledStage, compile_stage
-from taskspec.program.world.estimated_frames import estimates
 from taskspec.spec import FILE, LoadedTask
-from taskspec.text.diagnostic import Diagnostic, Severity, SpecError
+from taskspec.text.diagnostic import SpecError
 
 Vector = NDArray[np.float64]
 
 
 #: The code of a stage that is predicted to be unstable in the world of its file.
 UNSTABLE = "TS501"
-#: A world that `vary` allows is not that of a run: that a stage is unstable in one of them keeps
-#: nothing from running.
-_OF_OTHER_WORLDS = ("TS503",)
-
-
-@dataclass(frozen=True, slots=True)
-class Program:
-    """A compiled task.
-
-    Attributes:
-        plan: of the task.
-        stages: compiled, in the order of the file.
-        findings: all that was found about the task, errors that were lifted by force included.
-    """
-
-    plan: TaskPlan
-    stages: tuple[CompiledStage, ...]
-    findings: tuple[Diagnostic, ...] = ()
-
-    @property
-    def forced(self) -> tuple[str, ...]:
-        """Codes of the findings that refuse the task and were lifted by force, each once."""
-        return tuple(dict.fromkeys(d.code for d in refusals(self.findings)))
-
-    @property
-    def context(self) -> Context:
-        """Robot, start, frames, surfaces."""
-        return self.plan.context
-
-    @property
-    def output_size(self) -> int:
-        """Length of a machine's `outputs`."""
-        return sum(length for _, length in fields(len(self.context.equations)))
-
-    def machine(self, views: Views | None = None) -> Machine:
-        """A fresh machine; `views` are 1-D arrays for its inputs and outputs."""
-        n = self.context.robot.pin.nv
-        context, task = self.context, self.context.loaded.task
-        if views is None:
-            lengths = (n, n, 6, len(context.equations), n, self.output_size)
-            q, v, wrench, reactions, torque, outputs = (np.zeros(length) for length in lengths)
-            views = (q, v, wrench, reactions, torque, outputs)
-        return Machine(
-            context.robot,
-            self.stages,
-            context.period,
-            views,
-            sensor_zero(task, task.robot.sensor, context.robot),
-            estimates(context.frames, context.period),
-        )
-
-
-def refusals(findings: Iterable[Diagnostic]) -> tuple[Diagnostic, ...]:
-    """The findings that keep a task from being run."""
-    return tuple(
-        d for d in findings if d.severity is Severity.ERROR and d.code not in _OF_OTHER_WORLDS
-    )
 
 
 def compile_task(loaded: LoadedTask, *, force: bool = False) -> Program:

@@ -21,7 +21,8 @@ from taskspec.check.stability.predicted import check_stability
 from taskspec.check.stages.entering import check_entering, check_ramps
 from taskspec.check.stages.guards import check_guards
 from taskspec.check.stages.noise import check_noise
-from taskspec.foresight.task_plan import TaskPlan, plan_task
+from taskspec.foresight.nominal import plan_task
+from taskspec.program.plan import TaskPlan
 from taskspec.rules import Phase, ask
 from taskspec.spec import LoadedTask
 from taskspec.text.diagnostic import Diagnostic, Diagnostics, SpecError

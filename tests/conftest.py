@@ -15,8 +15,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from taskspec.compiler import Program, compile_unchecked
+from taskspec.compiler import compile_unchecked
 from taskspec.program.execution.transition import Transition
+from taskspec.program.program import Program
 from taskspec.spec import load_task, load_text
 from taskspec_runner.loop import fixed_step as loop
 from taskspec_runner.loop.assembly import assemble

@@ -9,9 +9,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from taskspec.compiler import Program, compile_task
+from taskspec.compiler import compile_task
 from taskspec.geometry.axis import AXES
 from taskspec.program.execution.machine import Machine
+from taskspec.program.program import Program
 from taskspec.robot.description import listening
 from taskspec.spec import LoadedTask
 from taskspec_runner.errors import OutputError, RunCrashedError

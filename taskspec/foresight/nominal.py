@@ -15,9 +15,11 @@ from taskspec.motion.profile import RISE_TIME
 from taskspec.program.contacts import PASSING
 from taskspec.program.context import Context
 from taskspec.program.known import known_value
-from taskspec.program.plan import StagePlan
+from taskspec.program.plan import StagePlan, TaskPlan
+from taskspec.program.prepare import prepare
 from taskspec.program.trajectory import SAMPLES, Course, Nominal, Place
 from taskspec.robot.inverse_kinematics import SOLVED, InverseKinematics, Target
+from taskspec.spec import LoadedTask
 from taskspec.text.show import show
 
 Vector = NDArray[np.float64]
@@ -38,7 +40,7 @@ def _missed(error: Vector) -> str:
     return show(short, "mm", 3) if short > SOLVED else show(askew, "deg", 3)
 
 
-class Walk:
+class NominalWalk:
     """Goes through the stages in the order of the file, from the start pose.
 
     Stages that press, or move towards their surface until something is felt, close the gap along
@@ -232,3 +234,12 @@ class Walk:
             return None
         lasts = max(self._gap(stage, contact), 0.0) / closing
         return {axis: rate * lasts for axis, rate in rates.items()}
+
+
+def plan_task(loaded: LoadedTask) -> TaskPlan:
+    """The plan of a task.
+
+    Raises:
+        SpecError: the robot cannot be loaded or its start cannot be reached.
+    """
+    return TaskPlan(prepare(loaded), NominalWalk)

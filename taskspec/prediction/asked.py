@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from taskspec.compiler import Program
 from taskspec.program.execution.resolver import Asked
+from taskspec.program.program import Program
 from taskspec.program.reference.force_references import DEFAULT_RAMP
 from taskspec.program.stages.stage import CompiledStage
 

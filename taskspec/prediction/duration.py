@@ -11,7 +11,7 @@ from taskspec.foresight.held_motion import coordinate_rate
 from taskspec.foresight.interval import ANY, Interval, point
 from taskspec.geometry.axis import AXES, TRANSLATIONS, Axis
 from taskspec.motion import profile
-from taskspec.prediction.begin import Begin
+from taskspec.prediction.at_start import StageAtStart
 from taskspec.prediction.forecast import Forecast, Signal, coming, moved, touching
 from taskspec.prediction.springs import spring_behind
 from taskspec.prediction.types import Duration, Equilibrium, Impact, StagePrediction
@@ -40,26 +40,26 @@ class Known:
     coordinate: float | None
 
 
-def planned(begin: Begin) -> Duration | None:
+def planned(here: StageAtStart) -> Duration | None:
     """Duration of a stage that ends by its moves, path and time; None for one with a guard."""
-    spec = begin.stage.plan.spec
+    spec = here.stage.plan.spec
     if spec.until is not None:
         return None
     lasts = [spec.time or 0.0]
-    for axis, plan in begin.stage.plan.plans.items():
+    for axis, plan in here.stage.plan.plans.items():
         if plan.motion and plan.mode == "move" and plan.axis.move:
             speed = plan.axis.speed or move_speed(axis)
             lasts.append(float(profile.move(0.0, 0.0, plan.axis.move, speed).knots[-2]))
-    along = _path_duration(begin)
+    along = _path_duration(here)
     if along is None:
         return Duration(None, None, "its path is as long as where it begins makes it")
     expected = max([*lasts, along])
     return Duration(expected, expected, "its moves, path and time")
 
 
-def _path_duration(begin: Begin) -> float | None:
+def _path_duration(here: StageAtStart) -> float | None:
     """Of a stage's path [s], 0 without one; None where its length depends on where it begins."""
-    path, start = begin.stage.plan.path, begin.coordinates
+    path, start = here.stage.plan.path, here.coordinates
     if path is None:
         return 0.0
     if start is None and path.kind in ("to", "arc"):
@@ -68,34 +68,34 @@ def _path_duration(begin: Begin) -> float | None:
     return path.plan(zero if start is None else dict(start)).duration
 
 
-def guarded(begin: Begin, known: Known) -> Duration:
+def guarded(here: StageAtStart, known: Known) -> Duration:
     """Duration of a stage that a guard ends."""
-    spec = begin.stage.plan.spec
+    spec = here.stage.plan.spec
     assert spec.until is not None
     most = None if spec.within is None else spec.within.time
-    forecast = Forecast(begin, _signals(begin, known))
+    forecast = Forecast(here, _signals(here, known))
     expected = forecast.first(spec.until, _HORIZON if most is None else most)
     if expected is not None and (most is None or expected <= most):
-        met = known.met if begin.gap is not None else None
+        met = known.met if here.gap is not None else None
         return Duration(expected, most, "its guard" if met is None else f"comes to {met.contact}")
     return Duration(None, most, "nothing tells when its guard holds")
 
 
-def _signals(begin: Begin, known: Known) -> dict[str, Signal]:
+def _signals(here: StageAtStart, known: Known) -> dict[str, Signal]:
     """All signals of a stage that can be told."""
-    rates, along = _rates(begin), _path_duration(begin)
+    rates, along = _rates(here), _path_duration(here)
     found: dict[str, Signal] = {"t": point}
-    if begin.stage.plan.path is not None and along is not None:
+    if here.stage.plan.path is not None and along is not None:
         found["path_done"] = lambda t: point(float(t >= along))
-    found |= coming(rates, begin.coordinates)
+    found |= coming(rates, here.coordinates)
     met = known.met
-    if met is not None and begin.gap is not None and met.drag is not None:
-        own = spring_behind(begin, met.axis, met.mass)
+    if met is not None and here.gap is not None and met.drag is not None:
+        own = spring_behind(here, met.axis, met.mass)
         if own > 0:
-            found |= touching(begin, met, own)
+            found |= touching(here, met, own)
         # Where it is stopped by what it meets, the reference goes on alone.
         found |= {f"position.{a}": _unknown for a in TRANSLATIONS if rates.get(a)}
-    found |= _mechanism(begin, known)
+    found |= _mechanism(here, known)
     return found
 
 
@@ -103,28 +103,28 @@ def _unknown(_: float) -> Interval:
     return ANY
 
 
-def _rates(begin: Begin) -> dict[Axis, float]:
+def _rates(here: StageAtStart) -> dict[Axis, float]:
     """Rates of motion axes that are constant [m/s, rad/s]."""
     found = {}
-    for axis, plan in begin.stage.plan.plans.items():
+    for axis, plan in here.stage.plan.plans.items():
         if not plan.motion or plan.axis.has_force:
             continue
         if plan.mode == "hold":
             found[axis] = 0.0
         elif plan.mode == "velocity" and plan.axis.velocity is not None:
-            rate = known_value(begin.context, plan.axis.velocity)
+            rate = known_value(here.context, plan.axis.velocity)
             if rate is not None and math.isfinite(rate):
                 found[axis] = rate
     return found
 
 
-def _mechanism(begin: Begin, known: Known) -> dict[str, Signal]:
+def _mechanism(here: StageAtStart, known: Known) -> dict[str, Signal]:
     """Coordinate of the held mechanism, and what it bears until it comes to its stop."""
-    name, start = begin.stage.plan.held, known.coordinate
-    rate = mechanism_rate(begin)
+    name, start = here.stage.plan.held, known.coordinate
+    rate = mechanism_rate(here)
     if rate is None or start is None:
         return {}
-    held = begin.context.loaded.task.mechanisms[name]
+    held = here.context.loaded.task.mechanisms[name]
     signal = f"{name}.{'torque' if held.angular else 'force'}"
     goes = known.forces[signal].value if signal in known.forces else 0.0
     low, high = held.stop or (-math.inf, math.inf)
@@ -142,11 +142,11 @@ def _mechanism(begin: Begin, known: Known) -> dict[str, Signal]:
     return found
 
 
-def mechanism_rate(begin: Begin) -> float | None:
+def mechanism_rate(here: StageAtStart) -> float | None:
     """Rate of the held mechanism [rad/s, m/s]; None where none is held, or it is not known."""
-    if not begin.stage.plan.held:
+    if not here.stage.plan.held:
         return None
-    return coordinate_rate(begin.stage.plan)
+    return coordinate_rate(here.stage.plan)
 
 
 def whole(stages: Mapping[str, Stage], found: Sequence[StagePrediction]) -> Duration:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from taskspec.foresight.held_motion import coordinate_rate
 from taskspec.geometry.axis import AXES, Axis
-from taskspec.prediction.begin import Begin
+from taskspec.prediction.at_start import StageAtStart
 from taskspec.prediction.reach import Bearing, bearing
 from taskspec.prediction.set_points import drift, settled, span_of
 from taskspec.prediction.springs import behind, push, yield_of
@@ -34,37 +34,37 @@ class Rest:
     drift: float = 0.0
 
 
-def at_rest(begin: Begin, lasts: float | None, asked: Asked | None) -> Rest:
+def at_rest(here: StageAtStart, lasts: float | None, asked: Asked | None) -> Rest:
     """Forces that a stage comes to and how deep its contacts are then.
 
     Args:
-        begin: the stage. lasts: how long [s], where that is known.
+        here: the stage. lasts: how long [s], where that is known.
         asked: under a program, what contacts return of its set points.
     """
     rest = Rest()
-    on = bearing(begin)
-    _set_points(begin, on, lasts, asked, rest)
-    _springs(begin, on, rest)
-    _equations(begin, lasts, asked, rest)
-    _mechanism(begin, rest)
+    on = bearing(here)
+    _set_points(here, on, lasts, asked, rest)
+    _springs(here, on, rest)
+    _equations(here, lasts, asked, rest)
+    _mechanism(here, rest)
     return rest
 
 
 def _set_points(
-    begin: Begin, on: Bearing, lasts: float | None, asked: Asked | None, rest: Rest
+    here: StageAtStart, on: Bearing, lasts: float | None, asked: Asked | None, rest: Rest
 ) -> None:
     """Axes with a force loop, and the depths of the contacts that bear them."""
     spans = {}
-    for axis, plan in begin.stage.plan.plans.items():
+    for axis, plan in here.stage.plan.plans.items():
         expression = plan.axis.force if plan.axis.force is not None else plan.axis.torque
         if plan.force and expression is not None:
-            spans[axis] = span_of(begin.context, expression, lasts)
+            spans[axis] = span_of(here.context, expression, lasts)
     known = {axis: span for axis, span in spans.items() if span is not None}
     linear = [axis for axis in known if not axis.is_rotation]
     if len(known) < len(spans):
         known = {a: s for a, s in known.items() if a not in linear} if linear else known
         linear = []
-    ends = [settled(begin, on, {a: known[a][i] for a in linear}) for i in range(3)]
+    ends = [settled(here, on, {a: known[a][i] for a in linear}) for i in range(3)]
     for axis, span in known.items():
         values = [end[axis] for end in ends if end is not None] if axis in linear else list(span)
         if len(values) < 3:
@@ -73,24 +73,24 @@ def _set_points(
         if asked is not None and asked.left.get(axis):
             first = low = high = asked.forces[axis] - asked.left[axis]
         reached = abs(first - span[0]) <= _DIFFERS * abs(span[0])
-        source = _loop(begin, axis, reached=reached)
+        source = _loop(here, axis, reached=reached)
         rest.forces[applied(axis)] = Equilibrium(applied(axis), first, low, high, source)
     linear = [axis for axis in linear if applied(axis) in rest.forces]
     if linear and asked is None:
-        rest.drift = drift(begin, {a: known[a][0] - rest.forces[applied(a)].value for a in linear})
+        rest.drift = drift(here, {a: known[a][0] - rest.forces[applied(a)].value for a in linear})
     if linear:
-        _depths(begin, on, {a: rest.forces[applied(a)] for a in linear}, rest)
+        _depths(here, on, {a: rest.forces[applied(a)] for a in linear}, rest)
 
 
-def _loop(begin: Begin, axis: Axis, *, reached: bool) -> str:
-    stage = begin.stage
+def _loop(here: StageAtStart, axis: Axis, *, reached: bool) -> str:
+    stage = here.stage
     law, moves = stage.plan.law.control_law, stage.plan.plans[axis].axis.velocity is not None
     if not law.shares and stage.resolution is not None and not reached:
         return "nearest that contacts return"
     return law.settles_at(moves=moves, reached=reached)
 
 
-def _depths(begin: Begin, on: Bearing, forces: Mapping[str, Equilibrium], rest: Rest) -> None:
+def _depths(here: StageAtStart, on: Bearing, forces: Mapping[str, Equilibrium], rest: Rest) -> None:
     """f = -N push over the force axes: what each contact bears, and f/k."""
     if not on.names:
         return
@@ -105,18 +105,18 @@ def _depths(begin: Begin, on: Bearing, forces: Mapping[str, Equilibrium], rest: 
             continue
         deepest = max((float(p[i]) for p in pushes), key=abs)
         if deepest > 0:
-            rest.depths[name] = _depth(begin, name, deepest)
+            rest.depths[name] = _depth(here, name, deepest)
 
 
-def _depth(begin: Begin, name: str, bears: float, angular: bool = False) -> Depth:
-    depth = bears / begin.context.compliances[name].stiffness
-    worst = extreme(begin.context, name, lambda world: bears / world.stiffness, abs)
+def _depth(here: StageAtStart, name: str, bears: float, angular: bool = False) -> Depth:
+    depth = bears / here.context.compliances[name].stiffness
+    worst = extreme(here.context, name, lambda world: bears / world.stiffness, abs)
     return Depth(name, bears, depth, angular, worst)
 
 
-def _springs(begin: Begin, on: Bearing, rest: Rest) -> None:
+def _springs(here: StageAtStart, on: Bearing, rest: Rest) -> None:
     """The axis along a contact's normal that a spring of the law holds."""
-    context, stage = begin.context, begin.stage
+    context, stage = here.context, here.stage
     if (
         stage.plan.contact is None
         or stage.plan.contact not in on.names
@@ -125,7 +125,7 @@ def _springs(begin: Begin, on: Bearing, rest: Rest) -> None:
         return
     name = stage.plan.contact
     normal = on.normals[:, on.names.index(name)]
-    found, own = behind(begin, normal[:, None]), yield_of(begin, normal)
+    found, own = behind(here, normal[:, None]), yield_of(here, normal)
     if found is None or own is None or found[1] <= 0:
         return
     axis, depth = found
@@ -145,9 +145,9 @@ def _springs(begin: Begin, on: Bearing, rest: Rest) -> None:
     rest.depths[name] = Depth(name, bears, bears / k, worst=deepest)
 
 
-def _equations(begin: Begin, lasts: float | None, asked: Asked | None, rest: Rest) -> None:
+def _equations(here: StageAtStart, lasts: float | None, asked: Asked | None, rest: Rest) -> None:
     """Constraints of a law with multipliers: the set point along the unit gradient."""
-    context, stage = begin.context, begin.stage
+    context, stage = here.context, here.stage
     if not stage.plan.law.control_law.multipliers:
         return
     for name in stage.plan.active:
@@ -162,12 +162,12 @@ def _equations(begin: Begin, lasts: float | None, asked: Asked | None, rest: Res
         rest.forces[signal] = Equilibrium(signal, *span, "set point")
         deepest = max(span, key=abs)
         if deepest:
-            rest.depths[name] = _depth(begin, name, deepest, joints)
+            rest.depths[name] = _depth(here, name, deepest, joints)
 
 
-def _mechanism(begin: Begin, rest: Rest) -> None:
+def _mechanism(here: StageAtStart, rest: Rest) -> None:
     """What the held mechanism takes to go on at its rate: friction and damping."""
-    context, stage = begin.context, begin.stage
+    context, stage = here.context, here.stage
     name = stage.plan.held
     rate = coordinate_rate(stage.plan) if name else None
     if not rate:

@@ -12,7 +12,7 @@ from taskspec.foresight.interval import ANY, Interval, IntervalAlgebra, point
 from taskspec.foresight.ranges import Ranges
 from taskspec.geometry.axis import Axis
 from taskspec.motion.blend import BLEND_TIME
-from taskspec.prediction.begin import Begin
+from taskspec.prediction.at_start import StageAtStart
 from taskspec.prediction.types import Impact
 from taskspec.signals.entries import TOUCHING
 from taskspec.text.expression import Expression, evaluate
@@ -32,7 +32,7 @@ Signal = Callable[[float], Interval]
 class Forecast:
     """Signals of a stage by full name; what is not among them can have any value."""
 
-    begin: Begin
+    here: StageAtStart
     signals: Mapping[str, Signal] = field(default_factory=dict)
 
     def first(self, guard: Expression, horizon: float) -> float | None:
@@ -45,7 +45,7 @@ class Forecast:
         node, dwell = (tree.x, tree.amount.value_si) if isinstance(tree, Held) else (tree, 0.0)
         if any(isinstance(part, Held | Reduce) for part in walk(node)):
             return None
-        context, name = self.begin.context, self.begin.stage.name
+        context, name = self.here.context, self.here.stage.name
         algebra = IntervalAlgebra()
 
         def holds(t: float) -> bool:
@@ -92,21 +92,21 @@ def _linear(start: float, rate: float) -> Signal:
     return lambda t: point(start + moved(rate, t))
 
 
-def touching(begin: Begin, met: Impact, own: float) -> dict[str, Signal]:
+def touching(here: StageAtStart, met: Impact, own: float) -> dict[str, Signal]:
     """Forces and gap of a stage on its way to its surface and into it.
 
     Once there, a mass on a spring: the force rises as a sine to its peak, and at least as fast as
     the contact and the spring behind the axis let the reference press.
 
     Args:
-        begin: the stage, whose gap is known. met: the impact.
+        here: the stage, whose gap is known. met: the impact.
         own: stiffness behind the axis [N/m]; infinite for a stiff one.
     """
-    assert begin.gap is not None
-    arrives = arrival(begin, met, own)
+    assert here.gap is not None
+    arrives = arrival(here, met, own)
     frequency = math.sqrt(met.stiffness / met.mass)
     slope = met.speed / (1 / met.stiffness + 1 / own)
-    normal = begin.rotation.T @ begin.context.start_normals[met.contact]
+    normal = here.rotation.T @ here.context.start_normals[met.contact]
 
     def pushes(t: float) -> float:
         since = t - arrives
@@ -127,13 +127,13 @@ def touching(begin: Begin, met: Impact, own: float) -> dict[str, Signal]:
     return found
 
 
-def arrival(begin: Begin, met: Impact, own: float) -> float:
+def arrival(here: StageAtStart, met: Impact, own: float) -> float:
     """When a stage comes to its surface [s].
 
     Args:
-        begin: the stage. met: the impact. own: stiffness behind the axis [N/m].
+        here: the stage. met: the impact. own: stiffness behind the axis [N/m].
     """
-    gap = (begin.gap or 0.0) - begin.nearing * LAG
+    gap = (here.gap or 0.0) - here.nearing * LAG
     drags = (met.drag or 0.0) / own
     time = gap / met.speed + LAG + drags
     return time if time > BLEND_TIME else math.sqrt(2 * gap * BLEND_TIME / met.speed) + drags

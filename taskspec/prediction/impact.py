@@ -6,15 +6,15 @@ from dataclasses import replace
 
 from taskspec.foresight.approach import approach, striking_mass
 from taskspec.laws.gains import on_axis
-from taskspec.prediction.begin import Begin
+from taskspec.prediction.at_start import StageAtStart
 from taskspec.prediction.types import Impact
 from taskspec.prediction.worlds import extreme
 
 
-def impact(begin: Begin) -> Impact | None:
+def impact(here: StageAtStart) -> Impact | None:
     """The impact of a stage; None where it meets nothing that it knows of."""
-    context, stage = begin.context, begin.stage
-    met = approach(stage.plan, begin.gap)
+    context, stage = here.context, here.stage
+    met = approach(stage.plan, here.gap)
     if met is None:
         return None
     contact = context.compliances[met.contact]

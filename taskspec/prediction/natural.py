@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from taskspec.control.state import ARM_LENGTH
 from taskspec.geometry.axis import AXES, Axis
-from taskspec.prediction.begin import Begin
+from taskspec.prediction.at_start import StageAtStart
 from taskspec.prediction.reactions import Reactions, mechanism_twists, reactions
 from taskspec.prediction.types import Natural, StagePrediction
 
@@ -32,45 +32,45 @@ _INEXACT, _NONE = float(np.sin(np.deg2rad(1.0))), 1e-6
 _NOTHING = 1e-9
 
 
-def natural(begin: Begin, foreseen: StagePrediction) -> tuple[Natural, ...]:
+def natural(here: StageAtStart, foreseen: StagePrediction) -> tuple[Natural, ...]:
     """One constraint for each axis of a stage, as it begins.
 
     Args:
-        begin: the stage. foreseen: what it is expected to do.
+        here: the stage. foreseen: what it is expected to do.
     """
-    rows = reactions(begin, foreseen)
-    axes = begin.stage.plan.axes
+    rows = reactions(here, foreseen)
+    axes = here.stage.plan.axes
     index = [AXES.index(a) for a in axes]
-    wanted = [a for a in axes if begin.stage.plan.plans[a].set_point]
+    wanted = [a for a in axes if here.stage.plan.plans[a].set_point]
     pivots, R, mixed = reduced(rows.W[index].T, axes, wanted)
-    effort = _efforts(begin, pivots, R)
+    effort = _efforts(here, pivots, R)
     decided = [
-        _decided(begin, axes[p], i, R, mixed, rows) for i, p in enumerate(pivots)
+        _decided(here, axes[p], i, R, mixed, rows) for i, p in enumerate(pivots)
     ]  # fmt: skip
     found = {one.axis: one for one in decided}
     for j, axis in enumerate(axes):
         if axis not in found:
             factors = {one.axis: float(R[i, j]) for i, one in enumerate(decided)}
-            found[axis] = _free(begin, axis, factors, decided, rows, effort.get(axis, 0.0))
+            found[axis] = _free(here, axis, factors, decided, rows, effort.get(axis, 0.0))
     return tuple(found[axis] for axis in axes)
 
 
 def _decided(
-    begin: Begin, axis: Axis, i: int, R: Vector, mixed: Vector, rows: Reactions
+    here: StageAtStart, axis: Axis, i: int, R: Vector, mixed: Vector, rows: Reactions
 ) -> Natural:
     """An axis whose velocity the world decides."""
     row = int(np.argmax(np.abs(mixed[i])))
-    terms = {a: -float(c) for a, c in zip(begin.stage.plan.axes, R[i], strict=True) if a != axis}
+    terms = {a: -float(c) for a, c in zip(here.stage.plan.axes, R[i], strict=True) if a != axis}
     side = int(np.sign(mixed[i, row])) * rows.sides[row]
     name = rows.names[row]
     return Natural(
-        axis, "velocity", _kept(axis, terms, _least(begin, name)), name, rows.states[row], side,
+        axis, "velocity", _kept(axis, terms, _least(here, name)), name, rows.states[row], side,
         turns=name in rows.turning,
     )  # fmt: skip
 
 
 def _free(
-    begin: Begin,
+    here: StageAtStart,
     axis: Axis,
     factors: Mapping[Axis, float],
     decided: Sequence[Natural],
@@ -81,7 +81,7 @@ def _free(
     terms: tuple[tuple[Axis, float], ...] = ()
     for one in decided:
         own = {one.axis: factors[one.axis]}
-        terms += _kept(axis, own, _least(begin, one.by), forces=True)
+        terms += _kept(axis, own, _least(here, one.by), forces=True)
     rubs = 0.0
     pressing = {one.by: one for one in decided if not one.axis.is_rotation}
     by = max(terms, key=lambda term: abs(term[1]))[0] if terms else ""
@@ -91,7 +91,7 @@ def _free(
     if source is not None and not axis.is_rotation:
         rubs = rows.friction.get(source.by, 0.0)
     if effort:
-        return Natural(axis, "force", terms, begin.stage.plan.held, effort=effort)
+        return Natural(axis, "force", terms, here.stage.plan.held, effort=effort)
     if source is None:
         return Natural(axis, "force")
     return Natural(
@@ -110,8 +110,8 @@ def _kept(
     )
 
 
-def _least(begin: Begin, name: str) -> float:
-    return _INEXACT if name in begin.context.surfaces else _NONE
+def _least(here: StageAtStart, name: str) -> float:
+    return _INEXACT if name in here.context.surfaces else _NONE
 
 
 def _size(axis: Axis) -> float:
@@ -156,9 +156,9 @@ def reduced(
     return pivots, A[done], mixed[done]
 
 
-def _efforts(begin: Begin, pivots: Sequence[int], R: Vector) -> dict[Axis, float]:
+def _efforts(here: StageAtStart, pivots: Sequence[int], R: Vector) -> dict[Axis, float]:
     """s_j: rate of the held mechanism's coordinate per velocity of each axis that is left free."""
-    T, axes = mechanism_twists(begin), begin.stage.plan.axes
+    T, axes = mechanism_twists(here), here.stage.plan.axes
     if T is None:
         return {}
     T = T[[AXES.index(a) for a in axes]]

@@ -9,9 +9,8 @@ import numpy as np
 
 from taskspec.analysis.loop import Mode, UnfitError
 from taskspec.analysis.stage import Analysed, analyse
-from taskspec.compiler import Program
 from taskspec.prediction.asked import asked_at_start
-from taskspec.prediction.begin import Begin, beginnings
+from taskspec.prediction.at_start import StageAtStart, stages_at_start
 from taskspec.prediction.duration import Known, guarded, mechanism_rate, planned, whole
 from taskspec.prediction.equilibrium import at_rest
 from taskspec.prediction.forecast import moved
@@ -20,6 +19,7 @@ from taskspec.prediction.natural import natural
 from taskspec.prediction.selection import selection
 from taskspec.prediction.settling import settling
 from taskspec.prediction.types import StagePrediction, TaskPrediction
+from taskspec.program.program import Program
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,25 +58,25 @@ def predict_stages(
 ) -> Iterator[StagePrediction]:
     """One prediction after the other, in the order of the file; `looked` as for `predict`."""
     coordinate: float | None = 0.0
-    for begin in beginnings(program):
-        one = _stage(program, begin, looked.get(begin.stage.name), coordinate)
+    for here in stages_at_start(program):
+        one = _stage(program, here, looked.get(here.stage.name), coordinate)
         yield one
-        coordinate = _coordinate_after(begin, coordinate, one)
+        coordinate = _coordinate_after(here, coordinate, one)
 
 
 def _stage(
-    program: Program, begin: Begin, looked: Looked | None, coordinate: float | None
+    program: Program, here: StageAtStart, looked: Looked | None, coordinate: float | None
 ) -> StagePrediction:
     poles = {} if looked is None else settling(looked.seen, looked.modes)
-    lasts = planned(begin)
-    met = impact(begin)
-    within = begin.stage.plan.spec.within
+    lasts = planned(here)
+    met = impact(here)
+    within = here.stage.plan.spec.within
     longest = (within.time if within else None) if lasts is None else lasts.expected
-    rest = at_rest(begin, longest, asked_at_start(program, begin.stage))
+    rest = at_rest(here, longest, asked_at_start(program, here.stage))
     if lasts is None:
-        lasts = guarded(begin, Known(met, rest.forces, coordinate))
+        lasts = guarded(here, Known(met, rest.forces, coordinate))
     found = StagePrediction(
-        name=begin.stage.name,
+        name=here.stage.name,
         duration=lasts,
         equilibrium=rest.forces,
         depths=rest.depths,
@@ -84,15 +84,17 @@ def _stage(
         impact=met,
         drift=rest.drift,
     )
-    return replace(found, natural=natural(begin, found), selection=selection(begin))
+    return replace(found, natural=natural(here, found), selection=selection(here))
 
 
-def _coordinate_after(begin: Begin, coordinate: float | None, one: StagePrediction) -> float | None:
+def _coordinate_after(
+    here: StageAtStart, coordinate: float | None, one: StagePrediction
+) -> float | None:
     """Of the held mechanism as the stage ends [rad, m]; None where that is unknown."""
-    rate, lasts = mechanism_rate(begin), one.duration.expected
-    if not begin.stage.plan.held or coordinate is None:
+    rate, lasts = mechanism_rate(here), one.duration.expected
+    if not here.stage.plan.held or coordinate is None:
         return coordinate
-    held = begin.context.loaded.task.mechanisms[begin.stage.plan.held]
+    held = here.context.loaded.task.mechanisms[here.stage.plan.held]
     if rate is None or lasts is None:
         return None
     low, high = held.stop or (-np.inf, np.inf)

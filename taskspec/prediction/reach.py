@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.geometry.axis import AXES, Axis
-from taskspec.prediction.begin import Begin
+from taskspec.prediction.at_start import StageAtStart
 from taskspec.program.axes import MOSTLY
 
 Vector = NDArray[np.float64]
@@ -28,31 +28,31 @@ class Bearing:
     friction: float
 
 
-def bearing(begin: Begin) -> Bearing:
+def bearing(here: StageAtStart) -> Bearing:
     """The contacts along a force axis of a stage, or along an axis that yields to them."""
-    context, stage = begin.context, begin.stage
+    context, stage = here.context, here.stage
     plan = stage.plan
     bear = {*plan.pressed, *plan.met}
     names = tuple(o for o in dict.fromkeys((*plan.touched, *plan.met)) if o in bear)
-    normals = np.array([begin.rotation.T @ plan.normal_of(o) for o in names])
+    normals = np.array([here.rotation.T @ plan.normal_of(o) for o in names])
     shapes = context.loaded.task.shapes
     rubs = max((shapes[o].friction for o in names), default=0.0)
     return Bearing(names, normals.reshape(-1, 3).T, rubs)
 
 
-def moment_arms(begin: Begin, normal: Vector) -> Vector:
+def moment_arms(here: StageAtStart, normal: Vector) -> Vector:
     """(6,) what a unit force along a normal (3,) is at the control point, in the stage's axes.
 
     A flat tool is taken to touch with its middle, a ball in the point of its surface that is
     nearest to the object.
     """
-    context = begin.context
+    context = here.context
     tool = context.robot.tool
-    lever = -context.lever_of(begin.stage.plan.frame)
+    lever = -context.lever_of(here.stage.plan.frame)
     if not tool.flat:
         lever = lever + context.start_R @ tool.centers[0]
-        lever = lever - float(tool.radii[0]) * (begin.rotation @ normal)
-    return np.concatenate([normal, np.cross(begin.rotation.T @ lever, normal)])
+        lever = lever - float(tool.radii[0]) * (here.rotation @ normal)
+    return np.concatenate([normal, np.cross(here.rotation.T @ lever, normal)])
 
 
 def along(normals: Vector, axis: Axis) -> int | None:

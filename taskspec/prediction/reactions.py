@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from taskspec.control.state import ARM_LENGTH
 from taskspec.foresight.nominal import AT_SURFACE
 from taskspec.foresight.resistance import gradients
-from taskspec.prediction.begin import Begin
+from taskspec.prediction.at_start import StageAtStart
 from taskspec.prediction.reach import bearing, moment_arms
 from taskspec.prediction.types import StagePrediction, State
 
@@ -43,43 +43,43 @@ class Reactions:
     turning: frozenset[str] = frozenset()
 
 
-def reactions(begin: Begin, foreseen: StagePrediction) -> Reactions:
+def reactions(here: StageAtStart, foreseen: StagePrediction) -> Reactions:
     """All that the world returns to the control point as a stage begins.
 
     Args:
-        begin: the stage. foreseen: what it is expected to do.
+        here: the stage. foreseen: what it is expected to do.
     """
     columns: list[Vector] = []
     names: list[str] = []
     states: list[State] = []
     sides: list[int] = []
     friction: dict[str, float] = {}
-    for name, state, wrench in _contacts(begin, foreseen):
+    for name, state, wrench in _contacts(here, foreseen):
         columns.append(wrench)
         names.append(name)
         states.append(state)
         sides.append(1 if np.linalg.norm(wrench[:3]) > 0 else 0)
-        rubs = begin.context.loaded.task.shapes[name].friction
+        rubs = here.context.loaded.task.shapes[name].friction
         if rubs:
             friction[name] = rubs
-    for name, wrench, side in equation_wrenches(begin):
+    for name, wrench, side in equation_wrenches(here):
         columns.append(wrench)
         names.append(name)
         states.append(State.THERE)
         sides.append(side)
-    for wrench in _grip(begin):
+    for wrench in _grip(here):
         columns.append(wrench)
-        names.append(begin.stage.plan.held)
+        names.append(here.stage.plan.held)
         states.append(State.THERE)
         sides.append(0)
     W = np.array(columns).reshape(-1, 6).T
-    turning = frozenset(name for name in names if _turns(begin, name))
+    turning = frozenset(name for name in names if _turns(here, name))
     return Reactions(W, tuple(names), tuple(states), tuple(sides), friction, turning)
 
 
-def _turns(begin: Begin, name: str) -> bool:
+def _turns(here: StageAtStart, name: str) -> bool:
     """Whether the direction of an object changes as the tool moves in a stage's frame."""
-    context, frame = begin.context, begin.stage.plan.frame
+    context, frame = here.context, here.stage.plan.frame
     if name in context.surfaces:
         return not context.surfaces[name].flat and frame.surface_name != name
     if name in context.equations:
@@ -90,38 +90,38 @@ def _turns(begin: Begin, name: str) -> bool:
     return mechanism.angular and frame.mechanism is None and bool(np.any(way))
 
 
-def _contacts(begin: Begin, foreseen: StagePrediction) -> Iterator[tuple[str, State, Vector]]:
+def _contacts(here: StageAtStart, foreseen: StagePrediction) -> Iterator[tuple[str, State, Vector]]:
     """Shapes: along the normal, and under the face of a flat tool about two axes across it."""
-    on = bearing(begin)
+    on = bearing(here)
     for i, name in enumerate(on.names):
-        state = _state(begin, foreseen, name)
+        state = _state(here, foreseen, name)
         if state is None:
             continue
         normal = on.normals[:, i]
-        yield name, state, moment_arms(begin, normal)
-        down = begin.rotation.T @ begin.context.start_R[:, 2]
-        if begin.context.robot.tool.flat and abs(float(down @ normal)) > _FLUSH:
+        yield name, state, moment_arms(here, normal)
+        down = here.rotation.T @ here.context.start_R[:, 2]
+        if here.context.robot.tool.flat and abs(float(down @ normal)) > _FLUSH:
             for across in np.linalg.svd(normal[None, :])[2][1:]:
                 yield name, state, np.concatenate([np.zeros(3), across])
 
 
-def _state(begin: Begin, foreseen: StagePrediction, name: str) -> State | None:
+def _state(here: StageAtStart, foreseen: StagePrediction, name: str) -> State | None:
     """Whether a contact is there; None for one that the stage stays away from."""
     if name in foreseen.depths or any(
         p.set_point and not a.is_rotation and p.axis.force is not None
-        for a, p in begin.stage.plan.plans.items()
+        for a, p in here.stage.plan.plans.items()
     ):
         return State.THERE
     if foreseen.impact is not None and foreseen.impact.contact == name:
         return State.MET
-    return None if begin.gap is not None and begin.gap > AT_SURFACE else State.MAYBE
+    return None if here.gap is not None and here.gap > AT_SURFACE else State.MAYBE
 
 
-def equation_wrenches(begin: Begin) -> Iterator[tuple[str, Vector, int]]:
+def equation_wrenches(here: StageAtStart) -> Iterator[tuple[str, Vector, int]]:
     """Gradients of the equations where the run begins, and the side on which they let pass."""
-    context = begin.context
-    J = np.kron(np.eye(2), begin.rotation.T) @ context.start_jacobian
-    J[:3] += np.cross(J[3:], begin.rotation.T @ context.lever_of(begin.stage.plan.frame), axis=0)
+    context = here.context
+    J = np.kron(np.eye(2), here.rotation.T) @ context.start_jacobian
+    J[:3] += np.cross(J[3:], here.rotation.T @ context.lever_of(here.stage.plan.frame), axis=0)
     for name, model in context.equations.items():
         gradient = context.start_equations[name].normal
         wrench, *_ = np.linalg.lstsq(J.T, gradient, rcond=1e-9)
@@ -129,14 +129,14 @@ def equation_wrenches(begin: Begin) -> Iterator[tuple[str, Vector, int]]:
         if left > _OFF * np.linalg.norm(gradient):
             continue
         side = {"=": 0, "<=": -1, ">=": 1}[model.constraint.relation]
-        if side and name not in begin.stage.plan.active:
+        if side and name not in here.stage.plan.active:
             continue
         yield name, np.where(np.abs(wrench) > 1e-9, wrench, 0.0), side
 
 
-def _grip(begin: Begin) -> Iterator[Vector]:
+def _grip(here: StageAtStart) -> Iterator[Vector]:
     """What a held mechanism returns: the wrenches that do no work on its free twists."""
-    T = mechanism_twists(begin)
+    T = mechanism_twists(here)
     if T is None:
         return
     scale = np.array([1.0] * 3 + [ARM_LENGTH] * 3)
@@ -145,11 +145,11 @@ def _grip(begin: Begin) -> Iterator[Vector]:
         yield row * scale
 
 
-def mechanism_twists(begin: Begin) -> Vector | None:
+def mechanism_twists(here: StageAtStart) -> Vector | None:
     """(6, k) free twists of the held mechanism at the control point, in the stage's axes."""
-    context = begin.context
-    if not begin.stage.plan.held:
+    context = here.context
+    if not here.stage.plan.held:
         return None
-    point = context.start_p + context.lever_of(begin.stage.plan.frame)
-    T = context.mechanisms[begin.stage.plan.held].free_twists(context.start_p, point)
-    return np.asarray(np.kron(np.eye(2), begin.rotation.T) @ T)
+    point = context.start_p + context.lever_of(here.stage.plan.frame)
+    T = context.mechanisms[here.stage.plan.held].free_twists(context.start_p, point)
+    return np.asarray(np.kron(np.eye(2), here.rotation.T) @ T)

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.geometry.axis import AXES, Axis
-from taskspec.prediction.begin import Begin
+from taskspec.prediction.at_start import StageAtStart
 from taskspec.prediction.natural import reduced
 from taskspec.prediction.reactions import equation_wrenches
 from taskspec.prediction.types import Selection
@@ -14,13 +14,13 @@ from taskspec.prediction.types import Selection
 Vector = NDArray[np.float64]
 
 
-def selection(begin: Begin) -> Selection | None:
+def selection(here: StageAtStart) -> Selection | None:
     """The matrices of a stage; None for a law that does not select.
 
     Under a law with multipliers, force axes and equations are what is selected; the equations are
     taken where the run begins. An equation that no wrench on the tool returns is in neither.
     """
-    stage = begin.stage
+    stage = here.stage
     axes, law = stage.plan.axes, stage.plan.law.control_law
     if not law.selects:
         return None
@@ -29,7 +29,7 @@ def selection(begin: Begin) -> Selection | None:
     columns = [np.eye(len(axes))[axes.index(a)] for a in forced]
     if law.multipliers:
         rows = [AXES.index(a) for a in axes]
-        columns += [w[rows] for name, w, _ in equation_wrenches(begin) if name in stage.plan.active]
+        columns += [w[rows] for name, w, _ in equation_wrenches(here) if name in stage.plan.active]
     force = np.array(columns).reshape(-1, len(axes)).T
     return Selection(axes, force, _reciprocal(force, axes, soft), soft)
 

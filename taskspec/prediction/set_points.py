@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.laws.gains import on_axis
-from taskspec.prediction.begin import Begin
+from taskspec.prediction.at_start import StageAtStart
 from taskspec.prediction.reach import Bearing
 from taskspec.program.context import Context
 from taskspec.program.known import known_value
@@ -47,7 +47,9 @@ def span_of(
     return values[0], min(values), max(values)
 
 
-def settled(begin: Begin, on: Bearing, wanted: Mapping[Axis, float]) -> dict[Axis, float] | None:
+def settled(
+    here: StageAtStart, on: Bearing, wanted: Mapping[Axis, float]
+) -> dict[Axis, float] | None:
     """What is applied on force axes, by axis; None where the law leaves that open.
 
     Set points that contacts cannot return drift: then a f_E = a a^T f_d, (4.48), with each axis
@@ -55,14 +57,14 @@ def settled(begin: Begin, on: Bearing, wanted: Mapping[Axis, float]) -> dict[Axi
     with its limit beyond.
 
     Args:
-        begin: the stage. on: its contacts. wanted: set points of its force axes [N].
+        here: the stage. on: its contacts. wanted: set points of its force axes [N].
     """
-    found = begin.stage.plan.law.control_law.gives_way(begin.stage.plan.gains, [*wanted])
+    found = here.stage.plan.law.control_law.gives_way(here.stage.plan.gains, [*wanted])
     if found is None:
         return None
     weights = np.array(found)
     rows = [AXES.index(a) for a in wanted]
-    asked = np.array([*wanted.values()]) + [_pull(begin, a) for a in wanted]
+    asked = np.array([*wanted.values()]) + [_pull(here, a) for a in wanted]
     if not on.names:
         return dict(zip(wanted, asked.tolist(), strict=True))
     N, root = on.normals[rows], np.sqrt(weights)
@@ -77,23 +79,23 @@ def settled(begin: Begin, on: Bearing, wanted: Mapping[Axis, float]) -> dict[Axi
     return dict(zip(wanted, returned.tolist(), strict=True))
 
 
-def drift(begin: Begin, missing: Mapping[Axis, float]) -> float:
+def drift(here: StageAtStart, missing: Mapping[Axis, float]) -> float:
     """Speed to which loops drive the tool along what returns no more force [m/s]; may be infinite.
 
     Args:
-        begin: the stage. missing: f_d - f by force axis [N].
+        here: the stage. missing: f_d - f by force axis [N].
     """
-    unreturned = {axis: _pull(begin, axis) + f for axis, f in missing.items()}
+    unreturned = {axis: _pull(here, axis) + f for axis, f in missing.items()}
     if all(abs(f) < _NOTHING for f in unreturned.values()):
         return 0.0
-    law, gains = begin.stage.plan.law.control_law, begin.stage.plan.gains
+    law, gains = here.stage.plan.law.control_law, here.stage.plan.gains
     return math.hypot(*(law.runs_away(on_axis(gains, a), f) for a, f in unreturned.items()))
 
 
-def _pull(begin: Begin, axis: Axis) -> float:
+def _pull(here: StageAtStart, axis: Axis) -> float:
     """What a motion on a force axis adds to its set point [N]."""
-    stage, plan = begin.stage, begin.stage.plan.plans[axis]
+    stage, plan = here.stage, here.stage.plan.plans[axis]
     if not plan.motion or plan.axis.velocity is None:
         return 0.0
-    rate = known_value(begin.context, plan.axis.velocity) or 0.0
+    rate = known_value(here.context, plan.axis.velocity) or 0.0
     return stage.plan.law.control_law.pulls(on_axis(stage.plan.gains, axis), rate)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.laws.gains import BANDWIDTH, on_axis, value_of
-from taskspec.prediction.begin import Begin
+from taskspec.prediction.at_start import StageAtStart
 from taskspec.prediction.reach import along, moment_arms
 from taskspec.prediction.worlds import World
 from taskspec.program.known import known_value
@@ -21,16 +21,16 @@ from taskspec.program.known import known_value
 Vector = NDArray[np.float64]
 
 
-def yield_of(begin: Begin, normal: Vector) -> float | None:
+def yield_of(here: StageAtStart, normal: Vector) -> float | None:
     """w^T K_m^-1 w [m/N] of the axes with a spring along a normal (3,); None where there is none.
 
     Axes that have a bandwidth instead of a spring are stiff beside those with one.
     """
-    springs = begin.stage.plan.gains.get("stiffness", {})
-    stiff = BANDWIDTH.name in begin.stage.plan.gains
-    w = moment_arms(begin, normal)
+    springs = here.stage.plan.gains.get("stiffness", {})
+    stiff = BANDWIDTH.name in here.stage.plan.gains
+    w = moment_arms(here, normal)
     found = 0.0
-    for axis in begin.stage.plan.axes:
+    for axis in here.stage.plan.axes:
         share = float(w[AXES.index(axis)]) ** 2
         if share < 1e-12 or (stiff and axis not in springs):
             continue
@@ -40,38 +40,36 @@ def yield_of(begin: Begin, normal: Vector) -> float | None:
     return found if found > 0 else None
 
 
-def behind(begin: Begin, normals: Vector) -> tuple[Axis, float] | None:
+def behind(here: StageAtStart, normals: Vector) -> tuple[Axis, float] | None:
     """The axis whose reference goes behind the surface, and how far [m].
 
     None where no such axis is planned to, or the place of its reference is not known.
 
     Args:
-        begin: the stage. normals: (3, 1) of its contact, outward, in the stage's axes.
+        here: the stage. normals: (3, 1) of its contact, outward, in the stage's axes.
     """
-    for axis, plan in begin.stage.plan.plans.items():
+    for axis, plan in here.stage.plan.plans.items():
         if along(normals, axis) is None or plan.force:
             continue
         away = float(normals[AXES.index(axis), 0])
         if plan.open_loop:
-            wanted = (
-                None if plan.axis.force is None else known_value(begin.context, plan.axis.force)
-            )
-            own = value_of(begin.stage.plan.gains, "stiffness", axis)
+            wanted = None if plan.axis.force is None else known_value(here.context, plan.axis.force)
+            own = value_of(here.stage.plan.gains, "stiffness", axis)
             if wanted is None or own <= 0:
                 return None
-            return axis, -wanted * (1 / own + 1 / begin.stage.plan.stiffness) / away
-        reference = _reference(begin, normals[:, 0])
+            return axis, -wanted * (1 / own + 1 / here.stage.plan.stiffness) / away
+        reference = _reference(here, normals[:, 0])
         return None if reference is None else (axis, -reference)
     return None
 
 
-def _reference(begin: Begin, normal: Vector) -> float | None:
+def _reference(here: StageAtStart, normal: Vector) -> float | None:
     """Gap [m] of the reference as the planned motion of a stage ends."""
-    if begin.gap is None or begin.course is None:
+    if here.gap is None or here.course is None:
         return None
-    moved = begin.course.moved(begin.course.duration)
+    moved = here.course.moved(here.course.duration)
     way = np.array([moved.get(a, 0.0) for a in AXES[:3]])
-    reference = begin.gap + float(normal @ way)
+    reference = here.gap + float(normal @ way)
     return reference if np.isfinite(reference) else None
 
 
@@ -84,10 +82,10 @@ def push(depth: float, own: float, world: World) -> float:
     return max(depth - world.farther, 0.0) / (1 / world.stiffness + own)
 
 
-def spring_behind(begin: Begin, axis: Axis, mass: float) -> float:
+def spring_behind(here: StageAtStart, axis: Axis, mass: float) -> float:
     """Stiffness with which a motion axis holds on to its reference [N/m].
 
     Args:
-        begin: the stage. axis: a translation. mass: felt along it [kg].
+        here: the stage. axis: a translation. mass: felt along it [kg].
     """
-    return begin.stage.plan.law.control_law.spring(on_axis(begin.stage.plan.gains, axis), mass)
+    return here.stage.plan.law.control_law.spring(on_axis(here.stage.plan.gains, axis), mass)

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import cached_property
-from typing import Any, Self
+from typing import Any, Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -437,3 +438,60 @@ class StagePlan:
     def translations(self) -> tuple[Axis, ...]:
         """Those of its axes that are translations."""
         return tuple(a for a in self.axes if not a.is_rotation)
+
+
+class Walk(Protocol):
+    """What tells where the tool goes, stage after stage."""
+
+    @property
+    def tool(self) -> tuple[Vector, Vector]:
+        """(3,), (3, 3) where the tip is last known to be, world axes."""
+
+    def stage(self, stage: StagePlan) -> Nominal:
+        """The nominal trajectory of the stage that comes next in the file."""
+
+
+class TaskPlan:
+    """A task with the plans of its stages.
+
+    Attributes:
+        context: robot, start, frames and surfaces.
+        stages: by name, in the order of the file.
+        framed: those of them whose frame is known to have axes as the run begins; they are entered
+            as the task is examined.
+    """
+
+    def __init__(self, context: Context, walk: Callable[[Context], Walk]) -> None:
+        """The plans of the stages of a task.
+
+        Args:
+            context: robot, start, frames and surfaces.
+            walk: makes what tells where the tool goes, from the start pose on.
+        """
+        self.context = context
+        self._walk_from_start, self._walk = walk, walk(context)
+        self.stages: Mapping[str, StagePlan] = {
+            name: StagePlan(context, name, self._tool) for name in context.loaded.task.stages
+        }
+        self.framed: dict[str, StagePlan] = {}
+
+    def unvaried(self) -> TaskPlan:
+        """The plan of the same task with nothing that varies."""
+        loaded = self.context.loaded
+        alone = loaded.task.model_copy(update={"vary": {}})
+        context = replace(self.context, loaded=replace(loaded, task=alone))
+        return TaskPlan(context, self._walk_from_start)
+
+    def _tool(self) -> tuple[Vector, Vector]:
+        return self._walk.tool
+
+    def follow(self, name: str) -> StagePlan:
+        """A stage with its nominal trajectory, which goes on from that of the last one followed.
+
+        Args:
+            name: of the stage; stages are followed in the order of the file.
+        """
+        stage = self.stages[name]
+        if not stage.followed:
+            stage.nominal = self._walk.stage(stage)
+        return stage

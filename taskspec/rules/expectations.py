@@ -9,10 +9,10 @@ from taskspec.foresight.conditions import bounds_of, names, parts, value_of
 from taskspec.foresight.flow import good_end, reached
 from taskspec.foresight.interval import ANY, Interval, IntervalAlgebra, point
 from taskspec.foresight.ranges import constant, longest, natural
-from taskspec.foresight.task_plan import TaskPlan
 from taskspec.geometry.axis import as_axis
 from taskspec.program.context import Context
 from taskspec.program.known import known_value
+from taskspec.program.plan import TaskPlan
 from taskspec.program.signals import entry_of
 from taskspec.rules import Finding, Phase, error, rule, warning
 from taskspec.rules.signals import no_such_signal

@@ -8,10 +8,9 @@ import casadi as ca
 import numpy as np
 
 from taskspec.foresight.flow import followers, reached
-from taskspec.foresight.task_plan import TaskPlan
 from taskspec.geometry.axis import Axis
 from taskspec.program.axes import MOSTLY, SkewedAxisError
-from taskspec.program.plan import StagePlan
+from taskspec.program.plan import StagePlan, TaskPlan
 from taskspec.program.prepare import chart_at, pose_of_base, tool_center
 from taskspec.program.world.estimated_frames import LEAST_SINE
 from taskspec.program.world.frames import FrameModel

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from taskspec.foresight.task_plan import TaskPlan
 from taskspec.program.axes import MOSTLY
 from taskspec.program.known import known_value
-from taskspec.program.plan import StagePlan
+from taskspec.program.plan import StagePlan, TaskPlan
 from taskspec.program.world.stiffness import RESOLVED_PHASE
 from taskspec.rules import Finding, Phase, rule, warning
 from taskspec.spec import FILE

@@ -10,13 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.foresight.ranges import longest
-from taskspec.foresight.task_plan import TaskPlan
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.program.algebra import CasadiAlgebra
 from taskspec.program.context import Context
 from taskspec.program.execution.tracks import move_speed
 from taskspec.program.known import known_value
-from taskspec.program.plan import StagePlan
+from taskspec.program.plan import StagePlan, TaskPlan
 from taskspec.rules import Finding, Phase, error, rule, warning
 from taskspec.spec import FILE, KeyPath
 from taskspec.text.diagnostic import Severity

@@ -5,8 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from taskspec.foresight.task_plan import TaskPlan
-from taskspec.program.plan import StagePlan
+from taskspec.program.plan import StagePlan, TaskPlan
 from taskspec.robot import RobotError, check_joints
 from taskspec.rules import Finding, Phase, error, rule, warning
 from taskspec.signals.entries import TOUCHING

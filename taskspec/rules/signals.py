@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from taskspec.foresight.task_plan import TaskPlan
 from taskspec.geometry.axis import ROTATIONS, Axis, as_axis
 from taskspec.program.context import Context
-from taskspec.program.plan import StagePlan
+from taskspec.program.plan import StagePlan, TaskPlan
 from taskspec.program.signals import entry_of
 from taskspec.rules import Finding, Phase, error, rule
 from taskspec.signals import VECTORS

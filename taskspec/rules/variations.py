@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from taskspec.analysis.corners import nominal
-from taskspec.foresight.task_plan import TaskPlan
 from taskspec.program.context import Context
+from taskspec.program.plan import TaskPlan
 from taskspec.rules import Finding, Phase, error, rule
 from taskspec.spec import FILE
 from taskspec.spec.vary import OBJECT, ROBOT, Target

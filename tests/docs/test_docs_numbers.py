@@ -12,7 +12,7 @@ import pytest
 from documents import CONVENTIONS, LANGUAGE, completed, first_words, load, table, value, words
 
 from taskspec import signals
-from taskspec.compiler import Program, compile_task
+from taskspec.compiler import compile_task
 from taskspec.control import null_space
 from taskspec.control.state import ARM_LENGTH
 from taskspec.geometry.axis import ROTATIONS, Axis
@@ -22,6 +22,7 @@ from taskspec.motion.blend import BLEND_TIME
 from taskspec.motion.profile import RISE_TIME
 from taskspec.program import events
 from taskspec.program.execution.tracks import MOVE_SPEED
+from taskspec.program.program import Program
 from taskspec.program.reference.force_references import DEFAULT_RAMP
 from taskspec.robot.tool import LENGTH, RADIUS
 from taskspec.signals.entries import TOUCHING

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from taskspec.examination import check_task
-from taskspec.foresight.task_plan import TaskPlan, plan_task
+from taskspec.foresight.nominal import plan_task
 from taskspec.geometry.axis import Axis
+from taskspec.program.plan import TaskPlan
 from taskspec.spec import load_text
 
 R = 0.02

@@ -10,10 +10,11 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from taskspec.compiler import Program, compile_unchecked
+from taskspec.compiler import compile_unchecked
 from taskspec.laws import LAWS
 from taskspec.program.execution.resolver import Account
 from taskspec.program.prepare import prepare
+from taskspec.program.program import Program
 from taskspec.robot import RobotModel
 from taskspec.spec import load_text
 from taskspec.text.diagnostic import SpecError

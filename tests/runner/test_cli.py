@@ -16,8 +16,9 @@ from short_tasks import TAP
 from typer.testing import CliRunner, Result
 
 from taskspec import __version__
-from taskspec.compiler import Program, compile_task
+from taskspec.compiler import compile_task
 from taskspec.program.execution.transition import Transition
+from taskspec.program.program import Program
 from taskspec.spec import load_task
 from taskspec.spec.schema import FILE_NAME, schema_text
 from taskspec_runner.cli import app

@@ -13,8 +13,8 @@ from typer.testing import CliRunner
 
 import taskspec_runner
 from taskspec import compiler, examination, load
-from taskspec.compiler import Program
 from taskspec.examination import Examination
+from taskspec.program.program import Program
 from taskspec.spec import LoadedTask, load_text
 from taskspec.text.diagnostic import SpecError
 from taskspec_runner import session

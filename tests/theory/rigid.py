@@ -16,7 +16,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from taskspec.compiler import Program
+from taskspec.program.program import Program
 
 Vector = NDArray[np.float64]
 Disturbance = Callable[[float], Vector]

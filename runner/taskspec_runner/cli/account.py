@@ -6,9 +6,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from taskspec.analysis.given import turns
-from taskspec.compiler import Program
 from taskspec.laws.law import gain_named
 from taskspec.prediction import StagePrediction
+from taskspec.program.program import Program
 from taskspec.program.stages.null_space import goals
 from taskspec.program.stages.stage import CompiledStage
 from taskspec.program.world.stiffness import GRIP

@@ -8,10 +8,10 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
-from taskspec.compiler import Program
 from taskspec.geometry.axis import Axis
 from taskspec.motion.path import PathShape
 from taskspec.prediction import Natural, StagePrediction, State
+from taskspec.program.program import Program
 from taskspec.program.reference.modes import AxisPlan
 from taskspec.program.stages.stage import CompiledStage
 from taskspec.spec import Screw

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from taskspec.compiler import Program
 from taskspec.geometry.axis import Axis
 from taskspec.program.execution.tracks import move_speed
+from taskspec.program.program import Program
 from taskspec.program.reference.force_references import DEFAULT_RAMP
 from taskspec.program.stages.null_space import goals
 from taskspec.program.stages.stage import CompiledStage

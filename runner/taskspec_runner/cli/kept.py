@@ -6,8 +6,8 @@ import re
 from collections.abc import Iterator, Sequence
 from itertools import groupby
 
-from taskspec.compiler import Program
 from taskspec.prediction.asked import asked_at_start
+from taskspec.program.program import Program
 from taskspec.program.reference.unreached import is_moment
 from taskspec.program.stages.stage import CompiledStage
 from taskspec.text.show import scaled, show

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from taskspec.compiler import Program
+from taskspec.program.program import Program
 from taskspec.program.world.stiffness import Compliance
 from taskspec.spec import EquationObject, Hinge, Mechanism, Screw, Shape, Slide
 from taskspec.spec.mechanism import Detent

@@ -12,10 +12,10 @@ from taskspec.analysis.loop import Mode, UnfitError
 from taskspec.analysis.margin import MOTION, Limit, Search, grows, rings
 from taskspec.analysis.stage import Analysed
 from taskspec.analysis.textbook import conditions
-from taskspec.compiler import Program
 from taskspec.laws.conditions import StabilityCondition
 from taskspec.laws.law import gain_named
 from taskspec.prediction import Looked
+from taskspec.program.program import Program
 from taskspec.text.show import number, scaled, show
 from taskspec.text.units import FORCE, STIFFNESS, TIME
 

@@ -16,7 +16,7 @@ from taskspec_runner.errors import InputError
 from taskspec_runner.record.folder import LOG
 
 if TYPE_CHECKING:
-    from taskspec.compiler import Program
+    from taskspec.program.program import Program
     from taskspec_runner.video.film import Cut
 
 #: Speed, start and end, size, frames a second and camera, as the command line has them.

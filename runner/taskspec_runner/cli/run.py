@@ -17,8 +17,8 @@ from taskspec_runner.cli.loading import load
 from taskspec_runner.loop.interrupt import BY_SIGNAL
 
 if TYPE_CHECKING:
-    from taskspec.compiler import Program
     from taskspec.examination import Examination
+    from taskspec.program.program import Program
 
 
 def run_task(

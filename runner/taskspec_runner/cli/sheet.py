@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from taskspec.compiler import Program
 from taskspec.prediction import Extreme, StagePrediction, TaskPrediction, look, predict
+from taskspec.program.program import Program
 from taskspec_runner.cli.account import (
     FrameAccount,
     StageAccount,

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-from taskspec.compiler import UNSTABLE, Program, admit, refusals
+from taskspec.compiler import UNSTABLE, admit
 from taskspec.examination import examine
+from taskspec.program.program import Program, refusals
 from taskspec.spec import LoadedTask
 from taskspec.text.diagnostic import Diagnostic, SpecError
 from taskspec.text.source import Source

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from taskspec.compiler import Program
+from taskspec.program.program import Program
 from taskspec.program.world import estimated_frames
 from taskspec_runner.record.history import History
 from taskspec_runner.verdict.replay import Replay

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from taskspec.compiler import Program
 from taskspec.program.execution.machine import Machine
+from taskspec.program.program import Program
 from taskspec.spec import Task
 from taskspec_runner.plant.plant import Plant
 from taskspec_runner.record.bus import Bus

@@ -5,7 +5,8 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from taskspec.compiler import Program, compile_unchecked
+from taskspec.compiler import compile_unchecked
+from taskspec.program.program import Program
 from taskspec.spec import load_text
 from taskspec.text.diagnostic import SpecError
 from taskspec_runner.record.folder import MANIFEST, TASK

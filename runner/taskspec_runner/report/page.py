@@ -9,7 +9,7 @@ from typing import Any
 
 from markupsafe import Markup
 
-from taskspec.compiler import Program
+from taskspec.program.program import Program
 from taskspec_runner.report import annotated, drawn, figures, tables
 from taskspec_runner.report.chart import Chart, Section
 from taskspec_runner.report.data import Run, Visit, read_run

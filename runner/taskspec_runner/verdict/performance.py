@@ -6,9 +6,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
-from taskspec.compiler import Program
 from taskspec.program.execution.machine import Machine
 from taskspec.program.execution.resolver import Account
+from taskspec.program.program import Program
 from taskspec.program.stages.stage import CompiledStage
 from taskspec_runner.record.history import History
 from taskspec_runner.verdict.given_up import given_up

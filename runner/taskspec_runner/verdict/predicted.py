@@ -5,8 +5,8 @@ from __future__ import annotations
 import logging
 from typing import Any
 
-from taskspec.compiler import Program
 from taskspec.prediction import StagePrediction, predict
+from taskspec.program.program import Program
 
 _LOG = logging.getLogger(__name__)
 

@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from taskspec.compiler import Program
 from taskspec.program import events
 from taskspec.program.execution.resolver import Account
 from taskspec.program.execution.transition import FAIL, Transition
+from taskspec.program.program import Program
 from taskspec.program.stages.stage import CompiledStage
 from taskspec.robot import RobotModel
 from taskspec.robot.inverse_kinematics import turns_at

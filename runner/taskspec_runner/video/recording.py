@@ -10,7 +10,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec.compiler import Program, compile_unchecked
+from taskspec.compiler import compile_unchecked
+from taskspec.program.program import Program
 from taskspec.program.stages.stage import CompiledStage
 from taskspec.spec import LoadedTask, load_text
 from taskspec.text.diagnostic import SpecError

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from PIL import Image as Images
 
-from taskspec.compiler import Program
+from taskspec.program.program import Program
 from taskspec_runner.video.canvas import backends
 from taskspec_runner.video.picture import Pictures
 from taskspec_runner.video.recording import Recording, read_recording, steadiest_contact

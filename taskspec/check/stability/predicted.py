@@ -17,9 +17,8 @@ from taskspec.check.stability.worlds import (
     ringing_of,
     worst_of,
 )
-from taskspec.foresight.task_plan import TaskPlan
 from taskspec.program.context import Context
-from taskspec.program.plan import StagePlan
+from taskspec.program.plan import StagePlan, TaskPlan
 from taskspec.spec import AxisEntry
 from taskspec.text.codes import register
 from taskspec.text.diagnostic import Diagnostics, Severity

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec.compiler import Program
 from taskspec.geometry.axis import Axis
 from taskspec.program.context import Context
+from taskspec.program.program import Program
 from taskspec.program.stages.stage import CompiledStage
 from taskspec.program.trajectory import Course
 
@@ -18,7 +18,7 @@ Vector = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
-class Begin:
+class StageAtStart:
     """A stage that begins.
 
     Attributes:
@@ -38,7 +38,7 @@ class Begin:
     course: Course | None
 
 
-def beginnings(program: Program) -> Iterator[Begin]:
+def stages_at_start(program: Program) -> Iterator[StageAtStart]:
     """All stages, in the order of the file."""
     context = program.context
     for stage in program.stages:
@@ -47,7 +47,7 @@ def beginnings(program: Program) -> Iterator[Begin]:
         if gap is None and stage is program.stages[0]:
             gap, nearing = _carried(context, stage)
         rotation, coordinates = stage.plan.rotation, nominal.coordinates
-        yield Begin(context, stage, rotation, gap, nearing, coordinates, nominal.course)
+        yield StageAtStart(context, stage, rotation, gap, nearing, coordinates, nominal.course)
 
 
 def _carried(context: Context, stage: CompiledStage) -> tuple[float | None, float]:

@@ -1,0 +1,75 @@
+"""A compiled task."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from taskspec.program.context import Context
+from taskspec.program.execution.machine import Machine, Views
+from taskspec.program.execution.sensor_zero import sensor_zero
+from taskspec.program.plan import TaskPlan
+from taskspec.program.ports import fields
+from taskspec.program.stages.stage import CompiledStage
+from taskspec.program.world.estimated_frames import estimates
+from taskspec.text.diagnostic import Diagnostic, Severity
+
+#: A world that `vary` allows is not that of a run: that a stage is unstable in one of them keeps
+#: nothing from running.
+_OF_OTHER_WORLDS = ("TS503",)
+
+
+@dataclass(frozen=True, slots=True)
+class Program:
+    """A compiled task.
+
+    Attributes:
+        plan: of the task.
+        stages: compiled, in the order of the file.
+        findings: all that was found about the task, errors that were lifted by force included.
+    """
+
+    plan: TaskPlan
+    stages: tuple[CompiledStage, ...]
+    findings: tuple[Diagnostic, ...] = ()
+
+    @property
+    def forced(self) -> tuple[str, ...]:
+        """Codes of the findings that refuse the task and were lifted by force, each once."""
+        return tuple(dict.fromkeys(d.code for d in refusals(self.findings)))
+
+    @property
+    def context(self) -> Context:
+        """Robot, start, frames, surfaces."""
+        return self.plan.context
+
+    @property
+    def output_size(self) -> int:
+        """Length of a machine's `outputs`."""
+        return sum(length for _, length in fields(len(self.context.equations)))
+
+    def machine(self, views: Views | None = None) -> Machine:
+        """A fresh machine; `views` are 1-D arrays for its inputs and outputs."""
+        n = self.context.robot.pin.nv
+        context, task = self.context, self.context.loaded.task
+        if views is None:
+            lengths = (n, n, 6, len(context.equations), n, self.output_size)
+            q, v, wrench, reactions, torque, outputs = (np.zeros(length) for length in lengths)
+            views = (q, v, wrench, reactions, torque, outputs)
+        return Machine(
+            context.robot,
+            self.stages,
+            context.period,
+            views,
+            sensor_zero(task, task.robot.sensor, context.robot),
+            estimates(context.frames, context.period),
+        )
+
+
+def refusals(findings: Iterable[Diagnostic]) -> tuple[Diagnostic, ...]:
+    """The findings that keep a task from being run."""
+    return tuple(
+        d for d in findings if d.severity is Severity.ERROR and d.code not in _OF_OTHER_WORLDS
+    )
