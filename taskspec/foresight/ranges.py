@@ -17,7 +17,7 @@ from taskspec.geometry.axis import Axis
 from taskspec.program.context import Context
 from taskspec.program.known import known_value
 from taskspec.program.signals import entry_of
-from taskspec.signals import Entry
+from taskspec.signals import Entry, Index
 from taskspec.spec import Stage
 from taskspec.text.expression.tree import Call, Name, Node, walk
 from taskspec.text.show import show
@@ -68,15 +68,15 @@ class Ranges:
         """What the file sets to a signal while the stage runs."""
         signal, member = found.signal, found.member
         match signal.index, signal.name:
-            case "time", "t":
+            case Index.CLOCK, "t":
                 return Interval(0.0, longest(self._context, self._stage))
-            case "stage", _:
+            case Index.STAGE, _:
                 return self._visits(member)
-            case "joint", _:
+            case Index.JOINT, _:
                 return self._joint(int(member) - 1, signal.name)
-            case "object", _ if member in self._context.loaded.task.mechanisms:
+            case Index.OBJECT, _ if member in self._context.loaded.task.mechanisms:
                 return self._mechanism(member, signal.name)
-            case "", "travel":
+            case Index.SINGLE, "travel":
                 return self._travel()
         bound = getattr(self._limits, signal.limit) if self._limited(found) else None
         return _within(bound)

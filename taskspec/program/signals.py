@@ -83,9 +83,13 @@ class Placement:
     """The tool in a frame at this instant, relative to what carries the frame.
 
     Attributes:
-        world: kinematics of the tip in the world. clock: since the run began [s].
+        world: kinematics of the tip in the world.
+        clock: since the run began [s].
         moving_base: what carries the frame, None where nothing does.
-        terms, tool, point: tip, tool point and control point. at: the frame.
+        terms: the tip.
+        tool: the tool point.
+        point: the control point.
+        at: the frame.
     """
 
     world: TermSymbols

@@ -13,17 +13,7 @@ from typing import TYPE_CHECKING, TypeVar
 from taskspec.geometry.axis import AXES, ROTATIONS, TRANSLATIONS, Axis
 from taskspec.signals.operations import acos, clip, dot, norm, stack
 from taskspec.signals.situation import Situation
-from taskspec.signals.table import (
-    JOINTS,
-    MEASURED,
-    REFERENCE,
-    STAGES,
-    TIMES,
-    WORLD,
-    WRENCH,
-    condition,
-    signal,
-)
+from taskspec.signals.table import MEASURED, REFERENCE, WORLD, WRENCH, Index, condition, signal
 from taskspec.text.units import (
     ANGLE,
     ANGULAR_VELOCITY,
@@ -50,13 +40,13 @@ def _both(linear: _Value, angular: _Value) -> dict[str, _Value]:
     return {axis: angular if axis.is_rotation else linear for axis in AXES}
 
 
-@signal("clock", TIME, of=TIMES, low=0.0)
+@signal("clock", TIME, of=Index.CLOCK, low=0.0)
 def _clock(at: Situation) -> ca.SX:
     """Since the run began."""
     return at.clock
 
 
-@signal("t", TIME, of=TIMES, low=0.0)
+@signal("t", TIME, of=Index.CLOCK, low=0.0)
 def _t(at: Situation) -> ca.SX:
     """Since the stage began."""
     return at.t
@@ -191,13 +181,13 @@ def _limited(at: Situation) -> ca.SX:
     return at.limited
 
 
-@signal("position", ANGLE, of=JOINTS)
+@signal("position", ANGLE, of=Index.JOINT)
 def _joint_position(at: Situation, number: str) -> ca.SX:
     """Joint N, counted from 1."""
     return at.q[int(number) - 1]
 
 
-@signal("velocity", ANGULAR_VELOCITY, of=JOINTS)
+@signal("velocity", ANGULAR_VELOCITY, of=Index.JOINT)
 def _joint_velocity(at: Situation, number: str) -> ca.SX:
     """Joint N."""
     return at.v[int(number) - 1]
@@ -206,7 +196,7 @@ def _joint_velocity(at: Situation, number: str) -> ca.SX:
 @signal(
     "torque",
     MOMENT,
-    of=JOINTS,
+    of=Index.JOINT,
     reference="a reference cannot depend on the torque that follows from it",
 )
 def _joint_torque(at: Situation, number: str) -> ca.SX:
@@ -214,7 +204,7 @@ def _joint_torque(at: Situation, number: str) -> ca.SX:
     return at.torque[int(number) - 1]
 
 
-@signal("visits", NUMBER, of=STAGES, low=0.0, counted=True)
+@signal("visits", NUMBER, of=Index.STAGE, low=0.0, counted=True)
 def _visits(at: Situation, stage: str) -> ca.SX:
     """How often a stage has been entered."""
     return at.visits[stage]

@@ -59,17 +59,25 @@ class Situation:
 
     Attributes:
         axes: axes of the frame that exist for the arm.
-        t, clock: since the stage, and the run, began [s].
-        world: the tip in the world. tip: the same relative to what carries the frame.
+        t: since the stage began [s].
+        clock: since the run began [s].
+        world: the tip in the world.
+        tip: the tip, relative to what carries the frame.
         frame: (3, 3) axes of the frame, relative.
         twist: (6,) velocity of the control point, relative [m/s, rad/s].
         applied: (6,) what the robot applies at the control point, relative [N, N m].
         start: (3,) where the tip was as the stage began, world [m].
-        q, v, torque: (n,) of the joints [rad, rad/s, N m].
+        q: (n,) joint positions [rad].
+        v: (n,) joint velocities [rad/s].
+        torque: (n,) what is commanded to the joints [N m].
         contact: the object whose gap is meant where none is named, None without one.
-        objects: by name. visits: how often each stage was entered.
-        position, error: by axis, as far as there is one [m, rad].
-        path_done, limited, force_inconsistent: what the program says of its tick.
+        objects: by name.
+        visits: how often each stage was entered.
+        position: by axis, as far as there is one [m, rad].
+        error: by axis, as far as there is one [m, rad].
+        path_done: whether the stage's path is at its end.
+        limited: whether a limit changed the torque of the tick before.
+        force_inconsistent: what contacts cannot return of the force set points [N].
         known: signals by full name that are given instead of evaluated, and those evaluated so far.
     """
 

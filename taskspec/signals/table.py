@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from enum import StrEnum
 from typing import TYPE_CHECKING, Any
 
 from taskspec.geometry.axis import TRANSLATIONS, Axis, as_axis
@@ -15,8 +16,20 @@ if TYPE_CHECKING:
 
     from taskspec.signals.situation import Situation
 
-#: What an entry may be about: nothing else, an axis, a joint, an object of the world, a stage.
-SCALAR, AXIS, JOINTS, OBJECTS, STAGES, TIMES = "", "axis", "joint", "object", "stage", "time"
+
+class Index(StrEnum):
+    """What the members of an entry differ by: an axis, a joint, an object of the world, a stage.
+
+    A single signal has one member, and so has a clock.
+    """
+
+    SINGLE = "single"
+    AXIS = "axis"
+    JOINT = "joint"
+    OBJECT = "object"
+    STAGE = "stage"
+    CLOCK = "clock"
+
 
 #: What may differ from the truth: the wrench, which is zero while nothing is touched; objects.
 WRENCH, WORLD = "wrench", "world"
@@ -32,14 +45,15 @@ class Signal:
 
     Attributes:
         name: of the signal; of a family the part that its members share.
-        index: what the members of a family differ by, empty for a single signal.
+        index: what its members differ by.
         dimensions: of the members, by axis or kind of the object; of others by "".
         meanings: of the members in the same way, as the documentation has it.
         formula: the signal as an expression of a situation, given the member of a family of
             joints, objects or stages. A family of axes gives all of them at once: a vector, or a
             mapping of those that there are. None where it is not known.
         condition: whether it is true or false instead of a number.
-        low, high: bounds that its nature sets [SI].
+        low: least value that its nature allows [SI].
+        high: greatest value that its nature allows [SI].
         limit: the limit of the file that bounds its magnitude, if one does; of a family of axes
             that of its translations.
         framed: whether another frame shows it differently.
@@ -55,7 +69,7 @@ class Signal:
     """
 
     name: str
-    index: str
+    index: Index
     dimensions: Mapping[str, Dimension]
     meanings: Mapping[str, str]
     formula: Formula
@@ -81,7 +95,7 @@ class Signal:
     @property
     def axes(self) -> tuple[Axis, ...]:
         """The axes of a family of axes."""
-        return tuple(map(Axis, self.dimensions)) if self.index == AXIS else ()
+        return tuple(map(Axis, self.dimensions)) if self.index is Index.AXIS else ()
 
     @property
     def bare(self) -> tuple[Axis, ...]:
@@ -91,7 +105,7 @@ class Signal:
     @property
     def port(self) -> bool:
         """Whether the log takes it from the controller's outputs."""
-        return self.index in (SCALAR, AXIS) and not self.sensed
+        return self.index in (Index.SINGLE, Index.AXIS) and not self.sensed
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,8 +113,9 @@ class Entry:
     """A member of the table: the signal, and which axis, joint, object or stage it is about.
 
     Attributes:
-        signal: the entry of the table. member: axis, number of the joint, name of the object or
-            stage; empty for a single signal. dimension: of the member.
+        signal: the entry of the table.
+        member: axis, number of the joint, name of the object or stage; empty for a single signal.
+        dimension: of the member.
     """
 
     signal: Signal
@@ -110,7 +125,7 @@ class Entry:
     def value(self, at: Situation) -> ca.SX | None:
         """Its formula in a situation; None where it is not known there."""
         signal = self.signal
-        if signal.index == AXIS:
+        if signal.index is Index.AXIS:
             return at.components(signal).get(Axis(self.member))
         found: ca.SX | None = signal.formula(at, self.member) if self.member else signal.formula(at)
         return found
@@ -126,14 +141,20 @@ STAGE: dict[str, Signal] = {}
 #: Of an object, by its kind and the last part of the name.
 OBJECT: dict[str, dict[str, Signal]] = {}
 
-_TABLES = {SCALAR: SCALARS, AXIS: VECTORS, TIMES: CLOCKS, JOINTS: JOINT, STAGES: STAGE}
+_TABLES = {
+    Index.SINGLE: SCALARS,
+    Index.AXIS: VECTORS,
+    Index.JOINT: JOINT,
+    Index.STAGE: STAGE,
+    Index.CLOCK: CLOCKS,
+}
 
 
 def signal(
     name: str,
     dimension: Dimension | None = None,
     *,
-    of: str | Mapping[str, Dimension] = SCALAR,
+    of: Index | Mapping[str, Dimension] = Index.SINGLE,
     meanings: Mapping[str, str] | None = None,
     **facts: Any,
 ) -> Callable[[Formula], Formula]:
@@ -141,22 +162,25 @@ def signal(
 
     Args:
         name: of the signal. dimension: of it, where all members have the same.
-        of: what it is about: nothing, joints, stages, the clock; dimensions by axis or by kind of
-            the object where it has members of several.
+        of: what its members differ by; where they are axes or objects of several kinds, their
+            dimensions by axis or kind.
         meanings: by axis or kind, where one docstring does not do.
         facts: the other attributes of `Signal`.
     """
 
     def enter(formula: Formula) -> Formula:
-        index = of if isinstance(of, str) else AXIS if all(map(as_axis, of)) else OBJECTS
-        dimensions = {"": dimension or NUMBER} if isinstance(of, str) else dict(of)
+        if isinstance(of, Index):
+            index, dimensions = of, {"": dimension or NUMBER}
+        else:
+            index = Index.AXIS if all(map(as_axis, of)) else Index.OBJECT
+            dimensions = dict(of)
         text = " ".join((formula.__doc__ or "").split()).removesuffix(".")
         text = text[:1].lower() + text[1:]
         entered = Signal(
             name, index, dimensions, meanings or dict.fromkeys(dimensions, text), formula,
-            **{"group": name, **facts} if index == AXIS else facts,
+            **{"group": name, **facts} if index is Index.AXIS else facts,
         )  # fmt: skip
-        if index == OBJECTS:
+        if index is Index.OBJECT:
             for kind in dimensions:
                 OBJECT.setdefault(kind, {})[name] = entered
         else:

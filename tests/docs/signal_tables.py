@@ -14,7 +14,7 @@ from taskspec.spec.fields import MECHANISMS
 from taskspec.text.units import NUMBER, si_unit
 
 LANGUAGE = Path(__file__).resolve().parents[2] / "docs" / "language.md"
-_NAMES = {"": "{0}", "time": "{0}", "joint": "joint.N.{0}", "stage": "STAGE.{0}"}
+_NAMES = {signals.Index.JOINT: "joint.N.{0}", signals.Index.STAGE: "STAGE.{0}"}
 
 
 def signal_rows() -> Iterator[list[str]]:
@@ -25,10 +25,10 @@ def signal_rows() -> Iterator[list[str]]:
         for key in signal.dimensions:
             members.setdefault(signal.meanings[key], []).append(key)
         for meaning, keys in members.items():
-            names = [
-                f"`{signal.name}.{key}`" if key else f"`{_NAMES[signal.index].format(signal.name)}`"
-                for key in keys
-            ]
+            pattern = _NAMES.get(signal.index, "{0}")
+            names = [f"`{pattern.format(signal.name)}`"]
+            if signal.axes:
+                names = [f"`{signal.name}.{key}`" for key in keys]
             unit = "condition" if signal.condition else _unit(signal, keys[0])
             yield [" ".join(names), unit, meaning, *_places(signal, "yes")]
 

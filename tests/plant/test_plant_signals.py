@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from taskspec.geometry.rotation import from_rpy
+from taskspec.program.signals import entry_of
 
 TASK = """
 taskspec: 1
@@ -87,3 +88,16 @@ def test_gaps_are_to_where_moving_and_loose_shapes_are(run):
     centre = np.column_stack([0.62 + 0 * clock, 0.3 + 0 * clock, height])
     gap = np.linalg.norm(centre - tool, axis=1) - 0.03
     np.testing.assert_allclose(run["ball.gap"], gap, atol=1e-4)
+
+
+def test_signals_stay_within_the_bounds_of_their_nature(simulate):
+    run = simulate("door-hinge")
+    task, columns = run.program.context.loaded.task, run.history.columns
+    looked = 0
+    for name, values in columns.items():
+        found = entry_of(task, tuple(name.split(".")))
+        known = values[np.isfinite(values)]
+        if found is not None and known.size:
+            assert found.signal.low <= known.min() <= known.max() <= found.signal.high, name
+            looked += np.isfinite(found.signal.low)
+    assert looked >= 5

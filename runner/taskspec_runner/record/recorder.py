@@ -32,8 +32,10 @@ class Column:
     """A column of the log.
 
     Attributes:
-        name: its own. unit: of its values, empty for plain numbers.
-        field: of the bus; empty for a true signal. row: in that field, or among the true signals.
+        name: its own.
+        unit: of its values, empty for plain numbers.
+        field: of the bus; empty for a true signal.
+        row: in that field.
     """
 
     name: str

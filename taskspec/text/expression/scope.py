@@ -10,7 +10,7 @@ from typing import Literal
 
 from taskspec import signals
 from taskspec.geometry.axis import TRANSLATIONS
-from taskspec.signals import CLOCKS, VECTORS, Signal
+from taskspec.signals import CLOCKS, VECTORS, Index, Signal
 from taskspec.text.units import ANGLE, LENGTH, NUMBER, Dimension, Quantity
 
 Kind = Literal["param", "constant", "clock", "signal", "condition", "vector", "joint", "object",
@@ -138,4 +138,8 @@ def _resolve_signal(path: tuple[str, ...], scope: Scope) -> Meaning | None:
     return Meaning(kind, entry.name, found.dimension, axis, None, subject, entry)
 
 
-_KINDS: dict[str, Kind] = {"time": "clock", "joint": "joint", "object": "object"}
+_KINDS: dict[Index, Kind] = {
+    Index.CLOCK: "clock",
+    Index.JOINT: "joint",
+    Index.OBJECT: "object",
+}
