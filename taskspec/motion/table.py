@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from taskspec.geometry.axis import AXES, ROTATIONS
 from taskspec.motion.polynomial import PiecewiseCubic
-from taskspec.text.confined import Confines
+from taskspec.text.confines import Confines
 
 #: Columns that a table may have.
 COLUMNS = ("t", *AXES)

@@ -12,7 +12,7 @@ from xml.etree import ElementTree
 from taskspec.robot.bounds import MOST_DEPTH, MOST_ELEMENTS, check_text, too_large
 from taskspec.robot.errors import RobotError
 from taskspec.text.codes import register
-from taskspec.text.confined import MEND, Confines
+from taskspec.text.confines import REMEDY, Confines
 
 register(
     {
@@ -87,7 +87,7 @@ def read_model(path: Path, shown: str, confines: Confines) -> str:
             hint or f"known endings are {', '.join(SUFFIXES)}",
         )
     if not confines.hold(path):
-        raise RobotError("TS409", f"'{shown}' lies outside of the task's project", MEND)
+        raise RobotError("TS409", f"'{shown}' lies outside of the task's project", REMEDY)
     data = _read(path, shown, _MODEL_BYTES)
     if data is None:
         raise RobotError(

@@ -20,7 +20,7 @@ from taskspec.robot.files import (
     read_mesh,
     read_model,
 )
-from taskspec.text.confined import MEND
+from taskspec.text.confines import REMEDY
 
 _INCLUDES = 20
 _REFUSED = {
@@ -67,7 +67,7 @@ def _read_include(
     path = roots.model / name
     if not roots.hold(path):
         raise RobotError(
-            "TS403", f"'{shown}' includes '{name}' from outside of the task's project", MEND
+            "TS403", f"'{shown}' includes '{name}' from outside of the task's project", REMEDY
         )
     if not is_regular(path):
         raise RobotError("TS402", f"'{shown}' includes '{name}', which is not there")

@@ -20,7 +20,7 @@ from taskspec.robot.errors import RobotError
 from taskspec.robot.files import Roots, parse_xml, read_model
 from taskspec.robot.mjcf import mjcf_spec, mjcf_text
 from taskspec.robot.urdf import check_urdf, urdf_mimics, urdf_spec, urdf_velocities
-from taskspec.text.confined import confines
+from taskspec.text.confines import confines
 
 MakeSpec = Callable[[bool], tuple[mujoco.MjSpec, list[str]]]
 

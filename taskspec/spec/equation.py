@@ -156,7 +156,7 @@ class JointEquation(EquationObject):
 
 
 def kind_of_text(text: object) -> str:
-    """The kind of the equation that a raw text states, `equation` where it cannot be told."""
+    """The kind of the equation that a raw text states, `equation` where that is unclear."""
     residual = _residual(text)
     return "joint equation" if residual is not None and on_joints(residual) else "equation"
 

@@ -15,7 +15,7 @@ class FieldType(ABC):
     """Reads a datum, reports what is wrong with it, and describes itself to editors.
 
     Used as the metadata of an `Annotated` type. A datum that cannot be read is reported and
-    replaced by a stand-in; the whole task is then thrown away, so the stand-in is never seen.
+    replaced by a stand-in; the whole task is then thrown away, so the stand-in goes nowhere.
     """
 
     @abstractmethod

@@ -181,7 +181,7 @@ class Robot(Model):
 
     Attributes:
         model: a built-in name, or a path relative to the task file.
-        flange: the body or frame that carries the tool; None if it can be told.
+        flange: the body or frame that carries the tool; None if it is clear without.
         base: placement of the robot's base in the world.
         tool: what is mounted on the flange.
         start: where the run begins; None for the model's home position.

@@ -18,10 +18,10 @@ from taskspec.text.expression import (
     infer,
     parse,
 )
+from taskspec.text.expression.intervals import interval_problems
 from taskspec.text.expression.parse import Start
 from taskspec.text.expression.scope import CONSTANTS
 from taskspec.text.expression.tree import Name, Node, Number, walk
-from taskspec.text.expression.widths import interval_problems
 from taskspec.text.units import LARGEST, NUMBER, Dimension, Quantity, describe
 
 register({"TS117": "a value that is not finite"})

@@ -36,6 +36,6 @@ def number(value: float, digits: int = 4) -> str:
 
 
 def inside(value: float, upper: bool, digits: int = 3) -> float:
-    """A positive bound in some digits, rounded to the side on which it is kept."""
+    """A positive bound in some digits, rounded to the side on which it is satisfied."""
     scale = 10.0 ** (math.floor(math.log10(value)) - digits + 1)
     return (math.floor if upper else math.ceil)(value / scale) * scale

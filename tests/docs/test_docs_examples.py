@@ -12,7 +12,7 @@ from taskspec.examination import check_task
 from taskspec.laws import LAWS
 from taskspec.motion.table import read_table
 from taskspec.text.codes import CODES
-from taskspec.text.confined import confines
+from taskspec.text.confines import confines
 from taskspec.text.diagnostic import Severity
 from taskspec.text.units import parse_unit
 

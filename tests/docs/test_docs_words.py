@@ -27,7 +27,7 @@ from taskspec.spec.path import Path
 from taskspec.spec.robot import Noise, Pose, Sensor, Start, Tool
 from taskspec.spec.words import Word
 from taskspec.spec.world import Shape
-from taskspec.text.confined import VARIABLE
+from taskspec.text.confines import VARIABLE
 from taskspec.text.diagnostic import SpecError
 from taskspec.text.expression.functions import FUNCTIONS, REDUCERS
 from taskspec.text.units import UNITS

@@ -11,7 +11,7 @@ from taskspec.geometry.axis import Axis
 from taskspec.motion import blend, profile
 from taskspec.motion.path import PathShape
 from taskspec.motion.table import TableError, read_table
-from taskspec.text.confined import confines
+from taskspec.text.confines import confines
 
 UNITS = {"mm": 1e-3, "m": 1.0, "s": 1.0, "deg": np.pi / 180}
 

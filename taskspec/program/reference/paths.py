@@ -14,7 +14,7 @@ from taskspec.program.context import Context
 from taskspec.program.errors import spec_error
 from taskspec.spec import FILE, Path, Stage
 from taskspec.text.codes import register
-from taskspec.text.confined import MEND, confines
+from taskspec.text.confines import REMEDY, confines
 from taskspec.text.units import ANGLE, LENGTH, TIME, alternatives, fitting, parse_unit
 
 register(
@@ -110,7 +110,7 @@ def _table(context: Context, name: str, path: Path) -> Table:
         table = read_table(folder / path.file, _factor, confines(loaded.base))
     except OutsideError as error:
         message = f"{path.file!r} lies outside of the task's project"
-        raise spec_error(loaded, place, "TS409", message, MEND) from error
+        raise spec_error(loaded, place, "TS409", message, REMEDY) from error
     except OSError as error:
         message = f"cannot read {path.file!r}: {error.strerror}"
         hint = "paths are relative to the task file"

@@ -1,6 +1,6 @@
 """The expression language: parse, check names and dimensions, evaluate with any kind of number."""
 
-from taskspec.text.expression.check import check, infer
+from taskspec.text.expression.checker import check, infer
 from taskspec.text.expression.evaluate import Algebra, FloatAlgebra, evaluate
 from taskspec.text.expression.expression import Expression
 from taskspec.text.expression.parse import parse

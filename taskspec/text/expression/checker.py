@@ -1,8 +1,10 @@
-"""The walk over a tree that finds types, dimensions and unknown names."""
+"""Types and dimensions of an expression, and the names in it: the walk that finds them."""
 
 from __future__ import annotations
 
-from taskspec.signals import Signal
+from dataclasses import dataclass, replace
+
+from taskspec.signals import VECTORS, Signal
 from taskspec.text.codes import register
 from taskspec.text.expression import tree
 from taskspec.text.expression.functions import FUNCTIONS, REDUCERS, Function
@@ -298,3 +300,69 @@ class Checker:
             hint = "write the least share of ticks that will do: for 95 %"
             self.report("TS118", "a share of no ticks expects nothing", amount, hint)
         return CONDITION
+
+
+@dataclass(frozen=True, slots=True)
+class Checked:
+    """The outcome of a check: the tree with vectors written out, its dimension, the problems."""
+
+    tree: tree.Node
+    dimension: Dimension
+    problems: tuple[Problem, ...]
+
+
+def check(node: tree.Node, scope: Scope, expected: Dimension | None) -> Checked:
+    """Checks names, types and dimensions, all of them.
+
+    Args:
+        node: a parsed expression.
+        scope: the names it may use.
+        expected: the dimension that its place asks for; None if the place asks for a condition.
+
+    Returns:
+        The tree in which `norm(force)` is written out as `norm(force.x, force.y, force.z)`, and
+        every problem found. The dimension is the expected one, plain for conditions.
+    """
+    checker = Checker(scope)
+    found = checker.type_of(node)
+    if expected is None:
+        checker.want_condition(node, found)
+    else:
+        checker.want(node, found, expected)
+    problems = tuple(checker.problems)
+    return Checked(node if problems else _written_out(node), expected or NUMBER, problems)
+
+
+def infer(node: tree.Node, scope: Scope) -> tuple[Type, tuple[Problem, ...]]:
+    """The type of an expression whose place asks for none, and every problem found."""
+    checker = Checker(scope)
+    found = checker.type_of(node)
+    if found.kind == "vector":
+        checker.number(node, found)
+    return found, tuple(checker.problems)
+
+
+def _written_out(node: tree.Node) -> tree.Node:
+    """Replaces the argument of norm(vector) by the vector's components."""
+    match node:
+        case tree.Call("norm", (tree.Name(path, frame) as name,)) if path[-1] in VECTORS:
+            axes = VECTORS[path[-1]].bare
+            return replace(
+                node, args=tuple(replace(name, path=(*path, axis), frame=frame) for axis in axes)
+            )
+        case tree.Negate(x) | tree.Not(x) | tree.Held(x, _):
+            return replace(node, x=_written_out(x))
+        case tree.Binary(_, left, right) | tree.Compare(_, left, right):
+            return replace(node, left=_written_out(left), right=_written_out(right))
+        case tree.Power(base, _):
+            return replace(node, base=_written_out(base))
+        case tree.Call(_, args):
+            return replace(node, args=tuple(map(_written_out, args)))
+        case tree.Reduce(_, arg):
+            return replace(node, arg=_written_out(arg))
+        case tree.WithinNode(x, low, high):
+            return replace(node, x=_written_out(x), low=_written_out(low), high=_written_out(high))
+        case tree.Logic(_, items):
+            return replace(node, items=tuple(map(_written_out, items)))
+        case _:
+            return node

@@ -8,7 +8,7 @@ from pathlib import Path
 
 VARIABLE = "TASKSPEC_FILES"
 """Environment variable with further folders whose files a task may name, as in PATH."""
-MEND = (
+REMEDY = (
     "keep it below the folder with .git or pyproject.toml, or the task's own where there is none; "
     f"or name its folder in the environment variable {VARIABLE}"
 )
@@ -28,7 +28,7 @@ class Confines:
         try:
             real = path.resolve()
         except (OSError, ValueError, RuntimeError):
-            return True  # Nothing can be read there, which is told when that is tried.
+            return True  # Nothing can be read there, which is reported when that is tried.
         return any(real.is_relative_to(folder) for folder in self.folders)
 
 

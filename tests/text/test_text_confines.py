@@ -9,7 +9,7 @@ import pytest
 
 from taskspec.examination import check_task
 from taskspec.spec import load_task
-from taskspec.text.confined import VARIABLE, confines, project
+from taskspec.text.confines import VARIABLE, confines, project
 from taskspec.text.diagnostic import SpecError
 
 TASK = "taskspec: 1\nrobot: {{model: {}}}\nstages: {{go: {{path: {{file: {}, time: 2 s}}}}}}\n"
