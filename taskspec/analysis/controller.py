@@ -16,12 +16,12 @@ from numpy.typing import NDArray
 
 from taskspec.control.model_terms import ModelTerms
 from taskspec.geometry.axis import AXES
+from taskspec.modes import DEFAULT_RAMP
 from taskspec.program.bound import BoundFunction
 from taskspec.program.context import Context
 from taskspec.program.execution import entry
 from taskspec.program.execution.carried import Carried
 from taskspec.program.ports import fields, slices
-from taskspec.program.reference.force_references import DEFAULT_RAMP
 from taskspec.program.stages.stage import CompiledStage
 from taskspec.program.world import estimated_frames
 

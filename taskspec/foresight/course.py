@@ -8,21 +8,19 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from taskspec.geometry.axis import Axis
+from taskspec.modes import AxisMode, Way
 from taskspec.motion.path import PathShape
-from taskspec.motion.profile import RISE_TIME
-from taskspec.program.context import Context
-from taskspec.program.execution.tracks import MOVE_SPEED
-from taskspec.program.known import known_value
 from taskspec.program.plan import StagePlan
-from taskspec.program.trajectory import Course, Way
-from taskspec.spec import AxisEntry, Stage
+from taskspec.program.trajectory import Course
+from taskspec.spec import Stage
 
 Coordinates = Callable[[float], dict[Axis, float]]
 
 
-def moving_axes(stage: Stage) -> dict[Axis, AxisEntry]:
-    """The axes that a stage's `axes` move."""
-    return {a: e for a, e in stage.axes.items() if e.hold is None and not e.has_force}
+def moving_axes(stage: Stage) -> dict[Axis, AxisMode]:
+    """The axes that a stage's `axes` move, with their modes."""
+    free = {a: entry.mode for a, entry in stage.axes.items() if not entry.has_force}
+    return {a: mode for a, mode in free.items() if mode.moves}
 
 
 def course_of(stage: StagePlan, start: Mapping[Axis, float]) -> Course | None:
@@ -39,43 +37,19 @@ def course_of(stage: StagePlan, start: Mapping[Axis, float]) -> Course | None:
         duration, coordinates = _timed(path, start)
         lasts.append(duration)
         ways |= {a: _on_path(coordinates, a, duration, start[a]) for a in path.axes}
-    for axis, entry in moving_axes(stage.spec).items():
-        if entry.move is not None:
-            kind = "angular" if axis.is_rotation else "linear"
-            lasts.append(abs(entry.move) / (entry.speed or MOVE_SPEED[kind]) + RISE_TIME)
-            ways[axis] = _ramp(entry.move, lasts[-1])
-            continue
-        way = _formula(stage.context, entry, start[axis])
+    for axis, mode in moving_axes(stage.spec).items():
+        way = mode.way(stage.known, start[axis])
         if way is None:
             return None
         ways[axis] = way
+        if mode.lasts is not None:
+            lasts.append(mode.lasts)
     if stage.spec.time is not None:
         lasts = [stage.spec.time]
     if not lasts or not ways:
         return None
-    bends = path is not None or any(e.position is not None for e in stage.spec.axes.values())
+    bends = path is not None or any(e.mode.bends for e in stage.spec.axes.values())
     return Course(max(lasts), ways, bends)
-
-
-def _formula(context: Context, entry: AxisEntry, start: float) -> Way | None:
-    """Way of an axis whose velocity, or whose position at any time, is known."""
-    if entry.velocity is not None:
-        rate = known_value(context, entry.velocity)
-        return None if rate is None else lambda time: rate * time
-    position = entry.position
-    begins = None if position is None else known_value(context, position, {"t": 0.0})
-    if position is None or begins is None or not math.isfinite(begins):
-        return None
-
-    def way(time: float) -> float:
-        value = known_value(context, position, {"t": time})
-        return math.nan if value is None else value - start
-
-    return way
-
-
-def _ramp(way: float, duration: float) -> Way:
-    return lambda time: way * min(time / duration, 1.0)
 
 
 def _on_path(coordinates: Coordinates, axis: Axis, duration: float, start: float) -> Way:

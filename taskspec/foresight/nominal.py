@@ -11,10 +11,8 @@ from numpy.typing import NDArray
 
 from taskspec.foresight.course import course_of, moving_axes
 from taskspec.geometry.axis import AXES, Axis
-from taskspec.motion.profile import RISE_TIME
 from taskspec.program.contacts import PASSING
 from taskspec.program.context import Context
-from taskspec.program.known import known_value
 from taskspec.program.plan import StagePlan, TaskPlan
 from taskspec.program.prepare import prepare
 from taskspec.program.trajectory import SAMPLES, Course, Nominal, Place
@@ -121,21 +119,13 @@ class NominalWalk:
         found = {}
         for axis in stage.axes:
             entry = stage.spec.axes.get(axis)
-            if entry is None or entry.hold is not None:
+            mode = None if entry is None else entry.given
+            if entry is None or (mode is not None and not mode.moves):
                 found[axis] = 0.0
-            elif entry.has_force or entry.follows is not None:
-                continue
-            elif entry.velocity is not None:
-                value = known_value(self._context, entry.velocity)
-                if value is not None:
-                    found[axis] = value
-            elif (
-                entry.move is not None
-                and entry.speed is not None
-                # A shorter move never gets as fast.
-                and abs(entry.move) > entry.speed * RISE_TIME
-            ):
-                found[axis] = math.copysign(entry.speed, entry.move)
+            elif mode is not None and not entry.has_force:
+                rate = mode.reached_rate(stage.known)
+                if rate is not None:
+                    found[axis] = rate
         return found
 
     def _touch(self, stage: StagePlan, rotation: Vector) -> None:
@@ -223,11 +213,11 @@ class NominalWalk:
         if contact is None or stage.spec.until is None or not self._to_surface(stage):
             return None
         rates: dict[Axis, float] = {}
-        for axis, entry in moving_axes(stage.spec).items():
-            value = None if entry.velocity is None else known_value(self._context, entry.velocity)
-            if value is None or axis.is_rotation:
+        for axis, mode in moving_axes(stage.spec).items():
+            rate = mode.constant_rate(stage.known)
+            if rate is None or axis.is_rotation:
                 return None
-            rates[axis] = value
+            rates[axis] = rate
         v = rotation @ [rates.get(a, 0.0) for a in AXES[:3]]
         closing = -float(stage.normal_of(contact) @ v)
         if closing <= PASSING * float(np.linalg.norm(v)):

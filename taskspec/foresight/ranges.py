@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -198,7 +199,9 @@ def driven_way(context: Context, name: str) -> Driven | None:
         return None
     axis = Axis.Y if frame.mechanism is not None else Axis.Z
     entry = stage.axes.get(axis)
-    rate = None if entry is None or entry.velocity is None else known_value(context, entry.velocity)
+    if entry is None or not entry.mode.moves:
+        return None
+    rate = entry.mode.constant_rate(partial(known_value, context))
     if rate is None or frame.name != f"{context.held}.handle":
         return None
     if frame.mechanism is None:

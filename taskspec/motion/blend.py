@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import casadi as ca
+from taskspec.deferred import ca
 
 #: References are blended in over at least this time [s] (docs/language.md).
 BLEND_TIME = 0.2

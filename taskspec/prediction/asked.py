@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from taskspec.modes import DEFAULT_RAMP
 from taskspec.program.execution.resolver import Asked
 from taskspec.program.program import Program
-from taskspec.program.reference.force_references import DEFAULT_RAMP
 from taskspec.program.stages.stage import CompiledStage
 
 

@@ -10,13 +10,10 @@ from taskspec.foresight.flow import good_end
 from taskspec.foresight.held_motion import coordinate_rate
 from taskspec.foresight.interval import ANY, Interval, point
 from taskspec.geometry.axis import AXES, TRANSLATIONS, Axis
-from taskspec.motion import profile
 from taskspec.prediction.at_start import StageAtStart
 from taskspec.prediction.forecast import Forecast, Signal, coming, moved, touching
 from taskspec.prediction.springs import spring_behind
 from taskspec.prediction.types import Duration, Equilibrium, Impact, StagePrediction
-from taskspec.program.execution.tracks import move_speed
-from taskspec.program.known import known_value
 from taskspec.spec import Stage
 
 #: How far a guard is looked for in a stage that nothing bounds [s].
@@ -46,10 +43,8 @@ def planned(here: StageAtStart) -> Duration | None:
     if spec.until is not None:
         return None
     lasts = [spec.time or 0.0]
-    for axis, plan in here.stage.plan.plans.items():
-        if plan.motion and plan.mode == "move" and plan.axis.move:
-            speed = plan.axis.speed or move_speed(axis)
-            lasts.append(float(profile.move(0.0, 0.0, plan.axis.move, speed).knots[-2]))
+    moved = [plan.mode.duration() for plan in here.stage.plan.plans.values() if plan.motion]
+    lasts += [duration for duration in moved if duration is not None]
     along = _path_duration(here)
     if along is None:
         return Duration(None, None, "its path is as long as where it begins makes it")
@@ -109,12 +104,9 @@ def _rates(here: StageAtStart) -> dict[Axis, float]:
     for axis, plan in here.stage.plan.plans.items():
         if not plan.motion or plan.axis.has_force:
             continue
-        if plan.mode == "hold":
-            found[axis] = 0.0
-        elif plan.mode == "velocity" and plan.axis.velocity is not None:
-            rate = known_value(here.context, plan.axis.velocity)
-            if rate is not None and math.isfinite(rate):
-                found[axis] = rate
+        rate = plan.mode.constant_rate(here.stage.plan.known)
+        if rate is not None and math.isfinite(rate):
+            found[axis] = rate
     return found
 
 

@@ -56,9 +56,9 @@ def _set_points(
     """Axes with a force loop, and the depths of the contacts that bear them."""
     spans = {}
     for axis, plan in here.stage.plan.plans.items():
-        expression = plan.axis.force if plan.axis.force is not None else plan.axis.torque
-        if plan.force and expression is not None:
-            spans[axis] = span_of(here.context, expression, lasts)
+        force = plan.axis.set_point
+        if plan.force and force is not None:
+            spans[axis] = span_of(here.context, force.wanted, lasts)
     known = {axis: span for axis, span in spans.items() if span is not None}
     linear = [axis for axis in known if not axis.is_rotation]
     if len(known) < len(spans):
@@ -84,7 +84,7 @@ def _set_points(
 
 def _loop(here: StageAtStart, axis: Axis, *, reached: bool) -> str:
     stage = here.stage
-    law, moves = stage.plan.law.control_law, stage.plan.plans[axis].axis.velocity is not None
+    law, moves = stage.plan.law.control_law, stage.plan.plans[axis].mode.goes_on
     if not law.shares and stage.resolution is not None and not reached:
         return "nearest that contacts return"
     return law.settles_at(moves=moves, reached=reached)

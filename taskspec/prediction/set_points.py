@@ -95,7 +95,7 @@ def drift(here: StageAtStart, missing: Mapping[Axis, float]) -> float:
 def _pull(here: StageAtStart, axis: Axis) -> float:
     """What a motion on a force axis adds to its set point [N]."""
     stage, plan = here.stage, here.stage.plan.plans[axis]
-    if not plan.motion or plan.axis.velocity is None:
+    if not plan.motion or not plan.mode.goes_on:
         return 0.0
-    rate = known_value(here.context, plan.axis.velocity) or 0.0
+    rate = plan.mode.constant_rate(stage.plan.known) or 0.0
     return stage.plan.law.control_law.pulls(on_axis(stage.plan.gains, axis), rate)

@@ -10,23 +10,20 @@ lies ahead, the one behind counts: the tool may leave it, or pull at it.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from taskspec.modes import Known
 from taskspec.program.world.moving_base import MovingBase
 from taskspec.robot import RobotModel
 from taskspec.shapes import Surface
 from taskspec.spec import AxisEntry
-from taskspec.text.expression import Expression
 
 Vector = NDArray[np.float64]
-#: The value of an expression at a time of its stage [s]; None where that is not known.
-Known = Callable[[Expression, float], float | None]
-
 #: A way that closes in by less than this share of itself passes by: 1 deg.
 PASSING = math.sin(math.radians(1.0))
 #: Nearer than this the tool is at an object [m].
@@ -143,9 +140,25 @@ def _sign(entry: AxisEntry | None, known: Known) -> int:
     """Which way an axis pushes, or else moves; 0 for neither, or where that is not known."""
     if entry is None:
         return 0
-    for expression in (entry.force, entry.velocity):
-        values = [] if expression is None else [known(expression, t) for t in _TIMES]
-        for value in values:
-            if value is not None and math.isfinite(value) and value:
-                return 1 if value > 0 else -1
-    return 0 if not entry.move else 1 if entry.move > 0 else -1
+    force = entry.set_point
+    for t in _TIMES:
+        if force is not None and (sign := _sign_of(known(force.wanted, _clocks(t)))):
+            return sign
+    for t in _TIMES:
+        if sign := _sign_of(entry.mode.heading(_at(known, t))):
+            return sign
+    return 0
+
+
+def _sign_of(value: float | None) -> int:
+    if value is None or not math.isfinite(value) or not value:
+        return 0
+    return 1 if value > 0 else -1
+
+
+def _clocks(t: float) -> dict[str, float]:
+    return {"t": t, "clock": t}
+
+
+def _at(known: Known, t: float) -> Known:
+    return lambda expression, clocks: known(expression, _clocks(t) | dict(clocks or {}))

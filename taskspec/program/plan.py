@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from taskspec.geometry.axis import Axis
 from taskspec.laws.gains import AxisPlant, Gains, value_of
+from taskspec.modes import Coupling
 from taskspec.motion.path import PathShape
 from taskspec.program.axes import MOSTLY, existing_axes
 from taskspec.program.contacts import Meeting, directions
@@ -21,7 +22,6 @@ from taskspec.program.known import known_value
 from taskspec.program.prepare import frame_at_start
 from taskspec.program.reference import orientation
 from taskspec.program.reference.constraints import active_equations, equation_gains
-from taskspec.program.reference.coupling import Coupling, coupling
 from taskspec.program.reference.modes import AxisPlan, plan_axes
 from taskspec.program.reference.paths import path_shape
 from taskspec.program.trajectory import Nominal
@@ -194,8 +194,8 @@ class StagePlan:
             return self.contact
         rates = np.zeros(3)
         for axis, entry in self.spec.axes.items():
-            if axis in self.contacts and entry.velocity is not None:
-                rates[axis.row] = known_value(self.context, entry.velocity) or 0.0
+            if axis in self.contacts:
+                rates[axis.row] = entry.mode.constant_rate(self.known) or 0.0
         if not np.isfinite(rates).all() or not rates.any():
             return None
         p, R = self.tool
@@ -244,15 +244,12 @@ class StagePlan:
         """The first object that an axis leads to."""
         p, R = self.tool
         way = self.frame_at_tool[:, axis.column]
-        for signs in directions(entry, self._known):
+        for signs in directions(entry, self.known):
             met = [self.context.obstacles.first(p, R, sign * way) for sign in signs]
             nearest = min((m for m in met if m is not None), key=lambda m: m.way, default=None)
             if nearest is not None:
                 return nearest
         return None
-
-    def _known(self, expression: Expression, t: float) -> float | None:
-        return known_value(self.context, expression, {"t": t, "clock": t})
 
     def normal_of(self, contact: str) -> Vector:
         """(3,) outward normal of an object where the stage meets it, world axes."""
@@ -367,15 +364,21 @@ class StagePlan:
         Raises:
             UncoupledError: the mechanism's geometry asks for no motion of an axis.
         """
-        return {a: self.coupling_of(a) for a, plan in self.plans.items() if plan.mode == "follows"}
+        return {a: c for a in self.plans if (c := self.coupling_of(a)) is not None}
 
-    def coupling_of(self, axis: Axis) -> Coupling:
-        """How an axis follows its mechanism.
+    def coupling_of(self, axis: Axis) -> Coupling | None:
+        """How an axis follows its mechanism; None where it follows none.
 
         Raises:
             UncoupledError: the mechanism's geometry asks for no motion of this axis.
         """
-        return coupling(self.context, self.frame, self.rotation, self.plans, axis)
+        return self.plans[axis].mode.coupling(self, axis)
+
+    def known(
+        self, expression: Expression, clocks: Mapping[str, float] | None = None
+    ) -> float | None:
+        """What an expression is worth before a run; see `known_value`."""
+        return known_value(self.context, expression, clocks)
 
     @cached_property
     def plants(self) -> dict[Axis, AxisPlant]:

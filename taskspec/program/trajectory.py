@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.geometry.axis import AXES, Axis
+from taskspec.modes import Way
 
 Vector = NDArray[np.float64]
-Way = Callable[[float], float]
 
 #: Shares of a stage's duration, not those at which a sine of a few periods is zero.
 SAMPLES = (0.13, 0.37, 0.61, 0.83, 1.0)

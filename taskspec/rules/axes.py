@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from taskspec.geometry.axis import Axis
+from taskspec.modes import UncoupledError
 from taskspec.program.plan import StagePlan
-from taskspec.program.reference.coupling import UncoupledError
 from taskspec.rules import Finding, Phase, error, rule
 from taskspec.spec import FILE, key_of
 
@@ -29,12 +29,10 @@ def missing_axes(stage: StagePlan) -> Iterator[Finding]:
 def uncoupled_axes(stage: StagePlan) -> Iterator[Finding]:
     """Reports axes that follow a mechanism which asks no motion of them."""
     for axis, plan in stage.plans.items():
-        if plan.mode != "follows":
-            continue
         try:
             stage.coupling_of(axis)
         except UncoupledError as reason:
-            place = FILE.stages[stage.name].axes[axis].follows
+            place = FILE.stages[stage.name].axes[axis][plan.mode.name]
             yield error("TS230", str(reason), place, reason.hint)
 
 

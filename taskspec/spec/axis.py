@@ -2,12 +2,24 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
-from pydantic import Field, GetCoreSchemaHandler
+from pydantic import Field, GetCoreSchemaHandler, create_model
 from pydantic_core import CoreSchema, core_schema
 
 from taskspec.geometry.axis import AXES, Axis
+from taskspec.modes import (
+    AxisMode,
+    Force,
+    Hold,
+    ModeKey,
+    all_modes,
+    axis_keys,
+    companions,
+    force_given,
+    force_keys,
+    mode_given,
+)
 from taskspec.spec.fields import MechanismName, SurfaceName
 from taskspec.spec.model import Model, complete, short_form
 from taskspec.spec.parse_context import ParseContext as Reading
@@ -15,20 +27,15 @@ from taskspec.spec.quantities import Constant, Formula
 from taskspec.spec.words import Word
 from taskspec.text.codes import register
 from taskspec.text.data import Map, Text
-from taskspec.text.expression import Expression, ScopeKind
+from taskspec.text.expression import Expression
 from taskspec.text.nodes import pointer
 from taskspec.text.units import (
-    ANGLE,
     ANGULAR_DAMPING,
     ANGULAR_STIFFNESS,
-    ANGULAR_VELOCITY,
     DAMPING,
-    FORCE,
-    LENGTH,
-    MOMENT,
     STIFFNESS,
     TIME,
-    VELOCITY,
+    alternatives,
 )
 
 register(
@@ -40,31 +47,64 @@ register(
     }
 )
 
-MOTIONS = ("hold", "position", "velocity", "move", "follows")
-FORCES = ("force", "torque")
-_BELONGS = {
-    "speed": (("move",), "it is the speed of a 'move'"),
-    "ramp": (FORCES, "it is the time in which a force or torque is reached"),
-}
+_MODES = all_modes(__name__)
+MOTIONS = tuple(_MODES)
+"""The keys of which one gives a mode."""
+FORCES = force_keys()
+"""The keys of which one gives a force set point."""
+SHORT = {name: mode.word for name, mode in _MODES.items() if mode.word}
+"""Modes that a file may give by their name alone, and the value that their key then has."""
 _STIFF = ("stiffness", "damping")
+_COMPANIONS = tuple(companions())
 
-Hold = Annotated[Literal["start", "world"], Word(("start", "world"), "hold")]
 Ramp = Annotated[float, Constant(TIME, least=0)]
 
 
-class AxisEntry(Model):
+def _type_of(key: ModeKey, *, rotation: bool) -> Any:
+    """What a field for a key holds."""
+    if key.words:
+        return Annotated[str, Word(key.words, key.name)]
+    if key.mechanism:
+        return MechanismName
+    dimension = key.dimension.on(rotation=rotation)
+    if key.scope is not None:
+        return Annotated[Expression, Formula(dimension, key.scope)]
+    return Annotated[float, Constant(dimension, above=key.above, least=key.least)]
+
+
+def _field(key: ModeKey, *, rotation: bool) -> tuple[Any, Any]:
+    """A key as a field of a model: its type, and what is known of it."""
+    if not key.exists(rotation=rotation):
+        return None, Field(None, exclude=True)
+    title = (rotation and key.about) or key.title
+    description = key.description or None
+    return _type_of(key, rotation=rotation) | None, Field(
+        None, title=title, description=description
+    )
+
+
+if TYPE_CHECKING:
+
+    class _AxisKeys(Model):
+        """The keys of all modes, of forces, and of soft axes."""
+
+        def __getattr__(self, name: str) -> Any: ...
+
+else:
+    _AxisKeys = create_model(
+        "_AxisKeys",
+        __base__=Model,
+        __module__=__name__,
+        **{key.name: (Any, None) for key in axis_keys()},
+    )
+
+
+class AxisEntry(_AxisKeys):
     """One axis: one motion or one force; both only under a parallel law.
 
+    The keys of the modes and of `Force` are attributes too; None for those that are left out.
+
     Attributes:
-        hold: `start` keeps the carried reference; `world` the world's orientation.
-        position: [m, rad] in the frame.
-        velocity: [m/s, rad/s].
-        move: distance from the carried reference [m, rad].
-        speed: of the move [m/s, rad/s]; None for the default.
-        follows: the mechanism whose geometry couples the axis to the others.
-        force: that the robot applies to the environment [N].
-        torque: that the robot applies to the environment [N*m].
-        ramp: time in which the force is reached [s]; None for the default.
         stiffness: of a soft motion axis [N/m, N*m/rad].
         damping: of a soft motion axis [N*s/m, N*m*s/rad].
         contact: the object that it presses on, or runs into; None for the one ahead.
@@ -72,21 +112,9 @@ class AxisEntry(Model):
 
     noun = "an axis"
     example = "such as {hold: start} or {force: -15 N}"
-    short: ClassVar = {"const": "hold"}
-    foreign: ClassVar[str] = ""
-    """The force that belongs to the other kind of axis."""
+    short: ClassVar = {"const": next(iter(SHORT))} if len(SHORT) == 1 else {"enum": list(SHORT)}
+    rotation: ClassVar[bool] = False
 
-    hold: Hold | None = Field(None, title="Hold", description="start, or world")
-    position: Expression | None = None
-    velocity: Expression | None = None
-    move: float | None = None
-    speed: float | None = None
-    follows: MechanismName | None = Field(
-        None, title="Mechanism", description="Its geometry couples this axis to the others"
-    )
-    force: Expression | None = None
-    torque: Expression | None = None
-    ramp: Ramp | None = Field(None, title="Time in which the force is reached")
     stiffness: float | None = None
     damping: float | None = None
     contact: SurfaceName | None = Field(
@@ -94,9 +122,24 @@ class AxisEntry(Model):
     )
 
     @property
+    def given(self) -> AxisMode | None:
+        """The mode that it gives; None where it has a force alone."""
+        return mode_given(self, rotation=self.rotation)
+
+    @property
+    def mode(self) -> AxisMode:
+        """What decides its motion; a hold where nothing else is given."""
+        return self.given or Hold(self.rotation)
+
+    @property
+    def set_point(self) -> Force | None:
+        """Its force or torque set point."""
+        return force_given(self)
+
+    @property
     def has_force(self) -> bool:
         """Whether it has a force or torque set point."""
-        return self.force is not None or self.torque is not None
+        return any(getattr(self, key) is not None for key in FORCES)
 
     @property
     def is_soft(self) -> bool:
@@ -105,32 +148,37 @@ class AxisEntry(Model):
 
     @classmethod
     def expand(cls, data: object, reading: Reading) -> object:
-        """Read `hold` as `{hold: start}`; report the force of the other kind of axis."""
-        if isinstance(data, Text) and data == "hold":
-            start = Text("start")
-            start.node = data.node
-            return short_form(start, "hold")
-        if not (isinstance(data, Map) and cls.foreign in data):
+        """Read the bare name of a mode, such as `hold`; report the force of the other axes."""
+        if isinstance(data, Text) and data in SHORT:
+            value = Text(SHORT[data])
+            value.node = data.node
+            return short_form(value, str(data))
+        other, own = (
+            next(k.name for k in Force.keys if k.only and k.exists(rotation=turns))
+            for turns in (not cls.rotation, cls.rotation)
+        )
+        if not (isinstance(data, Map) and other in data):
             return data
-        other, kind = ("torque", "rotation") if cls.foreign == "force" else ("force", "translation")
-        span = data.node.key_span(cls.foreign)
-        reading.error("TS205", f"a {cls.foreign} on a {kind}", span, f"write '{other}'")
+        kind = "rotation" if cls.rotation else "translation"
+        span = data.node.key_span(other)
+        reading.error("TS205", f"a {other} on a {kind}", span, f"write '{own}'")
         reading.quiet.add(id(data.node))
-        rest = Map({key: value for key, value in data.items() if key != cls.foreign})
+        rest = Map({key: value for key, value in data.items() if key != other})
         rest.node = data.node
         return rest
 
     @classmethod
     def rules(cls, data: Map, reading: Reading) -> None:
         """Ask for one mode, and for keys that belong to it."""
-        if data.get("hold") == "world" and cls.foreign == "torque":
-            span = data.node.entries["hold"][1].span
-            hint = "a translation holds the reference: write 'hold'"
-            reading.error("TS204", "'world' holds an orientation, not a place", span, hint)
         motions = [key for key in MOTIONS if key in data]
         forces = [key for key in FORCES if key in data]
+        for key in motions:
+            misuse = _MODES[key].misuse(data, rotation=cls.rotation)
+            if misuse is not None:
+                span = data.node.entries[misuse.key][1].span
+                reading.error("TS204", misuse.message, span, misuse.hint)
         if not motions and not forces and complete(data, reading):
-            modes = "hold, position, velocity, move, follows, force or torque"
+            modes = alternatives((*MOTIONS, *FORCES))
             reading.error("TS201", "an axis needs a mode", pointer(data.node), modes)
             return
         if len(motions) > 1:
@@ -140,35 +188,37 @@ class AxisEntry(Model):
                 data.node.key_span(motions[1]),
                 "keep one of the two",
             )
-        for key, (modes_of, why) in _BELONGS.items():
-            if key in data and not data.keys() & set(modes_of) and complete(data, reading):
-                reading.error("TS204", f"'{key}' without {' or '.join(modes_of)}",
-                              data.node.key_span(key), why)  # fmt: skip
+        for companion, owners in _COMPANIONS:
+            key = companion.name
+            if key in data and not data.keys() & set(owners) and complete(data, reading):
+                reading.error("TS204", f"'{key}' without {' or '.join(owners)}",
+                              data.node.key_span(key), companion.companion)  # fmt: skip
         for key in _STIFF:
             if key in data and forces and not motions:
                 hint = "a soft axis is a motion axis; a law's gains stand under 'law'"
                 reading.error("TS204", f"'{key}' on a force axis", data.node.key_span(key), hint)
 
 
-class Translation(AxisEntry):
+if TYPE_CHECKING:
+
+    class _TranslationKeys(AxisEntry): ...
+
+    class _RotationKeys(AxisEntry): ...
+else:
+    _TranslationKeys, _RotationKeys = (
+        create_model(
+            name,
+            __base__=AxisEntry,
+            __module__=__name__,
+            **{key.name: _field(key, rotation=turns) for key in axis_keys()},
+        )
+        for name, turns in (("_TranslationKeys", False), ("_RotationKeys", True))
+    )
+
+
+class Translation(_TranslationKeys):
     """A translation: lengths and forces."""
 
-    foreign: ClassVar[str] = "torque"
-
-    position: Annotated[Expression, Formula(LENGTH, ScopeKind.PLANNED)] | None = Field(
-        None, title="Position"
-    )
-    velocity: Annotated[Expression, Formula(VELOCITY, ScopeKind.REFERENCE)] | None = Field(
-        None, title="Velocity"
-    )
-    move: Annotated[float, Constant(LENGTH)] | None = Field(None, title="Distance to move")
-    speed: Annotated[float, Constant(VELOCITY, above=0)] | None = Field(
-        None, title="Speed of the move"
-    )
-    force: Annotated[Expression, Formula(FORCE, ScopeKind.REFERENCE)] | None = Field(
-        None, title="Force", description="What the robot applies to the environment"
-    )
-    torque: None = Field(None, exclude=True)
     stiffness: Annotated[float, Constant(STIFFNESS, above=0)] | None = Field(
         None, title="Stiffness of a soft axis"
     )
@@ -177,25 +227,11 @@ class Translation(AxisEntry):
     )
 
 
-class Rotation(AxisEntry):
+class Rotation(_RotationKeys):
     """A rotation: angles and moments."""
 
-    foreign: ClassVar[str] = "force"
+    rotation: ClassVar[bool] = True
 
-    position: Annotated[Expression, Formula(ANGLE, ScopeKind.PLANNED)] | None = Field(
-        None, title="Angle"
-    )
-    velocity: Annotated[Expression, Formula(ANGULAR_VELOCITY, ScopeKind.REFERENCE)] | None = Field(
-        None, title="Rate of turn"
-    )
-    move: Annotated[float, Constant(ANGLE)] | None = Field(None, title="Angle to turn")
-    speed: Annotated[float, Constant(ANGULAR_VELOCITY, above=0)] | None = Field(
-        None, title="Speed of the turn"
-    )
-    force: None = Field(None, exclude=True)
-    torque: Annotated[Expression, Formula(MOMENT, ScopeKind.REFERENCE)] | None = Field(
-        None, title="Moment", description="What the robot applies to the environment"
-    )
     stiffness: Annotated[float, Constant(ANGULAR_STIFFNESS, above=0)] | None = Field(
         None, title="Stiffness of a soft axis"
     )

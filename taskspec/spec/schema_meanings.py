@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from taskspec.modes import axis_keys
 from taskspec.shapes import SHAPES, size_keys, with_size
 from taskspec.text.units import alternatives
 
@@ -32,13 +33,7 @@ _DETENT = {
     "width": ("How far the snap reaches to either side.", ()),
 }
 _AXIS = {
-    "hold": ("start keeps the reference where it is; world keeps a rotation to the world.", ()),
-    "position": ("Where the reference is, as an expression of t, clock and params.", ()),
-    "velocity": ("How fast the reference goes; may use measured signals.", ()),
-    "move": ("A distance from the reference as it is, covered with limited jerk.", ()),
-    "speed": ("Greatest speed of the move; by default 50 mm/s or 30 deg/s.", ()),
-    "ramp": ("Time in which the set point is reached from the measured value; 0.2 s by default.",
-             ("0.3 s",)),
+    **{key.name: (key.meaning, key.examples) for key in axis_keys()},
     "stiffness": ("Makes a motion axis soft: what it yields to forces with.", ()),
     "damping": ("Damping of a soft motion axis; by default designed.", ()),
 }  # fmt: skip

@@ -53,8 +53,6 @@ NOTES: dict[str, tuple[str, tuple[Any, ...]]] = {
     "Robot.flange": ("", ("tool0",)),
     "Robot.balanced": ("", (True,)),
     "Robot.grasp": ("", ("door.handle",)),
-    "Rotation.follows": ("", ("door",)),
-    "Rotation.torque": ("", ("-2 N*m", 0)),
     "Screw.mechanism": ("Always this word", ()),
     "Shape.shape": (_WORDS, ()),
     "Shape.free": ("true or false", (True,)),
@@ -73,8 +71,6 @@ NOTES: dict[str, tuple[str, tuple[Any, ...]]] = {
     "Stage.tare": ("", (True,)),
     "Tool.shape": (_WORDS, ()),
     "Tool.size": ("Full edges; the third is along the tool axis", (["40 mm", "40 mm", "10 mm"],)),
-    "Translation.follows": ("", ("door",)),
-    "Translation.force": ("", ("-15 N", "-press")),
 }
 
 _GROUPS = {"linear": "All translations", "angular": "All rotations"}

@@ -9,7 +9,8 @@ from pydantic import Field
 
 from taskspec.geometry.axis import Axis
 from taskspec.laws import LAWS
-from taskspec.spec.axis import FORCES, MOTIONS, AxisEntry, ByName
+from taskspec.modes import MODES
+from taskspec.spec.axis import FORCES, MOTIONS, SHORT, AxisEntry, ByName
 from taskspec.spec.fields import FrameName, SurfaceName
 from taskspec.spec.law import Law, law_of
 from taskspec.spec.limits import Limits
@@ -23,7 +24,7 @@ from taskspec.text.codes import register
 from taskspec.text.data import Map, Text
 from taskspec.text.expression import Expression, ScopeKind
 from taskspec.text.nodes import pointer
-from taskspec.text.units import LENGTH, TIME
+from taskspec.text.units import LENGTH, TIME, alternatives
 
 register(
     {
@@ -125,7 +126,8 @@ class Stage(Model):
 def _check_end(data: Map, reading: Reading) -> None:
     sure = complete(data, reading)
     axes = mapping(data.get("axes"))
-    moves = any("move" in mapping(axis) for axis in axes.values())
+    ending = [name for name, mode in MODES.items() if mode.ends]
+    moves = any(name in mapping(axis) for axis in axes.values() for name in ending)
     if "until" in data:
         if "within" not in data and sure:
             reading.error(
@@ -142,18 +144,19 @@ def _check_end(data: Map, reading: Reading) -> None:
                 "a stage ends by its condition or after its time; a bound stands under 'within'",
             )
     elif sure and not (moves or "time" in data or "path" in data) and not _damaged(data):
+        ends = [f"a '{key}'" for key in ("time", "path", *ending)]
         reading.error(
             "TS602",
             "nothing ends this stage",
             reading.key_of(data),
             "'within' only bounds what 'until' ends: add 'until'"
             if "within" in data
-            else "add 'until' with 'within', a 'time', a 'path' or a 'move'",
+            else f"add 'until' with 'within', {alternatives(ends)}",
         )
 
 
 def _damaged(data: Map) -> bool:
-    """Whether something in a stage's axes is wrong that may have been meant as a move."""
+    """Whether something in a stage's axes is wrong that may have been meant as an end."""
     axes = data.get("axes", {})
     if not isinstance(axes, Map):
         return bool(axes)
@@ -165,7 +168,7 @@ def _damaged(data: Map) -> bool:
 def _is_damaged(axis: object) -> bool:
     if isinstance(axis, Map):
         return axis.node.broken or not axis.keys() <= AxisEntry.model_fields.keys()
-    return axis != "hold"
+    return axis not in SHORT
 
 
 def _check_path_done(data: Map, reading: Reading) -> None:

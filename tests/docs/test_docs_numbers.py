@@ -18,12 +18,11 @@ from taskspec.control.state import ARM_LENGTH
 from taskspec.geometry.axis import ROTATIONS, Axis
 from taskspec.laws import LAWS
 from taskspec.laws.gains import AxisPlant
+from taskspec.modes import DEFAULT_RAMP, MOVE_SPEED
 from taskspec.motion.blend import BLEND_TIME
 from taskspec.motion.profile import RISE_TIME
 from taskspec.program import events
-from taskspec.program.execution.tracks import MOVE_SPEED
 from taskspec.program.program import Program
-from taskspec.program.reference.force_references import DEFAULT_RAMP
 from taskspec.robot.tool import LENGTH, RADIUS
 from taskspec.signals.entries import TOUCHING
 from taskspec.spec import AxisEntry, Law, Task

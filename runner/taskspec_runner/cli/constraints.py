@@ -9,15 +9,13 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 from taskspec.geometry.axis import Axis
-from taskspec.motion.path import PathShape
 from taskspec.prediction import Natural, StagePrediction, State
 from taskspec.program.program import Program
 from taskspec.program.reference.modes import AxisPlan
 from taskspec.program.stages.stage import CompiledStage
 from taskspec.spec import Screw
 from taskspec.text.show import number, scaled, show
-from taskspec.text.units import LENGTH, STIFFNESS
-from taskspec_runner.cli.defaults import ramp_of, speed_of
+from taskspec.text.units import STIFFNESS
 
 #: Stands below the tables.
 LEGEND = "v, w: velocity along and about an axis; f, m: force and moment that the robot applies"
@@ -122,48 +120,24 @@ def _product(symbol: str, factor: float, lever: int, *, pitch: bool = False) -> 
 
 def _artificial(stage: CompiledStage, axis: Axis, plan: AxisPlan) -> str:
     parts = []
-    if plan.motion and not plan.open_loop:
-        parts.append(_motion(stage, axis, plan))
-    if plan.set_point:
-        wanted = plan.axis.force if plan.axis.force is not None else plan.axis.torque
-        ramp = "" if str(wanted) == "0" else f", reached in {ramp_of(plan.axis)}"
-        parts.append(f"{_force(axis)} = {wanted}{ramp}")
-    return "; ".join(parts)
+    if plan.motion:
+        parts.append(plan.mode.constraint(axis, _velocity(axis), turns=_turns(stage)))
+    if plan.axis.set_point is not None:
+        parts.append(plan.axis.set_point.constraint(_force(axis)))
+    return "; ".join(part for part in parts if part)
 
 
-def _motion(stage: CompiledStage, axis: Axis, plan: AxisPlan) -> str:
-    entry = plan.axis
-    if plan.mode == "path":
-        assert stage.plan.path is not None
-        return f"{axis} by path: {_on_path(stage.plan.path, axis)}"
-    if plan.mode == "move":
-        assert entry.move is not None
-        return f"{axis} moves {show(entry.move, axis.of(LENGTH))} at {speed_of(axis, entry)}"
-    if plan.mode == "hold":
-        if _turns_along(stage, axis, plan):
-            return f"{axis} held, turns with the frame"
-        return f"{_velocity(axis)} = 0" + (" in the world" if plan.world else "")
-    if plan.mode == "follows":
-        return f"{axis} follows {entry.follows}"
-    if plan.mode == "velocity":
-        return f"{_velocity(axis)} = {entry.velocity}"
-    return f"{axis} = {entry.position}"
+def _turns(stage: CompiledStage) -> bool:
+    """Whether the stage's frame turns as the tool moves."""
+    frame = stage.plan.frame
+    curved = frame.surface is not None and not frame.surface.flat
+    return frame.mechanism is not None or curved
 
 
 def _turns_along(stage: CompiledStage, axis: Axis, plan: AxisPlan) -> bool:
     """Whether a rotation is held in a frame that turns as the tool moves."""
-    frame = stage.plan.frame
-    curved = frame.surface is not None and not frame.surface.flat
-    held = plan.mode == "hold" and axis.is_rotation and not plan.world
-    return held and (frame.mechanism is not None or curved)
-
-
-def _on_path(path: PathShape, axis: Axis) -> str:
-    if path.kind == "to":
-        return f"to {show(path.numbers[axis], axis.of(LENGTH))}"
-    return (
-        f"line of {show(path.numbers[axis], axis.of(LENGTH))}" if path.kind == "line" else path.kind
-    )
+    held = not plan.mode.moves and axis.is_rotation and not plan.world
+    return held and _turns(stage)
 
 
 def _enforcer(stage: CompiledStage, plan: AxisPlan, world: Natural) -> str:
@@ -177,7 +151,7 @@ def _enforcer(stage: CompiledStage, plan: AxisPlan, world: Natural) -> str:
 
 def _by_equation(stage: CompiledStage, plan: AxisPlan, world: Natural) -> bool:
     """Whether an axis that the stage does not name gives way to an equation."""
-    named = world.axis in stage.plan.spec.axes or plan.mode == "path"
+    named = world.axis in stage.plan.spec.axes or plan.mode.moves
     return world.by in stage.plan.active and world.decides == "velocity" and not named
 
 
@@ -186,14 +160,14 @@ def _remarks(stage: CompiledStage, plan: AxisPlan, world: Natural) -> Iterator[s
     if world.decides == "velocity" and plan.motion:
         if plan.force or _by_equation(stage, plan, world):
             return
-        if plan.mode == "follows" or (world.terms and _turns_along(stage, world.axis, plan)):
+        if not plan.mode.leads or (world.terms and _turns_along(stage, world.axis, plan)):
             yield f"as {world.by} goes"
         elif world.by in stage.plan.active:
             yield f"along {world.by}"
         elif plan.yields:
             yield f"yields to {world.by}"
         else:
-            yield f"{world.by} holds it too" if plan.mode == "hold" else f"against {world.by}"
+            yield f"{world.by} holds it too" if not plan.mode.moves else f"against {world.by}"
     if world.decides == "force" and plan.set_point and not world.effort:
         yield "held by friction" if world.friction else "free to move"
     if plan.soft and "stiffness" in stage.plan.gains:

@@ -4,19 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from taskspec.geometry.axis import Axis
-from taskspec.program.execution.tracks import move_speed
+from taskspec.modes import DEFAULT_RAMP
 from taskspec.program.program import Program
-from taskspec.program.reference.force_references import DEFAULT_RAMP
 from taskspec.program.stages.null_space import goals
 from taskspec.program.stages.stage import CompiledStage
 from taskspec.program.world.stiffness import Compliance
 from taskspec.robot.tool import LENGTH
 from taskspec.shapes import tool_shapes
-from taskspec.spec import AxisEntry, EquationObject, Mechanism, Robot, Shape, Task
+from taskspec.spec import EquationObject, Mechanism, Robot, Shape, Task
 from taskspec.text.nodes import find
 from taskspec.text.show import scaled, show
-from taskspec.text.units import DAMPING, INERTIA, MASS, STIFFNESS, VELOCITY
+from taskspec.text.units import DAMPING, INERTIA, MASS, STIFFNESS
 
 _SENSOR = {
     "at": "contact: neither weight nor inertia of the tool",
@@ -26,16 +24,6 @@ _SENSOR = {
     "bias": "none",
     "filter": "none",
 }
-
-
-def speed_of(axis: Axis, entry: AxisEntry) -> str:
-    """The speed of a move, given or not."""
-    return show(entry.speed or float(move_speed(axis)), axis.of(VELOCITY))
-
-
-def ramp_of(entry: AxisEntry) -> str:
-    """The time in which a force is reached, given or not."""
-    return show(DEFAULT_RAMP if entry.ramp is None else entry.ramp, "s")
 
 
 def defaults_taken(program: Program) -> Iterator[tuple[str, str]]:
@@ -152,7 +140,7 @@ def _stage(stage: CompiledStage) -> Iterator[tuple[str, str]]:
     holding = [
         a
         for a in stage.plan.plans
-        if a not in stage.plan.spec.axes and stage.plan.plans[a].mode == "hold"
+        if a not in stage.plan.spec.axes and not stage.plan.plans[a].mode.moves
     ]
     if holding:
         yield f"stages.{stage.name}.axes: {' '.join(holding)}", "hold"
@@ -161,7 +149,8 @@ def _stage(stage: CompiledStage) -> Iterator[tuple[str, str]]:
             yield f"stages.{stage.name}.constraints.{name}.ramp", show(DEFAULT_RAMP, "s")
     for axis, entry in stage.plan.spec.axes.items():
         place = f"stages.{stage.name}.axes.{axis}"
-        if (entry.force is not None or entry.torque is not None) and entry.ramp is None:
-            yield f"{place}.ramp", ramp_of(entry)
-        if entry.move is not None and entry.speed is None:
-            yield f"{place}.speed", speed_of(axis, entry)
+        force = entry.set_point
+        for key, value in () if force is None else force.defaults():
+            yield f"{place}.{key}", value
+        for key, value in entry.mode.defaults(axis):
+            yield f"{place}.{key}", value

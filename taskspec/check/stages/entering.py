@@ -7,10 +7,10 @@ from numpy.typing import NDArray
 
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.laws.gains import on_axis
+from taskspec.modes import DEFAULT_RAMP
 from taskspec.program.axes import MOSTLY
 from taskspec.program.context import Context
 from taskspec.program.known import known_value
-from taskspec.program.reference.force_references import DEFAULT_RAMP
 from taskspec.spec import FILE
 from taskspec.text.codes import register
 from taskspec.text.diagnostic import Diagnostics

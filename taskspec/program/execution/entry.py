@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.laws.gains import value_of
-from taskspec.motion import blend
+from taskspec.modes import StageStart
 from taskspec.program.execution.carried import Carried
 from taskspec.program.execution.choice import choose_first
-from taskspec.program.execution.tracks import Tracks, move_speed, plan_tracks
+from taskspec.program.execution.tracks import Tracks, plan_tracks
 from taskspec.program.ports import PROBE, slices
 from taskspec.program.stages.stage import CompiledStage
 from taskspec.program.world import estimated_frames
@@ -175,7 +175,7 @@ class _Entry:
             error[name] = float(away[i]) if i < 3 else 0.0
             start[name] = float(seen["coordinate"][i]) + error[name] if i < 3 else 0.0
             rate[name] = float((frame.T @ spin)[i - 3] if plan.world else rates[i])
-            if plan.force and plan.mode == "hold":
+            if plan.force and not plan.mode.moves:
                 # Braking a reference that nothing asks for would push with the loop's damper.
                 rate[name] = 0.0
         return Continuation(error, start, rate, self._pressed())
@@ -216,30 +216,24 @@ class _Entry:
         found = self.stage.own(*self.inputs, self.memory, self.parameters)
         own, own_rate = (np.array(value).ravel() for value in found)
         for name, plan in self.stage.plan.plans.items():
-            i, start = AXES.index(name), going.start[name]
-            pressed = going.pressed.get(name, 0.0)
-            slope, offset, time = going.rate[name] - own_rate[i], 0.0, blend.BLEND_TIME
-            if plan.mode == "follows":
-                leader = self.stage.plan.couplings[name].leader
-                if leader is not None:
-                    self._write(f"begin.{name}", going.start[leader])
-                    own_rate[i] = self.stage.plan.couplings[name].ratio * going.rate[leader]
-                    slope = going.rate[name] - own_rate[i]
-            if plan.mode in ("hold", "velocity", "follows"):
-                offset = -slope * time / 2
-                self._write(f"start.{name}", start - offset)
-            elif plan.mode == "move":
-                slope = 0.0
-            elif plan.open_loop:
-                slope, offset, pressed = 0.0, start + pressed - own[i], 0.0
-                time = blend.blend_time(offset, move_speed(name))
-            else:
-                offset = start - own[i]
-                time = blend.blend_time(offset, move_speed(name))
-            self._write(f"pressed.{name}", pressed)
-            self._write(f"offset.{name}", offset)
-            self._write(f"slope.{name}", slope)
-            self._write(f"blend.{name}", time)
+            i = AXES.index(name)
+            handed = plan.mode.hand_over(
+                StageStart(
+                    axis=name,
+                    plan=self.stage.plan,
+                    starts=going.start,
+                    rates=going.rate,
+                    pressed=going.pressed.get(name, 0.0),
+                    own=own[i],
+                    own_rate=own_rate[i],
+                )
+            )
+            for slot, value in handed.parameters.items():
+                self._write(slot, value)
+            self._write(f"pressed.{name}", handed.pressed)
+            self._write(f"offset.{name}", handed.offset)
+            self._write(f"slope.{name}", handed.slope)
+            self._write(f"blend.{name}", handed.time)
 
     def _start_memory(self, going: Continuation) -> None:
         """The point that references move along, and integrals that hold the measured force."""

@@ -9,20 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.geometry.axis import Axis
-from taskspec.motion import profile
 from taskspec.motion.path import PathPlan
 from taskspec.motion.polynomial import PiecewiseCubic
 from taskspec.program.stages.stage import CompiledStage
 
 Vector = NDArray[np.float64]
-
-#: Speed of a move that names none [m/s, rad/s] (docs/language.md).
-MOVE_SPEED = {"linear": 0.05, "angular": np.deg2rad(30.0)}
-
-
-def move_speed(axis: Axis) -> float:
-    """Speed of a move along or about an axis that names none [m/s, rad/s]."""
-    return float(MOVE_SPEED["angular" if axis.is_rotation else "linear"])
 
 
 @dataclass(slots=True)
@@ -65,12 +56,9 @@ def plan_tracks(
     """Plans a stage's moves and its path from the coordinates and rates at which it is entered."""
     tracks = Tracks()
     for name, plan in stage.plan.plans.items():
-        if plan.motion and plan.mode == "move":
-            assert plan.axis.move is not None
-            speed = plan.axis.speed or move_speed(name)
-            tracks.cubics[name] = profile.move(
-                start[name], rate[name], start[name] + plan.axis.move, speed
-            )
+        cubic = plan.mode.track(start[name], rate[name]) if plan.motion else None
+        if cubic is not None:
+            tracks.cubics[name] = cubic
     if stage.plan.ready_path is not None:
         tracks.path = stage.plan.ready_path.plan(start)
     knots = [float(k) for cubic in tracks.cubics.values() for k in cubic.knots[1:]]

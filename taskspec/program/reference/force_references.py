@@ -8,6 +8,7 @@ import casadi as ca
 
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.laws.gains import value_of
+from taskspec.modes import DEFAULT_RAMP
 from taskspec.motion import blend
 from taskspec.program.clock import Clock
 from taskspec.program.context import Context
@@ -17,16 +18,12 @@ from taskspec.program.reference.measured import Measured
 from taskspec.program.reference.modes import AxisPlan
 from taskspec.program.signals import applied
 
-#: A force set point rises from the measured force in this time [s] (docs/language.md).
-DEFAULT_RAMP = 0.2
-
 
 def set_point(name: Axis, plan: AxisPlan, seen: Measured) -> ca.SX:
     """The set point of an axis."""
-    expression = plan.axis.force if plan.axis.force is not None else plan.axis.torque
-    assert expression is not None
-    wanted = seen.translate(expression)
-    return risen(name, wanted, plan.axis.ramp, seen.clock, seen.parameters)
+    force = plan.axis.set_point
+    assert force is not None
+    return risen(name, seen.translate(force.wanted), force.ramp, seen.clock, seen.parameters)
 
 
 def risen(name: str, wanted: ca.SX, ramp: float | None, clock: Clock, parameters: Layout) -> ca.SX:
@@ -46,15 +43,6 @@ def released(name: Axis, seen: Measured) -> ca.SX:
     """The force that the last stage held on what is now a motion axis, as it fades out."""
     at_entry = seen.parameters.add(f"force_at_entry.{name}")
     return at_entry * blend.offset_shape(seen.clock.t / blend.BLEND_TIME)
-
-
-def displacement(name: Axis, plan: StagePlan, forces: Mapping[Axis, ca.SX]) -> ca.SX | None:
-    """f (1/k_m + 1/k_e): how far an open-loop force displaces the motion reference."""
-    if not plan.plans[name].open_loop:
-        return None
-    own, k = 1 / value_of(plan.gains, "stiffness", name), plan.stiffness_of(name)
-    contact = 1 / k if k > 0 and not name.is_rotation else 0.0
-    return forces[name] * (own + contact)
 
 
 def open_loop_normals(plan: StagePlan, seen: Measured) -> dict[Axis, ca.SX]:

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.geometry.axis import AXES, Axis
+from taskspec.modes import AxisMode, OnPath, OpenLoop
 from taskspec.motion.path import PathShape
-from taskspec.program.reference.axis_reference import mode_of
 from taskspec.spec import AxisEntry, Law
 
 
@@ -20,7 +20,7 @@ class AxisPlan:
 
     Attributes:
         axis: its entry in the file, or a hold where it has none.
-        mode: of its motion reference; see `axis_reference.mode_of`.
+        mode: what decides its motion reference.
         force: it has a force set point under a law with a force loop.
         motion: its motion error is controlled.
         soft: a motion axis with its own stiffness or damping, under a law that has such.
@@ -31,7 +31,7 @@ class AxisPlan:
     """
 
     axis: AxisEntry
-    mode: str
+    mode: AxisMode
     force: bool
     motion: bool
     soft: bool
@@ -62,20 +62,28 @@ def plan_axes(
     plans = {}
     for name in axes:
         axis = declared.get(name) or AxisEntry()
-        on_path = path is not None and name in path.axes
         open_loop = axis.has_force and not facts.force_loop
         force = axis.has_force and facts.force_loop
         plans[name] = AxisPlan(
             axis=axis,
-            mode=mode_of(axis, driven_by_path=on_path, open_loop=open_loop),
+            mode=_mode_of(name, axis, path, open_loop=open_loop),
             force=force,
             motion=not force or facts.shares,
             soft=facts.soft_axes and axis.is_soft and not force,
             open_loop=open_loop,
-            world=axis.hold == "world" and name.is_rotation,
+            world=axis.mode.world,
             yields=not force and name in met,
         )
     return plans
+
+
+def _mode_of(name: Axis, axis: AxisEntry, path: PathShape | None, *, open_loop: bool) -> AxisMode:
+    """What decides the motion reference of an axis."""
+    if open_loop:
+        return OpenLoop(name.is_rotation)
+    if path is not None and name in path.axes:
+        return OnPath(name.is_rotation, path)
+    return axis.mode
 
 
 def not_finite(plans: Mapping[Axis, AxisPlan], outputs: Mapping[str, NDArray[np.float64]]) -> str:

@@ -8,6 +8,7 @@ import casadi as ca
 
 from taskspec.control.reference import Reference, opposite
 from taskspec.geometry.axis import AXES, Axis
+from taskspec.modes import ReferenceInputs
 from taskspec.motion import polynomial
 from taskspec.motion.path import PathShape
 from taskspec.program.clock import Clock
@@ -15,9 +16,8 @@ from taskspec.program.context import Context
 from taskspec.program.layout import Layout
 from taskspec.program.plan import StagePlan
 from taskspec.program.reference import force_references
-from taskspec.program.reference.axis_reference import AxisReference, ReferenceBuilder
+from taskspec.program.reference.axis_reference import AxisReference, axis_reference, blendings
 from taskspec.program.reference.coordinates import frame_coordinates
-from taskspec.program.reference.coupling import coupled_motion
 from taskspec.program.reference.measured import Measured
 from taskspec.program.reference.reference_set import ReferenceSet
 from taskspec.program.reference.tracking import Tracking, track
@@ -66,27 +66,28 @@ def _motions(
 ) -> dict[Axis, AxisReference]:
     """References of the axes whose motion is controlled."""
     parameters = seen.parameters
-    builder = ReferenceBuilder(seen.clock, parameters, seen.memory, seen.translate, context.period)
     on_path = _path(plan.path, seen.clock, parameters)
     moving = {name: axis for name, axis in plan.plans.items() if axis.motion}
-    blendings = builder.blendings(list(moving))
-    found: dict[Axis, AxisReference] = {}
+    added = blendings(list(moving), seen.clock, parameters)
+    references: dict[Axis, AxisReference] = {}
     # An axis that follows another one comes after it.
     for name, axis in sorted(moving.items(), key=lambda item: item[0] in plan.couplings):
-        coupled = None
-        if name in plan.couplings:
-            assert seen.tracked is not None
-            coupled = coupled_motion(name, plan.couplings[name], seen.tracked, found, parameters)
-        found[name] = builder.build(
-            name,
-            axis.mode,
-            axis.axis,
-            blendings[name],
-            path_value=on_path.get(name),
-            open_loop_value=force_references.displacement(name, plan, forces),
-            coupled=coupled,
+        at = ReferenceInputs(
+            axis=name,
+            plan=plan,
+            clock=seen.clock,
+            parameters=parameters,
+            memory=seen.memory,
+            translate=seen.translate,
+            period=context.period,
+            start=parameters.add(f"start.{name}"),
+            on_path=on_path,
+            forces=forces,
+            tracked=seen.tracked,
+            others=references,
         )
-    return found
+        references[name] = axis_reference(axis.mode, at, added[name])
+    return references
 
 
 def _updates(
@@ -97,10 +98,8 @@ def _updates(
 ) -> dict[str, ca.SX]:
     """Memory of the references after this tick."""
     updates = tracked.updates | (seen.tracked.updates() if seen.tracked is not None else {})
-    for name, motion in motions.items():
-        if motion.integral_step is not None:
-            slot = f"travelled.{name}"
-            updates[slot] = seen.memory.symbol(slot) + motion.integral_step
+    for motion in motions.values():
+        updates |= motion.memory
     return updates | {f"integral.{name}": value for name, value in integrals.items()}
 
 

@@ -237,7 +237,7 @@ def rotation_rate(
     It equals theta' as long as at most one axis is told to turn: the decay of the others at entry
     keeps its direction.
     """
-    if sum(motions[name].mode != "hold" for name in names) < 2:
+    if sum(motions[name].mode.moves for name in names) < 2:
         return theta_rate
     square = ca.dot(theta, theta) + 1e-24
     angle = ca.sqrt(square)

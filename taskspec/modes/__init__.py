@@ -1,0 +1,77 @@
+"""What an axis does during a stage: one class for each mode, which says all that depends on it.
+
+To add one, derive it from `AxisMode`, and `register` it before the language is imported. Reading a
+file needs no numerical library, so a mode's module imports none before it is asked.
+"""
+
+from taskspec.modes.follows import Coupling, Follows, UncoupledError
+from taskspec.modes.force import DEFAULT_RAMP, Force, OpenLoop
+from taskspec.modes.hold import Hold
+from taskspec.modes.key import Misuse, ModeKey
+from taskspec.modes.mode import (
+    MOVE_SPEED,
+    AxisMode,
+    Blending,
+    HandOver,
+    Known,
+    OwnReference,
+    ReferenceInputs,
+    StageStart,
+    Way,
+    from_start,
+    move_speed,
+    to_coordinate,
+)
+from taskspec.modes.move import Move
+from taskspec.modes.on_path import OnPath
+from taskspec.modes.position import Position
+from taskspec.modes.registry import (
+    MODES,
+    all_modes,
+    axis_keys,
+    companions,
+    force_given,
+    force_keys,
+    mode_given,
+    register,
+)
+from taskspec.modes.velocity import Velocity
+
+for _mode in (Hold, Position, Velocity, Move, Follows):
+    register(_mode)
+
+__all__ = [
+    "DEFAULT_RAMP",
+    "MODES",
+    "MOVE_SPEED",
+    "AxisMode",
+    "Blending",
+    "Coupling",
+    "Follows",
+    "Force",
+    "HandOver",
+    "Hold",
+    "Known",
+    "Misuse",
+    "ModeKey",
+    "Move",
+    "OnPath",
+    "OpenLoop",
+    "OwnReference",
+    "Position",
+    "ReferenceInputs",
+    "StageStart",
+    "UncoupledError",
+    "Velocity",
+    "Way",
+    "all_modes",
+    "axis_keys",
+    "companions",
+    "force_given",
+    "force_keys",
+    "from_start",
+    "mode_given",
+    "move_speed",
+    "register",
+    "to_coordinate",
+]

@@ -1,0 +1,82 @@
+"""`hold`: an axis that stays where it is."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from taskspec.deferred import ca
+from taskspec.modes.key import Misuse, ModeKey
+from taskspec.modes.mode import (
+    AxisMode,
+    HandOver,
+    Known,
+    OwnReference,
+    ReferenceInputs,
+    StageStart,
+    from_start,
+)
+
+if TYPE_CHECKING:
+    from taskspec.geometry.axis import Axis
+
+
+@dataclass(frozen=True, slots=True)
+class Hold(AxisMode):
+    """An axis that stays where the stage before left its reference; what axes do by default.
+
+    Attributes:
+        hold: `start` keeps the reference that is handed over; `world` the world's orientation.
+    """
+
+    hold: str = "start"
+
+    name = "hold"
+    keys = (
+        ModeKey(
+            "hold",
+            "Hold",
+            words=("start", "world"),
+            description="start, or world",
+            meaning="start keeps the reference where it is; world keeps a rotation to the world.",
+        ),
+    )
+    word: ClassVar[str] = "start"
+    moves = False
+
+    @classmethod
+    def misuse(cls, data: Mapping[str, Any], *, rotation: bool) -> Misuse | None:
+        """A translation cannot hold an orientation."""
+        if data.get("hold") != "world" or rotation:
+            return None
+        hint = "a translation holds the reference: write 'hold'"
+        return Misuse("hold", "'world' holds an orientation, not a place", hint)
+
+    def reference(self, at: ReferenceInputs) -> OwnReference:
+        """r = r_0, r' = r'' = 0."""
+        return OwnReference(at.start, ca.SX(0), ca.SX(0))
+
+    def hand_over(self, at: StageStart) -> HandOver:
+        """It comes to rest where the rate that is handed over carries it."""
+        return from_start(at)
+
+    @property
+    def world(self) -> bool:
+        """Whether it holds an orientation against the world."""
+        return self.hold == "world" and self.rotation
+
+    @property
+    def loop(self) -> tuple[object, ...]:
+        """Against what it holds."""
+        return ("world",) if self.hold == "world" else ()
+
+    def constant_rate(self, known: Known) -> float | None:  # noqa: ARG002
+        """Zero."""
+        return 0.0
+
+    def constraint(self, axis: Axis, rate: str, *, turns: bool) -> str:
+        """No rate, unless its frame takes it along."""
+        if turns and axis.is_rotation and not self.world:
+            return f"{axis} held, turns with the frame"
+        return f"{rate} = 0{' in the world' if self.world else ''}"

@@ -1,0 +1,367 @@
+"""What a mode of an axis is: its keys, its reference, its hand-over, its nominal motion, its words.
+
+A mode that a file gives is made of the values of its keys. A reference is written on CasADi
+expressions; hand-over and nominal motion are numbers.
+"""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol
+
+from taskspec.deferred import ca
+from taskspec.motion import blend
+from taskspec.text.expression import Expression
+
+if TYPE_CHECKING:
+    from taskspec.geometry.axis import Axis
+    from taskspec.modes.follows import Coupling
+    from taskspec.modes.key import Misuse, ModeKey
+    from taskspec.motion.polynomial import PiecewiseCubic
+    from taskspec.program.clock import Clock
+    from taskspec.program.layout import Layout
+    from taskspec.program.plan import StagePlan
+    from taskspec.program.reference.tracked_mechanism import TrackedMechanism
+
+#: Displacement [m, rad] against time [s].
+Way = Callable[[float], float]
+#: What an expression is worth before a run, at given clocks; None where nothing tells.
+Known = Callable[[Expression, Mapping[str, float] | None], float | None]
+
+#: Speed of a motion along or about an axis that names none [m/s, rad/s] (docs/language.md).
+MOVE_SPEED = {"linear": 0.05, "angular": math.radians(30.0)}
+
+
+def move_speed(*, rotation: bool) -> float:
+    """Speed of a motion along or about an axis that names none [m/s, rad/s]."""
+    return MOVE_SPEED["angular" if rotation else "linear"]
+
+
+# What a reference is built from
+
+
+class MovingReference(Protocol):
+    """The reference of another axis, as far as one that depends on it needs to know.
+
+    Attributes:
+        value: r [m, rad].
+        rate: r' [m/s, rad/s].
+        acceleration: r'' [m/s^2, rad/s^2].
+    """
+
+    @property
+    def value(self) -> ca.SX: ...  # noqa: D102
+    @property
+    def rate(self) -> ca.SX: ...  # noqa: D102
+    @property
+    def acceleration(self) -> ca.SX: ...  # noqa: D102
+
+
+@dataclass(frozen=True, slots=True)
+class ReferenceInputs:
+    """What the reference of an axis may depend on.
+
+    Attributes:
+        axis: whose it is.
+        plan: of the stage.
+        clock: of the stage.
+        parameters: where it takes slots for numbers that are chosen at the stage start.
+        memory: where it takes slots for what it memorises.
+        translate: makes CasADi of an expression of the file.
+        period: of the controller [s].
+        start: slot for where the axis starts [m, rad]; see `HandOver.start`.
+        on_path: coordinates of the axes that the stage's path drives [m, rad].
+        forces: set points of the stage's axes, as the robot applies them [N, N m].
+        tracked: the mechanism that the stage keeps track of; None for none.
+        others: references of the axes that are built before.
+    """
+
+    axis: Axis
+    plan: StagePlan
+    clock: Clock
+    parameters: Layout
+    memory: Layout
+    translate: Callable[[Expression], ca.SX]
+    period: float
+    start: ca.SX
+    on_path: Mapping[Axis, ca.SX]
+    forces: Mapping[Axis, ca.SX]
+    tracked: TrackedMechanism | None
+    others: Mapping[Axis, MovingReference]
+
+    def in_time(self, value: ca.SX) -> OwnReference:
+        """A reference that is an expression of time, with its rates."""
+        rate = self.clock.rate(value)
+        return OwnReference(value, rate, self.clock.rate(rate))
+
+
+@dataclass(frozen=True, slots=True)
+class OwnReference:
+    """The reference of a mode before anything is blended in.
+
+    Attributes:
+        value: r [m, rad].
+        rate: r' [m/s, rad/s].
+        acceleration: r'' [m/s^2, rad/s^2].
+        memory: what it memorises of this tick, by slot.
+    """
+
+    value: ca.SX
+    rate: ca.SX
+    acceleration: ca.SX
+    memory: Mapping[str, ca.SX] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class Blending:
+    """What is added to a mode's reference after a stage start, and fades out.
+
+    Attributes:
+        value: of what continues the reference that is handed over [m, rad].
+        rate: [m/s, rad/s].
+        acceleration: [m/s^2, rad/s^2].
+        released: the displacement that stands for a force that the last stage held [m, rad].
+    """
+
+    value: ca.SX
+    rate: ca.SX
+    acceleration: ca.SX
+    released: ca.SX
+
+
+# What is handed over
+
+
+@dataclass(frozen=True, slots=True)
+class StageStart:
+    """What an axis is handed over with.
+
+    Attributes:
+        axis: which.
+        plan: of the stage.
+        starts: coordinates of the reference that is handed over, by axis [m, rad].
+        rates: its rates [m/s, rad/s].
+        pressed: displacement that stands for the force which the last stage held [m, rad].
+        own: the mode's own reference at t = 0, with `start` at 0 [m, rad].
+        own_rate: its rate [m/s, rad/s].
+    """
+
+    axis: Axis
+    plan: StagePlan
+    starts: Mapping[Axis, float]
+    rates: Mapping[Axis, float]
+    pressed: float
+    own: float
+    own_rate: float
+
+    @property
+    def start(self) -> float:
+        """Coordinate of the reference that is handed over [m, rad]."""
+        return self.starts[self.axis]
+
+    @property
+    def rate(self) -> float:
+        """Its rate [m/s, rad/s]."""
+        return self.rates[self.axis]
+
+
+@dataclass(frozen=True, slots=True)
+class HandOver:
+    """How a mode's reference continues the one that is handed over.
+
+    r(t) = own(t) + offset s_0(t/time) + slope time s_1(t/time) + pressed s_0(t/BLEND_TIME), with
+    the shapes of `motion.blend`.
+
+    Attributes:
+        offset: of the reference [m, rad].
+        slope: of its rate [m/s, rad/s].
+        time: in which both fade out [s].
+        pressed: displacement that stands for a force that is released [m, rad].
+        parameters: other slots to fill, such as where the reference starts.
+    """
+
+    offset: float
+    slope: float
+    time: float
+    pressed: float
+    parameters: Mapping[str, float] = field(default_factory=dict)
+
+
+def from_start(at: StageStart, own_rate: float | None = None) -> HandOver:
+    """Hand-over of a reference that counts from where the stage starts.
+
+    It starts so that it ends up where the blending of its rate leads, without going back.
+
+    Args:
+        at: the stage start.
+        own_rate: the mode's rate then, where its expression does not tell [m/s, rad/s].
+    """
+    slope = at.rate - (at.own_rate if own_rate is None else own_rate)
+    offset = -slope * blend.BLEND_TIME / 2
+    parameters = {f"start.{at.axis}": at.start - offset}
+    return HandOver(offset, slope, blend.BLEND_TIME, at.pressed, parameters)
+
+
+def to_coordinate(at: StageStart) -> HandOver:
+    """Hand-over of a reference that is a coordinate of the frame: it is gone to, at most as fast
+    as a move.
+    """  # noqa: D205
+    offset, slope = at.start - at.own, at.rate - at.own_rate
+    time = blend.blend_time(offset, move_speed(rotation=at.axis.is_rotation))
+    return HandOver(offset, slope, time, at.pressed)
+
+
+# The modes
+
+
+@dataclass(frozen=True, slots=True)
+class AxisMode(ABC):
+    """Who or what decides the reference of an axis, and all that depends on that.
+
+    A subclass is a mode; besides these attributes it takes the values of its keys by their names,
+    None for a companion that is left out. What it does not state follows from the base.
+
+    Attributes:
+        rotation: whether it is of a rotation.
+        name: in messages.
+        keys: in a file: its own, then its companions.
+        word: value of its own key where a file writes the name of the mode alone; empty where that
+            is no short form.
+        moves: whether it asks for a motion.
+        ends: whether it comes to an end, so that a stage may last until then.
+        travels: whether it goes away from where it starts, in one direction.
+        goes_on: whether it keeps its rate for as long as the stage lasts.
+        placed: whether its value is a coordinate of the frame.
+        bends: whether its rate changes on the way.
+        leads: whether another axis may follow its reference.
+    """
+
+    rotation: bool
+
+    name: ClassVar[str]
+    keys: ClassVar[tuple[ModeKey, ...]] = ()
+    word: ClassVar[str] = ""
+    moves: ClassVar[bool] = True
+    ends: ClassVar[bool] = False
+    travels: ClassVar[bool] = False
+    goes_on: ClassVar[bool] = False
+    placed: ClassVar[bool] = False
+    bends: ClassVar[bool] = False
+    leads: ClassVar[bool] = True
+
+    # What files may say
+
+    @classmethod
+    def misuse(cls, data: Mapping[str, Any], *, rotation: bool) -> Misuse | None:  # noqa: ARG003
+        """What an axis of a file cannot mean, although each value for itself is right."""
+        return None
+
+    def expressions(self) -> Iterator[tuple[Expression, bool]]:
+        """Its expressions, and whether each is a position, of which rates are taken."""
+        yield from ()
+
+    # What the controller is built of
+
+    @abstractmethod
+    def reference(self, at: ReferenceInputs) -> OwnReference:
+        """r, r' and r'' before blending, and what is memorised."""
+
+    def blended(self, own: OwnReference, added: Blending) -> tuple[ca.SX, ca.SX, ca.SX]:
+        """r, r' and r'' with what the stage start adds."""
+        return (
+            own.value + added.value + added.released,
+            own.rate + added.rate,
+            own.acceleration + added.acceleration,
+        )
+
+    @abstractmethod
+    def hand_over(self, at: StageStart) -> HandOver:
+        """How its reference continues the one that is handed over."""
+
+    def track(self, start: float, rate: float) -> PiecewiseCubic | None:  # noqa: ARG002
+        """The cubics that its reference runs through, which fill its slot `segment`.
+
+        Args:
+            start: coordinate that is handed over [m, rad]. rate: its rate [m/s, rad/s].
+        """
+        return None
+
+    def coupling(self, stage: StagePlan, axis: Axis) -> Coupling | None:  # noqa: ARG002
+        """How a mechanism couples it to the other axes of a stage; None where none does.
+
+        Raises:
+            UncoupledError: the mechanism's geometry asks for no motion of this axis.
+        """
+        return None
+
+    @property
+    def world(self) -> bool:
+        """Whether it holds an orientation against the world."""
+        return False
+
+    @property
+    def loop(self) -> tuple[object, ...]:
+        """What of it the stability of the closed loop depends on."""
+        return ()
+
+    # Its nominal motion
+
+    def constant_rate(self, known: Known) -> float | None:  # noqa: ARG002
+        """Rate that it has all the time [m/s, rad/s]; None where that changes, or is not known."""
+        return None
+
+    def reached_rate(self, known: Known) -> float | None:
+        """Rate that it is given in a file and reaches [m/s, rad/s]; None for none."""
+        return self.constant_rate(known)
+
+    def intended_rate(self, known: Known) -> float | None:
+        """Rate at which it goes most of its way [m/s, rad/s]; None where that is not known."""
+        return self.constant_rate(known)
+
+    def heading(self, known: Known) -> float | None:  # noqa: ARG002
+        """A number with the sign of the direction in which it goes; None where nothing tells."""
+        return None
+
+    def way(self, known: Known, start: float) -> Way | None:  # noqa: ARG002
+        """Displacement against time; None where that is not known.
+
+        Args:
+            known: values of expressions. start: coordinate at the stage start [m, rad].
+        """
+        return None
+
+    @property
+    def lasts(self) -> float | None:
+        """About how long its way takes [s]; None where it has no end."""
+        return None
+
+    def duration(self) -> float | None:
+        """How long it takes from rest to rest [s]; None where it has no end."""
+        return None
+
+    @property
+    def distance(self) -> tuple[float, float] | None:
+        """How far it goes [m, rad] and how fast [m/s, rad/s]; None where it has no end."""
+        return None
+
+    @property
+    def pace(self) -> str:
+        """The key that decides how fast it goes; empty for none."""
+        return self.keys[0].name if self.keys and self.moves else ""
+
+    # In words
+
+    @abstractmethod
+    def constraint(self, axis: Axis, rate: str, *, turns: bool) -> str:
+        """What it asks of an axis; empty where it asks for no motion.
+
+        Args:
+            axis: which. rate: symbol of its rate. turns: whether its frame turns on the way.
+        """
+
+    def defaults(self, axis: Axis) -> Iterator[tuple[str, str]]:  # noqa: ARG002
+        """Keys that a file leaves out, and what stands in their place."""
+        yield from ()

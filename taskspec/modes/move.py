@@ -1,0 +1,139 @@
+"""`move`: an axis that goes a distance, from rest to rest."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from taskspec.modes.key import ModeKey
+from taskspec.modes.mode import (
+    AxisMode,
+    HandOver,
+    Known,
+    OwnReference,
+    ReferenceInputs,
+    StageStart,
+    Way,
+    move_speed,
+)
+from taskspec.motion import blend
+from taskspec.text.show import show
+from taskspec.text.units import LENGTH, VELOCITY
+
+if TYPE_CHECKING:
+    from taskspec.geometry.axis import Axis
+    from taskspec.motion.polynomial import PiecewiseCubic
+
+
+@dataclass(frozen=True, slots=True)
+class Move(AxisMode):
+    """An axis that goes a distance from where its reference is, with limited jerk.
+
+    Attributes:
+        move: how far [m, rad].
+        speed: at most [m/s, rad/s]; None for the default.
+    """
+
+    move: float
+    speed: float | None = None
+
+    name = "move"
+    keys = (
+        ModeKey(
+            "move",
+            "Distance to move",
+            LENGTH,
+            about="Angle to turn",
+            meaning="A distance from the reference as it is, covered with limited jerk.",
+        ),
+        ModeKey(
+            "speed",
+            "Speed of the move",
+            VELOCITY,
+            about="Speed of the turn",
+            above=0,
+            companion="it is the speed of a 'move'",
+            meaning="Greatest speed of the move; by default 50 mm/s or 30 deg/s.",
+        ),
+    )
+    ends = True
+    travels = True
+
+    @property
+    def top(self) -> float:
+        """Its speed, given or not [m/s, rad/s]."""
+        return self.speed or move_speed(rotation=self.rotation)
+
+    def reference(self, at: ReferenceInputs) -> OwnReference:
+        """r is a cubic of time; which one, its track writes into `segment` as time goes on."""
+        from taskspec.motion import polynomial
+
+        segment = at.parameters.add(f"segment.{at.axis}", polynomial.SEGMENT_SIZE)
+        return at.in_time(polynomial.evaluate(segment, at.clock.t))
+
+    def hand_over(self, at: StageStart) -> HandOver:
+        """Nothing is left to blend: the move itself is planned from what is handed over."""
+        return HandOver(0.0, 0.0, blend.BLEND_TIME, at.pressed)
+
+    def track(self, start: float, rate: float) -> PiecewiseCubic | None:
+        """The move from where the reference is, at its rate."""
+        from taskspec.motion import profile
+
+        return profile.move(start, rate, start + self.move, self.top)
+
+    def reached_rate(self, known: Known) -> float | None:  # noqa: ARG002
+        """Its speed, where it is given; a short move never gets as fast."""
+        from taskspec.motion.profile import RISE_TIME
+
+        if self.speed is None or abs(self.move) <= self.speed * RISE_TIME:
+            return None
+        return math.copysign(self.speed, self.move)
+
+    def intended_rate(self, known: Known) -> float | None:  # noqa: ARG002
+        """Its speed."""
+        return math.copysign(self.top, self.move)
+
+    def heading(self, known: Known) -> float | None:  # noqa: ARG002
+        """The distance."""
+        return self.move
+
+    def way(self, known: Known, start: float) -> Way | None:  # noqa: ARG002
+        """Its distance, taken as covered evenly."""
+        lasts = self.lasts
+        return lambda time: self.move * min(time / lasts, 1.0)
+
+    @property
+    def lasts(self) -> float:
+        """About how long it takes [s]."""
+        from taskspec.motion.profile import RISE_TIME
+
+        return abs(self.move) / self.top + RISE_TIME
+
+    def duration(self) -> float | None:
+        """How long it takes from rest to rest [s]."""
+        planned = self.track(0.0, 0.0) if self.move else None
+        return None if planned is None else float(planned.knots[-2])
+
+    @property
+    def distance(self) -> tuple[float, float]:
+        """How far it goes [m, rad] and how fast [m/s, rad/s]."""
+        return abs(self.move), self.top
+
+    @property
+    def pace(self) -> str:
+        """Its speed where that is given."""
+        return "move" if self.speed is None else "speed"
+
+    def constraint(self, axis: Axis, rate: str, *, turns: bool) -> str:  # noqa: ARG002
+        """How far and how fast."""
+        return f"{axis} moves {show(self.move, axis.of(LENGTH))} at {self._speed(axis)}"
+
+    def defaults(self, axis: Axis) -> Iterator[tuple[str, str]]:
+        """Its speed."""
+        if self.speed is None:
+            yield "speed", self._speed(axis)
+
+    def _speed(self, axis: Axis) -> str:
+        return show(self.top, axis.of(VELOCITY))

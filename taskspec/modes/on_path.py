@@ -1,0 +1,53 @@
+"""An axis that the stage's path drives."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from taskspec.modes.mode import (
+    AxisMode,
+    HandOver,
+    OwnReference,
+    ReferenceInputs,
+    StageStart,
+    to_coordinate,
+)
+from taskspec.text.show import show
+from taskspec.text.units import LENGTH
+
+if TYPE_CHECKING:
+    from taskspec.geometry.axis import Axis
+    from taskspec.motion.path import PathShape
+
+
+@dataclass(frozen=True, slots=True)
+class OnPath(AxisMode):
+    """An axis that a file does not name and the stage's path drives.
+
+    Attributes:
+        path: of the stage.
+    """
+
+    path: PathShape
+
+    name = "path"
+
+    def reference(self, at: ReferenceInputs) -> OwnReference:
+        """The path's coordinate, differentiated by time."""
+        return at.in_time(at.on_path[at.axis])
+
+    def hand_over(self, at: StageStart) -> HandOver:
+        """It goes to the path."""
+        return to_coordinate(at)
+
+    def constraint(self, axis: Axis, rate: str, *, turns: bool) -> str:  # noqa: ARG002
+        """The path."""
+        return f"{axis} by path: {self._part(axis)}"
+
+    def _part(self, axis: Axis) -> str:
+        path = self.path
+        if path.kind not in ("to", "line"):
+            return path.kind
+        size = show(path.numbers[axis], axis.of(LENGTH))
+        return f"to {size}" if path.kind == "to" else f"line of {size}"

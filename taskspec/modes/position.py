@@ -1,0 +1,78 @@
+"""`position`: an axis whose coordinate is an expression."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from taskspec.modes.key import ModeKey
+from taskspec.modes.mode import (
+    AxisMode,
+    HandOver,
+    Known,
+    OwnReference,
+    ReferenceInputs,
+    StageStart,
+    Way,
+    to_coordinate,
+)
+from taskspec.text.expression import Expression, ScopeKind
+from taskspec.text.units import LENGTH
+
+if TYPE_CHECKING:
+    from taskspec.geometry.axis import Axis
+
+
+@dataclass(frozen=True, slots=True)
+class Position(AxisMode):
+    """An axis whose coordinate in the frame is planned as an expression of time.
+
+    Attributes:
+        position: [m, rad].
+    """
+
+    position: Expression
+
+    name = "position"
+    keys = (
+        ModeKey(
+            "position",
+            "Position",
+            LENGTH,
+            about="Angle",
+            scope=ScopeKind.PLANNED,
+            meaning="Where the reference is, as an expression of t, clock and params.",
+        ),
+    )
+    placed = True
+    bends = True
+
+    def expressions(self) -> Iterator[tuple[Expression, bool]]:
+        """The coordinate, of which rates are taken."""
+        yield self.position, True
+
+    def reference(self, at: ReferenceInputs) -> OwnReference:
+        """r, differentiated by time."""
+        return at.in_time(at.translate(self.position))
+
+    def hand_over(self, at: StageStart) -> HandOver:
+        """It goes to the coordinate."""
+        return to_coordinate(at)
+
+    def way(self, known: Known, start: float) -> Way | None:
+        """r(t) - r_0, where the expression depends on time alone."""
+        begins = known(self.position, {"t": 0.0})
+        if begins is None or not math.isfinite(begins):
+            return None
+
+        def way(time: float) -> float:
+            value = known(self.position, {"t": time})
+            return math.nan if value is None else value - start
+
+        return way
+
+    def constraint(self, axis: Axis, rate: str, *, turns: bool) -> str:  # noqa: ARG002
+        """The coordinate."""
+        return f"{axis} = {self.position}"

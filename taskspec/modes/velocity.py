@@ -1,0 +1,86 @@
+"""`velocity`: an axis whose rate is an expression."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from taskspec.modes.key import ModeKey
+from taskspec.modes.mode import (
+    AxisMode,
+    HandOver,
+    Known,
+    OwnReference,
+    ReferenceInputs,
+    StageStart,
+    Way,
+    from_start,
+)
+from taskspec.text.expression import Expression, ScopeKind
+from taskspec.text.units import VELOCITY
+
+if TYPE_CHECKING:
+    from taskspec.geometry.axis import Axis
+
+
+@dataclass(frozen=True, slots=True)
+class Velocity(AxisMode):
+    """An axis whose rate is an expression, which may use measured signals.
+
+    Attributes:
+        velocity: [m/s, rad/s].
+    """
+
+    velocity: Expression
+
+    name = "velocity"
+    keys = (
+        ModeKey(
+            "velocity",
+            "Velocity",
+            VELOCITY,
+            about="Rate of turn",
+            scope=ScopeKind.REFERENCE,
+            meaning="How fast the reference goes; may use measured signals.",
+        ),
+    )
+    travels = True
+    goes_on = True
+
+    def expressions(self) -> Iterator[tuple[Expression, bool]]:
+        """The rate."""
+        yield self.velocity, False
+
+    def reference(self, at: ReferenceInputs) -> OwnReference:
+        """r = r_0 + int v dt, which is memorised; r' = v; r'' the part of v' that time decides.
+
+        A step of the integral is v h + v' h^2/2 over a period h.
+        """
+        speed = at.translate(self.velocity)
+        gain = at.clock.rate(speed)
+        slot = f"travelled.{at.axis}"
+        travelled = at.memory.add(slot)
+        step = speed * at.period + gain * (at.period**2 / 2)
+        return OwnReference(at.start + travelled, speed, gain, {slot: travelled + step})
+
+    def hand_over(self, at: StageStart) -> HandOver:
+        """Its rate is taken up from the one that is handed over."""
+        return from_start(at)
+
+    def constant_rate(self, known: Known) -> float | None:
+        """v, where it depends on parameters alone."""
+        return known(self.velocity, None)
+
+    def heading(self, known: Known) -> float | None:
+        """v, where it is known and not zero."""
+        return known(self.velocity, None) or None
+
+    def way(self, known: Known, start: float) -> Way | None:  # noqa: ARG002
+        """v t."""
+        rate = known(self.velocity, None)
+        return None if rate is None else lambda time: rate * time
+
+    def constraint(self, axis: Axis, rate: str, *, turns: bool) -> str:  # noqa: ARG002
+        """The rate."""
+        return f"{rate} = {self.velocity}"
