@@ -97,7 +97,8 @@ class Operating:
             poses,
         )
         self.memory, self.parameters = entered.memory, entered.parameters
-        ramps = [p.axis.ramp for p in stage.plan.plans.values()]
+        forces = [p.axis.set_point for p in stage.plan.plans.values()]
+        ramps = [force.ramp for force in forces if force is not None]
         ramps += [point.ramp for point in stage.plan.spec.constraints.values()]
         longest = max([DEFAULT_RAMP, *(r for r in ramps if r is not None)])
         self._now[0] = max(longest, entered.tracks.duration) + _AFTER

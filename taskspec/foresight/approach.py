@@ -14,7 +14,6 @@ from taskspec.foresight.nominal import AT_SURFACE
 from taskspec.foresight.ranges import Ranges
 from taskspec.geometry.axis import TRANSLATIONS, Axis
 from taskspec.program.axes import MOSTLY
-from taskspec.program.known import known_value
 from taskspec.program.plan import StagePlan
 from taskspec.text.expression.tree import Held
 
@@ -67,9 +66,9 @@ def approach(stage: StagePlan, gap: float | None) -> Approach | None:
 def rates_of(stage: StagePlan) -> Vector:
     """(3,) constant velocities of a stage along its frame's axes [m/s]."""
     rates = np.zeros(3)
-    for axis, entry in moving_axes(stage.spec).items():
-        if axis in stage.translations and entry.velocity is not None:
-            rates[axis.row] = known_value(stage.context, entry.velocity) or 0.0
+    for axis, mode in moving_axes(stage.spec).items():
+        if axis in stage.translations:
+            rates[axis.row] = mode.constant_rate(stage.known) or 0.0
     return np.where(np.isfinite(rates), rates, 0.0)
 
 

@@ -16,8 +16,6 @@ from numpy.typing import NDArray
 
 from taskspec.control.state import ARM_LENGTH
 from taskspec.geometry.axis import AXES, Axis
-from taskspec.program.execution.tracks import MOVE_SPEED
-from taskspec.program.known import known_value
 from taskspec.program.plan import StagePlan
 
 Vector = NDArray[np.float64]
@@ -110,15 +108,13 @@ def _with_holds(A: Vector, b: Vector, rows: list[int], s: Vector) -> Vector:
 def _rate(stage: StagePlan, axis: Axis) -> float | None:
     """The constant rate of a stiff motion axis [m/s, rad/s]; None of any other."""
     entry = stage.spec.axes.get(axis)
-    if entry is None or entry.hold is not None:
+    mode = None if entry is None else entry.given
+    if entry is None or (mode is not None and not mode.moves):
         return 0.0
-    if entry.has_force or entry.follows is not None or entry.stiffness is not None:
+    if mode is None or entry.has_force or entry.stiffness is not None:
         return None
-    if entry.move is not None:
-        kind = "angular" if axis.is_rotation else "linear"
-        return math.copysign(entry.speed or MOVE_SPEED[kind], entry.move)
-    value = None if entry.velocity is None else known_value(stage.context, entry.velocity)
-    return value if value is None or math.isfinite(value) else None
+    rate = mode.intended_rate(stage.known)
+    return rate if rate is None or math.isfinite(rate) else None
 
 
 def _resolved_twists(stage: StagePlan) -> Vector:
@@ -138,6 +134,6 @@ def _resolved_twists(stage: StagePlan) -> Vector:
     if stage.frame.mechanism is not None:
         for i, a in enumerate(AXES[3:]):
             entry = stage.spec.axes.get(a)
-            if entry is None or entry.hold != "world":
+            if entry is None or not entry.mode.world:
                 resolved[3 + i, 0] -= float(rotation[:, i] @ axis)
     return np.asarray(resolved)

@@ -16,5 +16,6 @@ def asked_at_start(program: Program, stage: CompiledStage) -> Asked | None:
         return None
     machine = program.machine()
     machine.q[:] = np.asarray(program.context.start)
-    ramps = [plan.axis.ramp for plan in stage.plan.plans.values() if plan.axis.ramp is not None]
+    forces = [plan.axis.set_point for plan in stage.plan.plans.values()]
+    ramps = [force.rise for force in forces if force is not None]
     return machine.asked(program.stages.index(stage), max([DEFAULT_RAMP, *ramps]))

@@ -53,7 +53,8 @@ def behind(here: StageAtStart, normals: Vector) -> tuple[Axis, float] | None:
             continue
         away = float(normals[AXES.index(axis), 0])
         if plan.open_loop:
-            wanted = None if plan.axis.force is None else known_value(here.context, plan.axis.force)
+            force = plan.axis.set_point
+            wanted = None if force is None else known_value(here.context, force.wanted)
             own = value_of(here.stage.plan.gains, "stiffness", axis)
             if wanted is None or own <= 0:
                 return None

@@ -349,8 +349,8 @@ class StagePlan:
         None where it depends on time or signals, and on axes without one or that do not exist.
         """
         entry = self.spec.axes.get(axis) if axis in self.axes else None
-        expression = None if entry is None else getattr(entry, axis.effort)
-        return None if expression is None else known_value(self.context, expression)
+        force = None if entry is None else entry.set_point
+        return None if force is None else self.known(force.wanted)
 
     @cached_property
     def active(self) -> tuple[str, ...]:

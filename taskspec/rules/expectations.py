@@ -263,5 +263,7 @@ def _set_point(task: TaskPlan, signal: Name) -> float | None:
     facts = stage.law.control_law
     if entry is None or not facts.force_loop or facts.shares or stage.law.solve == "qp":
         return None
-    wanted = {"force": entry.force, "torque": entry.torque}.get(signal.path[1])
-    return None if wanted is None else known_value(task.context, wanted)
+    force = entry.set_point
+    if axis is None or force is None or signal.path[1] != axis.effort:
+        return None
+    return known_value(task.context, force.wanted)

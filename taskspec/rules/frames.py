@@ -33,7 +33,7 @@ _IN_SURFACE = 1 - 1e-3
 def turning_frames(stage: StagePlan) -> Iterator[Finding]:
     """Reports what a stage asks of a frame that turns with an object or a handle and cannot be."""
     context, frame, base = stage.context, stage.frame, stage.moving_base
-    held = [a for a, entry in stage.spec.axes.items() if entry.hold == "world"]
+    held = [a for a, entry in stage.spec.axes.items() if entry.mode.world]
     if base is not None and base.turns and held:
         yield error(
             "TS232",
@@ -225,7 +225,7 @@ def _estimated_frames(stage: StagePlan) -> Iterator[tuple[FrameModel, Place | No
 def _expressions(stage: Stage) -> Iterator[Expression]:
     candidates: list[Expression | None] = [stage.until, stage.fail_if]
     for axis in stage.axes.values():
-        candidates += [axis.velocity, axis.force, axis.torque, axis.position]
+        candidates += [expression for expression, _ in axis.expressions()]
     for expression in candidates:
         if expression is not None:
             yield expression

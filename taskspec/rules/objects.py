@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from taskspec.program.axes import MOSTLY
-from taskspec.program.known import known_value
 from taskspec.program.plan import StagePlan, TaskPlan
 from taskspec.program.world.stiffness import RESOLVED_PHASE
 from taskspec.rules import Finding, Phase, rule, warning
@@ -36,9 +35,10 @@ def implausible_depth(stage: StagePlan) -> Iterator[Finding]:
     """Reports a force that deforms its contact farther than contacts give way."""
     for axis, entry in stage.spec.axes.items():
         contact = stage.contact_of(axis) if axis in stage.axes else None
-        if contact is None or contact not in stage.context.compliances or entry.force is None:
+        force = None if axis.is_rotation else entry.set_point
+        if contact is None or contact not in stage.context.compliances or force is None:
             continue
-        wanted = known_value(stage.context, entry.force)
+        wanted = stage.known(force.wanted)
         if wanted is None:
             continue
         stiffness = stage.context.compliances[contact].stiffness

@@ -13,7 +13,6 @@ from taskspec.foresight.ranges import longest
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.program.algebra import CasadiAlgebra
 from taskspec.program.context import Context
-from taskspec.program.execution.tracks import move_speed
 from taskspec.program.known import known_value
 from taskspec.program.plan import StagePlan, TaskPlan
 from taskspec.rules import Finding, Phase, error, rule, warning
@@ -44,9 +43,7 @@ _NOWHERE = 1e-12
 def references_without_start(stage: StagePlan) -> Iterator[Finding]:
     """Reports references that have no finite value when their stage begins."""
     for axis in stage.spec.axes.values():
-        for expression in (axis.velocity, axis.force, axis.torque, axis.position):
-            if expression is None:
-                continue
+        for expression, _ in axis.expressions():
             value = known_value(stage.context, expression, {"t": 0.0, "clock": 0.0})
             if value is not None and not math.isfinite(value):
                 yield error(
@@ -124,9 +121,9 @@ def endless_motions(stage: StagePlan) -> Iterator[Finding]:
     """Reports moves and paths that take longer than any run, or no time at all."""
     own, path = FILE.stages[stage.name], stage.path
     for axis, entry in stage.spec.axes.items():
-        if entry.move is not None:
-            place = own.axes[axis]["move" if entry.speed is None else "speed"]
-            yield from _endless(abs(entry.move), entry.speed or move_speed(axis), place)
+        mode = entry.mode
+        if mode.distance is not None:
+            yield from _endless(*mode.distance, own.axes[axis][mode.pace])
     if path is not None and path.speed is not None:
         length = path.table.length if path.table else path.length(dict.fromkeys(AXES, 0.0))
         yield from _endless(length, path.speed, own.path.speed)
@@ -155,11 +152,8 @@ def _references(stage: StagePlan) -> Iterator[tuple[Axis | None, Expression, boo
     for axis, entry in stage.spec.axes.items():
         if axis not in stage.axes:
             continue
-        if entry.position is not None:
-            yield axis, entry.position, True
-        for expression in (entry.velocity, entry.force, entry.torque):
-            if expression is not None:
-                yield axis, expression, False
+        for expression, planned in entry.expressions():
+            yield axis, expression, planned
     for constraint in stage.spec.constraints.values():
         yield None, constraint.wanted, False
 

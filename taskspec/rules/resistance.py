@@ -9,7 +9,6 @@ import numpy as np
 from taskspec.foresight.resistance import resists
 from taskspec.geometry.axis import Axis
 from taskspec.program.context import Context
-from taskspec.program.known import known_value
 from taskspec.program.plan import StagePlan
 from taskspec.program.reference.orientation import representation_of
 from taskspec.rules.finding import Finding, info
@@ -79,11 +78,10 @@ def _unresisted(stage: StagePlan) -> Iterator[tuple[Axis, float, KeyPath]]:
 
 def _set_point(stage: StagePlan, axis: Axis) -> float | None:
     """A set point, not zero if it is ever another [N, N m]; None where signals decide it."""
-    entry = stage.spec.axes[axis]
-    expression = entry.force if entry.torque is None else entry.torque
-    if expression is None:
+    force = stage.spec.axes[axis].set_point
+    if force is None:
         return None
-    values = [known_value(stage.context, expression, {"t": t, "clock": t}) for t in _TIMES]
+    values = [stage.known(force.wanted, {"t": t, "clock": t}) for t in _TIMES]
     if any(v is None or not np.isfinite(v) for v in values):
         return None
     return next((v for v in values if v), 0.0)

@@ -21,9 +21,8 @@ def missing_signals(stage: StagePlan) -> Iterator[Finding]:
         if condition is not None:
             yield from _missing(stage, condition, reference=False)
     for axis in stage.spec.axes.values():
-        for reference in (axis.velocity, axis.force, axis.torque, axis.position):
-            if reference is not None:
-                yield from _missing(stage, reference, reference=True)
+        for reference, _ in axis.expressions():
+            yield from _missing(stage, reference, reference=True)
 
 
 def _missing(stage: StagePlan, expression: Expression, *, reference: bool) -> Iterator[Finding]:

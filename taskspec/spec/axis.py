@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 from pydantic import Field, GetCoreSchemaHandler, create_model
@@ -135,6 +136,13 @@ class AxisEntry(_AxisKeys):
     def set_point(self) -> Force | None:
         """Its force or torque set point."""
         return force_given(self)
+
+    def expressions(self) -> Iterator[tuple[Expression, bool]]:
+        """Its expressions, and whether each is a position, of which rates are taken."""
+        if self.given is not None:
+            yield from self.given.expressions()
+        if self.set_point is not None:
+            yield self.set_point.wanted, False
 
     @property
     def has_force(self) -> bool:

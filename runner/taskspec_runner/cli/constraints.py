@@ -160,7 +160,8 @@ def _remarks(stage: CompiledStage, plan: AxisPlan, world: Natural) -> Iterator[s
     if world.decides == "velocity" and plan.motion:
         if plan.force or _by_equation(stage, plan, world):
             return
-        if not plan.mode.leads or (world.terms and _turns_along(stage, world.axis, plan)):
+        turned = world.terms and _turns_along(stage, world.axis, plan)
+        if turned or world.axis in stage.plan.couplings:
             yield f"as {world.by} goes"
         elif world.by in stage.plan.active:
             yield f"along {world.by}"

@@ -108,4 +108,5 @@ def _check_constraints(context: Context, name: str, found: Diagnostics) -> None:
 
 def steady_force(context: Context, axis: AxisEntry) -> float | None:
     """The set point where it does not depend on time or signals [N]."""
-    return None if axis.force is None else known_value(context, axis.force)
+    force = None if axis.rotation else axis.set_point
+    return None if force is None else known_value(context, force.wanted)

@@ -128,7 +128,7 @@ def _report_reach(context: Context, name: str, place: Place, found: Diagnostics)
     where = own.path if stage.path else own.axes if moved is None else own.axes[moved]
     frame = context.frame_of(stage)
     placed = stage.path is not None and stage.path.to is not None
-    placed = placed or any(e.position is not None for e in stage.axes.values())
+    placed = placed or any(e.mode.placed for e in stage.axes.values())
     origin = "its origin" if frame.still else "where the stage begins"
     counts = f"; in frame {frame.name!r} coordinates count from {origin}" if placed else ""
     found.add(

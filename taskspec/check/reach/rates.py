@@ -60,11 +60,9 @@ def _line(context: Context, name: str, axis: Axis, rates: Mapping[Axis, float]) 
     stage = context.loaded.task.stages[name]
     entry, turns = stage.axes.get(axis), axis.is_rotation
     unit = "deg/s" if turns else "mm/s"
-    if entry is not None and entry.hold is None:
-        keys = ("velocity", "position", "speed", "move")
-        key = next(k for k in keys if getattr(entry, k) is not None)
+    if entry is not None and entry.mode.moves:
         words = f"{show(rates[axis], unit, 3)} {'about' if turns else 'along'} {axis!r}"
-        span = context.loaded.span(FILE.stages[name].axes[axis][key])
+        span = context.loaded.span(FILE.stages[name].axes[axis][entry.mode.pace])
         return Line("velocity", words, span, "move slower", rates[axis], unit)
     if stage.path is None or entry is not None or rates[axis] == 0:
         return Line("hold", repr(axis), None, "")

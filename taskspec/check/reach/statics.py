@@ -211,8 +211,8 @@ def steady(context: Context, name: str, axes: tuple[Axis, ...]) -> dict[Axis, fl
     """Set points of stage `name` that are constant and not zero [N, N m]."""
     found = {}
     for axis, entry in context.loaded.task.stages[name].axes.items():
-        expression = entry.torque if axis.is_rotation else entry.force
-        value = None if expression is None else known_value(context, expression)
+        force = entry.set_point
+        value = None if force is None else known_value(context, force.wanted)
         if value and axis in axes:
             found[axis] = value
     return found

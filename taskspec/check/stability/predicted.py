@@ -67,10 +67,8 @@ def _control(stage: StagePlan) -> str:
 
 def _kind(axis: AxisEntry) -> tuple[object, ...]:
     return (
-        axis.force is not None,
-        axis.torque is not None,
-        axis.hold == "world",
-        axis.follows,
+        axis.has_force,
+        axis.mode.loop,
         axis.stiffness,
         axis.damping,
     )

@@ -7,7 +7,6 @@ from numpy.typing import NDArray
 
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.laws.gains import on_axis
-from taskspec.modes import DEFAULT_RAMP
 from taskspec.program.axes import MOSTLY
 from taskspec.program.context import Context
 from taskspec.program.known import known_value
@@ -36,15 +35,14 @@ def check_ramps(context: Context, name: str, axes: tuple[Axis, ...], found: Diag
         return
     for axis, entry in stage.axes.items():
         key = "torque" if axis.is_rotation else "force"
-        expression = getattr(entry, key)
-        wanted = None if expression is None else known_value(context, expression)
-        ramp = DEFAULT_RAMP if entry.ramp is None else entry.ramp
-        if not wanted or axis not in axes or ramp <= stage.time:
+        force = entry.set_point
+        wanted = None if force is None else known_value(context, force.wanted)
+        if force is None or not wanted or axis not in axes or force.rise <= stage.time:
             continue
-        given = entry.ramp is not None
+        given = force.ramp is not None
         found.warning(
             "TS619",
-            f"the set point is reached in {show(ramp, 's', 3)}, and the stage ends after "
+            f"the set point is reached in {show(force.rise, 's', 3)}, and the stage ends after "
             f"{show(stage.time, 's', 3)}",
             context.loaded.span(FILE.stages[name].axes[axis]["ramp" if given else key]),
             "let the stage last longer, or shorten the ramp",
@@ -78,8 +76,9 @@ def check_entering(
         return
     normal = context.start_normals[contact]
     for axis, entry in stage.axes.items():
-        wanted = None if entry.force is None else known_value(context, entry.force)
-        if not wanted or axis not in axes or entry.velocity is not None or entry.move is not None:
+        force = None if axis.is_rotation else entry.set_point
+        wanted = None if force is None else known_value(context, force.wanted)
+        if force is None or not wanted or axis not in axes or entry.mode.travels:
             continue
         along = float(rotation[:, AXES.index(axis)] @ normal)
         if abs(along) < MOSTLY or wanted * along > 0:
@@ -88,8 +87,7 @@ def check_entering(
         plants = context.plants(axes, rotation, felt, lever=context.lever_of(frame))
         gains = law.design({axis: entry}, {axis: plants[axis]})
         damping = law.control_law.loop_damping(on_axis(gains, axis))
-        ramp = DEFAULT_RAMP if entry.ramp is None else entry.ramp
-        if gap * damping <= abs(wanted) * ramp / 2:
+        if gap * damping <= abs(wanted) * force.rise / 2:
             continue
         speed = "" if not damping else f" at up to {show(2 * abs(wanted) / damping, 'mm/s', 2)}"
         found.warning(

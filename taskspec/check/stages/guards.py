@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -184,13 +185,11 @@ def _signs(
 
 def _direction(context: Context, entry: AxisEntry) -> float:
     """Which way along its axis an entry moves or presses, as far as it is constant; else 0."""
-    if entry.move is not None:
-        return entry.move
-    for expression in (entry.velocity, entry.force):
-        value = None if expression is None else known_value(context, expression)
-        if value:
-            return value
-    return 0.0
+    heading = entry.mode.heading(partial(known_value, context))
+    if heading is not None:
+        return heading
+    force = entry.set_point
+    return (None if force is None else known_value(context, force.wanted)) or 0.0
 
 
 def _report_sign(
