@@ -32,11 +32,17 @@ _DETENT = {
     "force": ("Greatest resistance before the snap, and pull after it.", ()),
     "width": ("How far the snap reaches to either side.", ()),
 }
-_AXIS = {
-    **{key.name: (key.meaning, key.examples) for key in axis_keys()},
+_SOFT = {
     "stiffness": ("Makes a motion axis soft: what it yields to forces with.", ()),
     "damping": ("Damping of a soft motion axis; by default designed.", ()),
-}  # fmt: skip
+}
+
+
+def _of_axes(*, rotation: bool) -> dict[str, Meaning]:
+    keys = (key for key in axis_keys() if key.exists(rotation=rotation))
+    return {key.name: (key.meaning, key.examples) for key in keys} | _SOFT
+
+
 _EQUATION = {
     "equation": ("The constraint. Both ways with =, one way with <= or >=.", ()),
     "frame": ("The frame in which x, y and z count; by default the world.", ()),
@@ -147,7 +153,7 @@ MEANINGS: dict[str, dict[str, Meaning]] = {
         "sensor": ("What the controller sees of the contact; by default all, one tick late.",
                    ({"noise": "0.1 N", "filter": "60 Hz"},)),
     },
-    "Rotation": _AXIS, "Translation": _AXIS,
+    "Rotation": _of_axes(rotation=True), "Translation": _of_axes(rotation=False),
     "Sensor": {
         "rate": ("Of its samples; by default the controller's.", ("500 Hz",)),
         "delay": ("Beyond the one tick that every sensor is late.", ("2 ms",)),
