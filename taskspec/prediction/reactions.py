@@ -108,8 +108,7 @@ def _contacts(here: StageAtStart, foreseen: StagePrediction) -> Iterator[tuple[s
 def _state(here: StageAtStart, foreseen: StagePrediction, name: str) -> State | None:
     """Whether a contact is there; None for one that the stage stays away from."""
     if name in foreseen.depths or any(
-        p.set_point and not a.is_rotation
-        for a, p in here.stage.plan.plans.items()
+        p.set_point and not a.is_rotation for a, p in here.stage.plan.plans.items()
     ):
         return State.THERE
     if foreseen.impact is not None and foreseen.impact.contact == name:

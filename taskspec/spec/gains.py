@@ -44,14 +44,12 @@ class GainField(FieldType):
     """A gain: one quantity for all translations, `{linear, angular}`, or one for each axis.
 
     Attributes:
-        linear: its dimension on a translation.
-        angular: its dimension on a rotation.
+        dimension: on a translation; a rotation has its counterpart.
         above: it has to be greater than this.
         least: it has to be at least this.
     """
 
-    linear: Dimension
-    angular: Dimension
+    dimension: Dimension
     above: float | None = None
     least: float | None = None
 
@@ -77,14 +75,15 @@ class GainField(FieldType):
         return AxisValues(**found)
 
     def _one(self, value: object, axis: Axis, context: ParseContext) -> float:
-        dimension = self.angular if axis.is_rotation else self.linear
-        number = Constant(dimension, self.above, self.least).read(value, context)
+        number = Constant(axis.of(self.dimension), self.above, self.least).read(value, context)
         assert isinstance(number, float)
         return number
 
     def json(self) -> dict[str, Any]:
         """Describes the three forms."""
-        linear, angular = Constant(self.linear).json(), Constant(self.angular).json()
+        linear, angular = (
+            Constant(self.dimension.on(rotation=turns)).json() for turns in (False, True)
+        )
         axes = dict.fromkeys(TRANSLATIONS, linear) | dict.fromkeys(ROTATIONS, angular)
         forms = {"linear": linear, "angular": angular}
         return {

@@ -22,10 +22,8 @@ from taskspec.text.codes import register
 from taskspec.text.data import Map, Text
 from taskspec.text.units import (
     ANGULAR_DAMPING,
-    ANGULAR_STIFFNESS,
     DAMPING,
     FREQUENCY,
-    INERTIA,
     MASS,
     NUMBER,
     STIFFNESS,
@@ -42,7 +40,7 @@ register(
 _GAINS = ("mass", "stiffness", "damping", "bandwidth", "damping_ratio")
 NULL_SPACE_GOALS = ("posture", "joint-limits", "manipulability")
 
-Damping = Annotated[AxisValues, GainField(DAMPING, ANGULAR_DAMPING, least=0)]
+Damping = Annotated[AxisValues, GainField(DAMPING, least=0)]
 
 
 class ForceGains(Model):
@@ -56,10 +54,10 @@ class ForceGains(Model):
 
     noun = "the gains of a force loop"
 
-    proportional: Annotated[AxisValues, GainField(NUMBER, NUMBER, least=0)] | None = Field(
+    proportional: Annotated[AxisValues, GainField(NUMBER, least=0)] | None = Field(
         None, title="Proportional gain"
     )
-    integral: Annotated[AxisValues, GainField(FREQUENCY, FREQUENCY, least=0)] | None = Field(
+    integral: Annotated[AxisValues, GainField(FREQUENCY, least=0)] | None = Field(
         None, title="Integral gain"
     )
     damping: Damping | None = Field(None, title="Damping along force axes")
@@ -92,20 +90,20 @@ class Law(Model):
     kind: Annotated[str, Word(tuple(LAWS), "law", code="TS206")] = Field(
         DEFAULT, title="Control law"
     )
-    mass: Annotated[AxisValues, GainField(MASS, INERTIA, above=0)] | None = Field(
+    mass: Annotated[AxisValues, GainField(MASS, above=0)] | None = Field(
         None, title="Apparent mass"
     )
-    stiffness: Annotated[AxisValues, GainField(STIFFNESS, ANGULAR_STIFFNESS, least=0)] | None = (
-        Field(None, title="Stiffness")
+    stiffness: Annotated[AxisValues, GainField(STIFFNESS, least=0)] | None = Field(
+        None, title="Stiffness"
     )
     damping: Damping | None = Field(None, title="Damping")
     joint_damping: SkipJsonSchema[
         Annotated[tuple[float, ...], ForJoints(ANGULAR_DAMPING)] | None
     ] = None
-    bandwidth: Annotated[AxisValues, GainField(FREQUENCY, FREQUENCY, above=0)] | None = Field(
+    bandwidth: Annotated[AxisValues, GainField(FREQUENCY, above=0)] | None = Field(
         None, title="Bandwidth of motion axes"
     )
-    damping_ratio: Annotated[AxisValues, GainField(NUMBER, NUMBER, above=0)] | None = Field(
+    damping_ratio: Annotated[AxisValues, GainField(NUMBER, above=0)] | None = Field(
         None, title="Damping ratio of motion axes"
     )
     force: ForceGains | None = Field(None, title="Gains of the force loop")

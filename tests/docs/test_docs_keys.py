@@ -107,7 +107,7 @@ def units_needed(model: type[Model], key: str) -> set[object]:
         elif isinstance(kind, Entries):
             found.update(kind.dimensions)
         elif isinstance(kind, GainField):
-            found.update((kind.linear, kind.angular))
+            found.update(kind.dimension.on(rotation=turns) for turns in (False, True))
     return found
 
 
