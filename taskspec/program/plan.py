@@ -21,8 +21,8 @@ from taskspec.program.context import Context
 from taskspec.program.known import known_value
 from taskspec.program.prepare import frame_at_start
 from taskspec.program.reference import orientation
+from taskspec.program.reference.axis_plan import AxisPlan, plan_axes
 from taskspec.program.reference.constraints import active_equations, equation_gains
-from taskspec.program.reference.modes import AxisPlan, plan_axes
 from taskspec.program.reference.paths import path_shape
 from taskspec.program.trajectory import Nominal
 from taskspec.program.world.frames import FrameModel

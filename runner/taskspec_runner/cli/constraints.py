@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from taskspec.geometry.axis import Axis
 from taskspec.prediction import Natural, StagePrediction, State
 from taskspec.program.program import Program
-from taskspec.program.reference.modes import AxisPlan
+from taskspec.program.reference.axis_plan import AxisPlan
 from taskspec.program.stages.stage import CompiledStage
 from taskspec.spec import Screw
 from taskspec.text.show import number, scaled, show

@@ -12,7 +12,7 @@ from taskspec.geometry.axis import AXES, Axis
 from taskspec.laws.gains import value_of
 from taskspec.motion.path import PathShape
 from taskspec.program.context import Context
-from taskspec.program.reference.modes import plan_axes
+from taskspec.program.reference.axis_plan import plan_axes
 from taskspec.spec import FILE, AxisEntry, Variation
 from taskspec.text.codes import register
 from taskspec.text.diagnostic import Diagnostics

@@ -19,7 +19,7 @@ from taskspec.program.execution.sensor_zero import SensorZero
 from taskspec.program.execution.stage_runner import StageRunner
 from taskspec.program.execution.transition import END, FAIL, Transition, leads_to
 from taskspec.program.ports import INTERNAL, fields, slices
-from taskspec.program.reference.modes import not_finite
+from taskspec.program.reference.axis_plan import not_finite
 from taskspec.program.stages.stage import CompiledStage
 from taskspec.program.world.estimated_frames import Estimates
 from taskspec.robot import RobotModel

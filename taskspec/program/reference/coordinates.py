@@ -20,8 +20,8 @@ from taskspec.geometry import rotation
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.program.clock import Clock
 from taskspec.program.plan import StagePlan
+from taskspec.program.reference.axis_plan import AxisPlan
 from taskspec.program.reference.measured import Measured
-from taskspec.program.reference.modes import AxisPlan
 from taskspec.program.world import kinematics
 from taskspec.program.world.frames import FrameModel
 from taskspec.program.world.mechanisms import MechanismModel

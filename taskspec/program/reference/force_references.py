@@ -14,8 +14,8 @@ from taskspec.program.clock import Clock
 from taskspec.program.context import Context
 from taskspec.program.layout import Layout
 from taskspec.program.plan import StagePlan
+from taskspec.program.reference.axis_plan import AxisPlan
 from taskspec.program.reference.measured import Measured
-from taskspec.program.reference.modes import AxisPlan
 from taskspec.program.signals import applied
 
 
