@@ -9,18 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import taskspec.rules.all  # noqa: F401  (it registers the rules)
-from taskspec.check.contact.bodies import check_bodies
-from taskspec.check.contact.equations import check_constraints, check_equations
-from taskspec.check.contact.forces import check_forces
-from taskspec.check.contact.leaving import check_leaving
-from taskspec.check.contact.set_points import check_set_points
-from taskspec.check.reach.feasibility import check_feasibility
-from taskspec.check.reach.sensor import check_sensor
-from taskspec.check.reach.singular import check_singular
 from taskspec.check.stability.predicted import check_stability
-from taskspec.check.stages.entering import check_entering, check_ramps
-from taskspec.check.stages.guards import check_guards
-from taskspec.check.stages.noise import check_noise
 from taskspec.foresight.nominal import plan_task
 from taskspec.program.plan import TaskPlan
 from taskspec.rules import Phase, ask
@@ -72,36 +61,17 @@ def check_task(loaded: LoadedTask) -> tuple[Diagnostic, ...]:
 
 def check_stages(task: TaskPlan) -> tuple[Diagnostic, ...]:
     """Findings about the stages of a task whose robot and start are sound."""
-    context, loaded = task.context, task.context.loaded
+    loaded = task.context.loaded
     found = Diagnostics(loaded.source.name)
     if not ask(Phase.VARIATIONS, task, loaded, found):
         task = task.unvaried()
-        context = task.context
     ask(Phase.TASK, task, loaded, found)
-    check_bodies(context, found)
-    check_equations(context, found)
-    check_sensor(context, found)
     for name, plan in task.stages.items():
         if not ask(Phase.FRAME, plan, loaded, found):
             continue
-        rotation, axes = plan.rotation, plan.axes
         task.framed[name] = plan
-        check_set_points(context, name, axes, rotation, found)
-        check_ramps(context, name, axes, found)
-        check_constraints(context, name, axes, rotation, found)
-        if not ask(Phase.AXES, plan, loaded, found):
+        if not ask(Phase.AXES, plan, loaded, found) or not ask(Phase.PATH, plan, loaded, found):
             continue
-        if not ask(Phase.PATH, plan, loaded, found):
-            continue
-        path = plan.path
-        check_forces(context, name, axes, rotation, path, found)
-        nominal = task.follow(name).nominal
-        check_feasibility(context, name, axes, nominal.places, found)
-        check_singular(context, name, axes, nominal.places, found)
-        check_leaving(context, name, axes, path, nominal, found)
-        check_guards(context, name, axes, rotation, nominal.gap, found)
-        check_noise(context, name, rotation, nominal.gap, found)
-        check_entering(context, name, axes, rotation, nominal.gap, found)
-        ask(Phase.MOTION, plan, loaded, found)
+        ask(Phase.MOTION, task.follow(name), loaded, found)
     ask(Phase.RUN, task, loaded, found)
     return found.sorted()

@@ -1,36 +1,60 @@
 """All rules of the language, by the modules that they stand in: importing this registers them.
 
-Rules of one phase are asked in this order.
+Rules of one phase are asked in this order. A rule that is silent where others have reported stands
+after them.
 """
 
+# isort: off
 from taskspec.rules import (
     axes,
-    contacts,
+    equations,
     expectations,
+    feasibility,
     frames,
+    guards,
     held_mechanism,
     impact,
     law,
+    loose_bodies,
+    noise,
     objects,
+    open_loop,
+    planned_motion,
     references,
     resistance,
     robot,
+    sensor,
+    set_points,
     signals,
+    singularity,
     variations,
+    contacts,
 )
+
+# isort: on
 
 __all__ = [
     "axes",
     "contacts",
+    "equations",
     "expectations",
+    "feasibility",
     "frames",
+    "guards",
     "held_mechanism",
     "impact",
     "law",
+    "loose_bodies",
+    "noise",
     "objects",
+    "open_loop",
+    "planned_motion",
     "references",
     "resistance",
     "robot",
+    "sensor",
+    "set_points",
     "signals",
+    "singularity",
     "variations",
 ]

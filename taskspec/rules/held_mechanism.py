@@ -6,8 +6,7 @@ from collections.abc import Iterator
 
 from taskspec.foresight.held_motion import held_motion
 from taskspec.program.plan import StagePlan
-from taskspec.rules.finding import Finding, warning
-from taskspec.rules.registry import rule
+from taskspec.rules import Finding, rule, warning
 from taskspec.spec import FILE, key_of
 from taskspec.text.show import show
 from taskspec.text.units import VELOCITY

@@ -20,8 +20,7 @@ from taskspec.foresight.nominal import AT_SURFACE
 from taskspec.program.axes import MOSTLY
 from taskspec.program.context import Context
 from taskspec.program.plan import StagePlan
-from taskspec.rules.finding import Finding, warning
-from taskspec.rules.registry import rule
+from taskspec.rules import Finding, rule, warning
 from taskspec.spec import FILE, Within
 from taskspec.text.diagnostic import Severity
 from taskspec.text.show import inside, show

@@ -11,8 +11,7 @@ from taskspec.geometry.axis import Axis
 from taskspec.program.context import Context
 from taskspec.program.plan import StagePlan
 from taskspec.program.reference.orientation import representation_of
-from taskspec.rules.finding import Finding, info
-from taskspec.rules.registry import rule
+from taskspec.rules import Finding, info, rule
 from taskspec.spec import FILE, KeyPath
 from taskspec.text.diagnostic import Severity
 from taskspec.text.show import show

@@ -3,26 +3,22 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
 from taskspec.control.sensor import SensorModel
 from taskspec.foresight.conditions import bounds_of, names
 from taskspec.foresight.interval import Interval, IntervalAlgebra
 from taskspec.foresight.nominal import AT_SURFACE
 from taskspec.foresight.ranges import Ranges, longest
-from taskspec.geometry.axis import AXES
+from taskspec.geometry.axis import Axis
 from taskspec.program.context import Context
-from taskspec.text.codes import register
-from taskspec.text.diagnostic import Diagnostics
+from taskspec.program.plan import StagePlan
+from taskspec.rules import Finding, rule, warning
 from taskspec.text.expression import Expression
 from taskspec.text.expression.tree import Binary, Call, Held, Name, Node, Number
 from taskspec.text.show import number, show
-
-register({"TS614": "a guard finer than the sensor's noise"})
-
-Vector = NDArray[np.float64]
 
 #: How probable it may be that noise alone ends a stage, or has to be that it lets it end.
 _SELDOM = 0.01
@@ -30,46 +26,51 @@ _SELDOM = 0.01
 _LONG = 10.0
 
 
-def check_noise(
-    context: Context, name: str, rotation: Vector, gap: float | None, found: Diagnostics
-) -> None:
-    """Reports guards of stage `name` that noise or bias makes hold, or keeps from holding.
-
-    Args:
-        context: the task. name: of the stage. rotation: (3, 3) its frame at the start pose.
-        gap: to the nominal contact as the stage begins [m]; None where it is not known.
-        found: where findings go.
-    """
-    sensor = context.loaded.task.robot.sensor
-    stage = context.loaded.task.stages[name]
+@rule("TS614", "a guard finer than the sensor's noise")
+def noisy_guards(stage: StagePlan) -> Iterator[Finding]:
+    """Guards that noise or bias makes hold, or keeps from holding."""
+    sensor = stage.context.loaded.task.robot.sensor
     if sensor.noise is None and not any(sensor.bias):
         return
-    for guard in (stage.until, stage.fail_if):
-        if guard is None:
+    for guard in (stage.spec.until, stage.spec.fail_if):
+        finding = None if guard is None else _finding(stage, guard)
+        if finding is not None:
+            yield finding
+
+
+def _finding(stage: StagePlan, guard: Expression) -> Finding | None:
+    """What the first quantity of a guard that noise or bias decides about gives rise to."""
+    context, gap = stage.context, stage.nominal.gap
+    inner = guard.tree.x if isinstance(guard.tree, Held) else guard.tree
+    bounds = bounds_of([inner], IntervalAlgebra(), Ranges(context, stage.name))
+    for quantity, interval in bounds.items():
+        signal = _signal(quantity)
+        if signal is None:
             continue
-        inner = guard.tree.x if isinstance(guard.tree, Held) else guard.tree
-        asked = bounds_of([inner], IntervalAlgebra(), Ranges(context, name))
-        for quantity, interval in asked.items():
-            signal = _signal(quantity)
-            if signal is None:
-                continue
-            spread, ticks = _spread(context, signal), _ticks(context, guard)
-            apart = gap is None or gap > AT_SURFACE
-            if _holds_by_itself(context, name, rotation, quantity, interval, ticks) and apart:
-                _report(context, guard, quantity, signal, spread, found)
-                break
-            if spread and interval.high - interval.low < math.inf and ticks > 1:
-                within = math.erf((interval.high - interval.low) / 2 / spread / math.sqrt(2))
-                if within**ticks < _SELDOM:
-                    found.warning(
-                        "TS614",
-                        f"noise of {_shown(signal, spread)} leaves this band in "
-                        f"{number(100 * (1 - within), 2)} % of the readings, so it hardly holds "
-                        f"for {ticks} of them",
-                        guard.where(quantity),
-                        "widen it, ask for a shorter time, or give the sensor a filter",
-                    )
-                    break
+        spread, ticks = _spread(context, signal), _ticks(context, guard)
+        apart = gap is None or gap > AT_SURFACE
+        if _holds_by_itself(stage, quantity, interval, ticks) and apart:
+            biased = any(context.loaded.task.robot.sensor.bias)
+            what = f"noise of {_shown(signal, spread)}" if spread else "the sensor's bias"
+            return warning(
+                "TS614",
+                f"{what}{' and the bias' if spread and biased else ''} can make this hold with "
+                "nothing touched",
+                guard.where(quantity),
+                "ask for more, for a longer time with 'for', or tare the sensor first",
+            )
+        if spread and interval.high - interval.low < math.inf and ticks > 1:
+            within = math.erf((interval.high - interval.low) / 2 / spread / math.sqrt(2))
+            if within**ticks < _SELDOM:
+                return warning(
+                    "TS614",
+                    f"noise of {_shown(signal, spread)} leaves this band in "
+                    f"{number(100 * (1 - within), 2)} % of the readings, so it hardly holds "
+                    f"for {ticks} of them",
+                    guard.where(quantity),
+                    "widen it, ask for a shorter time, or give the sensor a filter",
+                )
+    return None
 
 
 def _signal(quantity: Node) -> Name | None:
@@ -106,20 +107,13 @@ def _ticks(context: Context, guard: Expression) -> int:
     return 1 + int(time / context.period * (1 - model.pole) / model.hold_ticks)
 
 
-def _holds_by_itself(
-    context: Context,
-    name: str,
-    rotation: Vector,
-    quantity: Node,
-    interval: Interval,
-    ticks: int,
-) -> bool:
+def _holds_by_itself(stage: StagePlan, quantity: Node, interval: Interval, ticks: int) -> bool:
     """Whether noise and bias alone make a quantity what a guard waits for, with nothing touched."""
     signal = _signal(quantity)
     if signal is None or isinstance(quantity, Binary) or interval.low <= 0.0 <= interval.high:
         return False
     level = min(abs(interval.low), abs(interval.high))
-    spread, offset = _spread(context, signal), _bias(context, rotation, signal)
+    spread, offset = _spread(stage.context, signal), _bias(stage, signal)
     if isinstance(quantity, Name):
         level -= offset if interval.low > 0 else -offset
     else:
@@ -128,38 +122,19 @@ def _holds_by_itself(
         return level <= 0
     sides = 1 if isinstance(quantity, Name) else 2 * len(list(names(quantity)))
     alone = min(1.0, sides * 0.5 * math.erfc(level / spread / math.sqrt(2)))
-    lasts = longest(context, context.loaded.task.stages[name])
-    tries = min(lasts, _LONG) / context.period
+    tries = min(longest(stage.context, stage.spec), _LONG) / stage.context.period
     return tries * alone**ticks > _SELDOM
 
 
-def _bias(context: Context, rotation: Vector, signal: Name) -> float:
+def _bias(stage: StagePlan, signal: Name) -> float:
     """What the sensor shows along an axis at the start where there is nothing [N, N m]."""
-    task = context.loaded.task
-    if any(stage.tare for stage in task.stages.values()) or signal.frame is not None:
+    task = stage.context.loaded.task
+    if any(each.tare for each in task.stages.values()) or signal.frame is not None:
         return 0.0
     half = slice(0, 3) if signal.path[0] == "force" else slice(3, 6)
-    shown = rotation.T @ context.start_R @ np.array(task.robot.sensor.bias[half])
-    return float(shown[AXES.index(signal.path[1]) % 3])
-
-
-def _report(
-    context: Context,
-    guard: Expression,
-    quantity: Node,
-    signal: Name,
-    spread: float,
-    found: Diagnostics,
-) -> None:
-    biased = any(context.loaded.task.robot.sensor.bias)
-    what = f"noise of {_shown(signal, spread)}" if spread else "the sensor's bias"
-    found.warning(
-        "TS614",
-        f"{what}{' and the bias' if spread and biased else ''} can make this hold with nothing "
-        "touched",
-        guard.where(quantity),
-        "ask for more, for a longer time with 'for', or tare the sensor first",
-    )
+    bias = np.array(task.robot.sensor.bias[half])
+    shown = stage.rotation.T @ stage.context.start_R @ bias
+    return float(shown[Axis(signal.path[1]).column])
 
 
 def _shown(signal: Name, spread: float) -> str:

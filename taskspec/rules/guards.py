@@ -4,30 +4,28 @@ from __future__ import annotations
 
 import math
 import re
-from functools import partial
+from collections.abc import Iterator
 
-import numpy as np
-from numpy.typing import NDArray
-
-from taskspec.check.reach.statics import steady
 from taskspec.foresight.conditions import names, parts, value_of
 from taskspec.foresight.interval import Interval, IntervalAlgebra, point
 from taskspec.foresight.nominal import AT_SURFACE
 from taskspec.foresight.ranges import Ranges, longest
-from taskspec.geometry.axis import AXES, Axis
+from taskspec.geometry.axis import Axis
 from taskspec.program.axes import MOSTLY
-from taskspec.program.context import Context
-from taskspec.program.known import known_value
+from taskspec.program.plan import StagePlan
 from taskspec.program.signals import entry_of
+from taskspec.rules import Finding, rule, warning
 from taskspec.signals.table import WRENCH
-from taskspec.spec import AxisEntry
-from taskspec.text.codes import register
-from taskspec.text.diagnostic import Diagnostics, Severity
+from taskspec.text.diagnostic import Severity
 from taskspec.text.expression import Expression, evaluate
 from taskspec.text.expression.tree import Compare, Held, Name, Node, walk
 from taskspec.text.show import show
 
-register(
+#: Another object may push the other way from this share of its normal on.
+_SLIGHTLY = 0.1
+
+
+@rule(
     {
         "TS611": "a guard that can never hold",
         "TS612": "a guard whose force has the wrong sign",
@@ -35,57 +33,36 @@ register(
         "TS618": "a failure that the set point brings about",
     }
 )
-
-Vector = NDArray[np.float64]
-
-#: Another object may push the other way from this share of its normal on.
-_SLIGHTLY = 0.1
-
-
-def check_guards(
-    context: Context,
-    name: str,
-    axes: tuple[Axis, ...],
-    rotation: Vector,
-    gap: float | None,
-    found: Diagnostics,
-) -> None:
-    """Reports guards of stage `name` that cannot do what they are for.
-
-    Args:
-        context: the task. name: of the stage. axes: that exist in its frame.
-        rotation: (3, 3) its frame at the start pose.
-        gap: to the nominal contact as the stage begins [m]; None where it is not known.
-        found: where findings go.
-    """
-    stage = context.loaded.task.stages[name]
-    algebra = IntervalAlgebra(longest(context, stage))
-    for key, guard in (("until", stage.until), ("fail_if", stage.fail_if)):
+def useless_guards(stage: StagePlan) -> Iterator[Finding]:
+    """Guards that cannot do what they are for: of each, the first reason that applies."""
+    context, name = stage.context, stage.name
+    algebra = IntervalAlgebra(longest(context, stage.spec))
+    for key, guard in (("until", stage.spec.until), ("fail_if", stage.spec.fail_if)):
         if guard is None:
             continue
         ranges = Ranges(context, name)
         if _never(guard.tree, algebra, ranges):
-            _report_never(context, name, key, guard, algebra, ranges, found)
+            yield _impossible(stage, key, guard, algebra, ranges)
             continue
-        signs = _signs(context, name, axes, rotation)
+        signs = _signs(stage)
         if signs and value_of(guard.tree, algebra, Ranges(context, name, signs)).never:
-            _report_sign(name, guard, signs, found)
+            yield _wrong_sign(name, guard, signs)
         elif _always(guard.tree, algebra, ranges):
-            found.warning(
+            yield warning(
                 "TS613",
                 f"this always holds, so stage {name!r} ends as it begins",
                 guard.span,
                 "turn the relation round, or leave the guard out",
             )
-        elif key == "fail_if" and _held_by_set_points(context, name, axes, guard, algebra):
-            found.warning(
+        elif key == "fail_if" and _held_by_set_points(stage, guard, algebra):
+            yield warning(
                 "TS618",
                 f"stage {name!r} fails as soon as it has its set points: this holds there",
                 guard.span,
                 "let it begin beyond them, or lower the set points",
             )
-        elif _apart(context, gap) and _holds_untouched(context, name, guard, algebra):
-            found.warning(
+        elif _apart(stage) and _holds_untouched(stage, guard, algebra):
+            yield warning(
                 "TS613",
                 f"this holds as soon as stage {name!r} begins, when nothing is touched yet",
                 guard.span,
@@ -93,32 +70,27 @@ def check_guards(
             )
 
 
-def _report_never(
-    context: Context,
-    name: str,
-    key: str,
-    guard: Expression,
-    algebra: IntervalAlgebra,
-    ranges: Ranges,
-    found: Diagnostics,
-) -> None:
+def _impossible(
+    stage: StagePlan, key: str, guard: Expression, algebra: IntervalAlgebra, ranges: Ranges
+) -> Finding:
     inner = guard.tree.x if isinstance(guard.tree, Held) else guard.tree
     culprit = next((p for p in parts(inner) if _never(p, algebra, ranges)), None)
     reasons = [reason for n in names(culprit or inner) if (reason := ranges.why(n))]
     if culprit is None:
         reasons = ["its conditions exclude each other"]
-    end = longest(context, context.loaded.task.stages[name])
+    end = longest(stage.context, stage.spec)
     if isinstance(guard.tree, Held) and guard.tree.amount.value_si > end:
         culprit = guard.tree
-        reasons = [f"the stage ends after {show(end - context.period, 's')} at the latest"]
+        most = show(end - stage.context.period, "s")
+        reasons = [f"the stage ends after {most} at the latest"]
     reason = f": {reasons[0]}" if reasons else ": no values of its signals make it true"
     effect = "so the stage can only fail" if key == "until" else "so it does nothing"
-    found.add(
-        Severity.ERROR if key == "until" else Severity.WARNING,
+    return Finding(
         "TS611",
-        f"{key!r} of stage {name!r} can never hold{reason}, {effect}",
+        f"{key!r} of stage {stage.name!r} can never hold{reason}, {effect}",
         guard.where(culprit or inner),
         "change the number that it compares with, or the bound that it never gets to",
+        severity=Severity.ERROR if key == "until" else Severity.WARNING,
     )
 
 
@@ -132,69 +104,50 @@ def _always(node: Node, algebra: IntervalAlgebra, ranges: Ranges) -> bool:
     return evaluate(inner, algebra, ranges).always
 
 
-def _held_by_set_points(
-    context: Context,
-    name: str,
-    axes: tuple[Axis, ...],
-    guard: Expression,
-    algebra: IntervalAlgebra,
-) -> bool:
+def _held_by_set_points(stage: StagePlan, guard: Expression, algebra: IntervalAlgebra) -> bool:
     """Whether a guard holds at the forces which the stage's loops are to reach and keep."""
-    stage = context.loaded.task.stages[name]
-    if not context.law_of(stage).control_law.force_loop or isinstance(guard.tree, Held):
+    if not stage.law.control_law.force_loop or isinstance(guard.tree, Held):
         return False
-    reached = {
-        f"{'torque' if axis.startswith('r') else 'force'}.{axis}": point(value)
-        for axis, value in steady(context, name, axes).items()
-    }
+    reached = {f"{a.effort}.{a}": point(value) for a, value in stage.set_points.items()}
     used = {str(n) for n in names(guard.tree)}
     return (
         bool(used & reached.keys())
-        and evaluate(guard.tree, algebra, Ranges(context, name, reached)).always
+        and evaluate(guard.tree, algebra, Ranges(stage.context, stage.name, reached)).always
     )
 
 
-def _signs(
-    context: Context, name: str, axes: tuple[Axis, ...], rotation: Vector
-) -> dict[str, Interval]:
+def _signs(stage: StagePlan) -> dict[str, Interval]:
     """Half-lines of the forces along axes on which a stage moves or presses into its contact.
 
     Empty where anything but that contact could push the other way.
     """
-    task = context.loaded.task
-    stage = task.stages[name]
-    contact = context.contact_of(context.frame_of(stage))
-    if contact is None or task.equations or task.robot.grasp is not None:
+    task = stage.context.loaded.task
+    if task.equations or task.robot.grasp is not None:
         return {}
-    found = {}
-    for axis, entry in stage.axes.items():
-        if axis not in axes or axis.is_rotation:
+    signs = {}
+    for axis in stage.spec.axes:
+        contact = stage.contact_of(axis) if axis in stage.translations else None
+        if contact is None:
             continue
-        direction = rotation[:, AXES.index(axis)]
-        along = {o: float(direction @ n) for o, n in context.start_normals.items()}
+        along = {o: stage.along(axis, stage.normal_of(o)) for o in stage.context.start_normals}
         own = along[contact]
-        towards = _direction(context, entry)
+        towards = _direction(stage, axis)
         others = any(a * own < -_SLIGHTLY * abs(own) for a in along.values())
         friction = task.shapes[contact].friction
         cone = friction * math.sqrt(max(0.0, 1 - own**2)) <= abs(own)
         if abs(own) > MOSTLY and towards * own < 0 and cone and not others:
             half = Interval(-math.inf, 0.0) if own > 0 else Interval(0.0, math.inf)
-            found[f"force.{axis}"] = half
-    return found
+            signs[f"force.{axis}"] = half
+    return signs
 
 
-def _direction(context: Context, entry: AxisEntry) -> float:
-    """Which way along its axis an entry moves or presses, as far as it is constant; else 0."""
-    heading = entry.mode.heading(partial(known_value, context))
-    if heading is not None:
-        return heading
-    force = entry.set_point
-    return (None if force is None else known_value(context, force.wanted)) or 0.0
+def _direction(stage: StagePlan, axis: Axis) -> float:
+    """Which way along an axis a stage moves or presses, as far as it is constant; else 0."""
+    heading = stage.spec.axes[axis].mode.heading(stage.known)
+    return heading if heading is not None else stage.set_point_of(axis) or 0.0
 
 
-def _report_sign(
-    name: str, guard: Expression, signs: dict[str, Interval], found: Diagnostics
-) -> None:
+def _wrong_sign(name: str, guard: Expression, signs: dict[str, Interval]) -> Finding:
     turned = {"<": ">", "<=": ">=", ">": "<", ">=": "<="}
     for node in walk(guard.tree):
         if not isinstance(node, Compare):
@@ -207,15 +160,14 @@ def _report_sign(
                 continue
             sign = "negative" if signs[str(side)].high == 0 else "positive"
             text = _negated(guard, other)
-            found.warning(
+            return warning(
                 "TS612",
                 f"stage {name!r} goes into the surface, which makes '{side}' {sign}: this never "
                 "holds",
                 guard.where(node),
                 f"did you mean '{side} {turned[op]} {text}'? forces are what the robot applies",
             )
-            return
-    found.warning(
+    return warning(
         "TS612",
         f"stage {name!r} goes into the surface, and {_listed(signs)}: this never holds",
         guard.span,
@@ -237,23 +189,21 @@ def _negated(guard: Expression, node: Node) -> str:
     return f"-{text}" if re.fullmatch(r"[\w.]+( ?[\w*/^]+)?", text) else f"-({text})"
 
 
-def _apart(context: Context, gap: float | None) -> bool:
-    """Whether a stage begins apart from everything that could be felt."""
-    task = context.loaded.task
+def _apart(stage: StagePlan) -> bool:
+    """Whether a stage starts apart from everything that could be felt."""
+    task, gap = stage.context.loaded.task, stage.nominal.gap
     if task.robot.grasp is not None or task.equations or gap is None:
         return False
-    return gap > AT_SURFACE and len(context.start_gaps) == 1
+    return gap > AT_SURFACE and len(stage.context.start_gaps) == 1
 
 
-def _holds_untouched(
-    context: Context, name: str, guard: Expression, algebra: IntervalAlgebra
-) -> bool:
+def _holds_untouched(stage: StagePlan, guard: Expression, algebra: IntervalAlgebra) -> bool:
     """Whether a guard holds whatever its signals are, if nothing is felt."""
-    task = context.loaded.task
+    task = stage.context.loaded.task
     felt = {
         str(n): point(0.0)
         for n in names(guard.tree)
-        if (found := entry_of(task, n.path)) is not None and found.signal.sensed == WRENCH
+        if (entry := entry_of(task, n.path)) is not None and entry.signal.sensed == WRENCH
     }
     inner = guard.tree.x if isinstance(guard.tree, Held) else guard.tree
-    return evaluate(inner, algebra, Ranges(context, name, felt)).always
+    return evaluate(inner, algebra, Ranges(stage.context, stage.name, felt)).always

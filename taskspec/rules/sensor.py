@@ -3,87 +3,84 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 
 from taskspec.control.sensor import SensorModel
 from taskspec.foresight.flow import good_end
 from taskspec.laws.design import INTEGRAL_FREQUENCY
 from taskspec.program.context import Context
+from taskspec.program.plan import TaskPlan
+from taskspec.rules import Finding, Phase, error, rule, warning
 from taskspec.signals.entries import TOUCHING
 from taskspec.spec import FILE, Stage
-from taskspec.text.codes import register
-from taskspec.text.diagnostic import Diagnostics
 from taskspec.text.expression.tree import Name, walk
 from taskspec.text.show import show
 
-register(
-    {
-        "TS430": "a force sensor too slow for a force loop",
-        "TS431": "a sensor's rate that does not divide the controller's",
-        "TS620": "a tare while a force acts",
-    }
-)
 
-
-def check_sensor(context: Context, found: Diagnostics) -> None:
-    """Reports a sensor that is not what the file says, or too slow, and tares that mislead."""
-    _check_times(context, found)
-    _check_tares(context, found)
-
-
-def _check_times(context: Context, found: Diagnostics) -> None:
-    loaded, period = context.loaded, context.period
-    sensor = loaded.task.robot.sensor
+@rule("TS431", "a sensor's rate that does not divide the controller's", phase=Phase.TASK)
+def uneven_rate(task: TaskPlan) -> Iterator[Finding]:
+    """A rate that becomes another, because samples come in ticks of the controller."""
+    period, sensor = task.context.period, task.context.loaded.task.robot.sensor
     model = SensorModel.of(sensor, period)
-    if sensor.rate is not None and model.hold_ticks > 1:
-        becomes = 1.0 / (model.hold_ticks * period)
-        if not math.isclose(becomes, sensor.rate, rel_tol=1e-6):
-            found.warning(
-                "TS431",
-                f"samples come at {show(becomes, 'Hz', 4)}: {show(sensor.rate, 'Hz', 4)} does not "
-                f"divide the controller's {show(1 / period, 'Hz', 4)}",
-                loaded.span(FILE.robot.sensor.rate),
-                "choose a rate that divides that of the controller",
-            )
-    lag, slowest = model.lag(period), 1.0 / (2 * math.pi * INTEGRAL_FREQUENCY)
-    uses = any(a.has_force for s in loaded.task.stages.values() for a in s.axes.values())
+    if sensor.rate is None or model.hold_ticks <= 1:
+        return
+    becomes = 1.0 / (model.hold_ticks * period)
+    if not math.isclose(becomes, sensor.rate, rel_tol=1e-6):
+        yield warning(
+            "TS431",
+            f"samples come at {show(becomes, 'Hz', 4)}: {show(sensor.rate, 'Hz', 4)} does not "
+            f"divide the controller's {show(1 / period, 'Hz', 4)}",
+            FILE.robot.sensor.rate,
+            "choose a rate that divides that of the controller",
+        )
+
+
+@rule("TS430", "a force sensor too slow for a force loop", phase=Phase.TASK)
+def late_sensor(task: TaskPlan) -> Iterator[Finding]:
+    """A sensor whose force the controller gets later than a designed loop is made for."""
+    period, declared = task.context.period, task.context.loaded.task
+    lag = SensorModel.of(declared.robot.sensor, period).lag(period)
+    slowest = 1.0 / (2 * math.pi * INTEGRAL_FREQUENCY)
+    uses = any(a.has_force for s in declared.stages.values() for a in s.axes.values())
     if lag > slowest and uses:
         late = show(lag, "ms" if lag < 1 else "s", 3)
-        found.warning(
+        yield warning(
             "TS430",
             f"the controller sees a force {late} late, by delay, sampling and filter; a designed "
             f"force loop answers within {show(slowest, 'ms', 2)} and is not made for that",
-            loaded.span(FILE.robot.sensor),
+            FILE.robot.sensor,
             "shorten the delay, raise rate or filter, or give the law a lower force.integral",
         )
 
 
-def _check_tares(context: Context, found: Diagnostics) -> None:
-    loaded = context.loaded
-    stages = loaded.task.stages
+@rule("TS620", "a tare while a force acts", phase=Phase.TASK)
+def misleading_tares(task: TaskPlan) -> Iterator[Finding]:
+    """Stages that tare the sensor while a force acts on it."""
+    stages = task.context.loaded.task.stages
     before = {good_end(stages, name): name for name in reversed(stages)}
     for number, (name, stage) in enumerate(stages.items()):
         if not stage.tare:
             continue
         pressed = [a for a, axis in stage.axes.items() if axis.has_force]
         if pressed:
-            found.error(
+            yield error(
                 "TS620",
                 f"the force on {pressed[0]!r} would become the sensor's zero",
-                loaded.span(FILE.stages[name].axes[pressed[0]]),
+                FILE.stages[name].axes[pressed[0]],
                 "tare in a stage of its own, that holds its axes away from everything",
             )
             continue
         previous = before.get(name)
-        if number == 0 and _force_at_start(context) > TOUCHING:
+        if number == 0 and _force_at_start(task.context) > TOUCHING:
             why = "the tool touches at the start"
         elif previous is not None and _ends_in_contact(stages[previous]):
             why = f"stage {previous!r} before it ends in contact"
         else:
             continue
-        found.warning(
+        yield warning(
             "TS620",
             f"{why}: the contact force would become the sensor's zero",
-            loaded.span(FILE.stages[name].tare),
+            FILE.stages[name].tare,
             "move away from the surface first",
         )
 

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.program.context import Context
+from taskspec.program.plan import TaskPlan
+from taskspec.rules import Finding, Phase, rule, warning
 from taskspec.shapes import BoundedSurface, Surface
 from taskspec.spec import FILE, key_of
-from taskspec.text.diagnostic import Diagnostics
 from taskspec.text.show import show
 
 _GRAVITY = 9.81
@@ -17,30 +20,30 @@ _GRAVITY = 9.81
 _LIFTS = 2.0
 
 
-def check_bodies(context: Context, found: Diagnostics) -> None:
-    """Reports loose bodies that begin so deep in another object that it throws them."""
-    loaded = context.loaded
-    shapes = loaded.task.shapes
-    seen: set[frozenset[str]] = set()
+@rule({}, also=("TS305",), phase=Phase.TASK)
+def thrown_bodies(task: TaskPlan) -> Iterator[Finding]:
+    """Loose bodies that begin so deep in another object that it throws them."""
+    context, shapes = task.context, task.context.loaded.task.shapes
+    reported: set[frozenset[str]] = set()
     for name, body in shapes.items():
         if not body.free or body.mass is None:
             continue
         points, radius = _points(context.surfaces[name])
         for other in shapes:
             pair = frozenset((name, other))
-            if other == name or pair in seen:
+            if other == name or pair in reported:
                 continue
             depth = radius - min(_distance(context, other, point) for point in points)
             stiffness = context.compliances[other].stiffness
             if shapes[other].free:
                 stiffness = min(stiffness, context.compliances[name].stiffness)
             if depth * stiffness > _LIFTS * body.mass * _GRAVITY:
-                seen.add(pair)
-                found.warning(
+                reported.add(pair)
+                yield warning(
                     "TS305",
                     f"{name!r} starts {show(depth, 'mm', 3)} inside {other!r}: the run begins with "
                     f"{show(depth * stiffness, 'N', 3)} between them",
-                    loaded.span(key_of(FILE.world[name])),
+                    key_of(FILE.world[name]),
                     "let the body lie on it: the contact gives way by weight / stiffness",
                 )
 

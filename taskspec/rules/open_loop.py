@@ -1,0 +1,106 @@
+"""Open-loop forces: what becomes of them where the true surface differs from the nominal one."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator
+
+import numpy as np
+
+from taskspec.geometry.axis import Axis
+from taskspec.laws.gains import value_of
+from taskspec.program.plan import StagePlan
+from taskspec.rules import Finding, Phase, error, rule, warning
+from taskspec.spec import FILE, Variation
+
+
+@rule("TS303", "a force without a surface to press on", phase=Phase.PATH)
+def forces_without_a_surface(stage: StagePlan) -> Iterator[Finding]:
+    """Open-loop forces in a world that has no surface."""
+    if _surfaceless(stage):
+        first = _open_loop(stage)[0]
+        yield error(
+            "TS303",
+            f"under {stage.law.kind!r} a force is reached by pressing below a surface, and the "
+            "world has none",
+            FILE.stages[stage.name].axes[first].force,
+            "declare the surface under `world`, or use a law with a force loop: hybrid, "
+            "parallel, parallel-pid",
+        )
+
+
+@rule("TS306", "an open-loop force on an axis without a spring", phase=Phase.PATH)
+def forces_without_a_spring(stage: StagePlan) -> Iterator[Finding]:
+    """Open-loop forces that would stretch a spring of no stiffness."""
+    if _surfaceless(stage):
+        return
+    for axis in _open_loop(stage):
+        if value_of(stage.gains, "stiffness", axis) == 0:
+            yield error(
+                "TS306",
+                f"under {stage.law.kind!r} a force stretches the law's spring, and {axis!r} has "
+                "none",
+                FILE.stages[stage.name].axes[axis],
+                "give the law a stiffness above zero, or use a law with a force loop",
+            )
+
+
+@rule("TS304", "an open-loop force that `vary` makes vague", phase=Phase.PATH)
+def vague_forces(stage: StagePlan) -> Iterator[Finding]:
+    """Open-loop forces that become others on the surfaces which `vary` allows."""
+    if _surfaceless(stage):
+        return
+    for axis in _open_loop(stage):
+        span = None if axis.is_rotation else _span(stage, axis)
+        if span is not None:
+            low, high = span
+            yield warning(
+                "TS304",
+                f"under {stage.law.kind!r} this force is open loop: for the surfaces that `vary` "
+                f"allows it becomes {low:.3g} to {high:.3g} N",
+                FILE.stages[stage.name].axes[axis].force,
+                "a law with a force loop (hybrid, parallel, parallel-pid) reaches it on all",
+            )
+
+
+def _open_loop(stage: StagePlan) -> list[Axis]:
+    """Axes whose force displaces their motion."""
+    return [a for a, plan in stage.plans.items() if plan.open_loop]
+
+
+def _surfaceless(stage: StagePlan) -> bool:
+    """Whether a stage has open-loop forces, and nothing to press on or to hold."""
+    alone = stage.contact is None and not stage.gripped
+    return alone and not all(a.is_rotation for a in _open_loop(stage))
+
+
+def _span(stage: StagePlan, axis: Axis) -> tuple[float, float] | None:
+    """Least and greatest force over the corners of `vary`; None where it does not matter.
+
+    From (4.26), (4.27) with the reference f (1/k_m + 1/k) below the nominal surface.
+    """
+    contact, value = stage.contact_of(axis), stage.set_point_of(axis)
+    own = value_of(stage.gains, "stiffness", axis)
+    if contact is None or value is None or own == 0:
+        return None
+    k, vary = stage.stiffness_of(axis), stage.context.loaded.task.vary
+    nominal = stage.context.surfaces[contact].origin
+    stiffness = _ends(vary.get(f"world.{contact}.stiffness", ()), [k])
+    places = _ends(vary.get(f"world.{contact}.xyz", ()), list(nominal))
+    if len(stiffness[0]) == 1 and all(len(p) == 1 for p in places):
+        return None
+    direction = stage.rotation[:, axis.column]
+    forces = []
+    for true_k, *place in itertools.product(stiffness[0], *places):
+        depth = value * (1 / own + 1 / k) - float(direction @ (np.array(place) - nominal))
+        forces.append(depth * own * true_k / (own + true_k))
+    return min(forces), max(forces)
+
+
+def _ends(variations: tuple[Variation | None, ...], nominal: list[float]) -> list[list[float]]:
+    ends = [[float(value)] for value in nominal]
+    for i, variation in enumerate(variations):
+        if variation is not None:
+            base = nominal[i] if variation.relative else 0.0
+            ends[i] = [base + variation.low, base + variation.high]
+    return ends
