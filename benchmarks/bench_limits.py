@@ -25,6 +25,7 @@ from taskspec.program.execution.resolver import Resolver
 from taskspec.spec import load_task
 from taskspec_runner.loop.assembly import assemble
 from taskspec_runner.loop.sensing import Sensing
+from taskspec_runner.record.log import Log
 
 TASKS = Path(__file__).resolve().parent.parent / "tasks"
 AFTER = 0.5
@@ -61,7 +62,7 @@ class Loop:
         self._period = program.context.period
         plant = self._parts.plant
         self._sensing = Sensing(plant.arm, plant.views.equations, self._parts.machine)
-        self._recorder = self._parts.recorder(folder / f"{case.name}.arrow")
+        self._recorder = self._parts.recorder(Log(folder / f"{case.name}.arrow"))
         self._resolver: Resolver | None = None
         self._sensing.read()
         machine = self._parts.machine

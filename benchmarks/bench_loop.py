@@ -22,6 +22,7 @@ from taskspec.compiler import compile_task
 from taskspec.spec import load_task
 from taskspec_runner.loop.assembly import assemble
 from taskspec_runner.loop.sensing import Sensing
+from taskspec_runner.record.log import Log
 
 TASKS = Path(__file__).resolve().parent.parent / "tasks"
 ROUNDS, STEPS = 15, 1000
@@ -53,7 +54,7 @@ def main(task: Path, stage: str) -> None:
     state = np.zeros(mujoco.mj_stateSize(model, kind))
     mujoco.mj_getState(model, data, state, kind)
     with tempfile.TemporaryDirectory() as folder:
-        recorder = parts.recorder(Path(folder) / "log.arrow")
+        recorder = parts.recorder(Log(Path(folder) / "log.arrow"))
 
         def whole() -> None:
             closed_loop_step()

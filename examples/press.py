@@ -13,14 +13,13 @@ from pathlib import Path
 import numpy as np
 
 from taskspec import load
-from taskspec_runner import run
-from taskspec_runner.result import Result
+from taskspec_runner import Run, run
 
 TASK = Path(__file__).resolve().parent.parent / "tasks" / "press-hybrid.yaml"
 STIFFNESSES = ("5 kN/m", "10 kN/m", "20 kN/m")
 
 
-def settling_time(result: Result, stage: str, band: float) -> float:
+def settling_time(result: Run, stage: str, band: float) -> float:
     """Time into a stage after which the force stays within a band around its reference.
 
     Args:

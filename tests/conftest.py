@@ -21,13 +21,14 @@ from taskspec.program.program import Program
 from taskspec.spec import load_task, load_text
 from taskspec_runner.loop import fixed_step as loop
 from taskspec_runner.loop.assembly import assemble
-from taskspec_runner.record.history import History, read_history
+from taskspec_runner.record.history import History
+from taskspec_runner.record.log import Log
 
 TASKS = Path(__file__).resolve().parent.parent / "tasks"
 
 
 @dataclass(frozen=True)
-class Run:
+class SimulatedTask:
     """What a simulated task left behind."""
 
     program: Program
@@ -47,14 +48,14 @@ class Run:
         return self[column][inside]
 
 
-Simulate = Callable[..., Run]
+Simulate = Callable[..., SimulatedTask]
 
 
 @pytest.fixture
 def simulate(tmp_path: Path) -> Simulate:
     """Simulate a task: `simulate("wipe-table")` for a shipped one, or its text; `set` overrides."""
 
-    def run(task: str, set: Mapping[str, str] | None = None, seed: int = 0) -> Run:
+    def run(task: str, set: Mapping[str, str] | None = None, seed: int = 0) -> SimulatedTask:
         overrides = dict(set or {})
         if "\n" in task:
             loaded = load_text(task, "task.yaml", overrides)
@@ -62,12 +63,12 @@ def simulate(tmp_path: Path) -> Simulate:
             loaded = load_task(TASKS / f"{task}.yaml", overrides)
         program = compile_unchecked(loaded)
         parts = assemble(program)
-        log = tmp_path / "log.arrow"
+        log = Log(tmp_path / "log.arrow")
         recorder = parts.recorder(log)
         with closing(recorder):
             outcome = loop.run(
                 parts.machine, parts.plant, parts.bus, recorder, program.context.period, seed=seed
             )
-        return Run(program, outcome, parts.machine.transitions, read_history(log))
+        return SimulatedTask(program, outcome, parts.machine.transitions, log.history())
 
     return run

@@ -26,11 +26,10 @@ from taskspec.spec import load_task
 from taskspec_runner.cli.compare import compare_laws
 from taskspec_runner.cli.formats import RunFormat
 from taskspec_runner.compare import PICTURE
-from taskspec_runner.report import write_overview_svg
 from taskspec_runner.session import execute_program
 from taskspec_runner.video.canvas import backends
 from taskspec_runner.video.film import Cut, Film
-from taskspec_runner.video.recording import Recording, read_recording
+from taskspec_runner.video.recording import Recording
 
 HERE = Path(__file__).resolve().parent
 TASKS = HERE.parent.parent / "tasks"
@@ -69,11 +68,10 @@ def record(picture: str, task: Path | None = None) -> None:
     """
     program = compile_task(load_task(task or TASKS / f"{picture}.yaml"))
     with tempfile.TemporaryDirectory() as folder:
-        out = Path(folder) / "run"
-        execute_program(program, out, report=False)
-        write_overview_svg(out, HERE / f"{picture}.svg")
+        run = execute_program(program, Path(folder) / "run", report=False)
+        run.plot().save(HERE / f"{picture}.svg")
         if picture in FRAMES and backends():
-            draw_frame(read_recording(out, program), FRAMES[picture], HERE / f"{picture}.png")
+            draw_frame(Recording.of(run), FRAMES[picture], HERE / f"{picture}.png")
 
 
 def compare(picture: str, task: Path) -> None:

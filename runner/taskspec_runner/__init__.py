@@ -8,9 +8,9 @@ if TYPE_CHECKING:
     import os
 
     from taskspec.spec import LoadedTask
-    from taskspec_runner.result import Result
+    from taskspec_runner.runs import Run
 
-__all__ = ["read", "run"]
+__all__ = ["Run", "read", "run"]
 
 
 def run(
@@ -21,8 +21,8 @@ def run(
     report: bool = True,
     telemetry: str | None = None,
     force: bool = False,
-) -> Result:
-    """Runs a task in simulation, as `taskspec run` does, and reads the run back.
+) -> Run:
+    """Runs a task in simulation, as `taskspec run` does.
 
     Args:
         task: from `taskspec.load`.
@@ -45,16 +45,14 @@ def run(
     from pathlib import Path
 
     from taskspec_runner.loop.telemetry import sending
-    from taskspec_runner.result import read_result
     from taskspec_runner.session import execute
 
     folder = None if out is None else Path(out)
     with sending(telemetry) as sink:
-        done = execute(task, folder, seed=seed, report=report, telemetry=sink, force=force)
-    return read_result(done.folder)
+        return execute(task, folder, seed=seed, report=report, telemetry=sink, force=force)
 
 
-def read(folder: str | os.PathLike[str]) -> Result:
+def read(folder: str | os.PathLike[str]) -> Run:
     """Reads a run that was made; of one that was killed, what there is.
 
     Args:
@@ -65,6 +63,15 @@ def read(folder: str | os.PathLike[str]) -> Result:
     """
     from pathlib import Path
 
-    from taskspec_runner.result import read_result
+    from taskspec_runner.runs import Run
 
-    return read_result(Path(folder))
+    return Run.load(Path(folder))
+
+
+def __getattr__(name: str) -> object:
+    # Without arrays and simulator until it is asked for.
+    if name == "Run":
+        from taskspec_runner.runs import Run
+
+        return Run
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -17,14 +17,18 @@ from taskspec.robot.description import listening
 from taskspec.spec import LoadedTask
 from taskspec_runner.errors import OutputError, RunCrashedError
 from taskspec_runner.loop.assembly import assemble
-from taskspec_runner.loop.fixed_step import STOPPED, Outcome, TickSink, run
+from taskspec_runner.loop.fixed_step import STOPPED, Outcome, TickSink
+from taskspec_runner.loop.fixed_step import run as simulate
 from taskspec_runner.loop.interrupt import BY_SIGNAL, Interrupt, Termination, signal_of
 from taskspec_runner.loop.telemetry import Tap, Telemetry
 from taskspec_runner.record import folder as folders
 from taskspec_runner.record import manifest
 from taskspec_runner.record.folder import RunFolder, open_folder
-from taskspec_runner.record.history import History, read_history
-from taskspec_runner.verdict.judge import Judged, judge
+from taskspec_runner.record.history import History
+from taskspec_runner.record.log import Log
+from taskspec_runner.runs import Run
+from taskspec_runner.verdict.judge import judge
+from taskspec_runner.verdict.judged import Judged
 from taskspec_runner.verdict.performance import accounts
 from taskspec_runner.verdict.replay import Replay
 from taskspec_runner.verdict.summary import Simulated, reason_of, summarise
@@ -53,27 +57,6 @@ class Glimpse:
 Progress = Callable[[Callable[[], Glimpse]], None]
 
 
-@dataclass(frozen=True, slots=True)
-class RunResult:
-    """A finished run.
-
-    Attributes:
-        folder: where everything is. report: the rendered report, None if none was asked for.
-        exit_code: 0 well, 1 missed or failed, 4 safety stop, 130 interrupted,
-            143 or 129 terminated by SIGTERM or SIGHUP.
-        summary: the content of `summary.json`. judged: the expectations.
-        wall_seconds: of the simulation. real_time_factor: simulated seconds in each of them.
-    """
-
-    folder: Path
-    report: Path | None
-    exit_code: int
-    summary: Mapping[str, Any]
-    judged: tuple[Judged, ...]
-    wall_seconds: float
-    real_time_factor: float
-
-
 def execute(
     loaded: LoadedTask,
     out: Path | None = None,
@@ -83,7 +66,7 @@ def execute(
     report: bool = True,
     telemetry: Telemetry | None = None,
     force: bool = False,
-) -> RunResult:
+) -> Run:
     """Compiles a task, runs it and leaves the run's folder; see `execute_program`.
 
     Args:
@@ -106,7 +89,7 @@ def execute_program(
     progress: Progress | None = None,
     report: bool = True,
     telemetry: Telemetry | None = None,
-) -> RunResult:
+) -> Run:
     """Runs a compiled task and leaves the run's folder.
 
     Args:
@@ -136,14 +119,14 @@ class _Manner:
     telemetry: Telemetry | None
 
 
-def _execute(program: Program, out: Path | None, manner: _Manner) -> RunResult:
+def _execute(program: Program, out: Path | None, manner: _Manner) -> Run:
     loaded = program.context.loaded
     content = manifest.task_bytes(loaded)
     folder = open_folder(out, loaded.task.name)
     try:
         folder.note(**manifest.opening(loaded, content, manner.seed))
         folder.write_bytes(folders.TASK, content)
-        return _run(program, folder, manner)
+        return _run(program, folder, content, manner)
     except KeyboardInterrupt as error:
         # Once a run has been judged its outcome stands, even if its report does not.
         if folder.manifest.get("status", manifest.RUNNING) == manifest.RUNNING:
@@ -164,39 +147,45 @@ def _execute(program: Program, out: Path | None, manner: _Manner) -> RunResult:
         raise RunCrashedError(folder.path, trace, reason) from error
 
 
-def _run(program: Program, folder: RunFolder, manner: _Manner) -> RunResult:
+def _run(program: Program, folder: RunFolder, content: bytes, manner: _Manner) -> Run:
     began = time.perf_counter()
-    simulated = _simulate(program, folder, manner)
+    simulated, log = _simulate(program, folder, manner)
     wall = time.perf_counter() - began
-    history = read_history(folder.log)
+    history = log.history()
     if simulated.by_signal:
         simulated = simulated.as_logged(history, program.context.period)
     outcome, judged = simulated.outcome, _judge(program, history)
-    summary = summarise(program, simulated, history, judged, manner.seed)
-    factor = outcome.clock / wall
+    summary = folders.plain(summarise(program, simulated, history, judged, manner.seed))
     folder.write_json(folders.SUMMARY, summary)
     _close(
         folder,
         outcome.status,
         outcome.reason,
+        log.sha256,
         exit_code=summary["exit_code"],
         wall_seconds=wall,
-        real_time_factor=factor,
+        real_time_factor=outcome.clock / wall,
     )
-    page = None
+    run = Run(
+        folder.path,
+        content=content,
+        manifest=folders.plain(folder.manifest),
+        summary=summary,
+        history=history,
+        program=program,
+        damage="",
+    )
     if manner.report:  # It needs jinja2, which a run does not.
         from taskspec_runner.report import write_report
 
-        page = write_report(folder.path, program)
-    return RunResult(
-        folder.path, page, summary["exit_code"], folders.plain(summary), judged, wall, factor
-    )
+        write_report(run)
+    return run
 
 
-def _simulate(program: Program, folder: RunFolder, manner: _Manner) -> Simulated:
+def _simulate(program: Program, folder: RunFolder, manner: _Manner) -> tuple[Simulated, Log]:
     context = program.context
-    parts = assemble(program)
-    machine, recorder = parts.machine, parts.recorder(folder.log)
+    parts, log = assemble(program), Log(folder.log)
+    machine, recorder = parts.machine, parts.recorder(log)
     rows: TickSink = recorder
     if manner.telemetry is not None:
         rows = Tap(recorder, manner.telemetry, context.period)
@@ -204,12 +193,14 @@ def _simulate(program: Program, folder: RunFolder, manner: _Manner) -> Simulated
     with contextlib.closing(recorder), listening([]), Interrupt() as interrupt:
         watch, by_signal = _watch(interrupt, manner.progress), 0
         try:
-            outcome = run(machine, parts.plant, parts.bus, rows, context.period, watch, manner.seed)
+            outcome = simulate(
+                machine, parts.plant, parts.bus, rows, context.period, watch, manner.seed
+            )
         except KeyboardInterrupt as error:
             by_signal = signal_of(error)
             text, reason = str(error) or "interrupted by the user", reason_of(by_signal)
             outcome = Outcome(STOPPED, reason, text, machine.stage.name, 0.0, 0)
-    return Simulated(outcome, machine.transitions, accounts(machine), by_signal)
+    return Simulated(outcome, machine.transitions, accounts(machine), by_signal), log
 
 
 def _watch(interrupt: Interrupt, progress: Progress | None) -> Callable[[Machine, float], None]:
@@ -240,11 +231,12 @@ def _judge(program: Program, history: History) -> tuple[Judged, ...]:
     return judge(context.loaded.task, history, replay.signal)
 
 
-def _close(folder: RunFolder, status: str, reason: str, **entries: Any) -> None:
-    folder.note(
-        status=status,
-        reason=reason,
-        finished=manifest.now(),
-        sha256={name: folder.digest(name) for name in (folders.TASK, folders.LOG)},
-        **entries,
-    )
+def _close(
+    folder: RunFolder, status: str, reason: str, log: str | None = None, **entries: Any
+) -> None:
+    """Notes how a run ended; `log` is the SHA-256 of its log, None to read that."""
+    if log is None:
+        digests = {name: folder.digest(name) for name in (folders.TASK, folders.LOG)}
+    else:
+        digests = {**folder.manifest["sha256"], folders.LOG: log}
+    folder.note(status=status, reason=reason, finished=manifest.now(), sha256=digests, **entries)

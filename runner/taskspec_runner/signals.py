@@ -1,4 +1,4 @@
-"""Signals of a run as arrays that know their unit."""
+"""LoggedSignals of a run as arrays that know their unit."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from taskspec.text.units import to_si
 Mask = NDArray[np.bool_]
 
 
-class Signal(np.ndarray[tuple[int], np.dtype[np.float64]]):
+class LoggedSignal(np.ndarray[tuple[int], np.dtype[np.float64]]):
     """(n,) one value a tick, NaN where there is none.
 
     A part of a signal is a signal; what is computed from it is a plain array, as its unit is not
@@ -43,7 +43,7 @@ class Signal(np.ndarray[tuple[int], np.dtype[np.float64]]):
         plain = np.asarray(array)
         return plain[()] if return_scalar else plain
 
-    def to(self, unit: str) -> Signal:
+    def to(self, unit: str) -> LoggedSignal:
         """The same in another unit, such as `mm`.
 
         Raises:
@@ -52,10 +52,10 @@ class Signal(np.ndarray[tuple[int], np.dtype[np.float64]]):
         own, wanted = to_si(1.0, self.unit), to_si(1.0, unit)
         if own.dimension != wanted.dimension:
             raise ValueError(f"{self.name} is in {self.unit or 'plain numbers'}, not in {unit}")
-        return Signal(np.asarray(self) * (own.value / wanted.value), self.name, unit)
+        return LoggedSignal(np.asarray(self) * (own.value / wanted.value), self.name, unit)
 
 
-class Signals(Mapping[str, Signal]):
+class LoggedSignals(Mapping[str, LoggedSignal]):
     """The signals of a run, or of a part of it, by their names in the log."""
 
     def __init__(
@@ -63,13 +63,13 @@ class Signals(Mapping[str, Signal]):
     ) -> None:
         self._columns, self._units, self._rows = columns, units, rows
 
-    def __getitem__(self, name: str) -> Signal:
+    def __getitem__(self, name: str) -> LoggedSignal:
         if name not in self._columns:
             hint = suggestion(name, self._columns, "signals")
             raise KeyError(f"there is no signal '{name}'; {hint}".rstrip("; "))
         values = self._columns[name]
         part = values if self._rows.all() else values[self._rows]
-        return Signal(part, name, self._units.get(name, ""))
+        return LoggedSignal(part, name, self._units.get(name, ""))
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._columns)

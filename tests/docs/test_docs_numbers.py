@@ -38,12 +38,12 @@ from taskspec_runner.compare import folder as compared
 from taskspec_runner.export import FORMATS
 from taskspec_runner.export.mcap import POSES, SCALARS, TOPICS
 from taskspec_runner.export.messages import SIGNALS
-from taskspec_runner.export.source import ROWS
 from taskspec_runner.loop import fixed_step as loop
 from taskspec_runner.loop.telemetry import RATE, message
 from taskspec_runner.plant.plant import Plant as SimulatedPlant
 from taskspec_runner.record import folder
 from taskspec_runner.record.recorder import BATCH
+from taskspec_runner.runs import ROWS
 from taskspec_runner.verdict.summary import BY_SIGNAL, EXIT_GOOD, EXIT_MISSED, EXIT_STOPPED
 
 

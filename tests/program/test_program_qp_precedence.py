@@ -20,6 +20,7 @@ from taskspec.program.limits.relaxing import relax
 from taskspec.spec import load_text
 from taskspec_runner.loop import fixed_step as loop
 from taskspec_runner.loop.assembly import assemble
+from taskspec_runner.record.log import Log
 
 T = 1e-3
 #: What bounds are widened by beyond what it takes, and rounding of rows of up to 1e3.
@@ -328,7 +329,7 @@ def test_a_run_that_has_no_answer_is_stopped_and_says_so(monkeypatch, tmp_path):
     parts = assemble(program)
     resolver = parts.machine.runners[0].resolver
     monkeypatch.setattr(resolver, "_solver", Broken(resolver._solver, Status.INFEASIBLE))
-    recorder = parts.recorder(tmp_path / "log.arrow")
+    recorder = parts.recorder(Log(tmp_path / "log.arrow"))
     with closing(recorder):
         outcome = loop.run(parts.machine, parts.plant, parts.bus, recorder, T)
     assert (outcome.status, outcome.reason) == ("stopped", "solver")

@@ -21,7 +21,7 @@ from taskspec_runner.compare import read_comparison
 from taskspec_runner.compare.overlay import COLOURS, overlay, role
 from taskspec_runner.compare.picture import HERE
 from taskspec_runner.compare.tracking import best, force_axes, tracking
-from taskspec_runner.record.history import read_history
+from taskspec_runner.record.log import read_log
 
 #: Motion and force on one axis, which only the parallel laws can do.
 BOTH = TAP.replace("{x: {force: press, ramp: 50 ms}}", "{x: {hold: start, force: press}}")
@@ -166,7 +166,7 @@ def test_notes_say_what_the_file_loses(tap: Path) -> None:
 def test_errors_are_those_of_the_log(tap: Path) -> None:
     _, data = compare(tap, *laws("pd", "hybrid"))
     for law in data["laws"]:
-        history = read_history(Path(data["folder"], law["law"], "log.arrow"))
+        history = read_log(Path(data["folder"], law["law"], "log.arrow"))
         rows = history.window("hold")
         told = law["stages"]["hold"]
         force = (history.columns["force.x.ref"] - history.columns["force.x"])[rows]

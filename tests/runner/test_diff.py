@@ -18,10 +18,10 @@ from taskspec.spec import load_task, load_text
 from taskspec_runner.cli import app
 from taskspec_runner.diff import diff_runs
 from taskspec_runner.diff.logs import diff_logs
-from taskspec_runner.export import source
-from taskspec_runner.export.source import open_source
 from taskspec_runner.record.folder import plain
-from taskspec_runner.record.history import read_history
+from taskspec_runner.record.history import History
+from taskspec_runner.record.log import read_log
+from taskspec_runner.runs import Run
 from taskspec_runner.session import execute
 
 
@@ -76,7 +76,7 @@ def test_versions_are_told_and_are_no_difference(runs: Path, tmp_path: Path) -> 
 def test_logs_part_where_the_force_is_first_wanted_otherwise(runs: Path) -> None:
     code, told = data(runs / "a", runs / "harder")
     assert code == 1
-    a, b = (read_history(runs / name / "log.arrow") for name in ("a", "harder"))
+    a, b = (read_log(runs / name / "log.arrow") for name in ("a", "harder"))
     rows = min(len(a), len(b))
     differs = np.zeros(rows, dtype=bool)
     for name, values in a.columns.items():
@@ -98,7 +98,7 @@ def test_logs_part_where_the_force_is_first_wanted_otherwise(runs: Path) -> None
 
 
 def test_metrics_expectations_and_texts_of_different_runs(runs: Path) -> None:
-    told = diff_runs(runs / "a", runs / "harder").data
+    told = diff_runs(Run(runs / "a"), Run(runs / "harder")).data
     rows = {(m["stage"], m["signal"], m["statistic"]): m for m in told["metrics"]}
     most = rows["hold", "force.x", "max"]
     assert most["change"] == most["b"] - most["a"] == pytest.approx(3, abs=0.5)
@@ -165,7 +165,7 @@ def test_partial_run_is_taken_as_far_as_it_goes(runs: Path, tmp_path: Path) -> N
     result = call("diff", runs / "a", killed, "--html", tmp_path / "d.html")
     assert result.exit_code == 1
     assert "taskspec: B: the run is partial" in result.stderr
-    ticks = len(read_history(runs / "a" / "log.arrow"))
+    ticks = len(read_log(runs / "a" / "log.arrow"))
     assert (
         f"The logs are the same for 150 ticks; then A goes on for {ticks - 150}." in result.stdout
     )
@@ -180,29 +180,15 @@ def test_run_without_a_tick(runs: Path, tmp_path: Path) -> None:
     assert "There is no tick to compare in B." in result.stdout
 
 
-def _log(folder: Path, columns: dict[str, Any], batch: int) -> Path:
-    folder.mkdir()
-    schema = pa.schema([pa.field(n, pa.float64(), metadata={"unit": "N"}) for n in columns])
-    whole = pa.record_batch([pa.array(v) for v in columns.values()], schema=schema)
-    with (folder / "log.arrow").open("wb") as file, pa.ipc.new_stream(file, schema) as writer:
-        for start in range(0, whole.num_rows, batch):
-            writer.write_batch(whole.slice(start, batch))
-    return folder
-
-
-@pytest.mark.parametrize("rows", [1, 7, 10_000])
-def test_logs_are_compared_across_batches_of_any_size(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, rows: int
-) -> None:
-    monkeypatch.setattr(source, "ROWS", rows)
+def test_logs_are_compared_tick_by_tick() -> None:
     clock, nan = 0.001 * np.arange(50.0), float("nan")
     one, two = np.zeros(50), np.zeros(50)
     one[40:], two[40:] = nan, nan
     two[23], two[31], two[42] = 1.0, -3.0, 5.0
-    a = _log(tmp_path / "a", {"clock": clock, "x": one, "mine": one}, 9)
-    b = _log(tmp_path / "b", {"clock": clock[:45], "x": two[:45], "other": one[:45]}, 4)
-    monkeypatch.setattr("taskspec_runner.diff.logs._STAGE", "clock")
-    found = diff_logs(open_source(a), open_source(b))
+    stages = np.array(["press"] * 50)
+    a = History({"clock": clock, "x": one, "mine": one}, stages)
+    b = History({"clock": clock[:45], "x": two[:45], "other": one[:45]}, stages[:45])
+    found = diff_logs(a, b)
     assert found.ticks == (50, 45)
     assert found.only == (["mine"], ["other"])
     (apart,) = found.apart

@@ -21,13 +21,14 @@ from short_tasks import DRUM, TAP
 from typer.testing import CliRunner, Result
 
 from taskspec.spec import load_task, load_text
+from taskspec_runner import runs
 from taskspec_runner.cli import app
-from taskspec_runner.export import MissingLibraryError, export_run, source
+from taskspec_runner.export import MissingLibraryError, export_run
 from taskspec_runner.export.cdr import Layout
 from taskspec_runner.export.poses import PoseStream
-from taskspec_runner.export.source import columns_of, open_source
-from taskspec_runner.record.history import read_history
-from taskspec_runner.record.rebuild import rebuild
+from taskspec_runner.record.history import history_of
+from taskspec_runner.record.log import read_log
+from taskspec_runner.runs import Run
 from taskspec_runner.session import execute
 from taskspec_runner.verdict.replay import Replay
 
@@ -69,8 +70,8 @@ def messages(path: Path) -> dict[str, list[Any]]:
 
 
 def test_csv_has_units_in_its_header_and_every_number(folder: Path, tmp_path: Path) -> None:
-    done = export_run(folder, "csv", tmp_path / "out.csv")
-    history = read_history(folder / "log.arrow")
+    done = export_run(Run(folder), "csv", tmp_path / "out.csv")
+    history = read_log(folder / "log.arrow")
     with done.path.open(encoding="utf-8", newline="") as file:
         header, *rows = csv.reader(file)
     assert {"clock [s]", "stage", "force.x [N]", "joint.1.torque [N*m]", "touching"} <= set(header)
@@ -89,7 +90,7 @@ def test_csv_has_units_in_its_header_and_every_number(folder: Path, tmp_path: Pa
 def test_parquet_is_the_log_with_units_and_what_is_known_of_the_run(
     folder: Path, tmp_path: Path
 ) -> None:
-    table = pq.read_table(export_run(folder, "parquet", tmp_path / "out.parquet").path)
+    table = pq.read_table(export_run(Run(folder), "parquet", tmp_path / "out.parquet").path)
     with (folder / "log.arrow").open("rb") as file:
         log = pa.ipc.open_stream(file).read_all()
     assert table.column_names == log.column_names
@@ -109,11 +110,12 @@ import sys, resource
 from pathlib import Path
 import pyarrow as pa
 from taskspec_runner.export import export_run
+from taskspec_runner.runs import Run
 def now():
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-export_run(Path(sys.argv[1]), sys.argv[3])
+export_run(Run(Path(sys.argv[1])), sys.argv[3])
 before = now()
-export_run(Path(sys.argv[2]), sys.argv[3])
+export_run(Run(Path(sys.argv[2])), sys.argv[3])
 print(now() - before)
 """
 
@@ -151,8 +153,8 @@ def _write_log(folder: Path, batches: int) -> None:
 
 
 def test_mcap_has_joints_wrench_and_scalars_of_every_tick(folder: Path, tmp_path: Path) -> None:
-    found = messages(export_run(folder, "mcap", tmp_path / "out.mcap").path)
-    history = read_history(folder / "log.arrow")
+    found = messages(export_run(Run(folder), "mcap", tmp_path / "out.mcap").path)
+    history = read_log(folder / "log.arrow")
     columns = history.columns
     assert set(found) == {
         "/joint_states", "/wrench", "/wrench_measured", "/signals", "/stage", "/tool",
@@ -186,7 +188,7 @@ def test_mcap_has_joints_wrench_and_scalars_of_every_tick(folder: Path, tmp_path
 
 
 def test_mcap_states_units_and_carries_task_and_summary(folder: Path, tmp_path: Path) -> None:
-    path = export_run(folder, "mcap", tmp_path / "out.mcap").path
+    path = export_run(Run(folder), "mcap", tmp_path / "out.mcap").path
     with path.open("rb") as file:
         reader = make_reader(file)
         summary = reader.get_summary()
@@ -207,8 +209,8 @@ def test_mcap_states_units_and_carries_task_and_summary(folder: Path, tmp_path: 
 
 
 def test_mcap_knows_where_tool_and_task_frame_are(drum: Path, tmp_path: Path) -> None:
-    found = messages(export_run(drum, "mcap", tmp_path / "out.mcap").path)
-    program, history = rebuild(drum), read_history(drum / "log.arrow")
+    found = messages(export_run(Run(drum), "mcap", tmp_path / "out.mcap").path)
+    program, history = Run(drum).program, read_log(drum / "log.arrow")
     replay = Replay(program.context.robot, program.context.frames, program.stages, history)
     tilt = replay.signal("tilt", None, "skin")
     for row in range(0, len(history), 50):
@@ -242,13 +244,11 @@ def test_poses_do_not_depend_on_the_chunks(
     if task != "drum":
         folder = tmp_path / "run"
         execute(load_task(SHIPPED / f"{task}.yaml"), folder, report=False)
-    program, found = rebuild(folder), []
+    program, found = Run(folder).program, []
     for rows in (500, 10_000_000):
-        monkeypatch.setattr(source, "ROWS", rows)
-        opened = open_source(folder)
-        assert opened is not None
+        monkeypatch.setattr(runs, "ROWS", rows)
         stream = PoseStream(program)
-        parts = [stream.add(columns_of(chunk)) for chunk in opened.chunks()]
+        parts = [stream.add(history_of(batch)) for batch in Run(folder).batches()]
         assert (len(parts) > 1) == (rows == 500)
         found.append([np.vstack([np.hstack([p[i].places, p[i].turns]) for p in parts])
                       for i in (0, 1)])  # fmt: skip
@@ -292,7 +292,7 @@ def test_missing_library_is_told_with_the_command(
         assert f"pip install 'taskspec-robotics[{form}]'" in result.stderr
         assert not list(tmp_path.iterdir())
     with pytest.raises(MissingLibraryError):
-        export_run(folder, "mcap", tmp_path / "out.mcap")
+        export_run(Run(folder), "mcap", tmp_path / "out.mcap")
 
 
 def test_tables_need_no_further_library(folder: Path, tmp_path: Path) -> None:
@@ -349,8 +349,8 @@ def test_rerun_gets_every_column(
     rerun.RecordingStream = _Recording  # type: ignore[attr-defined]
     rerun.TimeColumn = lambda name, duration: (name, duration)  # type: ignore[attr-defined]
     monkeypatch.setitem(sys.modules, "rerun", rerun)
-    assert export_run(folder, "rerun", tmp_path / "out.rrd").path.is_file()
-    columns = read_history(folder / "log.arrow").columns
+    assert export_run(Run(folder), "rerun", tmp_path / "out.rrd").path.is_file()
+    columns = read_log(folder / "log.arrow").columns
     sent = {entity: columns for entity, _, columns in _RECORDINGS[-1].sent}
     np.testing.assert_array_equal(sent["signals/force/x/ref"]["scalars"], columns["force.x.ref"])
     assert sent["world/tool"]["translation"].shape == (len(columns["clock"]), 3)

@@ -17,10 +17,10 @@ from typer.testing import CliRunner, Result
 
 from taskspec_runner.cli import app
 from taskspec_runner.record.folder import RunFolder
-from taskspec_runner.record.history import read_history
+from taskspec_runner.record.log import read_log
 from taskspec_runner.record.recorder import BATCH
-from taskspec_runner.report.data import read_run
-from taskspec_runner.report.verdict import verdict
+from taskspec_runner.runs import Run
+from taskspec_runner.verdict.outcome import verdict
 
 #: Presses for so long that it is not over when it is killed.
 LONG = TAP.replace("time: 0.3 s", "time: 600 s")
@@ -36,7 +36,7 @@ def killed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     process = subprocess.Popen([*COMMAND, "run", task, "--out", out])
     try:
         began = time.monotonic()
-        while not ((out / "log.arrow").is_file() and len(read_history(out / "log.arrow")) > 2000):
+        while not ((out / "log.arrow").is_file() and len(read_log(out / "log.arrow")) > 2000):
             assert process.poll() is None
             assert time.monotonic() - began < 60
             time.sleep(0.02)
@@ -52,7 +52,7 @@ def call(*args: str | Path) -> Result:
     return result
 
 
-def told(result: Result) -> tuple[int, float]:
+def told(result: Run) -> tuple[int, float]:
     """Ticks and end that a message about a partial run states."""
     said = "the run is partial: its manifest says running, so it was killed or still goes on; "
     match = re.fullmatch(
@@ -67,14 +67,14 @@ def test_report_shows_what_there_is_and_that_it_is_partial(killed: Path) -> None
     result = call("report", killed)
     assert result.exit_code == 0
     ticks, until = told(result)
-    history = read_history(killed / "log.arrow")
+    history = read_log(killed / "log.arrow")
     assert ticks == len(history) > 2000
     assert ticks % BATCH == 0
     assert until == pytest.approx(1e-3 * ticks, abs=5e-4)
     page = (killed / "report.html").read_text(encoding="utf-8")
     assert f"Its log holds {ticks} ticks, until {until:.3f} s." in page
     assert "its manifest says running" in page
-    run = read_run(killed)
+    run = Run(killed)
     assert verdict(run).kind == "unfinished"
     assert [visit.stage for visit in run.visits] == ["approach", "hold"]
 
@@ -95,7 +95,7 @@ def test_log_that_ends_within_a_batch(killed: Path, tmp_path: Path, left: float)
     (copy / "manifest.json").write_bytes((killed / "manifest.json").read_bytes())
     log = (killed / "log.arrow").read_bytes()
     (copy / "log.arrow").write_bytes(log[: int(left * len(log))])
-    whole = len(read_history(killed / "log.arrow"))
+    whole = len(read_log(killed / "log.arrow"))
     result = call("report", copy)
     assert result.exit_code == 0
     if not left:
@@ -116,4 +116,4 @@ def test_run_that_was_killed_after_it_was_judged_is_whole(tap: Path, tmp_path: P
     RunFolder(out, manifest).note(status="running", reason=None)
     result = call("report", out)
     assert (result.exit_code, result.stderr) == (0, "")
-    assert verdict(read_run(out)).kind == "passed"
+    assert verdict(Run(out)).kind == "passed"

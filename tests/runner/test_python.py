@@ -15,12 +15,14 @@ import pytest
 from short_tasks import TAP
 
 from taskspec import load
+from taskspec.spec import load_text
 from taskspec.text.diagnostic import SpecError
 from taskspec_runner import read, run
-from taskspec_runner.errors import InputError
-from taskspec_runner.record.history import read_history
-from taskspec_runner.result import Result
-from taskspec_runner.signals import Signal
+from taskspec_runner.diff import diff_runs
+from taskspec_runner.errors import InputError, OutputError
+from taskspec_runner.record.log import read_log
+from taskspec_runner.runs import Run
+from taskspec_runner.signals import LoggedSignal
 
 EXAMPLES = Path(__file__).resolve().parent.parent.parent / "examples"
 #: What is not to be imported before a task is loaded or run.
@@ -28,13 +30,13 @@ HEAVY = ("mujoco", "pinocchio", "casadi", "scipy", "pyarrow", "pydantic", "numpy
 
 
 @pytest.fixture(scope="module")
-def result(tmp_path_factory: pytest.TempPathFactory) -> Result:
+def result(tmp_path_factory: pytest.TempPathFactory) -> Run:
     here = tmp_path_factory.mktemp("tap")
     (here / "tap.yaml").write_text(TAP, encoding="utf-8")
     return run(load(here / "tap.yaml"), here / "run", seed=2)
 
 
-def test_result_tells_what_came_of_the_run(result: Result) -> None:
+def test_result_tells_what_came_of_the_run(result: Run) -> None:
     assert result.passed
     assert result.verdict == "passed"
     assert result.reason.startswith("All 4 expectations held.")
@@ -49,8 +51,52 @@ def test_result_tells_what_came_of_the_run(result: Result) -> None:
     )
 
 
-def test_signals_are_the_log_with_units(result: Result) -> None:
-    history = read_history(result.folder / "log.arrow")
+_OPENED: list[tuple[str, str]] = []
+
+
+def _note_opened(event: str, args: tuple[Any, ...]) -> None:
+    if event == "open" and isinstance(args[0], str | Path):
+        _OPENED.append((str(args[0]), str(args[1])))
+
+
+def test_a_run_reads_nothing_back(tmp_path: Path) -> None:
+    """What it wrote is in memory, for verdict, report, signals and pictures."""
+    sys.addaudithook(_note_opened)
+    _OPENED.clear()
+    result = run(load_text(TAP, "tap.yaml"), tmp_path / "run")
+    assert result.passed
+    assert result.report is not None
+    assert len(result.signals["force.x"]) == result.summary["ticks"]
+    assert result.plot().svg
+    assert result._repr_html_()
+    assert result.manifest["status"] == "done"
+    opened = [(Path(path).name, mode) for path, mode in _OPENED if str(tmp_path) in path]
+    assert ("log.arrow", "wb") in opened
+    assert [(name, mode) for name, mode in opened if "r" in mode] == []
+
+
+def test_a_run_is_saved_and_loaded(result: Run, tmp_path: Path) -> None:
+    saved = result.save(tmp_path / "copy")
+    for each in (saved, read(tmp_path / "copy")):
+        assert each.folder == tmp_path / "copy"
+        assert (each.damage, each.verdict) == ("", "passed")
+        assert (each.task, each.summary) == (result.task, result.summary)
+        assert diff_runs(result, each).equal
+        assert each.stages == result.stages
+        assert list(each.columns) == list(result.columns)
+    with pytest.raises(OutputError, match="holds no run"):
+        result.save(tmp_path)
+
+
+def test_a_damaged_run_is_not_saved(result: Run, tmp_path: Path) -> None:
+    copy = result.save(tmp_path / "copy").folder
+    (copy / "log.arrow").write_bytes((copy / "log.arrow").read_bytes()[:-1000])
+    with pytest.raises(InputError, match="is not what the run wrote"):
+        read(copy).save(tmp_path / "other")
+
+
+def test_signals_are_the_log_with_units(result: Run) -> None:
+    history = read_log(result.folder / "log.arrow")
     assert set(result.signals) == set(history.columns)
     assert len(result.signals) == len(history.columns)
     for name, signal in result.signals.items():
@@ -62,17 +108,17 @@ def test_signals_are_the_log_with_units(result: Result) -> None:
         result.signals["force.X"]
 
 
-def test_unit_stays_with_parts_and_leaves_what_is_computed(result: Result) -> None:
+def test_unit_stays_with_parts_and_leaves_what_is_computed(result: Run) -> None:
     force = result.signals["force.x"]
     part = force[10:20]
-    assert isinstance(part, Signal)
+    assert isinstance(part, LoggedSignal)
     assert (part.unit, part.name) == ("N", "force.x")
     computed: list[Any] = [force * 2, force - force, np.abs(force), np.sqrt(force**2)]
     assert [type(each) for each in computed] == [np.ndarray] * 4
     assert all(type(v) is np.float64 for v in (force.max(), np.mean(force), force[3]))
 
 
-def test_signal_in_another_unit(result: Result) -> None:
+def test_signal_in_another_unit(result: Run) -> None:
     way = result.signals["position.x"]
     np.testing.assert_allclose(way.to("mm"), 1e3 * np.asarray(way), rtol=1e-15)
     assert way.to("mm").unit == "mm"
@@ -86,7 +132,7 @@ def test_signal_in_another_unit(result: Result) -> None:
         result.signals["touching"].to("N")
 
 
-def test_windows_are_parts_of_stages(result: Result) -> None:
+def test_windows_are_parts_of_stages(result: Run) -> None:
     hold = result.during("hold")
     assert set(hold.stage) == {"hold"}
     assert len(hold) == np.count_nonzero(result.stage == "hold")
@@ -113,7 +159,7 @@ def test_each_visit_is_a_window_of_its_own(tmp_path: Path) -> None:
     assert len(result.during("hold", end=0.05)) == 100
 
 
-def test_pictures(result: Result, tmp_path: Path) -> None:
+def test_pictures(result: Run, tmp_path: Path) -> None:
     for picture in (result.plot(), result.plot("force.x", "force.x.ref", "wall.gap", "touching")):
         ElementTree.fromstring(picture.svg)
         assert picture._repr_svg_() == picture.svg
@@ -128,7 +174,7 @@ def test_pictures(result: Result, tmp_path: Path) -> None:
         result.plot("force.y.ref")
 
 
-def test_notebook_shows_verdict_expectations_and_picture(tmp_path: Path, result: Result) -> None:
+def test_notebook_shows_verdict_expectations_and_picture(tmp_path: Path, result: Run) -> None:
     html = result._repr_html_()
     ElementTree.fromstring(html)
     for told in ("passed", "All 4 expectations held.", "max(abs(hold.error.y)) &lt; 1 mm", "<svg"):
@@ -142,7 +188,7 @@ def test_notebook_shows_verdict_expectations_and_picture(tmp_path: Path, result:
     assert "<i>" not in html
 
 
-def test_read_takes_a_run_that_was_killed_as_far_as_it_goes(result: Result, tmp_path: Path) -> None:
+def test_read_takes_a_run_that_was_killed_as_far_as_it_goes(result: Run, tmp_path: Path) -> None:
     manifest = json.loads((result.folder / "manifest.json").read_text())
     (tmp_path / "manifest.json").write_text(json.dumps(manifest | {"status": "running"}))
     log = (result.folder / "log.arrow").read_bytes()
@@ -167,7 +213,7 @@ def test_task_that_is_wrong_raises_everything_that_was_found(tmp_path: Path) -> 
         load(tmp_path / "tap.yaml", set={"press": "5"})
 
 
-def test_export(result: Result, tmp_path: Path) -> None:
+def test_export(result: Run, tmp_path: Path) -> None:
     assert result.export("csv", tmp_path / "x.csv").read_text().startswith("clock [s],")
     with pytest.raises(InputError, match="there is no format 'cvs'; did you mean 'csv'"):
         result.export("cvs")

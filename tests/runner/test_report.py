@@ -17,13 +17,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from taskspec_runner.report import write_overview_svg, write_report
-from taskspec_runner.report.data import read_run
+from taskspec_runner.report import Picture, overview_svg, write_report
 from taskspec_runner.report.decimate import POINTS, broken, decimate, encode, simplify
 from taskspec_runner.report.figures import differs
 from taskspec_runner.report.highlight import highlighted
 from taskspec_runner.report.quantities import figure, quantity
-from taskspec_runner.report.verdict import verdict
+from taskspec_runner.runs import Run
+from taskspec_runner.verdict.outcome import verdict
 
 NASTY = "<script>alert('&')</script>"
 ESCAPED = "&lt;script&gt;alert(&#39;&amp;&#39;)&lt;/script&gt;"
@@ -138,7 +138,7 @@ def rewrite(folder: Path, summary: dict[str, Any]) -> None:
 
 
 def page(folder: Path) -> str:
-    path = write_report(folder)
+    path = write_report(Run(folder))
     assert path == folder / "report.html"
     return path.read_text(encoding="utf-8")
 
@@ -171,7 +171,7 @@ class TestPage:
         assert not re.search(r"@import|url\(|<link|<iframe|\bcdn\b", text, re.I)
 
     def test_is_the_same_each_time(self, folder: Path) -> None:
-        assert write_report(folder).read_bytes() == write_report(folder).read_bytes()
+        assert write_report(Run(folder)).read_bytes() == write_report(Run(folder)).read_bytes()
 
     def test_says_what_a_reader_wants_first(self, folder: Path) -> None:
         text = page(folder)
@@ -268,7 +268,7 @@ class TestPatience:
     def test_log_that_was_cut_short(self, folder: Path) -> None:
         path = folder / "log.arrow"
         path.write_bytes(path.read_bytes()[:-3000])
-        run = read_run(folder)
+        run = Run(folder)
         assert 100 <= len(run.clock) < 400
         assert drawn(folder)["charts"]
 
@@ -280,7 +280,7 @@ class TestPatience:
     def test_one_tick(self, tmp_path: Path) -> None:
         log(tmp_path, ["a"], {n: (v[:1], u) for n, (v, u) in tiny_columns().items()})
         assert drawn(tmp_path)["stages"]
-        ElementTree.parse(write_overview_svg(tmp_path, tmp_path / "run.svg"))
+        ElementTree.parse(Picture(overview_svg(Run(tmp_path))).save(tmp_path / "run.svg"))
 
     def test_no_forces(self, tmp_path: Path) -> None:
         columns = {n: c for n, c in tiny_columns().items() if not n.startswith("force")}
@@ -301,7 +301,7 @@ class TestVerdict:
     )
     def test_kinds(self, folder: Path, changes: dict[str, Any], kind: str, words: str) -> None:
         rewrite(folder, tiny_summary() | changes)
-        found = verdict(read_run(folder))
+        found = verdict(Run(folder))
         assert found.kind == kind
         assert words in found.sentence
 
@@ -309,13 +309,13 @@ class TestVerdict:
         summary = tiny_summary()
         summary["expectations"].append({"text": "a < b", "passed": False})
         rewrite(folder, summary)
-        found = verdict(read_run(folder))
+        found = verdict(Run(folder))
         assert (found.kind, "1 of 2" in found.sentence) == ("missed", True)
 
     def test_crash_names_its_reason(self, tmp_path: Path) -> None:
         told = {"status": "crashed", "reason": "disk full"}
         (tmp_path / "manifest.json").write_text(json.dumps(told))
-        assert "The run crashed: disk full." in verdict(read_run(tmp_path)).sentence
+        assert "The run crashed: disk full." in verdict(Run(tmp_path)).sentence
 
 
 class TestDecimation:
@@ -396,7 +396,7 @@ def test_highlight() -> None:
 class TestOverview:
     def test_is_well_formed_and_small(self, folder: Path, tmp_path: Path) -> None:
         rewrite(folder, tiny_summary() | {"task": NASTY})
-        path = write_overview_svg(folder, tmp_path / "run.svg")
+        path = Picture(overview_svg(Run(folder))).save(tmp_path / "run.svg")
         root = ElementTree.parse(path).getroot()
         assert root.get("width") == "860"
         text = path.read_text(encoding="utf-8")
@@ -407,7 +407,7 @@ class TestOverview:
         assert "nan" not in text
 
     def test_shows_the_path(self, folder: Path, tmp_path: Path) -> None:
-        path = write_overview_svg(folder, tmp_path / "run.svg")
+        path = Picture(overview_svg(Run(folder))).save(tmp_path / "run.svg")
         assert "Path in" in path.read_text(encoding="utf-8")
 
     def test_a_press_without_a_set_point_shows_the_axis_that_bears_the_force(
@@ -415,12 +415,20 @@ class TestOverview:
     ) -> None:
         history = {n: c for n, c in tiny_columns().items() if not n.endswith("force.z.ref")}
         log(folder, ["a"] * 400, history)
-        text = write_overview_svg(folder, tmp_path / "run.svg").read_text(encoding="utf-8")
+        text = (
+            Picture(overview_svg(Run(folder)))
+            .save(tmp_path / "run.svg")
+            .read_text(encoding="utf-8")
+        )
         assert "Force z" in text
         assert "|force|" not in text
 
     def test_every_colour_is_defined(self, folder: Path, tmp_path: Path) -> None:
-        text = write_overview_svg(folder, tmp_path / "run.svg").read_text(encoding="utf-8")
+        text = (
+            Picture(overview_svg(Run(folder)))
+            .save(tmp_path / "run.svg")
+            .read_text(encoding="utf-8")
+        )
         light, dark = text.split("prefers-color-scheme:dark")
         defined = set(re.findall(r"(--\w+):", light))
         # Objects and equations have the colours of joints, of which there are seven.

@@ -18,6 +18,7 @@ from taskspec.spec import load_task, load_text
 from taskspec_runner.cli import app
 from taskspec_runner.diff import diff_runs, write_difference
 from taskspec_runner.report import write_report
+from taskspec_runner.runs import Run
 from taskspec_runner.session import execute_program
 
 pytestmark = pytest.mark.skipif(
@@ -56,7 +57,7 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
         )
         program = compile_task(load_text(text, "tap.yaml", overrides=sets))
         found[name] = execute_program(program, folder / name, report=False).folder
-        found[name] = write_report(found[name])
+        found[name] = write_report(Run(found[name]))
     killed = folder / "killed"
     killed.mkdir()
     shutil.copy(folder / "good" / "task.yaml", killed)
@@ -64,11 +65,11 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     whole = (folder / "good" / "log.arrow").read_bytes()
     # Without the mark of the end, which a killed run does not write.
     (killed / "log.arrow").write_bytes(whole[:-8])
-    found["killed"] = write_report(killed)
+    found["killed"] = write_report(Run(killed))
     empty = folder / "empty"
     empty.mkdir()
-    found["empty"] = write_report(empty)
-    difference = diff_runs(folder / "good", folder / "missed")
+    found["empty"] = write_report(Run(empty))
+    difference = diff_runs(Run(folder / "good"), Run(folder / "missed"))
     found["diff"] = write_difference(difference, folder / "diff.html")
     (folder / "tap.yaml").write_text(TAP)
     laws = ["--law", "hybrid", "--law", "pd", "--out", str(folder / "compare"), "--quiet"]
@@ -310,10 +311,10 @@ def test_a_minute_of_control_is_a_small_file_that_is_drawn(
 ) -> None:
     task = Path(__file__).parents[2] / "tasks" / "wipe-table.yaml"
     program = compile_task(load_task(task, overrides={"stages.wipe.time": "58 s"}))
-    folder = execute_program(program, tmp_path / "run", report=False).folder
-    page = write_report(folder, program)
+    run = execute_program(program, tmp_path / "run", report=False)
+    page = write_report(run)
     size = page.stat().st_size
-    assert json.loads((folder / "summary.json").read_text())["ticks"] > 60_000
+    assert json.loads((run.folder / "summary.json").read_text())["ticks"] > 60_000
     assert size < 5_000_000
     shown(browser, page)
     assert browser.errors == []

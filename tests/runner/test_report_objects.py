@@ -7,10 +7,10 @@ from pathlib import Path
 from typer.testing import CliRunner
 
 from taskspec_runner.cli.app import app
-from taskspec_runner.report.data import Run, read_run
 from taskspec_runner.report.figures import sections
 from taskspec_runner.report.overview import overview_svg
 from taskspec_runner.report.page import render
+from taskspec_runner.runs import Run
 
 TASKS = Path(__file__).parents[2] / "tasks"
 ROBOT = "taskspec: 1\nrobot: {model: planar3, start: {xyz: [400 mm, 200 mm, 0], rpy: [0, 0, 0]}}\n"
@@ -39,7 +39,7 @@ def reported(tmp_path: Path, text: str) -> Run:
     path.write_text(text, encoding="utf-8")
     result = CliRunner().invoke(app, ["run", str(path), "--out", str(tmp_path / "run")])
     assert result.exit_code == 0, result.output
-    return read_run(tmp_path / "run")
+    return Run(tmp_path / "run")
 
 
 def charts(run: Run) -> dict[str, tuple[str, str, list[str]]]:

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 from test_report import ESCAPED, NASTY, decoded, drawn, log, page, rewrite, tiny_summary
 
-from taskspec_runner.report.data import read_run
 from taskspec_runner.report.foretold import decay
 from taskspec_runner.report.template import prose
-from taskspec_runner.report.verdict import first_broken, verdict
+from taskspec_runner.runs import Run
+from taskspec_runner.verdict.outcome import first_broken, verdict
 
 #: Towards -15 N with a time constant of 30 ms, from the second stage on.
 CONSTANT = 0.03
@@ -93,7 +93,7 @@ def margin(value: float, left: float) -> dict[str, Any]:
 
 
 def test_the_first_broken_expectation_is_the_verdict(folder: Path) -> None:
-    run = read_run(folder)
+    run = Run(folder)
     first = first_broken(run)
     assert first is not None
     assert first.text == "c < d"
@@ -113,7 +113,7 @@ def test_the_first_broken_expectation_is_the_verdict(folder: Path) -> None:
 
 def test_what_a_run_that_broke_off_could_have_mended_is_not_broken(folder: Path) -> None:
     rewrite(folder, summary() | {"status": "stopped"})
-    run = read_run(folder)
+    run = Run(folder)
     assert [e.broken is not None for e in run.expectations] == [False, True, False]
     assert verdict(run).kind == "stopped"
 
@@ -149,7 +149,7 @@ def test_the_predicted_peak_of_an_impact_is_on_the_side_of_the_force(folder: Pat
 
 
 def test_a_predicted_decay_runs_through_one_that_was_as_predicted(folder: Path) -> None:
-    run = read_run(folder)
+    run = Run(folder)
     told = decay(run, "force.z", 1.0)
     assert told is not None
     rows = np.isfinite(told.values)
@@ -205,9 +205,7 @@ def test_old_runs_have_no_margins_and_no_breaks(folder: Path) -> None:
     old = summary()
     old["expectations"] = [{"text": "a < b", "passed": False, "explanation": "no"}]
     rewrite(folder, old)
-    assert verdict(read_run(folder)).sentence == (
-        "The run reached its end, but missed its expectation."
-    )
+    assert verdict(Run(folder)).sentence == ("The run reached its end, but missed its expectation.")
     assert page(folder)
 
 

@@ -17,12 +17,13 @@ import pytest
 from taskspec.spec import load_task, load_text
 from taskspec.text.diagnostic import SpecError
 from taskspec_runner.errors import OutputError, RunCrashedError
-from taskspec_runner.record.history import read_history
+from taskspec_runner.record.log import read_log
 from taskspec_runner.record.recorder import Recorder
-from taskspec_runner.session import Glimpse, RunResult, execute
+from taskspec_runner.runs import Run
+from taskspec_runner.session import Glimpse, execute
 
 
-def run(task: Path, out: Path, **overrides: str) -> RunResult:
+def run(task: Path, out: Path, **overrides: str) -> Run:
     sets = {key.replace("__", "."): value for key, value in overrides.items()}
     return execute(load_task(task, sets), out, report=False)
 
@@ -39,7 +40,7 @@ def test_leaves_the_whole_folder(tap: Path, tmp_path: Path) -> None:
         "task.yaml", "manifest.json", "log.arrow", "summary.json", "report.html"
     }  # fmt: skip
     assert result.exit_code == 0
-    assert all(j.passed for j in result.judged)
+    assert all(j.passed for j in result.expectations)
     assert result.report == tmp_path / "run" / "report.html"
     assert (result.folder / "task.yaml").read_bytes() == tap.read_bytes()
     said = manifest(result.folder)
@@ -61,7 +62,7 @@ def test_summary_tells_the_run(tap: Path, tmp_path: Path) -> None:
     assert (first["ended_by"]["kind"], first["ended_by"]["to"]) == ("until", "hold")
     assert second["ended_by"]["to"] == "end"
     assert second["end"] == summary["duration"] == summary["ticks"] * summary["period"]
-    history = read_history(result.folder / "log.arrow")
+    history = read_log(result.folder / "log.arrow")
     assert len(history) == summary["ticks"]
     rows = history.window("hold")
     error = history.columns["force.x.ref"][rows] - history.columns["force.x"][rows]
@@ -97,7 +98,7 @@ def test_missed_expectation(tap: Path, tmp_path: Path) -> None:
     result = run(tap, tmp_path / "run")
     assert result.exit_code == 1
     assert result.summary["status"] == "done"
-    assert [j.passed for j in result.judged] == [True, True, True, True, False]
+    assert [j.passed for j in result.expectations] == [True, True, True, True, False]
 
 
 def test_limit_stops_the_run(tap: Path, tmp_path: Path) -> None:
@@ -110,14 +111,14 @@ def test_limit_stops_the_run(tap: Path, tmp_path: Path) -> None:
     assert last["kind"] == "limit"
     assert last["value"] > 3
     # The tick that broke the limit is in the log.
-    assert len(read_history(result.folder / "log.arrow")) == result.summary["ticks"]
+    assert len(read_log(result.folder / "log.arrow")) == result.summary["ticks"]
 
 
 def test_bound_reached_fails_the_run(tap: Path, tmp_path: Path) -> None:
     result = run(tap, tmp_path / "run", stages__approach__within__time="50 ms")
     assert result.exit_code == 1
     assert (result.summary["status"], result.summary["ending"]["reason"]) == ("failed", "time")
-    assert result.judged[0].explanation == "stage 'hold' was never visited"
+    assert result.expectations[0].explanation == "stage 'hold' was never visited"
 
 
 def test_wrong_task_leaves_no_folder(tap: Path, tmp_path: Path) -> None:
@@ -182,7 +183,7 @@ def test_crash_keeps_the_log_and_its_trace(tap: Path, tmp_path: Path) -> None:
     assert "Traceback" in caught.value.trace.read_text()
     said = manifest(tmp_path / "run")
     assert (said["status"], said["reason"]) == ("crashed", "ZeroDivisionError: as a test")
-    assert len(read_history(tmp_path / "run" / "log.arrow")) == pytest.approx(220, abs=21)
+    assert len(read_log(tmp_path / "run" / "log.arrow")) == pytest.approx(220, abs=21)
 
 
 def test_interrupt_ends_between_two_ticks(tap: Path, tmp_path: Path) -> None:
@@ -200,7 +201,7 @@ def test_interrupt_ends_between_two_ticks(tap: Path, tmp_path: Path) -> None:
     said = manifest(result.folder)
     assert (said["status"], said["reason"]) == ("stopped", "interrupted")
     ticks = result.summary["ticks"]
-    assert ticks == len(read_history(result.folder / "log.arrow")) == 180
+    assert ticks == len(read_log(result.folder / "log.arrow")) == 180
     last = result.summary["stages"][-1]
     assert (last["name"], last["end"]) == ("hold", pytest.approx(0.18))
     assert last["ended_by"]["name"] == "interrupted"
@@ -238,11 +239,11 @@ def test_killed_run_is_readable_to_its_last_batch(tap: Path, tmp_path: Path) -> 
         process.kill()
         process.wait()
     assert manifest(tmp_path / "run")["status"] == "running"
-    whole = read_history(log)
+    whole = read_log(log)
     assert len(whole) >= 500
     assert len(whole) % 500 == 0
     log.write_bytes(log.read_bytes()[:-777])
-    assert len(read_history(log)) >= len(whole) - 500
+    assert len(read_log(log)) >= len(whole) - 500
     np.testing.assert_allclose(np.diff(whole.columns["clock"]), 1e-3)
 
 

@@ -26,7 +26,7 @@ from taskspec_runner.cli.progress import Trail, describe, sparkline
 from taskspec_runner.errors import InputError
 from taskspec_runner.loop import telemetry
 from taskspec_runner.loop.telemetry import Address, Telemetry, message, read_address
-from taskspec_runner.record.history import read_history
+from taskspec_runner.record.log import read_log
 from taskspec_runner.record.nested import path_of
 from taskspec_runner.session import Glimpse, execute
 
@@ -88,7 +88,7 @@ def test_messages_are_rows_of_the_log(
     asked.set()
     reader.join()
     assert (result.exit_code, result.output) == (0, "")
-    history = read_history(tmp_path / "run" / "log.arrow")
+    history = read_log(tmp_path / "run" / "log.arrow")
     rows = range(0, len(history), every)
     assert len(history_rows) == len(rows)
     for row, told in zip(rows, history_rows, strict=True):

@@ -9,8 +9,10 @@ from short_tasks import DRUM
 from taskspec.geometry.rotation import from_rpy
 from taskspec.program.world.frames import FrameModel
 from taskspec.spec import load_text
-from taskspec_runner.record.history import History, read_history
-from taskspec_runner.verdict.judge import Judged, judge
+from taskspec_runner.record.history import History
+from taskspec_runner.record.log import read_log
+from taskspec_runner.verdict.judge import judge
+from taskspec_runner.verdict.judged import Judged
 from taskspec_runner.verdict.replay import Replay
 
 NAN = np.nan
@@ -247,7 +249,7 @@ def drum(tmp_path_factory: pytest.TempPathFactory) -> tuple[Replay, History, dic
     out: Path = tmp_path_factory.mktemp("drum") / "run"
     result = execute_program(program, out, report=False)
     assert result.exit_code == 0, result.summary["ending"]
-    history = read_history(result.folder / "log.arrow")
+    history = read_log(result.folder / "log.arrow")
     context = program.context
     replay = Replay(context.robot, context.frames, program.stages, history, context.moving_bases)
     return replay, history, dict(context.frames)

@@ -25,13 +25,14 @@ from taskspec_runner import headless
 from taskspec_runner.cli import app
 from taskspec_runner.errors import InputError
 from taskspec_runner.report import write_report
+from taskspec_runner.runs import Run
 from taskspec_runner.session import execute
 from taskspec_runner.video import canvas as canvases
 from taskspec_runner.video import film as films
 from taskspec_runner.video.canvas import Canvas, NoCanvasError, new_context
 from taskspec_runner.video.film import Cut, Film, check_video, write_video
 from taskspec_runner.video.picture import Pictures, project
-from taskspec_runner.video.recording import Recording, read_recording, steadiest_contact
+from taskspec_runner.video.recording import Recording, steadiest_contact
 from taskspec_runner.video.still import MOST_BYTES, render_still
 from taskspec_runner.video.world import RecordedWorld
 
@@ -95,7 +96,7 @@ def at(picture: Picture, pixel: NDArray[np.float64]) -> list[int]:
 
 @pytest.fixture
 def drawn(drum: Path, gl: None) -> Iterator[tuple[Pictures, Picture, int]]:  # noqa: ARG001
-    recording = read_recording(drum)
+    recording = Recording.of(Run(drum))
     row = steadiest_contact(recording)
     pictures = Pictures(RecordedWorld(recording), 960, 420)
     yield pictures, pictures.draw(row), row
@@ -141,7 +142,7 @@ def test_force_is_what_the_robot_applies(drawn: tuple[Pictures, Picture, int]) -
 
 @pytest.mark.usefixtures("gl")
 def test_the_arm_is_in_the_picture(drum: Path) -> None:
-    recording = read_recording(drum)
+    recording = Recording.of(Run(drum))
     world = RecordedWorld(recording)
     pictures = Pictures(world, 480, 210)
     pictures.close_canvas()
@@ -164,7 +165,7 @@ def test_the_arm_is_in_the_picture(drum: Path) -> None:
 @pytest.mark.usefixtures("gl")
 def test_frames_are_deterministic(wall: Path) -> None:
     def frames() -> bytes:
-        with Film(read_recording(wall), SMALL) as film:
+        with Film(Recording.of(Run(wall)), SMALL) as film:
             return b"".join(frame.tobytes() for frame in film.frames())
 
     assert frames() == frames()
@@ -181,7 +182,7 @@ world:
 stages:
   shove: {axes: {x: {move: 60 mm, speed: 100 mm/s}}}
 """
-    recording = read_recording(folder_of(text, tmp_path / "run"))
+    recording = Recording.of(Run(folder_of(text, tmp_path / "run")))
     world, gaps = RecordedWorld(recording), recording.history.columns["ball.gap"]
     joint = world.model.joint("world/ball").qposadr[0]
     places = []
@@ -207,7 +208,7 @@ frame: crank.handle
 stages:
   rotate: {axes: {y: {velocity: 100 mm/s}, rz: {hold: world}}, time: 0.5 s}
 """
-    recording = read_recording(folder_of(text, tmp_path / "run"))
+    recording = Recording.of(Run(folder_of(text, tmp_path / "run")))
     world = RecordedWorld(recording)
     first = world.show(0).geom("world/belt/slab").xpos.copy()
     data = world.show(len(recording) - 1)
@@ -220,19 +221,19 @@ stages:
 
 @pytest.mark.usefixtures("gl")
 def test_a_still_shows_the_press(wall: Path) -> None:
-    recording = read_recording(wall)
+    recording = Recording.of(Run(wall))
     row = steadiest_contact(recording)
     assert recording.visit(row).stage == "hold"
     # Of the 0.3 s of the stage, 0.05 s are the ramp.
     assert np.linalg.norm(recording.force[row]) == pytest.approx(5.0, abs=0.5)
-    png = render_still(wall)
+    png = render_still(Run(wall))
     assert len(png) < MOST_BYTES
     assert Image.open(io.BytesIO(png)).size == (1120, 490)
 
 
 @pytest.mark.usefixtures("gl")
 def test_the_report_has_the_still(wall: Path) -> None:
-    text = write_report(wall).read_text(encoding="utf-8")
+    text = write_report(Run(wall)).read_text(encoding="utf-8")
     assert '<img src="data:image/png;base64,' in text
     assert "The arm at" in text
 
@@ -242,7 +243,7 @@ def test_the_report_has_the_still(wall: Path) -> None:
 
 @pytest.mark.usefixtures("gl")
 def test_video_has_as_many_frames_as_the_run_is_long(wall: Path, tmp_path: Path) -> None:
-    recording = read_recording(wall)
+    recording = Recording.of(Run(wall))
     told: list[tuple[int, int]] = []
     path = tmp_path / "out.mp4"
     write_video(recording, path, SMALL, lambda done, frames: told.append((done, frames)))
@@ -266,7 +267,7 @@ def test_video_has_as_many_frames_as_the_run_is_long(wall: Path, tmp_path: Path)
     ],
 )
 def test_cuts(wall: Path, cut: Cut, clocks: list[float]) -> None:
-    recording = read_recording(wall)
+    recording = Recording.of(Run(wall))
     assert cut.clocks(recording) == pytest.approx(clocks)
     # A tick holds until the next: rounding of the frame's time must not miss it.
     assert [recording.row(c) for c in clocks] == [round(c * 1000) for c in clocks]
@@ -274,12 +275,12 @@ def test_cuts(wall: Path, cut: Cut, clocks: list[float]) -> None:
 
 def test_nothing_to_cut(wall: Path) -> None:
     with pytest.raises(InputError, match=r"nothing to show: the log goes from 0 to 0\.\d+ s"):
-        Cut(start=99.0).clocks(read_recording(wall))
+        Cut(start=99.0).clocks(Recording.of(Run(wall)))
 
 
 @pytest.mark.usefixtures("gl")
 def test_killed_runs_are_drawn_to_the_end_of_their_log(drum: Path, tmp_path: Path) -> None:
-    whole = read_recording(drum)
+    whole = Recording.of(Run(drum))
     assert len(whole) > 500
     cut = tmp_path / "killed"
     cut.mkdir()
@@ -287,7 +288,7 @@ def test_killed_runs_are_drawn_to_the_end_of_their_log(drum: Path, tmp_path: Pat
     log = (drum / "log.arrow").read_bytes()
     # A little less than the last batch, which is all that a killed run loses.
     (cut / "log.arrow").write_bytes(log[: int(0.9 * len(log))])
-    recording = read_recording(cut)
+    recording = Recording.of(Run(cut))
     assert len(recording) == 500
     with Film(recording, SMALL) as film:
         assert len(list(film.frames())) == len(film.rows) == 5
@@ -300,7 +301,7 @@ def test_overrides_and_files_beside_the_task_are_found_again(tmp_path: Path) -> 
     task.write_text(TAP, encoding="utf-8")
     result = call("run", task, "--out", tmp_path / "run", "--set", "params.press=8N", "-q")
     assert result.exit_code in (0, 1)
-    recording = read_recording(tmp_path / "run")
+    recording = Recording.of(Run(tmp_path / "run"))
     loaded = recording.program.context.loaded
     assert loaded.task.params["press"].value == 8.0
     assert loaded.base == beside.absolute()
@@ -358,7 +359,7 @@ def test_an_empty_log_is_told(wall: Path, tmp_path: Path) -> None:
     (tmp_path / "task.yaml").write_bytes((wall / "task.yaml").read_bytes())
     (tmp_path / "log.arrow").write_bytes(b"")
     with pytest.raises(InputError, match="its log holds no complete batch of ticks"):
-        read_recording(tmp_path)
+        Recording.of(Run(tmp_path))
 
 
 # without OpenGL, without ffmpeg
@@ -385,7 +386,7 @@ def test_without_opengl_a_run_with_video_does_not_begin(
 
 
 def test_without_opengl_reports_have_no_still(wall: Path, no_gl: list[str]) -> None:
-    text = write_report(wall).read_text(encoding="utf-8")
+    text = write_report(Run(wall)).read_text(encoding="utf-8")
     assert no_gl
     assert "<img" not in text
     assert "The arm at" not in text
@@ -397,7 +398,7 @@ def test_drawing_can_be_switched_off(
     monkeypatch.setenv("MUJOCO_GL", "disable")
     with pytest.raises(NoCanvasError, match="MUJOCO_GL switches drawing off"):
         new_context(16, 16)
-    write_report(wall)
+    write_report(Run(wall))
     assert not no_gl
 
 

@@ -17,13 +17,14 @@ from taskspec.program.world.equations import equation_models
 from taskspec.spec import load_text
 from taskspec_runner.cli import app
 from taskspec_runner.errors import InputError
+from taskspec_runner.runs import Run
 from taskspec_runner.session import execute
 from taskspec_runner.video import viewer
 from taskspec_runner.video.camera import axes_of, close_view, frame_run
 from taskspec_runner.video.equations import DrawnSurface, equation_surfaces
 from taskspec_runner.video.film import Cut
 from taskspec_runner.video.marks import Marks
-from taskspec_runner.video.recording import Recording, read_recording
+from taskspec_runner.video.recording import Recording
 from taskspec_runner.video.shown import shown_forces
 from taskspec_runner.video.viewer import Show
 from taskspec_runner.video.world import RecordedWorld
@@ -50,7 +51,7 @@ TIP = np.array([[0.54, 0.0, 0.35], [0.36, 0.0, 0.35]])
 @pytest.fixture
 def record(tmp_path: Path) -> Callable[[str], Recording]:
     def run(text: str) -> Recording:
-        return read_recording(execute(load_text(text, "task.yaml"), tmp_path / "run").folder)
+        return Recording.of(Run(execute(load_text(text, "task.yaml"), tmp_path / "run").folder))
 
     return run
 

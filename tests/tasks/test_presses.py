@@ -37,5 +37,5 @@ def test_press(press, robot, tmp_path):
         if press in LONGER:
             overrides["stages.press.time"] = LONGER[press]
     result = execute(load_task(path, overrides), tmp_path / "run", report=False)
-    assert [judged.text for judged in result.judged if not judged.passed] == []
+    assert [judged.text for judged in result.expectations if not judged.passed] == []
     assert result.exit_code == 0

@@ -23,12 +23,14 @@ from taskspec_runner.cli.formats import RunFormat
 from taskspec_runner.cli.loading import load
 from taskspec_runner.cli.progress import progress_line
 from taskspec_runner.compare.attempt import Attempt, attempt
+from taskspec_runner.compare.comparison import comparison
 from taskspec_runner.compare.folder import COMPARISON, PAGE, PICTURE, open_comparison
 from taskspec_runner.compare.page import write_comparison
 from taskspec_runner.compare.session import run_attempts
 from taskspec_runner.compare.summary import opening, summarise
 from taskspec_runner.errors import InputError
 from taskspec_runner.loop.interrupt import Termination
+from taskspec_runner.record import folder as folders
 from taskspec_runner.record.folder import RunFolder
 from taskspec_runner.session import Progress
 
@@ -115,8 +117,10 @@ def _run(
     folder.write_json(COMPARISON, opened)
     with Termination():
         done = run_attempts(attempts, folder, opened["seed"], watching)
-        folder.write_json(COMPARISON, summarise(done, opened))
-        write_comparison(folder.path)
+        summary = summarise(done, opened)
+        folder.write_json(COMPARISON, summary)
+        runs = {each.law: each.run for each in done if each.run}
+        write_comparison(comparison(folders.plain(summary), runs), folder.path)
     return done
 
 

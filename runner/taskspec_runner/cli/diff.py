@@ -17,6 +17,7 @@ from taskspec_runner.diff.wording import largest_text, parting
 from taskspec_runner.errors import InputError
 from taskspec_runner.record.folder import plain
 from taskspec_runner.report.quantities import quantity
+from taskspec_runner.runs import Run
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -35,7 +36,7 @@ def diff_folders(a: Path, b: Path, page: Path | None, form: RunFormat) -> int:
     """Tells how run B differs from run A; 0 if it does not, else 1."""
     if page is not None and page.suffix not in (".html", ".htm"):
         raise InputError(f"--html needs a file that ends in .html, not {page}")
-    difference = diff_runs(a, b)
+    difference = diff_runs(Run.load(a), Run.load(b))
     # First, as a reader of the text may go away before its end.
     written = write_difference(difference, page) if page is not None else None
     if form is RunFormat.JSON:

@@ -11,7 +11,7 @@ import typer
 from taskspec.text.show import scaled
 from taskspec.text.units import FORCE, LENGTH, Dimension
 from taskspec_runner.cli.console import show, table
-from taskspec_runner.session import RunResult
+from taskspec_runner.runs import Run
 from taskspec_runner.verdict.given_up import told
 
 if TYPE_CHECKING:
@@ -25,29 +25,29 @@ _STYLES = {
 }
 
 
-def show_outcome(result: RunResult, *, quiet: bool) -> None:
+def show_outcome(run: Run, *, quiet: bool) -> None:
     """Prints the outcome of a run; `quiet` leaves out all that went well."""
     from rich.text import Text
 
-    missed = [e for e in result.summary["expectations"] if not e["passed"]]
-    expectations = missed if quiet else result.summary["expectations"]
+    missed = [e for e in run.summary["expectations"] if not e["passed"]]
+    expectations = missed if quiet else run.summary["expectations"]
     if expectations:
-        show(_expectations(expectations, whole=result.summary["status"] == "done"))
-    if result.summary["metrics"] and not quiet:
-        show(*[""] * bool(expectations), _metrics(result.summary), "")
+        show(_expectations(expectations, whole=run.summary["status"] == "done"))
+    if run.summary["metrics"] and not quiet:
+        show(*[""] * bool(expectations), _metrics(run.summary), "")
     if not quiet:
-        for line in (*_forced(result.summary), *told(result.summary), *_lost(result.summary)):
+        for line in (*_forced(run.summary), *told(run.summary), *_lost(run.summary)):
             show(Text(line, style="yellow"))
-    if not quiet or result.exit_code:
-        show(Text(ending(result), style=_STYLES.get(result.exit_code, "")))
+    if not quiet or run.exit_code:
+        show(Text(ending(run), style=_STYLES.get(run.exit_code, "")))
     if not quiet:
         # By itself in its line, so that a terminal makes a link of it.
-        typer.echo(f"report: {result.report}")
+        typer.echo(f"report: {run.report}")
 
 
-def ending(result: RunResult) -> str:
+def ending(run: Run) -> str:
     """Why and when a run ended, and whether it met what was expected, in one line."""
-    summary = result.summary
+    summary = run.summary
     end = summary["ending"]
     text = f"{summary['task']}: {summary['status']} at {end['clock']:.3f} s"
     if summary["status"] != "done":
@@ -62,7 +62,7 @@ def ending(result: RunResult) -> str:
         elif broken:
             told += f", the first broken at {min(broken):.3f} s"
         text += f"; {told}"
-    return f"{text}; {result.real_time_factor:.3g} x real time"
+    return f"{text}; {run.manifest['real_time_factor']:.3g} x real time"
 
 
 def _expectations(expectations: list[Mapping[str, Any]], *, whole: bool) -> Table:

@@ -13,10 +13,9 @@ from typing import TYPE_CHECKING
 import typer
 
 from taskspec_runner.errors import InputError
-from taskspec_runner.record.folder import LOG
+from taskspec_runner.runs import Run
 
 if TYPE_CHECKING:
-    from taskspec.program.program import Program
     from taskspec_runner.video.film import Cut
 
 #: Speed, start and end, size, frames a second and camera, as the command line has them.
@@ -29,35 +28,27 @@ def replay_run(folder: Path, video: Path | None, asked: Asked, *, view: bool, qu
     """Shows the run of a folder, as a video or else in a window."""
     if video is not None and view:
         raise InputError("give --video or --view, not both")
-    if not (folder / LOG).is_file():
-        raise InputError(f"cannot read {folder}: it is not the folder of a run")
+    run = Run.load(folder)
     cut = read_cut(*asked)
     if video is not None:
-        film(folder, video, cut, quiet=quiet)
+        film(run, video, cut, quiet=quiet)
         typer.echo(str(video))
         return 0
     from taskspec_runner.video import viewer
-    from taskspec_runner.video.recording import read_recording
+    from taskspec_runner.video.recording import Recording
 
     viewer.check_display()
-    viewer.view(read_recording(folder), cut)
+    viewer.view(Recording.of(run), cut)
     return 0
 
 
-def film(
-    folder: Path,
-    video: Path,
-    cut: Cut | None = None,
-    *,
-    program: Program | None = None,
-    quiet: bool = False,
-) -> None:
-    """Writes the run of a folder as a video, with a line that tells how far it is."""
+def film(run: Run, video: Path, cut: Cut | None = None, *, quiet: bool = False) -> None:
+    """Writes a run as a video, with a line that tells how far it is."""
     from taskspec_runner.video.film import Cut, check_video, write_video
-    from taskspec_runner.video.recording import read_recording
+    from taskspec_runner.video.recording import Recording
 
     check_video(video)
-    recording = read_recording(folder, program)
+    recording = Recording.of(run)
     with _frames_line(shown=not quiet and sys.stderr.isatty()) as progress:
         write_video(recording, video, cut or Cut(), progress)
 

@@ -61,28 +61,28 @@ def run_task(
         sending(telemetry, _say) as sink,
         progress_line(shown=not quiet and sys.stderr.isatty()) as progress,
     ):
-        result = execute_program(program, out, seed=seed, progress=progress, telemetry=sink)
+        run = execute_program(program, out, seed=seed, progress=progress, telemetry=sink)
     # Who breaks off a run does not wait for its video.
-    if video is not None and result.exit_code < BY_SIGNAL:
+    if video is not None and run.exit_code < BY_SIGNAL:
         from taskspec_runner.cli.replay import film
 
-        film(result.folder, video, program=program, quiet=quiet)
+        film(run, video, quiet=quiet)
     if as_data:
         where = {
-            "folder": str(result.folder),
-            "report": str(result.report),
-            "wall_seconds": result.wall_seconds,
-            "real_time_factor": result.real_time_factor,
+            "folder": str(run.folder),
+            "report": str(run.report),
+            "wall_seconds": run.manifest["wall_seconds"],
+            "real_time_factor": run.manifest["real_time_factor"],
             "diagnostics": [record(d) for d in program.findings],
         }
         if video is not None:
             where["video"] = str(video)
-        _print({**result.summary, **where})
+        _print({**run.summary, **where})
     else:
-        show_outcome(result, quiet=quiet)
+        show_outcome(run, quiet=quiet)
         if video is not None and not quiet and video.is_file():
             typer.echo(f"video: {video}")
-    return result.exit_code
+    return run.exit_code
 
 
 def _admitted(file: Path, sets: Sequence[str], law: str | None, *, force: bool) -> Program:

@@ -8,7 +8,6 @@ import typer
 
 from taskspec_runner.compare.folder import COMPARISON
 from taskspec_runner.errors import InputError, OutputError
-from taskspec_runner.record.folder import LOG, MANIFEST
 
 
 def show_schema(write: Path | None, check: Path | None) -> int:
@@ -62,30 +61,29 @@ def render_report(folder: Path) -> int:
     """Renders the report of a run's folder, or of a comparison's, anew and says where it is."""
     if (folder / COMPARISON).is_file():
         return _render_comparison(folder)
-    if not any((folder / name).is_file() for name in (LOG, MANIFEST)):
-        raise InputError(f"cannot read {folder}: it is not the folder of a run")
-    from taskspec_runner.report import damage, write_report
-    from taskspec_runner.report.data import read_run
+    from taskspec_runner.report import write_report
+    from taskspec_runner.runs import Run
 
+    run = Run.load(folder)
     try:
-        path = write_report(folder)
+        path = write_report(run)
     except OSError as error:
         raise OutputError.of(folder, error) from error
     typer.echo(str(path))
-    if wrong := damage(folder):
-        typer.echo(f"taskspec: {wrong}; the report is no evidence of the run", err=True)
+    if run.damage:
+        typer.echo(f"taskspec: {run.damage}; the report is no evidence of the run", err=True)
         return 1
-    extent = read_run(folder).extent
-    if extent.partial:
-        typer.echo(f"taskspec: {extent.told}", err=True)
+    if run.extent.partial:
+        typer.echo(f"taskspec: {run.extent.told}", err=True)
     return 0
 
 
 def _render_comparison(folder: Path) -> int:
+    from taskspec_runner.compare.comparison import read_comparison
     from taskspec_runner.compare.page import write_comparison
 
     try:
-        typer.echo(str(write_comparison(folder)))
+        typer.echo(str(write_comparison(read_comparison(folder), folder)))
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise InputError(f"cannot read {folder / COMPARISON}: {error}") from error
     return 0

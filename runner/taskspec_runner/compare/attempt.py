@@ -12,7 +12,7 @@ from taskspec.spec import LoadedTask
 from taskspec.text.diagnostic import Diagnostic, SpecError
 from taskspec.text.source import Source
 from taskspec_runner.loop.interrupt import BY_SIGNAL
-from taskspec_runner.session import RunResult
+from taskspec_runner.runs import Run
 
 #: Outcomes, besides `failed` and `stopped`, which are those of a run.
 PASSED, MISSED, REFUSED, CRASHED, SKIPPED = "passed", "missed", "refused", "crashed", "not run"
@@ -27,7 +27,7 @@ class Attempt:
         law: its name.
         program: the compiled task, None where the law is refused.
         diagnostics: what was found about the task under this law. sources: the texts they are in.
-        result: of the run, None if there was none.
+        run: that was made, None if there was none.
         crash: what an internal error says of itself, empty without one.
     """
 
@@ -35,7 +35,7 @@ class Attempt:
     program: Program | None
     diagnostics: tuple[Diagnostic, ...]
     sources: Mapping[str, Source]
-    result: RunResult | None = None
+    run: Run | None = None
     crash: str = ""
 
     @property
@@ -46,7 +46,7 @@ class Attempt:
     @property
     def broken_off(self) -> int:
         """Exit code of a signal that ended the run, 0 if none did."""
-        code = self.result.exit_code if self.result else 0
+        code = self.run.exit_code if self.run else 0
         return code if code > BY_SIGNAL else 0
 
     @property
@@ -56,13 +56,13 @@ class Attempt:
             return CRASHED
         if self.program is None:
             return REFUSED
-        if self.result is None:
+        if self.run is None:
             return SKIPPED
         if self.broken_off:
             return INTERRUPTED
-        if self.result.summary["status"] != "done":
-            return str(self.result.summary["status"])
-        return MISSED if self.result.exit_code else PASSED
+        if self.run.summary["status"] != "done":
+            return str(self.run.summary["status"])
+        return MISSED if self.run.exit_code else PASSED
 
     @property
     def reason(self) -> str:
@@ -71,13 +71,13 @@ class Attempt:
             return self.crash
         if self.program is None:
             return _refusal(self.errors)
-        if self.result is None:
+        if self.run is None:
             return "the comparison was interrupted before"
         if self.outcome == PASSED:
             return ""
         if self.outcome == MISSED:
-            return _missed(self.result)
-        end = self.result.summary["ending"]
+            return _missed(self.run)
+        end = self.run.summary["ending"]
         return f"in stage {end['stage']} at {end['clock']:.3f} s: {end['text']}"
 
 
@@ -107,8 +107,8 @@ def _refusal(errors: tuple[Diagnostic, ...]) -> str:
     return f"{text}; {_more(len(others))}" if others else text
 
 
-def _missed(result: RunResult) -> str:
-    first, *others = [e for e in result.summary["expectations"] if not e["passed"]]
+def _missed(run: Run) -> str:
+    first, *others = [e for e in run.summary["expectations"] if not e["passed"]]
     said = first["explanation"]
     text = said if said.startswith(first["text"].split(" ")[0]) else f"{first['text']}: {said}"
     return f"{text}; {_more(len(others))}" if others else text

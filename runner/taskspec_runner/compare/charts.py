@@ -11,10 +11,11 @@ from scipy.ndimage import maximum_filter1d
 from taskspec.geometry.axis import Axis
 from taskspec.text.units import FORCE, LENGTH
 from taskspec_runner.compare.overlay import Overlay, role
+from taskspec_runner.record.history import Vector
 from taskspec_runner.report.chart import Band, bands, size
-from taskspec_runner.report.data import Run, Vector
 from taskspec_runner.report.figures import ANGULAR, LINEAR, wrench_name
 from taskspec_runner.report.quantities import plain_scale, scale
+from taskspec_runner.runs import Run
 
 REFERENCE = "reference"
 #: A size that oscillates is drawn by the largest value within this time [s].

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from taskspec_runner.compare.folder import COMPARISON
-from taskspec_runner.report.data import Run, read_run
+from taskspec_runner.runs import Run
 
 Json = Mapping[str, Any]
 
@@ -52,7 +52,10 @@ def read_comparison(folder: Path) -> Comparison:
         ValueError: what it has is none.
     """
     summary = json.loads((folder / COMPARISON).read_text(encoding="utf-8"))
-    runs = {
-        law["law"]: read_run(folder / law["folder"]) for law in summary["laws"] if law["folder"]
-    }
-    return Comparison(summary, {law: run for law, run in runs.items() if len(run.clock)})
+    runs = {law["law"]: Run(folder / law["folder"]) for law in summary["laws"] if law["folder"]}
+    return comparison(summary, runs)
+
+
+def comparison(summary: Json, runs: Mapping[str, Run]) -> Comparison:
+    """A comparison of those runs that have a tick, by law."""
+    return Comparison(summary, {law: run for law, run in runs.items() if len(run)})

@@ -14,8 +14,9 @@ import numpy as np
 from taskspec.geometry.axis import Axis
 from taskspec.laws import LAWS
 from taskspec_runner.compare.comparison import Comparison
-from taskspec_runner.report.data import Run, Vector, Visit
+from taskspec_runner.record.history import Vector
 from taskspec_runner.report.figures import ANGULAR, LINEAR
+from taskspec_runner.runs import Run, StageVisit
 
 #: Colours there are for laws.
 COLOURS = 10
@@ -60,7 +61,7 @@ class Overlay:
         """Common time at which the last run ends [s]."""
         return max(self.begins[law] + run.end for law, run in self.runs.items())
 
-    def visits(self) -> list[tuple[Visit, float, float]]:
+    def visits(self) -> list[tuple[StageVisit, float, float]]:
         """The leading run's visits with their common times [s]."""
         begin = self.begins[self.lead]
         return [(v, v.start + begin, v.end + begin) for v in self.leading.visits]
@@ -81,7 +82,7 @@ class Overlay:
         known = np.zeros(len(run.clock), dtype=bool)
         forces: Mapping[str, list[str]] = self.comparison.summary["force_axes"]
         for visit in run.visits:
-            rows = rows_of(run, visit)
+            rows = run.rows(visit)
             for axis in axes:
                 error = run.column(f"error.{axis}")
                 if error is None or axis in forces.get(visit.stage, ()):
@@ -115,15 +116,6 @@ def role(law: str) -> str:
     if law in RUN_ROLES:
         return RUN_ROLES[law]
     return f"law{names.index(law) % COLOURS if law in names else 0}"
-
-
-def rows_of(run: Run, visit: Visit) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
-    """(rows,) Whether a row of the log belongs to a visit."""
-    half = run.period / 2
-    inside: np.ndarray[tuple[int], np.dtype[np.bool_]] = (run.clock > visit.start - half) & (
-        run.clock < visit.end - half
-    )
-    return inside
 
 
 def _lead(comparison: Comparison) -> str:

@@ -11,16 +11,16 @@ from markupsafe import Markup
 
 from taskspec.text.units import FORCE
 from taskspec_runner.compare.charts import REFERENCE, Curve, Overlaid, charts
-from taskspec_runner.compare.comparison import Comparison, read_comparison
+from taskspec_runner.compare.comparison import Comparison
 from taskspec_runner.compare.folder import PAGE, PICTURE
 from taskspec_runner.compare.overlay import Overlay, overlay, role
 from taskspec_runner.compare.picture import CUT_SHORT, HERE, counted, picture_svg, time_of
 from taskspec_runner.compare.tracking import KINDS, best
 from taskspec_runner.record.folder import REPORT, RunFolder
+from taskspec_runner.report.chart import tints
 from taskspec_runner.report.drawn import points
 from taskspec_runner.report.highlight import highlighted
 from taskspec_runner.report.quantities import quantity
-from taskspec_runner.report.stages import label, tints
 from taskspec_runner.report.template import part, script, template
 
 Json = Mapping[str, Any]
@@ -28,21 +28,18 @@ Json = Mapping[str, Any]
 _WORDS = {"rms_error": "RMS", "max_error": "peak", "final_error": "final"}
 
 
-def write_comparison(folder: Path) -> Path:
+def write_comparison(comparison: Comparison, folder: Path) -> Path:
     """Writes `compare.html` and `compare.svg` into the folder of a comparison.
 
     Args:
-        folder: with compare.json and the runs below it.
+        comparison: to write. folder: of it, with the runs below it.
 
     Returns:
         The path of the page.
 
     Raises:
-        OSError: the folder cannot be read.
-        ValueError: what it has is no comparison.
-        OutputError: it cannot be written.
+        OutputError: the folder cannot be written.
     """
-    comparison = read_comparison(folder)
     into = RunFolder(folder)
     into.write_text(PICTURE, picture_svg(comparison))
     return into.write_text(PAGE, render(comparison))
@@ -126,7 +123,7 @@ def visits_of(laid: Overlay) -> list[Json]:
     """The leading run's visits of stages, on the common time."""
     run = laid.leading
     return [
-        {"label": label(run, v), "tint": tints(run)[v.stage], "start": start, "end": end}
+        {"label": run.label(v), "tint": tints(run)[v.stage], "start": start, "end": end}
         for v, start, end in laid.visits()
     ]
 

@@ -12,10 +12,10 @@ import numpy as np
 from taskspec_runner.compare.charts import Overlaid, main_charts
 from taskspec_runner.compare.comparison import Comparison
 from taskspec_runner.compare.overlay import Overlay, overlay, role
-from taskspec_runner.report.data import Vector
+from taskspec_runner.record.history import Vector
+from taskspec_runner.report.chart import tints
 from taskspec_runner.report.drawing import Line, Panel, path_data
 from taskspec_runner.report.plane import PlotPlane, Times
-from taskspec_runner.report.stages import label, tints
 from taskspec_runner.report.template import template
 
 WIDTH = 860
@@ -165,6 +165,6 @@ def _decades(low: float, high: float) -> list[tuple[float, str]]:
 def _stages(laid: Overlay, times: Times) -> list[dict[str, object]]:
     run = laid.leading
     return [
-        times.stage(label(run, visit), tints(run)[visit.stage], start, end)
+        times.stage(run.label(visit), tints(run)[visit.stage], start, end)
         for visit, start, end in laid.visits()
     ]

@@ -25,7 +25,7 @@ def run_attempts(
             it that has the law's name. seed: of everything random. watching: shows progress.
 
     Returns:
-        The attempts with their results. An internal error under one law is told by its attempt
+        The attempts with their runs. An internal error under one law is told by its attempt
         and keeps the others from nothing.
 
     Raises:
@@ -47,9 +47,9 @@ def run_attempts(
 def _run(each: Attempt, folder: RunFolder, seed: int, progress: Progress | None) -> Attempt:
     assert each.program is not None
     try:
-        result = execute_program(each.program, folder.path / each.law, seed=seed, progress=progress)
+        run = execute_program(each.program, folder.path / each.law, seed=seed, progress=progress)
     except RunCrashedError as error:
         return replace(
             each, crash=f"internal error: {error}; please report this with {error.trace}"
         )
-    return replace(each, result=result)
+    return replace(each, run=run)

@@ -27,7 +27,7 @@ def exit_code(attempts: Sequence[Attempt]) -> int:
         return signals[0]
     if any(each.outcome == CRASHED for each in attempts):
         return _INTERNAL
-    ran = sum(each.result is not None for each in attempts)
+    ran = sum(each.run is not None for each in attempts)
     return _GOOD if ran >= min(_ENOUGH, len(attempts)) else NOTHING_TO_COMPARE
 
 
@@ -54,7 +54,7 @@ def opening(
 
 def summarise(attempts: Sequence[Attempt], opened: Mapping[str, Any]) -> dict[str, Any]:
     """The content of `compare.json`; the same file and seed give the same bytes."""
-    summaries = [each.result.summary for each in attempts if each.result]
+    summaries = [each.run.summary for each in attempts if each.run]
     forces = force_axes(summaries)
     return {
         **opened,
@@ -68,7 +68,7 @@ def summarise(attempts: Sequence[Attempt], opened: Mapping[str, Any]) -> dict[st
 
 
 def _law(each: Attempt, forces: Mapping[str, Sequence[str]]) -> dict[str, Any]:
-    facts, summary = LAWS.get(each.law), each.result.summary if each.result else None
+    facts, summary = LAWS.get(each.law), each.run.summary if each.run else None
     return {
         "law": each.law,
         "equations": facts.equations if facts else "",
@@ -97,7 +97,7 @@ def _expectations(attempts: Sequence[Attempt]) -> list[dict[str, Any]]:
     """Each expectation with what every run made of it."""
     found: dict[int, dict[str, Any]] = {}
     for each in attempts:
-        for number, told in enumerate(each.result.summary["expectations"] if each.result else ()):
+        for number, told in enumerate(each.run.summary["expectations"] if each.run else ()):
             entry = found.setdefault(number, {"text": told["text"], "laws": {}})
             entry["laws"][each.law] = {k: told[k] for k in ("passed", "explanation")}
     return list(found.values())

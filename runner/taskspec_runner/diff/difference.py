@@ -5,18 +5,14 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 from taskspec.spec import Limits
 from taskspec.text.units import si_unit
 from taskspec_runner.diff.logs import LogDifference, diff_logs
-from taskspec_runner.errors import InputError
-from taskspec_runner.export.source import open_source
-from taskspec_runner.record.folder import LOG, MANIFEST, TASK
-from taskspec_runner.report.data import Run, read_run
-from taskspec_runner.report.values import mapping, number
-from taskspec_runner.report.verdict import verdict
+from taskspec_runner.record.folder import TASK, mapping, number
+from taskspec_runner.runs import Run
+from taskspec_runner.verdict.outcome import verdict
 
 Json = Mapping[str, Any]
 
@@ -33,11 +29,10 @@ class Difference:
     """Two runs and how they differ.
 
     Attributes:
-        folders: of A and B. runs: as read. logs: of both.
+        runs: A and B. logs: of both.
         data: the same as JSON has it, in SI; see `diff_runs`.
     """
 
-    folders: tuple[Path, Path]
     runs: tuple[Run, Run]
     logs: LogDifference
     data: Json
@@ -48,25 +43,15 @@ class Difference:
         return bool(self.data["equal"])
 
 
-def diff_runs(a: Path, b: Path) -> Difference:
-    """Holds run B against run A.
-
-    Args:
-        a, b: folders of runs; one that was killed is taken as far as it goes.
+def diff_runs(a: Run, b: Run) -> Difference:
+    """Holds run B against run A; one that was killed is taken as far as it goes.
 
     Returns:
         Their difference; its `data` has `equal`, `runs`, `inputs`, `outcome`, `expectations`,
         `metrics`, `log`, `task` and `versions`.
-
-    Raises:
-        InputError: one of them is not the folder of a run.
     """
-    for folder in (a, b):
-        if not any((folder / name).is_file() for name in (LOG, MANIFEST)):
-            raise InputError(f"cannot read {folder}: it is not the folder of a run")
-    runs = (read_run(a), read_run(b))
-    sources = [open_source(folder) if (folder / LOG).is_file() else None for folder in (a, b)]
-    logs = diff_logs(sources[0], sources[1])
+    runs = (a, b)
+    logs = diff_logs(a.history, b.history)
     inputs, outcome = list(_inputs(*runs)), list(_outcome(*runs))
     expectations, metrics = _expectations(*runs), list(_metrics(*runs))
     task = _task(runs[0].task, runs[1].task)
@@ -74,9 +59,7 @@ def diff_runs(a: Path, b: Path) -> Difference:
     data = {
         "format": FORMAT,
         "equal": logs.equal and not task and all(row["same"] for row in rows),
-        "runs": {
-            name: _about(folder, run) for name, folder, run in zip(NAMES, (a, b), runs, strict=True)
-        },
+        "runs": {name: _about(run) for name, run in zip(NAMES, runs, strict=True)},
         "inputs": inputs,
         "outcome": outcome,
         "expectations": expectations,
@@ -85,14 +68,14 @@ def diff_runs(a: Path, b: Path) -> Difference:
         "task": task,
         "versions": list(_versions(*runs)),
     }
-    return Difference((a, b), runs, logs, data)
+    return Difference(runs, logs, data)
 
 
-def _about(folder: Path, run: Run) -> Json:
+def _about(run: Run) -> Json:
     told, extent = verdict(run), run.extent
     return {
-        "folder": str(folder),
-        "task": str(run.summary.get("task") or run.manifest.get("task") or ""),
+        "folder": str(run.folder),
+        "task": run.name,
         "file": run.manifest.get("file"),
         "verdict": told.kind,
         "sentence": told.sentence,

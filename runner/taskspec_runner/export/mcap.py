@@ -4,25 +4,23 @@ from __future__ import annotations
 
 import heapq
 import json
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import groupby
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pyarrow as pa
 from numpy.typing import NDArray
 
 from taskspec.geometry.axis import AXES
 from taskspec_runner.export.cdr import Layout, stamps
 from taskspec_runner.export.messages import SIGNALS, definition, signals_message
 from taskspec_runner.export.missing import library
-from taskspec_runner.export.poses import Poses, PoseStream
-from taskspec_runner.export.source import Source, columns_of
-from taskspec_runner.export.tables import run_metadata
-from taskspec_runner.record.folder import SUMMARY, TASK
-from taskspec_runner.record.history import History
+from taskspec_runner.export.poses import Poses
+from taskspec_runner.export.stream import LogStream
+from taskspec_runner.record.folder import SUMMARY, TASK, mapping
+from taskspec_runner.record.history import History, history_of
 
 WORLD, TOOL, TASK_FRAME = "world", "tool", "task"
 #: Topic to message.
@@ -52,33 +50,25 @@ class _Seen:
     stage: str = ""
 
 
-def write_mcap(
-    source: Source, chunks: Iterable[pa.RecordBatch], path: Path, poses: PoseStream | None
-) -> None:
+def write_mcap(log: LogStream, path: Path) -> None:
     """Writes a log as messages, stamped with the simulated time.
-
-    Args:
-        source: the run. chunks: its log. path: the file.
-        poses: gives those of tool and task frame; without, there are none.
 
     Raises:
         MissingLibraryError: the library mcap is not installed.
     """
     Writer = library("mcap.writer", "MCAP", "mcap").Writer
-    encoder = _Encoder(source, poses)
+    encoder = _Encoder(log)
     with path.open("wb") as file:
         writer = Writer(file, chunk_size=_CHUNK)
         writer.start("ros2", "taskspec")
-        channels = _register(writer, encoder, with_poses=poses is not None)
-        ticks = 0
-        for chunk in chunks:
-            for topic, time, data in encoder.encode(columns_of(chunk)):
+        channels = _register(writer, encoder, with_poses=log.poses is not None)
+        for batch in log:
+            for topic, time, data in encoder.encode(history_of(batch)):
                 writer.add_message(channels[topic], time, data, time)
-            ticks += chunk.num_rows
-        writer.add_metadata("taskspec", run_metadata(source, ticks))
+        writer.add_metadata("taskspec", log.metadata)
         for name, kind in ((TASK, "application/yaml"), (SUMMARY, "application/json")):
-            if (source.folder / name).is_file():
-                writer.add_attachment(0, 0, name, kind, (source.folder / name).read_bytes())
+            if (log.run.folder / name).is_file():
+                writer.add_attachment(0, 0, name, kind, (log.run.folder / name).read_bytes())
         writer.finish()
 
 
@@ -100,13 +90,12 @@ def _register(writer: Any, encoder: _Encoder, *, with_poses: bool) -> dict[str, 
 class _Encoder:
     """Rows of a log as messages, in the order of time."""
 
-    def __init__(self, source: Source, poses: PoseStream | None) -> None:
-        self.signals = signals_message(source.schema.names, source.units)
-        self._poses, self._last = poses, _Seen()
+    def __init__(self, log: LogStream) -> None:
+        self.signals = signals_message(log.schema.names, log.units)
+        self._poses, self._last = log.poses, _Seen()
         self._joints = sum(name.endswith(".position") and name.startswith("joint.")
-                           for name in source.schema.names)  # fmt: skip
-        robot = source.summary.get("robot") or {}
-        names = list(robot.get("joints", ())) if isinstance(robot, dict) else []
+                           for name in log.units)  # fmt: skip
+        names = list(mapping(log.run.summary.get("robot")).get("joints") or ())
         if len(names) != self._joints:
             names = [f"joint{i + 1}" for i in range(self._joints)]
         self._joint_state = _joint_state(names)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
@@ -12,6 +11,7 @@ from taskspec.program.program import Program
 from taskspec.spec import Task
 from taskspec_runner.plant.plant import Plant
 from taskspec_runner.record.bus import Bus
+from taskspec_runner.record.log import Log
 from taskspec_runner.record.recorder import Recorder
 
 
@@ -33,10 +33,10 @@ class Assembly:
     plant: Plant
     machine: Machine
 
-    def recorder(self, path: Path | None) -> Recorder:
-        """A recorder of the bus into a new log; None for one that keeps nothing."""
+    def recorder(self, log: Log | None) -> Recorder:
+        """A recorder of the bus into a log; None for one that keeps nothing."""
         program = self.program
-        return Recorder(path, self.bus, program.context.robot, program.stages, self.task)
+        return Recorder(log, self.bus, program.context.robot, program.stages, self.task)
 
 
 def assemble(program: Program, truth: Task | None = None) -> Assembly:

@@ -13,6 +13,8 @@ from typing import Any
 
 from taskspec_runner.errors import OutputError
 
+Json = Mapping[str, Any]
+
 TASK, MANIFEST, LOG = "task.yaml", "manifest.json", "log.arrow"
 SUMMARY, REPORT, CRASH = "summary.json", "report.html", "crash.txt"
 _OWN = (TASK, MANIFEST, LOG, SUMMARY, REPORT, CRASH)
@@ -88,6 +90,11 @@ class RunFolder:
         text = "".join(traceback.format_exception(error))
         return self.write_text(CRASH, text)
 
+    @property
+    def is_run(self) -> bool:
+        """Whether it holds a run, or what is left of one."""
+        return any((self.path / name).is_file() for name in (LOG, MANIFEST))
+
     def digest(self, name: str) -> str | None:
         """SHA-256 of a file of the folder, None if there is none."""
         path = self.path / name
@@ -148,11 +155,36 @@ def clear(path: Path) -> None:
 
 
 def plain(value: Any) -> Any:
-    """A value as JSON knows it: what is not finite is None, what is an array a list."""
+    """A value as it is read back from JSON: what is not finite is None, what is a tuple a list."""
     if isinstance(value, Mapping):
         return {str(key): plain(entry) for key, entry in value.items()}
     if isinstance(value, list | tuple):
         return [plain(entry) for entry in value]
     if isinstance(value, float):
         return float(value) if math.isfinite(value) else None
-    return value
+    return str.__str__(value) if isinstance(value, str) else value
+
+
+def read_json(path: Path) -> Json:
+    """The mapping of a JSON file; empty where there is none, or something else."""
+    try:
+        return mapping(json.loads(path.read_text(encoding="utf-8")))
+    except (OSError, ValueError):
+        return {}
+
+
+def number(value: object) -> float | None:
+    """A finite number of a JSON file that may hold anything, else None."""
+    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        return None
+    return float(value)
+
+
+def mapping(value: object) -> Json:
+    """A mapping of such a file, an empty one in place of anything else."""
+    return value if isinstance(value, Mapping) else {}
+
+
+def mappings(value: object) -> list[Json]:
+    """The mappings of a list of such a file, none in place of anything else."""
+    return [v for v in value if isinstance(v, Mapping)] if isinstance(value, list) else []

@@ -1,10 +1,9 @@
-"""A run read back from its log: columns, and which ticks belong to which stage."""
+"""Every tick of a run: columns, and which ticks belong to which stage."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
@@ -12,6 +11,9 @@ from numpy.typing import NDArray
 
 Vector = NDArray[np.float64]
 Mask = NDArray[np.bool_]
+
+#: The column of the log that names the stage of each tick.
+STAGE = "stage"
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,6 +47,27 @@ class History:
     def __len__(self) -> int:
         return len(self.stages)
 
+    @property
+    def schema(self) -> pa.Schema:
+        """Of a log that holds it."""
+        names = [*self.columns]
+        # Where the recorder has it.
+        names.insert(names.index("t") + 1 if "t" in names else 0, STAGE)
+        return pa.schema([column_field(name, self.units.get(name, "")) for name in names])
+
+    def batches(self, rows: int) -> Iterator[pa.RecordBatch]:
+        """The ticks in order as a log has them, up to some `rows` at a time."""
+        schema = self.schema
+        names, codes = np.unique(self.stages, return_inverse=True)
+        for start in range(0, len(self), rows):
+            part = slice(start, start + rows)
+            stages = pa.DictionaryArray.from_arrays(codes[part].astype(np.int32), names.tolist())
+            arrays = [
+                stages if name == STAGE else pa.array(self.columns[name][part])
+                for name in schema.names
+            ]
+            yield pa.record_batch(arrays, schema=schema)
+
     def window(self, stage: str | None) -> Mask:
         """(n,) The rows of all visits of a stage, or every row for None."""
         if stage is None:
@@ -63,38 +86,57 @@ class History:
             yield Visit(str(self.stages[first]), first, last)
 
 
-def stream_log(path: Path) -> Iterator[pa.RecordBatch]:
-    """The batches of a log one by one; of one that was cut short, up to its last complete batch.
+class HistoryBuilder:
+    """Ticks as they come, batch by batch."""
 
-    Raises:
-        OSError: the file cannot be opened.
-    """
-    with path.open("rb") as file:
-        reader = None
-        while True:
-            try:
-                reader = reader or pa.ipc.open_stream(file)
-                batch = reader.read_next_batch()
-            except (StopIteration, pa.ArrowInvalid, OSError):
-                # The end of the stream, or of what a killed run has left of it.
-                return
-            yield batch
+    def __init__(self) -> None:
+        self._columns: dict[str, list[Vector]] = {}
+        self._stages: list[NDArray[np.str_]] = []
+        self._units: dict[str, str] = {}
 
+    def add(self, batch: pa.RecordBatch) -> None:
+        """Takes the ticks of a batch of a log."""
+        if not self._units:
+            self._units = units_of(batch.schema)
+        for name, values in zip(batch.schema.names, batch.columns, strict=True):
+            if name == STAGE:
+                self._stages.append(_texts(values))
+            else:
+                # A copy, as a batch may keep the memory of all of its columns.
+                self._columns.setdefault(name, []).append(np.array(values))
 
-def read_history(path: Path) -> History:
-    """Reads a log back; one that was cut short, up to its last complete batch.
-
-    Raises:
-        OSError: the file cannot be opened.
-    """
-    batches = list(stream_log(path))
-    if not batches:
-        return History({}, np.array([], dtype=np.str_))
-    table = pa.Table.from_batches(batches)
-    columns = {name: table[name].to_numpy() for name in table.column_names if name != "stage"}
-    return History(columns, np.array(table["stage"].to_pylist(), dtype=np.str_), units_of(table))
+    def build(self) -> History:
+        """All ticks so far. It takes them out column by column, so that none is there twice."""
+        columns = {name: np.concatenate(self._columns.pop(name)) for name in [*self._columns]}
+        stages = np.concatenate(self._stages) if self._stages else np.array([], dtype=np.str_)
+        self._stages.clear()
+        return History(columns, stages, self._units)
 
 
-def units_of(table: pa.Table | pa.RecordBatch) -> dict[str, str]:
-    """The unit of each column, as the log states it."""
-    return {f.name: (f.metadata or {}).get(b"unit", b"").decode() for f in table.schema}
+def history_of(batch: pa.RecordBatch) -> History:
+    """The ticks of one batch of a log."""
+    columns = {
+        name: values.to_numpy(zero_copy_only=False)
+        for name, values in zip(batch.schema.names, batch.columns, strict=True)
+        if name != STAGE
+    }
+    return History(columns, _texts(batch.column(STAGE)), units_of(batch.schema))
+
+
+def units_of(schema: pa.Schema) -> dict[str, str]:
+    """The unit of each column, as a log states it; empty where it has none."""
+    return {f.name: (f.metadata or {}).get(b"unit", b"").decode() for f in schema}
+
+
+def column_field(name: str, unit: str) -> pa.Field:
+    """What a log states of a column."""
+    if name == STAGE:
+        return pa.field(name, pa.dictionary(pa.int32(), pa.string()))
+    return pa.field(name, pa.float64(), metadata={"unit": unit})
+
+
+def _texts(values: pa.Array) -> NDArray[np.str_]:
+    if not pa.types.is_dictionary(values.type):
+        return np.array(values.to_pylist(), dtype=np.str_)
+    names = np.array(values.dictionary.to_pylist(), dtype=np.str_)
+    return np.asarray(names[values.indices.to_numpy()])

@@ -1,10 +1,9 @@
-"""The log: one row a tick, in batches of an Arrow IPC stream that survive a killed run."""
+"""What the log takes of every tick, collected in batches."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
@@ -19,6 +18,8 @@ from taskspec.signals.table import MEASURED
 from taskspec.spec import Task
 from taskspec.text.units import si_unit
 from taskspec_runner.record.bus import Bus
+from taskspec_runner.record.history import column_field
+from taskspec_runner.record.log import Log
 from taskspec_runner.record.truth import Truth
 
 Vector = NDArray[np.float64]
@@ -53,7 +54,7 @@ class Recorder:
 
     def __init__(
         self,
-        path: Path | None,
+        log: Log | None,
         bus: Bus,
         robot: RobotModel,
         stages: tuple[CompiledStage, ...],
@@ -66,10 +67,8 @@ class Recorder:
         self._layout = tuple(_columns(robot, stages, task))
         true = [column.name for column in self._layout if not column.field]
         self._truth = Truth(robot, task, stages, bus.slices, true)
-        self._schema = pa.schema([])
-        self._writer: pa.ipc.RecordBatchStreamWriter | None = None
-        self._path = path
-        self._file = path.open("wb") if path is not None else None
+        self._schema = pa.schema([column_field(each.name, each.unit) for each in self._layout])
+        self._log = log
 
     def add(self) -> None:
         """Records the bus as it is now."""
@@ -89,31 +88,25 @@ class Recorder:
 
     def flush(self) -> None:
         """Writes the rows collected so far as one batch."""
-        if self._filled == 0 or self._file is None:
+        if self._filled == 0 or self._log is None:
             self._filled = 0
             return
         columns = self._columns(self._rows[: self._filled])
-        if self._writer is None:
-            self._schema = _schema(columns)
-            self._writer = pa.ipc.new_stream(self._file, self._schema)
         arrays = [
             pa.array(values) if unit != "stage" else _stage_array(values, self._stages)
             for values, unit in columns.values()
         ]
-        self._writer.write_batch(pa.record_batch(arrays, schema=self._schema))
-        self._file.flush()
+        self._log.write(pa.record_batch(arrays, schema=self._schema))
         self._filled = 0
 
     def close(self) -> None:
         """Writes what is left and ends the stream."""
         try:
             self.flush()
-            if self._writer is not None:
-                self._writer.close()
         finally:
-            if self._file is not None:
-                self._file.close()
-                self._file = None
+            if self._log is not None:
+                self._log.close()
+                self._log = None
 
     def _columns(self, rows: Vector) -> dict[str, tuple[Vector, str]]:
         """Column name to values and unit; `rows` are (ticks, fields)."""
@@ -171,14 +164,3 @@ def _columns(robot: RobotModel, stages: tuple[CompiledStage, ...], task: Task) -
 def _stage_array(values: Vector, stages: tuple[CompiledStage, ...]) -> pa.Array:
     names = pa.array([s.name for s in stages])
     return pa.DictionaryArray.from_arrays(pa.array(values.astype(np.int32)), names)
-
-
-def _schema(columns: Mapping[str, tuple[Vector, str]]) -> pa.Schema:
-    return pa.schema(
-        [
-            pa.field(name, pa.dictionary(pa.int32(), pa.string()))
-            if unit == "stage"
-            else pa.field(name, pa.float64(), metadata={"unit": unit})
-            for name, (_, unit) in columns.items()
-        ]
-    )

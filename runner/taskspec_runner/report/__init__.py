@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from taskspec_runner.report.data import damage
-from taskspec_runner.report.overview import write_overview_svg
+from taskspec_runner.report.overview import Picture, overview_svg
 from taskspec_runner.report.page import write_report
 
-__all__ = ["damage", "write_overview_svg", "write_report"]
+__all__ = ["Picture", "overview_svg", "write_report"]

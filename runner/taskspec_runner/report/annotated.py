@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 from markupsafe import Markup
 
-from taskspec_runner.report.data import Run
+from taskspec_runner.record.folder import Json, mappings
 from taskspec_runner.report.highlight import highlighted
-from taskspec_runner.report.values import Json, mappings
+from taskspec_runner.runs import Run
 
 
 @dataclass(frozen=True, slots=True)

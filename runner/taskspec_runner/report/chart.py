@@ -2,14 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from taskspec_runner.report.data import Run, Vector
-from taskspec_runner.report.judged import Expectation
+from taskspec_runner.record.history import Vector
 from taskspec_runner.report.quantities import figure, quantity
+from taskspec_runner.runs import Run
+from taskspec_runner.verdict.judged import Judged
+
+#: Tints of stages there are; names beyond that share them.
+TINTS = 8
+
+
+def tints(run: Run) -> Mapping[str, int]:
+    """Number of the tint of each stage, in the order of first visits."""
+    names = dict.fromkeys(v.stage for v in run.visits)
+    return {name: i % TINTS for i, name in enumerate(names)}
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,12 +161,12 @@ def size(columns: Sequence[Vector]) -> float:
     return max(float(np.nanmax(np.abs(c))) for c in columns)
 
 
-def _sides(each: Expectation, factor: float) -> tuple[float | None, float | None]:
+def _sides(each: Judged, factor: float) -> tuple[float | None, float | None]:
     low, high = each.band or (None, None)
     return None if low is None else low * factor, None if high is None else high * factor
 
 
-def _windows(run: Run, each: Expectation) -> list[tuple[float, float]]:
+def _windows(run: Run, each: Judged) -> list[tuple[float, float]]:
     if each.stage is None:
         return [(run.start, run.end)]
     return [(v.start, v.end) for v in run.visits if v.stage == each.stage]

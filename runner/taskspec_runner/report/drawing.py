@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from taskspec_runner.record.history import Vector
 from taskspec_runner.report import decimate
-from taskspec_runner.report.data import Vector
 
 #: Lines may leave their data by this much [px], which keeps the file small.
 _TOLERANCE = 0.12

@@ -8,12 +8,12 @@ from itertools import zip_longest
 
 import numpy as np
 
+from taskspec_runner.record.folder import Json
+from taskspec_runner.record.history import Vector
 from taskspec_runner.report import decimate
-from taskspec_runner.report.chart import Chart, Trace
-from taskspec_runner.report.data import Run, Vector, Visit
+from taskspec_runner.report.chart import Chart, Trace, tints
 from taskspec_runner.report.quantities import figure
-from taskspec_runner.report.stages import label, tints
-from taskspec_runner.report.values import Json
+from taskspec_runner.runs import Run, StageVisit
 
 #: Every tick this long before and after a change of stage is drawn, up to so many changes [s].
 DETAIL, CHANGES = (0.1, 0.3), 12
@@ -27,7 +27,7 @@ def page_data(run: Run, charts: dict[str, Chart]) -> Json:
         "period": run.period,
         "end": run.end,
         "stages": [
-            {"name": label(run, v), "start": v.start, "end": v.end, "tint": tint[v.stage]}
+            {"name": run.label(v), "start": v.start, "end": v.end, "tint": tint[v.stage]}
             for v in run.visits
         ],
         "events": [*_endings(run), *_breaks(run)],
@@ -91,10 +91,10 @@ def _endings(run: Run) -> Iterator[Json]:
             yield {"at": visit.end, "kind": kind, "text": _ending(run, visit, following)}
 
 
-def _ending(run: Run, visit: Visit, following: Visit | None) -> str:
-    to = label(run, following) if following else str(visit.ended_by.get("to") or "stop")
+def _ending(run: Run, visit: StageVisit, following: StageVisit | None) -> str:
+    to = run.label(following) if following else str(visit.ended_by.get("to") or "stop")
     why = str(visit.ended_by.get("text") or "")
-    text = f"{visit.end:.3f} s: {label(run, visit)} → {to}"
+    text = f"{visit.end:.3f} s: {run.label(visit)} → {to}"
     return f"{text}, {why}" if why else text
 
 

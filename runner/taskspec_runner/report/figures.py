@@ -10,6 +10,7 @@ import numpy as np
 from taskspec.geometry.axis import AXES, ROTATIONS, TRANSLATIONS
 from taskspec.signals import SCALARS
 from taskspec.text.units import FORCE, POWER, VELOCITY
+from taskspec_runner.record.history import Vector
 from taskspec_runner.report import foretold
 from taskspec_runner.report.chart import (
     Chart,
@@ -20,12 +21,12 @@ from taskspec_runner.report.chart import (
     limit_note,
     size,
 )
-from taskspec_runner.report.data import Run, Vector
 from taskspec_runner.report.gaps import gap_charts
 from taskspec_runner.report.joints import joint_positions, joint_torques
 from taskspec_runner.report.mechanisms import coordinate_charts, effort_charts
 from taskspec_runner.report.quantities import plain_scale, quantity, scale
 from taskspec_runner.report.selection import selected
+from taskspec_runner.runs import Run
 from taskspec_runner.verdict.metrics import set_points
 
 LINEAR, ANGULAR = TRANSLATIONS, ROTATIONS

@@ -6,11 +6,11 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 
-from taskspec_runner.record.history import Mask
+from taskspec_runner.record.folder import Json, mapping, number
+from taskspec_runner.record.history import Mask, Vector
 from taskspec_runner.report.chart import Level, Trace
-from taskspec_runner.report.data import Run, Vector, Visit
 from taskspec_runner.report.quantities import figure
-from taskspec_runner.report.values import Json, mapping, number
+from taskspec_runner.runs import Run, StageVisit
 from taskspec_runner.verdict.predicted import axis_of
 from taskspec_runner.verdict.response import stays
 
@@ -45,7 +45,7 @@ def impact_levels(run: Run, signals: Iterable[str], factor: float) -> Iterator[L
             peak, values = number(met.get("peak")), run.columns.get(name)
             if peak is None or values is None or met.get("axis") != axis_of(name):
                 continue
-            inside = values[rows_of(run, visit)]
+            inside = values[run.rows(visit)]
             if len(inside) and np.isfinite(inside).any():
                 side = np.sign(inside[np.nanargmax(np.abs(inside))])
                 if side == 0:
@@ -83,12 +83,12 @@ def decay(run: Run, name: str, factor: float) -> Trace | None:
         target = _target(run, visit, name, told)
         if constant is None or constant < 2 * run.period or target is None:
             continue
-        rows = np.flatnonzero(rows_of(run, visit))[target[1] :]
+        rows = np.flatnonzero(run.rows(visit))[target[1] :]
         error = values[rows] - target[0]
         if not len(rows) or not np.isfinite(error).all():
             continue
         top = int(np.argmax(np.abs(error)))
-        step = values[rows_of(run, visit)][0] - target[0]
+        step = values[run.rows(visit)][0] - target[0]
         if abs(step) < _OWN * abs(error[top]):
             continue
         shown = rows[top : top + round(_LASTS * constant / run.period)]
@@ -103,9 +103,9 @@ def decay(run: Run, name: str, factor: float) -> Trace | None:
     return Trace(label, factor * drawn, ROLE, ROLE)
 
 
-def _target(run: Run, visit: Visit, name: str, told: Json) -> tuple[float, int] | None:
+def _target(run: Run, visit: StageVisit, name: str, told: Json) -> tuple[float, int] | None:
     """Where a force comes to rest in a visit, and the tick of it from which its reference stays."""
-    rows = rows_of(run, visit)
+    rows = run.rows(visit)
     wanted = _wanted(run, f"{name}.ref", rows)
     if wanted is None:
         wanted = _wanted(run, f"position.{axis_of(name)}.ref", rows)
@@ -122,9 +122,3 @@ def _wanted(run: Run, column: str, rows: Mask) -> Vector | None:
     if values is None or not rows.any() or not np.isfinite(values[rows][-1]):
         return None
     return values[rows]
-
-
-def rows_of(run: Run, visit: Visit) -> Mask:
-    """(rows,) The rows of a visit."""
-    half = run.period / 2
-    return np.asarray((run.clock > visit.start - half) & (run.clock < visit.end - half))

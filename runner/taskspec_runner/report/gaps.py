@@ -9,8 +9,8 @@ import numpy as np
 from taskspec.text.units import LENGTH
 from taskspec_runner.report import foretold
 from taskspec_runner.report.chart import Chart, Trace, bands, size
-from taskspec_runner.report.data import Run
 from taskspec_runner.report.quantities import quantity, scale
+from taskspec_runner.runs import Run
 from taskspec_runner.verdict.metrics import set_points
 
 _GAP = ".gap"

@@ -8,8 +8,8 @@ import numpy as np
 
 from taskspec.text.units import MOMENT
 from taskspec_runner.report.chart import Chart, Level, Trace, size
-from taskspec_runner.report.data import Run
 from taskspec_runner.report.quantities import figure, plain_scale, scale
+from taskspec_runner.runs import Run
 
 
 def joint_torques(run: Run) -> Chart | None:

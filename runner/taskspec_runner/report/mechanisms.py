@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from taskspec_runner.report.chart import Chart, Trace, bands, size
-from taskspec_runner.report.data import Run
 from taskspec_runner.report.quantities import plain_scale, scale
+from taskspec_runner.runs import Run
 
 _COORDINATES = ("angle", "travel")
 

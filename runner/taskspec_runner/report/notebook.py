@@ -2,29 +2,22 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 from markupsafe import Markup
 
-from taskspec_runner.record.folder import REPORT
-from taskspec_runner.report.data import Run
 from taskspec_runner.report.overview import overview_svg
 from taskspec_runner.report.template import template
-from taskspec_runner.report.verdict import so_far, verdict
+from taskspec_runner.runs import Run
+from taskspec_runner.verdict.outcome import so_far, verdict
 
 
-def notebook_html(run: Run, folder: Path) -> str:
-    """A fragment of a page; its styles are its own.
-
-    Args:
-        run: to show. folder: that it is in.
-    """
+def notebook_html(run: Run) -> str:
+    """A fragment of a page; its styles are its own."""
     return template("notebook.html.j2").render(
-        title=str(run.summary.get("task") or run.manifest.get("task") or "run"),
+        title=run.name or "run",
         verdict=verdict(run),
         whole=not so_far(run) and verdict(run).kind in ("passed", "missed"),
         expectations=run.expectations,
         picture=Markup(overview_svg(run)) if len(run.clock) else "",
-        folder=str(folder),
-        report=(folder / REPORT).is_file(),
+        folder=str(run.folder),
+        report=run.report is not None,
     )

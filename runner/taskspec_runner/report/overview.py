@@ -8,16 +8,15 @@ from pathlib import Path
 
 import numpy as np
 
+from taskspec_runner.record.history import Vector
 from taskspec_runner.report import figures, foretold
-from taskspec_runner.report.chart import Chart, size
-from taskspec_runner.report.data import Run, Vector, Visit, read_run
+from taskspec_runner.report.chart import Chart, size, tints
 from taskspec_runner.report.drawing import Line, Panel, Tick, path_data, tick_text, ticks
-from taskspec_runner.report.foretold import rows_of
 from taskspec_runner.report.plane import PlotPlane, Times
-from taskspec_runner.report.stages import label, tints
 from taskspec_runner.report.template import template
-from taskspec_runner.report.verdict import verdict
+from taskspec_runner.runs import Run, StageVisit
 from taskspec_runner.verdict.given_up import held_joints
+from taskspec_runner.verdict.outcome import verdict
 
 WIDTH = 860
 _LEFT, _RIGHT, _TOP, _BOTTOM = 58.0, 24.0, 92.0, 44.0
@@ -31,30 +30,47 @@ _ROOM = 0.07
 _BORNE = 0.05
 
 
-def write_overview_svg(folder: Path, path: Path) -> Path:
-    """Writes a picture of the run in a folder, 860 px wide, for light and dark pages.
+class Picture:
+    """A drawing that notebooks show.
 
-    Args:
-        folder: a run folder, as for `write_report`.
-        path: the SVG file to write.
-
-    Returns:
-        `path`.
-
-    Raises:
-        OSError: the file cannot be written.
+    Attributes:
+        svg: the drawing as text.
     """
-    path.write_text(overview_svg(read_run(folder)), encoding="utf-8")
-    return path
+
+    def __init__(self, svg: str) -> None:
+        self.svg = svg
+
+    def save(self, path: str | Path) -> Path:
+        """Writes it as an SVG file.
+
+        Raises:
+            ValueError: the file's name does not end in .svg.
+            OSError: it cannot be written.
+        """
+        path = Path(path)
+        if path.suffix != ".svg":
+            raise ValueError(f"a picture is saved as .svg, not as {path.suffix or path.name}")
+        path.write_text(self.svg, encoding="utf-8")
+        return path
+
+    def _repr_svg_(self) -> str:
+        return self.svg
+
+    def __repr__(self) -> str:
+        return f"<picture of {len(self.svg)} characters of SVG>"
 
 
 def overview_svg(run: Run, wanted: Sequence[Chart] | None = None) -> str:
-    """The same picture as text, or one of other charts, without the path."""
+    """A picture of a run, 860 px wide, for light and dark pages.
+
+    Args:
+        run: to show. wanted: charts in place of the usual ones, without the path.
+    """
     charts = _chosen(run) if wanted is None else wanted
     square = _path_square(run) if wanted is None else None
     width = WIDTH - _LEFT - _RIGHT - (0.0 if square is None else _SQUARE + 70)
     times = Times(run.start, run.end, _LEFT, width)
-    stages = [times.stage(label(run, v), tints(run)[v.stage], v.start, v.end) for v in run.visits]
+    stages = [times.stage(run.label(v), tints(run)[v.stage], v.start, v.end) for v in run.visits]
     panels = [
         _panel(run, chart, _TOP + i * (_PANEL + _TITLE), times) for i, chart in enumerate(charts)
     ]
@@ -149,14 +165,14 @@ def _path_square(run: Run) -> Panel | None:
         return None
     x, y = 1e3 * run.columns["position.x"], 1e3 * run.columns["position.y"]
 
-    def smaller_span(visit: Visit) -> float:
-        rows = rows_of(run, visit)
+    def smaller_span(visit: StageVisit) -> float:
+        rows = run.rows(visit)
         return float(min(np.ptp(x[rows]), np.ptp(y[rows]))) if rows.any() else 0.0
 
     widest = max(run.visits, key=smaller_span, default=None)
     if widest is None or not smaller_span(widest) >= _LEAST_SPAN:
         return None
-    rows = rows_of(run, widest)
+    rows = run.rows(widest)
     x, y = x[rows], y[rows]
     span = 1.12 * max(float(np.ptp(x)), float(np.ptp(y)))
     low_x = (float(x.min()) + float(x.max()) - span) / 2
@@ -174,7 +190,7 @@ def _path_square(run: Run) -> Panel | None:
         lines.insert(0, Line(d, "z", "halo"))
     over, up = ticks(low_x, low_x + span, 4), ticks(low_y, low_y + span, 4)
     return Panel(
-        f"Path in {label(run, widest)}, y over x",
+        f"Path in {run.label(widest)}, y over x",
         "mm",
         left,
         top,

@@ -9,19 +9,16 @@ from typing import Any
 
 from markupsafe import Markup
 
-from taskspec.program.program import Program
+from taskspec_runner.record.folder import REPORT, Json, mapping, number
 from taskspec_runner.report import annotated, drawn, figures, tables
-from taskspec_runner.report.chart import Chart, Section
-from taskspec_runner.report.data import Run, Visit, read_run
+from taskspec_runner.report.chart import Chart, Section, tints
 from taskspec_runner.report.foretold import stage_told
-from taskspec_runner.report.judged import Expectation
 from taskspec_runner.report.overview import overview_svg
 from taskspec_runner.report.quantities import figure
-from taskspec_runner.report.stages import label, tints
 from taskspec_runner.report.template import part, script, template
-from taskspec_runner.report.values import Json, mapping, number
-from taskspec_runner.report.verdict import first_broken, so_far, verdict
-from taskspec_runner.verdict.margin import SHARE, Margin
+from taskspec_runner.runs import Run, StageVisit
+from taskspec_runner.verdict.judged import SHARE, Judged, Margin
+from taskspec_runner.verdict.outcome import first_broken, so_far, verdict
 from taskspec_runner.video.still import still_for_report
 
 #: The chart on which a limit is drawn, by its name.
@@ -39,13 +36,8 @@ _PART = 0.8
 _AROUND = (0.25, 1.0)
 
 
-def write_report(folder: Path, program: Program | None = None) -> Path:
-    """Writes `report.html` into a run folder.
-
-    Args:
-        folder: with log.arrow, summary.json, manifest.json and task.yaml; what is missing is
-            left out of the report.
-        program: the compiled task of the run, where that is at hand.
+def write_report(run: Run) -> Path:
+    """Writes `report.html` into the folder of a run; what the run lacks is left out of it.
 
     Returns:
         The path of the report.
@@ -53,9 +45,8 @@ def write_report(folder: Path, program: Program | None = None) -> Path:
     Raises:
         OSError: the folder cannot be written.
     """
-    path = folder / "report.html"
-    still = still_for_report(folder, program)
-    path.write_text(render(read_run(folder), still), encoding="utf-8")
+    path = run.folder / REPORT
+    path.write_text(render(run, still_for_report(run)), encoding="utf-8")
     return path
 
 
@@ -131,13 +122,13 @@ def _around(run: Run) -> tuple[float, float] | None:
     return window if window[1] - window[0] < _PART * (run.end - run.start) else None
 
 
-def _urgency(each: Expectation) -> tuple[bool, float]:
+def _urgency(each: Judged) -> tuple[bool, float]:
     """Sorts what was missed first, in the order in which it was broken."""
     never = 0.0 if each.passed else math.inf
     return each.passed, each.broken.clock if each.broken else never
 
 
-def _expectation(each: Expectation) -> Json:
+def _expectation(each: Judged) -> Json:
     return {
         "text": each.text,
         "passed": each.passed,
@@ -158,10 +149,10 @@ def _margin(margin: Margin) -> Json:
     return {"shown": shown, "used": round(100 * min(max(1 - margin.left, 0.0), 1.0)), "told": told}
 
 
-def _visit_row(run: Run, visit: Visit) -> Json:
+def _visit_row(run: Run, visit: StageVisit) -> Json:
     expected = number(stage_told(run, visit.stage).get("duration"))
     return {
-        "label": label(run, visit),
+        "label": run.label(visit),
         "tint": tints(run)[visit.stage],
         "visit": visit,
         "start": visit.start,

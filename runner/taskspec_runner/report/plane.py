@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from taskspec_runner.record.history import Vector
 from taskspec_runner.report import decimate
 from taskspec_runner.report.chart import Band
-from taskspec_runner.report.data import Vector
 from taskspec_runner.report.drawing import Area, Tick, tick_text, ticks
 
 #: Width of a letter of a stage's name, and room beside it [px].

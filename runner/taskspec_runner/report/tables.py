@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from taskspec_runner.report.data import Run
+from taskspec_runner.record.folder import Json, mapping, number
+from taskspec_runner.report.chart import tints
 from taskspec_runner.report.foretold import stage_told
 from taskspec_runner.report.quantities import figure, quantity
-from taskspec_runner.report.stages import tints
-from taskspec_runner.report.values import Json, mapping, number
+from taskspec_runner.runs import Run
 from taskspec_runner.verdict.given_up import told
 from taskspec_runner.verdict.predicted import axis_of
 

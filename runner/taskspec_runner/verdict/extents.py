@@ -8,16 +8,8 @@ import numpy as np
 
 from taskspec.text.expression import tree
 from taskspec.text.show import in_unit
-from taskspec_runner.verdict.margin import (
-    SHARE,
-    Broken,
-    Margin,
-    Vector,
-    left,
-    lost_share,
-    reached,
-    room,
-)
+from taskspec_runner.verdict.judged import SHARE, Broken, Margin
+from taskspec_runner.verdict.margin import Vector, left, lost_share, reached, room
 from taskspec_runner.verdict.series import Series
 from taskspec_runner.verdict.wording import Sides, Wording
 

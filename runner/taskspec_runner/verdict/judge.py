@@ -2,50 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 from taskspec.spec import Expectation, Task
 from taskspec.text.expression import Expression, evaluate, tree
 from taskspec_runner.record.history import History
 from taskspec_runner.verdict.diagnosed import line_of
 from taskspec_runner.verdict.extents import Extents
+from taskspec_runner.verdict.judged import Broken, Judged, Margin, MeasuredValue
 from taskspec_runner.verdict.lookup import Elsewhere, Lookup, column_of, scope_of
-from taskspec_runner.verdict.margin import Broken, Margin
 from taskspec_runner.verdict.series import Series, SeriesAlgebra
-from taskspec_runner.verdict.wording import Measured, Said, Sides, Wording
-
-
-@dataclass(frozen=True, slots=True)
-class Judged:
-    """An expectation and what became of it.
-
-    Attributes:
-        text: as written.
-        passed: whether the run met it. A window without ticks, or a tick at which it cannot be
-            told, fails.
-        explanation: in one line, with the measured numbers.
-        measured: those numbers.
-        signals: the signals that it is about, with their stages.
-        stage: that all of them belong to; None for the whole run, or where they differ.
-        signal: the logged signal, if it is about one.
-        band: (low, high) [SI] that the signal is to stay within, None on an open side; None
-            altogether where it is about more than the size of one signal.
-        margins: how far inside its bounds each of its conditions stayed.
-        broken: when it was broken; None if it was met, or never had a tick.
-        line: of the task file, from 1.
-    """
-
-    text: str
-    passed: bool
-    explanation: str
-    measured: tuple[Measured, ...]
-    signals: tuple[str, ...]
-    stage: str | None
-    signal: str | None
-    band: tuple[float | None, float | None] | None
-    margins: tuple[Margin, ...] = ()
-    broken: Broken | None = None
-    line: int | None = None
+from taskspec_runner.verdict.wording import Said, Sides, Wording
 
 
 def judge(task: Task, history: History, elsewhere: Elsewhere) -> tuple[Judged, ...]:
@@ -93,7 +58,7 @@ class _Examiner:
         self._lookup, self._find = lookup, lookup.within(expression.tree)
         self._algebra = SeriesAlgebra()
         self._say = Wording(expression, scope_of(task), history.columns.get("clock"))
-        self.measured: list[Measured] = []
+        self.measured: list[MeasuredValue] = []
         self.margins: list[Margin] = []
         self._breaks: list[Broken] = []
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -12,39 +10,6 @@ from taskspec_runner.verdict.series import Series
 
 Vector = NDArray[np.float64]
 Mask = NDArray[np.bool_]
-
-#: Name of what a condition with a share of ticks is measured by.
-SHARE = "share of ticks"
-
-
-@dataclass(frozen=True, slots=True)
-class Margin:
-    """How far inside its bound a measured value is.
-
-    Attributes:
-        name: of the measured part, as written. value: in `unit`, negative outside. unit: of it.
-        left: share of what was allowed that was not used: 1 in the middle of a band, at zero under
-            a bound, or where every tick was good; 0 on the bound. None under a bound of zero.
-    """
-
-    name: str
-    value: float
-    unit: str
-    left: float | None
-
-
-@dataclass(frozen=True, slots=True)
-class Broken:
-    """When an expectation was broken for good, and what was measured then.
-
-    Attributes:
-        clock: run time of the first tick that did it [s]. text: in numbers.
-        final: whether no tick more could have mended it, as a share of ticks may be.
-    """
-
-    clock: float
-    text: str
-    final: bool = True
 
 
 def room(value: Vector, low: Vector | None, high: Vector | None) -> Vector:

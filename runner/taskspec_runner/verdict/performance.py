@@ -12,7 +12,7 @@ from taskspec.program.program import Program
 from taskspec.program.stages.stage import CompiledStage
 from taskspec_runner.record.history import History
 from taskspec_runner.verdict.given_up import given_up
-from taskspec_runner.verdict.judge import Judged
+from taskspec_runner.verdict.judged import Judged
 from taskspec_runner.verdict.metrics import metrics, peaks, set_points
 from taskspec_runner.verdict.predicted import predicted
 from taskspec_runner.verdict.response import contact_losses, responses

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import signal
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -24,7 +24,7 @@ from taskspec_runner.loop.fixed_step import DONE, Outcome
 from taskspec_runner.loop.interrupt import BY_SIGNAL
 from taskspec_runner.record.history import History
 from taskspec_runner.verdict.diagnosed import diagnosed
-from taskspec_runner.verdict.judge import Judged
+from taskspec_runner.verdict.judged import Judged
 from taskspec_runner.verdict.performance import performance
 
 EXIT_GOOD, EXIT_MISSED, EXIT_STOPPED = 0, 1, 4
@@ -100,7 +100,7 @@ def summarise(
         "period": context.period,
         "law": task.law.kind,
         "stages": visits,
-        "expectations": [_expectation(j) for j in judged],
+        "expectations": [j.as_data() for j in judged],
         **performance(program, history, judged, simulated.accounts),
         "limits": {k: v for k, v in task.limits.model_dump().items() if v is not None},
         "stage_limits": {
@@ -182,19 +182,3 @@ def _limit(end: Transition, robot: RobotModel) -> str:
         low, high = (float(side[joint]) for side in (robot.lower, robot.upper))
         bound = f"{show(low, unit, 5)} to {show(high, unit, 5)}"
     return f"{end.text}: {bound}, measured {show(end.value, unit, 5)}"
-
-
-def _expectation(judged: Judged) -> dict[str, Any]:
-    return {
-        "text": judged.text,
-        "line": judged.line,
-        "passed": judged.passed,
-        "explanation": judged.explanation,
-        "measured": [{"name": m.name, "value": m.value, "unit": m.unit} for m in judged.measured],
-        "signals": list(judged.signals),
-        "stage": judged.stage,
-        "signal": judged.signal,
-        "band": list(judged.band) if judged.band else None,
-        "margins": [asdict(margin) for margin in judged.margins],
-        "broken": asdict(judged.broken) if judged.broken else None,
-    }

@@ -13,7 +13,7 @@ from taskspec.text.expression import Expression, Scope, infer, tree
 from taskspec.text.show import in_unit, show
 from taskspec.text.units import NUMBER, fitting, to_si
 from taskspec_runner.verdict.amounts import DIGITS, digits_of, readable_unit
-from taskspec_runner.verdict.margin import Broken
+from taskspec_runner.verdict.judged import Broken, MeasuredValue
 from taskspec_runner.verdict.series import NO_TICK, Series
 
 Vector = NDArray[np.float64]
@@ -26,20 +26,11 @@ _GAPS_SHOWN = 3
 
 
 @dataclass(frozen=True, slots=True)
-class Measured:
-    """One measured number: what it is, and its value in `unit`."""
-
-    name: str
-    value: float
-    unit: str
-
-
-@dataclass(frozen=True, slots=True)
 class Said:
     """An explanation and the numbers in it."""
 
     text: str
-    measured: tuple[Measured, ...] = ()
+    measured: tuple[MeasuredValue, ...] = ()
 
 
 class Wording:
@@ -97,7 +88,7 @@ class Wording:
         text = f"{percent:.4g} % of ticks (needs {100 * needed:.4g} %)"
         if share < needed and sides and truth.window is not None:
             text += f"; at worst {self._worst(node.x, truth, sides)}"
-        return Said(text, (Measured(f"{self.text(node.x)}: share of ticks", percent, "%"),))
+        return Said(text, (MeasuredValue(f"{self.text(node.x)}: share of ticks", percent, "%"),))
 
     def number(self, node: tree.Node, passed: bool, sides: Sides) -> Said:
         """One number against its bounds."""
@@ -106,7 +97,7 @@ class Wording:
         part, series = sides[0]
         unit = self.unit(node, sides)
         name = self.text(part)
-        measured = Measured(name, in_unit(series.number, unit), unit)
+        measured = MeasuredValue(name, in_unit(series.number, unit), unit)
         digits = digits_of(series.number, [bound.number for _, bound in sides[1:]], unit)
         bounds = self._needs(node, sides, unit, 0, digits)
         return Said(f"{name} = {show(series.number, unit, digits)} ({bounds})", (measured,))
@@ -135,7 +126,7 @@ class Wording:
         return Said(
             text,
             tuple(
-                Measured(f"{which} {name}", in_unit(float(value), unit), unit)
+                MeasuredValue(f"{which} {name}", in_unit(float(value), unit), unit)
                 for which, value in (("lowest", values.min()), ("highest", values.max()))
             ),
         )

@@ -2,22 +2,16 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec.compiler import compile_unchecked
 from taskspec.program.program import Program
 from taskspec.program.stages.stage import CompiledStage
-from taskspec.spec import LoadedTask, load_text
-from taskspec.text.diagnostic import SpecError
 from taskspec_runner.errors import InputError
-from taskspec_runner.record.folder import LOG, MANIFEST, TASK
-from taskspec_runner.record.history import History, Visit, read_history
+from taskspec_runner.record.history import History, Visit
+from taskspec_runner.runs import RebuildError, Run
 from taskspec_runner.verdict.replay import Replay
 
 Vector = NDArray[np.float64]
@@ -52,6 +46,24 @@ class Recording:
     force: Vector
     wanted: Vector
 
+    @classmethod
+    def of(cls, run: Run) -> Recording:
+        """A run as it is drawn; one that was cut short up to where its log ends.
+
+        Raises:
+            InputError: the run has no tick, or a task that cannot be read any more.
+        """
+        if not len(run):
+            message = "its log holds no complete batch of ticks"
+            raise InputError(f"cannot draw {run.folder}: {message}")
+        try:
+            return _recording(run.program, run.history)
+        except RebuildError as error:
+            raise InputError(f"cannot draw {run.folder}: its task: {error}") from error
+        except KeyError as error:
+            message = f"its log has no column {error}; another version wrote it"
+            raise InputError(f"cannot draw {run.folder}: {message}") from error
+
     def __len__(self) -> int:
         return len(self.history)
 
@@ -82,47 +94,6 @@ class Recording:
     def stage(self, visit: Visit) -> CompiledStage:
         """The stage of a visit."""
         return next(s for s in self.program.stages if s.name == visit.stage)
-
-
-def read_recording(folder: Path, program: Program | None = None) -> Recording:
-    """Reads a run back; one that was cut short up to where its log ends.
-
-    Args:
-        folder: of the run.
-        program: its compiled task, where that is at hand.
-
-    Raises:
-        InputError: the folder holds no run, no tick, or a task that cannot be read any more.
-    """
-    try:
-        history = read_history(folder / LOG)
-        program = compile_unchecked(_task(folder)) if program is None else program
-    except SpecError as error:
-        told = next(iter(error.diagnostics))
-        raise InputError(f"cannot compile {folder / TASK} any more: {told.message}") from error
-    except (OSError, ValueError) as error:
-        raise InputError(f"cannot read the run in {folder}: {error}") from error
-    if not len(history):
-        raise InputError(f"cannot draw {folder}: its log holds no complete batch of ticks")
-    try:
-        return _recording(program, history)
-    except KeyError as error:
-        message = f"cannot draw {folder}: its log has no column {error}; another version wrote it"
-        raise InputError(message) from error
-
-
-def _task(folder: Path) -> LoadedTask:
-    """The task of a run as it was run, with its overrides."""
-    manifest: Mapping[str, object] = {}
-    path = folder / MANIFEST
-    if path.is_file():
-        manifest = json.loads(path.read_text(encoding="utf-8"))
-    overrides, origin = manifest.get("overrides"), manifest.get("file")
-    given = dict(overrides) if isinstance(overrides, Mapping) else {}
-    # What the file names, such as a robot of one's own, is beside the original.
-    base = Path(origin).parent if isinstance(origin, str) else folder
-    text = (folder / TASK).read_text(encoding="utf-8")
-    return load_text(text, str(folder / TASK), given, base)
 
 
 def _recording(program: Program, history: History) -> Recording:

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import base64
 import io
-from pathlib import Path
 
 from PIL import Image as Images
 
-from taskspec.program.program import Program
+from taskspec_runner.runs import Run
 from taskspec_runner.video.canvas import backends
 from taskspec_runner.video.picture import Pictures
-from taskspec_runner.video.recording import Recording, read_recording, steadiest_contact
+from taskspec_runner.video.recording import Recording, steadiest_contact
 from taskspec_runner.video.world import RecordedWorld
 
 #: Size of the picture [px].
@@ -20,19 +19,19 @@ SIZE = (1120, 490)
 MOST_BYTES = 150_000
 
 
-def render_still(folder: Path, clock: float | None = None, size: tuple[int, int] = SIZE) -> bytes:
+def render_still(run: Run, clock: float | None = None, size: tuple[int, int] = SIZE) -> bytes:
     """A PNG of a run at one time.
 
     Args:
-        folder: of the run.
+        run: to draw.
         clock: run time [s]; None for the largest force that stays.
         size: width and height [px].
 
     Raises:
         NoCanvasError: there is nothing to draw with.
-        InputError: the folder holds nothing that can be drawn.
+        InputError: the run has nothing that can be drawn.
     """
-    return _png(read_recording(folder), clock, size)
+    return _png(Recording.of(run), clock, size)
 
 
 def _png(recording: Recording, clock: float | None, size: tuple[int, int]) -> bytes:
@@ -49,17 +48,12 @@ def _png(recording: Recording, clock: float | None, size: tuple[int, int]) -> by
     return file.getvalue()
 
 
-def still_for_report(folder: Path, program: Program | None = None) -> tuple[str, float] | None:
-    """The picture as a `data:` address with its run time [s]; None where none can be drawn.
-
-    Args:
-        folder: of the run.
-        program: its compiled task, where that is at hand.
-    """
+def still_for_report(run: Run) -> tuple[str, float] | None:
+    """The picture as a `data:` address with its run time [s]; None where none can be drawn."""
     if not backends():
         return None
     try:
-        recording = read_recording(folder, program)
+        recording = Recording.of(run)
         clock = float(recording.clock[steadiest_contact(recording)])
         png = _png(recording, clock, SIZE)
     # Whatever keeps it from being drawn: a report without a picture is still a report.

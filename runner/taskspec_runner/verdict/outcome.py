@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from taskspec_runner.report.data import Run
-from taskspec_runner.report.judged import Expectation
-from taskspec_runner.report.stages import label
-from taskspec_runner.report.values import number
+from taskspec_runner.record.folder import number
+from taskspec_runner.verdict.judged import Judged
+
+if TYPE_CHECKING:
+    from taskspec_runner.runs import Run
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,7 +26,7 @@ class Verdict:
 
     kind: str
     sentence: str
-    first: Expectation | None = None
+    first: Judged | None = None
     stage: str = ""
     rest: str = ""
 
@@ -75,7 +76,7 @@ def _broken_off(ending: Mapping[str, Any]) -> str:
     return f"{place[0].upper()}{place[1:]}: {why}." if place else f"{why}."
 
 
-def first_broken(run: Run) -> Expectation | None:
+def first_broken(run: Run) -> Judged | None:
     """The expectation that was broken before all others; None where no tick broke one."""
     broken = [e for e in run.expectations if not e.passed and e.broken is not None]
     return min(broken, key=lambda e: e.broken.clock if e.broken else 0.0, default=None)
@@ -96,7 +97,7 @@ def stage_at(run: Run, clock: float) -> str:
     """Label of the visit at a run time [s]; empty without one."""
     found = (v for v in run.visits if v.start - run.period / 2 < clock < v.end - run.period / 2)
     visit = next(found, None)
-    return label(run, visit) if visit else ""
+    return run.label(visit) if visit else ""
 
 
 def _missed(missed: int, total: int) -> str:

@@ -1,0 +1,69 @@
+"""The log of a run on its way into a file of another format."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from itertools import chain
+
+import numpy as np
+import pyarrow as pa
+
+from taskspec_runner.export.poses import PoseStream
+from taskspec_runner.record.extent import Extent, status_of
+from taskspec_runner.record.history import units_of
+from taskspec_runner.runs import Run
+
+
+class LogStream:
+    """The log of a run in batches, which are counted as they go by.
+
+    Attributes:
+        run: whose log it is. schema: of the log; None where that holds no tick.
+        poses: gives those of tool and task frame; without, there are none.
+        ticks: that went by.
+    """
+
+    def __init__(self, run: Run) -> None:
+        """Opens the log of a run.
+
+        Raises:
+            OSError: there is none.
+        """
+        batches = run.batches()
+        first = next(batches, None)
+        self.run, self.ticks, self._ends = run, 0, list[float]()
+        self.schema = pa.schema([]) if first is None else first.schema
+        self.poses: PoseStream | None = None
+        self._batches = batches if first is None else chain([first], batches)
+
+    def __iter__(self) -> Iterator[pa.RecordBatch]:
+        for batch in self._batches:
+            self.ticks += batch.num_rows
+            clock = batch.column("clock").slice(max(batch.num_rows - 2, 0))
+            self._ends = [*self._ends, *clock.to_pylist()][-2:]
+            yield batch
+
+    @property
+    def units(self) -> dict[str, str]:
+        """The unit of each column, empty where it has none."""
+        return units_of(self.schema)
+
+    @property
+    def extent(self) -> Extent:
+        """How much of the run went by."""
+        until = self._ends[-1] + float(np.sum(np.diff(self._ends))) if self._ends else 0.0
+        return Extent(status_of(self.run.manifest, self.run.summary), self.ticks, until)
+
+    @property
+    def metadata(self) -> dict[str, str]:
+        """What a reader of the log alone must know of the run, as texts."""
+        manifest, extent = self.run.manifest, self.extent
+        return {
+            "taskspec.task": str(manifest.get("task") or ""),
+            "taskspec.status": extent.status,
+            "taskspec.partial": json.dumps(extent.partial),
+            "taskspec.ticks": str(extent.ticks),
+            "taskspec.seed": str(manifest.get("seed", "")),
+            "taskspec.versions": json.dumps(manifest.get("versions") or {}),
+        }

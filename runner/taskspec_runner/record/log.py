@@ -1,0 +1,94 @@
+"""The log of a run on the disk: an Arrow IPC stream, in batches that survive a killed run."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+
+from taskspec_runner.record.history import History, HistoryBuilder
+
+
+class _Hashed(io.BufferedWriter):
+    """A file that knows the SHA-256 of what was written to it."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(io.FileIO(path, "wb"))
+        self.sha256 = hashlib.sha256()
+
+    def write(self, data: Any, /) -> int:
+        self.sha256.update(data)
+        return super().write(data)
+
+
+class Log:
+    """The log of a run that goes on: every batch on the disk at once, and its columns in memory.
+
+    Args:
+        path: of the file. keep: whether columns are kept in memory.
+    """
+
+    def __init__(self, path: Path, *, keep: bool = True) -> None:
+        self._file = _Hashed(path)
+        self._writer: pa.ipc.RecordBatchStreamWriter | None = None
+        self._columns, self._keep = HistoryBuilder(), keep
+
+    def write(self, batch: pa.RecordBatch) -> None:
+        """Appends some ticks."""
+        if self._writer is None:
+            self._writer = pa.ipc.new_stream(self._file, batch.schema)
+        self._writer.write_batch(batch)
+        self._file.flush()
+        if self._keep:
+            self._columns.add(batch)
+
+    def close(self) -> None:
+        """Ends the stream."""
+        try:
+            if self._writer is not None:
+                self._writer.close()
+        finally:
+            self._file.close()
+
+    @property
+    def sha256(self) -> str:
+        """Of the file, as far as it is written."""
+        return self._file.sha256.hexdigest()
+
+    def history(self) -> History:
+        """Every tick that was written; it leaves none here, so that they are in memory once."""
+        return self._columns.build()
+
+
+def stream_log(path: Path) -> Iterator[pa.RecordBatch]:
+    """The batches of a log one by one; of one that was cut short, up to its last complete batch.
+
+    Raises:
+        OSError: the file cannot be opened.
+    """
+    with path.open("rb") as file:
+        reader = None
+        while True:
+            try:
+                reader = reader or pa.ipc.open_stream(file)
+                batch = reader.read_next_batch()
+            except (StopIteration, pa.ArrowInvalid, OSError):
+                # The end of the stream, or of what a killed run has left of it.
+                return
+            yield batch
+
+
+def read_log(path: Path) -> History:
+    """The ticks of a log; of one that was cut short, up to its last complete batch.
+
+    Raises:
+        OSError: the file cannot be opened.
+    """
+    columns = HistoryBuilder()
+    for batch in stream_log(path):
+        columns.add(batch)
+    return columns.build()

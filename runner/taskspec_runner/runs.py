@@ -1,0 +1,508 @@
+"""A run as one object: its task, its history tick by tick, and what came of it.
+
+`taskspec_runner.run` is the function that makes one, so this module has the plural.
+"""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import closing
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pyarrow as pa
+from numpy.typing import NDArray
+
+from taskspec.text.suggest import suggestion
+from taskspec_runner.errors import InputError
+from taskspec_runner.record.extent import ENDED, Extent, status_of
+from taskspec_runner.record.folder import (
+    LOG,
+    MANIFEST,
+    REPORT,
+    SUMMARY,
+    TASK,
+    Json,
+    RunFolder,
+    mapping,
+    mappings,
+    number,
+    open_folder,
+    read_json,
+)
+from taskspec_runner.record.history import History, Mask, Vector
+from taskspec_runner.record.log import Log, read_log, stream_log
+from taskspec_runner.signals import LoggedSignal, LoggedSignals
+from taskspec_runner.verdict.judged import Judged, read_judged
+from taskspec_runner.verdict.outcome import verdict
+
+if TYPE_CHECKING:
+    from taskspec.program.program import Program
+    from taskspec_runner.report.overview import Picture
+
+#: Rows of a log that are in memory at a time where it goes by: 8 MB at 100 columns.
+ROWS = 10_000
+
+
+class RebuildError(Exception):
+    """The task of a run cannot be compiled again; the message says why."""
+
+
+@dataclass(frozen=True, slots=True)
+class StageVisit:
+    """One stay in a stage.
+
+    Attributes:
+        stage: its name. number: 1 for the first visit. start, end: run time [s].
+        law, frame: under and in which it ran, empty where unknown.
+        ended_by: the event that ended it, as the summary has it.
+    """
+
+    stage: str
+    number: int
+    start: float
+    end: float
+    law: str = ""
+    frame: str = ""
+    ended_by: Json = field(default_factory=dict)
+
+
+class Window:
+    """Some ticks of a run."""
+
+    def __init__(self, history: History, ticks: Mask) -> None:
+        self._parts = history, ticks
+
+    @property
+    def history(self) -> History:
+        """Every tick of the run."""
+        return self._parts[0]
+
+    @property
+    def _ticks(self) -> Mask:
+        """(rows,) which of them these are."""
+        return self._parts[1]
+
+    def __len__(self) -> int:
+        return int(self._ticks.sum())
+
+    @property
+    def signals(self) -> LoggedSignals:
+        """Every column of the log by its name, in SI."""
+        return LoggedSignals(self.history.columns, self.history.units, self._ticks)
+
+    @property
+    def clock(self) -> LoggedSignal:
+        """(n,) time since the run began [s]."""
+        return self.signals["clock"]
+
+    @property
+    def stage(self) -> NDArray[np.str_]:
+        """(n,) name of the stage of each tick."""
+        return np.asarray(self.history.stages[self._ticks])
+
+    def during(
+        self, stage: str, start: float = 0.0, end: float = np.inf, visit: int | None = None
+    ) -> Window:
+        """The ticks in a stage.
+
+        Args:
+            stage: its name. start, end: into each visit of it [s]; `end` itself is left out.
+            visit: 1 for the first visit, and so on; None for all of them.
+
+        Raises:
+            KeyError: the run never was in that stage, or not as often.
+        """
+        visits = [v for v in self.history.visits() if v.stage == stage]
+        if not visits:
+            hint = suggestion(stage, dict.fromkeys(self.history.stages.tolist()), "stages")
+            raise KeyError(f"the run never was in a stage '{stage}'; {hint}".rstrip("; "))
+        if visit is not None and not 1 <= visit <= len(visits):
+            raise KeyError(f"stage '{stage}' has {len(visits)} visits, not a visit {visit}")
+        wanted = visits if visit is None else [visits[visit - 1]]
+        ticks = np.zeros(len(self.history), dtype=bool)
+        for each in wanted:
+            ticks[each.rows] = True
+        t = self.history.columns["t"]
+        return Window(self.history, self._ticks & ticks & (t >= start) & (t < end))
+
+    def __repr__(self) -> str:
+        stages = ", ".join(dict.fromkeys(self.stage.tolist()))
+        return f"<{len(self)} ticks in {stages or 'no stage'}>"
+
+
+class Run(Window):
+    """A run that was made.
+
+    Its parts are those that it is made with; what is not given is read from its folder when it is
+    first asked for, with patience: every file of it may be missing or cut short.
+
+    Attributes:
+        folder: where everything of it is.
+    """
+
+    def __init__(
+        self,
+        folder: Path,
+        *,
+        content: bytes | None = None,
+        manifest: Json | None = None,
+        summary: Json | None = None,
+        history: History | None = None,
+        program: Program | None = None,
+        damage: str | None = None,
+    ) -> None:
+        """A run with the parts that are at hand.
+
+        Args:
+            folder: of the run. content: of the task file.
+            manifest, summary, history, program, damage: see there.
+        """
+        self.folder = folder
+        parts: dict[str, object] = {"content": content, "manifest": manifest, "summary": summary}
+        parts |= {"history": history, "program": program, "damage": damage}
+        self.__dict__ |= {name: part for name, part in parts.items() if part is not None}
+
+    @classmethod
+    def load(cls, folder: Path) -> Run:
+        """The run of a folder; of one that was killed, what there is.
+
+        Raises:
+            InputError: it is not the folder of a run.
+        """
+        if not RunFolder(folder).is_run:
+            raise InputError(f"cannot read {folder}: it is not the folder of a run")
+        return cls(folder)
+
+    def save(self, folder: str | Path) -> Run:
+        """Writes the run into another folder; an earlier run in that is replaced.
+
+        Returns:
+            The run that is there.
+
+        Raises:
+            InputError: the log is damaged, which a copy would hide.
+            OutputError: the folder cannot be written.
+        """
+        if self.damage:
+            raise InputError(f"cannot save the run in {self.folder}: {self.damage}")
+        content, history = self.content, self.history
+        manifest, summary = dict(self.manifest), self.summary
+        folder = Path(folder)
+        into = open_folder(folder, folder.name)
+        into.write_bytes(TASK, content)
+        if len(history):
+            with closing(Log(into.log, keep=False)) as log:
+                for batch in history.batches(ROWS):
+                    log.write(batch)
+        if summary:
+            into.write_json(SUMMARY, summary)
+        into.note(**manifest | {"sha256": {name: into.digest(name) for name in (TASK, LOG)}})
+        return Run(folder, content=content, summary=summary, history=history)
+
+    # What was to be done.
+
+    @cached_property
+    def content(self) -> bytes:
+        """The task file byte by byte; empty where it is missing."""
+        path = self.folder / TASK
+        return path.read_bytes() if path.is_file() else b""
+
+    @cached_property
+    def task(self) -> str:
+        """Text of the task file."""
+        return io.TextIOWrapper(io.BytesIO(self.content), "utf-8", errors="replace").read()
+
+    @cached_property
+    def manifest(self) -> Json:
+        """The content of `manifest.json`: versions, seed, overrides, times on the wall."""
+        return read_json(self.folder / MANIFEST)
+
+    @cached_property
+    def program(self) -> Program:
+        """The compiled task, with the overrides of the run.
+
+        Files that the task names, such as a robot's, are looked for beside the original task file.
+
+        Raises:
+            RebuildError: something is missing, or no longer as it was.
+        """
+        from taskspec.compiler import compile_unchecked
+        from taskspec.spec import load_text
+        from taskspec.text.diagnostic import SpecError
+
+        if not self.content:
+            raise RebuildError(f"{self.folder / TASK} is missing")
+        origin = self.manifest.get("file")
+        file = Path(origin) if isinstance(origin, str) else self.folder / TASK
+        overrides = dict(mapping(self.manifest.get("overrides")))
+        try:
+            return compile_unchecked(load_text(self.task, str(file), overrides, file.parent))
+        except SpecError as error:
+            first = error.diagnostics[0]
+            raise RebuildError(f"{first.code}: {first.message}") from error
+        except (OSError, ValueError, KeyError, TypeError) as error:
+            raise RebuildError(f"{type(error).__name__}: {error}") from error
+
+    @property
+    def name(self) -> str:
+        """Of the task, empty where unknown."""
+        return str(self.summary.get("task") or self.manifest.get("task") or "")
+
+    @property
+    def robot(self) -> str:
+        """Name of the robot, empty where unknown."""
+        robot = self.summary.get("robot")
+        return str((robot.get("name") if isinstance(robot, Mapping) else robot) or "")
+
+    @property
+    def forced(self) -> list[str]:
+        """Codes of the errors in spite of which it was run."""
+        codes = self.summary.get("forced")
+        return [str(code) for code in codes] if isinstance(codes, list) else []
+
+    def limit(self, name: str, stage: str) -> float | None:
+        """A limit in a stage [SI], None without one."""
+        own = mapping(mapping(self.summary.get("stage_limits")).get(stage))
+        return number(own.get(name, mapping(self.summary.get("limits")).get(name)))
+
+    # What happened.
+
+    @cached_property
+    def history(self) -> History:
+        """Every tick of the log, up to where that ends."""
+        try:
+            return read_log(self.folder / LOG)
+        except OSError:
+            return History({}, np.array([], dtype=np.str_))
+
+    @cached_property
+    def _ticks(self) -> Mask:
+        return np.ones(len(self.history), dtype=bool)
+
+    def batches(self) -> Iterator[pa.RecordBatch]:
+        """The log in order, up to some `ROWS` rows at a time; not all of it comes into memory.
+
+        Raises:
+            OSError: there is no log.
+        """
+        if "history" in self.__dict__:
+            yield from self.history.batches(ROWS)
+            return
+        held: list[pa.RecordBatch] = []
+        for batch in stream_log(self.folder / LOG):
+            held.append(batch)
+            if sum(b.num_rows for b in held) >= ROWS:
+                yield _joined(held)
+                held = []
+        if held:
+            yield _joined(held)
+
+    @property
+    def columns(self) -> Mapping[str, Vector]:
+        """(rows,) values of the log by column name [SI]."""
+        return self.history.columns
+
+    @property
+    def units(self) -> Mapping[str, str]:
+        """Of the columns."""
+        return self.history.units
+
+    def column(self, name: str) -> Vector | None:
+        """A column with at least one finite value, else None."""
+        values = self.columns.get(name)
+        return values if values is not None and bool(np.isfinite(values).any()) else None
+
+    @cached_property
+    def clock(self) -> LoggedSignal:
+        """(rows,) run time [s]."""
+        return LoggedSignal(self.columns.get("clock", np.zeros(0)), "clock", "s")
+
+    @cached_property
+    def period(self) -> float:
+        """Time between two rows of the log [s]."""
+        steps = np.diff(np.asarray(self.clock))
+        return float(np.median(steps)) if len(steps) else 1e-3
+
+    @property
+    def start(self) -> float:
+        """Run time at the first row [s]."""
+        return float(self.clock[0]) if len(self.clock) else 0.0
+
+    @property
+    def end(self) -> float:
+        """Run time at the end of the last row [s]."""
+        return float(self.clock[-1]) + self.period if len(self.clock) else 0.0
+
+    @cached_property
+    def breaks(self) -> NDArray[np.int64]:
+        """Rows at which another stage, or visit, begins."""
+        firsts = [visit.first for visit in self.history.visits()]
+        return np.array(firsts[1:], dtype=np.int64)
+
+    @cached_property
+    def visits(self) -> tuple[StageVisit, ...]:
+        """Stays in stages, in order."""
+        return _visits(self.summary) or _logged_visits(self.history)
+
+    @property
+    def stages(self) -> tuple[str, ...]:
+        """The stages that were visited, in order."""
+        return tuple(visit.stage for visit in self.history.visits())
+
+    def rows(self, visit: StageVisit) -> Mask:
+        """(rows,) the rows of a visit."""
+        half, clock = self.period / 2, np.asarray(self.clock)
+        return np.asarray((clock > visit.start - half) & (clock < visit.end - half))
+
+    def label(self, visit: StageVisit) -> str:
+        """Name of a visit; numbered where its stage was visited more than once."""
+        often = sum(v.stage == visit.stage for v in self.visits) > 1
+        return f"{visit.stage} {visit.number}" if often else visit.stage
+
+    @property
+    def extent(self) -> Extent:
+        """How much of the run there is."""
+        return Extent(status_of(self.manifest, self.summary), len(self.clock), self.end)
+
+    @cached_property
+    def damage(self) -> str:
+        """What is wrong with the log of a run that has ended; empty if nothing is."""
+        if self.manifest.get("status") not in ENDED:
+            return ""
+        written = mapping(self.manifest.get("sha256")).get(LOG)
+        try:
+            found = RunFolder(self.folder).digest(LOG)
+        except OSError as error:
+            return f"{LOG} cannot be read: {error.strerror or error}"
+        if found is None:
+            # A run that was stopped before its first tick has none.
+            missing = written or self.manifest.get("status") != "stopped"
+            return f"{LOG} is missing" if missing else ""
+        if written and found != written:
+            return f"{LOG} is not what the run wrote: its SHA-256 is not the one in {MANIFEST}"
+        return ""
+
+    # What came of it.
+
+    @cached_property
+    def summary(self) -> Json:
+        """The content of `summary.json`, in SI; empty for a run that did not finish."""
+        return read_json(self.folder / SUMMARY)
+
+    @property
+    def exit_code(self) -> int:
+        """0 well, 1 missed or failed, 4 safety stop, 130 interrupted, 143 or 129 terminated."""
+        return int(self.summary["exit_code"])
+
+    @cached_property
+    def expectations(self) -> tuple[Judged, ...]:
+        """What the task expected and what was found, in the order of the file."""
+        whole = self.summary.get("status") == "done"
+        entries = mappings(self.summary.get("expectations"))
+        return tuple(read_judged(entry, whole=whole) for entry in entries)
+
+    @property
+    def metrics(self) -> Mapping[str, Mapping[str, Mapping[str, float]]]:
+        """Stage to signal to `rms_error`, `max_error`, `final_error`, `mean`, `min`, `max` [SI]."""
+        found: Mapping[str, Mapping[str, Mapping[str, float]]] = self.summary.get("metrics", {})
+        return found
+
+    @property
+    def passed(self) -> bool:
+        """Whether the run came to its end and met every expectation."""
+        return self.verdict == "passed"
+
+    @property
+    def verdict(self) -> str:
+        """`passed`, `missed`, `failed`, `stopped`, `unfinished` or `damaged`."""
+        return verdict(self).kind
+
+    @property
+    def reason(self) -> str:
+        """Why, in a sentence."""
+        return verdict(self).sentence
+
+    # How it is looked at. What draws and writes stands on runs, and is imported when it is asked.
+
+    @property
+    def report(self) -> Path | None:
+        """The report, if there is one."""
+        path = self.folder / REPORT
+        return path if path.is_file() else None
+
+    def plot(self, *names: str) -> Picture:
+        """A picture of the run, or of some signals.
+
+        Args:
+            names: of signals; those in the same unit share a chart. None for the picture of the
+                report: force against reference, motion and path.
+
+        Raises:
+            KeyError: there is no such signal, or it has no value.
+        """
+        from taskspec_runner.report.overview import Picture, overview_svg
+        from taskspec_runner.report.selection import selected
+
+        for name in names:
+            if not np.isfinite(self.signals[name]).any():
+                raise KeyError(f"signal '{name}' has no value in this run")
+        return Picture(overview_svg(self, selected(self, names) if names else None))
+
+    def export(self, form: str, path: str | Path | None = None) -> Path:
+        """Writes the log as `csv`, `parquet`, `mcap` or `rerun`; see `taskspec export`.
+
+        Raises:
+            InputError: there is no such format, no tick, or a library is missing.
+            OutputError: the file cannot be written.
+        """
+        from taskspec_runner.export import FORMATS, export_run
+
+        if form not in FORMATS:
+            raise InputError(f"there is no format '{form}'; {suggestion(form, FORMATS, 'formats')}")
+        return export_run(self, form, None if path is None else Path(path)).path
+
+    def __repr__(self) -> str:
+        met = sum(each.passed for each in self.expectations)
+        text = f"{met} of {len(self.expectations)} expectations met, {self.end:.3f} s"
+        return f"<{self.name or 'run'}: {self.verdict}, {text}, in {self.folder}>"
+
+    def _repr_html_(self) -> str:
+        from taskspec_runner.report.notebook import notebook_html
+
+        return notebook_html(self)
+
+
+def _joined(batches: Sequence[pa.RecordBatch]) -> pa.RecordBatch:
+    return pa.Table.from_batches(batches).combine_chunks().to_batches()[0]
+
+
+def _visits(summary: Json) -> tuple[StageVisit, ...]:
+    seen: dict[str, int] = {}
+    visits = []
+    for entry in mappings(summary.get("stages")):
+        start, end = number(entry.get("start")), number(entry.get("end"))
+        if start is None or end is None:
+            return ()
+        name = str(entry.get("name", ""))
+        seen[name] = seen.get(name, 0) + 1
+        law, frame = str(entry.get("law") or ""), str(entry.get("frame") or "")
+        ended_by = mapping(entry.get("ended_by"))
+        visits.append(StageVisit(name, seen[name], start, end, law, frame, ended_by))
+    return tuple(visits)
+
+
+def _logged_visits(history: History) -> tuple[StageVisit, ...]:
+    clock = history.columns.get("clock", np.zeros(0))
+    seen: dict[str, int] = {}
+    visits = []
+    for each in history.visits():
+        seen[each.stage] = seen.get(each.stage, 0) + 1
+        after = min(each.last + 1, len(clock) - 1)
+        start, end = float(clock[each.first]), float(clock[after])
+        visits.append(StageVisit(each.stage, seen[each.stage], start, end))
+    return tuple(visits)
