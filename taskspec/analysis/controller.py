@@ -20,7 +20,7 @@ from taskspec.modes import DEFAULT_RAMP
 from taskspec.program.bound import BoundFunction
 from taskspec.program.context import Context
 from taskspec.program.execution import entry
-from taskspec.program.execution.carried import Carried
+from taskspec.program.execution.hand_over import HandedOver
 from taskspec.program.ports import fields, slices
 from taskspec.program.stages.stage import CompiledStage
 from taskspec.program.world import estimated_frames
@@ -91,7 +91,7 @@ class Operating:
         entered = entry.enter(
             stage,
             context.robot,
-            Carried(context.start_p, context.start_R, np.zeros(6)),
+            HandedOver(context.start_p, context.start_R, np.zeros(6)),
             (context.start_p, context.start_R),
             self._arguments,
             poses,

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.laws.gains import value_of
 from taskspec.modes import StageStart
-from taskspec.program.execution.carried import Carried
 from taskspec.program.execution.choice import choose_first
+from taskspec.program.execution.hand_over import HandedOver
 from taskspec.program.execution.tracks import Tracks, plan_tracks
 from taskspec.program.ports import PROBE, slices
 from taskspec.program.stages.stage import CompiledStage
@@ -51,7 +51,7 @@ class Continuation:
 def enter(
     stage: CompiledStage,
     robot: RobotModel,
-    carried: Carried,
+    carried: HandedOver,
     tip: tuple[Vector, Vector],
     inputs: Sequence[Vector],
     estimated_poses: Mapping[str, Vector],
@@ -74,7 +74,7 @@ class _Entry:
     def __init__(
         self,
         stage: CompiledStage,
-        carried: Carried,
+        carried: HandedOver,
         tip: tuple[Vector, Vector],
         inputs: Sequence[Vector],
         estimated_poses: Mapping[str, Vector],

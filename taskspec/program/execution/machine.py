@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 from taskspec.control.model_terms import ModelTerms
 from taskspec.program import events
 from taskspec.program.execution import entry
-from taskspec.program.execution.carried import Carried, leave
 from taskspec.program.execution.choice import choose_again
 from taskspec.program.execution.estimation import Estimation
-from taskspec.program.execution.fading import Fading, unanswered
+from taskspec.program.execution.fade_out import FadeOut, unanswered
+from taskspec.program.execution.hand_over import HandedOver, leave
 from taskspec.program.execution.resolver import Asked, Resolver
 from taskspec.program.execution.sensor_zero import SensorZero
 from taskspec.program.execution.stage_runner import StageRunner
@@ -72,7 +72,7 @@ class Machine:
         self._names = [s.name for s in stages]
         self.index, self.t = 0, 0.0
         self._ticks = 0
-        self._applied, self._fading = np.zeros(len(self.torque)), Fading(len(self.torque))
+        self._applied, self._fading = np.zeros(len(self.torque)), FadeOut(len(self.torque))
         self._runner = self.runners[0]
         self.ended = ""
         self.transitions: list[Transition] = []
@@ -96,7 +96,7 @@ class Machine:
         """Enters the first stage from rest at the measured pose."""
         self.update_terms()
         self.torque[:] = self._terms.gravity
-        self._enter(0, Carried(*self._terms.tip(), np.zeros(6)), 0.0)
+        self._enter(0, HandedOver(*self._terms.tip(), np.zeros(6)), 0.0)
 
     def asked(self, index: int, t: float) -> Asked | None:
         """What stage `index` asks of contacts at its time t [s], were it entered at rest here.
@@ -108,7 +108,7 @@ class Machine:
         if runner.resolver is None or self._estimation.missing(runner.stage):
             return None
         self.update_terms()
-        self._enter(index, Carried(*self._terms.tip(), np.zeros(6)), 0.0)
+        self._enter(index, HandedOver(*self._terms.tip(), np.zeros(6)), 0.0)
         self._now[0] = t
         runner.evaluate()
         return runner.resolver.asked()
@@ -227,7 +227,7 @@ class Machine:
             Transition(clock, self.stage.name, event.kind, event.name, event.text, value, to)
         )
 
-    def _enter(self, index: int, carried: Carried, clock: float) -> None:
+    def _enter(self, index: int, carried: HandedOver, clock: float) -> None:
         self.index, self._runner = index, self.runners[index]
         self._ticks, self.t = 0, 0.0
         self.outputs[_CONDITIONING] = 1.0

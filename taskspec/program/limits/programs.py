@@ -28,36 +28,38 @@ from taskspec.program.limits.contacts import (
 from taskspec.program.limits.limited import limit_rows
 from taskspec.program.limits.resolution import Resolved
 from taskspec.program.plan import StagePlan
-from taskspec.program.reference.measured import Measured
+from taskspec.program.reference.measurement import Measurement
 from taskspec.program.world import kinematics
 
 
 def resolve(
     context: Context,
     plan: StagePlan,
-    seen: Measured,
-    asked: Mapping[str, ca.SX],
+    measurement: Measurement,
+    requested: Mapping[str, ca.SX],
     wanted: ca.SX,
 ) -> Resolved:
     """The two programs of a stage, as expressions.
 
     Args:
-        context: of the task. plan: of the stage. seen: what it measures.
-        asked: force set points by name, before anything is taken from them.
+        context: of the task. plan: of the stage. measurement: what it measures.
+        requested: force set points by name, before anything is taken from them.
         wanted: (n,) torque of the closed form.
     """
-    names = tuple(asked)
+    names = tuple(requested)
     objects = plan.touched
-    limits, inputs, clock = plan.limits, seen.inputs, seen.clock.clock
+    limits, inputs, clock = plan.limits, measurement.inputs, measurement.clock.clock
     n = context.robot.pin.nv
-    active = {name: seen.rows[name] for name in plan.active}
+    active = {name: measurement.rows[name] for name in plan.active}
     # A limit on the contact force is one on that of every object that the tool may touch.
     capped = objects if limits.force is None else all_objects(context, objects)
     contacts = shape_rows(
-        context, capped, plan.pressed, seen.world, inputs.wrench, seen.gaps, clock
+        context, capped, plan.pressed, measurement.world, inputs.wrench, measurement.gaps, clock
     )
     on_equations = [
-        equation_contact(row, name, seen.reactions[name], context.compliances[name].stiffness)
+        equation_contact(
+            row, name, measurement.reactions[name], context.compliances[name].stiffness
+        )
         for name, row in active.items()
     ]
     axes = [name for name in names if name in plan.plans]
@@ -65,37 +67,37 @@ def resolve(
         names=names,
         rows=ca.vertcat(
             ca.SX(0, n),
-            *(seen.state.J[seen.state.rows([a])[0], :] for a in axes),
+            *(measurement.state.J[measurement.state.rows([a])[0], :] for a in axes),
             *(row.J for row in active.values()),
         ),
-        values=ca.vertcat(ca.SX(0, 1), *asked.values()),
+        values=ca.vertcat(ca.SX(0, 1), *requested.values()),
     )
-    last = seen.parameters.add("last_torque", n) if limits.torque_rate is not None else None
+    last = measurement.parameters.add("last_torque", n) if limits.torque_rate is not None else None
     limited = limit_rows(
         context=context,
         limits=limits,
-        state=seen.state,
-        terms=seen.world,
+        state=measurement.state,
+        terms=measurement.world,
         contacts=[*contacts, *on_equations],
         requests=requests.rows,
         wanted=wanted,
         last=last,
         q=inputs.q,
         v=inputs.v,
-        environment=_environment(context, seen),
+        environment=_environment(context, measurement),
     )
-    generators = _generators(context, plan, seen, requests, axes, objects, on_equations)
-    nearest = consistency(context, limits, requests, generators, seen.world.gravity)
+    generators = _generators(context, plan, measurement, requests, axes, objects, on_equations)
+    nearest = consistency(context, limits, requests, generators, measurement.world.gravity)
     return Resolved(plan.law.solver, requests, limited, nearest)
 
 
-def _environment(context: Context, seen: Measured) -> ca.SX:
+def _environment(context: Context, measurement: Measurement) -> ca.SX:
     """Torque (n,) that the environment exerts on the joints, as far as it is measured."""
-    v = seen.inputs.v
-    torque = seen.world.J.T @ seen.inputs.wrench
-    for name, row in seen.rows.items():
+    v = measurement.inputs.v
+    torque = measurement.world.J.T @ measurement.inputs.wrench
+    for name, row in measurement.rows.items():
         if row.model.joints:
-            torque -= row.J.T * seen.reactions[name]
+            torque -= row.J.T * measurement.reactions[name]
     damping = np.broadcast_to(context.loaded.task.robot.joint_damping, v.shape[0])
     return torque - ca.DM(damping) * v
 
@@ -103,16 +105,16 @@ def _environment(context: Context, seen: Measured) -> ca.SX:
 def _generators(
     context: Context,
     plan: StagePlan,
-    seen: Measured,
+    measurement: Measurement,
     requests: Requests,
     axes: Sequence[str],
     objects: Sequence[str],
     equations: Sequence[ContactRow],
 ) -> list[Generator]:
-    base, offset = seen.moving_base, seen.point.offset
-    turned = seen.at.R if base is None else base.A @ seen.at.R
+    base, offset = measurement.moving_base, measurement.point.offset
+    turned = measurement.at.R if base is None else base.A @ measurement.at.R
     offset = offset if base is None else base.A @ offset
-    world, about = seen.world, seen.world.p + offset
+    world, about = measurement.world, measurement.world.p + offset
     count = len(requests.names)
     resolve_axes = ca.SX.zeros(count, 6)
     towards = ca.SX.zeros(3)
@@ -125,7 +127,7 @@ def _generators(
             towards += direction * requests.values[i]
     found: list[Generator] = []
     if axes and context.gripped(plan.frame):
-        at = kinematics.control_point(world, seen.inputs.wrench, None)
+        at = kinematics.control_point(world, measurement.inputs.wrench, None)
         J = ca.vertcat(at.J[:3, :] - ca.skew(offset) @ at.J[3:, :], at.J[3:, :])
         found += grip_generators(resolve_axes, J)
     elif axes:
@@ -133,7 +135,9 @@ def _generators(
         points = [world.p + world.R @ ca.DM(center) for center in tool.centers]
         middle = kinematics.tool_point(context.robot, world).center
         normals = [
-            signals.normal(context.surfaces[o], middle, context.moving_bases, o, seen.clock.clock)
+            signals.normal(
+                context.surfaces[o], middle, context.moving_bases, o, measurement.clock.clock
+            )
             for o in objects
         ]
         found += wrench_generators(
@@ -150,6 +154,6 @@ def _generators(
     if plan.law.control_law.multipliers:
         for k, contact in enumerate(equations):
             effect = ca.SX.zeros(count)
-            effect[len(axes) + k] = pushing(seen.rows[contact.name])
+            effect[len(axes) + k] = pushing(measurement.rows[contact.name])
             found.append(equation_generator(contact, effect))
     return found

@@ -21,7 +21,7 @@ from taskspec.geometry.axis import AXES, Axis
 from taskspec.program.clock import Clock
 from taskspec.program.plan import StagePlan
 from taskspec.program.reference.axis_plan import AxisPlan
-from taskspec.program.reference.measured import Measured
+from taskspec.program.reference.measurement import Measurement
 from taskspec.program.world import kinematics
 from taskspec.program.world.frames import FrameModel
 from taskspec.program.world.mechanisms import MechanismModel
@@ -50,19 +50,19 @@ class Coordinates:
     marks: Mapping[str, ca.SX]
 
 
-def frame_coordinates(plan: StagePlan, seen: Measured) -> Coordinates:
-    """Measured coordinates; takes the memory and parameters that the frame's kind needs."""
-    frame, plans, at, terms = plan.frame, plan.plans, seen.at, seen.terms
-    memory, parameters = seen.memory, seen.parameters
+def frame_coordinates(plan: StagePlan, measurement: Measurement) -> Coordinates:
+    """Measurement coordinates; takes the memory and parameters that the frame's kind needs."""
+    frame, plans, at, terms = plan.frame, plan.plans, measurement.at, measurement.terms
+    memory, parameters = measurement.memory, measurement.parameters
     marks: dict[str, ca.SX] = {}
     position: dict[Axis, ca.SX] = {}
     if frame.still:
-        local = at.R.T @ (seen.point.p - at.origin)
+        local = at.R.T @ (measurement.point.p - at.origin)
         position = {a: local[i] for i, a in enumerate(AXES[:3]) if a in plans}
     elif frame.kind == "turning":
         assert frame.mechanism is not None
-        assert seen.tracked is not None
-        angle, since = seen.tracked.angle, seen.tracked.since
+        assert measurement.tracked is not None
+        angle, since = measurement.tracked.angle, measurement.tracked.since
         local = on_handle(frame, frame.mechanism, terms.p, angle, since)
         position = {a: local[i] for i, a in enumerate(AXES[:3]) if a in plans}
     else:
@@ -71,11 +71,11 @@ def frame_coordinates(plan: StagePlan, seen: Measured) -> Coordinates:
         for a in AXES[:3]:
             marks[f"last.{a}"] = memory.add(f"last.{a}")
             marks[f"way.{a}"] = memory.add(f"way.{a}")
-        here = at.foot if frame.kind == "following" else seen.point.p
+        here = at.foot if frame.kind == "following" else measurement.point.p
         moved = at.R.T @ (here - marks["place"])
         position = {a: marks[f"way.{a}"] + moved[i] for i, a in enumerate(AXES[:3]) if a in plans}
         if frame.kind == "following" and Axis.Z in plans:
-            position[Axis.Z] = seen.table["gap"]
+            position[Axis.Z] = measurement.table["gap"]
     base, turned = at.R, ca.SX.eye(3)
     if any(a.is_rotation for a in plans):
         marks["orientation"] = parameters.add("orientation", 9)
@@ -93,10 +93,10 @@ def frame_coordinates(plan: StagePlan, seen: Measured) -> Coordinates:
         turned=turned,
         frame=frame,
         at=at,
-        tool=seen.tool,
-        point=seen.point,
+        tool=measurement.tool,
+        point=measurement.point,
         terms=terms,
-        clock=seen.clock,
+        clock=measurement.clock,
         plans=plans,
         marks=marks,
     )

@@ -15,15 +15,21 @@ from taskspec.program.context import Context
 from taskspec.program.layout import Layout
 from taskspec.program.plan import StagePlan
 from taskspec.program.reference.axis_plan import AxisPlan
-from taskspec.program.reference.measured import Measured
+from taskspec.program.reference.measurement import Measurement
 from taskspec.program.signals import applied
 
 
-def set_point(name: Axis, plan: AxisPlan, seen: Measured) -> ca.SX:
+def set_point(name: Axis, plan: AxisPlan, measurement: Measurement) -> ca.SX:
     """The set point of an axis."""
     force = plan.axis.set_point
     assert force is not None
-    return risen(name, seen.translate(force.wanted), force.ramp, seen.clock, seen.parameters)
+    return risen(
+        name,
+        measurement.translate(force.wanted),
+        force.ramp,
+        measurement.clock,
+        measurement.parameters,
+    )
 
 
 def risen(name: str, wanted: ca.SX, ramp: float | None, clock: Clock, parameters: Layout) -> ca.SX:
@@ -39,16 +45,17 @@ def risen(name: str, wanted: ca.SX, ramp: float | None, clock: Clock, parameters
     return at_entry + share * (wanted - at_entry)
 
 
-def released(name: Axis, seen: Measured) -> ca.SX:
+def released(name: Axis, measurement: Measurement) -> ca.SX:
     """The force that the last stage held on what is now a motion axis, as it fades out."""
-    at_entry = seen.parameters.add(f"force_at_entry.{name}")
-    return at_entry * blend.offset_shape(seen.clock.t / blend.BLEND_TIME)
+    at_entry = measurement.parameters.add(f"force_at_entry.{name}")
+    return at_entry * blend.offset_shape(measurement.clock.t / blend.BLEND_TIME)
 
 
-def open_loop_normals(plan: StagePlan, seen: Measured) -> dict[Axis, ca.SX]:
+def open_loop_normals(plan: StagePlan, measurement: Measurement) -> dict[Axis, ca.SX]:
     """The nominal gap of its contact counted along each open-loop translation."""
     return {
-        name: seen.gaps[contact] * ca.dot(seen.at.R[:, AXES.index(name)], seen.normals[contact])
+        name: measurement.gaps[contact]
+        * ca.dot(measurement.at.R[:, AXES.index(name)], measurement.normals[contact])
         for name, axis in plan.plans.items()
         if axis.open_loop and not name.is_rotation and (contact := plan.contact_of(name))
     }
@@ -57,7 +64,7 @@ def open_loop_normals(plan: StagePlan, seen: Measured) -> dict[Axis, ca.SX]:
 def integrals(
     context: Context,
     plan: StagePlan,
-    seen: Measured,
+    measurement: Measurement,
     forces: Mapping[Axis, ca.SX],
     errors: Mapping[Axis, ca.SX],
 ) -> dict[Axis, ca.SX]:
@@ -65,7 +72,7 @@ def integrals(
 
     They hold the tick's own measurement: a tick later, the sampled loops would bear half the gain.
     """
-    gains, table = plan.gains, seen.table
+    gains, table = plan.gains, measurement.table
     # What is held is touched, whatever little force passes.
     touching = ca.SX(1) if context.gripped(plan.frame) else table["touching"]
     found = {}
@@ -75,9 +82,9 @@ def integrals(
         missing = force - table[applied(name)]
         motion = plan.plans[name].motion
         found[name] = wound(
-            seen.memory.add(f"integral.{name}"),
+            measurement.memory.add(f"integral.{name}"),
             force,
-            seen.unreached.step(name, context.period * missing),
+            measurement.unreached.step(name, context.period * missing),
             value_of(gains, "force.integral", name),
             touching,
             value_of(gains, "stiffness", name) * errors[name] if motion else ca.SX(0),

@@ -18,27 +18,29 @@ from taskspec.program.plan import StagePlan
 from taskspec.program.reference import force_references
 from taskspec.program.reference.axis_reference import AxisReference, axis_reference, blendings
 from taskspec.program.reference.coordinates import frame_coordinates
-from taskspec.program.reference.measured import Measured
+from taskspec.program.reference.measurement import Measurement
 from taskspec.program.reference.reference_set import ReferenceSet
 from taskspec.program.reference.tracking import Tracking, track
 
 
-def build_references(context: Context, plan: StagePlan, seen: Measured) -> ReferenceSet:
+def build_references(context: Context, plan: StagePlan, measurement: Measurement) -> ReferenceSet:
     """All references of a stage; adds the signals that depend on them to its table."""
-    plans, table = plan.plans, seen.table
-    table.situation.path_done = _path_done(context, plan, seen)
-    coordinates = frame_coordinates(plan, seen)
+    plans, table = plan.plans, measurement.table
+    table.situation.path_done = _path_done(context, plan, measurement)
+    coordinates = frame_coordinates(plan, measurement)
     table.situation.position = coordinates.position
     forces = {
-        name: seen.unreached.reachable(name, force_references.set_point(name, axis, seen))
+        name: measurement.unreached.reachable(
+            name, force_references.set_point(name, axis, measurement)
+        )
         for name, axis in plans.items()
         if axis.set_point
     }
-    motions = _motions(context, plan, seen, forces)
-    normals = force_references.open_loop_normals(plan, seen)
+    motions = _motions(context, plan, measurement, forces)
+    normals = force_references.open_loop_normals(plan, measurement)
     tracked = track(coordinates, motions, normals)
     table.situation.error = {a: e for a, e in tracked.error.items() if plans[a].motion}
-    integrals = force_references.integrals(context, plan, seen, forces, tracked.error)
+    integrals = force_references.integrals(context, plan, measurement, forces, tracked.error)
     zero = ca.SX(0)
     return ReferenceSet(
         position=coordinates.position,
@@ -47,43 +49,43 @@ def build_references(context: Context, plan: StagePlan, seen: Measured) -> Refer
         position_ref={a: coordinates.position[a] + tracked.error[a] for a in motions},
         velocity_ref={a: tracked.velocity[a] for a in motions},
         force_ref=forces,
-        law=_of_the_law(plan, seen, tracked, forces, integrals),
+        law=_of_the_law(plan, measurement, tracked, forces, integrals),
         integrals=integrals,
-        updates=_updates(seen, tracked, motions, integrals),
+        updates=_updates(measurement, tracked, motions, integrals),
         own=ca.vertcat(*(motions[a].own[0] if a in motions else zero for a in AXES)),
         own_rate=ca.vertcat(*(motions[a].own[1] if a in motions else zero for a in AXES)),
     )
 
 
-def _path_done(context: Context, plan: StagePlan, seen: Measured) -> ca.SX:
+def _path_done(context: Context, plan: StagePlan, measurement: Measurement) -> ca.SX:
     if plan.path is None:
         return ca.SX(0)
-    return seen.clock.t >= seen.parameters.add("path_end") - context.period / 2
+    return measurement.clock.t >= measurement.parameters.add("path_end") - context.period / 2
 
 
 def _motions(
-    context: Context, plan: StagePlan, seen: Measured, forces: Mapping[Axis, ca.SX]
+    context: Context, plan: StagePlan, measurement: Measurement, forces: Mapping[Axis, ca.SX]
 ) -> dict[Axis, AxisReference]:
     """References of the axes whose motion is controlled."""
-    parameters = seen.parameters
-    on_path = _path(plan.path, seen.clock, parameters)
+    parameters = measurement.parameters
+    on_path = _path(plan.path, measurement.clock, parameters)
     moving = {name: axis for name, axis in plan.plans.items() if axis.motion}
-    added = blendings(list(moving), seen.clock, parameters)
+    added = blendings(list(moving), measurement.clock, parameters)
     references: dict[Axis, AxisReference] = {}
     # An axis that follows another one comes after it.
     for name, axis in sorted(moving.items(), key=lambda item: item[0] in plan.couplings):
         at = ReferenceInputs(
             axis=name,
             plan=plan,
-            clock=seen.clock,
+            clock=measurement.clock,
             parameters=parameters,
-            memory=seen.memory,
-            translate=seen.translate,
+            memory=measurement.memory,
+            translate=measurement.translate,
             period=context.period,
             start=parameters.add(f"start.{name}"),
             on_path=on_path,
             forces=forces,
-            tracked=seen.tracked,
+            tracked=measurement.tracked,
             others=references,
         )
         references[name] = axis_reference(axis.mode, at, added[name])
@@ -91,13 +93,15 @@ def _motions(
 
 
 def _updates(
-    seen: Measured,
+    measurement: Measurement,
     tracked: Tracking,
     motions: Mapping[Axis, AxisReference],
     integrals: Mapping[Axis, ca.SX],
 ) -> dict[str, ca.SX]:
     """Memory of the references after this tick."""
-    updates = tracked.updates | (seen.tracked.updates() if seen.tracked is not None else {})
+    updates = tracked.updates | (
+        measurement.tracked.updates() if measurement.tracked is not None else {}
+    )
     for motion in motions.values():
         updates |= motion.memory
     return updates | {f"integral.{name}": value for name, value in integrals.items()}
@@ -105,14 +109,14 @@ def _updates(
 
 def _of_the_law(
     plan: StagePlan,
-    seen: Measured,
+    measurement: Measurement,
     tracked: Tracking,
     forces: Mapping[Axis, ca.SX],
     integrals: Mapping[Axis, ca.SX],
 ) -> Reference:
     """References as vectors over the rows of the task state, in the theory's sign."""
     released = {
-        name: force_references.released(name, seen)
+        name: force_references.released(name, measurement)
         for name, axis in plan.plans.items()
         if (axis.yields or axis.soft) and not axis.open_loop
     }

@@ -31,12 +31,12 @@ class Choice:
     least: float
 
 
-def candidates(arguments: list[ca.SX], asked: Commanded) -> Choice | None:
+def candidates(arguments: list[ca.SX], commanded: Commanded) -> Choice | None:
     """The choice of a stage under a law with multipliers; None where nothing constrains it."""
-    control, chosen = asked.case.constraints, asked.chosen
+    control, chosen = commanded.case.constraints, commanded.chosen
     if control is None or chosen is None:
         return None
-    wanted = asked.case.joint_motion()
+    wanted = commanded.case.joint_motion()
     kept = control.kept(wanted + control.held)
     return Choice(
         look=ca.Function("look", arguments, [chosen.J @ chosen.candidates, wanted, kept]),

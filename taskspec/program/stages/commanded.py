@@ -13,7 +13,7 @@ from taskspec.program.events import Condition
 from taskspec.program.plan import StagePlan
 from taskspec.program.reference import orientation
 from taskspec.program.reference.constraints import ConstraintSet, constraint_set
-from taskspec.program.reference.measured import Measured
+from taskspec.program.reference.measurement import Measurement
 from taskspec.program.reference.reference_set import ReferenceSet
 from taskspec.program.reference.references import build_references
 from taskspec.program.stages.multipliers import EquationForces, constrain, equation_forces
@@ -45,14 +45,14 @@ class Commanded:
         return found | self.forces.desired
 
 
-def command(context: Context, plan: StagePlan, seen: Measured) -> Commanded:
+def command(context: Context, plan: StagePlan, measurement: Measurement) -> Commanded:
     """Fills in the law of a stage; the signals of its references join the table."""
-    law, inputs = plan.law, seen.inputs
-    built = build_references(context, plan, seen)
+    law, inputs = plan.law, measurement.inputs
+    built = build_references(context, plan, measurement)
     state, references, conditions = orientation.restate(
-        law, seen.state, built, seen.at.R.T @ seen.terms.R, seen.table
+        law, measurement.state, built, measurement.at.R.T @ measurement.terms.R, measurement.table
     )
-    forces = equation_forces(context, plan, seen)
+    forces = equation_forces(context, plan, measurement)
     on_path = plan.path.axes if plan.path is not None else ()
     chosen = control = None
     if law.control_law.multipliers:
@@ -60,14 +60,16 @@ def command(context: Context, plan: StagePlan, seen: Measured) -> Commanded:
             state=state,
             forced=[a for a in plan.axes if plan.plans[a].force],
             named=[*plan.spec.axes, *on_path],
-            rows={name: seen.rows[name] for name in plan.active},
-            measured=seen.reactions,
+            rows={name: measurement.rows[name] for name in plan.active},
+            measured=measurement.reactions,
             references=references.law,
-            parameters=seen.parameters,
+            parameters=measurement.parameters,
         )
     if chosen:
-        control = constrain(chosen, forces, references, seen.clock, seen.parameters)
-    posture = null_space_acceleration(law, context, seen.state, seen.world, inputs.q, inputs.v)
+        control = constrain(chosen, forces, references, measurement.clock, measurement.parameters)
+    posture = null_space_acceleration(
+        law, context, measurement.state, measurement.world, inputs.q, inputs.v
+    )
     plans = plan.plans
     case = Case(
         state=state,
@@ -80,6 +82,6 @@ def command(context: Context, plan: StagePlan, seen: Measured) -> Commanded:
         posture=posture,
         constraints=control,
     )
-    wanted, terms = law.control_law.command(case), seen.terms
+    wanted, terms = law.control_law.command(case), measurement.terms
     torque = resolution.torque(wanted, state, terms.H, terms.bias, terms.gravity, posture)
     return Commanded(references, forces, chosen, case, torque, conditions)

@@ -9,7 +9,7 @@ from taskspec.geometry.axis import AXES, Axis
 from taskspec.program import events
 from taskspec.program.events import Condition, Event
 from taskspec.program.plan import StagePlan
-from taskspec.program.reference.measured import Measured
+from taskspec.program.reference.measurement import Measurement
 from taskspec.program.reference.reference_set import ReferenceSet
 from taskspec.program.signals import SignalTable
 from taskspec.robot import RobotModel
@@ -24,11 +24,16 @@ _SLACK = 1e-9
 
 
 def limit_conditions(
-    robot: RobotModel, plan: StagePlan, seen: Measured, references: ReferenceSet
+    robot: RobotModel, plan: StagePlan, measurement: Measurement, references: ReferenceSet
 ) -> list[Condition]:
     """Limits of the file, of the joints, of the frame and of the arm's geometry."""
     plans, frame, limits = plan.plans, plan.frame, plan.limits
-    table, q, v, margin = seen.table, seen.inputs.q, seen.inputs.v, seen.at.margin
+    table, q, v, margin = (
+        measurement.table,
+        measurement.inputs.q,
+        measurement.inputs.v,
+        measurement.at.margin,
+    )
     found = []
     force = _norm(table, "force", AXES[:3])
     torque = _norm(table, "torque", AXES[3:])
@@ -65,7 +70,7 @@ def limit_conditions(
                 v[i],
             )
         )
-    pivot = ca.mmin(ca.diag(linear.cholesky(seen.state.mobility))) ** 2
+    pivot = ca.mmin(ca.diag(linear.cholesky(measurement.state.mobility))) ** 2
     text = "the arm is singular: an axis of the task frame cannot be moved"
     found.append(Condition(Event(events.LIMIT, "singularity", text), pivot < SINGULAR, pivot))
     if frame.kind == "following":
@@ -77,14 +82,14 @@ def limit_conditions(
     return found
 
 
-def stage_conditions(stage: Stage, seen: Measured, period: float) -> list[Condition]:
+def stage_conditions(stage: Stage, measurement: Measurement, period: float) -> list[Condition]:
     """`fail_if`, `until`, `within` and the planned end of a stage."""
-    t = seen.clock.t
+    t = measurement.clock.t
     found = []
 
     def guard(kind: str, expression: Expression | None) -> None:
         if expression is not None:
-            holds = seen.translate(expression)
+            holds = measurement.translate(expression)
             found.append(Condition(Event(kind, kind, str(expression)), holds, t))
 
     guard(events.FAIL_IF, stage.fail_if)
@@ -95,11 +100,11 @@ def stage_conditions(stage: Stage, seen: Measured, period: float) -> list[Condit
             text = f"within {show(time, TIME)}"
             found.append(Condition(Event(events.WITHIN, "time", text), t >= time - period / 2, t))
         if travel is not None:
-            way = seen.table["travel"]
+            way = measurement.table["travel"]
             text = f"within {show(travel, LENGTH)} of travel"
             found.append(Condition(Event(events.WITHIN, "travel", text), way > travel, way))
     if stage.until is None:
-        end = seen.parameters.add("end")
+        end = measurement.parameters.add("end")
         text = "its moves, path and time are done"
         found.append(Condition(Event(events.DONE, "done", text), t >= end - period / 2, t))
     return found

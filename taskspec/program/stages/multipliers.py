@@ -15,7 +15,7 @@ from taskspec.program.layout import Layout
 from taskspec.program.plan import StagePlan
 from taskspec.program.reference.constraints import ConstraintSet
 from taskspec.program.reference.force_references import risen, wound
-from taskspec.program.reference.measured import Measured
+from taskspec.program.reference.measurement import Measurement
 from taskspec.program.reference.reference_set import ReferenceSet
 
 
@@ -32,25 +32,27 @@ class EquationForces:
     updates: dict[str, ca.SX]
 
 
-def equation_forces(context: Context, plan: StagePlan, seen: Measured) -> EquationForces:
+def equation_forces(context: Context, plan: StagePlan, measurement: Measurement) -> EquationForces:
     """References of the active equations; one without a set point is to bear no force."""
     found, gains = EquationForces({}, {}, {}), plan.gains
     for name in plan.active:
         slot = f"equation.{name}"
         point = plan.spec.constraints.get(name)
-        wanted = ca.SX(0) if point is None else seen.translate(point.wanted)
+        wanted = ca.SX(0) if point is None else measurement.translate(point.wanted)
         ramp = None if point is None else point.ramp
-        rising = risen(slot, wanted, ramp, seen.clock, seen.parameters)
-        force = found.desired[name] = seen.unreached.reachable(name, rising)
+        rising = risen(slot, wanted, ramp, measurement.clock, measurement.parameters)
+        force = found.desired[name] = measurement.unreached.reachable(name, rising)
         if "force.integral" not in gains:
             continue
         memorised = f"integral.{slot}"
         found.integrals[name] = found.updates[memorised] = wound(
-            seen.memory.add(memorised),
+            measurement.memory.add(memorised),
             force,
-            seen.unreached.step(name, context.period * (force - seen.reactions[name])),
+            measurement.unreached.step(
+                name, context.period * (force - measurement.reactions[name])
+            ),
             gains["force.integral"][name].value,
-            seen.table["touching"],
+            measurement.table["touching"],
             ca.SX(0),
         )
     return found

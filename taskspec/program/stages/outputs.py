@@ -1,4 +1,4 @@
-"""What a stage's functions put out: the tick's outputs, and what is asked at entry."""
+"""What a stage's functions put out: the tick's outputs, and what is commanded at entry."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ import numpy as np
 from taskspec.program import ports
 from taskspec.program.limits.resolution import Resolved
 from taskspec.program.ports import INTERNAL, PROBE
-from taskspec.program.reference.measured import Measured
+from taskspec.program.reference.measurement import Measurement
 from taskspec.program.reference.tracked_mechanism import TrackedMechanism
 from taskspec.program.stages.commanded import Commanded
 from taskspec.program.world.moving_base import BaseMotion
 
 
-def probe(arguments: list[ca.SX], seen: Measured, asked: Commanded) -> ca.Function:
+def probe(arguments: list[ca.SX], measurement: Measurement, commanded: Commanded) -> ca.Function:
     """Where the tool is in the stage's frame; its last input is the tool point's velocity (3,).
 
     That is its velocity against what carries the frame. All are in world axes but `here`, which is
@@ -24,33 +24,36 @@ def probe(arguments: list[ca.SX], seen: Measured, asked: Commanded) -> ca.Functi
 
     Its outputs are the numbers of `PROBE` and the measured reactions (equations,).
     """
-    way, at, base = ca.SX.sym("way", 3), seen.at, seen.moving_base
-    six = asked.references.six
+    way, at, base = ca.SX.sym("way", 3), measurement.at, measurement.moving_base
+    six = commanded.references.six
     values = {
         "frame": ca.vec(_world(at.R, base)),
-        "offset": _world(seen.point.offset, base),
-        "lever": _world(seen.tool.lever if at.foot is not None else ca.SX.zeros(3), base),
-        "here": seen.point.p if at.foot is None else at.foot,
+        "offset": _world(measurement.point.offset, base),
+        "lever": _world(measurement.tool.lever if at.foot is not None else ca.SX.zeros(3), base),
+        "here": measurement.point.p if at.foot is None else at.foot,
         "rate_map": ca.vec(at.rate_map),
         "turning": at.turning(way if base is None else base.A.T @ way),
-        "angle": _angle(seen.tracked),
-        "coordinate": six(asked.references.coordinate),
-        "measured": six(seen.table.situation.six("force")),
+        "angle": _angle(measurement.tracked),
+        "coordinate": six(commanded.references.coordinate),
+        "measured": six(measurement.table.situation.six("force")),
     }
     found = [values[name] for name, _ in PROBE]
-    return ca.Function("probe", [*arguments, way], [ca.vertcat(*found, _reactions(seen))])
+    return ca.Function("probe", [*arguments, way], [ca.vertcat(*found, _reactions(measurement))])
 
 
 def outputs(
-    event: tuple[ca.SX, ca.SX], seen: Measured, asked: Commanded, limited: Resolved | None
+    event: tuple[ca.SX, ca.SX],
+    measurement: Measurement,
+    commanded: Commanded,
+    limited: Resolved | None,
 ) -> ca.SX:
     """A tick's outputs: the numbers of `ports.fields`.
 
     Args:
-        event: its number and value. seen: what is measured. asked: by the law.
+        event: its number and value. measurement: what is measured. commanded: by the law.
         limited: the stage's programs; what comes of them is filled in later. None without any.
     """
-    inputs, references = seen.inputs, asked.references
+    inputs, references = measurement.inputs, commanded.references
     six = references.six
     # How far the closed form is beyond its limits, which pushes have been clamped, and whether the
     # force set points have to be held against what contacts return.
@@ -60,13 +63,13 @@ def outputs(
         "event_value": event[1],
         # One number that is not finite as soon as any of these is not. Before saturation: the
         # smaller of a limit and NaN is the limit.
-        "health": ca.sumsqr(asked.torque) + ca.sumsqr(inputs.v) + ca.sumsqr(inputs.q),
+        "health": ca.sumsqr(commanded.torque) + ca.sumsqr(inputs.v) + ca.sumsqr(inputs.q),
         "tip": inputs.terms.p,
         "tip_rotation": ca.vec(inputs.terms.R),
-        "offset": _world(seen.point.offset, seen.moving_base),
-        "frame": ca.vec(_world(seen.at.R, seen.moving_base)),
-        "angle": _angle(seen.tracked),
-        "conditioning": asked.chosen.conditioning if asked.chosen else ca.SX(1),
+        "offset": _world(measurement.point.offset, measurement.moving_base),
+        "frame": ca.vec(_world(measurement.at.R, measurement.moving_base)),
+        "angle": _angle(measurement.tracked),
+        "conditioning": commanded.chosen.conditioning if commanded.chosen else ca.SX(1),
         "violation": violation,
         "clamped": clamped,
         "unsettled": unsettled,
@@ -79,23 +82,25 @@ def outputs(
         "limited": ca.SX(0),
     }
     for group in ports.groups():
-        values[group] = six(seen.table.situation.six(group))
+        values[group] = six(measurement.table.situation.six(group))
     found = [
-        values[name] if name in values else seen.table[name]
+        values[name] if name in values else measurement.table[name]
         for name, _ in (*INTERNAL, *ports.signals())
     ]
-    return ca.vertcat(*found, _wanted_reactions(seen, asked.forces.desired), _reactions(seen))
+    return ca.vertcat(
+        *found, _wanted_reactions(measurement, commanded.forces.desired), _reactions(measurement)
+    )
 
 
-def _wanted_reactions(seen: Measured, desired: Mapping[str, ca.SX]) -> ca.SX:
+def _wanted_reactions(measurement: Measurement, desired: Mapping[str, ca.SX]) -> ca.SX:
     """(equations,) set points, NaN where there is none."""
     nothing = ca.SX(np.nan)
-    return ca.vertcat(ca.SX(0, 1), *(desired.get(name, nothing) for name in seen.rows))
+    return ca.vertcat(ca.SX(0, 1), *(desired.get(name, nothing) for name in measurement.rows))
 
 
-def _reactions(seen: Measured) -> ca.SX:
+def _reactions(measurement: Measurement) -> ca.SX:
     """(equations,) what was measured."""
-    return ca.vertcat(ca.SX(0, 1), *(seen.reactions[name] for name in seen.rows))
+    return ca.vertcat(ca.SX(0, 1), *(measurement.reactions[name] for name in measurement.rows))
 
 
 def _world(local: ca.SX, base: BaseMotion | None) -> ca.SX:

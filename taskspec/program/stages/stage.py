@@ -16,7 +16,7 @@ from taskspec.program.layout import Layout
 from taskspec.program.limits.programs import resolve
 from taskspec.program.limits.resolution import Resolution, Resolved, saturated
 from taskspec.program.plan import StagePlan
-from taskspec.program.reference.measured import Measured, measure
+from taskspec.program.reference.measurement import Measurement, measure
 from taskspec.program.stages.candidates import Choice, candidates
 from taskspec.program.stages.commanded import Commanded, command
 from taskspec.program.stages.conditions import limit_conditions, stage_conditions
@@ -69,51 +69,58 @@ def compile_stage(plan: StagePlan, *, often: bool = True) -> CompiledStage:
             looked for, which takes as long as all else.
     """
     context = plan.context
-    seen = measure(context, plan)
-    asked = command(context, plan, seen)
-    limited = _limited(context, plan, seen, asked) if plan.law.solve == "qp" else None
-    torque = limited.limits.torque if limited else saturated(context.robot, asked.torque)
-    seen.table.situation.torque = torque
-    number, value, events = code(_conditions(context, plan, seen, asked))
-    memory, parameters, references = seen.memory, seen.parameters, asked.references
-    updates = references.updates | asked.forces.updates | seen.algebra.updates
+    measurement = measure(context, plan)
+    commanded = command(context, plan, measurement)
+    limited = _limited(context, plan, measurement, commanded) if plan.law.solve == "qp" else None
+    torque = limited.limits.torque if limited else saturated(context.robot, commanded.torque)
+    measurement.table.situation.torque = torque
+    number, value, events = code(_conditions(context, plan, measurement, commanded))
+    memory, parameters, references = (
+        measurement.memory,
+        measurement.parameters,
+        commanded.references,
+    )
+    updates = references.updates | commanded.forces.updates | measurement.algebra.updates
     results = [
         torque,
         memory.stack(updates),
-        outputs((number, value), seen, asked, limited),
+        outputs((number, value), measurement, commanded, limited),
         limited.handed_over if limited else ca.SX(0, 1),
     ]
-    arguments = [*seen.inputs.symbols(), memory.vector(), parameters.vector()]
+    arguments = [*measurement.inputs.symbols(), memory.vector(), parameters.vector()]
     return CompiledStage(
         plan=plan,
-        tracked="" if seen.tracked is None else seen.tracked.mechanism.name,
+        tracked="" if measurement.tracked is None else measurement.tracked.mechanism.name,
         equations=tuple(context.equations),
         memory=memory,
         parameters=parameters,
-        initial=seen.algebra.initial,
+        initial=measurement.algebra.initial,
         events=events,
         tick=ca.Function("tick", arguments, results, {"cse": often}),
-        probe=probe(arguments, seen, asked),
+        probe=probe(arguments, measurement, commanded),
         own=ca.Function("own", arguments, [references.own, references.own_rate]),
-        choice=candidates(arguments, asked),
+        choice=candidates(arguments, commanded),
         resolution=limited.compiled(arguments) if limited else None,
     )
 
 
-def _limited(context: Context, plan: StagePlan, seen: Measured, asked: Commanded) -> Resolved:
+def _limited(
+    context: Context, plan: StagePlan, measurement: Measurement, commanded: Commanded
+) -> Resolved:
     """The programs that keep a stage's limits and find the nearest forces that contacts return."""
     wishes = {
-        name: force + seen.unreached.unreachable[name] for name, force in asked.set_points.items()
+        name: force + measurement.unreached.unreachable[name]
+        for name, force in commanded.set_points.items()
     }
-    return resolve(context, plan, seen, wishes, asked.torque)
+    return resolve(context, plan, measurement, wishes, commanded.torque)
 
 
 def _conditions(
-    context: Context, plan: StagePlan, seen: Measured, asked: Commanded
+    context: Context, plan: StagePlan, measurement: Measurement, commanded: Commanded
 ) -> list[Condition]:
     """Everything that can end a stage, in the order in which it counts."""
     return [
-        *limit_conditions(context.robot, plan, seen, asked.references),
-        *asked.conditions,
-        *stage_conditions(plan.spec, seen, context.period),
+        *limit_conditions(context.robot, plan, measurement, commanded.references),
+        *commanded.conditions,
+        *stage_conditions(plan.spec, measurement, context.period),
     ]

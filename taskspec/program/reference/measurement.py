@@ -32,7 +32,7 @@ from taskspec.text.expression import Expression
 
 
 @dataclass(frozen=True, slots=True)
-class Measured:
+class Measurement:
     """A stage's measurement as expressions of its inputs.
 
     Attributes:
@@ -75,7 +75,7 @@ class Measured:
         return self.algebra.translate(expression, self.table.lookup)
 
 
-def measure(context: Context, plan: StagePlan) -> Measured:
+def measure(context: Context, plan: StagePlan) -> Measurement:
     """The measurement of a stage; its memory and parameters take the slots that this needs."""
     robot, frame = context.robot, plan.frame
     inputs = _inputs(context)
@@ -114,7 +114,7 @@ def measure(context: Context, plan: StagePlan) -> Measured:
         },
         **mechanism_state(tracked, context.held, world, inputs.wrench),
     }
-    return Measured(
+    return Measurement(
         inputs=inputs,
         memory=memory,
         parameters=parameters,

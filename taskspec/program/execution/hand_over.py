@@ -16,7 +16,7 @@ Vector = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
-class Carried:
+class HandedOver:
     """The one reference pose that goes from stage to stage.
 
     Attributes:
@@ -35,7 +35,7 @@ class Carried:
     tracked: str = ""
 
 
-def leave(stage: CompiledStage, outputs: Mapping[str, Vector], clock: float) -> Carried:
+def leave(stage: CompiledStage, outputs: Mapping[str, Vector], clock: float) -> HandedOver:
     """The reference that a stage hands on; force axes hand on where they were measured.
 
     Args:
@@ -57,7 +57,7 @@ def leave(stage: CompiledStage, outputs: Mapping[str, Vector], clock: float) -> 
     own = np.concatenate([frame @ twist[:3] - np.cross(spin, offset), spin])
     if stage.plan.moving_base is not None:
         own += stage.plan.moving_base.twist(clock, outputs["tip"])
-    return Carried(
+    return HandedOver(
         p=outputs["tip"] + offset + frame @ error[:3] - R_ref @ (R.T @ offset),
         R=R_ref,
         twist=own,

@@ -12,7 +12,7 @@ from taskspec.program.execution.resolver import HELD_TICKS
 Vector = NDArray[np.float64]
 
 
-class Fading:
+class FadeOut:
     """The last torque that kept its limits, as it fades to what carries the arm.
 
     Attributes:
