@@ -21,7 +21,7 @@ import numpy as np
 from timed import seconds
 
 from taskspec.compiler import compile_task
-from taskspec.program.execution.resolver import Resolver
+from taskspec.program.execution.stage_solver import Resolver
 from taskspec.spec import load_task
 from taskspec_runner.loop.assembly import assemble
 from taskspec_runner.loop.sensing import Sensing
@@ -71,7 +71,7 @@ class Loop:
         while machine.stage.name != case.stage or machine.t < AFTER:
             self.step()
         if case.always:
-            self._resolver = machine.resolver
+            self._resolver = machine.solver
         plant = self._parts.plant
         self._model, self._data = plant.model, plant.data
         self._kind = mujoco.mjtState.mjSTATE_INTEGRATION

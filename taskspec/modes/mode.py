@@ -22,9 +22,9 @@ if TYPE_CHECKING:
     from taskspec.modes.key import Misuse, ModeKey
     from taskspec.motion.polynomial import PiecewiseCubic
     from taskspec.program.clock import Clock
-    from taskspec.program.layout import Layout
     from taskspec.program.plan import StagePlan
     from taskspec.program.reference.tracked_mechanism import TrackedMechanism
+    from taskspec.program.slots import Slots
 
 #: Displacement [m, rad] against time [s].
 Way = Callable[[float], float]
@@ -82,8 +82,8 @@ class ReferenceInputs:
     axis: Axis
     plan: StagePlan
     clock: Clock
-    parameters: Layout
-    memory: Layout
+    parameters: Slots
+    memory: Slots
     translate: Callable[[Expression], ca.SX]
     period: float
     start: ca.SX

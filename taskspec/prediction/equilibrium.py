@@ -16,7 +16,7 @@ from taskspec.prediction.set_points import drift, settled, span_of
 from taskspec.prediction.springs import behind, push, yield_of
 from taskspec.prediction.types import Depth, Equilibrium
 from taskspec.prediction.worlds import World, extreme
-from taskspec.program.execution.resolver import Asked
+from taskspec.program.execution.stage_solver import ReturnedForces
 from taskspec.program.signals import applied
 
 Vector = NDArray[np.float64]
@@ -34,24 +34,28 @@ class Rest:
     drift: float = 0.0
 
 
-def at_rest(here: StageAtStart, lasts: float | None, asked: Asked | None) -> Rest:
+def at_rest(here: StageAtStart, lasts: float | None, returned: ReturnedForces | None) -> Rest:
     """Forces that a stage comes to and how deep its contacts are then.
 
     Args:
         here: the stage. lasts: how long [s], where that is known.
-        asked: under a program, what contacts return of its set points.
+        returned: under a program, what contacts return of its set points.
     """
     rest = Rest()
     on = bearing(here)
-    _set_points(here, on, lasts, asked, rest)
+    _set_points(here, on, lasts, returned, rest)
     _springs(here, on, rest)
-    _equations(here, lasts, asked, rest)
+    _equations(here, lasts, returned, rest)
     _mechanism(here, rest)
     return rest
 
 
 def _set_points(
-    here: StageAtStart, on: Bearing, lasts: float | None, asked: Asked | None, rest: Rest
+    here: StageAtStart,
+    on: Bearing,
+    lasts: float | None,
+    returned: ReturnedForces | None,
+    rest: Rest,
 ) -> None:
     """Axes with a force loop, and the depths of the contacts that bear them."""
     spans = {}
@@ -70,13 +74,13 @@ def _set_points(
         if len(values) < 3:
             continue
         first, low, high = values
-        if asked is not None and asked.left.get(axis):
-            first = low = high = asked.forces[axis] - asked.left[axis]
+        if returned is not None and returned.left.get(axis):
+            first = low = high = returned.forces[axis] - returned.left[axis]
         reached = abs(first - span[0]) <= _DIFFERS * abs(span[0])
         source = _loop(here, axis, reached=reached)
         rest.forces[applied(axis)] = Equilibrium(applied(axis), first, low, high, source)
     linear = [axis for axis in linear if applied(axis) in rest.forces]
-    if linear and asked is None:
+    if linear and returned is None:
         rest.drift = drift(here, {a: known[a][0] - rest.forces[applied(a)].value for a in linear})
     if linear:
         _depths(here, on, {a: rest.forces[applied(a)] for a in linear}, rest)
@@ -145,7 +149,9 @@ def _springs(here: StageAtStart, on: Bearing, rest: Rest) -> None:
     rest.depths[name] = Depth(name, bears, bears / k, worst=deepest)
 
 
-def _equations(here: StageAtStart, lasts: float | None, asked: Asked | None, rest: Rest) -> None:
+def _equations(
+    here: StageAtStart, lasts: float | None, returned: ReturnedForces | None, rest: Rest
+) -> None:
     """Constraints of a law with multipliers: the set point along the unit gradient."""
     context, stage = here.context, here.stage
     if not stage.plan.law.control_law.multipliers:
@@ -156,8 +162,8 @@ def _equations(here: StageAtStart, lasts: float | None, asked: Asked | None, res
         span = (0.0, 0.0, 0.0) if point is None else span_of(context, point.wanted, lasts)
         if span is None:
             continue
-        if asked is not None and asked.left.get(name):
-            span = (asked.forces[name] - asked.left[name],) * 3
+        if returned is not None and returned.left.get(name):
+            span = (returned.forces[name] - returned.left[name],) * 3
         signal = f"{name}.{'torque' if joints else 'force'}"
         rest.forces[signal] = Equilibrium(signal, *span, "set point")
         deepest = max(span, key=abs)

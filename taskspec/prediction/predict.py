@@ -9,13 +9,13 @@ import numpy as np
 
 from taskspec.analysis.loop import Mode, UnfitError
 from taskspec.analysis.stage import Analysed, analyse
-from taskspec.prediction.asked import asked_at_start
 from taskspec.prediction.at_start import StageAtStart, stages_at_start
 from taskspec.prediction.duration import Known, guarded, mechanism_rate, planned, whole
 from taskspec.prediction.equilibrium import at_rest
 from taskspec.prediction.forecast import moved
 from taskspec.prediction.impact import impact
 from taskspec.prediction.natural import natural
+from taskspec.prediction.returned_forces import returned_at_start
 from taskspec.prediction.selection import selection
 from taskspec.prediction.settling import settling
 from taskspec.prediction.types import StagePrediction, TaskPrediction
@@ -72,7 +72,7 @@ def _stage(
     met = impact(here)
     within = here.stage.plan.spec.within
     longest = (within.time if within else None) if lasts is None else lasts.expected
-    rest = at_rest(here, longest, asked_at_start(program, here.stage))
+    rest = at_rest(here, longest, returned_at_start(program, here.stage))
     if lasts is None:
         lasts = guarded(here, Known(met, rest.forces, coordinate))
     found = StagePrediction(

@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 import casadi as ca
 import numpy as np
 
-from taskspec.program.layout import Layout
+from taskspec.program.slots import Slots
 from taskspec.text.expression import Expression, evaluate
 from taskspec.text.expression.tree import BinaryOp, CompareOp, Held, Name, Reduce
 
@@ -55,7 +55,7 @@ class CasadiAlgebra:
         period: control period [s].
     """
 
-    def __init__(self, memory: Layout | None, period: float) -> None:
+    def __init__(self, memory: Slots | None, period: float) -> None:
         self._memory = memory
         self._period = period
         #: Slot name to its value after this tick, and to its value before the first one.

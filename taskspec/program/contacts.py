@@ -36,7 +36,7 @@ _TIMES = (0.0, 0.13, 0.37, 1.0, 2.9)
 
 
 @dataclass(frozen=True, slots=True)
-class Meeting:
+class Encounter:
     """What a straight way of the tool leads to.
 
     Attributes:
@@ -89,7 +89,7 @@ class Obstacles:
         spheres = zip(self._tool.centers, self._tool.radii, strict=True)
         return min(self.distance(name, p + R @ c)[0] - float(r) for c, r in spheres)
 
-    def first(self, p: Vector, R: Vector, direction: Vector) -> Meeting | None:
+    def first(self, p: Vector, R: Vector, direction: Vector) -> Encounter | None:
         """The first object on a straight way of the tool; None where it meets none.
 
         Args:
@@ -99,7 +99,7 @@ class Obstacles:
         met = [m for name in self._surfaces if (m := self._met(name, p, R, direction)) is not None]
         return min(met, key=lambda m: m.way, default=None)
 
-    def _met(self, name: str, p: Vector, R: Vector, direction: Vector) -> Meeting | None:
+    def _met(self, name: str, p: Vector, R: Vector, direction: Vector) -> Encounter | None:
         found = [
             met
             for center, radius in zip(self._tool.centers, self._tool.radii, strict=True)
@@ -107,7 +107,7 @@ class Obstacles:
         ]
         return min(found, key=lambda m: m.way, default=None)
 
-    def _sphere(self, name: str, x: Vector, radius: float, direction: Vector) -> Meeting | None:
+    def _sphere(self, name: str, x: Vector, radius: float, direction: Vector) -> Encounter | None:
         """Newton's method from outside; as all shapes are convex, it never goes beyond the way."""
         way = 0.0
         for _ in range(_MOST_STEPS):
@@ -116,7 +116,7 @@ class Obstacles:
             if not closing > PASSING or way > _FARTHEST:
                 return None
             if distance - radius <= _MET:
-                return Meeting(name, way, normal)
+                return Encounter(name, way, normal)
             way += (distance - radius) / closing
         return None
 

@@ -16,7 +16,7 @@ from taskspec.laws.gains import AxisPlant, Gains, value_of
 from taskspec.modes import Coupling
 from taskspec.motion.path import PathShape
 from taskspec.program.axes import MOSTLY, existing_axes
-from taskspec.program.contacts import Meeting, directions
+from taskspec.program.contacts import Encounter, directions
 from taskspec.program.context import Context
 from taskspec.program.known import known_value
 from taskspec.program.prepare import frame_at_start
@@ -71,7 +71,7 @@ class StagePlan:
         self.context, self.name = context, name
         self.spec = context.loaded.task.stages[name]
         self._at = at
-        self._met: dict[Axis, Meeting] = {}
+        self._met: dict[Axis, Encounter] = {}
         self._normals: dict[str, Vector] = {}
 
     @property
@@ -240,7 +240,7 @@ class StagePlan:
         self._normals.setdefault(met.contact, met.normal)
         return met.contact
 
-    def _ahead(self, axis: Axis, entry: AxisEntry | None) -> Meeting | None:
+    def _ahead(self, axis: Axis, entry: AxisEntry | None) -> Encounter | None:
         """The first object that an axis leads to."""
         p, R = self.tool
         way = self.frame_at_tool[:, axis.column]

@@ -10,7 +10,7 @@ import casadi as ca
 from taskspec.control.model_terms import TermSymbols
 from taskspec.control.reference import opposite
 from taskspec.geometry.axis import AXES, Axis
-from taskspec.program.layout import Layout
+from taskspec.program.slots import Slots
 from taskspec.program.world import estimated_frames, kinematics
 from taskspec.program.world.frames import FrameModel
 from taskspec.program.world.moving_base import BaseMotion, MovingBase
@@ -143,7 +143,7 @@ def place(
 
 
 @dataclass(frozen=True, slots=True)
-class Resolver:
+class SignalsElsewhere:
     """Resolves a signal in another frame than the stage's, at the stage's control point."""
 
     robot: RobotModel
@@ -153,7 +153,7 @@ class Resolver:
     offset: ca.SX | None
     moving_bases: Mapping[str, MovingBase]
     clock: ca.SX
-    parameters: Layout
+    parameters: Slots
 
     def __call__(self, signal: str, frame_name: str) -> ca.SX:
         """The component `signal` in the axes of frame `frame_name`."""

@@ -49,7 +49,7 @@ class States:
         self.machine.q[:] = self.context.start
         self.machine.start()
         self.runner = self.machine._runner
-        self.resolver = self.runner.resolver
+        self.solver = self.runner.solver
         self._entered = (self.runner.memory.copy(), self.runner.parameters.copy())
 
     def draw(self, *, turned=0.3, fast=0.3, force=15.0, rate=20.0) -> None:
@@ -67,7 +67,7 @@ class States:
         self.evaluate()
         last = self.torque + rng.uniform(-1, 1, self.n) * rate
         if "last_torque" in self.stage.parameters:
-            self.resolver.remember(last)
+            self.solver.remember(last)
             self.evaluate()
 
     def evaluate(self) -> None:
@@ -108,8 +108,8 @@ class States:
 
     def problem(self) -> QuadraticProgram:
         """The program around the torque of the last evaluation; the resolver's own arrays."""
-        self.resolver._assemble.evaluate()
-        return self.resolver._problem
+        self.solver._assemble.evaluate()
+        return self.solver._problem
 
     def copy(self) -> QuadraticProgram:
         """The same in arrays of its own."""
@@ -118,7 +118,7 @@ class States:
 
     def acceptance(self, x, dual) -> tuple[np.ndarray, float]:
         """Torque (n,) and KKT residual of an answer."""
-        resolver = self.resolver
+        resolver = self.solver
         resolver._x[:], resolver._dual[:] = x, dual
         resolver._accept.evaluate()
         return resolver._accepted.copy(), float(resolver._residual[0])

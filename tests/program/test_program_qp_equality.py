@@ -145,8 +145,8 @@ def test_every_answer_under_active_limits_is_optimal():
         worst = max(worst, residual(problem, solution.x, solution.dual))
         active += int(np.count_nonzero(solution.dual))
         together += np.count_nonzero(solution.dual) > 1
-        states.resolver._problem.lower[:] = problem.lower
-        states.resolver._problem.upper[:] = problem.upper
+        states.solver._problem.lower[:] = problem.lower
+        states.solver._problem.upper[:] = problem.upper
         torque, error = states.acceptance(solution.x, solution.dual)
         np.testing.assert_allclose(
             torque, states.torque + factor_of(states) @ solution.x, atol=1e-9

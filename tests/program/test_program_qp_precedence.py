@@ -14,7 +14,7 @@ from scipy.optimize import linprog
 from taskspec.compiler import compile_unchecked
 from taskspec.control.qp import QuadraticProgram, Solution, Status
 from taskspec.control.qp.quadratic_program import unsolved
-from taskspec.program.execution.resolver import HELD_TICKS
+from taskspec.program.execution.stage_solver import HELD_TICKS
 from taskspec.program.limits.bounds import PRECEDENCE
 from taskspec.program.limits.relaxing import relax
 from taskspec.spec import load_text
@@ -94,9 +94,9 @@ def solved(states: States, last=None) -> np.ndarray:
     states.machine.update_terms()
     if last is not None:
         states.machine.torque[:] = last
-    states.resolver.remember(states.torque)
+    states.solver.remember(states.torque)
     states.evaluate()
-    assert states.resolver.resolve()
+    assert states.solver.resolve()
     return states.torque.copy()
 
 
@@ -121,7 +121,7 @@ def test_torque_rate_beats_a_joint_limit():
     machine.v[3] = 1.5
     last = states.context.start_gravity.copy()
     torque = solved(states, last)
-    assert states.resolver.account.relaxed == 1
+    assert states.solver.account.relaxed == 1
     assert np.max(abs(torque - last)) <= 0.2 + 1e-6
     # Braking takes all there is.
     assert torque[3] == pytest.approx(last[3] - 0.2, abs=1e-3)
@@ -133,13 +133,13 @@ def widened(states: States) -> dict[str, float]:
     Asserts that the rows hold as they are then.
     """
     states.machine.update_terms()
-    states.resolver.remember(states.torque)
+    states.solver.remember(states.torque)
     states.evaluate()
-    problem, account = states.resolver._problem, states.resolver.account
+    problem, account = states.solver._problem, states.solver.account
     low, high, collisions = problem.lower.copy(), problem.upper.copy(), account.relaxed
-    assert states.resolver.resolve()
+    assert states.solver.resolve()
     assert account.relaxed == collisions + 1
-    at = problem.A @ states.resolver._x
+    at = problem.A @ states.solver._x
     assert np.all(at <= problem.upper + 1e-6 * (1 + abs(at)))
     assert np.all(at >= problem.lower - 1e-6 * (1 + abs(at)))
     kinds = np.array([row.kind for row in states.stage.resolution.rows])
@@ -196,10 +196,10 @@ def test_a_joint_limit_beats_a_force_cap():
         machine.wrench[0] = -9.8
         machine.update_terms()
         states.evaluate()
-        before = states.resolver.account.relaxed
-        if states.violation <= 1e-12 or not states.resolver.resolve():
+        before = states.solver.account.relaxed
+        if states.violation <= 1e-12 or not states.solver.resolve():
             continue
-        if states.resolver.account.relaxed == before:
+        if states.solver.account.relaxed == before:
             continue
         found = widened(states)
         assert found["torque"] == 0.0
@@ -269,15 +269,15 @@ class Stepped:
 
     @property
     def resolver(self):
-        return self.machine.resolver
+        return self.machine.solver
 
     @property
     def memory(self):
         return self.machine._runner.memory
 
     def breaks(self, status: Status = Status.NOT_CONVERGED) -> Broken:
-        broken = Broken(self.resolver._solver, status)
-        self.resolver._solver = broken
+        broken = Broken(self.solver._solver, status)
+        self.solver._solver = broken
         return broken
 
     def tick(self, wrench=None) -> SimpleNamespace:
@@ -294,7 +294,7 @@ class Stepped:
     def until_limited(self) -> SimpleNamespace:
         for _ in range(100):
             before = self.tick()
-            if self.resolver.account.solved > 3:
+            if self.solver.account.solved > 3:
                 return before
         raise AssertionError("the stage never came to its limits")
 
@@ -308,7 +308,7 @@ def test_without_an_answer_the_torque_fades_to_gravity_and_the_run_stops():
         now = run.tick()
         share = 1 - k / HELD_TICKS
         expected = now.gravity + share * (last.torque - now.gravity)
-        if run.resolver.account.held < k:
+        if run.solver.account.held < k:
             pytest.fail("the closed form kept its limits by itself")
         # `gravity` is that of each tick, from which the arm hardly moves.
         np.testing.assert_allclose(now.torque, expected, atol=1e-12)
@@ -327,7 +327,7 @@ def test_a_run_that_has_no_answer_is_stopped_and_says_so(monkeypatch, tmp_path):
     """Through the loop: status stopped, reason solver, every tick of it in the log."""
     program = compile_unchecked(load_text(PRESS, "press.yaml"))
     parts = assemble(program)
-    resolver = parts.machine.runners[0].resolver
+    resolver = parts.machine.runners[0].solver
     monkeypatch.setattr(resolver, "_solver", Broken(resolver._solver, Status.INFEASIBLE))
     recorder = parts.recorder(Log(tmp_path / "log.arrow"))
     with closing(recorder):
@@ -346,7 +346,7 @@ def test_an_answer_that_comes_back_in_time_goes_on():
     for _ in range(50):
         run.tick()
     assert run.machine.ended == ""
-    assert run.resolver.account.held == HELD_TICKS
+    assert run.solver.account.held == HELD_TICKS
     # The count begins anew.
     broken.broken = True
     run.tick()
@@ -361,14 +361,14 @@ def test_three_ticks_of_nan_from_the_sensor_are_survived(when):
     for _ in range(3):
         now = run.tick(np.full(6, np.nan))
         assert np.all(np.isfinite(now.torque))
-    assert run.resolver.account.held == 3
-    assert run.resolver.status is Status.NOT_FINITE
+    assert run.solver.account.held == 3
+    assert run.solver.status is Status.NOT_FINITE
     for _ in range(100):
         now = run.tick()
         assert np.all(np.isfinite(now.torque))
         assert np.all(np.isfinite(run.memory))
     assert run.machine.ended == ""
-    assert run.resolver.account.held == 3
+    assert run.solver.account.held == 3
     force = -run.plant.arm.wrench[2]
     assert abs(force) < 60
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from taskspec.compiler import compile_unchecked
 from taskspec.laws import LAWS
-from taskspec.program.execution.resolver import Account
+from taskspec.program.execution.stage_solver import Account
 from taskspec.program.prepare import prepare
 from taskspec.program.program import Program
 from taskspec.robot import RobotModel
@@ -285,7 +285,7 @@ def run_program(program: Program) -> Traces:
     """Runs a task and keeps every number of its bus."""
     parts = assemble(program)
     runners = parts.machine.runners
-    accounts = [r.resolver.account for r in runners if r.resolver is not None]
+    accounts = [r.solver.account for r in runners if r.solver is not None]
     keeper = Keeper(parts.bus.array, accounts)
     outcome = loop.run(parts.machine, parts.plant, parts.bus, keeper, program.context.period)
     rows = np.array(keeper.rows)

@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterator, Sequence
 from itertools import groupby
 
-from taskspec.prediction.asked import asked_at_start
+from taskspec.prediction.returned_forces import returned_at_start
 from taskspec.program.program import Program
 from taskspec.program.reference.unreached import is_moment
 from taskspec.program.stages.stage import CompiledStage
@@ -23,7 +23,7 @@ def kept_account(program: Program, stage: CompiledStage) -> Iterator[tuple[str, 
     solver = stage.resolution.solver.upper()
     kept = "; ".join(joined([row.text for row in stage.resolution.rows]))
     yield "keeps", f"by a quadratic program ({solver}): {kept}"
-    asked = asked_at_start(program, stage)
+    asked = returned_at_start(program, stage)
     if asked is None or not asked.forces:
         return
     lost = {name: left for name, left in asked.left.items() if left}

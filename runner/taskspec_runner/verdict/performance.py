@@ -7,7 +7,7 @@ from dataclasses import asdict
 from typing import Any
 
 from taskspec.program.execution.machine import Machine
-from taskspec.program.execution.resolver import Account
+from taskspec.program.execution.stage_solver import Account
 from taskspec.program.program import Program
 from taskspec.program.stages.stage import CompiledStage
 from taskspec_runner.record.history import History
@@ -20,7 +20,7 @@ from taskspec_runner.verdict.response import contact_losses, responses
 
 def accounts(machine: Machine) -> dict[str, Account]:
     """What the solver did, for each stage that keeps its limits by a program."""
-    return {r.stage.name: r.resolver.account for r in machine.runners if r.resolver is not None}
+    return {r.stage.name: r.solver.account for r in machine.runners if r.solver is not None}
 
 
 def performance(

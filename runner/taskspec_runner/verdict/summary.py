@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from taskspec.program import events
-from taskspec.program.execution.resolver import Account
+from taskspec.program.execution.stage_solver import Account
 from taskspec.program.execution.transition import FAIL, Transition
 from taskspec.program.program import Program
 from taskspec.program.stages.stage import CompiledStage

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from taskspec.control.qp import Status
 from taskspec.program.events import LIMIT, Event
-from taskspec.program.execution.resolver import HELD_TICKS
+from taskspec.program.execution.stage_solver import HELD_TICKS
 
 Vector = NDArray[np.float64]
 

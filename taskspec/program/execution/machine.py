@@ -14,9 +14,9 @@ from taskspec.program.execution.choice import choose_again
 from taskspec.program.execution.estimation import Estimation
 from taskspec.program.execution.fade_out import FadeOut, unanswered
 from taskspec.program.execution.hand_over import HandedOver, leave
-from taskspec.program.execution.resolver import Asked, Resolver
 from taskspec.program.execution.sensor_zero import SensorZero
 from taskspec.program.execution.stage_runner import StageRunner
+from taskspec.program.execution.stage_solver import ReturnedForces, StageSolver
 from taskspec.program.execution.transition import END, FAIL, Transition, leads_to
 from taskspec.program.ports import INTERNAL, fields, slices
 from taskspec.program.reference.axis_plan import not_finite
@@ -83,9 +83,9 @@ class Machine:
         return self._runner.stage
 
     @property
-    def resolver(self) -> Resolver | None:
+    def solver(self) -> StageSolver | None:
         """What keeps the limits of the current stage; None without a program."""
-        return self._runner.resolver
+        return self._runner.solver
 
     @property
     def visits(self) -> Mapping[str, int]:
@@ -98,20 +98,20 @@ class Machine:
         self.torque[:] = self._terms.gravity
         self._enter(0, HandedOver(*self._terms.tip(), np.zeros(6)), 0.0)
 
-    def asked(self, index: int, t: float) -> Asked | None:
+    def returned_forces(self, index: int, t: float) -> ReturnedForces | None:
         """What stage `index` asks of contacts at its time t [s], were it entered at rest here.
 
         None for a stage that solves no program, asks for no force, or begins in a frame that is
         yet to be estimated.
         """
         runner = self.runners[index]
-        if runner.resolver is None or self._estimation.missing(runner.stage):
+        if runner.solver is None or self._estimation.missing(runner.stage):
             return None
         self.update_terms()
         self._enter(index, HandedOver(*self._terms.tip(), np.zeros(6)), 0.0)
         self._now[0] = t
         runner.evaluate()
-        return runner.resolver.asked()
+        return runner.solver.returned_forces()
 
     def update_terms(self) -> None:
         """Evaluates the model terms and the contact wrench at the measured joint state."""
@@ -166,10 +166,10 @@ class Machine:
 
         Memory is not committed: the tick did not happen. Returns the number of an event.
         """
-        assert runner.resolver is not None
+        assert runner.solver is not None
         self.torque[:] = self._fading.step(self._applied, self._terms.gravity)
         if self._fading.over:
-            self._end(clock, unanswered(runner.resolver.status), 0.0, "")
+            self._end(clock, unanswered(runner.solver.status), 0.0, "")
             return 1.0
         # What the tick could not compute is no reason to stop yet.
         self.outputs[_HEALTH] = 0.0

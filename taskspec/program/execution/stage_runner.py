@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from taskspec.program.bound import BoundFunction
 from taskspec.program.execution import entry
-from taskspec.program.execution.resolver import Resolver
+from taskspec.program.execution.stage_solver import StageSolver
 from taskspec.program.execution.tracks import Tracks
 from taskspec.program.stages.stage import CompiledStage
 
@@ -34,10 +34,10 @@ class StageRunner:
         results = [torque, next_memory, outputs, handed_over]
         self._tick = BoundFunction(stage.tick, arguments, results)
         self.evaluate = self._tick.evaluate
-        self.resolver: Resolver | None = None
+        self.solver: StageSolver | None = None
         if stage.resolution is not None:
             slots = stage.parameters.slots
-            self.resolver = Resolver(
+            self.solver = StageSolver(
                 stage.resolution, slots, arguments, parameters, handed_over, torque, outputs
             )
 
@@ -55,20 +55,20 @@ class StageRunner:
         Args:
             applied: (n,) torque of the tick before [N m].
         """
-        if self.resolver is None:
+        if self.solver is None:
             self.evaluate()
             return True
-        self.resolver.remember(applied)
+        self.solver.remember(applied)
         self.evaluate()
-        return self.resolver.resolve()
+        return self.solver.resolve()
 
     def settle(self) -> None:
         """Takes from a new stage what contacts cannot return, before its first tick."""
-        if self.resolver is None:
+        if self.solver is None:
             return
         before = self._torque.copy()
         self.evaluate()
-        self.resolver.settle()
+        self.solver.settle()
         self._torque[:] = before
 
     def commit(self) -> None:

@@ -11,7 +11,7 @@ from taskspec.geometry.axis import Axis
 from taskspec.modes import AxisMode, Blending, ReferenceInputs
 from taskspec.motion import blend
 from taskspec.program.clock import Clock
-from taskspec.program.layout import Layout
+from taskspec.program.slots import Slots
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,7 +35,7 @@ class AxisReference:
     memory: Mapping[str, ca.SX] = field(default_factory=dict)
 
 
-def blendings(names: Sequence[Axis], clock: Clock, parameters: Layout) -> dict[Axis, Blending]:
+def blendings(names: Sequence[Axis], clock: Clock, parameters: Slots) -> dict[Axis, Blending]:
     """What a stage start adds to the references of the named axes, which all blend alike."""
     offset, slope, time, pressed = (
         ca.vertcat(ca.SX(0, 1), *(parameters.add(f"{slot}.{name}") for name in names))

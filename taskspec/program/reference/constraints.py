@@ -21,7 +21,7 @@ from taskspec.control.state import ARM_LENGTH, TaskState
 from taskspec.geometry.axis import Axis
 from taskspec.laws.gains import AxisPlant, Gains
 from taskspec.program.context import Context
-from taskspec.program.layout import Layout
+from taskspec.program.slots import Slots
 from taskspec.program.world.equations import EquationModel, EquationTerms
 from taskspec.spec import Law, Stage
 
@@ -173,7 +173,7 @@ def constraint_set(
     rows: Mapping[str, EquationRow],
     measured: Mapping[str, ca.SX],
     references: Reference,
-    parameters: Layout,
+    parameters: Slots,
 ) -> ConstraintSet | None:
     """The constraints of a stage; None where it has none.
 

@@ -12,11 +12,11 @@ from taskspec.modes import DEFAULT_RAMP
 from taskspec.motion import blend
 from taskspec.program.clock import Clock
 from taskspec.program.context import Context
-from taskspec.program.layout import Layout
 from taskspec.program.plan import StagePlan
 from taskspec.program.reference.axis_plan import AxisPlan
 from taskspec.program.reference.measurement import Measurement
 from taskspec.program.signals import applied
+from taskspec.program.slots import Slots
 
 
 def set_point(name: Axis, plan: AxisPlan, measurement: Measurement) -> ca.SX:
@@ -32,7 +32,7 @@ def set_point(name: Axis, plan: AxisPlan, measurement: Measurement) -> ca.SX:
     )
 
 
-def risen(name: str, wanted: ca.SX, ramp: float | None, clock: Clock, parameters: Layout) -> ca.SX:
+def risen(name: str, wanted: ca.SX, ramp: float | None, clock: Clock, parameters: Slots) -> ca.SX:
     """A set point as the robot applies it, risen from the force measured at entry.
 
     Args:

@@ -14,7 +14,6 @@ from taskspec.program import ports, signals
 from taskspec.program.algebra import CasadiAlgebra, constants
 from taskspec.program.clock import Clock
 from taskspec.program.context import Context
-from taskspec.program.layout import Layout
 from taskspec.program.plan import StagePlan
 from taskspec.program.reference.constraints import EquationRow, equation_rows, reactions
 from taskspec.program.reference.tracked_mechanism import (
@@ -24,6 +23,7 @@ from taskspec.program.reference.tracked_mechanism import (
 )
 from taskspec.program.reference.unreached import Unreached, requested, unreached_of
 from taskspec.program.signals import SignalTable
+from taskspec.program.slots import Slots
 from taskspec.program.world import kinematics
 from taskspec.program.world.frames import FrameModel
 from taskspec.program.world.moving_base import BaseMotion
@@ -47,8 +47,8 @@ class Measurement:
     """
 
     inputs: ports.Inputs
-    memory: Layout
-    parameters: Layout
+    memory: Slots
+    parameters: Slots
     clock: Clock
     algebra: CasadiAlgebra
     moving_base: BaseMotion | None
@@ -79,7 +79,7 @@ def measure(context: Context, plan: StagePlan) -> Measurement:
     """The measurement of a stage; its memory and parameters take the slots that this needs."""
     robot, frame = context.robot, plan.frame
     inputs = _inputs(context)
-    memory, parameters = Layout("memory"), Layout("parameters")
+    memory, parameters = Slots("memory"), Slots("parameters")
     unreached = unreached_of(requested(plan.law, plan.plans, plan.active), parameters)
     clock = Clock(inputs.now[0], inputs.now[1])
     world, now = inputs.terms, clock.clock
@@ -92,7 +92,7 @@ def measure(context: Context, plan: StagePlan) -> Measurement:
     rows = equation_rows(context.equations, world, inputs.q, inputs.v, now)
     measured = reactions(rows, inputs.wrench, inputs.reactions)
     gaps = signals.gaps(robot, context.surfaces, world.p, world.R, context.moving_bases, now)
-    elsewhere = signals.Resolver(
+    elsewhere = signals.SignalsElsewhere(
         robot, context.frames, world, inputs.wrench, offset, context.moving_bases, now, parameters
     )
     task = context.loaded.task
@@ -183,7 +183,7 @@ def _normal(
     return normal if base is None else base.A.T @ normal
 
 
-def _control_offset(frame: FrameModel, parameters: Layout) -> ca.SX | None:
+def _control_offset(frame: FrameModel, parameters: Slots) -> ca.SX | None:
     if not frame.at_origin:
         return None
     if frame.kind == "tool":

@@ -13,7 +13,6 @@ from taskspec.motion import polynomial
 from taskspec.motion.path import PathShape
 from taskspec.program.clock import Clock
 from taskspec.program.context import Context
-from taskspec.program.layout import Layout
 from taskspec.program.plan import StagePlan
 from taskspec.program.reference import force_references
 from taskspec.program.reference.axis_reference import AxisReference, axis_reference, blendings
@@ -21,6 +20,7 @@ from taskspec.program.reference.coordinates import frame_coordinates
 from taskspec.program.reference.measurement import Measurement
 from taskspec.program.reference.reference_set import ReferenceSet
 from taskspec.program.reference.tracking import Tracking, track
+from taskspec.program.slots import Slots
 
 
 def build_references(context: Context, plan: StagePlan, measurement: Measurement) -> ReferenceSet:
@@ -131,7 +131,7 @@ def _of_the_law(
     )
 
 
-def _path(path: PathShape | None, clock: Clock, parameters: Layout) -> dict[Axis, ca.SX]:
+def _path(path: PathShape | None, clock: Clock, parameters: Slots) -> dict[Axis, ca.SX]:
     """Coordinates of the axes that a path drives."""
     if path is None:
         return {}

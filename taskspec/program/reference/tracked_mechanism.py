@@ -10,7 +10,7 @@ from taskspec.control.model_terms import TermSymbols
 from taskspec.control.reference import opposite
 from taskspec.program.clock import Clock
 from taskspec.program.context import Context
-from taskspec.program.layout import Layout
+from taskspec.program.slots import Slots
 from taskspec.program.world.frames import FrameModel
 from taskspec.program.world.mechanisms import MechanismModel
 from taskspec.signals import ObjectState
@@ -42,8 +42,8 @@ def tracked_mechanism(
     frame: FrameModel,
     terms: TermSymbols,
     clock: Clock,
-    memory: Layout,
-    parameters: Layout,
+    memory: Slots,
+    parameters: Slots,
 ) -> TrackedMechanism | None:
     """The mechanism that a stage in `frame` keeps track of; takes a slot for its angle.
 

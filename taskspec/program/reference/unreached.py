@@ -46,7 +46,7 @@ class Unreached:
         return ca.norm_2(ca.vertcat(0, *parts))
 
 
-def unreached_of(names: Sequence[str], parameters: Layout) -> Unreached:
+def unreached_of(names: Sequence[str], parameters: Slots) -> Unreached:
     """Makes the parameters for the force set points `names`."""
     if not names:
         return Unreached({}, {})

@@ -11,12 +11,12 @@ from taskspec.laws.multipliers import Multipliers
 from taskspec.motion import blend
 from taskspec.program.clock import Clock
 from taskspec.program.context import Context
-from taskspec.program.layout import Layout
 from taskspec.program.plan import StagePlan
 from taskspec.program.reference.constraints import ConstraintSet
 from taskspec.program.reference.force_references import risen, wound
 from taskspec.program.reference.measurement import Measurement
 from taskspec.program.reference.reference_set import ReferenceSet
+from taskspec.program.slots import Slots
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +63,7 @@ def constrain(
     forces: EquationForces,
     references: ReferenceSet,
     clock: Clock,
-    parameters: Layout,
+    parameters: Slots,
 ) -> Multipliers:
     """The constraints of a stage as its law sees them."""
     desired: dict[str, ca.SX] = dict(references.force_ref.items())

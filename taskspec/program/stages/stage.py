@@ -12,11 +12,11 @@ import casadi as ca
 
 from taskspec.program.context import Context
 from taskspec.program.events import Condition, Event, code
-from taskspec.program.layout import Layout
 from taskspec.program.limits.programs import resolve
 from taskspec.program.limits.resolution import Resolution, Resolved, saturated
 from taskspec.program.plan import StagePlan
 from taskspec.program.reference.measurement import Measurement, measure
+from taskspec.program.slots import Slots
 from taskspec.program.stages.candidates import Choice, candidates
 from taskspec.program.stages.commanded import Commanded, command
 from taskspec.program.stages.conditions import limit_conditions, stage_conditions
@@ -44,8 +44,8 @@ class CompiledStage:
     plan: StagePlan
     tracked: str
     equations: tuple[str, ...]
-    memory: Layout
-    parameters: Layout
+    memory: Slots
+    parameters: Slots
     initial: Mapping[str, float]
     events: tuple[Event, ...]
     tick: ca.Function

@@ -14,7 +14,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec.program.layout import Layout
+from taskspec.program.slots import Slots
 from taskspec.program.world.frames import FrameModel
 
 Vector = NDArray[np.float64]
@@ -41,7 +41,7 @@ def slot(frame: FrameModel) -> str:
     return _PREFIX + frame.estimated_in
 
 
-def symbols(layout: Layout, frame: FrameModel) -> ca.SX:
+def symbols(layout: Slots, frame: FrameModel) -> ca.SX:
     """(12,) rotation by columns and origin of the estimated frame; takes the parameter once."""
     name = slot(frame)
     return layout.symbol(name) if name in layout else layout.add(name, SIZE)
@@ -172,7 +172,7 @@ class Estimates:
                 estimate = Estimate(np.concatenate([R.ravel(order="F"), origin]))
             self._estimates[slot(frame)] = estimate
 
-    def missing(self, parameters: Layout) -> str:
+    def missing(self, parameters: Slots) -> str:
         """Why a stage with these parameters cannot be entered, as a sentence; empty if it can."""
         for name in parameters.slots:
             estimate = self._estimates.get(name)

@@ -10,7 +10,7 @@ import numpy as np
 
 from taskspec.control.model_terms import TermSymbols
 from taskspec.geometry import rotation
-from taskspec.program.layout import Layout
+from taskspec.program.slots import Slots
 from taskspec.program.world import estimated_frames
 from taskspec.program.world.frames import FrameModel
 from taskspec.program.world.mechanisms import MechanismModel
@@ -202,7 +202,7 @@ def _handle_state(frame: FrameModel, mechanism: MechanismModel, terms: TermSymbo
     )
 
 
-def new_face(layout: Layout, frame: FrameModel, prefix: str) -> ca.SX | None:
+def new_face(layout: Slots, frame: FrameModel, prefix: str) -> ca.SX | None:
     """The parameters of a frame: of the part that it follows, of its estimate, or None."""
     if frame.kind == "estimated":
         return estimated_frames.symbols(layout, frame)

@@ -47,7 +47,7 @@ class Account:
     worst: float = 0.0
 
 
-class Resolver:
+class StageSolver:
     """The programs of one stage on the arrays of a machine.
 
     Before a tick is evaluated, call `remember`; after it, `resolve`.
@@ -131,7 +131,7 @@ class Resolver:
         if left is not None:
             self._unreachable[:] = left
 
-    def asked(self) -> Asked | None:
+    def returned_forces(self) -> ReturnedForces | None:
         """What the inputs of the last tick ask of contacts; None where nothing is, or is known."""
         if self._nearest is None:
             return None
@@ -139,7 +139,7 @@ class Resolver:
         if left is None:
             return None
         names, values = self.resolution.requested, self._nearest.values
-        return Asked(
+        return ReturnedForces(
             dict(zip(names, values.tolist(), strict=True)),
             dict(zip(names, left.tolist(), strict=True)),
             self._nearest.because(),
@@ -185,7 +185,7 @@ class Resolver:
 
 
 @dataclass(frozen=True, slots=True)
-class Asked:
+class ReturnedForces:
     """What a stage asks of its contacts, and what they cannot return of it.
 
     Attributes:

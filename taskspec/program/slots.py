@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 
-class Layout:
+class Slots:
     """Collects named slots and hands out their symbols; frozen by `vector`."""
 
     def __init__(self, name: str) -> None:
