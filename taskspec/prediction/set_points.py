@@ -23,7 +23,7 @@ Vector = NDArray[np.float64]
 _LOOKS = 199
 #: How long a stage is looked at that nothing bounds [s].
 _LONGEST = 60.0
-#: What is not returned is no more than this share of what is returned: rounding.
+#: What is not returned is no more than this share of what is requested: rounding.
 _ROUNDING = 1e-6
 #: A force that drives nothing [N].
 _NOTHING = 1e-6
@@ -64,18 +64,18 @@ def settled(
         return None
     weights = np.array(found)
     rows = [AXES.index(a) for a in wanted]
-    returned = np.array([*wanted.values()]) + [_pull(here, a) for a in wanted]
+    requested = np.array([*wanted.values()]) + [_pull(here, a) for a in wanted]
     if not on.names:
-        return dict(zip(wanted, returned.tolist(), strict=True))
+        return dict(zip(wanted, requested.tolist(), strict=True))
     N, root = on.normals[rows], np.sqrt(weights)
-    push = np.linalg.lstsq(-root[:, None] * N, root * returned, rcond=None)[0]
+    push = np.linalg.lstsq(-root[:, None] * N, root * requested, rcond=None)[0]
     returned = -N @ np.maximum(push, 0.0)
-    rest = returned - returned
+    rest = requested - returned
     size, most = float(np.linalg.norm(rest)), on.friction * float(np.maximum(push, 0.0).sum())
-    if size > _ROUNDING * float(np.linalg.norm(returned)):
+    if size > _ROUNDING * float(np.linalg.norm(requested)):
         returned = returned + rest * min(1.0, most / size)
     else:
-        returned = returned
+        returned = requested
     return dict(zip(wanted, returned.tolist(), strict=True))
 
 

@@ -1,6 +1,6 @@
 """How the axes of a stage come to rest, from the poles of its sampled loop.
 
-Which poles an axis has is returned of its own response: displaced alone from the equilibrium and let
+Which poles an axis has follows from its own response: displaced alone from the equilibrium and let
 go, it comes back as sum_i A_i e^(s_i t) over the poles s_i of the loop. The shapes of poles do not
 tell: axes whose loops are alike have poles in common, and these shapes lie anywhere among them.
 """

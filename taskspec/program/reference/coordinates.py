@@ -51,7 +51,7 @@ class Coordinates:
 
 
 def frame_coordinates(plan: StagePlan, measurement: Measurement) -> Coordinates:
-    """Measurement coordinates; takes the memory and parameters that the frame's kind needs."""
+    """Measured coordinates; takes the memory and parameters that the frame's kind needs."""
     frame, plans, at, terms = plan.frame, plan.plans, measurement.at, measurement.terms
     memory, parameters = measurement.memory, measurement.parameters
     marks: dict[str, ca.SX] = {}

@@ -1,4 +1,4 @@
-"""What a stage's functions put out: the tick's outputs, and what is commanded at entry."""
+"""What a stage's functions put out: the tick's outputs, and what a stage start asks for."""
 
 from __future__ import annotations
 
