@@ -9,7 +9,6 @@ import casadi as ca
 
 from taskspec.control.state import ARM_LENGTH
 from taskspec.geometry.axis import AXES, Axis
-from taskspec.program.layout import Layout
 from taskspec.program.reference.axis_plan import AxisPlan
 from taskspec.spec import Law
 
