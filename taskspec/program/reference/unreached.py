@@ -10,6 +10,7 @@ import casadi as ca
 from taskspec.control.state import ARM_LENGTH
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.program.reference.axis_plan import AxisPlan
+from taskspec.program.slots import Slots
 from taskspec.spec import Law
 
 #: A limit that takes less than this from a force is rounding [N, N m].
