@@ -14,7 +14,7 @@ from taskspec.signals import SCALARS, Situation, signal
 from taskspec.signals.operations import norm
 from taskspec.text.units import ANGULAR_VELOCITY
 from taskspec_runner.cli.app import app
-from taskspec_runner.record.history import read_history
+from taskspec_runner.record.log import read_log
 
 SPINNING = """\
 taskspec: 1
@@ -64,7 +64,7 @@ def test_every_command(task: Path, tmp_path: Path) -> None:
     call("compare", task, "--law", "hybrid", "--law", "impedance", "--out", other)
     call("export", run, "--csv")
     call("schema")
-    history = read_history(run / "log.arrow")
+    history = read_log(run / "log.arrow")
     assert history.units["spin"] == "rad/s"
     joints = [history.columns[f"joint.{i}.velocity"] for i in range(1, 8)]
     still = np.max(np.abs(joints), axis=0) == 0
