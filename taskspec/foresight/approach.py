@@ -87,7 +87,7 @@ def waits_for_contact(stage: StagePlan) -> bool:
     }
     felt["touching"] = point(0.0)
     inner = until.tree.x if isinstance(until.tree, Held) else until.tree
-    ranges = Ranges(stage.context, stage.name, felt)
+    ranges = Ranges(stage, felt)
     return value_of(inner, IntervalAlgebra(), ranges).never
 
 

@@ -17,9 +17,9 @@ from taskspec.foresight.interval import ANY, Interval, point
 from taskspec.geometry.axis import Axis
 from taskspec.program.context import Context
 from taskspec.program.known import known_value
+from taskspec.program.plan import StagePlan
 from taskspec.program.signals import entry_of
 from taskspec.signals import Entry, Index
-from taskspec.spec import Stage
 from taskspec.text.expression.tree import Call, Name, Node, walk
 from taskspec.text.show import show
 from taskspec.text.units import LENGTH, TIME
@@ -34,26 +34,17 @@ _DRIVEN = 1.1
 _SLACK = {"angle": math.radians(2.0), "travel": 2e-3}
 
 
-def longest(context: Context, stage: Stage) -> float:
-    """The time after which a stage has ended whatever happens [s]; infinite where none is told."""
-    bound = stage.time if stage.within is None else stage.within.time
-    return math.inf if bound is None else bound + context.period
-
-
 class Ranges:
     """Intervals of the names in the guards of one stage.
 
     Args:
-        context: the task. name: of the stage.
+        stage: whose guards they are.
         known: intervals that replace those found here, by full name.
     """
 
-    def __init__(
-        self, context: Context, name: str, known: Mapping[str, Interval] | None = None
-    ) -> None:
-        self._context, self._name = context, name
-        self._stage = context.loaded.task.stages[name]
-        self._limits = context.limits_of(self._stage)
+    def __init__(self, stage: StagePlan, known: Mapping[str, Interval] | None = None) -> None:
+        self._plan, self._context, self._stage = stage, stage.context, stage.spec
+        self._limits = stage.limits
         self._known = dict(known or {})
 
     def __call__(self, node: Name) -> Interval:
@@ -70,7 +61,7 @@ class Ranges:
         signal, member = found.signal, found.member
         match signal.index, signal.name:
             case Index.CLOCK, "t":
-                return Interval(0.0, longest(self._context, self._stage))
+                return Interval(0.0, self._plan.longest)
             case Index.STAGE, _:
                 return self._visits(member)
             case Index.JOINT, _:
@@ -87,7 +78,7 @@ class Ranges:
         if found.signal.limit != "speed" or not found.signal.axes:
             return bool(found.signal.limit)
         # Limits on speed are those of the tip, along and not about.
-        own = self._context.frame_of(self._stage).at_origin
+        own = self._plan.frame.at_origin
         return not own and not Axis(found.member).is_rotation
 
     def magnitudes(self, node: Node) -> dict[Node, Interval]:
@@ -105,7 +96,7 @@ class Ranges:
         """What bounds a name, in words; empty where nothing of the file does."""
         head, last, limits = node.path[0], node.path[-1], self._limits
         task, within = self._context.loaded.task, self._stage.within
-        if str(node) == "t" and math.isfinite(longest(self._context, self._stage)):
+        if str(node) == "t" and math.isfinite(self._plan.longest):
             bound = self._stage.time if within is None else within.time
             return f"the stage ends after {show(bound or 0.0, TIME)} at the latest"
         if str(node) == "travel" and within is not None and within.travel is not None:
@@ -136,7 +127,7 @@ class Ranges:
 
     def _visits(self, stage: str) -> Interval:
         attempts = self._context.loaded.task.stages[stage].attempts
-        least = 1.0 if stage == self._name else 0.0
+        least = 1.0 if stage == self._plan.name else 0.0
         return Interval(least, math.inf if attempts is None else float(attempts))
 
     def _joint(self, i: int, signal: str) -> Interval:
@@ -166,7 +157,7 @@ class Ranges:
         return Interval(*ends)
 
     def _driven(self, name: str, signal: str) -> Driven | None:
-        driven = driven_way(self._context, self._name) if name == self._context.held else None
+        driven = driven_way(self._plan) if name == self._context.held else None
         return driven if driven is not None and driven.signal == signal else None
 
 
@@ -185,16 +176,15 @@ class Driven:
     interval: Interval
 
 
-def driven_way(context: Context, name: str) -> Driven | None:
+def driven_way(plan: StagePlan) -> Driven | None:
     """How far a constant velocity drives the held mechanism; None where that is not known.
 
     Only of the first stage, which begins at coordinate 0, in the frame of the handle.
     """
-    stage = context.loaded.task.stages[name]
-    frame = context.frame_of(stage)
+    context, stage, frame = plan.context, plan.spec, plan.frame
     held = context.mechanisms.get(context.held)
-    lasts = longest(context, stage)
-    first = name == next(iter(context.loaded.task.stages))
+    lasts = plan.longest
+    first = plan.name == next(iter(context.loaded.task.stages))
     if held is None or not first or not math.isfinite(lasts):
         return None
     axis = Axis.Y if frame.mechanism is not None else Axis.Z

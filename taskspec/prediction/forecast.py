@@ -45,12 +45,11 @@ class Forecast:
         node, dwell = (tree.x, tree.amount.value_si) if isinstance(tree, Held) else (tree, 0.0)
         if any(isinstance(part, Held | Reduce) for part in walk(node)):
             return None
-        context, name = self.here.context, self.here.stage.name
         algebra = IntervalAlgebra()
 
         def holds(t: float) -> bool:
             known = {signal: at(t) for signal, at in self.signals.items()}
-            ranges = Ranges(context, name, known)
+            ranges = Ranges(self.here.stage.plan, known)
             return evaluate(node, algebra, lambda n: _value(ranges, n)).always
 
         times = np.linspace(0.0, horizon, _LOOKS)

@@ -48,7 +48,7 @@ def moment_arms(here: StageAtStart, normal: Vector) -> Vector:
     """
     context = here.context
     tool = context.robot.tool
-    lever = -context.lever_of(here.stage.plan.frame)
+    lever = -here.stage.plan.lever
     if not tool.flat:
         lever = lever + context.start_R @ tool.centers[0]
         lever = lever - float(tool.radii[0]) * (here.rotation @ normal)

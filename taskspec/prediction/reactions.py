@@ -86,7 +86,7 @@ def _turns(here: StageAtStart, name: str) -> bool:
         model = context.equations[name]
         return not model.joints and np.ptp(gradients(context, model), axis=1).max() > _STRAIGHT
     mechanism = context.mechanisms[name]
-    way, _ = mechanism.open_ways(context.start_p + context.lever_of(frame))
+    way, _ = mechanism.open_ways(context.start_p + here.stage.plan.lever)
     return mechanism.angular and frame.mechanism is None and bool(np.any(way))
 
 
@@ -120,7 +120,7 @@ def equation_wrenches(here: StageAtStart) -> Iterator[tuple[str, Vector, int]]:
     """Gradients of the equations where the run begins, and the side on which they let pass."""
     context = here.context
     J = np.kron(np.eye(2), here.rotation.T) @ context.start_jacobian
-    J[:3] += np.cross(J[3:], here.rotation.T @ context.lever_of(here.stage.plan.frame), axis=0)
+    J[:3] += np.cross(J[3:], here.rotation.T @ here.stage.plan.lever, axis=0)
     for name, model in context.equations.items():
         gradient = context.start_equations[name].normal
         wrench, *_ = np.linalg.lstsq(J.T, gradient, rcond=1e-9)
@@ -149,6 +149,6 @@ def mechanism_twists(here: StageAtStart) -> Vector | None:
     context = here.context
     if not here.stage.plan.held:
         return None
-    point = context.start_p + context.lever_of(here.stage.plan.frame)
+    point = context.start_p + here.stage.plan.lever
     T = context.mechanisms[here.stage.plan.held].free_twists(context.start_p, point)
     return np.asarray(np.kron(np.eye(2), here.rotation.T) @ T)

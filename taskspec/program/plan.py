@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import cached_property
@@ -33,6 +34,8 @@ from taskspec.text.expression import Expression
 
 Vector = NDArray[np.float64]
 
+#: From here on J H^-1 J^T counts as singular.
+_CONDITION = 1e12
 #: Cosine from which on two normals are taken as one: 1 deg.
 _SAME = float(np.cos(np.deg2rad(1.0)))
 
@@ -100,6 +103,13 @@ class StagePlan:
         return common.model_copy(update=own)
 
     @cached_property
+    def longest(self) -> float:
+        """The time after which it has ended whatever happens [s]; infinite where none is stated."""
+        spec = self.spec
+        bound = spec.time if spec.within is None else spec.within.time
+        return math.inf if bound is None else bound + self.context.period
+
+    @cached_property
     def frame(self) -> FrameModel:
         """Its task frame."""
         return self.context.frames[self.spec.frame or self.context.loaded.task.frame]
@@ -112,7 +122,12 @@ class StagePlan:
     @cached_property
     def lever(self) -> Vector:
         """(3,) from the tip to the control point at the start pose, world axes [m]."""
-        return self.context.lever_of(self.frame)
+        frame, context = self.frame, self.context
+        if not frame.at_origin:
+            return np.zeros(3)
+        if frame.kind == "tool":
+            return np.asarray(context.start_R @ frame.origin)
+        return np.asarray(context.placed(frame)[1] - context.start_p)
 
     @cached_property
     def axes(self) -> tuple[Axis, ...]:
@@ -275,8 +290,15 @@ class StagePlan:
 
     @cached_property
     def gripped(self) -> bool:
-        """Whether forces are returned by what the robot holds, and both ways."""
-        return self.context.gripped(self.frame)
+        """Whether forces are returned by what the robot holds, and both ways.
+
+        A handle returns them in every frame but those of an object; a loose body where the world
+        has no other object.
+        """
+        context = self.context
+        if context.loaded.task.robot.grasp is None or self.surface is not None:
+            return False
+        return bool(context.held) or not context.touchable_gaps
 
     @cached_property
     def held(self) -> str:
@@ -383,9 +405,47 @@ class StagePlan:
     @cached_property
     def plants(self) -> dict[Axis, AxisPlant]:
         """Mass and stiffness of each axis at the start pose, for gain design."""
-        return self.context.plants(
-            self.axes, self.rotation, self.environment, self.rates, self.lever
-        )
+        mobility = self._jacobian @ np.linalg.inv(self.context.start_inertia) @ self._jacobian.T
+        rows = np.ix_(self._rows, self._rows)
+        mobility = mobility[rows]
+        if np.linalg.cond(mobility) > _CONDITION:
+            # The run stops before its first tick; that it is said needs gains that are finite.
+            mobility = mobility + np.eye(len(self._rows)) / _CONDITION
+        held, period = np.diag(np.linalg.inv(mobility)), self.context.period
+        return {
+            a: AxisPlant(h=1.0 / mobility[i, i], held=held[i], k=self.environment[a], period=period)
+            for i, a in enumerate(self.axes)
+        }
+
+    @property
+    def _rows(self) -> list[int]:
+        return [a.row for a in self.axes]
+
+    @property
+    def _jacobian(self) -> Vector:
+        """(6, n) of the control point at the start pose, its rows those of the law."""
+        J = self.context.start_jacobian.copy()
+        J[:3] += np.cross(J[3:], self.lever, axis=0)
+        return self._resolved(J)
+
+    def _resolved(self, J: Vector) -> Vector:
+        return np.vstack([self.rotation.T @ J[:3], self.rates @ self.rotation.T @ J[3:]])
+
+    def _joint_plants(self, stiffness: list[float]) -> list[AxisPlant]:
+        """Inertia and stiffness about each joint at the start pose.
+
+        Args:
+            stiffness: of spring and contact together, on the axes [N/m, N m/rad].
+        """
+        context = self.context
+        J = self._resolved(context.start_jacobian)[self._rows]
+        about = np.einsum("ij,i,ij->j", J, stiffness, J)
+        free = 1.0 / np.diag(np.linalg.inv(context.start_inertia))
+        held = np.diag(context.start_inertia)
+        return [
+            AxisPlant(h=free[j], held=held[j], k=about[j], period=context.period)
+            for j in range(len(held))
+        ]
 
     @cached_property
     def rates(self) -> Vector:
@@ -429,7 +489,7 @@ class StagePlan:
             gains.setdefault(gain, {}).update(by)
         if self.law.control_law.damps_joints:
             stiffness = [value_of(gains, "stiffness", a) + self._pressed(a) for a in self.axes]
-            joints = context.joint_plants(self.axes, self.rotation, stiffness, self.rates)
+            joints = self._joint_plants(stiffness)
             gains["joint_damping"] = self.law.design_joints(joints)
         return gains
 

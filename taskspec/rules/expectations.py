@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 from taskspec.foresight.conditions import bounds_of, names, parts, value_of
 from taskspec.foresight.flow import good_end, reached
 from taskspec.foresight.interval import ANY, Interval, IntervalAlgebra, point
-from taskspec.foresight.ranges import constant, longest, natural
+from taskspec.foresight.ranges import constant, natural
 from taskspec.geometry.axis import as_axis
 from taskspec.program.context import Context
 from taskspec.program.known import known_value
@@ -99,7 +99,7 @@ def times_between_ticks(task: TaskPlan) -> Iterator[Finding]:
             if not isinstance(part, WithinNode):
                 continue
             inner = part.x.arg if isinstance(part.x, Reduce) else part.x
-            low, high = (_known(context, end) for end in (part.low, part.high))
+            low, high = (_known(task, end) for end in (part.low, part.high))
             if not isinstance(inner, Name) or inner.path[-1] not in ("t", "clock"):
                 continue
             if low is not None and high is not None and 0 <= high - low < context.period:
@@ -123,7 +123,7 @@ def impossible_expectations(task: TaskPlan) -> Iterator[Finding]:
     """Reports expectations that fail whatever happens, or in every run that ends well."""
     expectations = task.context.loaded.task.expect
     for number, expectation in enumerate(expectations):
-        never = _never(task.context, expectation, expectations[:number])
+        never = _never(task, expectation, expectations[:number])
         if never is not None:
             yield never
         else:
@@ -148,20 +148,20 @@ def _stage_of(context: Context, name: Name) -> str | None:
     return name.path[0] if judged else None
 
 
-def _known(context: Context, node: Node) -> float | None:
+def _known(task: TaskPlan, node: Node) -> float | None:
     """The value of a part of an expression that params alone tell; None of any other."""
-    interval = evaluate(node, _ALGEBRA, lambda name: _natural(context, name))
+    interval = evaluate(node, _ALGEBRA, lambda name: _natural(task, name))
     return interval.low if interval.low == interval.high else None
 
 
 def _never(
-    context: Context, expectation: Expectation, before: Sequence[Expectation]
+    task: TaskPlan, expectation: Expectation, before: Sequence[Expectation]
 ) -> Finding | None:
     """What can never hold, by itself or beside what was expected before; None where it can."""
     expression = expectation.expression
 
     def lookup(name: Name) -> Interval:
-        return _natural(context, name)
+        return _natural(task, name)
 
     for part in parts(expression.tree):
         if value_of(part, _ALGEBRA, lookup).never:
@@ -190,14 +190,14 @@ def _never(
     return None
 
 
-def _natural(context: Context, name: Name) -> Interval:
+def _natural(task: TaskPlan, name: Name) -> Interval:
     """What a true signal can be by its nature."""
-    stage = _stage_of(context, name)
-    found = entry_of(context.loaded.task, name.path[1:] if stage else name.path)
+    stage = _stage_of(task.context, name)
+    found = entry_of(task.context.loaded.task, name.path[1:] if stage else name.path)
     if found is None:
-        return constant(context, name) or ANY
+        return constant(task.context, name) or ANY
     if stage and found.signal is CLOCKS["t"]:
-        return Interval(0.0, longest(context, context.loaded.task.stages[stage]))
+        return Interval(0.0, task.stages[stage].longest)
     return natural(found)
 
 
@@ -215,12 +215,12 @@ def _beside_a_set_point(task: TaskPlan, expectation: Expectation) -> Iterator[Fi
             continue
 
         def lookup(name: Name, held: Name = signal, value: float = wanted) -> Interval:
-            return point(value) if name == held else _natural(context, name)
+            return point(value) if name == held else _natural(task, name)
 
         if reducers <= {*_LATE}:
             never = value_of(part, _ALGEBRA, lookup).never
         else:
-            never = _never_beyond(context, part, signal, wanted)
+            never = _never_beyond(task, part, signal, wanted)
         if never:
             stage, kind, axis = signal.path
             unit = FORCE.on(rotation=kind == "torque")
@@ -233,7 +233,7 @@ def _beside_a_set_point(task: TaskPlan, expectation: Expectation) -> Iterator[Fi
             )
 
 
-def _never_beyond(context: Context, part: Node, signal: Name, wanted: float) -> bool:
+def _never_beyond(task: TaskPlan, part: Node, signal: Name, wanted: float) -> bool:
     """Whether a condition on greatest or least values excludes a value that is reached."""
     bounds: dict[Node, Interval] = {}
     for node in walk(part):
@@ -243,8 +243,7 @@ def _never_beyond(context: Context, part: Node, signal: Name, wanted: float) -> 
             elif node.reducer == "min":
                 bounds[node] = Interval(-math.inf, wanted)
     return (
-        bool(bounds)
-        and value_of(part, _ALGEBRA, lambda name: _natural(context, name), bounds).never
+        bool(bounds) and value_of(part, _ALGEBRA, lambda name: _natural(task, name), bounds).never
     )
 
 

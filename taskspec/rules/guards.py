@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from taskspec.foresight.conditions import names, parts, value_of
 from taskspec.foresight.interval import Interval, IntervalAlgebra, point
 from taskspec.foresight.nominal import AT_SURFACE
-from taskspec.foresight.ranges import Ranges, longest
+from taskspec.foresight.ranges import Ranges
 from taskspec.geometry.axis import Axis
 from taskspec.program.axes import MOSTLY
 from taskspec.program.plan import StagePlan
@@ -35,17 +35,17 @@ _SLIGHTLY = 0.1
 )
 def useless_guards(stage: StagePlan) -> Iterator[Finding]:
     """Guards that cannot do what they are for: of each, the first reason that applies."""
-    context, name = stage.context, stage.name
-    algebra = IntervalAlgebra(longest(context, stage.spec))
+    name = stage.name
+    algebra = IntervalAlgebra(stage.longest)
     for key, guard in (("until", stage.spec.until), ("fail_if", stage.spec.fail_if)):
         if guard is None:
             continue
-        ranges = Ranges(context, name)
+        ranges = Ranges(stage)
         if _never(guard.tree, algebra, ranges):
             yield _impossible(stage, key, guard, algebra, ranges)
             continue
         signs = _signs(stage)
-        if signs and value_of(guard.tree, algebra, Ranges(context, name, signs)).never:
+        if signs and value_of(guard.tree, algebra, Ranges(stage, signs)).never:
             yield _wrong_sign(name, guard, signs)
         elif _always(guard.tree, algebra, ranges):
             yield warning(
@@ -78,7 +78,7 @@ def _impossible(
     reasons = [reason for n in names(culprit or inner) if (reason := ranges.why(n))]
     if culprit is None:
         reasons = ["its conditions exclude each other"]
-    end = longest(stage.context, stage.spec)
+    end = stage.longest
     if isinstance(guard.tree, Held) and guard.tree.amount.value_si > end:
         culprit = guard.tree
         most = show(end - stage.context.period, "s")
@@ -111,8 +111,7 @@ def _held_by_set_points(stage: StagePlan, guard: Expression, algebra: IntervalAl
     reached = {f"{a.effort}.{a}": point(value) for a, value in stage.set_points.items()}
     used = {str(n) for n in names(guard.tree)}
     return (
-        bool(used & reached.keys())
-        and evaluate(guard.tree, algebra, Ranges(stage.context, stage.name, reached)).always
+        bool(used & reached.keys()) and evaluate(guard.tree, algebra, Ranges(stage, reached)).always
     )
 
 
@@ -206,4 +205,4 @@ def _holds_untouched(stage: StagePlan, guard: Expression, algebra: IntervalAlgeb
         if (entry := entry_of(task, n.path)) is not None and entry.signal.sensed == WRENCH
     }
     inner = guard.tree.x if isinstance(guard.tree, Held) else guard.tree
-    return evaluate(inner, algebra, Ranges(stage.context, stage.name, felt)).always
+    return evaluate(inner, algebra, Ranges(stage, felt)).always

@@ -11,7 +11,7 @@ from taskspec.control.sensor import SensorModel
 from taskspec.foresight.conditions import bounds_of, names
 from taskspec.foresight.interval import Interval, IntervalAlgebra
 from taskspec.foresight.nominal import AT_SURFACE
-from taskspec.foresight.ranges import Ranges, longest
+from taskspec.foresight.ranges import Ranges
 from taskspec.geometry.axis import Axis
 from taskspec.program.context import Context
 from taskspec.program.plan import StagePlan
@@ -42,7 +42,7 @@ def _finding(stage: StagePlan, guard: Expression) -> Finding | None:
     """What the first quantity of a guard that noise or bias decides about gives rise to."""
     context, gap = stage.context, stage.nominal.gap
     inner = guard.tree.x if isinstance(guard.tree, Held) else guard.tree
-    bounds = bounds_of([inner], IntervalAlgebra(), Ranges(context, stage.name))
+    bounds = bounds_of([inner], IntervalAlgebra(), Ranges(stage))
     for quantity, interval in bounds.items():
         signal = _signal(quantity)
         if signal is None:
@@ -122,7 +122,7 @@ def _holds_by_itself(stage: StagePlan, quantity: Node, interval: Interval, ticks
         return level <= 0
     sides = 1 if isinstance(quantity, Name) else 2 * len(list(names(quantity)))
     alone = min(1.0, sides * 0.5 * math.erfc(level / spread / math.sqrt(2)))
-    tries = min(longest(stage.context, stage.spec), _LONG) / stage.context.period
+    tries = min(stage.longest, _LONG) / stage.context.period
     return tries * alone**ticks > _SELDOM
 
 

@@ -9,7 +9,6 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec.foresight.ranges import longest
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.program.algebra import CasadiAlgebra
 from taskspec.program.context import Context
@@ -62,7 +61,7 @@ def references_over_time(stage: StagePlan) -> Iterator[Finding]:
     as the stage begins is reported as such.
     """
     context = stage.context
-    end = longest(context, stage.spec)
+    end = stage.longest
     if not math.isfinite(end):
         return
     times = _ticks(context, end)
@@ -87,7 +86,7 @@ def object_motions(task: TaskPlan) -> Iterator[Finding]:
     The plant's guards would stop the run there.
     """
     context, spec = task.context, task.context.loaded.task
-    whole = sum(longest(context, stage) for stage in spec.stages.values())
+    whole = sum(stage.longest for stage in task.stages.values())
     if not math.isfinite(whole):
         return
     times = _ticks(context, whole)

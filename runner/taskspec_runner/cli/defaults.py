@@ -75,7 +75,7 @@ def _robot(program: Program) -> Iterator[tuple[str, str]]:
     if "base" not in given:
         yield "robot.base", "the world's origin"
     yield from _start(robot, vertical="z" in model.axes)
-    laws = [program.context.law_of(stage) for stage in program.context.loaded.task.stages.values()]
+    laws = [stage.plan.law for stage in program.stages]
     if "posture" not in given and any("posture" in goals(a, model, model.axes) for a in laws):
         yield "robot.posture", "the start configuration"
     if "sensor" not in given:

@@ -126,7 +126,7 @@ def _generators(
             resolve_axes[i, :3] = direction.T
             towards += direction * requests.values[i]
     found: list[Generator] = []
-    if axes and context.gripped(plan.frame):
+    if axes and plan.gripped:
         at = kinematics.control_point(world, measurement.inputs.wrench, None)
         J = ca.vertcat(at.J[:3, :] - ca.skew(offset) @ at.J[3:, :], at.J[3:, :])
         found += grip_generators(resolve_axes, J)

@@ -74,7 +74,7 @@ def integrals(
     """
     gains, table = plan.gains, measurement.table
     # What is held is touched, whatever little force passes.
-    touching = ca.SX(1) if context.gripped(plan.frame) else table["touching"]
+    touching = ca.SX(1) if plan.gripped else table["touching"]
     found = {}
     for name, force in forces.items():
         if not plan.plans[name].force or "force.integral" not in gains:
