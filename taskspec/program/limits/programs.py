@@ -33,7 +33,6 @@ from taskspec.program.world import kinematics
 
 
 def resolve(
-    context: Context,
     plan: StagePlan,
     measurement: Measurement,
     requested: Mapping[str, ca.SX],
@@ -42,10 +41,11 @@ def resolve(
     """The two programs of a stage, as expressions.
 
     Args:
-        context: of the task. plan: of the stage. measurement: what it measures.
+        plan: of the stage. measurement: what it measures.
         requested: force set points by name, before anything is taken from them.
         wanted: (n,) torque of the closed form.
     """
+    context = plan.context
     names = tuple(requested)
     objects = plan.touched
     limits, inputs, clock = plan.limits, measurement.inputs, measurement.clock.clock
@@ -86,7 +86,7 @@ def resolve(
         v=inputs.v,
         environment=_environment(context, measurement),
     )
-    generators = _generators(context, plan, measurement, requests, axes, objects, on_equations)
+    generators = _generators(plan, measurement, requests, axes, objects, on_equations)
     nearest = consistency(context, limits, requests, generators, measurement.world.gravity)
     return Resolved(plan.law.solver, requests, limited, nearest)
 
@@ -103,7 +103,6 @@ def _environment(context: Context, measurement: Measurement) -> ca.SX:
 
 
 def _generators(
-    context: Context,
     plan: StagePlan,
     measurement: Measurement,
     requests: Requests,
@@ -111,6 +110,7 @@ def _generators(
     objects: Sequence[str],
     equations: Sequence[ContactRow],
 ) -> list[Generator]:
+    context = plan.context
     base, offset = measurement.moving_base, measurement.point.offset
     turned = measurement.at.R if base is None else base.A @ measurement.at.R
     offset = offset if base is None else base.A @ offset

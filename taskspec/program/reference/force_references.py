@@ -11,7 +11,6 @@ from taskspec.laws.gains import value_of
 from taskspec.modes import DEFAULT_RAMP
 from taskspec.motion import blend
 from taskspec.program.clock import Clock
-from taskspec.program.context import Context
 from taskspec.program.plan import StagePlan
 from taskspec.program.reference.axis_plan import AxisPlan
 from taskspec.program.reference.measurement import Measurement
@@ -62,7 +61,6 @@ def open_loop_normals(plan: StagePlan, measurement: Measurement) -> dict[Axis, c
 
 
 def integrals(
-    context: Context,
     plan: StagePlan,
     measurement: Measurement,
     forces: Mapping[Axis, ca.SX],
@@ -72,6 +70,7 @@ def integrals(
 
     They hold the tick's own measurement: a tick later, the sampled loops would bear half the gain.
     """
+    context = plan.context
     gains, table = plan.gains, measurement.table
     # What is held is touched, whatever little force passes.
     touching = ca.SX(1) if plan.gripped else table["touching"]

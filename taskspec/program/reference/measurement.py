@@ -75,8 +75,9 @@ class Measurement:
         return self.algebra.translate(expression, self.table.lookup)
 
 
-def measure(context: Context, plan: StagePlan) -> Measurement:
+def measure(plan: StagePlan) -> Measurement:
     """The measurement of a stage; its memory and parameters take the slots that this needs."""
+    context = plan.context
     robot, frame = context.robot, plan.frame
     inputs = _inputs(context)
     memory, parameters = Slots("memory"), Slots("parameters")

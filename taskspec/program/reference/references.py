@@ -12,7 +12,6 @@ from taskspec.modes import ReferenceInputs
 from taskspec.motion import polynomial
 from taskspec.motion.path import PathShape
 from taskspec.program.clock import Clock
-from taskspec.program.context import Context
 from taskspec.program.plan import StagePlan
 from taskspec.program.reference import force_references
 from taskspec.program.reference.axis_reference import AxisReference, axis_reference, blendings
@@ -23,10 +22,10 @@ from taskspec.program.reference.tracking import Tracking, track
 from taskspec.program.slots import Slots
 
 
-def build_references(context: Context, plan: StagePlan, measurement: Measurement) -> ReferenceSet:
+def build_references(plan: StagePlan, measurement: Measurement) -> ReferenceSet:
     """All references of a stage; adds the signals that depend on them to its table."""
     plans, table = plan.plans, measurement.table
-    table.situation.path_done = _path_done(context, plan, measurement)
+    table.situation.path_done = _path_done(plan, measurement)
     coordinates = frame_coordinates(plan, measurement)
     table.situation.position = coordinates.position
     forces = {
@@ -36,11 +35,11 @@ def build_references(context: Context, plan: StagePlan, measurement: Measurement
         for name, axis in plans.items()
         if axis.set_point
     }
-    motions = _motions(context, plan, measurement, forces)
+    motions = _motions(plan, measurement, forces)
     normals = force_references.open_loop_normals(plan, measurement)
     tracked = track(coordinates, motions, normals)
     table.situation.error = {a: e for a, e in tracked.error.items() if plans[a].motion}
-    integrals = force_references.integrals(context, plan, measurement, forces, tracked.error)
+    integrals = force_references.integrals(plan, measurement, forces, tracked.error)
     zero = ca.SX(0)
     return ReferenceSet(
         position=coordinates.position,
@@ -57,16 +56,18 @@ def build_references(context: Context, plan: StagePlan, measurement: Measurement
     )
 
 
-def _path_done(context: Context, plan: StagePlan, measurement: Measurement) -> ca.SX:
+def _path_done(plan: StagePlan, measurement: Measurement) -> ca.SX:
+    context = plan.context
     if plan.path is None:
         return ca.SX(0)
     return measurement.clock.t >= measurement.parameters.add("path_end") - context.period / 2
 
 
 def _motions(
-    context: Context, plan: StagePlan, measurement: Measurement, forces: Mapping[Axis, ca.SX]
+    plan: StagePlan, measurement: Measurement, forces: Mapping[Axis, ca.SX]
 ) -> dict[Axis, AxisReference]:
     """References of the axes whose motion is controlled."""
+    context = plan.context
     parameters = measurement.parameters
     on_path = _path(plan.path, measurement.clock, parameters)
     moving = {name: axis for name, axis in plan.plans.items() if axis.motion}

@@ -8,7 +8,6 @@ import casadi as ca
 
 from taskspec.control import resolution
 from taskspec.laws.case import Case
-from taskspec.program.context import Context
 from taskspec.program.events import Condition
 from taskspec.program.plan import StagePlan
 from taskspec.program.reference import orientation
@@ -45,14 +44,15 @@ class Commanded:
         return found | self.forces.desired
 
 
-def command(context: Context, plan: StagePlan, measurement: Measurement) -> Commanded:
+def command(plan: StagePlan, measurement: Measurement) -> Commanded:
     """Fills in the law of a stage; the signals of its references join the table."""
+    context = plan.context
     law, inputs = plan.law, measurement.inputs
-    built = build_references(context, plan, measurement)
+    built = build_references(plan, measurement)
     state, references, conditions = orientation.restate(
         law, measurement.state, built, measurement.at.R.T @ measurement.terms.R, measurement.table
     )
-    forces = equation_forces(context, plan, measurement)
+    forces = equation_forces(plan, measurement)
     on_path = plan.path.axes if plan.path is not None else ()
     chosen = control = None
     if law.control_law.multipliers:

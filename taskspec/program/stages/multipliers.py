@@ -10,7 +10,6 @@ from taskspec.control.reference import opposite
 from taskspec.laws.multipliers import Multipliers
 from taskspec.motion import blend
 from taskspec.program.clock import Clock
-from taskspec.program.context import Context
 from taskspec.program.plan import StagePlan
 from taskspec.program.reference.constraints import ConstraintSet
 from taskspec.program.reference.force_references import risen, wound
@@ -32,8 +31,9 @@ class EquationForces:
     updates: dict[str, ca.SX]
 
 
-def equation_forces(context: Context, plan: StagePlan, measurement: Measurement) -> EquationForces:
+def equation_forces(plan: StagePlan, measurement: Measurement) -> EquationForces:
     """References of the active equations; one without a set point is to bear no force."""
+    context = plan.context
     found, gains = EquationForces({}, {}, {}), plan.gains
     for name in plan.active:
         slot = f"equation.{name}"

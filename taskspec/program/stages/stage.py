@@ -10,7 +10,6 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from taskspec.program.context import Context
 from taskspec.program.events import Condition, Event, code
 from taskspec.program.limits.programs import resolve
 from taskspec.program.limits.resolution import Resolution, Resolved, saturated
@@ -69,12 +68,12 @@ def compile_stage(plan: StagePlan, *, often: bool = True) -> CompiledStage:
             looked for, which takes as long as all else.
     """
     context = plan.context
-    measurement = measure(context, plan)
-    commanded = command(context, plan, measurement)
-    limited = _limited(context, plan, measurement, commanded) if plan.law.solve == "qp" else None
+    measurement = measure(plan)
+    commanded = command(plan, measurement)
+    limited = _limited(plan, measurement, commanded) if plan.law.solve == "qp" else None
     torque = limited.limits.torque if limited else saturated(context.robot, commanded.torque)
     measurement.table.situation.torque = torque
-    number, value, events = code(_conditions(context, plan, measurement, commanded))
+    number, value, events = code(_conditions(plan, measurement, commanded))
     memory, parameters, references = (
         measurement.memory,
         measurement.parameters,
@@ -104,21 +103,19 @@ def compile_stage(plan: StagePlan, *, often: bool = True) -> CompiledStage:
     )
 
 
-def _limited(
-    context: Context, plan: StagePlan, measurement: Measurement, commanded: Commanded
-) -> Resolved:
+def _limited(plan: StagePlan, measurement: Measurement, commanded: Commanded) -> Resolved:
     """The programs that keep a stage's limits and find the nearest forces that contacts return."""
+    context = plan.context
     wishes = {
         name: force + measurement.unreached.unreachable[name]
         for name, force in commanded.set_points.items()
     }
-    return resolve(context, plan, measurement, wishes, commanded.torque)
+    return resolve(plan, measurement, wishes, commanded.torque)
 
 
-def _conditions(
-    context: Context, plan: StagePlan, measurement: Measurement, commanded: Commanded
-) -> list[Condition]:
+def _conditions(plan: StagePlan, measurement: Measurement, commanded: Commanded) -> list[Condition]:
     """Everything that can end a stage, in the order in which it counts."""
+    context = plan.context
     return [
         *limit_conditions(context.robot, plan, measurement, commanded.references),
         *commanded.conditions,
