@@ -105,7 +105,6 @@ def compile_stage(plan: StagePlan, *, often: bool = True) -> CompiledStage:
 
 def _limited(plan: StagePlan, measurement: Measurement, commanded: Commanded) -> Resolved:
     """The programs that keep a stage's limits and find the nearest forces that contacts return."""
-    context = plan.context
     wishes = {
         name: force + measurement.unreached.unreachable[name]
         for name, force in commanded.set_points.items()
