@@ -9,7 +9,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import taskspec.rules.all  # noqa: F401  (it registers the rules)
-from taskspec.check.stability.predicted import check_stability
 from taskspec.foresight.nominal import plan_task
 from taskspec.program.plan import TaskPlan
 from taskspec.rules import Phase, ask
@@ -50,7 +49,7 @@ def examine(loaded: LoadedTask, *, stability: bool = True) -> Examination:
     else:
         found.extend(check_stages(task))
         if stability and not found.has_errors:
-            check_stability(task, found)
+            ask(Phase.STABILITY, task, loaded, found)
     return Examination(loaded, task, found.sorted())
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -23,6 +23,8 @@ from taskspec.spec import Task
 
 Matrix = NDArray[np.float64]
 
+#: Poles, energies and directions that differ by less than this part are one.
+_ALIKE = 1e-6
 #: A contact that a stage meets, or presses on without force, is looked at under this force [N].
 LEAST_PRESS = 1.0
 
@@ -93,10 +95,16 @@ class Analysed:
         plant = linear_plant(context, task, self.pressed, sticking=True)
         return replace(self, nominal=plant, sticking=True)
 
-    def axis(self, mode: Mode) -> str:
+    def axis(self, mode: Mode, modes: Sequence[Mode] = ()) -> str:
         """The equation or task axis that moves most in a mode, by its energy.
 
-        `null space` if none does.
+        Modes whose poles are one to rounding have no shapes of their own, but span a space: what
+        counts is then the energy of an axis in all of that. Of axes that move alike it is the
+        first. `null space` if none moves.
+
+        Args:
+            mode: the mode.
+            modes: those among which there may be more with its pole.
         """
         context = self.context
         both = np.kron(np.eye(2), self.rotation.T)
@@ -104,17 +112,26 @@ class Analysed:
         H = context.start_inertia
         rows = [AXES.index(a) for a in self.stage.plan.axes]
         mobility = J[rows] @ np.linalg.solve(H, J[rows].T)
-        motion = J[rows] @ mode.shape
-        whole = float(np.real(mode.shape.conj() @ H @ mode.shape))
+        alike = [m.shape for m in modes if m is not mode and abs(m.s - mode.s) < _ALIKE * abs(m.s)]
+        shapes = _orthonormal(np.array([mode.shape, *alike]).T, H)
+        motion = J[rows] @ shapes
         for name in self.stage.plan.active:
             normal = context.start_equations[name].normal
-            if abs(normal @ mode.shape) ** 2 > whole / 2 * (normal @ np.linalg.solve(H, normal)):
+            share = float(np.sum(np.abs(normal @ shapes) ** 2))
+            if share > (normal @ np.linalg.solve(H, normal)) / 2:
                 return name
-        inside = float(np.real(motion.conj() @ np.linalg.solve(mobility, motion)))
-        if inside < 0.1 * whole:
+        inside = float(np.real(np.vdot(motion, np.linalg.solve(mobility, motion))))
+        if inside < 0.1 * shapes.shape[1]:
             return "null space"
-        energy = np.abs(motion) ** 2 / np.diag(mobility)
-        return self.stage.plan.axes[int(np.argmax(energy))]
+        energy = np.sum(np.abs(motion) ** 2, axis=1) / np.diag(mobility)
+        return self.stage.plan.axes[int(np.argmax(energy > (1 - _ALIKE) * energy.max()))]
+
+
+def _orthonormal(shapes: Matrix, H: Matrix) -> Matrix:
+    """(n, r) what spans the columns (n, k), with unit energy each and none between them: H is I."""
+    factor = np.linalg.cholesky(H).T
+    U, sizes, _ = np.linalg.svd(factor @ shapes, full_matrices=False)
+    return np.asarray(np.linalg.solve(factor, U[:, sizes > _ALIKE * sizes[0]]))
 
 
 def bare(stage: StagePlan) -> StagePlan:

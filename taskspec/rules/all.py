@@ -27,6 +27,7 @@ from taskspec.rules import (
     set_points,
     signals,
     singularity,
+    stability,
     variations,
     contacts,
 )
@@ -56,5 +57,6 @@ __all__ = [
     "set_points",
     "signals",
     "singularity",
+    "stability",
     "variations",
 ]

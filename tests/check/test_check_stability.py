@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from taskspec.analysis.stage import analyse
 from taskspec.examination import check_task
+from taskspec.program.plan import StagePlan
+from taskspec.program.prepare import prepare
 from taskspec.spec import load_task, load_text
 from taskspec.text.diagnostic import Severity
 
 TASKS = Path(__file__).resolve().parents[2] / "tasks"
+CORPUS = Path(__file__).resolve().parents[1] / "corpus"
 
 PRESS = """
 taskspec: 1
@@ -182,3 +187,18 @@ def test_a_motion_is_looked_at_free_and_in_contact():
     text = text.replace("x: {force: 15 N}", "x: {velocity: 10 mm/s}")
     [found] = findings(text)
     assert (found.code, found.severity) == ("TS505", Severity.WARNING)
+
+
+def test_the_axis_of_a_repeated_pole_does_not_depend_on_its_eigenvectors():
+    """Any mixture of the shapes of one pole is as good a set of shapes."""
+    context = prepare(load_task(CORPUS / "err" / "TS501_everywhere.yaml"))
+    seen = analyse(StagePlan(context, "go"))
+    modes = seen.modes()
+    alike = [m for m in modes if m.s == pytest.approx(modes[0].s, rel=1e-6)]
+    assert len(alike) > 1
+    shapes = np.array([m.shape for m in alike])
+    random = np.random.default_rng(0)
+    for _ in range(20):
+        mixed = random.normal(size=(len(alike), len(alike))) @ shapes
+        others = [replace(m, shape=shape) for m, shape in zip(alike, mixed, strict=True)]
+        assert {seen.axis(m, others) for m in others} == {seen.axis(alike[0], modes)}

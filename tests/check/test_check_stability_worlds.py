@@ -11,10 +11,10 @@ from taskspec.analysis.corners import corners
 from taskspec.analysis.family import Family
 from taskspec.analysis.margin import rings
 from taskspec.analysis.stage import analyse
-from taskspec.check.stability.worlds import Plants
 from taskspec.examination import check_task
 from taskspec.program.plan import StagePlan
 from taskspec.program.prepare import prepare
+from taskspec.rules.stability import Plants
 from taskspec.spec import load_text
 
 TASK = """

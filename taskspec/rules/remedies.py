@@ -1,4 +1,4 @@
-"""What would mend a stage that is unstable or rings, in words, and where in the file that is."""
+"""What would make a stage stable, in words, and where in the file that is."""
 
 from __future__ import annotations
 
@@ -12,39 +12,46 @@ from taskspec.analysis.margin import PROPOSED, QUIET, STABLE, Limit, Search, gro
 from taskspec.analysis.stage import Analysed
 from taskspec.laws.law import gain_named
 from taskspec.program.context import Context
-from taskspec.spec import FILE, Task
+from taskspec.spec import FILE, KeyPath, Task
 from taskspec.text.show import inside, number, show
-from taskspec.text.source import Span
 
-#: No more ways to mend a stage are proposed than these of its gains.
+#: No more gain changes of a stage are proposed than these.
 _MOST_PROPOSED = 2
 
 
-def mending(
-    context: Context, seen: Analysed, axis: str, task: Task | None, mode: Mode, budget: Budget
+def remedies(
+    context: Context,
+    analysed: Analysed,
+    axis: str,
+    task: Task | None,
+    mode: Mode,
+    budget: Budget,
 ) -> list[Limit]:
-    """What would mend the stage: gains of the file before designed ones, a softer contact.
+    """What would stabilise a stage: gains of the file before designed ones, a softer contact.
 
     Args:
-        context: the task. seen: the stage. axis: on which `mode` moves most.
-        task: whose world and robot are true; None for the nominal ones. mode: that is to go.
+        context: the task.
+        analysed: the stage.
+        axis: on which `mode` moves most.
+        task: whose world and robot are true; None for the nominal ones.
+        mode: that is to go.
         budget: of gains that may be searched.
     """
     quality = STABLE if grows(mode) else QUIET
-    search = Search(context, seen, task, quality, budget=budget)
-    best = list(itertools.islice(_gains(seen, search, axis), _MOST_PROPOSED))
-    for name in seen.pressed:
+    search = Search(context, analysed, task, quality, budget=budget)
+    best = list(itertools.islice(_gains(analysed, search, axis), _MOST_PROPOSED))
+    for name in analysed.pressed:
         if task is None and name in context.surfaces and budget.left > 0:
             limit = search.stiffness(name)
             best += [limit] if limit is not None and limit.upper else []
     return best
 
 
-def _gains(seen: Analysed, search: Search, axis: str) -> Iterator[Limit]:
+def _gains(analysed: Analysed, search: Search, axis: str) -> Iterator[Limit]:
     """Boundaries of gains in the best group that has any: one number, else one on all axes."""
     others = [
         other
-        for other in dict.fromkeys(a for by in seen.stage.plan.gains.values() for a in by)
+        for other in dict.fromkeys(a for by in analysed.stage.plan.gains.values() for a in by)
         if other != axis
     ]
     ways = [
@@ -62,14 +69,14 @@ def _gains(seen: Analysed, search: Search, axis: str) -> Iterator[Limit]:
             return
 
 
-def said(context: Context, seen: Analysed, limit: Limit) -> str:
-    """A boundary as a way to mend a stage, in words."""
+def text_of(context: Context, analysed: Analysed, limit: Limit) -> str:
+    """A boundary as a change of the file, in words."""
     way = "up to" if limit.upper else "from"
     if not limit.on:
         return f"a contact of {way} {show(inside(limit.value, limit.upper), 'kN/m', 3)}"
     what = "damping" if limit.what == "joint_damping" else limit.what
-    gains, first = seen.stage.plan.gains[limit.what], limit.on[0]
-    if set(limit.on) != set(together(context, seen, limit.what, first)):
+    gains, first = analysed.stage.plan.gains[limit.what], limit.on[0]
+    if set(limit.on) != set(together(context, analysed, limit.what, first)):
         what += " on all its axes"
         if len({(gains[on].value, turns(context, on)) for on in limit.on}) > 1:
             factor = number(inside(limit.value / limit.now, limit.upper), 3)
@@ -78,16 +85,16 @@ def said(context: Context, seen: Analysed, limit: Limit) -> str:
     return f"{what} {way} {gain_named(limit.what).setting(value, angular=turns(context, first))}"
 
 
-def place_of(context: Context, seen: Analysed, axis: str, limits: Sequence[Limit]) -> Span | None:
+def place_of(context: Context, analysed: Analysed, axis: str, limits: Sequence[Limit]) -> KeyPath:
     """The gain to be changed, if it stands in the file, else any on the axis, else the law."""
-    gains, name = seen.stage.plan.gains, seen.stage.name
+    gains, name = analysed.stage.plan.gains, analysed.stage.name
     wanted = [(limit.what, limit.on[0]) for limit in limits if limit.given and limit.on]
     wanted += [
         (g, axis) for g in PROPOSED if axis in gains.get(g, {}) and gains[g][axis].origin == "file"
     ]
     for what, on in wanted:
-        return context.loaded.span(gain_path(context, name, what, on))
+        return gain_path(context, name, what, on)
     law = law_path(context, name)
     if law == FILE.law and "law" not in context.loaded.root.entries:
-        return context.loaded.span(FILE.stages[name].axes[axis])
-    return context.loaded.span(law)
+        return FILE.stages[name].axes[axis]
+    return law

@@ -1,1 +1,0 @@
-"""TS3xx: contacts, constraints, and forces that they cannot return."""

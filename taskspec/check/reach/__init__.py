@@ -1,1 +1,0 @@
-"""TS4xx: what arm and motors can do."""

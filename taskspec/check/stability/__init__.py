@@ -1,1 +1,0 @@
-"""TS5xx: stages that are predicted to ring or to grow, and what would mend them."""

@@ -1,1 +1,0 @@
-"""TS6xx: stages that cannot begin or end as the file means it."""

@@ -1,0 +1,345 @@
+"""Stages whose sampled closed loop is predicted to be unstable, or to ring."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from taskspec.analysis.budget import Budget
+from taskspec.analysis.corners import Corner, at, corners
+from taskspec.analysis.environment import linear_plant
+from taskspec.analysis.loop import Mode, Poles, UnfitError
+from taskspec.analysis.margin import LEAST_DAMPING_RATIO, LEAST_GROWTH, QUICK, grows, rings
+from taskspec.analysis.plant import LinearPlant, pressing
+from taskspec.analysis.stage import Analysed, analyse
+from taskspec.program.context import Context
+from taskspec.program.plan import StagePlan, TaskPlan
+from taskspec.program.world.stiffness import RESOLVED_PHASE
+from taskspec.rules import Finding, Phase, rule
+from taskspec.rules.remedies import place_of, remedies, text_of
+from taskspec.spec import FILE, AxisEntry, KeyPath, Task
+from taskspec.text.diagnostic import Severity
+from taskspec.text.show import number, show
+
+#: So many gains are searched for remedies in a file: a third of a second's work.
+_MOST_SEARCHED = 12
+#: So many worlds of a file are looked at all at once, a third of a second's work; beyond that one
+#: value varies at a time.
+_MOST_WORLDS = 400
+#: A varied value is left out of a message if without it a mode grows, or is damped, as much.
+_AS_MUCH = 0.95
+
+
+class Plants:
+    """Arm and contacts of worlds, which stages that touch the same have in common."""
+
+    def __init__(self) -> None:
+        self._known: dict[object, LinearPlant] = {}
+
+    def under(self, seen: Analysed, corner: Corner) -> LinearPlant:
+        """The plant that a stage drives in a world."""
+        key = (tuple(seen.pressed), seen.sticking, corner.plant)
+        if key not in self._known:
+            ones = dict.fromkeys(seen.pressed, 1.0)
+            self._known[key] = linear_plant(seen.context, corner.task, ones, sticking=seen.sticking)
+        return pressing(self._known[key], seen.pressed)
+
+
+@dataclass(frozen=True, slots=True)
+class Shared:
+    """What the stages of a file have in common.
+
+    Attributes:
+        context: the task.
+        plants: of worlds.
+        gains: that may still be searched.
+        worlds: that may still be looked at.
+        reported: codes with their places.
+    """
+
+    context: Context
+    plants: Plants = field(default_factory=Plants)
+    gains: Budget = field(default_factory=lambda: Budget(_MOST_SEARCHED))
+    worlds: Budget = field(default_factory=lambda: Budget(_MOST_WORLDS))
+    reported: set[tuple[str, KeyPath]] = field(default_factory=set)
+
+
+@rule(
+    {
+        "TS501": "a stage that is predicted to be unstable",
+        "TS502": "a stage that is predicted to ring",
+        "TS503": "a stage that is unstable in a world that `vary` allows",
+        "TS504": "a stage that rings in a world that `vary` allows",
+        "TS505": "a contact in which a motion would be unstable",
+        "TS506": "a stage that is unstable while friction holds the tool",
+    },
+    phase=Phase.STABILITY,
+)
+def unstable_stages(task: TaskPlan) -> Iterator[Finding]:
+    """Stages that are predicted to be unstable or to ring, each way of control once."""
+    controls: set[str] = set()
+    shared = Shared(task.context)
+    for stage in task.stages.values():
+        control = _control(stage)
+        if control in controls:
+            continue
+        controls.add(control)
+        try:
+            yield from _of_stage(stage, shared)
+        except (UnfitError, np.linalg.LinAlgError):
+            continue
+
+
+def _control(stage: StagePlan) -> str:
+    """What the stability of a stage depends on: stages that have it in common need one look."""
+    axes = {
+        name: _kind(axis)
+        for name, axis in stage.spec.axes.items()
+        if _kind(axis) != _kind(AxisEntry())
+    }
+    law = stage.law.model_dump_json()
+    return repr((sorted(axes.items()), stage.frame.name, law, sorted(stage.spec.constraints)))
+
+
+def _kind(axis: AxisEntry) -> tuple[object, ...]:
+    return (
+        axis.has_force,
+        axis.mode.loop,
+        axis.stiffness,
+        axis.damping,
+    )
+
+
+def _of_stage(stage: StagePlan, shared: Shared) -> Iterator[Finding]:
+    analysed = analyse(stage)
+    if analysed is None or not resolved(analysed, stage.context.loaded.task):
+        return
+    here = _in_the_world_of_the_file(analysed.free() if analysed.meets else analysed, shared)
+    if here is not None:
+        yield from here
+    elif analysed.meets:
+        yield from _in_contact(analysed, shared)
+    else:
+        yield from _in_other_worlds(analysed, shared)
+        yield from _sticking(analysed, shared)
+
+
+def _in_the_world_of_the_file(analysed: Analysed, shared: Shared) -> Iterator[Finding] | None:
+    """What is unstable, or else rings, in the world of the file; None where nothing does."""
+    modes = analysed.modes()
+    worst, ringing, name = worst_of(modes), ringing_of(modes), analysed.stage.name
+    if worst is not None and grows(worst):
+        text = f"stage {name!r} is unstable"
+        return _findings(analysed, modes, worst, shared, "TS501", Severity.ERROR, text)
+    if ringing is not None:
+        text = f"stage {name!r} rings"
+        return _findings(analysed, modes, ringing, shared, "TS502", Severity.WARNING, text)
+    return None
+
+
+def _in_contact(analysed: Analysed, shared: Shared) -> Iterator[Finding]:
+    """A stage that is stable before it meets its contact, but not in it."""
+    modes = analysed.modes()
+    worst = worst_of(modes)
+    if worst is not None and grows(worst):
+        contact = next(iter(analysed.pressed))
+        text = f"stage {analysed.stage.name!r} would be unstable in contact with {contact!r}"
+        yield from _findings(analysed, modes, worst, shared, "TS505", Severity.WARNING, text)
+
+
+def _sticking(analysed: Analysed, shared: Shared) -> Iterator[Finding]:
+    """A stage that is stable while the tool slides, but not while friction holds it."""
+    stuck = analysed.stuck()
+    modes = () if stuck is None else stuck.modes()
+    worst = worst_of(modes)
+    if stuck is not None and worst is not None and grows(worst):
+        text = f"stage {analysed.stage.name!r} is unstable while friction holds the tool"
+        yield from _findings(stuck, modes, worst, shared, "TS506", Severity.WARNING, text)
+
+
+def _in_other_worlds(analysed: Analysed, shared: Shared) -> Iterator[Finding]:
+    """The worst world that `vary` allows, if the stage is unstable or rings there."""
+    objects = [*analysed.pressed, *([analysed.stage.plan.held] if analysed.stage.plan.held else [])]
+    unstable: tuple[float, Corner] | None = None
+    ringing: tuple[float, Corner] | None = None
+    for corner in corners(shared.context, objects, shared.worlds):
+        if not resolved(analysed, corner.task):
+            continue
+        plant = shared.plants.under(analysed, corner)
+        growth, damping = _suspected(analysed.poles(corner.task, plant))
+        # Few corners are worse than all before them: only these are looked at in full.
+        worse = growth > (LEAST_GROWTH if unstable is None else unstable[0])
+        weaker = unstable is None and damping < (
+            LEAST_DAMPING_RATIO if ringing is None else ringing[0]
+        )
+        if not (worse or weaker):
+            continue
+        modes = analysed.modes(corner.task, plant)
+        worst, swings = worst_of(modes), ringing_of(modes)
+        if worst is not None and grows(worst) and (unstable is None or worst.s.real > unstable[0]):
+            unstable = (worst.s.real, corner)
+        if swings is not None and (ringing is None or swings.damping_ratio < ringing[0]):
+            ringing = (swings.damping_ratio, corner)
+    name = analysed.stage.name
+    if unstable is not None:
+        corner, modes = _decisive(
+            shared.context, analysed, unstable[1], lambda modes: modes[0].s.real
+        )
+        text = f"stage {name!r} is unstable in a world that `vary` allows, {named(corner)}"
+        yield from _findings(
+            analysed, modes, modes[0], shared, "TS503", Severity.ERROR, text, corner
+        )
+    elif ringing is not None:
+        corner, modes = _decisive(shared.context, analysed, ringing[1], _undamped)
+        swings = ringing_of(modes)
+        assert swings is not None
+        text = f"stage {name!r} rings in a world that `vary` allows, {named(corner)}"
+        yield from _findings(
+            analysed, modes, swings, shared, "TS504", Severity.WARNING, text, corner
+        )
+
+
+def _findings(
+    analysed: Analysed,
+    modes: Sequence[Mode],
+    mode: Mode,
+    shared: Shared,
+    code: str,
+    severity: Severity,
+    text: str,
+    corner: Corner | None = None,
+) -> Iterator[Finding]:
+    """A mode of a stage, with what would change it; nothing where its place has the code already.
+
+    Args:
+        analysed: the stage.
+        modes: all of its closed loop.
+        mode: that is reported.
+        shared: what the stages of the file have in common.
+        code: of the finding.
+        severity: of the finding.
+        text: how the message begins.
+        corner: the world in which it is so; None for that of the file.
+    """
+    axis, period = analysed.axis(mode, modes), analysed.context.period
+    if corner is None:
+        limits = remedies(shared.context, analysed, axis, None, mode, shared.gains)
+        place = place_of(shared.context, analysed, axis, limits)
+    else:
+        place = FILE.vary[next(iter(corner.values))[0]]
+    if (code, place) in shared.reported:
+        return
+    shared.reported.add((code, place))
+    if corner is not None:
+        limits = remedies(shared.context, analysed, axis, corner.task, mode, shared.gains)
+    hint = "; or ".join(text_of(shared.context, analysed, limit) for limit in limits)
+    if not hint:
+        none = "no single gain of this stage mends that"
+        hint = (
+            none
+            if shared.gains.left > 0
+            else "what mends that is told once other stages are mended"
+        )
+    message = f"{text}: {on_axis(axis)} {describe(mode, period)}"
+    yield Finding(code, message, place, hint, unless=(code,), severity=severity)
+
+
+def _suspected(s: Poles) -> tuple[float, float]:
+    """Fastest growth [1/s], and least damping ratio of what dies away slowly, of some poles."""
+    growth = float(s.real.max(initial=-math.inf))
+    slow = s[-s.real < QUICK]
+    return growth, float((-slow.real / np.abs(slow)).min(initial=math.inf))
+
+
+def _undamped(modes: Sequence[Mode]) -> float:
+    """How far a ringing is from being damped."""
+    ringing = ringing_of(modes)
+    return 0.0 if ringing is None else LEAST_DAMPING_RATIO - ringing.damping_ratio
+
+
+def _decisive(
+    context: Context, analysed: Analysed, corner: Corner, bad: Callable[[Sequence[Mode]], float]
+) -> tuple[Corner, tuple[Mode, ...]]:
+    """The corner without what does not matter, and the modes there."""
+    modes = analysed.modes(corner.task)
+    for part in list(corner.values):
+        rest = {key: value for key, value in corner.values.items() if key != part}
+        if not rest:
+            break
+        without = at(context, rest)
+        others = analysed.modes(without.task)
+        if bad(others) > _AS_MUCH * bad(modes):
+            corner, modes = without, others
+    return corner, modes
+
+
+def resolved(analysed: Analysed, task: Task) -> bool:
+    """Whether the plant's steps resolve all contacts of a stage in a world (TS307)."""
+    context = analysed.context
+    for name in analysed.pressed:
+        nominal, true = context.compliances[name], getattr(task.world[name], "stiffness", 0.0)
+        k = nominal.stiffness if true == "rigid" else float(true)
+        if nominal.phase * math.sqrt(k / nominal.stiffness) > RESOLVED_PHASE:
+            return False
+    return True
+
+
+def worst_of(modes: Sequence[Mode]) -> Mode | None:
+    """The least stable of all modes."""
+    return modes[0] if modes else None
+
+
+def ringing_of(modes: Sequence[Mode]) -> Mode | None:
+    """The least damped of the modes that ring."""
+    found = [mode for mode in modes if rings(mode)]
+    return min(found, key=lambda m: m.damping_ratio) if found else None
+
+
+def describe(mode: Mode, period: float) -> str:
+    """What a mode does, as a predicate: how fast it swings, and grows or dies away.
+
+    Args:
+        mode: the mode. period: of control [s].
+    """
+    rate = mode.s.real
+    if mode.frequency > 0.4 / period:
+        size = number(abs(mode.z), 3)
+        return f"is predicted to flip from tick to tick, each time {size} times as far"
+    swings = f"ring at {show(mode.frequency, 'Hz', 3)}" if mode.frequency > 0 else "run away"
+    time = math.log(2) / abs(rate) if rate else math.inf
+    if rate > 0:
+        return f"is predicted to {swings} and to double every {_time(time)}"
+    return (
+        f"is predicted to {swings} with a damping ratio of {number(mode.damping_ratio, 2)}, "
+        f"halving every {_time(time)}"
+    )
+
+
+def on_axis(axis: str) -> str:
+    """A mode's place in a sentence."""
+    return "the null space" if axis == "null space" else f"axis {axis!r}"
+
+
+def _time(seconds: float) -> str:
+    return show(seconds, "ms" if seconds < 1 else "s", 2)
+
+
+def named(corner: Corner) -> str:
+    """The values of a corner, as the file would have them."""
+    parts = []
+    for (path, index), value in corner.values.items():
+        component = "" if index is None else f"[{index}]"
+        parts.append(f"{path}{component} = {_value(path, value)}")
+    return ", ".join(parts)
+
+
+def _value(path: str, value: float) -> str:
+    key = path.rsplit(".", 1)[1]
+    units = {
+        "stiffness": "kN/m", "damping": "N*s/m", "mass": "kg", "inertia": "kg*m^2", "rpy": "deg",
+        "joint_damping": "N*m*s/rad", "delay": "ms", "filter": "Hz",
+    }  # fmt: skip
+    return show(value, units[key], 3)
