@@ -32,25 +32,25 @@ class Examination:
 
 
 def examine(loaded: LoadedTask, *, stability: bool = True) -> Examination:
-    """Examines a loaded task.
+    """The examination of a loaded task.
 
     Args:
         loaded: the task.
         stability: whether to analyse the sampled loops of its stages too, unless there are errors
             already.
     """
-    found = Diagnostics(loaded.source.name)
-    found.extend(loaded.warnings)
+    diagnostics = Diagnostics(loaded.source.name)
+    diagnostics.extend(loaded.warnings)
     task = None
     try:
         task = plan_task(loaded)
     except SpecError as error:
-        found.extend(error.diagnostics)
+        diagnostics.extend(error.diagnostics)
     else:
-        found.extend(check_stages(task))
-        if stability and not found.has_errors:
-            ask(Phase.STABILITY, task, loaded, found)
-    return Examination(loaded, task, found.sorted())
+        _examine_stages(task, diagnostics)
+        if stability and not diagnostics.has_errors:
+            ask(Phase.STABILITY, task, loaded, diagnostics)
+    return Examination(loaded, task, diagnostics.sorted())
 
 
 def check_task(loaded: LoadedTask) -> tuple[Diagnostic, ...]:
@@ -58,19 +58,16 @@ def check_task(loaded: LoadedTask) -> tuple[Diagnostic, ...]:
     return examine(loaded).findings
 
 
-def check_stages(task: TaskPlan) -> tuple[Diagnostic, ...]:
-    """Findings about the stages of a task whose robot and start are sound."""
+def _examine_stages(task: TaskPlan, diagnostics: Diagnostics) -> None:
+    """Asks the rules of all phases but the last about a task whose robot and start are sound."""
     loaded = task.context.loaded
-    found = Diagnostics(loaded.source.name)
-    if not ask(Phase.VARIATIONS, task, loaded, found):
+    if not ask(Phase.VARIATIONS, task, loaded, diagnostics):
         task = task.unvaried()
-    ask(Phase.TASK, task, loaded, found)
-    for name, plan in task.stages.items():
-        if not ask(Phase.FRAME, plan, loaded, found):
+    ask(Phase.TASK, task, loaded, diagnostics)
+    for name, stage in task.stages.items():
+        if not ask(Phase.FRAME, stage, loaded, diagnostics):
             continue
-        task.framed[name] = plan
-        if not ask(Phase.AXES, plan, loaded, found) or not ask(Phase.PATH, plan, loaded, found):
-            continue
-        ask(Phase.MOTION, task.follow(name), loaded, found)
-    ask(Phase.RUN, task, loaded, found)
-    return found.sorted()
+        task.framed[name] = stage
+        if all(ask(phase, stage, loaded, diagnostics) for phase in (Phase.AXES, Phase.PATH)):
+            ask(Phase.MOTION, task.follow(name), loaded, diagnostics)
+    ask(Phase.RUN, task, loaded, diagnostics)

@@ -13,7 +13,7 @@ from taskspec.spec import FILE, key_of
 
 @rule({}, also=("TS220",), phase=Phase.AXES)
 def missing_axes(stage: StagePlan) -> Iterator[Finding]:
-    """Reports axes that do not exist in the stage's frame."""
+    """Axes that do not exist in the stage's frame."""
     for axis in stage.spec.axes:
         if axis not in stage.axes:
             yield error(
@@ -27,7 +27,7 @@ def missing_axes(stage: StagePlan) -> Iterator[Finding]:
 
 @rule("TS230", "an axis that does not follow from the mechanism's geometry", phase=Phase.PATH)
 def uncoupled_axes(stage: StagePlan) -> Iterator[Finding]:
-    """Reports axes that follow a mechanism which asks no motion of them."""
+    """Axes that follow a mechanism which asks no motion of them."""
     for axis, plan in stage.plans.items():
         try:
             stage.coupling_of(axis)

@@ -13,7 +13,7 @@ from taskspec.text.show import show
 
 @rule("TS327", "a force along which no object lies")
 def nothing_ahead(stage: StagePlan) -> Iterator[Finding]:
-    """Reports a force on an axis along which the tool meets nothing that would return it."""
+    """A force on an axis along which the tool meets nothing that would return it."""
     context = stage.context
     if stage.gripped or context.equations or not context.touchable_gaps:
         return

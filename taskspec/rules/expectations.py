@@ -30,7 +30,7 @@ _LATE = ("last",)
 
 @rule("TS720", "an expectation of a stage that is not entered", phase=Phase.RUN)
 def unvisited_stages(task: TaskPlan) -> Iterator[Finding]:
-    """Reports expectations of stages that no run enters, or only one with a failure."""
+    """Expectations of stages that no run enters, or only one with a failure."""
     stages, way = task.context.loaded.task.stages, _well(task.context)
     entered = reached(stages, {next(iter(stages))})
     for expectation in task.context.loaded.task.expect:
@@ -60,7 +60,7 @@ def unvisited_stages(task: TaskPlan) -> Iterator[Finding]:
 
 @rule("TS721", "an expectation of a signal that a stage does not have", phase=Phase.RUN)
 def signals_without_value(task: TaskPlan) -> Iterator[Finding]:
-    """Reports signals of the whole run that some stage of every good run does not have."""
+    """Signals of the whole run that some stage of every good run does not have."""
     way = [task.framed[name] for name in _well(task.context) if name in task.framed]
     for expectation in task.context.loaded.task.expect:
         expression = expectation.expression
@@ -91,7 +91,7 @@ def signals_without_value(task: TaskPlan) -> Iterator[Finding]:
 
 @rule("TS724", "an expectation of a time finer than a tick", phase=Phase.RUN)
 def times_between_ticks(task: TaskPlan) -> Iterator[Finding]:
-    """Reports times that are to be met more finely than ticks come."""
+    """Times that are to be met more finely than ticks come."""
     context = task.context
     for expectation in context.loaded.task.expect:
         expression = expectation.expression
@@ -120,7 +120,7 @@ def times_between_ticks(task: TaskPlan) -> Iterator[Finding]:
     phase=Phase.RUN,
 )
 def impossible_expectations(task: TaskPlan) -> Iterator[Finding]:
-    """Reports expectations that fail whatever happens, or in every run that ends well."""
+    """Expectations that fail whatever happens, or in every run that ends well."""
     expectations = task.context.loaded.task.expect
     for number, expectation in enumerate(expectations):
         never = _never(task, expectation, expectations[:number])
@@ -202,7 +202,7 @@ def _natural(task: TaskPlan, name: Name) -> Interval:
 
 
 def _beside_a_set_point(task: TaskPlan, expectation: Expectation) -> Iterator[Finding]:
-    """Reports a force that is expected to be something else than its loop makes it."""
+    """A force that is expected to be something else than its loop makes it."""
     context, expression = task.context, expectation.expression
     for part in parts(expression.tree):
         signals = {n for n in names(part) if not _is_constant(context, n)}

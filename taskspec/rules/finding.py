@@ -46,14 +46,14 @@ class Finding:
     stops: bool = False
     severity: Severity = Severity.ERROR
 
-    def report(self, loaded: LoadedTask, found: Diagnostics) -> None:
+    def report(self, loaded: LoadedTask, diagnostics: Diagnostics) -> None:
         """Adds the finding to the diagnostics of a task, unless they say it already."""
         span = None if self.place is None else _located(self.place, loaded)
         at = span if self.unless_at is None else _located(self.unless_at, loaded)
-        if self.unless and found.covers(self.unless, at):
+        if self.unless and diagnostics.covers(self.unless, at):
             return
         notes = tuple((text, _located(place, loaded)) for text, place in self.notes)
-        found.add(self.severity, self.code, self.message, span, self.hint, notes)
+        diagnostics.add(self.severity, self.code, self.message, span, self.hint, notes)
 
 
 def _located(place: Place, loaded: LoadedTask) -> Span:

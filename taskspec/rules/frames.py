@@ -31,7 +31,7 @@ _IN_SURFACE = 1 - 1e-3
     phase=Phase.FRAME,
 )
 def turning_frames(stage: StagePlan) -> Iterator[Finding]:
-    """Reports what a stage asks of a frame that turns with an object or a handle and cannot be."""
+    """What a stage asks of a frame that turns with an object or a handle and cannot be."""
     context, frame, base = stage.context, stage.frame, stage.moving_base
     held = [a for a, entry in stage.spec.axes.items() if entry.mode.world]
     if base is not None and base.turns and held:
@@ -68,7 +68,7 @@ def turning_frames(stage: StagePlan) -> Iterator[Finding]:
 
 
 def _against_a_knob(stage: StagePlan, held: list[Axis]) -> Iterator[Finding]:
-    """Reports rotations held against the world about the axis of a handle with a fixed knob."""
+    """Rotations held against the world about the axis of a handle with a fixed knob."""
     frame = stage.frame
     mechanism = frame.mechanism
     assert mechanism is not None
@@ -87,7 +87,7 @@ def _against_a_knob(stage: StagePlan, held: list[Axis]) -> Iterator[Finding]:
 
 @rule("TS248", "a frame that does not go with its loose body", phase=Phase.FRAME)
 def loose_frames(stage: StagePlan) -> Iterator[Finding]:
-    """Reports a frame on a loose body, which stays where that is declared."""
+    """A frame on a loose body, which stays where that is declared."""
     task, frame = stage.context.loaded.task, stage.frame
     owner = frame.surface_name or frame.owner
     shape = task.shapes.get(owner or "")
@@ -105,7 +105,7 @@ def loose_frames(stage: StagePlan) -> Iterator[Finding]:
 
 @rule("TS225", "a following frame without an x axis at the start", phase=Phase.FRAME)
 def following_frames(stage: StagePlan) -> Iterator[Finding]:
-    """Reports a frame that follows a surface and has no axes at the start pose."""
+    """A frame that follows a surface and has no axes at the start pose."""
     context, frame = stage.context, stage.frame
     if frame.kind != "following":
         return
@@ -140,7 +140,7 @@ def following_frames(stage: StagePlan) -> Iterator[Finding]:
 
 @rule("TS221", "a frame that is askew to the plane of a planar arm", phase=Phase.FRAME)
 def skewed_frames(stage: StagePlan) -> Iterator[Finding]:
-    """Reports a frame with axes that the arm can move only in part."""
+    """A frame with axes that the arm can move only in part."""
     try:
         _ = stage.axes
     except SkewedAxisError as reason:
@@ -156,7 +156,7 @@ def skewed_frames(stage: StagePlan) -> Iterator[Finding]:
     phase=Phase.TASK,
 )
 def frames_without_estimate(task: TaskPlan) -> Iterator[Finding]:
-    """Reports stages that use a measured frame before it has been measured."""
+    """Stages that use a measured frame before it has been measured."""
     context, stages = task.context, task.context.loaded.task.stages
     first = {next(iter(stages))}
     once = ("TS245",)  # The file's frame is that of several stages.
@@ -186,7 +186,7 @@ def frames_without_estimate(task: TaskPlan) -> Iterator[Finding]:
 
 @rule({}, also=("TS225",), phase=Phase.TASK)
 def estimated_headings(task: TaskPlan) -> Iterator[Finding]:
-    """Reports measured frames whose heading is along the normal that is to be measured."""
+    """Measured frames whose heading is along the normal that is to be measured."""
     context = task.context
     if not context.start_gaps:
         return

@@ -20,7 +20,7 @@ _ROTATIONS = AXES[3:]
 
 @rule("TS214", "a limit that nothing keeps", phase=Phase.AXES)
 def unkept_limits(stage: StagePlan) -> Iterator[Finding]:
-    """Reports a limit on the torques' rate in a stage whose torques are a closed form's."""
+    """A limit on the torques' rate in a stage whose torques are a closed form's."""
     if stage.law.solve == "qp" or stage.limits.torque_rate is None:
         return
     own = stage.spec.limits is not None and stage.spec.limits.torque_rate is not None
@@ -37,7 +37,7 @@ def unkept_limits(stage: StagePlan) -> Iterator[Finding]:
 
 @rule("TS233", "a goal in the null space that has no effect on this arm", phase=Phase.AXES)
 def idle_goals(stage: StagePlan) -> Iterator[Finding]:
-    """Warns of goals in the null space of an arm that has none, or nothing for them to do."""
+    """Goals in the null space of an arm that has none, or nothing for them to do."""
     robot, law = stage.context.robot, stage.law
     if "null_space" not in law.model_fields_set:
         return
@@ -62,7 +62,7 @@ def idle_goals(stage: StagePlan) -> Iterator[Finding]:
     phase=Phase.AXES,
 )
 def euler_angles(stage: StagePlan) -> Iterator[Finding]:
-    """Reports Euler angles that a stage cannot have, or that are singular at the start."""
+    """Euler angles that a stage cannot have, or that are singular at the start."""
     representation = representation_of(stage.law)
     if representation is None:
         return

@@ -19,7 +19,7 @@ _DEEPEST = 0.05
 
 @rule("TS129", "a number that is hardly meant", phase=Phase.TASK)
 def implausible_friction(task: TaskPlan) -> Iterator[Finding]:
-    """Reports coefficients of friction that no surfaces have."""
+    """Coefficients of friction that no surfaces have."""
     for name, shape in task.context.loaded.task.shapes.items():
         if shape.friction > _ROUGHEST:
             yield warning(
@@ -32,7 +32,7 @@ def implausible_friction(task: TaskPlan) -> Iterator[Finding]:
 
 @rule({}, also=("TS129",), phase=Phase.AXES)
 def implausible_depth(stage: StagePlan) -> Iterator[Finding]:
-    """Reports a force that deforms its contact farther than contacts give way."""
+    """A force that deforms its contact farther than contacts give way."""
     for axis, entry in stage.spec.axes.items():
         contact = stage.contact_of(axis) if axis in stage.axes else None
         force = None if axis.is_rotation else entry.set_point
@@ -57,7 +57,7 @@ def implausible_depth(stage: StagePlan) -> Iterator[Finding]:
 
 @rule("TS307", "a contact stiffer than the plant's steps resolve", phase=Phase.TASK)
 def unresolved_stiffness(task: TaskPlan) -> Iterator[Finding]:
-    """Reports contacts that the plant's steps do not resolve."""
+    """Contacts that the plant's steps do not resolve."""
     for name, contact in task.context.compliances.items():
         if contact.phase > RESOLVED_PHASE:
             most = contact.stiffness * (RESOLVED_PHASE / contact.phase) ** 2

@@ -40,7 +40,7 @@ _NOWHERE = 1e-12
 
 @rule({}, also=("TS117",), phase=Phase.AXES)
 def references_without_start(stage: StagePlan) -> Iterator[Finding]:
-    """Reports references that have no finite value when their stage begins."""
+    """References that have no finite value when their stage begins."""
     for axis in stage.spec.axes.values():
         for expression, _ in axis.expressions():
             value = known_value(stage.context, expression, {"t": 0.0, "clock": 0.0})
@@ -55,7 +55,7 @@ def references_without_start(stage: StagePlan) -> Iterator[Finding]:
 
 @rule("TS423", "a position that jumps", also=("TS117",), phase=Phase.AXES)
 def references_over_time(stage: StagePlan) -> Iterator[Finding]:
-    """Reports references that depend on time alone and are not finite, or jump.
+    """References that depend on time alone and are not finite, or jump.
 
     A position is looked at with its rate and acceleration, which the laws use. What is not finite
     as the stage begins is reported as such.
@@ -81,7 +81,7 @@ def references_over_time(stage: StagePlan) -> Iterator[Finding]:
 
 @rule({}, also=("TS117",), phase=Phase.TASK)
 def object_motions(task: TaskPlan) -> Iterator[Finding]:
-    """Reports objects that move by an expression of `clock` which has no value while a run lasts.
+    """Objects that move by an expression of `clock` which has no value while a run lasts.
 
     The plant's guards would stop the run there.
     """
@@ -102,7 +102,7 @@ def object_motions(task: TaskPlan) -> Iterator[Finding]:
 
 @rule({}, also=("TS222",), phase=Phase.PATH)
 def arcs_without_radius(stage: StagePlan) -> Iterator[Finding]:
-    """Reports an arc about the very point where its stage begins."""
+    """An arc about the very point where its stage begins."""
     path = stage.path
     if path is None or path.kind != "arc" or stage.frame.still:
         return
@@ -117,7 +117,7 @@ def arcs_without_radius(stage: StagePlan) -> Iterator[Finding]:
 
 @rule({}, also=("TS118",), phase=Phase.PATH)
 def endless_motions(stage: StagePlan) -> Iterator[Finding]:
-    """Reports moves and paths that take longer than any run, or no time at all."""
+    """Moves and paths that take longer than any run, or no time at all."""
     own, path = FILE.stages[stage.name], stage.path
     for axis, entry in stage.spec.axes.items():
         mode = entry.mode
@@ -199,7 +199,7 @@ def _undefined(
 
 
 def _jumps(axis: Axis, expression: Expression, values: Vector, times: Vector) -> Iterator[Finding]:
-    """Reports the first step of a position that is far from those beside it."""
+    """The first step of a position that is far from those beside it."""
     steps = np.abs(np.diff(values))
     near = np.zeros_like(steps)
     for k in _NEAR:

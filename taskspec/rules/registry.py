@@ -144,7 +144,7 @@ def rule_of(code: str) -> Rule | None:
     return next((each for each in RULES if code in each.titles), None)
 
 
-def ask(phase: Phase, plan: object, loaded: LoadedTask, found: Diagnostics) -> bool:
+def ask(phase: Phase, plan: object, loaded: LoadedTask, diagnostics: Diagnostics) -> bool:
     """Asks all rules of a phase about a plan, and reports what they find.
 
     Where a rule needs something of the plan that raises a `SpecError`, that is what is reported,
@@ -154,7 +154,7 @@ def ask(phase: Phase, plan: object, loaded: LoadedTask, found: Diagnostics) -> b
         phase: whose rules are asked.
         plan: of a stage or of the task.
         loaded: the task that places refer to.
-        found: where findings go.
+        diagnostics: where findings go.
 
     Returns:
         Whether rules of the next phase may be asked about the same plan.
@@ -165,10 +165,10 @@ def ask(phase: Phase, plan: object, loaded: LoadedTask, found: Diagnostics) -> b
         stops = False
         try:
             for finding in each.findings(plan):
-                finding.report(loaded, found)
+                finding.report(loaded, diagnostics)
                 stops |= finding.stops
         except SpecError as error:
-            found.extend(error.diagnostics)
+            diagnostics.extend(error.diagnostics)
             stops = True
         if stops:
             return False

@@ -20,7 +20,7 @@ _PLANAR = 3
 
 @rule("TS414", "values for joints that do not fit the robot", also=("TS411",), phase=Phase.TASK)
 def joint_values(task: TaskPlan) -> Iterator[Finding]:
-    """Reports postures and dampings that do not fit the robot's joints."""
+    """Postures and dampings that do not fit the robot's joints."""
     robot, spec = task.context.robot, task.context.loaded.task
     if spec.robot.posture is not None:
         try:
@@ -49,7 +49,7 @@ def joint_values(task: TaskPlan) -> Iterator[Finding]:
 
 @rule("TS305", "a start inside an object", phase=Phase.TASK)
 def start_inside(task: TaskPlan) -> Iterator[Finding]:
-    """Reports objects that the tool is inside of at the start."""
+    """Objects that the tool is inside of at the start."""
     context = task.context
     for name, gap in context.touchable_gaps.items():
         force = -gap * context.compliances[name].stiffness
@@ -65,7 +65,7 @@ def start_inside(task: TaskPlan) -> Iterator[Finding]:
 
 @rule("TS326", "a tool that points away from its surface", phase=Phase.AXES)
 def pointing_away(stage: StagePlan) -> Iterator[Finding]:
-    """Reports a tool that starts pointing away from the surface which a stage is about.
+    """A tool that starts pointing away from the surface which a stage is about.
 
     A force of the stage, or a motion until something is felt, would have to go through the tool's
     stem. A ball that touches with its side is no such tool.

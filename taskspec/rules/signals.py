@@ -16,7 +16,7 @@ from taskspec.text.expression.tree import Call, Name, Node, children
 
 @rule("TS224", "a signal that this stage cannot evaluate", phase=Phase.AXES)
 def missing_signals(stage: StagePlan) -> Iterator[Finding]:
-    """Reports signals in the expressions of a stage that it cannot evaluate."""
+    """Signals in the expressions of a stage that it cannot evaluate."""
     for condition in (stage.spec.until, stage.spec.fail_if):
         if condition is not None:
             yield from _missing(stage, condition, reference=False)
@@ -44,7 +44,7 @@ def _missing(stage: StagePlan, expression: Expression, *, reference: bool) -> It
 
 @rule({}, also=("TS224",), phase=Phase.RUN)
 def missing_expected_signals(task: TaskPlan) -> Iterator[Finding]:
-    """Reports expectations about axes that their stage does not have."""
+    """Expectations about axes that their stage does not have."""
     for expectation in task.context.loaded.task.expect:
         expression = expectation.expression
         for node, inside_norm in _names(expression.tree, False):

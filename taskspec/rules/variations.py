@@ -19,7 +19,7 @@ _ANY = ("xyz", "rpy", "robot.sensor.bias")
 
 @rule({}, also=("TS118",), phase=Phase.VARIATIONS)
 def impossible_variations(task: TaskPlan) -> Iterator[Finding]:
-    """Reports variations whose lower end is a value that the file itself could not state."""
+    """Variations whose lower end is a value that the file itself could not state."""
     context = task.context
     for path, components in context.loaded.task.vary.items():
         _, _, key = path.rpartition(".")

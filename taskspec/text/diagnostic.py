@@ -80,10 +80,6 @@ class Diagnostics:
         self.source = source
         self._found: dict[Diagnostic, None] = {}
 
-    def says(self, code: str, span: Span | None) -> bool:
-        """Whether a finding of this code is already there at this place."""
-        return span is not None and any(d.code == code and d.span == span for d in self._found)
-
     def covers(self, codes: tuple[str, ...], span: Span | None) -> bool:
         """Whether a finding of one of these codes is already there, or has a note there."""
         return span is not None and any(
