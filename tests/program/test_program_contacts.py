@@ -11,6 +11,7 @@ from taskspec.examination import check_task
 from taskspec.foresight.nominal import plan_task
 from taskspec.geometry.axis import Axis
 from taskspec.program.plan import TaskPlan
+from taskspec.program.stages.stage import compile_stage
 from taskspec.spec import load_text
 
 R = 0.02
@@ -150,6 +151,16 @@ def test_a_force_along_a_followed_surface_is_returned_by_what_stands_on_it():
 def findings(world: str, *stages: str) -> list[str]:
     text = HEAD.format(world=world, stages="\n".join(f"  {stage}" for stage in stages))
     return [d.code for d in check_task(load_text(text, "contacts.yaml"))]
+
+
+def test_a_followed_surface_has_its_gap_where_forces_press_on_several_objects():
+    task = planned(
+        f"{TABLE}, {FENCE}",
+        "corner: {axes: {y: {force: 2 N}, z: {force: -5 N}}, time: 1 s}",
+        head=HEAD + "frames: {{on: {{surface: table}}}}\nframe: on\n",
+    )
+    assert task.stages["corner"].gap_contact is None
+    assert compile_stage(task.stages["corner"], often=False).name == "corner"
 
 
 def test_the_gap_from_several_objects_needs_a_name():

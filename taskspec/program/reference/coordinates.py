@@ -75,7 +75,7 @@ def frame_coordinates(plan: StagePlan, measurement: Measurement) -> Coordinates:
         moved = at.R.T @ (here - marks["place"])
         position = {a: marks[f"way.{a}"] + moved[i] for i, a in enumerate(AXES[:3]) if a in plans}
         if frame.kind == "following" and Axis.Z in plans:
-            position[Axis.Z] = measurement.table["gap"]
+            position[Axis.Z] = measurement.table[f"{frame.surface_name}.gap"]
     base, turned = at.R, ca.SX.eye(3)
     if any(a.is_rotation for a in plans):
         marks["orientation"] = parameters.add("orientation", 9)
