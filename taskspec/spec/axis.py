@@ -23,7 +23,7 @@ from taskspec.modes import (
 )
 from taskspec.spec.fields import MechanismName, SurfaceName
 from taskspec.spec.model import Model, complete, short_form
-from taskspec.spec.parse_context import ParseContext as Reading
+from taskspec.spec.parse_context import ParseContext
 from taskspec.spec.quantities import Constant, Formula
 from taskspec.spec.words import Word
 from taskspec.text.codes import register
@@ -118,9 +118,7 @@ class AxisEntry(_AxisKeys):
 
     stiffness: float | None = None
     damping: float | None = None
-    contact: SurfaceName | None = Field(
-        None, title="Object that the axis presses on", description="By default the one ahead"
-    )
+    contact: SurfaceName | None = Field(None, title="Object that the axis presses on")
 
     @property
     def given(self) -> AxisMode | None:
@@ -155,7 +153,7 @@ class AxisEntry(_AxisKeys):
         return self.stiffness is not None or self.damping is not None
 
     @classmethod
-    def expand(cls, data: object, reading: Reading) -> object:
+    def expand(cls, data: object, context: ParseContext) -> object:
         """Read the bare name of a mode, such as `hold`; report the force of the other axes."""
         if isinstance(data, Text) and data in SHORT:
             value = Text(SHORT[data])
@@ -169,14 +167,14 @@ class AxisEntry(_AxisKeys):
             return data
         kind = "rotation" if cls.rotation else "translation"
         span = data.node.key_span(other)
-        reading.error("TS205", f"a {other} on a {kind}", span, f"write '{own}'")
-        reading.quiet.add(id(data.node))
+        context.error("TS205", f"a {other} on a {kind}", span, f"write '{own}'")
+        context.quiet.add(id(data.node))
         rest = Map({key: value for key, value in data.items() if key != other})
         rest.node = data.node
         return rest
 
     @classmethod
-    def rules(cls, data: Map, reading: Reading) -> None:
+    def rules(cls, data: Map, context: ParseContext) -> None:
         """Ask for one mode, and for keys that belong to it."""
         motions = [key for key in MOTIONS if key in data]
         forces = [key for key in FORCES if key in data]
@@ -184,13 +182,13 @@ class AxisEntry(_AxisKeys):
             misuse = _MODES[key].misuse(data, rotation=cls.rotation)
             if misuse is not None:
                 span = data.node.entries[misuse.key][1].span
-                reading.error("TS204", misuse.message, span, misuse.hint)
-        if not motions and not forces and complete(data, reading):
+                context.error("TS204", misuse.message, span, misuse.hint)
+        if not motions and not forces and complete(data, context):
             modes = alternatives((*MOTIONS, *FORCES))
-            reading.error("TS201", "an axis needs a mode", pointer(data.node), modes)
+            context.error("TS201", "an axis needs a mode", pointer(data.node), modes)
             return
         if len(motions) > 1:
-            reading.error(
+            context.error(
                 "TS202",
                 f"'{motions[0]}' and '{motions[1]}' on one axis",
                 data.node.key_span(motions[1]),
@@ -198,13 +196,13 @@ class AxisEntry(_AxisKeys):
             )
         for companion, owners in _COMPANIONS:
             key = companion.name
-            if key in data and not data.keys() & set(owners) and complete(data, reading):
-                reading.error("TS204", f"'{key}' without {' or '.join(owners)}",
+            if key in data and not data.keys() & set(owners) and complete(data, context):
+                context.error("TS204", f"'{key}' without {' or '.join(owners)}",
                               data.node.key_span(key), companion.companion)  # fmt: skip
         for key in _STIFF:
             if key in data and forces and not motions:
                 hint = "a soft axis is a motion axis; a law's gains stand under 'law'"
-                reading.error("TS204", f"'{key}' on a force axis", data.node.key_span(key), hint)
+                context.error("TS204", f"'{key}' on a force axis", data.node.key_span(key), hint)
 
 
 if TYPE_CHECKING:

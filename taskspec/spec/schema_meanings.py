@@ -35,7 +35,8 @@ _DETENT = {
 _SOFT = {
     "stiffness": ("Makes a motion axis soft: what it yields to forces with.", ()),
     "damping": ("Damping of a soft motion axis; by default designed.", ()),
-}
+    "contact": ("What it presses on or runs into; by default the object ahead.", ("table",)),
+}  # fmt: skip
 
 
 def _of_axes(*, rotation: bool) -> dict[str, Meaning]:
@@ -177,6 +178,8 @@ MEANINGS: dict[str, dict[str, Meaning]] = {
         "mass": ("Of a loose body.", ("200 g",)),
     },
     "Stage": {
+        "contact": ("What its axes press on; by default the surface of its frame, else the one ahead.",
+                    ("table",)),
         "axes": ("What each axis of the frame does; those that are not named hold.",
                  ({"z": {"force": "-15 N"}},)),
         "path": ("A curve for the axes that axes does not name.",

@@ -15,7 +15,7 @@ from taskspec.spec.fields import FrameName, SurfaceName
 from taskspec.spec.law import Law, law_of
 from taskspec.spec.limits import Limits
 from taskspec.spec.model import Model, complete, mapping
-from taskspec.spec.parse_context import ParseContext as Reading
+from taskspec.spec.parse_context import ParseContext
 from taskspec.spec.path import Path
 from taskspec.spec.quantities import Constant, Formula
 from taskspec.spec.set_point import SetPoint, SetPoints
@@ -59,10 +59,10 @@ class Within(Model):
     travel: Annotated[float, Constant(LENGTH, above=0)] | None = Field(None, title="Distance")
 
     @classmethod
-    def rules(cls, data: Map, reading: Reading) -> None:
+    def rules(cls, data: Map, context: ParseContext) -> None:
         """Ask for a time or a distance."""
-        if not data and complete(data, reading):
-            reading.error("TS601", "'within' needs a time or a travel", pointer(data.node),
+        if not data and complete(data, context):
+            context.error("TS601", "'within' needs a time or a travel", pointer(data.node),
                           "within: {time: 5 s, travel: 50 mm}, or one of the two")  # fmt: skip
 
 
@@ -104,11 +104,7 @@ class Stage(Model):
     )
     attempts: Annotated[int, Count()] | None = Field(None, title="How often it may be entered")
     frame: FrameName | None = Field(None, title="Task frame")
-    contact: SurfaceName | None = Field(
-        None,
-        title="Object that the stage presses on",
-        description="By default the surface that the frame follows, or the one ahead",
-    )
+    contact: SurfaceName | None = Field(None, title="Object that the stage presses on")
     law: Law | None = Field(None, title="Control law")
     limits: Limits | None = Field(None, title="Limits")
     tare: Annotated[bool, Switch()] = Field(
@@ -116,28 +112,28 @@ class Stage(Model):
     )
 
     @classmethod
-    def rules(cls, data: Map, reading: Reading) -> None:
+    def rules(cls, data: Map, context: ParseContext) -> None:
         """Ask for one end, a bound for the guard, and one mode on each axis."""
-        _check_end(data, reading)
-        _check_path_done(data, reading)
-        _check_modes(data, reading)
+        _check_end(data, context)
+        _check_path_done(data, context)
+        _check_modes(data, context)
 
 
-def _check_end(data: Map, reading: Reading) -> None:
-    sure = complete(data, reading)
+def _check_end(data: Map, context: ParseContext) -> None:
+    sure = complete(data, context)
     axes = mapping(data.get("axes"))
     ending = [name for name, mode in MODES.items() if mode.ends]
     moves = any(name in mapping(axis) for axis in axes.values() for name in ending)
     if "until" in data:
         if "within" not in data and sure:
-            reading.error(
+            context.error(
                 "TS601",
                 "'until' without 'within': nothing ends the stage if the condition never comes",
                 data.node.key_span("until"),
                 "add a bound, such as within: {time: 5 s, travel: 50 mm}",
             )
         if "time" in data:
-            reading.error(
+            context.error(
                 "TS603",
                 "'time' beside 'until'",
                 data.node.key_span("time"),
@@ -145,10 +141,10 @@ def _check_end(data: Map, reading: Reading) -> None:
             )
     elif sure and not (moves or "time" in data or "path" in data) and not _damaged(data):
         ends = [f"a '{key}'" for key in ("time", "path", *ending)]
-        reading.error(
+        context.error(
             "TS602",
             "nothing ends this stage",
-            reading.key_of(data),
+            context.key_of(data),
             "'within' only bounds what 'until' ends: add 'until'"
             if "within" in data
             else f"add 'until' with 'within', {alternatives(ends)}",
@@ -171,13 +167,13 @@ def _is_damaged(axis: object) -> bool:
     return axis not in SHORT
 
 
-def _check_path_done(data: Map, reading: Reading) -> None:
+def _check_path_done(data: Map, context: ParseContext) -> None:
     for key in ("until", "fail_if"):
         text = data.get(key)
-        if not isinstance(text, Text) or "path" in data or not complete(data, reading):
+        if not isinstance(text, Text) or "path" in data or not complete(data, context):
             continue
         if match := re.search(r"(?<![\w.])path_done(?![\w.])", text):
-            reading.error(
+            context.error(
                 "TS607",
                 "'path_done' in a stage without a path",
                 text.node.origin.at(match.start(), match.end()),
@@ -185,9 +181,9 @@ def _check_path_done(data: Map, reading: Reading) -> None:
             )
 
 
-def _check_modes(data: Map, reading: Reading) -> None:
+def _check_modes(data: Map, context: ParseContext) -> None:
     """Report what the stage's law cannot do: motion and force, dampers of axes, set points."""
-    law = law_of(data.get("law", reading.data.get("law")))
+    law = law_of(data.get("law", context.data.get("law")))
     if law is None:
         return
     facts, article = LAWS[law], "an" if law[0] in "aeio" else "a"
@@ -196,14 +192,14 @@ def _check_modes(data: Map, reading: Reading) -> None:
         motion = next((key for key in MOTIONS if key in modes), None)
         force = next((key for key in FORCES if key in modes), None)
         if motion and force and not facts.shares:
-            reading.error(
+            context.error(
                 "TS203",
                 f"axis '{name}' has both a {motion} and a {force} under {article} {law} law",
                 pointer(modes.node),
                 "one or the other; a parallel law lets force win over position",
             )
         if "damping" in modes and facts.undamped:
-            reading.error(
+            context.error(
                 "TS210",
                 f"a 'damping' of axis '{name}' under the law {law}, which damps no axis",
                 modes.node.key_span("damping"),
@@ -211,7 +207,7 @@ def _check_modes(data: Map, reading: Reading) -> None:
             )
         soft = next((key for key in ("stiffness", "damping") if key in modes), None)
         if soft is not None and motion and not force and not facts.axis_springs:
-            reading.error(
+            context.error(
                 "TS212",
                 f"a '{soft}' of axis '{name}' under the law {law}, which has no soft axes",
                 modes.node.key_span(soft),
@@ -219,7 +215,7 @@ def _check_modes(data: Map, reading: Reading) -> None:
             )
     if "constraints" in data and not facts.multipliers:
         having = " or ".join(name for name, facts in LAWS.items() if facts.multipliers)
-        reading.error(
+        context.error(
             "TS211",
             f"the law {law} has no multipliers, so it cannot reach set points of equations",
             data.node.key_span("constraints"),
