@@ -178,7 +178,7 @@ MEANINGS: dict[str, dict[str, Meaning]] = {
         "mass": ("Of a loose body.", ("200 g",)),
     },
     "Stage": {
-        "contact": ("What its axes press on; by default the surface of its frame, else the one ahead.",
+        "contact": ("What its axes press on; by default its frame's surface, else what is ahead.",
                     ("table",)),
         "axes": ("What each axis of the frame does; those that are not named hold.",
                  ({"z": {"force": "-15 N"}},)),

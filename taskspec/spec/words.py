@@ -115,11 +115,14 @@ class NameReference(FieldType):
     unfit: str = ""
     instead: Callable[[str, ParseContext], str] = lambda _name, _context: ""
 
+    @property
+    def _one(self) -> str:
+        return f"{'an' if self.what[0] in 'aeio' else 'a'} {self.what}"
+
     def read(self, value: object, context: ParseContext) -> str:
         """The name."""
         if not isinstance(value, Text):
-            article = "an" if self.what[0] in "aeio" else "a"
-            message = f"the name of {article} {self.what} is needed here, this is {kind_of(value)}"
+            message = f"the name of {self._one} is needed here, this is {kind_of(value)}"
             context.error("TS022", message, span_of(value))
         elif value not in (names := self.names(context)):
             hint = self.instead(value, context) or suggestion(
@@ -132,7 +135,7 @@ class NameReference(FieldType):
 
     def json(self) -> dict[str, Any]:
         """Describes the name."""
-        return {"type": "string", "description": f"The name of a {self.what}"}
+        return {"type": "string", "description": f"The name of {self._one}"}
 
 
 @dataclass(frozen=True)
