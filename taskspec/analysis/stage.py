@@ -17,7 +17,7 @@ from taskspec.geometry.axis import AXES, Axis
 from taskspec.laws.gains import Gains
 from taskspec.program.axes import MOSTLY
 from taskspec.program.context import Context
-from taskspec.program.plan import StagePlan
+from taskspec.program.plan import StagePlan, TaskPlan
 from taskspec.program.stages.stage import CompiledStage, compile_stage
 from taskspec.spec import Task
 
@@ -156,6 +156,14 @@ def bare(stage: StagePlan) -> StagePlan:
         robot=replace(context.robot, torque_limit=free),
     )
     return stage.but(context=reduced, spec=spec, law=law, limits=limits)
+
+
+def loop_of(task: TaskPlan, name: str) -> Analysed | None:
+    """A stage of a task at its equilibrium, analysed once for all who ask; see `analyse`."""
+    if name not in task.loops:
+        task.loops[name] = analyse(task.stages[name])
+    found: Analysed | None = task.loops[name]
+    return found
 
 
 def analyse(

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from taskspec.analysis.loop import Mode, UnfitError
-from taskspec.analysis.stage import Analysed, analyse
+from taskspec.analysis.stage import Analysed, loop_of
 from taskspec.prediction.at_start import StageAtStart, stages_at_start
 from taskspec.prediction.duration import Known, guarded, mechanism_rate, planned, whole
 from taskspec.prediction.equilibrium import at_rest
@@ -33,7 +33,7 @@ class Looked:
 def look(program: Program, name: str) -> Looked | None:
     """The sampled loop of a stage; None where it cannot be looked at."""
     try:
-        seen = analyse(program.plan.stages[name])
+        seen = loop_of(program.plan, name)
         return None if seen is None else Looked(seen, seen.modes())
     except (UnfitError, np.linalg.LinAlgError):
         return None

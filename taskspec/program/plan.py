@@ -522,6 +522,7 @@ class TaskPlan:
         stages: by name, in the order of the file.
         framed: those of them whose frame is known to have axes as the run begins; they are entered
             as the task is examined.
+        loops: the sampled loops of stages that were analysed, by name.
     """
 
     def __init__(self, context: Context, walk: Callable[[Context], Walk]) -> None:
@@ -537,6 +538,7 @@ class TaskPlan:
             name: StagePlan(context, name, self._tool) for name in context.loaded.task.stages
         }
         self.framed: dict[str, StagePlan] = {}
+        self.loops: dict[str, Any] = {}
 
     def unvaried(self) -> TaskPlan:
         """The plan of the same task with nothing that varies."""

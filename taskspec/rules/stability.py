@@ -14,7 +14,7 @@ from taskspec.analysis.environment import linear_plant
 from taskspec.analysis.loop import Mode, Poles, UnfitError
 from taskspec.analysis.margin import LEAST_DAMPING_RATIO, LEAST_GROWTH, QUICK, grows, rings
 from taskspec.analysis.plant import LinearPlant, pressing
-from taskspec.analysis.stage import Analysed, analyse
+from taskspec.analysis.stage import Analysed, loop_of
 from taskspec.program.context import Context
 from taskspec.program.plan import StagePlan, TaskPlan
 from taskspec.program.world.stiffness import RESOLVED_PHASE
@@ -88,7 +88,7 @@ def unstable_stages(task: TaskPlan) -> Iterator[Finding]:
             continue
         controls.add(control)
         try:
-            yield from _of_stage(stage, shared)
+            yield from _of_stage(task, stage, shared)
         except (UnfitError, np.linalg.LinAlgError):
             continue
 
@@ -113,8 +113,8 @@ def _kind(axis: AxisEntry) -> tuple[object, ...]:
     )
 
 
-def _of_stage(stage: StagePlan, shared: Shared) -> Iterator[Finding]:
-    analysed = analyse(stage)
+def _of_stage(task: TaskPlan, stage: StagePlan, shared: Shared) -> Iterator[Finding]:
+    analysed = loop_of(task, stage.name)
     if analysed is None or not resolved(analysed, stage.context.loaded.task):
         return
     here = _in_the_world_of_the_file(analysed.free() if analysed.meets else analysed, shared)
