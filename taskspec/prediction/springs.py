@@ -58,7 +58,7 @@ def behind(here: StageAtStart, normals: Vector) -> tuple[Axis, float] | None:
             own = value_of(here.stage.plan.gains, "stiffness", axis)
             if wanted is None or own <= 0:
                 return None
-            return axis, -wanted * (1 / own + 1 / here.stage.plan.stiffness) / away
+            return axis, -wanted * (1 / own + 1 / here.stage.plan.stiffness_of(axis)) / away
         reference = _reference(here, normals[:, 0])
         return None if reference is None else (axis, -reference)
     return None
