@@ -7,9 +7,8 @@ from types import SimpleNamespace
 import casadi as ca
 import numpy as np
 
-from taskspec.control import model_terms
 from taskspec.program.clock import Clock
-from taskspec.robot import load_robot
+from taskspec.robot import load_robot, model_terms
 
 _POSE = SimpleNamespace(xyz=(0.0, 0.0, 0.0), rpy=(0.0, 0.0, 0.0))
 _TOOL = SimpleNamespace(shape="sphere", radius=0.01, size=None, length=0.12, mass=0.3)

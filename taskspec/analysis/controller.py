@@ -14,7 +14,6 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from taskspec.control.model_terms import ModelTerms
 from taskspec.geometry.axis import AXES
 from taskspec.modes import DEFAULT_RAMP
 from taskspec.program.bound import BoundFunction
@@ -24,6 +23,7 @@ from taskspec.program.execution.hand_over import HandedOver
 from taskspec.program.ports import fields, slices
 from taskspec.program.stages.stage import CompiledStage
 from taskspec.program.world import estimated_frames
+from taskspec.robot.model_terms import ModelTerms
 
 Matrix = NDArray[np.float64]
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from taskspec.analysis.controller import LinearController
 from taskspec.analysis.plant import LinearPlant
-from taskspec.control.sensor import SensorModel
+from taskspec.program.sensor import SensorModel
 
 Matrix = NDArray[np.float64]
 Poles = NDArray[np.complex128]

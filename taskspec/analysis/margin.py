@@ -16,8 +16,8 @@ from taskspec.analysis.given import together
 from taskspec.analysis.loop import FARTHEST, Mode, Poles, modes, poles, states
 from taskspec.analysis.plant import LinearPlant
 from taskspec.analysis.stage import Analysed
-from taskspec.control.sensor import SensorModel
 from taskspec.program.context import Context
+from taskspec.program.sensor import SensorModel
 from taskspec.spec import Task
 
 #: A mode that grows more slowly than this [1/s], or whose damping ratio is above minus the other,

@@ -12,12 +12,12 @@ from taskspec.analysis.controller import LinearController, Operating
 from taskspec.analysis.environment import linear_plant
 from taskspec.analysis.loop import Mode, modes, poles
 from taskspec.analysis.plant import LinearPlant
-from taskspec.control.sensor import SensorModel
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.laws.gains import Gains
 from taskspec.program.axes import MOSTLY
 from taskspec.program.context import Context
 from taskspec.program.plan import StagePlan, TaskPlan
+from taskspec.program.sensor import SensorModel
 from taskspec.program.stages.stage import CompiledStage, compile_stage
 from taskspec.spec import Task
 

@@ -9,10 +9,10 @@ from __future__ import annotations
 import numpy as np
 
 from taskspec.analysis.stage import Analysed, along
-from taskspec.control.sensor import SensorModel
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.laws.conditions import AxisContact, StabilityCondition
 from taskspec.laws.gains import on_axis
+from taskspec.program.sensor import SensorModel
 
 #: A contact on which more than this share of a step's acceleration comes back is called rigid.
 _RIGID_PHASE = 0.3

@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 from taskspec.analysis.loop import Mode, one_step
 from taskspec.analysis.margin import grows
 from taskspec.analysis.stage import Analysed
-from taskspec.control.sensor import SensorModel
 from taskspec.geometry.axis import AXES
 from taskspec.prediction.types import Settling
+from taskspec.program.sensor import SensorModel
 
 Vector = NDArray[np.float64]
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from taskspec.control.model_terms import TermSymbols
+from taskspec.robot.model_terms import TermSymbols
 
 
 @dataclass(frozen=True, slots=True)

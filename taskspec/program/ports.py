@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from taskspec.control.model_terms import TermSymbols
+from taskspec.robot.model_terms import TermSymbols
 from taskspec.signals import SCALARS, VECTORS
 from taskspec.signals.table import REFERENCE
 

@@ -9,7 +9,6 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from taskspec.control.model_terms import ModelTerms
 from taskspec.program.contacts import Obstacles
 from taskspec.program.context import Context
 from taskspec.program.errors import spec_error
@@ -24,6 +23,7 @@ from taskspec.program.world.moving_base import moving_bases
 from taskspec.program.world.preconditions import check_equations, check_motions, check_parents
 from taskspec.program.world.stiffness import compliance, equation_compliance
 from taskspec.robot import RobotError, RobotModel, load_robot, solve_start
+from taskspec.robot.model_terms import ModelTerms
 from taskspec.shapes import Surface, SurfaceChart
 from taskspec.spec import FILE, LoadedTask, below
 

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from taskspec.control.model_terms import TermSymbols
 from taskspec.control.reference import opposite
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.program.slots import Slots
@@ -15,6 +14,7 @@ from taskspec.program.world import estimated_frames, kinematics
 from taskspec.program.world.frames import FrameModel
 from taskspec.program.world.moving_base import BaseMotion, MovingBase
 from taskspec.robot import RobotModel
+from taskspec.robot.model_terms import TermSymbols
 from taskspec.shapes import Surface
 from taskspec.signals import VECTORS, Entry, Pose, Situation, find
 from taskspec.spec import Task

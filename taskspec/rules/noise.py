@@ -7,7 +7,6 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from taskspec.control.sensor import SensorModel
 from taskspec.foresight.conditions import bounds_of, names
 from taskspec.foresight.interval import Interval, IntervalAlgebra
 from taskspec.foresight.nominal import AT_SURFACE
@@ -15,6 +14,7 @@ from taskspec.foresight.ranges import Ranges
 from taskspec.geometry.axis import Axis
 from taskspec.program.context import Context
 from taskspec.program.plan import StagePlan
+from taskspec.program.sensor import SensorModel
 from taskspec.rules import Finding, rule, warning
 from taskspec.text.expression import Expression
 from taskspec.text.expression.tree import Binary, Call, Held, Name, Node, Number

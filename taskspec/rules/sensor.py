@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from taskspec.control.sensor import SensorModel
 from taskspec.foresight.flow import good_end
 from taskspec.laws.design import INTEGRAL_FREQUENCY
 from taskspec.program.context import Context
 from taskspec.program.plan import TaskPlan
+from taskspec.program.sensor import SensorModel
 from taskspec.rules import Finding, Phase, error, rule, warning
 from taskspec.signals.entries import TOUCHING
 from taskspec.spec import FILE, Stage

@@ -8,7 +8,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from taskspec.control.sensor import RunningSensor, SensorModel
+from taskspec.program.sensor import RunningSensor, SensorModel
 from taskspec.spec import Sensor
 
 PERIOD = 1e-3

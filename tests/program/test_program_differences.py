@@ -13,9 +13,8 @@ import numpy as np
 import pytest
 
 from taskspec.compiler import compile_task
-from taskspec.control import model_terms
 from taskspec.program.reference.constraints import equation_rows
-from taskspec.robot import load_robot
+from taskspec.robot import load_robot, model_terms
 from taskspec.spec import load_text
 
 STATES = 1000

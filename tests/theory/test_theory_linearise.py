@@ -17,9 +17,9 @@ from presses import ARMS, PANDA, SQUARE
 from taskspec.analysis.controller import Operating
 from taskspec.analysis.loop import one_step
 from taskspec.analysis.stage import analyse, bare
-from taskspec.control.sensor import RunningSensor, SensorModel
 from taskspec.program.plan import StagePlan
 from taskspec.program.prepare import prepare
+from taskspec.program.sensor import RunningSensor, SensorModel
 from taskspec.program.stages.stage import compile_stage
 from taskspec.spec import load_text
 

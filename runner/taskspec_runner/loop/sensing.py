@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec.control.sensor import RunningSensor, SensorModel
 from taskspec.program.execution.machine import Machine
 from taskspec.program.execution.sensor_zero import SensorZero
+from taskspec.program.sensor import RunningSensor, SensorModel
 from taskspec_runner.plant.plant import PlantArm
 
 Vector = NDArray[np.float64]

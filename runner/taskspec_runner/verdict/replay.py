@@ -13,7 +13,6 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from taskspec.control.model_terms import kinematic_terms
 from taskspec.control.reference import opposite
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.program.bound import over_rows
@@ -24,6 +23,7 @@ from taskspec.program.world import estimated_frames
 from taskspec.program.world.frames import FrameModel
 from taskspec.program.world.moving_base import MovingBase
 from taskspec.robot import RobotModel
+from taskspec.robot.model_terms import kinematic_terms
 from taskspec.signals import SCALARS, VECTORS, Pose, Situation
 from taskspec_runner.record.history import History, Visit
 

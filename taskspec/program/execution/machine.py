@@ -7,7 +7,6 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec.control.model_terms import ModelTerms
 from taskspec.program import events
 from taskspec.program.execution import entry
 from taskspec.program.execution.choice import choose_again
@@ -23,6 +22,7 @@ from taskspec.program.reference.axis_plan import not_finite
 from taskspec.program.stages.stage import CompiledStage
 from taskspec.program.world.estimated_frames import Estimates
 from taskspec.robot import RobotModel
+from taskspec.robot.model_terms import ModelTerms
 
 Vector = NDArray[np.float64]
 #: q, v, wrench, reactions, torque and outputs of a machine.

@@ -14,9 +14,9 @@ from taskspec.control.admissible import (
     braking_deceleration,
     joint_accelerations,
 )
-from taskspec.control.model_terms import TermSymbols
 from taskspec.program.context import Context
 from taskspec.program.limits.consistency import tangents
+from taskspec.robot.model_terms import TermSymbols
 from taskspec.spec import Limits
 from taskspec.text.show import show
 

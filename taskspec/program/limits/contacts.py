@@ -12,10 +12,10 @@ import casadi as ca
 import numpy as np
 
 from taskspec.control import linear
-from taskspec.control.model_terms import TermSymbols
 from taskspec.program.context import Context
 from taskspec.program.reference.constraints import EquationRow
 from taskspec.program.world import kinematics
+from taskspec.robot.model_terms import TermSymbols
 from taskspec.shapes import Surface
 from taskspec.signals.entries import TOUCHING
 

@@ -20,7 +20,6 @@ from dataclasses import dataclass, fields
 import casadi as ca
 
 from taskspec.control import linear
-from taskspec.control.model_terms import TermSymbols
 from taskspec.control.state import TaskState
 from taskspec.program.context import Context
 from taskspec.program.limits.bounds import (
@@ -37,6 +36,7 @@ from taskspec.program.limits.bounds import (
 )
 from taskspec.program.limits.contacts import ContactRow
 from taskspec.program.limits.pushes import Contacts, add_pushes, wanted_pushes
+from taskspec.robot.model_terms import TermSymbols
 from taskspec.spec import Limits
 
 #: What a change of each part costs, in the metric of the inertia that it moves.

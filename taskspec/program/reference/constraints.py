@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.control import linear
-from taskspec.control.model_terms import TermSymbols
 from taskspec.control.reference import Reference, opposite
 from taskspec.control.resolution import inverse_directions
 from taskspec.control.state import ARM_LENGTH, TaskState
@@ -23,6 +22,7 @@ from taskspec.laws.gains import AxisPlant, Gains
 from taskspec.program.context import Context
 from taskspec.program.slots import Slots
 from taskspec.program.world.equations import EquationModel, EquationTerms
+from taskspec.robot.model_terms import TermSymbols
 from taskspec.spec import Law, Stage
 
 

@@ -15,7 +15,6 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from taskspec.control.model_terms import TermSymbols
 from taskspec.geometry import rotation
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.program.clock import Clock
@@ -25,6 +24,7 @@ from taskspec.program.reference.measurement import Measurement
 from taskspec.program.world import kinematics
 from taskspec.program.world.frames import FrameModel
 from taskspec.program.world.mechanisms import MechanismModel
+from taskspec.robot.model_terms import TermSymbols
 
 
 @dataclass(frozen=True, slots=True)

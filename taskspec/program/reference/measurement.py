@@ -7,8 +7,6 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from taskspec.control import model_terms
-from taskspec.control.model_terms import TermSymbols
 from taskspec.control.state import TaskState, task_state
 from taskspec.program import ports, signals
 from taskspec.program.algebra import CasadiAlgebra, constants
@@ -27,6 +25,8 @@ from taskspec.program.slots import Slots
 from taskspec.program.world import kinematics
 from taskspec.program.world.frames import FrameModel
 from taskspec.program.world.moving_base import BaseMotion
+from taskspec.robot import model_terms
+from taskspec.robot.model_terms import TermSymbols
 from taskspec.signals import ObjectState
 from taskspec.text.expression import Expression
 

@@ -6,13 +6,13 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from taskspec.control.model_terms import TermSymbols
 from taskspec.control.reference import opposite
 from taskspec.program.clock import Clock
 from taskspec.program.context import Context
 from taskspec.program.slots import Slots
 from taskspec.program.world.frames import FrameModel
 from taskspec.program.world.mechanisms import MechanismModel
+from taskspec.robot.model_terms import TermSymbols
 from taskspec.signals import ObjectState
 
 

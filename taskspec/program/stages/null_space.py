@@ -8,12 +8,12 @@ import casadi as ca
 import numpy as np
 
 from taskspec.control import null_space
-from taskspec.control.model_terms import TermSymbols
 from taskspec.control.state import TaskState
 from taskspec.geometry.axis import Axis
 from taskspec.program.context import Context
 from taskspec.robot import RobotModel
 from taskspec.robot.inverse_kinematics import turns_at
+from taskspec.robot.model_terms import TermSymbols
 from taskspec.spec import Law
 
 

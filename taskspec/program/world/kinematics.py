@@ -8,13 +8,13 @@ from dataclasses import dataclass, field
 import casadi as ca
 import numpy as np
 
-from taskspec.control.model_terms import TermSymbols
 from taskspec.geometry import rotation
 from taskspec.program.slots import Slots
 from taskspec.program.world import estimated_frames
 from taskspec.program.world.frames import FrameModel
 from taskspec.program.world.mechanisms import MechanismModel
 from taskspec.robot import RobotModel
+from taskspec.robot.model_terms import TermSymbols
 from taskspec.shapes import Surface, SurfaceChart
 
 

@@ -13,10 +13,10 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec.control.model_terms import TermSymbols
 from taskspec.geometry import rotation
 from taskspec.geometry.axis import ROTATIONS, Axis
 from taskspec.program.algebra import CasadiAlgebra, constants
+from taskspec.robot.model_terms import TermSymbols
 from taskspec.spec import Shape, Task
 from taskspec.spec.world import MOTION
 from taskspec.text.expression.tree import Name
