@@ -16,7 +16,7 @@ from taskspec.program.world.moving_base import BaseMotion, MovingBase
 from taskspec.robot import RobotModel
 from taskspec.robot.model_terms import TermSymbols
 from taskspec.shapes import Surface
-from taskspec.signals import VECTORS, Entry, Pose, Situation, find
+from taskspec.signals import VECTORS, Entry, MovingPose, Situation, find
 from taskspec.spec import Task
 from taskspec.text.expression.tree import Name
 
@@ -106,8 +106,8 @@ class Placement:
         return Situation(
             axes=axes,
             clock=self.clock,
-            world=Pose(world.p, world.R, world.twist),
-            tip=Pose(terms.p, terms.R, terms.twist),
+            world=MovingPose(world.p, world.R, world.twist),
+            tip=MovingPose(terms.p, terms.R, terms.twist),
             frame=self.at.R,
             twist=self.point.twist,
             applied=opposite(self.point.wrench),

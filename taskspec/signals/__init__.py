@@ -6,7 +6,7 @@ over the table.
 """
 
 from taskspec.signals import entries as entries
-from taskspec.signals.situation import ObjectState, Pose, Situation
+from taskspec.signals.situation import MovingPose, ObjectState, Situation
 from taskspec.signals.table import (
     CLOCKS,
     JOINT,
@@ -33,7 +33,7 @@ __all__ = [
     "Entry",
     "Index",
     "ObjectState",
-    "Pose",
+    "MovingPose",
     "Signal",
     "Situation",
     "condition",

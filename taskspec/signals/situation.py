@@ -17,7 +17,7 @@ UNKNOWN: Any = None
 
 
 @dataclass(frozen=True, slots=True)
-class Pose:
+class MovingPose:
     """A pose of the tip.
 
     Attributes:
@@ -84,8 +84,8 @@ class Situation:
     axes: tuple[Axis, ...]
     t: ca.SX = UNKNOWN
     clock: ca.SX = UNKNOWN
-    world: Pose = UNKNOWN
-    tip: Pose = UNKNOWN
+    world: MovingPose = UNKNOWN
+    tip: MovingPose = UNKNOWN
     frame: ca.SX = UNKNOWN
     twist: ca.SX = UNKNOWN
     applied: ca.SX = UNKNOWN

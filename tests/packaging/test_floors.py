@@ -47,7 +47,7 @@ def sources() -> dict[str, ast.Module]:
 
 
 def at_run_time(tree: ast.AST) -> Iterator[ast.AST]:
-    """The nodes of a module but those under `if TYPE_CHECKING`: annotations may name what is above."""
+    """The nodes of a module but those under `if TYPE_CHECKING`: annotations may name it."""
     for node in ast.iter_child_nodes(tree):
         typing = isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING"
         if not typing:

@@ -14,7 +14,7 @@ from taskspec_runner.compare.comparison import Comparison
 from taskspec_runner.compare.overlay import Overlay, overlay, role
 from taskspec_runner.record.history import Vector
 from taskspec_runner.report.chart import tints
-from taskspec_runner.report.drawing import Line, Panel, path_data
+from taskspec_runner.report.drawing import Panel, Stroke, path_data
 from taskspec_runner.report.plane import PlotPlane, Times
 from taskspec_runner.report.template import template
 
@@ -34,7 +34,7 @@ HERE = Path(__file__).parent
 
 
 @dataclass(frozen=True, slots=True)
-class Entry:
+class LegendEntry:
     """A law in the legend, at a place in pixels; `style` is empty where it has no line."""
 
     x: float
@@ -94,10 +94,10 @@ def counted(words: Sequence[str]) -> str:
     return ", ".join(f"{words.count(word)} {word}" for word in dict.fromkeys(words))
 
 
-def _legend(comparison: Comparison) -> list[Entry]:
+def _legend(comparison: Comparison) -> list[LegendEntry]:
     step = (WIDTH - 40) / _COLUMNS
     return [
-        Entry(
+        LegendEntry(
             20 + step * (number % _COLUMNS),
             _LEGEND + _ROW * (number // _COLUMNS),
             law["law"],
@@ -128,7 +128,7 @@ def _panel(laid: Overlay, chart: Overlaid, y: float, times: Times) -> Panel:
         run, begin = laid.runs[curve.law], laid.begins[curve.law]
         values = np.log10(curve.values) if chart.log else curve.values
         points = plane.points(run.clock + begin, values, run.breaks, run.breaks)
-        lines.append(Line(path_data(points), curve.role, curve.style, curve.label))
+        lines.append(Stroke(path_data(points), curve.role, curve.style, curve.label))
         if curve.law in cut and curve.label == curve.law:
             lines.append(_cross(points, curve.role, (y, y + _PANEL)))
     # Whether an expectation was met differs between the laws.
@@ -138,11 +138,11 @@ def _panel(laid: Overlay, chart: Overlaid, y: float, times: Times) -> Panel:
     return Panel(title, unit, _LEFT, y, times.width, _PANEL, tuple(lines), marks, areas)
 
 
-def _cross(points: Vector, role: str, rows: tuple[float, float]) -> Line:
+def _cross(points: Vector, role: str, rows: tuple[float, float]) -> Stroke:
     """Marks where the line of a run ends that was cut short; at the edge if that is not in view."""
     x, y = points[np.isfinite(points).all(axis=1)][-1]
     y = min(max(y, rows[0] + 5), rows[1] - 5)
-    return Line(f"M{x - 4:.1f},{y - 4:.1f}l8,8m0,-8l-8,8", role, "cross")
+    return Stroke(f"M{x - 4:.1f},{y - 4:.1f}l8,8m0,-8l-8,8", role, "cross")
 
 
 def _in_view(chart: Overlaid, cut: Collection[str]) -> Vector:

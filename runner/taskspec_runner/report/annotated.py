@@ -22,14 +22,14 @@ class Remark:
 
 
 @dataclass(frozen=True, slots=True)
-class Line:
+class AnnotatedLine:
     """A line of the task file, marked up, and the remarks on it."""
 
     text: Markup
     findings: tuple[Remark, ...]
 
 
-def task_lines(run: Run) -> list[Line]:
+def task_lines(run: Run) -> list[AnnotatedLine]:
     """The task file of a run; empty where there is none."""
     if not run.task:
         return []
@@ -37,7 +37,9 @@ def task_lines(run: Run) -> list[Line]:
     for line, finding in (*_placed(run), *_judged(run)):
         remarks.setdefault(line, []).append(finding)
     lines = str(highlighted(run.task)).split("\n")
-    return [Line(Markup(text), tuple(remarks.get(i, ()))) for i, text in enumerate(lines, 1)]
+    return [
+        AnnotatedLine(Markup(text), tuple(remarks.get(i, ()))) for i, text in enumerate(lines, 1)
+    ]
 
 
 def elsewhere(run: Run) -> list[Remark]:

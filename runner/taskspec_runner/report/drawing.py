@@ -15,7 +15,7 @@ _TOLERANCE = 0.12
 
 
 @dataclass(frozen=True, slots=True)
-class Line:
+class Stroke:
     """A curve: path data, colour role and style."""
 
     d: str
@@ -58,7 +58,7 @@ class Panel:
     y: float
     width: float
     height: float
-    lines: tuple[Line, ...]
+    lines: tuple[Stroke, ...]
     ticks: tuple[Tick, ...]
     areas: tuple[Area, ...] = ()
     columns: tuple[Tick, ...] = ()

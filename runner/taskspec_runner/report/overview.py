@@ -11,7 +11,7 @@ import numpy as np
 from taskspec_runner.record.history import Vector
 from taskspec_runner.report import figures, foretold
 from taskspec_runner.report.chart import Chart, size, tints
-from taskspec_runner.report.drawing import Line, Panel, Tick, path_data, tick_text, ticks
+from taskspec_runner.report.drawing import Panel, Stroke, Tick, path_data, tick_text, ticks
 from taskspec_runner.report.plane import PlotPlane, Times
 from taskspec_runner.report.template import template
 from taskspec_runner.runs import Run, StageVisit
@@ -145,7 +145,7 @@ def _panel(run: Run, chart: Chart, y: float, times: Times) -> Panel:
         gaps = run.breaks[:0] if trace.continuous else run.breaks
         points = plane.points(run.clock, trace.values, run.breaks, gaps)
         name = "" if trace.reference_of else trace.label
-        lines.append(Line(path_data(points), trace.role, trace.style, name))
+        lines.append(Stroke(path_data(points), trace.role, trace.style, name))
     return Panel(
         chart.title.removesuffix(" against its reference"),
         chart.unit,
@@ -183,11 +183,11 @@ def _path_square(run: Run) -> Panel | None:
         points = [left + (u - low_x) * scale, top + _SQUARE - (v - low_y) * scale]
         return path_data(np.column_stack(points))
 
-    lines = [Line(drawn(x, y), "z", "line")]
+    lines = [Stroke(drawn(x, y), "z", "line")]
     wanted = [run.column(f"position.{axis}.ref") for axis in "xy"]
     if wanted[0] is not None and wanted[1] is not None:
         d = drawn(1e3 * wanted[0][rows], 1e3 * wanted[1][rows])
-        lines.insert(0, Line(d, "z", "halo"))
+        lines.insert(0, Stroke(d, "z", "halo"))
     over, up = ticks(low_x, low_x + span, 4), ticks(low_y, low_y + span, 4)
     return Panel(
         f"Path in {run.label(widest)}, y over x",

@@ -24,7 +24,7 @@ from taskspec.program.world.frames import FrameModel
 from taskspec.program.world.moving_base import MovingBase
 from taskspec.robot import RobotModel
 from taskspec.robot.model_terms import kinematic_terms
-from taskspec.signals import SCALARS, VECTORS, Pose, Situation
+from taskspec.signals import SCALARS, VECTORS, MovingPose, Situation
 from taskspec_runner.record.history import History, Visit
 
 Vector = NDArray[np.float64]
@@ -335,7 +335,7 @@ def _in_frame(name: str) -> tuple[ca.Function, tuple[str, ...]]:
     local = frame.T @ (three["point"] - three["origin"])
     at = Situation(
         axes=AXES,
-        tip=Pose(three["tip"], tool),
+        tip=MovingPose(three["tip"], tool),
         frame=frame,
         applied=both @ six["wrench"],
         twist=both @ six["twist"] + six["between"],
