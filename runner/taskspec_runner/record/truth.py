@@ -16,7 +16,7 @@ from taskspec.program.world import frames, kinematics
 from taskspec.program.world.equations import equation_models
 from taskspec.program.world.moving_base import moving_bases
 from taskspec.robot import RobotModel
-from taskspec.signals import ObjectState, Pose, Situation
+from taskspec.signals import MovingPose, ObjectState, Situation
 from taskspec.spec import Shape, Task
 
 Vector = NDArray[np.float64]
@@ -82,7 +82,7 @@ def _situation(symbols: Mapping[str, ca.SX], objects: Mapping[str, ObjectState])
     """The tool in its stage's frame, in world axes."""
     applied, offset = opposite(symbols["wrench"]), symbols["offset"]
     force = applied[:3]
-    tip = Pose(symbols["tip"], ca.reshape(symbols["tip_rotation"], 3, 3))
+    tip = MovingPose(symbols["tip"], ca.reshape(symbols["tip_rotation"], 3, 3))
     return Situation(
         axes=AXES,
         t=symbols["t"],
