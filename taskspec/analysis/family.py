@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from taskspec.analysis.controller import LinearController
-from taskspec.analysis.stage import Analysed, analyse
+from taskspec.analysis.sampled_stage import SampledStage, analyse
 from taskspec.laws.gains import Gain, Gains
 from taskspec.laws.law import gain_named
 
@@ -21,39 +21,41 @@ class Family:
     three compiled stages say them all.
 
     Attributes:
-        seen: the stage as it is. controllers: at `_AT` times its gain. inverse: in 1/gain.
+        sampled: the stage as it is. controllers: at `_AT` times its gain. inverse: in 1/gain.
     """
 
-    seen: Analysed
+    sampled: SampledStage
     controllers: tuple[LinearController, ...]
     inverse: bool
 
     @staticmethod
-    def of(seen: Analysed, what: str, on: Sequence[str]) -> Family | None:
+    def of(sampled: SampledStage, what: str, on: Sequence[str]) -> Family | None:
         """The family of a gain on some axes; None where a member has no derivative."""
         members: list[LinearController] = []
         for factor in _AT:
             moved = 1 / factor if what == "mass" else factor
             if moved == 1:
-                members.append(seen.controller)
+                members.append(sampled.controller)
                 continue
-            other = analyse(seen.stage.plan, gains=scaled(seen.stage.plan.gains, what, on, moved))
-            if other is None or other.controller.slots != seen.controller.slots:
+            other = analyse(
+                sampled.stage.plan, gains=scaled(sampled.stage.plan.gains, what, on, moved)
+            )
+            if other is None or other.controller.slots != sampled.controller.slots:
                 return None
             members.append(other.controller)
-        return Family(seen, tuple(members), what == "mass")
+        return Family(sampled, tuple(members), what == "mass")
 
     def at(self, factor: float) -> LinearController:
         """The controller with its gain times `factor`."""
         x = 1 / factor if self.inverse else factor
-        torque = np.zeros_like(self.seen.controller.torque)
-        memory = np.zeros_like(self.seen.controller.memory)
+        torque = np.zeros_like(self.sampled.controller.torque)
+        memory = np.zeros_like(self.sampled.controller.memory)
         for i, member in enumerate(self.controllers):
             others = [a for j, a in enumerate(_AT) if j != i]
             weight = np.prod([(x - a) / (_AT[i] - a) for a in others])
             torque += weight * member.torque
             memory += weight * member.memory
-        return LinearController(torque, memory, self.seen.controller.slots)
+        return LinearController(torque, memory, self.sampled.controller.slots)
 
 
 #: Factors of the compiled members.

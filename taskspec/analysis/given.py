@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from taskspec.analysis.stage import Analysed
+from taskspec.analysis.sampled_stage import SampledStage
 from taskspec.geometry.axis import as_axis
 from taskspec.program.context import Context
 from taskspec.spec import FILE, KeyPath, below
@@ -48,19 +48,19 @@ def _as_axis(context: Context, on: str) -> str:
     return "rx" if context.equations[on].joints else "x"
 
 
-def together(context: Context, seen: Analysed, what: str, on: str) -> tuple[str, ...]:
+def together(context: Context, sampled: SampledStage, what: str, on: str) -> tuple[str, ...]:
     """Axes and equations whose gain changes with that of `on`, itself first.
 
     They are those that take the same number of the file; of a designed gain those that have the
     same number, since the number that would replace it would be theirs too.
 
     Args:
-        context: the task. seen: the stage. what: the gain. on: an axis, a joint or an equation.
+        context: the task. sampled: the stage. what: the gain. on: an axis, a joint or an equation.
     """
-    by = seen.stage.plan.gains[what]
+    by = sampled.stage.plan.gains[what]
     if what == "joint_damping":
         return (on, *(other for other in by if other != on))
-    path = gain_path(context, seen.stage.name, what, on)
+    path = gain_path(context, sampled.stage.name, what, on)
     return (
         on,
         *(
@@ -69,6 +69,8 @@ def together(context: Context, seen: Analysed, what: str, on: str) -> tuple[str,
             if other != on
             and gain == by[on]
             and turns(context, other) == turns(context, on)
-            and (gain.origin != "file" or gain_path(context, seen.stage.name, what, other) == path)
+            and (
+                gain.origin != "file" or gain_path(context, sampled.stage.name, what, other) == path
+            )
         ),
     )

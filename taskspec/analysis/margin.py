@@ -15,7 +15,7 @@ from taskspec.analysis.family import Family
 from taskspec.analysis.given import together
 from taskspec.analysis.loop import FARTHEST, Mode, Poles, modes, poles, states
 from taskspec.analysis.plant import LinearPlant
-from taskspec.analysis.stage import Analysed
+from taskspec.analysis.sampled_stage import SampledStage
 from taskspec.program.context import Context
 from taskspec.program.sensor import SensorModel
 from taskspec.spec import Task
@@ -113,7 +113,7 @@ class Search:
     """What boundaries are looked for.
 
     Attributes:
-        context: the task. seen: the stage as it is.
+        context: the task. sampled: the stage as it is.
         task: whose world and robot are true; None for the nominal ones.
         good: what the modes are to be on the one side, and not on the other.
         reach: how far from its value anything is looked for, either way.
@@ -121,7 +121,7 @@ class Search:
     """
 
     context: Context
-    seen: Analysed
+    sampled: SampledStage
     task: Task | None = None
     good: Quality = STABLE
     reach: float = REACH
@@ -138,14 +138,14 @@ class Search:
             of: the gains.
         """
         for what in of:
-            by = self.seen.stage.plan.gains.get(what, {})
+            by = self.sampled.stage.plan.gains.get(what, {})
             moved: set[str] = set()
             for axis in [next(iter(by))] if by and what == "joint_damping" else axes:
                 if axis not in by or axis in moved:
                     continue
                 if given is not None and (by[axis].origin == "file") != given:
                     continue
-                on = together(self.context, self.seen, what, axis)
+                on = together(self.context, self.sampled, what, axis)
                 moved.update(on)
                 limit = self.gain(what, on)
                 if limit is not None:
@@ -159,9 +159,9 @@ class Search:
             given: only gains that stand in the file, or only designed ones.
         """
         for what in PROPOSED:
-            by = self.seen.stage.plan.gains.get(what, {})
+            by = self.sampled.stage.plan.gains.get(what, {})
             on = [a for a, gain in by.items() if (gain.origin == "file") == given]
-            whole = but in on and set(together(self.context, self.seen, what, but)) == set(on)
+            whole = but in on and set(together(self.context, self.sampled, what, but)) == set(on)
             if on and not whole:
                 limit = self.gain(what, on)
                 if limit is not None:
@@ -173,17 +173,17 @@ class Search:
         Args:
             what: the gain. on: axes or joints it is of.
         """
-        now = self.seen.stage.plan.gains[what][on[0]]
+        now = self.sampled.stage.plan.gains[what][on[0]]
         if now.value <= 0:
             return None
-        task = self.seen.context.loaded.task if self.task is None else self.task
-        plant, period = self.seen.plant(task), self.context.period
+        task = self.sampled.context.loaded.task if self.task is None else self.task
+        plant, period = self.sampled.plant(task), self.context.period
         sensor = SensorModel.of(task.robot.sensor, period)
-        if states(self.seen.controller, plant, sensor) > _MOST_SEARCHED:
+        if states(self.sampled.controller, plant, sensor) > _MOST_SEARCHED:
             return None
         if self.budget is not None and not self.budget.take():
             return None
-        family = Family.of(self.seen, what, on)
+        family = Family.of(self.sampled, what, on)
         if family is None:
             return None
         found = _boundary(
@@ -196,15 +196,15 @@ class Search:
 
     def stiffness(self, name: str) -> Limit | None:
         """The boundary of a contact's stiffness nearest to its value; None where it has none."""
-        seen, compliance = self.seen, self.seen.context.compliances[name]
-        task = seen.context.loaded.task if self.task is None else self.task
+        sampled, compliance = self.sampled, self.sampled.context.compliances[name]
+        task = sampled.context.loaded.task if self.task is None else self.task
         sensor = SensorModel.of(task.robot.sensor, self.context.period)
-        if states(seen.controller, seen.plant(task), sensor) > _MOST_SEARCHED:
+        if states(sampled.controller, sampled.plant(task), sensor) > _MOST_SEARCHED:
             return None
 
         def holds(factor: float) -> bool:
-            plant = seen.plant(_stiffer(task, name, factor, seen))
-            return self.good.holds(seen.controller, plant, sensor, self.context.period)
+            plant = sampled.plant(_stiffer(task, name, factor, sampled))
+            return self.good.holds(sampled.controller, plant, sensor, self.context.period)
 
         found = _boundary(holds, self.reach)
         if found is None:
@@ -214,9 +214,9 @@ class Search:
         return Limit(name, (), now * factor, now, upper, given=True)
 
 
-def _stiffer(task: Task, name: str, factor: float, seen: Analysed) -> Task:
+def _stiffer(task: Task, name: str, factor: float, sampled: SampledStage) -> Task:
     """The task with the stiffness of one object changed, and its damping left."""
-    compliance = seen.context.compliances[name]
+    compliance = sampled.context.compliances[name]
     changed = task.world[name].model_copy(
         update={"stiffness": compliance.stiffness * factor, "damping": compliance.damping}
     )

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from taskspec.analysis.stage import Analysed, along
+from taskspec.analysis.sampled_stage import SampledStage, along
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.laws.conditions import AxisContact, StabilityCondition
 from taskspec.laws.gains import on_axis
@@ -18,44 +18,44 @@ from taskspec.program.sensor import SensorModel
 _RIGID_PHASE = 0.3
 
 
-def conditions(seen: Analysed) -> tuple[StabilityCondition, ...]:
+def conditions(sampled: SampledStage) -> tuple[StabilityCondition, ...]:
     """All conditions of the chapter that speak of a stage's contacts with the world's shapes."""
-    law, found = seen.stage.plan.law.control_law, list[StabilityCondition]()
-    for name in seen.pressed:
-        if name not in seen.context.surfaces:
+    law, found = sampled.stage.plan.law.control_law, list[StabilityCondition]()
+    for name in sampled.pressed:
+        if name not in sampled.context.surfaces:
             continue
-        for axis in seen.stage.plan.axes:
-            if along(seen.context, seen.rotation, name, axis):
-                found.extend(law.conditions(_at(seen, name, axis)))
+        for axis in sampled.stage.plan.axes:
+            if along(sampled.context, sampled.rotation, name, axis):
+                found.extend(law.conditions(_at(sampled, name, axis)))
     return tuple(found)
 
 
-def _at(seen: Analysed, name: str, axis: Axis) -> AxisContact:
-    plan, contact = seen.stage.plan.plans[axis], seen.context.compliances[name]
-    sensor = SensorModel.of(seen.context.loaded.task.robot.sensor, seen.context.period)
+def _at(sampled: SampledStage, name: str, axis: Axis) -> AxisContact:
+    plan, contact = sampled.stage.plan.plans[axis], sampled.context.compliances[name]
+    sensor = SensorModel.of(sampled.context.loaded.task.robot.sensor, sampled.context.period)
     return AxisContact(
         axis=axis,
         force=plan.force,
         normal=plan.yields,
-        gains=on_axis(seen.stage.plan.gains, axis),
+        gains=on_axis(sampled.stage.plan.gains, axis),
         stiffness=contact.stiffness,
-        mass=_felt_mass(seen, axis),
+        mass=_felt_mass(sampled, axis),
         rigid=contact.phase > _RIGID_PHASE and sensor.direct,
-        period=seen.context.period,
-        largest_mass=lambda: _largest_mass(seen),
+        period=sampled.context.period,
+        largest_mass=lambda: _largest_mass(sampled),
     )
 
 
-def _felt_mass(seen: Analysed, axis: Axis) -> float:
+def _felt_mass(sampled: SampledStage, axis: Axis) -> float:
     """Lambda_n = 1/(a^T J H^-1 J^T a) along a translation of the stage's frame [kg]."""
-    row = seen.rotation[:, AXES.index(axis)] @ seen.context.start_jacobian[:3]
-    return float(1.0 / (row @ np.linalg.solve(seen.context.start_inertia, row)))
+    row = sampled.rotation[:, AXES.index(axis)] @ sampled.context.start_jacobian[:3]
+    return float(1.0 / (row @ np.linalg.solve(sampled.context.start_inertia, row)))
 
 
-def _largest_mass(seen: Analysed) -> float:
+def _largest_mass(sampled: SampledStage) -> float:
     """lambda_max(H_x) of the translations [kg]."""
-    rows = [AXES.index(a) for a in seen.stage.plan.axes]
-    J = (np.kron(np.eye(2), seen.rotation.T) @ seen.context.start_jacobian)[rows]
-    H_x = np.linalg.inv(J @ np.linalg.solve(seen.context.start_inertia, J.T))
-    linear = [i for i, a in enumerate(seen.stage.plan.axes) if not a.is_rotation]
+    rows = [AXES.index(a) for a in sampled.stage.plan.axes]
+    J = (np.kron(np.eye(2), sampled.rotation.T) @ sampled.context.start_jacobian)[rows]
+    H_x = np.linalg.inv(J @ np.linalg.solve(sampled.context.start_inertia, J.T))
+    linear = [i for i, a in enumerate(sampled.stage.plan.axes) if not a.is_rotation]
     return float(np.max(np.linalg.eigvalsh(H_x[np.ix_(linear, linear)])))

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from taskspec.analysis.loop import Mode, UnfitError
-from taskspec.analysis.stage import Analysed, loop_of
+from taskspec.analysis.sampled_stage import SampledStage, loop_of
 from taskspec.prediction.at_start import StageAtStart, stages_at_start
 from taskspec.prediction.duration import Known, guarded, mechanism_rate, planned, whole
 from taskspec.prediction.equilibrium import at_rest
@@ -26,15 +26,15 @@ from taskspec.program.program import Program
 class Looked:
     """A stage as a sampled loop, and its modes."""
 
-    seen: Analysed
+    sampled: SampledStage
     modes: tuple[Mode, ...]
 
 
 def look(program: Program, name: str) -> Looked | None:
     """The sampled loop of a stage; None where it cannot be looked at."""
     try:
-        seen = loop_of(program.plan, name)
-        return None if seen is None else Looked(seen, seen.modes())
+        sampled = loop_of(program.plan, name)
+        return None if sampled is None else Looked(sampled, sampled.modes())
     except (UnfitError, np.linalg.LinAlgError):
         return None
 
@@ -67,7 +67,7 @@ def predict_stages(
 def _stage(
     program: Program, here: StageAtStart, looked: Looked | None, coordinate: float | None
 ) -> StagePrediction:
-    poles = {} if looked is None else settling(looked.seen, looked.modes)
+    poles = {} if looked is None else settling(looked.sampled, looked.modes)
     lasts = planned(here)
     met = impact(here)
     within = here.stage.plan.spec.within

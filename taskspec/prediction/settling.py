@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from taskspec.analysis.loop import Mode, one_step
 from taskspec.analysis.margin import grows
-from taskspec.analysis.stage import Analysed
+from taskspec.analysis.sampled_stage import SampledStage
 from taskspec.geometry.axis import AXES
 from taskspec.prediction.types import Settling
 from taskspec.program.sensor import SensorModel
@@ -33,14 +33,14 @@ _LONGEST = 20.0
 _NULL_SPACE = "null space"
 
 
-def settling(seen: Analysed, modes: Sequence[Mode]) -> dict[str, Settling]:
+def settling(sampled: SampledStage, modes: Sequence[Mode]) -> dict[str, Settling]:
     """The slowest pole of each axis, each equation and the null space.
 
     An axis that nothing brings back, or that goes back at once, has none; nor has any axis of a
     stage that is unstable.
 
     Args:
-        seen: the stage. modes: its own, the least stable first.
+        sampled: the stage. modes: its own, the least stable first.
     """
     if any(grows(mode) for mode in modes):
         return {}
@@ -48,13 +48,13 @@ def settling(seen: Analysed, modes: Sequence[Mode]) -> dict[str, Settling]:
     dying = [1 / -mode.s.real for mode in poles if mode.s.real < 0]
     found: dict[str, Settling] = {}
     if dying:
-        rows = _rows(seen)
-        times, responses = _responses(seen, rows, min(_REACH * max(dying), _LONGEST))
+        rows = _rows(sampled)
+        times, responses = _responses(sampled, rows, min(_REACH * max(dying), _LONGEST))
         for name, response in zip(rows, responses.T, strict=True):
             slowest = _slowest(times, response, poles)
             if slowest is not None:
                 found[name] = _of(slowest)
-    inner = next((mode for mode in modes if seen.axis(mode) == _NULL_SPACE), None)
+    inner = next((mode for mode in modes if sampled.axis(mode) == _NULL_SPACE), None)
     return found if inner is None else found | {_NULL_SPACE: _of(inner)}
 
 
@@ -67,31 +67,33 @@ def _distinct(modes: Sequence[Mode]) -> list[Mode]:
     return found
 
 
-def _rows(seen: Analysed) -> dict[str, Vector]:
+def _rows(sampled: SampledStage) -> dict[str, Vector]:
     """(n,) rates of axes and equations per rate of the joints."""
-    J = np.kron(np.eye(2), seen.rotation.T) @ seen.context.start_jacobian
-    rows = {axis: J[AXES.index(axis)] for axis in seen.stage.plan.axes}
-    return rows | {e: seen.context.start_equations[e].normal for e in seen.stage.plan.active}
+    J = np.kron(np.eye(2), sampled.rotation.T) @ sampled.context.start_jacobian
+    rows = {axis: J[AXES.index(axis)] for axis in sampled.stage.plan.axes}
+    return rows | {e: sampled.context.start_equations[e].normal for e in sampled.stage.plan.active}
 
 
-def _responses(seen: Analysed, rows: dict[str, Vector], span: float) -> tuple[Vector, Vector]:
+def _responses(
+    sampled: SampledStage, rows: dict[str, Vector], span: float
+) -> tuple[Vector, Vector]:
     """(k,) times [s], and (k, rows) how each row comes back from a unit displacement of its own.
 
     An axis is displaced with the others held, an equation along what gives way to it.
     """
-    context, task = seen.context, seen.context.loaded.task
-    sensor, plant = SensorModel.of(task.robot.sensor, context.period), seen.plant()
-    F = one_step(seen.controller, plant, sensor, samples=True)
+    context, task = sampled.context, sampled.context.loaded.task
+    sensor, plant = SensorModel.of(task.robot.sensor, context.period), sampled.plant()
+    F = one_step(sampled.controller, plant, sensor, samples=True)
     if sensor.hold_ticks > 1:
-        held = one_step(seen.controller, plant, sensor, samples=False)
+        held = one_step(sampled.controller, plant, sensor, samples=False)
         F = np.linalg.matrix_power(held, sensor.hold_ticks - 1) @ F
     step = sensor.hold_ticks * context.period
     stride = max(1, round(span / _LOOKS / step))
     F = np.linalg.matrix_power(F, stride)
     W = np.linalg.inv(context.start_inertia)
-    axes = np.array([rows[a] for a in seen.stage.plan.axes])
+    axes = np.array([rows[a] for a in sampled.stage.plan.axes])
     pushed = [*(W @ axes.T @ np.linalg.inv(axes @ W @ axes.T)).T]
-    pushed += [W @ rows[e] / (rows[e] @ W @ rows[e]) for e in seen.stage.plan.active]
+    pushed += [W @ rows[e] / (rows[e] @ W @ rows[e]) for e in sampled.stage.plan.active]
     x = np.zeros((len(F), len(rows)))
     x[: plant.n] = np.array(pushed).T
     seen_by = np.array([*rows.values()])

@@ -9,7 +9,7 @@ from taskspec.analysis.budget import Budget
 from taskspec.analysis.given import gain_path, law_path, together, turns
 from taskspec.analysis.loop import Mode
 from taskspec.analysis.margin import PROPOSED, QUIET, STABLE, Limit, Search, grows
-from taskspec.analysis.stage import Analysed
+from taskspec.analysis.sampled_stage import SampledStage
 from taskspec.laws.law import gain_named
 from taskspec.program.context import Context
 from taskspec.spec import FILE, KeyPath, Task
@@ -21,7 +21,7 @@ _MOST_PROPOSED = 2
 
 def remedies(
     context: Context,
-    analysed: Analysed,
+    analysed: SampledStage,
     axis: str,
     task: Task | None,
     mode: Mode,
@@ -47,7 +47,7 @@ def remedies(
     return best
 
 
-def _gains(analysed: Analysed, search: Search, axis: str) -> Iterator[Limit]:
+def _gains(analysed: SampledStage, search: Search, axis: str) -> Iterator[Limit]:
     """Boundaries of gains in the best group that has any: one number, else one on all axes."""
     others = [
         other
@@ -69,7 +69,7 @@ def _gains(analysed: Analysed, search: Search, axis: str) -> Iterator[Limit]:
             return
 
 
-def text_of(context: Context, analysed: Analysed, limit: Limit) -> str:
+def text_of(context: Context, analysed: SampledStage, limit: Limit) -> str:
     """A boundary as a change of the file, in words."""
     way = "up to" if limit.upper else "from"
     if not limit.on:
@@ -85,7 +85,9 @@ def text_of(context: Context, analysed: Analysed, limit: Limit) -> str:
     return f"{what} {way} {gain_named(limit.what).setting(value, angular=turns(context, first))}"
 
 
-def place_of(context: Context, analysed: Analysed, axis: str, limits: Sequence[Limit]) -> KeyPath:
+def place_of(
+    context: Context, analysed: SampledStage, axis: str, limits: Sequence[Limit]
+) -> KeyPath:
     """The gain to be changed, if it stands in the file, else any on the axis, else the law."""
     gains, name = analysed.stage.plan.gains, analysed.stage.name
     wanted = [(limit.what, limit.on[0]) for limit in limits if limit.given and limit.on]

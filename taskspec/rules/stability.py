@@ -14,7 +14,7 @@ from taskspec.analysis.environment import linear_plant
 from taskspec.analysis.loop import Mode, Poles, UnfitError
 from taskspec.analysis.margin import LEAST_DAMPING_RATIO, LEAST_GROWTH, QUICK, grows, rings
 from taskspec.analysis.plant import LinearPlant, pressing
-from taskspec.analysis.stage import Analysed, loop_of
+from taskspec.analysis.sampled_stage import SampledStage, loop_of
 from taskspec.program.context import Context
 from taskspec.program.plan import StagePlan, TaskPlan
 from taskspec.program.world.stiffness import RESOLVED_PHASE
@@ -39,13 +39,15 @@ class Plants:
     def __init__(self) -> None:
         self._known: dict[object, LinearPlant] = {}
 
-    def under(self, seen: Analysed, corner: Corner) -> LinearPlant:
+    def under(self, sampled: SampledStage, corner: Corner) -> LinearPlant:
         """The plant that a stage drives in a world."""
-        key = (tuple(seen.pressed), seen.sticking, corner.plant)
+        key = (tuple(sampled.pressed), sampled.sticking, corner.plant)
         if key not in self._known:
-            ones = dict.fromkeys(seen.pressed, 1.0)
-            self._known[key] = linear_plant(seen.context, corner.task, ones, sticking=seen.sticking)
-        return pressing(self._known[key], seen.pressed)
+            ones = dict.fromkeys(sampled.pressed, 1.0)
+            self._known[key] = linear_plant(
+                sampled.context, corner.task, ones, sticking=sampled.sticking
+            )
+        return pressing(self._known[key], sampled.pressed)
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,7 +129,7 @@ def _of_stage(task: TaskPlan, stage: StagePlan, shared: Shared) -> Iterator[Find
         yield from _sticking(analysed, shared)
 
 
-def _in_the_world_of_the_file(analysed: Analysed, shared: Shared) -> Iterator[Finding] | None:
+def _in_the_world_of_the_file(analysed: SampledStage, shared: Shared) -> Iterator[Finding] | None:
     """What is unstable, or else rings, in the world of the file; None where nothing does."""
     modes = analysed.modes()
     worst, ringing, name = worst_of(modes), ringing_of(modes), analysed.stage.name
@@ -140,7 +142,7 @@ def _in_the_world_of_the_file(analysed: Analysed, shared: Shared) -> Iterator[Fi
     return None
 
 
-def _in_contact(analysed: Analysed, shared: Shared) -> Iterator[Finding]:
+def _in_contact(analysed: SampledStage, shared: Shared) -> Iterator[Finding]:
     """A stage that is stable before it meets its contact, but not in it."""
     modes = analysed.modes()
     worst = worst_of(modes)
@@ -150,7 +152,7 @@ def _in_contact(analysed: Analysed, shared: Shared) -> Iterator[Finding]:
         yield from _findings(analysed, modes, worst, shared, "TS505", Severity.WARNING, text)
 
 
-def _sticking(analysed: Analysed, shared: Shared) -> Iterator[Finding]:
+def _sticking(analysed: SampledStage, shared: Shared) -> Iterator[Finding]:
     """A stage that is stable while the tool slides, but not while friction holds it."""
     stuck = analysed.stuck()
     modes = () if stuck is None else stuck.modes()
@@ -160,7 +162,7 @@ def _sticking(analysed: Analysed, shared: Shared) -> Iterator[Finding]:
         yield from _findings(stuck, modes, worst, shared, "TS506", Severity.WARNING, text)
 
 
-def _in_other_worlds(analysed: Analysed, shared: Shared) -> Iterator[Finding]:
+def _in_other_worlds(analysed: SampledStage, shared: Shared) -> Iterator[Finding]:
     """The worst world that `vary` allows, if the stage is unstable or rings there."""
     objects = [*analysed.pressed, *([analysed.stage.plan.held] if analysed.stage.plan.held else [])]
     unstable: tuple[float, Corner] | None = None
@@ -203,7 +205,7 @@ def _in_other_worlds(analysed: Analysed, shared: Shared) -> Iterator[Finding]:
 
 
 def _findings(
-    analysed: Analysed,
+    analysed: SampledStage,
     modes: Sequence[Mode],
     mode: Mode,
     shared: Shared,
@@ -261,7 +263,7 @@ def _undamped(modes: Sequence[Mode]) -> float:
 
 
 def _decisive(
-    context: Context, analysed: Analysed, corner: Corner, bad: Callable[[Sequence[Mode]], float]
+    context: Context, analysed: SampledStage, corner: Corner, bad: Callable[[Sequence[Mode]], float]
 ) -> tuple[Corner, tuple[Mode, ...]]:
     """The corner without what does not matter, and the modes there."""
     modes = analysed.modes(corner.task)
@@ -276,7 +278,7 @@ def _decisive(
     return corner, modes
 
 
-def resolved(analysed: Analysed, task: Task) -> bool:
+def resolved(analysed: SampledStage, task: Task) -> bool:
     """Whether the plant's steps resolve all contacts of a stage in a world (TS307)."""
     context = analysed.context
     for name in analysed.pressed:

@@ -10,7 +10,7 @@ from taskspec.analysis.budget import Budget
 from taskspec.analysis.corners import corners
 from taskspec.analysis.family import Family
 from taskspec.analysis.margin import rings
-from taskspec.analysis.stage import analyse
+from taskspec.analysis.sampled_stage import analyse
 from taskspec.examination import check_task
 from taskspec.program.plan import StagePlan
 from taskspec.program.prepare import prepare

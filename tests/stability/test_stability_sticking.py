@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from taskspec.analysis.margin import Search
-from taskspec.analysis.stage import analyse
+from taskspec.analysis.sampled_stage import analyse
 from taskspec.program.plan import StagePlan
 from taskspec.program.prepare import prepare
 from taskspec.spec import load_text

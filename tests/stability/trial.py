@@ -10,7 +10,7 @@ import numpy as np
 from stability.cases import FACTORS, Family
 from taskspec.analysis.loop import Mode
 from taskspec.analysis.margin import Search
-from taskspec.analysis.stage import Analysed, analyse
+from taskspec.analysis.sampled_stage import SampledStage, analyse
 from taskspec.compiler import compile_unchecked
 from taskspec.program.plan import StagePlan
 from taskspec.program.prepare import prepare
@@ -89,7 +89,7 @@ class Verdict:
         return self.rings == (self.case.factor > 1) == (self.mode.s.real > 0)
 
 
-def analysed(family: Family, value: float) -> Analysed:
+def analysed(family: Family, value: float) -> SampledStage:
     text = family.task(value, value, 1.0, 1.0)
     found = analyse(StagePlan(prepare(load_text(text, "grid.yaml")), "try"))
     assert found is not None
@@ -110,10 +110,10 @@ BEGIN = {
 
 def boundary(family: Family) -> Boundary:
     """The critical value of the family's gain, on the sampled model."""
-    seen = analysed(family, BEGIN[family.swept])
-    joints = seen.stage.plan.gains.get("joint_damping", {})
+    sampled = analysed(family, BEGIN[family.swept])
+    joints = sampled.stage.plan.gains.get("joint_damping", {})
     on = [*joints] if family.swept == "joint_damping" else [family.on]
-    limit = Search(prepare(seen.context.loaded), seen).gain(family.swept, on)
+    limit = Search(prepare(sampled.context.loaded), sampled).gain(family.swept, on)
     assert limit is not None, family
     for part in (0.3, 0.5, 0.15, 0.7, 0.05):
         settled = limit.value * (part if limit.upper else 1 / part)
@@ -185,13 +185,17 @@ class Kept:
         in which the tool has left the surface, has grown. Where next to nothing is left of the
         motion, it has settled, and its rate is not a number.
         """
-        seen = np.array(self.velocities)[self.when + 1 :, joint]
-        stopped = len(seen) < 0.9 * ticks
-        large = np.abs(seen).max() > LARGE * np.abs(seen[:2]).max()
-        end = _first_large(seen) if large or self.lost else len(seen)
+        sampled = np.array(self.velocities)[self.when + 1 :, joint]
+        stopped = len(sampled) < 0.9 * ticks
+        large = np.abs(sampled).max() > LARGE * np.abs(sampled[:2]).max()
+        end = _first_large(sampled) if large or self.lost else len(sampled)
         third = max(end // 3, 2)
         window = np.hanning(third + 2)[1:-1]
-        parts = (seen[end - third : end], seen[end - 2 * third : end - third], seen[:third])
+        parts = (
+            sampled[end - third : end],
+            sampled[end - 2 * third : end - third],
+            sampled[:third],
+        )
         last, before, first = (float(np.sqrt(np.mean(window * part**2))) for part in parts)
         if last < max(NOTHING * first, ROUNDING) and not (stopped or self.lost):
             return math.nan, False
@@ -199,7 +203,7 @@ class Kept:
         return growth, growth > 0 or large or stopped or self.lost
 
 
-def _first_large(seen: np.ndarray) -> int:
+def _first_large(sampled: np.ndarray) -> int:
     """Where a motion has come to a third of its largest: before that it is linear."""
-    large = np.abs(seen) > np.abs(seen).max() / 3
+    large = np.abs(sampled) > np.abs(sampled).max() / 3
     return max(int(np.argmax(large)), 6)

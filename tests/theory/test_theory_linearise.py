@@ -16,7 +16,7 @@ from presses import ARMS, PANDA, SQUARE
 
 from taskspec.analysis.controller import Operating
 from taskspec.analysis.loop import one_step
-from taskspec.analysis.stage import analyse, bare
+from taskspec.analysis.sampled_stage import analyse, bare
 from taskspec.program.plan import StagePlan
 from taskspec.program.prepare import prepare
 from taskspec.program.sensor import RunningSensor, SensorModel

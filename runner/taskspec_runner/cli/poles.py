@@ -10,7 +10,7 @@ import numpy as np
 from taskspec.analysis.given import turns
 from taskspec.analysis.loop import Mode, UnfitError
 from taskspec.analysis.margin import MOTION, Limit, Search, grows, rings
-from taskspec.analysis.stage import Analysed
+from taskspec.analysis.sampled_stage import SampledStage
 from taskspec.analysis.textbook import conditions
 from taskspec.laws.conditions import StabilityCondition
 from taskspec.laws.law import gain_named
@@ -67,37 +67,37 @@ def stability_account(program: Program, looked: Looked | None) -> StabilityAccou
     """
     if looked is None:
         return None
-    seen = looked.seen
+    sampled = looked.sampled
     try:
-        bounds = tuple(_bounds(program, seen))
+        bounds = tuple(_bounds(program, sampled))
     except (UnfitError, np.linalg.LinAlgError):
         return None
-    if not (bounds or seen.pressed or seen.stage.plan.held):
+    if not (bounds or sampled.pressed or sampled.stage.plan.held):
         return None
-    return StabilityAccount(_where(seen), tuple(_poles(seen, looked.modes)), bounds)
+    return StabilityAccount(_where(sampled), tuple(_poles(sampled, looked.modes)), bounds)
 
 
-def _where(seen: Analysed) -> str:
+def _where(sampled: SampledStage) -> str:
     parts = [
-        f"{show(force, FORCE.on(rotation=_on_joints(seen, name)), 3)} on {name}"
-        for name, force in seen.pressed.items()
+        f"{show(force, FORCE.on(rotation=_on_joints(sampled, name)), 3)} on {name}"
+        for name, force in sampled.pressed.items()
     ]
-    parts += [f"{seen.stage.plan.held} held"] if seen.stage.plan.held else []
+    parts += [f"{sampled.stage.plan.held} held"] if sampled.stage.plan.held else []
     parts = parts or ["nothing touched"]
-    return f"{'in contact, ' if seen.meets else ''}{', '.join(parts)}, at the start pose"
+    return f"{'in contact, ' if sampled.meets else ''}{', '.join(parts)}, at the start pose"
 
 
-def _on_joints(seen: Analysed, name: str) -> bool:
-    return name in seen.context.equations and seen.context.equations[name].joints
+def _on_joints(sampled: SampledStage, name: str) -> bool:
+    return name in sampled.context.equations and sampled.context.equations[name].joints
 
 
-def _poles(seen: Analysed, modes: tuple[Mode, ...]) -> Iterator[PoleAccount]:
+def _poles(sampled: SampledStage, modes: tuple[Mode, ...]) -> Iterator[PoleAccount]:
     """The least stable modes; of equal ones the axes together."""
     found: dict[tuple[str, str, str, str], set[str]] = {}
     for mode in modes:
         if abs(mode.z) > _AT_ONCE:
-            found.setdefault(_cells(mode), set()).add(seen.axis(mode))
-    order = [*seen.stage.plan.axes, *seen.stage.plan.active, "null space"]
+            found.setdefault(_cells(mode), set()).add(sampled.axis(mode))
+    order = [*sampled.stage.plan.axes, *sampled.stage.plan.active, "null space"]
     for cells, axes in list(found.items())[:_MOST]:
         yield PoleAccount(" ".join(sorted(axes, key=order.index)), *cells)
 
@@ -115,16 +115,18 @@ def _cells(mode: Mode) -> tuple[str, str, str, str]:
     )
 
 
-def _bounds(program: Program, seen: Analysed) -> Iterator[BoundAccount]:
+def _bounds(program: Program, sampled: SampledStage) -> Iterator[BoundAccount]:
     """What the sampled model allows, and beside it what the textbook does."""
-    search = Search(program.context, seen)
-    forced = [a for a, p in seen.stage.plan.plans.items() if p.force] + list(seen.stage.plan.active)
+    search = Search(program.context, sampled)
+    forced = [a for a, p in sampled.stage.plan.plans.items() if p.force] + list(
+        sampled.stage.plan.active
+    )
     near = replace(search, reach=_NEAR)
-    moved = [a for a in seen.stage.plan.axes if a not in forced]
+    moved = [a for a in sampled.stage.plan.axes if a not in forced]
     for limit in (*search.gains(forced), *near.gains(moved, of=MOTION)):
-        yield BoundAccount(*_limit(seen, limit), "this stage as it is sampled")
-    for name in seen.pressed:
-        if name in seen.context.surfaces:
+        yield BoundAccount(*_limit(sampled, limit), "this stage as it is sampled")
+    for name in sampled.pressed:
+        if name in sampled.context.surfaces:
             found = search.stiffness(name)
             if found is not None:
                 yield BoundAccount(
@@ -133,13 +135,13 @@ def _bounds(program: Program, seen: Analysed) -> Iterator[BoundAccount]:
                     f"{'<' if found.upper else '>'} {scaled(found.value, STIFFNESS)}",
                     "this stage as it is sampled",
                 )
-    for condition in conditions(seen):
+    for condition in conditions(sampled):
         yield _condition(condition)
 
 
-def _limit(seen: Analysed, limit: Limit) -> tuple[str, str, str]:
+def _limit(sampled: SampledStage, limit: Limit) -> tuple[str, str, str]:
     first, gain = limit.on[0], gain_named(limit.what)
-    angular = turns(seen.context, first)
+    angular = turns(sampled.context, first)
     way = "<" if limit.upper else ">"
     return (
         f"{limit.what} on {first if limit.what == 'joint_damping' else ' '.join(limit.on)}",

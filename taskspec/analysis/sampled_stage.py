@@ -30,7 +30,7 @@ LEAST_PRESS = 1.0
 
 
 @dataclass(frozen=True, slots=True)
-class Analysed:
+class SampledStage:
     """A stage as a sampled linear system.
 
     Attributes:
@@ -81,12 +81,12 @@ class Analysed:
         plant = self.plant(task) if plant is None else plant
         return self.controller, plant, sensor, self.context.period
 
-    def free(self) -> Analysed:
+    def free(self) -> SampledStage:
         """The same stage before it meets its contact."""
         plant = linear_plant(self.context, self.context.loaded.task, {})
         return replace(self, pressed={}, meets=False, nominal=plant)
 
-    def stuck(self) -> Analysed | None:
+    def stuck(self) -> SampledStage | None:
         """The same stage while friction holds the tool; None where there is none."""
         context, task = self.context, self.context.loaded.task
         shapes = [task.shapes[name] for name in self.pressed if name in context.surfaces]
@@ -158,17 +158,17 @@ def bare(stage: StagePlan) -> StagePlan:
     return stage.but(context=reduced, spec=spec, law=law, limits=limits)
 
 
-def loop_of(task: TaskPlan, name: str) -> Analysed | None:
+def loop_of(task: TaskPlan, name: str) -> SampledStage | None:
     """A stage of a task at its equilibrium, analysed once for all who ask; see `analyse`."""
     if name not in task.loops:
         task.loops[name] = analyse(task.stages[name])
-    found: Analysed | None = task.loops[name]
+    found: SampledStage | None = task.loops[name]
     return found
 
 
 def analyse(
     plan: StagePlan, *, in_contact: bool = True, gains: Gains | None = None
-) -> Analysed | None:
+) -> SampledStage | None:
     """A stage at its equilibrium; None where its torque has no derivative there.
 
     Args:
@@ -196,7 +196,7 @@ def analyse(
     controller = at.linear()
     if not controller.finite:
         return None
-    return Analysed(context, stage, rotation, pressed, meets, controller, plant)
+    return SampledStage(context, stage, rotation, pressed, meets, controller, plant)
 
 
 def _pressed(
