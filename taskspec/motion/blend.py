@@ -1,4 +1,4 @@
-"""Bumpless entry: how the carried reference passes into a stage's own."""
+"""Bumpless entry: how the handed-over reference passes into a stage's own."""
 
 from __future__ import annotations
 

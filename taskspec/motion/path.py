@@ -49,7 +49,7 @@ class PathShape:
 
         Args:
             s: the path parameter, 0 to 1, or the time of a table with a t column.
-            start: coordinates of the carried reference at entry; an arc needs x and y.
+            start: coordinates of the handed-over reference at entry; an arc needs x and y.
             segments: the current cubic (5,) of each axis of a table.
         """
         if self.kind == "to":

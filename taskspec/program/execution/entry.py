@@ -1,4 +1,4 @@
-"""Entering a stage: where the carried reference is in its frame, and how to go on from there."""
+"""Entering a stage: where the handed-over reference is in its frame, and how it goes on."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Entered:
 
 @dataclass(frozen=True, slots=True)
 class Continuation:
-    """The carried reference in a stage's coordinates, by axis.
+    """The handed-over reference in a stage's coordinates, by axis.
 
     Attributes:
         error: reference minus measurement [m, rad]. start: the reference's coordinate.
@@ -51,21 +51,21 @@ class Continuation:
 def enter(
     stage: CompiledStage,
     robot: RobotModel,
-    carried: HandedOver,
+    handed_over: HandedOver,
     tip: tuple[Vector, Vector],
     inputs: Sequence[Vector],
     estimated_poses: Mapping[str, Vector],
 ) -> Entered:
-    """Starts a stage from the carried reference (docs/conventions.md).
+    """Starts a stage from the handed-over reference (docs/conventions.md).
 
     Args:
         stage: the stage. robot: for its tool.
-        carried: the reference that the last stage left.
+        handed_over: the reference that the last stage left.
         tip: (3,), (3, 3) measured pose of the tip.
         inputs: the tick's inputs before memory and parameters, at t = 0.
         estimated_poses: (12,) of measured frames, by parameter.
     """
-    return _Entry(stage, carried, tip, inputs, estimated_poses).run(robot)
+    return _Entry(stage, handed_over, tip, inputs, estimated_poses).run(robot)
 
 
 class _Entry:
@@ -74,20 +74,20 @@ class _Entry:
     def __init__(
         self,
         stage: CompiledStage,
-        carried: HandedOver,
+        handed_over: HandedOver,
         tip: tuple[Vector, Vector],
         inputs: Sequence[Vector],
         estimated_poses: Mapping[str, Vector],
     ) -> None:
-        self.stage, self.carried, self.inputs = stage, carried, inputs
+        self.stage, self.handed_over, self.inputs = stage, handed_over, inputs
         self.estimated_poses = estimated_poses
         self.p, self.R = tip
-        self.A, self.a, self.twist = np.eye(3), np.zeros(3), carried.twist
+        self.A, self.a, self.twist = np.eye(3), np.zeros(3), handed_over.twist
         if stage.plan.moving_base is not None:
             # From here on the reference's velocity is that against what carries the frame.
             clock = float(inputs[0][1])
             self.A, self.a = stage.plan.moving_base.pose(clock)
-            self.twist = carried.twist - stage.plan.moving_base.twist(clock, self.p)
+            self.twist = handed_over.twist - stage.plan.moving_base.twist(clock, self.p)
         self.parameters = np.zeros(stage.parameters.size)
         self.memory = np.zeros(stage.memory.size)
         for slot, value in stage.initial.items():
@@ -96,15 +96,15 @@ class _Entry:
     def run(self, robot: RobotModel) -> Entered:
         """Fills parameters and memory in the order in which they depend on each other."""
         self._place(robot)
-        self.seen = self._look()
+        self.probed = self._look()
         if "angle_at_entry" in self.stage.parameters:
-            self._write("angle_at_entry", self.seen["angle"])
-            self.seen = self._look()
+            self._write("angle_at_entry", self.probed["angle"])
+            self.probed = self._look()
         if "place" in self.stage.memory:
-            self._remember("place", self.seen["here"])
-            self.seen = self._look()
-        self.frame = self.seen["frame"].reshape(3, 3, order="F")
-        self._write("orientation", (self.frame.T @ self.carried.R).ravel(order="F"))
+            self._remember("place", self.probed["here"])
+            self.probed = self._look()
+        self.frame = self.probed["frame"].reshape(3, 3, order="F")
+        self._write("orientation", (self.frame.T @ self.handed_over.R).ravel(order="F"))
         self._write("base", self.frame.ravel(order="F"))
         going = self._continue()
         self._forces(going)
@@ -134,8 +134,8 @@ class _Entry:
         self._write("entry", self.p)
         for name, pose in self.estimated_poses.items():
             self._write(name, pose)
-        if self.carried.tracked == self.stage.tracked and "angle" in self.stage.memory:
-            self._remember("angle", self.carried.angle)
+        if self.handed_over.tracked == self.stage.tracked and "angle" in self.stage.memory:
+            self._remember("angle", self.handed_over.angle)
         origin = self.A @ estimated_frames.origin(frame, self.estimated_poses) + self.a
         self._write("lever", self.R.T @ (origin - self.p))
         if frame.surface is not None:
@@ -147,33 +147,33 @@ class _Entry:
     def _look(self) -> dict[str, Vector]:
         """The stage's probe, with the frame turning as the reference moves on."""
         lever = np.zeros(3)
-        seen: dict[str, Vector] = {}
+        probed: dict[str, Vector] = {}
         for _ in range(2):
             twist = self.twist
             way = twist[:3] + np.cross(twist[3:], lever)
             found = self.stage.probe(*self.inputs, self.memory, self.parameters, way)
             numbers = np.array(found).ravel()
-            seen = {name: numbers[where] for name, where in _FIELDS.items()}
-            seen["reaction"] = numbers[_FIELDS["measured"].stop :]
-            lever = seen["lever"]
-        return seen
+            probed = {name: numbers[where] for name, where in _FIELDS.items()}
+            probed["reaction"] = numbers[_FIELDS["measured"].stop :]
+            lever = probed["lever"]
+        return probed
 
     def _continue(self) -> Continuation:
-        """The carried reference in the stage's coordinates."""
-        carried, frame, seen = self.carried, self.frame, self.seen
-        offset = carried.R @ (self.R.T @ seen["offset"])
-        away = frame.T @ (carried.p + offset - self.p - seen["offset"])
+        """The handed-over reference in the stage's coordinates."""
+        handed_over, frame, probed = self.handed_over, self.frame, self.probed
+        offset = handed_over.R @ (self.R.T @ probed["offset"])
+        away = frame.T @ (handed_over.p + offset - self.p - probed["offset"])
         spin = self.twist[3:]
         following = self.stage.plan.frame.kind == "following"
-        arm = seen["lever"] if following else offset
+        arm = probed["lever"] if following else offset
         moving = frame.T @ (self.twist[:3] + np.cross(spin, arm))
-        moving = seen["rate_map"].reshape(3, 3, order="F") @ moving
-        rates = np.concatenate([moving, frame.T @ spin - seen["turning"]])
+        moving = probed["rate_map"].reshape(3, 3, order="F") @ moving
+        rates = np.concatenate([moving, frame.T @ spin - probed["turning"]])
         error, start, rate = {}, {}, {}
         for name, plan in self.stage.plan.plans.items():
             i = AXES.index(name)
             error[name] = float(away[i]) if i < 3 else 0.0
-            start[name] = float(seen["coordinate"][i]) + error[name] if i < 3 else 0.0
+            start[name] = float(probed["coordinate"][i]) + error[name] if i < 3 else 0.0
             rate[name] = float((frame.T @ spin)[i - 3] if plan.world else rates[i])
             if plan.force and not plan.mode.moves:
                 # Braking a reference that nothing asks for would push with the loop's damper.
@@ -183,7 +183,7 @@ class _Entry:
     def _pressed(self) -> dict[Axis, float]:
         if self.stage.plan.law.control_law.force_loop:
             return {}
-        local = np.concatenate([self.frame.T @ part for part in np.split(self.carried.held, 2)])
+        local = np.concatenate([self.frame.T @ part for part in np.split(self.handed_over.held, 2)])
         springs = {
             name: value_of(self.stage.plan.gains, "stiffness", name)
             for name in self.stage.plan.plans
@@ -196,11 +196,11 @@ class _Entry:
 
     def _forces(self, going: Continuation) -> None:
         """Set points rise from the measured force; held forces fade where motion takes over."""
-        held = np.concatenate([self.frame.T @ part for part in np.split(self.carried.held, 2)])
+        held = np.concatenate([self.frame.T @ part for part in np.split(self.handed_over.held, 2)])
         for name, plan in self.stage.plan.plans.items():
             i = AXES.index(name)
             if plan.set_point:
-                self._write(f"force_at_entry.{name}", self.seen["measured"][i])
+                self._write(f"force_at_entry.{name}", self.probed["measured"][i])
             elif plan.yields or plan.soft:
                 self._write(f"force_at_entry.{name}", held[i])
             if plan.open_loop and name.is_rotation:
@@ -208,11 +208,11 @@ class _Entry:
 
     def _equations(self) -> None:
         """Set points of equations rise from what is measured."""
-        for name, force in zip(self.stage.equations, self.seen["reaction"], strict=True):
+        for name, force in zip(self.stage.equations, self.probed["reaction"], strict=True):
             self._write(f"force_at_entry.equation.{name}", float(force))
 
     def _blend(self, going: Continuation) -> None:
-        """Chooses each axis's blending so that its reference continues the carried one."""
+        """Chooses each axis's blending so that its reference continues the one handed over."""
         found = self.stage.own(*self.inputs, self.memory, self.parameters)
         own, own_rate = (np.array(value).ravel() for value in found)
         for name, plan in self.stage.plan.plans.items():
@@ -242,7 +242,7 @@ class _Entry:
         if "reference_point" in self.stage.memory:
             along = away * (1.0, 1.0, 0.0) if self.stage.plan.frame.kind == "following" else away
             along = self.A.T @ self.frame @ along
-            self._remember("reference_point", self.seen["here"] + along)
+            self._remember("reference_point", self.probed["here"] + along)
             for axis in AXES[:3]:
                 self._remember(f"last.{axis}", first.get(axis, 0.0))
         for name, plan in self.stage.plan.plans.items():

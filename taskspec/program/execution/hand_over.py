@@ -1,4 +1,4 @@
-"""The one reference pose that is carried from stage to stage."""
+"""The one reference pose that is handed over from stage to stage."""
 
 from __future__ import annotations
 

@@ -193,7 +193,7 @@ class Machine:
             text = f"{event.text}; stage {to!r} has had its {attempts} attempts"
             self._end(clock, events.Event(event.kind, "attempts", text), value, FAIL)
             return
-        carried = leave(stage, self.named_outputs(), clock)
+        handed_over = leave(stage, self.named_outputs(), clock)
         if self._estimation.on:
             self._estimation.end(stage, self._terms.tip(), self.wrench)
         unknown = self._estimation.missing(self.runners[index].stage)
@@ -202,7 +202,7 @@ class Machine:
             self._end(clock, events.Event(events.LIMIT, "frame_not_felt", text), 0.0, "")
             return
         self._note(clock, event, value, to)
-        self._enter(index, carried, clock)
+        self._enter(index, handed_over, clock)
         self._first_tick(clock)
 
     def _first_tick(self, clock: float) -> None:
@@ -227,7 +227,7 @@ class Machine:
             Transition(clock, self.stage.name, event.kind, event.name, event.text, value, to)
         )
 
-    def _enter(self, index: int, carried: HandedOver, clock: float) -> None:
+    def _enter(self, index: int, handed_over: HandedOver, clock: float) -> None:
         self.index, self._runner = index, self.runners[index]
         self._ticks, self.t = 0, 0.0
         self.outputs[_CONDITIONING] = 1.0
@@ -237,7 +237,7 @@ class Machine:
         self._estimation.begin(stage)
         poses = self._estimation.poses
         self._runner.load(
-            entry.enter(stage, self._robot, carried, self._terms.tip(), self._inputs, poses)
+            entry.enter(stage, self._robot, handed_over, self._terms.tip(), self._inputs, poses)
         )
         self._runner.settle()
 
