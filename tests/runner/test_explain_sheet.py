@@ -11,8 +11,8 @@ from typer.testing import CliRunner
 from taskspec.compiler import compile_unchecked
 from taskspec.prediction import predict
 from taskspec.spec import load_task, load_text
-from taskspec_runner.cli.account import stage_account
 from taskspec_runner.cli.app import app
+from taskspec_runner.cli.sheet.stage import stage_sheet
 
 TASKS = Path(__file__).parents[2] / "tasks"
 
@@ -21,7 +21,7 @@ def accounts(loaded):
     """Stages by name, without poles, which take most of the time."""
     program = compile_unchecked(loaded)
     foreseen = predict(program, {})
-    return {s.name: stage_account(program, s, foreseen[s.name]) for s in program.stages}
+    return {s.name: stage_sheet(program, s, foreseen[s.name]) for s in program.stages}
 
 
 @pytest.fixture(scope="module")

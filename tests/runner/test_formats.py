@@ -18,7 +18,7 @@ from taskspec.text.codes import CODES
 from taskspec.text.diagnostic import Diagnostic, Note, Severity
 from taskspec.text.source import Source, Span
 from taskspec_runner.cli import app
-from taskspec_runner.cli.chosen import choice
+from taskspec_runner.cli.codes import choice
 from taskspec_runner.cli.formats import DiagnosticFormat
 from taskspec_runner.cli.reporters import REPORTERS
 from taskspec_runner.cli.validation import Failure, Validation

@@ -157,7 +157,7 @@ def schema(
     ] = None,
 ) -> int:
     """Print the JSON Schema of task files, for editors."""
-    from taskspec_runner.cli.shelf import show_schema
+    from taskspec_runner.cli.schema import show_schema
 
     return show_schema(write, check)
 
@@ -166,7 +166,7 @@ def schema(
 @guarded
 def robots() -> int:
     """List the built-in robots."""
-    from taskspec_runner.cli.shelf import list_robots
+    from taskspec_runner.cli.robots import list_robots
 
     return list_robots()
 
@@ -195,7 +195,7 @@ def report(
     ],
 ) -> int:
     """Render the report of a run, or the page of a comparison, again."""
-    from taskspec_runner.cli.shelf import render_report
+    from taskspec_runner.cli.report import render_report
 
     return render_report(folder)
 

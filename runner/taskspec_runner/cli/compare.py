@@ -46,7 +46,7 @@ def compare_laws(
     form: RunFormat,
 ) -> int:
     """Runs a task file under several laws and tells how they compare."""
-    from taskspec_runner.cli.compared import show_comparison
+    from taskspec_runner.cli.comparison import show_comparison
 
     names = chosen(laws)
     attempts = [attempt(law, functools.partial(_loaded, file, sets)) for law in names]

@@ -18,15 +18,15 @@ from taskspec.compiler import admit
 from taskspec.examination import examine
 from taskspec.text.codes import CODES
 from taskspec.text.suggest import suggestion
-from taskspec_runner.cli.account import StageAccount
 from taskspec_runner.cli.console import console, show, table
-from taskspec_runner.cli.constraints import LEGEND
 from taskspec_runner.cli.diagnostics import record, show_diagnostics
 from taskspec_runner.cli.formats import RunFormat
 from taskspec_runner.cli.loading import load
 from taskspec_runner.cli.pages import page
-from taskspec_runner.cli.poles import StabilityAccount
-from taskspec_runner.cli.sheet import as_data, sheet
+from taskspec_runner.cli.sheet.axes import LEGEND
+from taskspec_runner.cli.sheet.sheet import as_data, sheet
+from taskspec_runner.cli.sheet.stability import StabilitySheet
+from taskspec_runner.cli.sheet.stage import StageSheet
 from taskspec_runner.errors import InputError
 
 _CODE = re.compile(r"TS\d{3}\Z", re.IGNORECASE)
@@ -88,7 +88,7 @@ def _explain_file(path: Path, sets: Sequence[str], law: str | None, *, as_json: 
     show("", Text(LEGEND, style="dim"))
 
 
-def _show_stage(stage: StageAccount) -> None:
+def _show_stage(stage: StageSheet) -> None:
     facts = (
         ("law", f"{stage.law}, equations {stage.equations}"),
         ("frame", stage.frame),
@@ -113,7 +113,7 @@ def _show_stage(stage: StageAccount) -> None:
     _section(f"stage {stage.name}", _pairs(facts), "", axes, "", foreseen, "", gains)
 
 
-def _show_stability(stability: StabilityAccount) -> None:
+def _show_stability(stability: StabilitySheet) -> None:
     poles = table("poles of", "frequency", "damping", "time constant", "", right=("time constant",))
     for pole in stability.poles:
         poles.add_row(*_cells(pole.axis, pole.frequency, pole.damping, pole.time, pole.verdict))

@@ -11,7 +11,7 @@ import typer
 
 from taskspec.text.diagnostic import Diagnostic, SpecError
 from taskspec.text.source import Source
-from taskspec_runner.cli.chosen import choice
+from taskspec_runner.cli.codes import choice
 from taskspec_runner.cli.formats import DiagnosticFormat
 from taskspec_runner.cli.guard import keep_trace
 from taskspec_runner.cli.loading import load

@@ -12,7 +12,7 @@ from taskspec.text.show import scaled, show
 from taskspec.text.units import DAMPING, FORCE, INERTIA, LENGTH, MASS, STIFFNESS, Dimension
 
 
-def object_accounts(program: Program) -> Iterator[tuple[str, str]]:
+def object_rows(program: Program) -> Iterator[tuple[str, str]]:
     """Every object by name, and what it is."""
     context = program.context
     for name, declared in context.loaded.task.world.items():

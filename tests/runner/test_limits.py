@@ -9,7 +9,7 @@ import pytest
 from typer.testing import CliRunner
 
 from taskspec_runner.cli.app import app
-from taskspec_runner.cli.kept import joined
+from taskspec_runner.cli.sheet.limits import joined
 
 TASKS = Path(__file__).resolve().parents[2] / "tasks"
 

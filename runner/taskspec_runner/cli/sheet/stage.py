@@ -14,15 +14,15 @@ from taskspec.program.stages.stage import CompiledStage
 from taskspec.program.world.stiffness import GRIP
 from taskspec.text.show import scaled, show
 from taskspec.text.units import STIFFNESS
-from taskspec_runner.cli.constraints import AxisAccount, axis_account, equation_account
-from taskspec_runner.cli.foreseen import ExpectedAccount, expected_account, selection_account
-from taskspec_runner.cli.kept import kept_account
+from taskspec_runner.cli.sheet.axes import AxisRow, axis_row, equation_row
+from taskspec_runner.cli.sheet.limits import limit_rows
+from taskspec_runner.cli.sheet.predicted import PredictedRow, predicted_rows, selection_rows
 
 _LIMIT = "limit on "
 
 
 @dataclass(frozen=True, slots=True)
-class GainAccount:
+class GainRow:
     """A gain on the axes that share its value and origin."""
 
     gain: str
@@ -32,7 +32,7 @@ class GainAccount:
 
 
 @dataclass(frozen=True, slots=True)
-class StageAccount:
+class StageSheet:
     """A stage: its law and frame, its axes, what is expected of it, its gains and its ends."""
 
     name: str
@@ -43,15 +43,15 @@ class StageAccount:
     null_space: str
     kept: tuple[tuple[str, str], ...]
     selection: tuple[tuple[str, str], ...]
-    axes: tuple[AxisAccount, ...]
-    expected: tuple[ExpectedAccount, ...]
-    gains: tuple[GainAccount, ...]
+    axes: tuple[AxisRow, ...]
+    expected: tuple[PredictedRow, ...]
+    gains: tuple[GainRow, ...]
     ends: tuple[tuple[str, str], ...]
     tare: bool
 
 
 @dataclass(frozen=True, slots=True)
-class FrameAccount:
+class FrameRow:
     """A frame, how it came about, and the stages that it is the task frame of."""
 
     name: str
@@ -59,7 +59,7 @@ class FrameAccount:
     stages: tuple[str, ...]
 
 
-def robot_account(program: Program) -> tuple[tuple[str, str], ...]:
+def robot_rows(program: Program) -> tuple[tuple[str, str], ...]:
     """The robot, its tool and where it starts."""
     context = program.context
     robot, tool = context.robot, context.loaded.task.robot.tool
@@ -80,10 +80,10 @@ def _holds(grasp: str | None) -> Iterator[tuple[str, str]]:
         yield "holds", f"{grasp}, by a grip of {grip}"
 
 
-def frame_accounts(program: Program) -> tuple[FrameAccount, ...]:
+def frame_rows(program: Program) -> tuple[FrameRow, ...]:
     """Every frame that the task can name."""
     return tuple(
-        FrameAccount(
+        FrameRow(
             frame.name,
             frame.described,
             tuple(stage.name for stage in program.stages if stage.plan.frame is frame),
@@ -93,27 +93,25 @@ def frame_accounts(program: Program) -> tuple[FrameAccount, ...]:
     )
 
 
-def stage_account(
-    program: Program, stage: CompiledStage, foreseen: StagePrediction
-) -> StageAccount:
+def stage_sheet(program: Program, stage: CompiledStage, foreseen: StagePrediction) -> StageSheet:
     """One stage, and what it is expected to do."""
     selected = foreseen.selection
-    return StageAccount(
+    return StageSheet(
         name=stage.name,
         law=stage.plan.law.kind,
         equations=stage.plan.law.control_law.equations,
         frame=stage.plan.frame.name,
         contact=_contact(program, stage),
         null_space=_null_space(program, stage),
-        kept=tuple(kept_account(program, stage)),
-        selection=() if selected is None else selection_account(selected),
+        kept=tuple(limit_rows(program, stage)),
+        selection=() if selected is None else selection_rows(selected),
         axes=(
-            *(axis_account(program, stage, foreseen, axis) for axis in stage.plan.axes),
-            *(equation_account(program, stage, name) for name in stage.plan.active),
+            *(axis_row(program, stage, foreseen, axis) for axis in stage.plan.axes),
+            *(equation_row(program, stage, name) for name in stage.plan.active),
         ),
         gains=tuple(_gains(program, stage)),
         ends=tuple(_ends(program, stage)),
-        expected=tuple(expected_account(program.context.loaded.task, foreseen)),
+        expected=tuple(predicted_rows(program.context.loaded.task, foreseen)),
         tare=stage.plan.spec.tare,
     )
 
@@ -151,14 +149,14 @@ def _null_space(program: Program, stage: CompiledStage) -> str:
     )
 
 
-def _gains(program: Program, stage: CompiledStage) -> Iterator[GainAccount]:
+def _gains(program: Program, stage: CompiledStage) -> Iterator[GainRow]:
     for name, by_axis in stage.plan.gains.items():
         groups: dict[tuple[str, str], list[str]] = {}
         for axis, gain in by_axis.items():
             text = gain_named(name).text(gain.value, angular=turns(program.context, axis))
             groups.setdefault((text, gain.origin), []).append(axis)
         for (value, origin), axes in groups.items():
-            yield GainAccount(name, tuple(axes), value, origin)
+            yield GainRow(name, tuple(axes), value, origin)
 
 
 def _ends(program: Program, stage: CompiledStage) -> Iterator[tuple[str, str]]:

@@ -26,7 +26,7 @@ _SENSOR = {
 }
 
 
-def defaults_taken(program: Program) -> Iterator[tuple[str, str]]:
+def default_rows(program: Program) -> Iterator[tuple[str, str]]:
     """What the file leaves out, and what stands in its place."""
     task = program.context.loaded.task
     yield from _sections(task)

@@ -22,7 +22,7 @@ LEGEND = "v, w: velocity along and about an axis; f, m: force and moment that th
 
 
 @dataclass(frozen=True, slots=True)
-class AxisAccount:
+class AxisRow:
     """An axis or an equation: what the world imposes, what the law asks, and how it gets it."""
 
     axis: str
@@ -31,17 +31,17 @@ class AxisAccount:
     by: str
 
 
-def axis_account(
+def axis_row(
     program: Program, stage: CompiledStage, foreseen: StagePrediction, axis: Axis
-) -> AxisAccount:
+) -> AxisRow:
     """One axis of a stage's frame."""
     plan = stage.plan.plans[axis]
     world = next(n for n in foreseen.natural if n.axis == axis)
     by = ", ".join([_enforcer(stage, plan, world), *_remarks(stage, plan, world)])
-    return AxisAccount(axis, _natural(program, world), _artificial(stage, axis, plan), by)
+    return AxisRow(axis, _natural(program, world), _artificial(stage, axis, plan), by)
 
 
-def equation_account(program: Program, stage: CompiledStage, name: str) -> AxisAccount:
+def equation_row(program: Program, stage: CompiledStage, name: str) -> AxisRow:
     """A constraint: its force, along the unit gradient of its equation."""
     wanted = stage.plan.spec.constraints.get(name)
     model = program.context.equations[name]
@@ -49,7 +49,7 @@ def equation_account(program: Program, stage: CompiledStage, name: str) -> AxisA
     side = "" if model.constraint.relation == "=" else " (pushes only)"
     reference = "0" if wanted is None else str(wanted.wanted)
     artificial = f"{'m' if model.joints else 'f'} = {reference} along its gradient"
-    return AxisAccount(name, f"{declared.equation}{side}", artificial, "force control")
+    return AxisRow(name, f"{declared.equation}{side}", artificial, "force control")
 
 
 def _velocity(axis: Axis) -> str:

@@ -24,7 +24,7 @@ _SHOWN = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
-class ExpectedAccount:
+class PredictedRow:
     """Something expected, what it is in the worst world of `vary`, and what it follows from."""
 
     what: str
@@ -33,9 +33,9 @@ class ExpectedAccount:
     source: str
 
 
-def expected_account(task: Task, stage: Foreseen) -> Iterator[ExpectedAccount]:
+def predicted_rows(task: Task, stage: Foreseen) -> Iterator[PredictedRow]:
     """All that is expected of a stage of a task."""
-    yield ExpectedAccount("duration", duration_text(stage.duration), "", stage.duration.why)
+    yield PredictedRow("duration", duration_text(stage.duration), "", stage.duration.why)
     if stage.impact is not None:
         yield _impact(task, stage.impact)
     yield from _forces(task, stage)
@@ -43,7 +43,7 @@ def expected_account(task: Task, stage: Foreseen) -> Iterator[ExpectedAccount]:
         yield _depth(task, depth)
     if stage.drift:
         speed = "faster and faster" if math.isinf(stage.drift) else show(stage.drift, VELOCITY, 3)
-        yield ExpectedAccount("drift", speed, "", "of set points that nothing returns")
+        yield PredictedRow("drift", speed, "", "of set points that nothing returns")
     yield from _settling(stage)
 
 
@@ -57,12 +57,12 @@ def duration_text(duration: Duration) -> str:
     return f"{told}, at most {show(duration.most or 0.0, TIME, 3)}" if bounded else told
 
 
-def _impact(task: Task, met: Impact) -> ExpectedAccount:
+def _impact(task: Task, met: Impact) -> PredictedRow:
     def peak(force: float) -> str:
         return f"up to {show(force, FORCE, 2)}"
 
     strikes = f"{show(met.mass, MASS, 2)} at {show(met.speed, VELOCITY, 3)}"
-    return ExpectedAccount(
+    return PredictedRow(
         f"impact on {met.contact}",
         peak(met.peak),
         _worst(task, met.worst, peak),
@@ -70,7 +70,7 @@ def _impact(task: Task, met: Impact) -> ExpectedAccount:
     )
 
 
-def _forces(task: Task, stage: Foreseen) -> Iterator[ExpectedAccount]:
+def _forces(task: Task, stage: Foreseen) -> Iterator[PredictedRow]:
     """Forces at rest; those that are nothing together."""
     groups: dict[tuple[str, str, str], list[str]] = {}
     for force in stage.equilibrium.values():
@@ -78,7 +78,7 @@ def _forces(task: Task, stage: Foreseen) -> Iterator[ExpectedAccount]:
         worst = _worst(task, force.worst, partial(_newtons, force.signal))
         groups.setdefault((text, worst, force.source), []).append(force.signal)
     for (text, worst, source), signals in groups.items():
-        yield ExpectedAccount(" ".join(signals), text, worst, source)
+        yield PredictedRow(" ".join(signals), text, worst, source)
 
 
 def _force(force: Equilibrium) -> str:
@@ -94,16 +94,16 @@ def _newtons(signal: str, value: float) -> str:
     return scaled(value, FORCE.on(rotation=turns), 3)
 
 
-def _depth(task: Task, depth: Depth) -> ExpectedAccount:
+def _depth(task: Task, depth: Depth) -> PredictedRow:
     def way(value: float) -> str:
         return scaled(value, LENGTH.on(rotation=depth.angular), 3)
 
-    return ExpectedAccount(
+    return PredictedRow(
         f"into {depth.on}", way(depth.depth), _worst(task, depth.worst, way), "f / k"
     )
 
 
-def _settling(stage: Foreseen) -> Iterator[ExpectedAccount]:
+def _settling(stage: Foreseen) -> Iterator[PredictedRow]:
     """Time to 2 % of each axis; equal ones together."""
     groups: dict[tuple[str, str], list[str]] = {}
     for axis, mode in stage.settling.items():
@@ -115,7 +115,7 @@ def _settling(stage: Foreseen) -> Iterator[ExpectedAccount]:
         groups.setdefault((value, source), []).append(axis)
     for (value, source), axes in groups.items():
         verb = "settles" if len(axes) == 1 else "settle"
-        yield ExpectedAccount(f"{' '.join(axes)} {verb}", value, "", source)
+        yield PredictedRow(f"{' '.join(axes)} {verb}", value, "", source)
 
 
 def _seconds(time: float) -> str:
@@ -135,7 +135,7 @@ def _worst(task: Task, extreme: Extreme | None, text: Callable[[float], str]) ->
     return f"{text(extreme.value)} at {', '.join(parts)}"
 
 
-def selection_account(selection: Selection) -> tuple[tuple[str, str], ...]:
+def selection_rows(selection: Selection) -> tuple[tuple[str, str], ...]:
     """The matrices, on a line each."""
     found = [("S_f", _matrix(selection.force)), ("S_v", _matrix(selection.motion))]
     if selection.soft:

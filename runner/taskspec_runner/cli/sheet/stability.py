@@ -30,7 +30,7 @@ _STILL = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
-class PoleAccount:
+class PoleRow:
     """A mode: the axis that moves most, its frequency, damping ratio and time constant."""
 
     axis: str
@@ -41,7 +41,7 @@ class PoleAccount:
 
 
 @dataclass(frozen=True, slots=True)
-class BoundAccount:
+class BoundRow:
     """A value that bounds a gain or a contact: where it comes from, and whether it is kept."""
 
     what: str
@@ -51,15 +51,15 @@ class BoundAccount:
 
 
 @dataclass(frozen=True, slots=True)
-class StabilityAccount:
+class StabilitySheet:
     """The sampled closed loop of a stage: where it is looked at, its poles and its bounds."""
 
     where: str
-    poles: tuple[PoleAccount, ...]
-    bounds: tuple[BoundAccount, ...]
+    poles: tuple[PoleRow, ...]
+    bounds: tuple[BoundRow, ...]
 
 
-def stability_account(program: Program, looked: Looked | None) -> StabilityAccount | None:
+def stability_sheet(program: Program, looked: Looked | None) -> StabilitySheet | None:
     """One stage; None where it cannot be looked at, or is free and far from every bound.
 
     Args:
@@ -74,7 +74,7 @@ def stability_account(program: Program, looked: Looked | None) -> StabilityAccou
         return None
     if not (bounds or sampled.pressed or sampled.stage.plan.held):
         return None
-    return StabilityAccount(_where(sampled), tuple(_poles(sampled, looked.modes)), bounds)
+    return StabilitySheet(_where(sampled), tuple(_poles(sampled, looked.modes)), bounds)
 
 
 def _where(sampled: SampledStage) -> str:
@@ -91,7 +91,7 @@ def _on_joints(sampled: SampledStage, name: str) -> bool:
     return name in sampled.context.equations and sampled.context.equations[name].joints
 
 
-def _poles(sampled: SampledStage, modes: tuple[Mode, ...]) -> Iterator[PoleAccount]:
+def _poles(sampled: SampledStage, modes: tuple[Mode, ...]) -> Iterator[PoleRow]:
     """The least stable modes; of equal ones the axes together."""
     found: dict[tuple[str, str, str, str], set[str]] = {}
     for mode in modes:
@@ -99,7 +99,7 @@ def _poles(sampled: SampledStage, modes: tuple[Mode, ...]) -> Iterator[PoleAccou
             found.setdefault(_cells(mode), set()).add(sampled.axis(mode))
     order = [*sampled.stage.plan.axes, *sampled.stage.plan.active, "null space"]
     for cells, axes in list(found.items())[:_MOST]:
-        yield PoleAccount(" ".join(sorted(axes, key=order.index)), *cells)
+        yield PoleRow(" ".join(sorted(axes, key=order.index)), *cells)
 
 
 def _cells(mode: Mode) -> tuple[str, str, str, str]:
@@ -115,7 +115,7 @@ def _cells(mode: Mode) -> tuple[str, str, str, str]:
     )
 
 
-def _bounds(program: Program, sampled: SampledStage) -> Iterator[BoundAccount]:
+def _bounds(program: Program, sampled: SampledStage) -> Iterator[BoundRow]:
     """What the sampled model allows, and beside it what the textbook does."""
     search = Search(program.context, sampled)
     forced = [a for a, p in sampled.stage.plan.plans.items() if p.force] + list(
@@ -124,12 +124,12 @@ def _bounds(program: Program, sampled: SampledStage) -> Iterator[BoundAccount]:
     near = replace(search, reach=_NEAR)
     moved = [a for a in sampled.stage.plan.axes if a not in forced]
     for limit in (*search.gains(forced), *near.gains(moved, of=MOTION)):
-        yield BoundAccount(*_limit(sampled, limit), "this stage as it is sampled")
+        yield BoundRow(*_limit(sampled, limit), "this stage as it is sampled")
     for name in sampled.pressed:
         if name in sampled.context.surfaces:
             found = search.stiffness(name)
             if found is not None:
-                yield BoundAccount(
+                yield BoundRow(
                     f"stiffness of {name}",
                     scaled(found.now, STIFFNESS),
                     f"{'<' if found.upper else '>'} {scaled(found.value, STIFFNESS)}",
@@ -150,11 +150,11 @@ def _limit(sampled: SampledStage, limit: Limit) -> tuple[str, str, str]:
     )
 
 
-def _condition(condition: StabilityCondition) -> BoundAccount:
+def _condition(condition: StabilityCondition) -> BoundRow:
     way = "<" if condition.upper else ">"
     kept = "" if condition.holds else ", not kept"
     gain = gain_named(condition.gain)
-    return BoundAccount(
+    return BoundRow(
         f"{condition.gain} on {condition.axis}",
         gain.text(condition.now, angular=False),
         f"{way} {gain.text(condition.bound, angular=False)}",

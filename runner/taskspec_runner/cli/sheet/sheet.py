@@ -11,17 +11,17 @@ import numpy as np
 
 from taskspec.prediction import Extreme, StagePrediction, TaskPrediction, look, predict
 from taskspec.program.program import Program
-from taskspec_runner.cli.account import (
-    FrameAccount,
-    StageAccount,
-    frame_accounts,
-    robot_account,
-    stage_account,
+from taskspec_runner.cli.sheet.defaults import default_rows
+from taskspec_runner.cli.sheet.objects import object_rows
+from taskspec_runner.cli.sheet.predicted import duration_text
+from taskspec_runner.cli.sheet.stability import StabilitySheet, stability_sheet
+from taskspec_runner.cli.sheet.stage import (
+    FrameRow,
+    StageSheet,
+    frame_rows,
+    robot_rows,
+    stage_sheet,
 )
-from taskspec_runner.cli.defaults import defaults_taken
-from taskspec_runner.cli.foreseen import duration_text
-from taskspec_runner.cli.objects import object_accounts
-from taskspec_runner.cli.poles import StabilityAccount, stability_account
 from taskspec_runner.record.folder import plain
 
 Pairs = tuple[tuple[str, str], ...]
@@ -43,8 +43,8 @@ class Sheet:
     robot: Pairs
     duration: str
     world: Pairs
-    frames: tuple[FrameAccount, ...]
-    stages: tuple[tuple[StageAccount, StabilityAccount | None], ...]
+    frames: tuple[FrameRow, ...]
+    stages: tuple[tuple[StageSheet, StabilitySheet | None], ...]
     expected: tuple[str, ...]
     defaults: Pairs
     prediction: TaskPrediction
@@ -57,8 +57,8 @@ def sheet(program: Program) -> Sheet:
     prediction = predict(program, looked)
     stages = tuple(
         (
-            stage_account(program, stage, prediction[stage.name]),
-            stability_account(program, looked[stage.name]),
+            stage_sheet(program, stage, prediction[stage.name]),
+            stability_sheet(program, looked[stage.name]),
         )
         for stage in program.stages
     )
@@ -67,36 +67,36 @@ def sheet(program: Program) -> Sheet:
     return Sheet(
         name=task.name,
         about=task.about or "",
-        robot=robot_account(program),
+        robot=robot_rows(program),
         duration=duration_text(told) + why,
-        world=tuple(object_accounts(program)),
-        frames=frame_accounts(program),
+        world=tuple(object_rows(program)),
+        frames=frame_rows(program),
         stages=stages,
         expected=tuple(expectation.text for expectation in task.expect),
-        defaults=tuple(defaults_taken(program)),
+        defaults=tuple(default_rows(program)),
         prediction=prediction,
     )
 
 
-def as_data(told: Sheet) -> dict[str, Any]:
+def as_data(made: Sheet) -> dict[str, Any]:
     """The sheet for other programs: words as they are shown, and the numbers behind them [SI]."""
     found: dict[str, Any] = {
-        "name": told.name,
-        "about": told.about,
-        "robot": _named(told.robot),
-        "world": dict(told.world),
-        "frames": [asdict(frame) for frame in told.frames],
+        "name": made.name,
+        "about": made.about,
+        "robot": _named(made.robot),
+        "world": dict(made.world),
+        "frames": [asdict(frame) for frame in made.frames],
         "stages": [
-            asdict(account)
-            | {"kept": dict(account.kept), "ends": _named(account.ends)}
-            | {"selection": dict(account.selection)}
+            asdict(stage)
+            | {"kept": dict(stage.kept), "ends": _named(stage.ends)}
+            | {"selection": dict(stage.selection)}
             | {"stability": None if stability is None else asdict(stability)}
-            | {"prediction": _prediction(told.prediction[account.name])}
-            for account, stability in told.stages
+            | {"prediction": _prediction(made.prediction[stage.name])}
+            for stage, stability in made.stages
         ],
-        "duration": asdict(told.prediction.duration),
-        "expect": list(told.expected),
-        "defaults": dict(told.defaults),
+        "duration": asdict(made.prediction.duration),
+        "expect": list(made.expected),
+        "defaults": dict(made.defaults),
     }
     plain_data: dict[str, Any] = plain(found)
     return plain_data

@@ -16,7 +16,7 @@ from taskspec.text.units import FORCE, MOMENT
 _JOINT = re.compile(r"(.*) of joint (\d+)\Z")
 
 
-def kept_account(program: Program, stage: CompiledStage) -> Iterator[tuple[str, str]]:
+def limit_rows(program: Program, stage: CompiledStage) -> Iterator[tuple[str, str]]:
     """Pairs of what and how; none for a closed form."""
     if stage.resolution is None:
         return

@@ -1,0 +1,1 @@
+"""The sheet of a task: all that `explain` shows of a file."""
