@@ -14,6 +14,7 @@ from taskspec.program.trajectory import Place
 from taskspec.robot.inverse_kinematics import turns_at
 from taskspec.robot.mobility import tip_jacobian
 from taskspec.spec import FILE
+from taskspec.text import units
 from taskspec.text.show import show
 
 Vector = NDArray[np.float64]
@@ -39,14 +40,14 @@ def motion(stage: StagePlan, place: Place) -> tuple[RowSystem, Vector]:
     v = place.rotation @ [place.rates.get(a, 0.0) for a in AXES[:3]]
     size = float(np.linalg.norm(v))
     if speed is not None and size > 0:
-        text = f"limits.speed, {show(speed, 'mm/s')}{kept(shares.speed)}"
+        text = f"limits.speed, {show(speed, units.VELOCITY)}{kept(shares.speed)}"
         cause = Cause("limit", text, limit_place(stage, "speed"), "raise the limit")
         system.add(v / size @ J[:3], -shares.speed * speed, shares.speed * speed, cause)
     for i, most in enumerate(robot.velocity_limit):
         if not np.isfinite(most):
             continue
-        unit = "deg/s" if turns_at(robot, i) else "mm/s"
-        text = f"joint {i + 1} ({show(float(most), unit, 3)}{kept(shares.velocity)})"
+        limit = units.VELOCITY.on(rotation=turns_at(robot, i))
+        text = f"joint {i + 1} ({show(float(most), limit, 3)}{kept(shares.velocity)})"
         cause = Cause(VELOCITY, text, None, "start in another posture")
         fastest = shares.velocity * most
         system.add(np.eye(len(place.q))[i], -fastest, fastest, cause)
@@ -59,11 +60,11 @@ def _cause(stage: StagePlan, axis: Axis, rates: Mapping[Axis, float]) -> Cause:
     """What the velocity of an axis comes from: its own entry, the path, or nothing at all."""
     own, path = FILE.stages[stage.name], stage.spec.path
     entry, turns = stage.spec.axes.get(axis), axis.is_rotation
-    unit = "deg/s" if turns else "mm/s"
+    dimension = axis.of(units.VELOCITY)
     if entry is not None and entry.mode.moves:
-        text = f"{show(rates[axis], unit, 3)} {'about' if turns else 'along'} {axis!r}"
+        text = f"{show(rates[axis], dimension, 3)} {'about' if turns else 'along'} {axis!r}"
         return Cause(
-            "velocity", text, own.axes[axis][entry.mode.pace], "move slower", rates[axis], unit
+            "velocity", text, own.axes[axis][entry.mode.pace], "move slower", rates[axis], dimension
         )
     if path is None or entry is not None or rates[axis] == 0:
         return Cause("hold", repr(axis), None, "")
@@ -72,5 +73,5 @@ def _cause(stage: StagePlan, axis: Axis, rates: Mapping[Axis, float]) -> Cause:
     ]
     pace = float(np.linalg.norm(others))
     key = next((k for k in ("speed", "time") if getattr(path, k) is not None), "file")
-    text = f"the path's {show(pace, unit, 3)}"
-    return Cause("velocity", text, own.path[key], "move slower", pace, unit)
+    text = f"the path's {show(pace, dimension, 3)}"
+    return Cause("velocity", text, own.path[key], "move slower", pace, dimension)

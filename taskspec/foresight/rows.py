@@ -11,6 +11,7 @@ from taskspec.program.limits.bounds import SPEED_SHARE, VELOCITY_SHARE
 from taskspec.program.limits.consistency import FRICTION_SHARE, SET_POINT_SHARE, STATIC_SHARE
 from taskspec.program.plan import StagePlan
 from taskspec.spec import FILE, KeyPath
+from taskspec.text.units import NUMBER, Dimension
 
 Vector = NDArray[np.float64]
 
@@ -26,7 +27,7 @@ class Cause:
         place: where it stands; None where the file does not say it.
         remedy: what would make room.
         value: of what is asked for.
-        unit: of the value.
+        dimension: of the value.
     """
 
     kind: str
@@ -34,7 +35,7 @@ class Cause:
     place: KeyPath | None
     remedy: str
     value: float = 0.0
-    unit: str = ""
+    dimension: Dimension = NUMBER
 
 
 @dataclass(frozen=True, slots=True)

@@ -30,8 +30,9 @@ from taskspec.program.plan import StagePlan
 from taskspec.program.trajectory import Place
 from taskspec.robot.inverse_kinematics import turns_at
 from taskspec.robot.mobility import tip_jacobian
-from taskspec.spec import FILE, key_of
+from taskspec.spec import FILE, Limits, key_of
 from taskspec.text.show import show
+from taskspec.text.units import FORCE
 
 Vector = NDArray[np.float64]
 
@@ -127,22 +128,22 @@ def _wanted(stage: StagePlan, rotation: Vector) -> Vector:
 def _add_set_points(stage: StagePlan, rotation: Vector, about: Vector, system: RowSystem) -> None:
     inside = np.kron(np.eye(2), rotation.T) @ about
     for axis, value in stage.set_points.items():
-        key, unit = axis.effort, "N*m" if axis.is_rotation else "N"
-        text = f"{show(value, unit)} {'about' if axis.is_rotation else 'along'} {axis!r}"
+        key, dimension = axis.effort, axis.of(FORCE)
+        text = f"{show(value, dimension)} {'about' if axis.is_rotation else 'along'} {axis!r}"
         place = FILE.stages[stage.name].axes[axis][key]
-        cause = Cause("set point", text, place, f"lower the {key}", value, unit)
+        cause = Cause("set point", text, place, f"lower the {key}", value, dimension)
         system.add(inside[axis.row], value, value, cause)
 
 
 def _add_limits(stage: StagePlan, about: Vector, wanted: Vector, system: RowSystem) -> None:
     limits, share = stage.limits, shares_of(stage).force
-    parts = (("force", limits.force if _limited(stage) else None, 0, "N", share),
-             ("torque", limits.torque, 3, "N*m", 1.0))  # fmt: skip
-    for key, bound, first, unit, part in parts:
+    parts = (("force", limits.force if _limited(stage) else None, 0, share),
+             ("torque", limits.torque, 3, 1.0))  # fmt: skip
+    for key, bound, first, part in parts:
         if bound is None:
             continue
         most = part * bound
-        text = f"limits.{key}, {show(bound, unit)}{kept(part)}"
+        text = f"limits.{key}, {show(bound, Limits.dimension_of(key))}{kept(part)}"
         cause = Cause("limit", text, limit_place(stage, key), "raise the limit")
         for direction in _directions(wanted[first : first + 3]):
             system.add(direction @ about[first : first + 3], -np.inf, most, cause)
@@ -195,8 +196,8 @@ def _add_torques(
     for i, most in enumerate(robot.torque_limit):
         if not np.isfinite(most):
             continue
-        unit = "N*m" if turns_at(robot, i) else "N"
-        text = f"joint {i + 1} ({show(float(most), unit)}{kept(share)})"
+        dimension = FORCE.on(rotation=turns_at(robot, i))
+        text = f"joint {i + 1} ({show(float(most), dimension)}{kept(share)})"
         cause = Cause(TORQUE, text, None, OTHERWISE)
         # Gravity alone is always allowed.
         low, high = min(-share * most - gravity[i], 0.0), max(share * most - gravity[i], 0.0)

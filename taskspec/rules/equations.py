@@ -12,6 +12,7 @@ from taskspec.rules import Finding, Phase, error, rule, warning
 from taskspec.signals.entries import TOUCHING
 from taskspec.spec import FILE, KeyPath, key_of
 from taskspec.text.show import show
+from taskspec.text.units import FORCE, LENGTH
 
 #: Below this length a gradient, in its own units, is none.
 _FLAT = 1e-9
@@ -48,12 +49,11 @@ def equations_at_the_start(task: TaskPlan) -> Iterator[Finding]:
         broken = {"=": True, "<=": at.distance > 0, ">=": at.distance < 0}
         force = abs(at.distance) * context.compliances[name].stiffness
         if broken[model.constraint.relation] and force > TOUCHING:
-            unit = "deg" if model.joints else "mm"
-            effort = show(force, "N*m" if model.joints else "N", 3)
+            off = show(abs(at.distance), LENGTH.on(rotation=model.joints))
+            effort = show(force, FORCE.on(rotation=model.joints), 3)
             yield warning(
                 "TS312",
-                f"the {what} {show(abs(at.distance), unit)} off {name!r}: the run begins with "
-                f"{effort} of it",
+                f"the {what} {off} off {name!r}: the run begins with {effort} of it",
                 FILE.robot.start,
                 "start on the constraint",
             )

@@ -182,7 +182,7 @@ def _hint(system: RowSystem, wanted: Sequence[Cause], against: Sequence[Cause]) 
     share = _possible(system, wanted[0])
     if share < _NONE:
         return f"{hint}; nothing of it is possible here"
-    most = show(abs(share * wanted[0].value), wanted[0].unit, 3)
+    most = show(abs(share * wanted[0].value), wanted[0].dimension, 3)
     return f"{hint}; no more than {most} is possible here"
 
 

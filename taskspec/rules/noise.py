@@ -19,6 +19,7 @@ from taskspec.rules import Finding, rule, warning
 from taskspec.text.expression import Expression
 from taskspec.text.expression.tree import Binary, Call, Held, Name, Node, Number
 from taskspec.text.show import number, show
+from taskspec.text.units import FORCE
 
 #: How probable it may be that noise alone ends a stage, or has to be that it lets it end.
 _SELDOM = 0.01
@@ -138,4 +139,4 @@ def _bias(stage: StagePlan, signal: Name) -> float:
 
 
 def _shown(signal: Name, spread: float) -> str:
-    return show(spread, "N" if signal.path[0] == "force" else "N*m", 2)
+    return show(spread, FORCE.on(rotation=signal.path[0] == "torque"), 2)

@@ -14,7 +14,8 @@ from taskspec.rules import Finding, Phase, error, rule, warning
 from taskspec.signals.entries import TOUCHING
 from taskspec.spec import FILE, Stage
 from taskspec.text.expression.tree import Name, walk
-from taskspec.text.show import show
+from taskspec.text.show import scaled, show
+from taskspec.text.units import TIME
 
 
 @rule("TS431", "a sensor's rate that does not divide the controller's", phase=Phase.TASK)
@@ -43,7 +44,7 @@ def late_sensor(task: TaskPlan) -> Iterator[Finding]:
     slowest = 1.0 / (2 * math.pi * INTEGRAL_FREQUENCY)
     uses = any(a.has_force for s in declared.stages.values() for a in s.axes.values())
     if lag > slowest and uses:
-        late = show(lag, "ms" if lag < 1 else "s", 3)
+        late = scaled(lag, TIME, 3)
         yield warning(
             "TS430",
             f"the controller sees a force {late} late, by delay, sampling and filter; a designed "

@@ -13,6 +13,7 @@ from taskspec.program.plan import StagePlan
 from taskspec.rules import Finding, Phase, rule, warning
 from taskspec.spec import FILE, KeyPath
 from taskspec.text.show import show
+from taskspec.text.units import FORCE, in_si
 
 
 @rule("TS308", "a pull on a surface that can only push", phase=Phase.AXES)
@@ -33,10 +34,10 @@ def pulls(stage: StagePlan) -> Iterator[Finding]:
         relation = model.constraint.relation
         presses = {"<=": 1, ">=": -1}.get(relation, 0)
         if presses * value < 0:
+            pull = in_si(value, FORCE.on(rotation=model.joints))
             yield warning(
                 "TS308",
-                f"{value:g} {'N*m' if model.joints else 'N'} pulls on {equation!r}, which can only "
-                "push back",
+                f"{pull} pulls on {equation!r}, which can only push back",
                 place,
                 f"under {relation} pressing is {'positive' if presses > 0 else 'negative'}: it "
                 "goes along the gradient of left minus right",

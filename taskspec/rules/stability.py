@@ -22,7 +22,8 @@ from taskspec.rules import Finding, Phase, rule
 from taskspec.rules.remedies import place_of, remedies, text_of
 from taskspec.spec import FILE, AxisEntry, KeyPath, Task
 from taskspec.text.diagnostic import Severity
-from taskspec.text.show import number, show
+from taskspec.text.show import number, scaled, show
+from taskspec.text.units import FREQUENCY, TIME
 
 #: So many gains are searched for remedies in a file: a third of a second's work.
 _MOST_SEARCHED = 12
@@ -185,12 +186,12 @@ def _in_other_worlds(analysed: SampledStage, shared: Shared) -> Iterator[Finding
             unstable = (worst.s.real, corner)
         if swings is not None and (ringing is None or swings.damping_ratio < ringing[0]):
             ringing = (swings.damping_ratio, corner)
-    name = analysed.stage.name
+    name, task = analysed.stage.name, shared.context.loaded.task
     if unstable is not None:
         corner, modes = _decisive(
             shared.context, analysed, unstable[1], lambda modes: modes[0].s.real
         )
-        text = f"stage {name!r} is unstable in a world that `vary` allows, {named(corner)}"
+        text = f"stage {name!r} is unstable in a world that `vary` allows, {named(task, corner)}"
         yield from _findings(
             analysed, modes, modes[0], shared, "TS503", Severity.ERROR, text, corner
         )
@@ -198,7 +199,7 @@ def _in_other_worlds(analysed: SampledStage, shared: Shared) -> Iterator[Finding
         corner, modes = _decisive(shared.context, analysed, ringing[1], _undamped)
         swings = ringing_of(modes)
         assert swings is not None
-        text = f"stage {name!r} rings in a world that `vary` allows, {named(corner)}"
+        text = f"stage {name!r} rings in a world that `vary` allows, {named(task, corner)}"
         yield from _findings(
             analysed, modes, swings, shared, "TS504", Severity.WARNING, text, corner
         )
@@ -310,7 +311,7 @@ def describe(mode: Mode, period: float) -> str:
     if mode.frequency > 0.4 / period:
         size = number(abs(mode.z), 3)
         return f"is predicted to flip from tick to tick, each time {size} times as far"
-    swings = f"ring at {show(mode.frequency, 'Hz', 3)}" if mode.frequency > 0 else "run away"
+    swings = f"ring at {show(mode.frequency, FREQUENCY, 3)}" if mode.frequency > 0 else "run away"
     time = math.log(2) / abs(rate) if rate else math.inf
     if rate > 0:
         return f"is predicted to {swings} and to double every {_time(time)}"
@@ -326,22 +327,14 @@ def on_axis(axis: str) -> str:
 
 
 def _time(seconds: float) -> str:
-    return show(seconds, "ms" if seconds < 1 else "s", 2)
+    return scaled(seconds, TIME, 2)
 
 
-def named(corner: Corner) -> str:
-    """The values of a corner, as the file would have them."""
+def named(task: Task, corner: Corner) -> str:
+    """The values of a corner, as the file of the task would have them."""
     parts = []
     for (path, index), value in corner.values.items():
         component = "" if index is None else f"[{index}]"
-        parts.append(f"{path}{component} = {_value(path, value)}")
+        shown = scaled(value, task.dimensions_of(path)[index or 0], 3)
+        parts.append(f"{path}{component} = {shown}")
     return ", ".join(parts)
-
-
-def _value(path: str, value: float) -> str:
-    key = path.rsplit(".", 1)[1]
-    units = {
-        "stiffness": "kN/m", "damping": "N*s/m", "mass": "kg", "inertia": "kg*m^2", "rpy": "deg",
-        "joint_damping": "N*m*s/rad", "delay": "ms", "filter": "Hz",
-    }  # fmt: skip
-    return show(value, units[key], 3)
