@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 
 # Reports of test runs go without a still: drawing takes longer than most runs do.
 os.environ.setdefault("MUJOCO_GL", "disable")
+# As for the command line: threads wait for each other longer than small matrices take.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
 import pytest
@@ -49,6 +51,16 @@ class SimulatedTask:
 
 
 Simulate = Callable[..., SimulatedTask]
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Tests that share a fixture of their module go to one process, so that it is made once."""
+    for item in items:
+        fixtures: Mapping[str, Sequence[pytest.FixtureDef[object]]]
+        fixtures = item._fixtureinfo.name2fixturedefs  # type: ignore[attr-defined]
+        if any(each[-1].scope == "module" for each in fixtures.values()):
+            item.add_marker(pytest.mark.xdist_group(item.path.stem))
 
 
 @pytest.fixture

@@ -1,13 +1,21 @@
 """Golden diagnostics: what each file of `err/` is told, kept beside it as `.out`.
 
+A file is examined once in a process, however many tests look at what is found in it: those about
+the same file go to the same process (`of_files`).
+
 Run this file to write them anew after a change of wording, then read the difference.
 """
 
 from __future__ import annotations
 
+import re
+from collections.abc import Iterable, Mapping
+from functools import cache, lru_cache
 from pathlib import Path
 
-from taskspec.examination import check_task
+import pytest
+
+from taskspec.examination import Examination, examine
 from taskspec.spec import load_task
 from taskspec.text.diagnostic import Diagnostic, SpecError
 from taskspec.text.render import render
@@ -16,18 +24,36 @@ from taskspec.text.source import Source
 FOLDER = Path(__file__).parent
 ERRORS = sorted((FOLDER / "err").glob("*.yaml"))
 GOOD = sorted((FOLDER / "ok").glob("*.yaml"))
+_FINDING = re.compile(r"^(?:\S+: )?(error|warning|info)\[(TS\d{3})\]: ", re.MULTILINE)
 
 
-def diagnostics_of(path: Path) -> tuple[tuple[Diagnostic, ...], dict[str, Source]]:
+def of_files(paths: Iterable[Path]) -> pytest.MarkDecorator:
+    """Parametrises a test by files of the corpus, as `path`."""
+    params = [pytest.param(p, id=p.stem, marks=pytest.mark.xdist_group(p.stem)) for p in paths]
+    return pytest.mark.parametrize("path", params)
+
+
+@lru_cache(maxsize=4)
+def examined(path: Path) -> Examination:
+    """Return a file's task with everything that is found about it.
+
+    Raises:
+        SpecError: it does not read without an error.
+    """
+    return examine(load_task(path, overrides_of(path)))
+
+
+@cache
+def diagnostics_of(path: Path) -> tuple[tuple[Diagnostic, ...], Mapping[str, Source]]:
     """Return everything that is found about a task, and the texts it refers to.
 
     What needs robot and start is found only in a file that reads without an error.
     """
     try:
-        loaded = load_task(path, overrides_of(path))
+        examination = examined(path)
     except SpecError as error:
-        return error.diagnostics, dict(error.sources)
-    return check_task(loaded), dict(loaded.sources)
+        return error.diagnostics, error.sources
+    return examination.findings, examination.loaded.sources
 
 
 def reading_of(path: Path) -> tuple[Diagnostic, ...]:
@@ -46,6 +72,11 @@ def rendered(path: Path) -> str:
     """Return the diagnostics of a file as they are shown, independent of where it lies."""
     diagnostics, sources = diagnostics_of(path)
     return render(diagnostics, sources).replace(str(path), path.name) + "\n"
+
+
+def expected(path: Path) -> list[tuple[str, str]]:
+    """Return severity and code of each finding that the golden file of a task has."""
+    return _FINDING.findall(path.with_suffix(".out").read_text(encoding="utf-8"))
 
 
 if __name__ == "__main__":

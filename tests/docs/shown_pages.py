@@ -13,15 +13,17 @@ Run this file to write the blocks anew after a change of wording; then read the 
 
 from __future__ import annotations
 
-import os
 import re
 import shlex
-import subprocess
-import sys
 import tempfile
 from collections.abc import Iterator
+from contextlib import chdir
 from dataclasses import dataclass
 from pathlib import Path
+
+from typer.testing import CliRunner
+
+from taskspec_runner.cli import app
 
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"
@@ -79,18 +81,10 @@ def said(command: str, folder: Path) -> str:
     command, *headings = command.split(" | ")
     name, *arguments = shlex.split(command)
     assert name == "taskspec", command
-    paths = [str(ROOT), str(ROOT / "runner"), os.environ.get("PYTHONPATH", "")]
-    done = subprocess.run(
-        [sys.executable, "-m", "taskspec_runner", *arguments],
-        cwd=folder,
-        env={**os.environ, "PYTHONPATH": os.pathsep.join(paths), "COLUMNS": "120"},
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-        check=False,
-    )
-    assert done.returncode in (0, 1), done.stdout
-    text = "".join(f"{line.rstrip()}\n" for line in _PACE.sub("", done.stdout).splitlines())
+    with chdir(folder):
+        done = CliRunner().invoke(app, arguments, env={"COLUMNS": "120"}, prog_name=name)
+    assert done.exit_code in (0, 1), done.output
+    text = "".join(f"{line.rstrip()}\n" for line in _PACE.sub("", done.output).splitlines())
     for heading in headings:
         text = _section(text, heading)
     left_out = "...\n" if headings else ""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import replace
 
 import numpy as np
@@ -61,19 +62,26 @@ class Arm:
         J[3:] *= ARM_LENGTH
         return float(np.sqrt(np.linalg.det(J @ J.T)))
 
-    def moved(self, q, way, sense):
-        """q after `way` [rad] along the null space, joint `sense` rising first; the tip at rest."""
+    def way(self, q, step, sense):
+        """q after every `step` [rad] along the null space, joint `sense` rising first; tip at rest.
+
+        Where a step is negative, the joint falls first.
+        """
         pose, last, q = self.pose(q), np.eye(N)[sense], q.copy()
-        for _ in range(200):
+        while True:
             z = np.linalg.svd(self.jacobian(q))[2][-1]
             last = z if z @ last > 0 else -z
-            q += way / 200 * last
+            q += step * last
             for _ in range(3):
                 now = self.pose(q)
                 turn = pin.log3(pose.rotation @ now.rotation.T)
                 miss = np.concatenate([pose.translation - now.translation, turn])
                 q += np.linalg.pinv(self.jacobian(q)) @ miss
-        return q
+            yield q.copy()
+
+    def moved(self, q, way, sense):
+        """q after `way` [rad] along the null space."""
+        return next(itertools.islice(self.way(q, way / 200, sense), 199, None))
 
 
 PRESS = """
@@ -173,10 +181,8 @@ def test_joint_limits_alone_draw_the_arm_away(simulate, panda, joint, side):
     """From 0.1 rad before a limit, where the pull is 0.32 rad; the tip stays."""
     lower, upper = panda.limits
     limit = (upper if side > 0 else lower)[joint]
-    way, q = 0.0, MIDDLE
-    while abs(limit - q[joint]) > 0.1:
-        way += 0.02 * side
-        q = panda.moved(MIDDLE, way, joint)
+    way = panda.way(MIDDLE, 5e-3 * side, joint)
+    q = next(q for q in way if abs(limit - q[joint]) <= 0.1)
     Q, error = at_rest(simulate, "joint-limits", q)
     away = np.abs(limit - Q[:, joint])
     assert away[0] < 0.1

@@ -24,22 +24,16 @@ from taskspec_runner.cli.run import run_task
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "corpus"))
 
-from golden import ERRORS, overrides_of
+from golden import ERRORS, examined, expected, of_files, overrides_of
 
 Codes = list[str]
-EXAMINE, ADMIT = examination.examine, compiler.admit
-_FINDING = re.compile(r"^(?:\S+: )?(error|warning|info)\[(TS\d{3})\]: ", re.MULTILINE)
+ADMIT = compiler.admit
 #: Worlds that `vary` allows are not that of a run.
 OF_OTHER_WORLDS = "TS503"
 
 
-def golden(path: Path) -> list[tuple[str, str]]:
-    """Severity and code of everything that `validate` finds in a file."""
-    return _FINDING.findall(path.with_suffix(".out").read_text(encoding="utf-8"))
-
-
 def against(path: Path) -> Codes:
-    return [c for severity, c in golden(path) if severity == "error" and c != OF_OTHER_WORLDS]
+    return [c for severity, c in expected(path) if severity == "error" and c != OF_OTHER_WORLDS]
 
 
 REFUSED = [path for path in ERRORS if against(path)]
@@ -47,9 +41,8 @@ REFUSED = [path for path in ERRORS if against(path)]
 
 @dataclass
 class Gate:
-    """What comes to the gate in a test, and what it does by force."""
+    """What the gate makes of a file by force."""
 
-    examined: Examination | None = None
     forced: Program | SpecError | None = None
 
 
@@ -59,8 +52,9 @@ def gate(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Gate:
     gate = Gate()
 
     def examine(loaded: LoadedTask) -> Examination:
-        gate.examined = gate.examined or EXAMINE(loaded)
-        return gate.examined
+        assert loaded.path is not None
+        assert loaded.overrides == overrides_of(loaded.path)
+        return examined(loaded.path)
 
     def admit(examined: Examination, *, force: bool = False) -> Program:
         try:
@@ -85,11 +79,11 @@ def gate(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Gate:
     return gate
 
 
-@pytest.mark.parametrize("path", REFUSED, ids=lambda path: path.stem)
+@of_files(REFUSED)
 def test_what_python_refuses_the_command_line_refuses(
     path: Path, gate: Gate, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    codes = [code for _, code in golden(path)]
+    codes = [code for _, code in expected(path)]
     overrides = overrides_of(path)
     with pytest.raises(SpecError) as caught:
         taskspec_runner.run(load(path, overrides))

@@ -6,15 +6,13 @@ import re
 import sys
 from pathlib import Path
 
-import pytest
-
 from taskspec.text.codes import CODES
 from taskspec.text.diagnostic import Diagnostic
 from taskspec.text.source import Source
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "corpus"))
 
-from golden import ERRORS, GOOD, diagnostics_of, reading_of, rendered
+from golden import ERRORS, GOOD, diagnostics_of, expected, of_files, reading_of, rendered
 
 #: A tool's sizes are asked for when a file is read, so no file comes as far as this one.
 FROM_CODE_ALONE = {"TS407"}
@@ -26,21 +24,17 @@ WITHOUT_A_HINT = {
 }  # fmt: skip
 
 
-def name(path: Path) -> str:
-    return path.stem
-
-
-@pytest.mark.parametrize("path", GOOD, ids=name)
+@of_files(GOOD)
 def test_good_file_loads_without_a_word(path: Path) -> None:
     assert reading_of(path) == ()
 
 
-@pytest.mark.parametrize("path", ERRORS, ids=name)
+@of_files(ERRORS)
 def test_diagnostics_are_the_golden_ones(path: Path) -> None:
     assert rendered(path) == path.with_suffix(".out").read_text(encoding="utf-8")
 
 
-@pytest.mark.parametrize("path", ERRORS, ids=name)
+@of_files(ERRORS)
 def test_diagnostics_are_sorted_and_told_once(path: Path) -> None:
     diagnostics, _ = diagnostics_of(path)
     places = [(d.span.line, d.span.column) if d.span else (0, 0) for d in diagnostics]
@@ -48,7 +42,7 @@ def test_diagnostics_are_sorted_and_told_once(path: Path) -> None:
     assert len(set(diagnostics)) == len(diagnostics)
 
 
-@pytest.mark.parametrize("path", ERRORS, ids=name)
+@of_files(ERRORS)
 def test_every_place_lies_in_the_text(path: Path) -> None:
     diagnostics, sources = diagnostics_of(path)
     for diagnostic in diagnostics:
@@ -66,7 +60,7 @@ def assert_inside(diagnostic: Diagnostic, source: Source) -> None:
 
 
 def test_every_code_has_a_file_that_shows_it() -> None:
-    shown = {d.code for path in ERRORS for d in diagnostics_of(path)[0]}
+    shown = {code for path in ERRORS for _, code in expected(path)}
     assert sorted(set(CODES) - shown - FROM_CODE_ALONE) == []
 
 
@@ -79,7 +73,7 @@ def test_every_code_is_in_the_table() -> None:
     assert sorted(set(CODES) - used) == []
 
 
-@pytest.mark.parametrize("path", ERRORS, ids=name)
+@of_files(ERRORS)
 def test_file_shows_the_code_that_it_is_named_after(path: Path) -> None:
     if named := re.match(r"TS\d{3}", path.stem):
         assert named[0] in {d.code for d in diagnostics_of(path)[0]}
@@ -105,7 +99,7 @@ HEADLINE = re.compile(
 )
 
 
-def expected(path: Path) -> list[tuple[str, int, int, str, str]]:
+def positions(path: Path) -> list[tuple[str, int, int, str, str]]:
     """What the golden file says of one: file, line, column, severity and code of each finding."""
     text = path.with_suffix(".out").read_text(encoding="utf-8")
     found = [
@@ -117,7 +111,7 @@ def expected(path: Path) -> list[tuple[str, int, int, str, str]]:
     return found
 
 
-@pytest.mark.parametrize("path", ERRORS, ids=name)
+@of_files(ERRORS)
 def test_every_finding_has_its_code_at_its_position(path: Path) -> None:
     diagnostics, _ = diagnostics_of(path)
     found = [
@@ -125,12 +119,12 @@ def test_every_finding_has_its_code_at_its_position(path: Path) -> None:
         for d in diagnostics
         if d.span is not None
     ]
-    assert found == expected(path)
+    assert found == positions(path)
 
 
 def test_there_are_bad_files_enough_and_each_is_told_something() -> None:
     assert len(ERRORS) >= 300
-    assert all(expected(path) or path.stem in WITHOUT_A_PLACE for path in ERRORS)
+    assert all(positions(path) or path.stem in WITHOUT_A_PLACE for path in ERRORS)
 
 
 def test_every_code_has_its_own_bad_file() -> None:
@@ -139,7 +133,7 @@ def test_every_code_has_its_own_bad_file() -> None:
     assert sorted(set(CODES) - named - FROM_CODE_ALONE) == []
 
 
-@pytest.mark.parametrize("path", ERRORS, ids=name)
+@of_files(ERRORS)
 def test_errors_and_warnings_say_how_to_mend(path: Path) -> None:
     """Findings without a hint are those that name what is wrong and where, and need no more."""
     diagnostics, _ = diagnostics_of(path)
