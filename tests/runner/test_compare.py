@@ -20,6 +20,7 @@ from taskspec_runner.cli import app
 from taskspec_runner.compare import read_comparison
 from taskspec_runner.compare.overlay import COLOURS, overlay, role
 from taskspec_runner.compare.picture import HERE
+from taskspec_runner.compare.summary import largest
 from taskspec_runner.compare.tracking import best, force_axes, tracking
 from taskspec_runner.record.log import read_log
 
@@ -206,6 +207,12 @@ def test_worst_axis_of_each_kind() -> None:
     assert told["torque"]["axis"] == "rx"
     assert (told["duration"], told["planned"], told["peak_force"]) == (2.5, False, 9.0)
     assert tracking(closed, forces)["a"]["force"]["final_error"] == 4
+
+
+def test_a_peak_that_is_not_finite_has_no_number() -> None:
+    assert largest([1.0, 3.0, 2.0]) == 3.0
+    assert largest([1.0, None, None]) is None
+    assert largest([]) == 0.0
 
 
 def test_least_is_sought_among_those_that_went_through() -> None:

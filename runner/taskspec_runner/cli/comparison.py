@@ -68,10 +68,14 @@ def _laws(laws: list[Mapping[str, Any]]) -> Table:
             Text(law["outcome"], _STYLES.get(law["outcome"], "bold red")),
             Text(f"{law['met']} of {law['expected']}" if ran else "-"),
             Text(f"{law['duration']:.3f} s" if ran else "-"),
-            Text(_force(law["peak_force"]) if ran else "-"),
+            Text(_peak(law["peak_force"]) if ran else "-"),
             Text(law["reason"]),
         )
     return made
+
+
+def _peak(force: float | None) -> str:
+    return "not finite" if force is None else _force(force)
 
 
 def _stage(comparison: Comparison, stage: str) -> Table:

@@ -88,9 +88,15 @@ def _run(summary: Json, forces: Mapping[str, Sequence[str]]) -> dict[str, Any]:
         "duration": summary["duration"],
         "met": sum(e["passed"] for e in expectations),
         "expected": len(expectations),
-        "peak_force": max((p["force"] for p in summary["peaks"].values()), default=0.0),
+        "peak_force": largest([p["force"] for p in summary["peaks"].values()]),
         "stages": tracking(summary, forces),
     }
+
+
+def largest(forces: Sequence[float | None]) -> float | None:
+    """The largest of some forces [N]; None where one of them is not finite."""
+    known = [force for force in forces if force is not None]
+    return max(known, default=0.0) if len(known) == len(forces) else None
 
 
 def _expectations(attempts: Sequence[Attempt]) -> list[dict[str, Any]]:

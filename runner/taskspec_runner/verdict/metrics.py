@@ -95,5 +95,7 @@ def peaks(history: History, stages: Sequence[str]) -> dict[str, dict[str, float]
 
 
 def _largest(history: History, window: Mask, names: Sequence[str]) -> float:
-    parts = [history.columns[name][window] for name in names if name in history.columns]
+    columns = [history.columns[name][window] for name in names if name in history.columns]
+    # An axis that a stage does not have, on a planar arm in another frame, is not a number.
+    parts = [column for column in columns if not np.isnan(column).all()]
     return float(np.sqrt(np.max(sum(part**2 for part in parts)))) if parts else 0.0
