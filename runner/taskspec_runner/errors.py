@@ -13,7 +13,8 @@ class OutputError(Exception):
     """The run's folder cannot be written.
 
     Attributes:
-        path: what could not be written. reason: why.
+        path: what could not be written.
+        reason: why.
     """
 
     def __init__(self, path: Path, reason: str) -> None:

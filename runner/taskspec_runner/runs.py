@@ -57,7 +57,9 @@ class StageVisit:
     """One stay in a stage.
 
     Attributes:
-        stage: its name. number: 1 for the first visit. start, end: run time [s].
+        stage: its name.
+        number: 1 for the first visit.
+        start, end: run time [s].
         law, frame: under and in which it ran, empty where unknown.
         ended_by: the event that ended it, as the summary has it.
     """
@@ -111,7 +113,8 @@ class Window:
         """The ticks in a stage.
 
         Args:
-            stage: its name. start, end: into each visit of it [s]; `end` itself is left out.
+            stage: its name.
+            start, end: into each visit of it [s]; `end` itself is left out.
             visit: 1 for the first visit, and so on; None for all of them.
 
         Raises:
@@ -159,7 +162,8 @@ class Run(Window):
         """A run with the parts that are at hand.
 
         Args:
-            folder: of the run. content: of the task file.
+            folder: of the run.
+            content: of the task file.
             manifest, summary, history, program, damage: see there.
         """
         self.folder = folder

@@ -39,7 +39,8 @@ class Glimpse:
     """A run as it goes on.
 
     Attributes:
-        clock: simulated time [s]. stage: the current one.
+        clock: simulated time [s].
+        stage: the current one.
         axis: the first axis with a force set point, empty if there is none; force, reference:
             measured and wanted on it, as the robot applies them [N, N m].
         real_time_factor: simulated seconds in a second.

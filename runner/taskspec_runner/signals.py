@@ -21,7 +21,8 @@ class LoggedSignal(np.ndarray[tuple[int], np.dtype[np.float64]]):
     worked out.
 
     Attributes:
-        name: in the log. unit: of the values, empty for a plain number.
+        name: in the log.
+        unit: of the values, empty for a plain number.
     """
 
     name: str

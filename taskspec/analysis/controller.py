@@ -38,8 +38,9 @@ class LinearController:
     """u and memory' per q, q', measured wrench, measured reactions and memory.
 
     Attributes:
-        torque: (n, 2n + 6 + e + m). memory: (m, 2n + 6 + e + m); m slots of memory on which a
-            later torque depends. slots: their numbers.
+        torque: (n, 2n + 6 + e + m).
+        memory: (m, 2n + 6 + e + m); m slots of memory on which a later torque depends.
+        slots: their numbers.
         finite: whether the torque has a derivative.
     """
 

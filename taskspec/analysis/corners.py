@@ -25,7 +25,8 @@ class Uncertain:
     """One component that varies.
 
     Attributes:
-        path: of the value in the file. index: of the component, None for a single number.
+        path: of the value in the file.
+        index: of the component, None for a single number.
         values: that are tried, the ends and for a stiffness the middle [SI].
     """
 
@@ -39,7 +40,8 @@ class Corner:
     """One world.
 
     Attributes:
-        values: by component, as in `Uncertain`. task: with these values.
+        values: by component, as in `Uncertain`.
+        task: with these values.
     """
 
     values: Mapping[tuple[str, int | None], float]
@@ -59,7 +61,8 @@ def corners(context: Context, objects: Sequence[str], budget: Budget) -> Iterato
     """The worlds to try for a stage.
 
     Args:
-        context: the task. objects: that the stage touches or holds.
+        context: the task.
+        objects: that the stage touches or holds.
         budget: of worlds; where all are more than that, one value varies at a time.
     """
     parts = list(_uncertain(context, objects))

@@ -31,7 +31,8 @@ def linear_plant(
     """The plant at the start pose.
 
     Args:
-        context: of the nominal task. task: whose world and robot are the true ones.
+        context: of the nominal task.
+        task: whose world and robot are the true ones.
         pressed: what the robot applies to each contact that is there [N]: into a shape, along the
             unit gradient of an equation.
         sticking: whether friction is below its limit, and holds the tool; else there is none.

@@ -21,7 +21,9 @@ class Family:
     three compiled stages say them all.
 
     Attributes:
-        sampled: the stage as it is. controllers: at `_AT` times its gain. inverse: in 1/gain.
+        sampled: the stage as it is.
+        controllers: at `_AT` times its gain.
+        inverse: in 1/gain.
     """
 
     sampled: SampledStage

@@ -21,8 +21,10 @@ def friction_rows(context: Context, task: Task, name: str, c: int) -> Rows:
     """Two dampers under every sphere of the tool, along directions across the normal.
 
     Args:
-        context: of the nominal task. task: whose world and robot are the true ones.
-        name: of a shape that the tool touches. c: coordinates of the plant.
+        context: of the nominal task.
+        task: whose world and robot are the true ones.
+        name: of a shape that the tool touches.
+        c: coordinates of the plant.
     """
     robot, n, shape = context.robot, context.robot.pin.nv, task.shapes[name]
     period = 1.0 / task.control.plant_rate

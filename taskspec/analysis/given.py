@@ -18,7 +18,10 @@ def gain_path(context: Context, stage: str, what: str, on: str) -> KeyPath:
     """Where the file has a gain on an axis, a joint or an equation.
 
     Args:
-        context: the task. stage: its name. what: the gain. on: what it is of.
+        context: the task.
+        stage: its name.
+        what: the gain.
+        on: what it is of.
     """
     axis = as_axis(on)
     entry = None if axis is None else context.loaded.task.stages[stage].axes.get(axis)
@@ -55,7 +58,10 @@ def together(context: Context, sampled: SampledStage, what: str, on: str) -> tup
     same number, since the number that would replace it would be theirs too.
 
     Args:
-        context: the task. sampled: the stage. what: the gain. on: an axis, a joint or an equation.
+        context: the task.
+        sampled: the stage.
+        what: the gain.
+        on: an axis, a joint or an equation.
     """
     by = sampled.stage.plan.gains[what]
     if what == "joint_damping":

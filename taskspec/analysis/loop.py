@@ -41,7 +41,8 @@ class Mode:
     """One eigenvalue of the closed loop.
 
     Attributes:
-        z: over one period of control. s: ln(z)/T [1/s].
+        z: over one period of control.
+        s: ln(z)/T [1/s].
         shape: (n,) amplitudes of the joints.
     """
 
@@ -69,7 +70,9 @@ def one_step(
     which it can be (r), reactions (e), what the sensor remembers of the former, and memory (m).
 
     Args:
-        controller: the stage. plant: what it drives. sensor: between them.
+        controller: the stage.
+        plant: what it drives.
+        sensor: between them.
         samples: whether a sensor that holds takes a new sample in this period.
 
     Raises:
@@ -124,7 +127,10 @@ def modes(
     inner motion that nothing holds, coordinates that a force alone decides.
 
     Args:
-        controller: the stage. plant: what it drives. sensor: between them. period: T [s].
+        controller: the stage.
+        plant: what it drives.
+        sensor: between them.
+        period: T [s].
 
     Raises:
         UnfitError: the loop is too large, or has numbers without bounds.
@@ -152,7 +158,10 @@ def poles(
     It takes a fifth of the time of `modes`, which alone tells which of them are neutral.
 
     Args:
-        controller: the stage. plant: what it drives. sensor: between them. period: T [s].
+        controller: the stage.
+        plant: what it drives.
+        sensor: between them.
+        period: T [s].
 
     Raises:
         UnfitError: the loop is too large, or has numbers without bounds.

@@ -53,9 +53,12 @@ class Limit:
     """The largest or smallest value of something for which a stage is stable.
 
     Attributes:
-        what: the gain, or the object whose stiffness it is. on: axes, equations or joints whose
-            gain moves; empty for an object. value: at the boundary, on the first of them [SI].
-        now: as it is there. upper: stable below it. given: the value of now stands in the file.
+        what: the gain, or the object whose stiffness it is.
+        on: axes, equations or joints whose gain moves; empty for an object.
+        value: at the boundary, on the first of them [SI].
+        now: as it is there.
+        upper: stable below it.
+        given: the value of now stands in the file.
     """
 
     what: str
@@ -113,7 +116,8 @@ class Search:
     """What boundaries are looked for.
 
     Attributes:
-        context: the task. sampled: the stage as it is.
+        context: the task.
+        sampled: the stage as it is.
         task: whose world and robot are true; None for the nominal ones.
         good: what the modes are to be on the one side, and not on the other.
         reach: how far from its value anything is looked for, either way.
@@ -171,7 +175,8 @@ class Search:
         """The boundary of one gain nearest to its value; None without one within `reach`.
 
         Args:
-            what: the gain. on: axes or joints it is of.
+            what: the gain.
+            on: axes or joints it is of.
         """
         now = self.sampled.stage.plan.gains[what][on[0]]
         if now.value <= 0:

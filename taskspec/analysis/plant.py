@@ -55,9 +55,13 @@ class LinearPlant:
     """Arm, held mechanism and environment.
 
     Attributes:
-        n: joints of the arm. H: (n + c, n + c) inertia. damping: (n + c,) of the joints.
-        J: (6, n) of the tip, world axes. rows: the environment.
-        period: step of the plant [s]. steps: of them in one period of control.
+        n: joints of the arm.
+        H: (n + c, n + c) inertia.
+        damping: (n + c,) of the joints.
+        J: (6, n) of the tip, world axes.
+        rows: the environment.
+        period: step of the plant [s].
+        steps: of them in one period of control.
         tool: (6, 6) inertia of the tool about the tip, where the sensor feels it; else None.
         equations: how many the task has.
     """
@@ -129,7 +133,8 @@ def pressing(plant: LinearPlant, forces: Mapping[str, float]) -> LinearPlant:
     """A plant of unit forces under other ones: what turns with the pose grows with the force.
 
     Args:
-        plant: with 1 N or 1 N m on each contact. forces: what the robot applies to them.
+        plant: with 1 N or 1 N m on each contact.
+        forces: what the robot applies to them.
     """
     rows = tuple(
         replace(row, turning=forces[row.name] * row.turning, bending=forces[row.name] * row.bending)

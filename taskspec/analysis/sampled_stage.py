@@ -34,11 +34,13 @@ class SampledStage:
     """A stage as a sampled linear system.
 
     Attributes:
-        context: of the nominal task. stage: the compiled one, without limits and guards.
+        context: of the nominal task.
+        stage: the compiled one, without limits and guards.
         rotation: (3, 3) its frame at the start pose.
         pressed: what the robot applies to each contact at the equilibrium [N, N m].
         meets: the contact is one that the stage may come to, not one that it is in.
-        controller: its law. nominal: what it drives in the world of the file.
+        controller: its law.
+        nominal: what it drives in the world of the file.
         sticking: friction holds the tool; else it slides.
     """
 
@@ -61,7 +63,8 @@ class SampledStage:
         """Modes of the closed loop, the least stable first.
 
         Args:
-            task: whose world and robot are true. plant: that of `task`, if it is known.
+            task: whose world and robot are true.
+            plant: that of `task`, if it is known.
         """
         return modes(*self._loop(task, plant))
 
@@ -69,7 +72,8 @@ class SampledStage:
         """Poles of the closed loop, neutral chains among them; quicker than `modes`.
 
         Args:
-            task: whose world and robot are true. plant: that of `task`.
+            task: whose world and robot are true.
+            plant: that of `task`.
         """
         return poles(*self._loop(task, plant))
 

@@ -30,7 +30,9 @@ def braking_deceleration(
     gravity takes everything, or nothing limits the torque.
 
     Args:
-        torque_limit: (n,) [N m, N]. gravity: (n,) g. H: (n, n), both at the start pose.
+        torque_limit: (n,) [N m, N].
+        gravity: (n,) g.
+        H: (n, n), both at the start pose.
     """
     spare = np.maximum(torque_limit - np.abs(gravity), 0.0)
     return np.asarray(np.clip(BRAKING * spare / np.diag(H), *_DECELERATIONS))
@@ -56,8 +58,11 @@ def joint_accelerations(
     to be such that it can be taken back before w is there, by the same formula.
 
     Args:
-        q, v: (n,) measured [rad, m], [rad/s, m/s]. room: (n,) lower and upper position limit.
-        fastest: (n,) velocity limit. braking: (n,) a. period: T [s].
+        q, v: (n,) measured [rad, m], [rad/s, m/s].
+        room: (n,) lower and upper position limit.
+        fastest: (n,) velocity limit.
+        braking: (n,) a.
+        period: T [s].
         jerk: (n,) j, how fast accelerations can be changed; None for at once.
     """
     lower, upper = room
@@ -95,7 +100,8 @@ def approach(room: ca.SX, jerk: ca.SX | ca.DM | None, period: float) -> ca.SX:
     """Greatest rate at which `room` may be used up over this period so that it is never exceeded.
 
     Args:
-        room: left, negative beyond it. jerk: how fast the rate can be changed; None for at once.
+        room: left, negative beyond it.
+        jerk: how fast the rate can be changed; None for at once.
         period: T [s].
     """
     if jerk is None:
@@ -119,8 +125,11 @@ def highest_push(cap: float, force: ca.SX, closing: ca.SX, mass: ca.SX, stiffnes
     Free of damping, so the true contact stays below.
 
     Args:
-        cap: [N]. force: f, contact force now [N]. closing: s, velocity into the object [m/s].
-        mass: h along the normal [kg]. stiffness: nominal k of the contact [N/m].
+        cap: [N].
+        force: f, contact force now [N].
+        closing: s, velocity into the object [m/s].
+        mass: h along the normal [kg].
+        stiffness: nominal k of the contact [N/m].
     """
     left = ca.fmax(cap - force, NEAREST * cap)
     into = ca.fmax(closing, 0)

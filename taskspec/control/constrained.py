@@ -20,8 +20,11 @@ def multipliers(H_factor: ca.SX, bias: ca.SX, u: ca.SX, J_phi: ca.SX, gamma: ca.
     """lambda (m,) that keeps the constraint, (4.77).
 
     Args:
-        H_factor: (n, n) Cholesky factor of H. bias: (n,). u: (n,) joint torques.
-        J_phi: (m, n). gamma: (m,).
+        H_factor: (n, n) Cholesky factor of H.
+        bias: (n,).
+        u: (n,) joint torques.
+        J_phi: (m, n).
+        gamma: (m,).
     """
     Y = linear.forward(H_factor, J_phi.T)
     free = linear.forward(H_factor, bias - u)

@@ -61,8 +61,10 @@ def joint_limits(q: ca.SX, lower: Vector, upper: Vector, J_task: ca.SX, units: V
     """Pull (n,) along the null space away from joint limits; zero where none is near.
 
     Args:
-        q: (n,) joint positions. lower, upper: (n,) their limits [rad, m], infinite for none.
-        J_task: (m, n) Jacobian of the task, scaled. units: (n,) of `joint_units`.
+        q: (n,) joint positions.
+        lower, upper: (n,) their limits [rad, m], infinite for none.
+        J_task: (m, n) Jacobian of the task, scaled.
+        units: (n,) of `joint_units`.
     """
     return units * along_null_space(repulsion(q, lower, upper, units) / units, J_task)
 
@@ -100,8 +102,10 @@ def manipulability(J: ca.SX, axes: Sequence[Axis], J_task: ca.SX, units: Vector)
     With g = P grad ln w the pull is GAIN^2 g, bent so that it stays below MOST.
 
     Args:
-        J: (6, n) Jacobian of the tip, world axes. axes: its rows that the arm can move.
-        J_task: (m, n) Jacobian of the task, scaled. units: (n,) of `joint_units`.
+        J: (6, n) Jacobian of the tip, world axes.
+        axes: its rows that the arm can move.
+        J_task: (m, n) Jacobian of the task, scaled.
+        units: (n,) of `joint_units`.
     """
     pull = GAIN**2 * along_null_space(units * log_gradient(J, axes, units), J_task)
     return units * pull / ca.sqrt(1 + ca.sumsqr(pull) / MOST**2)
@@ -122,7 +126,8 @@ def log_gradient(J: ca.SX, axes: Sequence[Axis], units: Vector) -> ca.SX:
         w_j . sum_{i >= j} (v_i x a_i + w_i x b_i) + v_j . sum_{i < j} a_i x w_i.
 
     Args:
-        J: (6, n) world axes, joints in their order from the base. axes: rows that count.
+        J: (6, n) world axes, joints in their order from the base.
+        axes: rows that count.
         units: (n,) of `joint_units`.
     """
     rows = [AXES.index(a) for a in axes]

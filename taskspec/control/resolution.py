@@ -57,8 +57,9 @@ def full_acceleration(acceleration: ca.SX, state: TaskState, posture: ca.SX | No
     """q'' (n,) that gives the task its acceleration, J^bar (a* - J' q' - J q''_p) + q''_p.
 
     Args:
-        acceleration: (m,) a*. state: the arm. posture: (n,) q''_p, None where the arm is not
-            redundant.
+        acceleration: (m,) a*.
+        state: the arm.
+        posture: (n,) q''_p, None where the arm is not redundant.
     """
     through = acceleration - state.drift
     if posture is not None:

@@ -25,7 +25,8 @@ def reached(stages: Mapping[str, Stage], start: set[str], without: str | None = 
     """The stages that a run in one of `start` may come to, `start` included.
 
     Args:
-        stages: of the task, in order. start: where to begin.
+        stages: of the task, in order.
+        start: where to begin.
         without: a stage that may be entered, but not left.
     """
     found, waiting = set(start), list(start)

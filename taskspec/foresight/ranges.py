@@ -166,8 +166,10 @@ class Driven:
     """What the first stage makes of the mechanism that the robot holds.
 
     Attributes:
-        signal: `angle` or `travel`. lasts: the longest that the stage may last [s].
-        way: what its velocity comes to by then [rad or m]. interval: of the coordinate.
+        signal: `angle` or `travel`.
+        lasts: the longest that the stage may last [s].
+        way: what its velocity comes to by then [rad or m].
+        interval: of the coordinate.
     """
 
     signal: str

@@ -94,7 +94,8 @@ class ControlLaw(ABC):
         """Stiffness with which a motion axis holds on to its reference [N/m].
 
         Args:
-            gains: on the axis, by name [SI]. mass: felt along it [kg].
+            gains: on the axis, by name [SI].
+            mass: felt along it [kg].
         """
         return gains["stiffness"] if "stiffness" in gains else mass * gains.get("K_P", 0.0)
 
@@ -112,7 +113,8 @@ class ControlLaw(ABC):
         """Where the force stands that a force loop settles at.
 
         Args:
-            moves: whether the axis has a velocity too. reached: whether it is the set point.
+            moves: whether the axis has a velocity too.
+            reached: whether it is the set point.
         """
         return "set point"
 
@@ -131,7 +133,8 @@ class ControlLaw(ABC):
         The integral of a loop without a spring has nothing that it works against.
 
         Args:
-            gains: on the axis, by name [SI]. missing: f_d - f [N].
+            gains: on the axis, by name [SI].
+            missing: f_d - f [N].
         """
         return math.inf
 
@@ -139,7 +142,8 @@ class ControlLaw(ABC):
         """What a motion on a force axis adds to its set point [N].
 
         Args:
-            gains: on the axis, by name [SI]. rate: of the motion [m/s].
+            gains: on the axis, by name [SI].
+            rate: of the motion [m/s].
         """
         return 0.0
 
@@ -147,7 +151,8 @@ class ControlLaw(ABC):
         """Mass that meets a surface along an axis [kg].
 
         Args:
-            gains: on the axis, by name. felt: the arm's own mass along it [kg].
+            gains: on the axis, by name.
+            felt: the arm's own mass along it [kg].
         """
         return felt
 
@@ -173,8 +178,10 @@ class ControlLaw(ABC):
         """Who sees to what is asked of an axis, in words.
 
         Args:
-            force: whether a force loop is on it. motion: whether its motion error is controlled.
-            open_loop: whether a force displaces its motion reference. soft: whether it is soft.
+            force: whether a force loop is on it.
+            motion: whether its motion error is controlled.
+            open_loop: whether a force displaces its motion reference.
+            soft: whether it is soft.
         """
         if force:
             return "force over motion" if motion else "force control"
@@ -188,7 +195,9 @@ def give_way(gains: Gains, axes: Sequence[str], against: str) -> list[float]:
     """k_I over what a force loop works against, by axis; alike where one of them is zero.
 
     Args:
-        gains: of the stage. axes: its force axes. against: name of the gain.
+        gains: of the stage.
+        axes: its force axes.
+        against: name of the gain.
     """
     integral, held = gains.get("force.integral", {}), gains.get(against, {})
     pairs = [(integral[a].value, held[a].value) for a in axes if a in integral and a in held]

@@ -103,7 +103,8 @@ class Follows(AxisMode):
         """How it follows the mechanism.
 
         Args:
-            stage: of the axis. axis: which.
+            stage: of the axis.
+            axis: which.
 
         Raises:
             UncoupledError: the geometry asks for no motion of this axis, or it is not known.

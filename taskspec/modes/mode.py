@@ -285,7 +285,8 @@ class AxisMode(ABC):
         """The cubics that its reference runs through, which fill its slot `segment`.
 
         Args:
-            start: coordinate that is handed over [m, rad]. rate: its rate [m/s, rad/s].
+            start: coordinate that is handed over [m, rad].
+            rate: its rate [m/s, rad/s].
         """
         return None
 
@@ -329,7 +330,8 @@ class AxisMode(ABC):
         """Displacement against time; None where that is not known.
 
         Args:
-            known: values of expressions. start: coordinate at the stage start [m, rad].
+            known: values of expressions.
+            start: coordinate at the stage start [m, rad].
         """
         return None
 
@@ -359,7 +361,9 @@ class AxisMode(ABC):
         """What it asks of an axis; empty where it asks for no motion.
 
         Args:
-            axis: which. rate: symbol of its rate. turns: whether its frame turns on the way.
+            axis: which.
+            rate: symbol of its rate.
+            turns: whether its frame turns on the way.
         """
 
     def defaults(self, axis: Axis) -> Iterator[tuple[str, str]]:  # noqa: ARG002

@@ -69,7 +69,8 @@ def mode_given(entry: object, *, rotation: bool) -> AxisMode | None:
     """The mode that an axis of a file gives; None where it gives none.
 
     Args:
-        entry: the axis, with the keys of the modes as attributes. rotation: whether it is one.
+        entry: the axis, with the keys of the modes as attributes.
+        rotation: whether it is one.
     """
     for own, mode in MODES.items():
         if getattr(entry, own, None) is not None:

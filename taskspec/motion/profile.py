@@ -23,7 +23,9 @@ def move(
 
     Args:
         start, velocity: initial position and velocity [m, m/s] or [rad, rad/s].
-        target: where it comes to rest. speed: limit, positive. rise: see `RISE_TIME` [s].
+        target: where it comes to rest.
+        speed: limit, positive.
+        rise: see `RISE_TIME` [s].
 
     Returns:
         Position against time [s] from the move's start; rests at `target` afterwards.
@@ -48,7 +50,8 @@ def timing(length: float, *, speed: float | None, time: float | None) -> Piecewi
     """The path parameter (0 to 1) against time [s], from rest to rest.
 
     Args:
-        length: of the path [m or rad]. speed: along it, or time: that it takes; one is given.
+        length: of the path [m or rad].
+        speed: along it, or time: that it takes; one is given.
     """
     if length <= _NOWHERE:
         return from_states([0.0, time or 1e-3], [(0.0, 0.0, 0.0), (1.0, 0.0, 0.0)])

@@ -22,7 +22,9 @@ class StageAtStart:
     """A stage that begins.
 
     Attributes:
-        context: the task. stage: compiled. rotation: (3, 3) its frame in the world.
+        context: the task.
+        stage: compiled.
+        rotation: (3, 3) its frame in the world.
         gap: to the nominal contact [m]; None where that is unknown.
         nearing: at which its object comes towards the tool at rest [m/s].
         coordinates: of the tip in its frame [m, rad]; None where they are unknown.

@@ -28,7 +28,8 @@ class Known:
     """What has been told of a stage before its duration.
 
     Attributes:
-        met: the impact. forces: equilibria by signal.
+        met: the impact.
+        forces: equilibria by signal.
         coordinate: of the held mechanism as it begins [rad, m]; None where that is unknown.
     """
 

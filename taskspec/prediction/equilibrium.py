@@ -38,7 +38,8 @@ def at_rest(here: StageAtStart, lasts: float | None, returned: ReturnedForces | 
     """Forces that a stage comes to and how deep its contacts are then.
 
     Args:
-        here: the stage. lasts: how long [s], where that is known.
+        here: the stage.
+        lasts: how long [s], where that is known.
         returned: under a program, what contacts return of its set points.
     """
     rest = Rest()

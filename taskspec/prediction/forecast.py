@@ -39,7 +39,8 @@ class Forecast:
         """When a guard first holds for certain [s], its dwell included; None where that is open.
 
         Args:
-            guard: of the stage. horizon: how far to look [s].
+            guard: of the stage.
+            horizon: how far to look [s].
         """
         tree = guard.tree
         node, dwell = (tree.x, tree.amount.value_si) if isinstance(tree, Held) else (tree, 0.0)
@@ -76,7 +77,8 @@ def coming(rates: Mapping[Axis, float], start: Mapping[Axis, float] | None) -> d
     """Positions of axes that go at constant rates [m/s, rad/s], held ones among them.
 
     Args:
-        rates: by axis. start: coordinates as the stage begins; of rotations they are zero.
+        rates: by axis.
+        start: coordinates as the stage begins; of rotations they are zero.
     """
     found: dict[str, Signal] = {}
     for axis, rate in rates.items():
@@ -98,7 +100,8 @@ def touching(here: StageAtStart, met: Impact, own: float) -> dict[str, Signal]:
     the contact and the spring behind the axis let the reference press.
 
     Args:
-        here: the stage, whose gap is known. met: the impact.
+        here: the stage, whose gap is known.
+        met: the impact.
         own: stiffness behind the axis [N/m]; infinite for a stiff one.
     """
     assert here.gap is not None
@@ -130,7 +133,9 @@ def arrival(here: StageAtStart, met: Impact, own: float) -> float:
     """When a stage comes to its surface [s].
 
     Args:
-        here: the stage. met: the impact. own: stiffness behind the axis [N/m].
+        here: the stage.
+        met: the impact.
+        own: stiffness behind the axis [N/m].
     """
     gap = (here.gap or 0.0) - here.nearing * LAG
     drags = (met.drag or 0.0) / own

@@ -36,7 +36,8 @@ def natural(here: StageAtStart, foreseen: StagePrediction) -> tuple[Natural, ...
     """One constraint for each axis of a stage, as it begins.
 
     Args:
-        here: the stage. foreseen: what it is expected to do.
+        here: the stage.
+        foreseen: what it is expected to do.
     """
     rows = reactions(here, foreseen)
     axes = here.stage.plan.axes
@@ -125,7 +126,8 @@ def reduced(
     """Rows of constraints with the identity on some of the axes, by Gauss and Jordan.
 
     Args:
-        A: (k, m) rows on the velocities of m axes. axes: their names.
+        A: (k, m) rows on the velocities of m axes.
+        axes: their names.
         wanted: those that are to be decided rather than others.
 
     Returns:

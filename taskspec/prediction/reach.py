@@ -19,7 +19,8 @@ class Bearing:
     """Contacts that a stage presses on or yields to.
 
     Attributes:
-        names: of the objects. normals: (3, k) outward, in the stage's axes.
+        names: of the objects.
+        normals: (3, k) outward, in the stage's axes.
         friction: the largest coefficient among them.
     """
 

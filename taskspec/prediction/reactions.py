@@ -30,9 +30,12 @@ class Reactions:
     """Unit wrenches that the world returns.
 
     Attributes:
-        W: (6, r) in the stage's axes. names: (r,) what returns each. states: (r,). sides: (r,) the
-            velocity's sign that it lets pass along its column, 0 for none.
-        friction: by object. turning: objects whose direction changes in the stage's axes.
+        W: (6, r) in the stage's axes.
+        names: (r,) what returns each.
+        states: (r,).
+        sides: (r,) the velocity's sign that it lets pass along its column, 0 for none.
+        friction: by object.
+        turning: objects whose direction changes in the stage's axes.
     """
 
     W: Vector
@@ -47,7 +50,8 @@ def reactions(here: StageAtStart, foreseen: StagePrediction) -> Reactions:
     """All that the world returns to the control point as a stage begins.
 
     Args:
-        here: the stage. foreseen: what it is expected to do.
+        here: the stage.
+        foreseen: what it is expected to do.
     """
     columns: list[Vector] = []
     names: list[str] = []

@@ -37,7 +37,9 @@ def span_of(
     None where it depends on anything but params and time, or is no number.
 
     Args:
-        context: the task. expression: of the set point. lasts: the stage [s], if that is known.
+        context: the task.
+        expression: of the set point.
+        lasts: the stage [s], if that is known.
     """
     times = np.linspace(0.0, _LONGEST if lasts is None else lasts, _LOOKS)
     found = [known_value(context, expression, {"t": float(t)}) for t in times]
@@ -57,7 +59,9 @@ def settled(
     with its limit beyond.
 
     Args:
-        here: the stage. on: its contacts. wanted: set points of its force axes [N].
+        here: the stage.
+        on: its contacts.
+        wanted: set points of its force axes [N].
     """
     found = here.stage.plan.law.control_law.gives_way(here.stage.plan.gains, [*wanted])
     if found is None:
@@ -83,7 +87,8 @@ def drift(here: StageAtStart, missing: Mapping[Axis, float]) -> float:
     """Speed to which loops drive the tool along what returns no more force [m/s]; may be infinite.
 
     Args:
-        here: the stage. missing: f_d - f by force axis [N].
+        here: the stage.
+        missing: f_d - f by force axis [N].
     """
     unreturned = {axis: _pull(here, axis) + f for axis, f in missing.items()}
     if all(abs(f) < _NOTHING for f in unreturned.values()):

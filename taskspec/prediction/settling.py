@@ -40,7 +40,8 @@ def settling(sampled: SampledStage, modes: Sequence[Mode]) -> dict[str, Settling
     stage that is unstable.
 
     Args:
-        sampled: the stage. modes: its own, the least stable first.
+        sampled: the stage.
+        modes: its own, the least stable first.
     """
     if any(grows(mode) for mode in modes):
         return {}

@@ -46,7 +46,8 @@ def behind(here: StageAtStart, normals: Vector) -> tuple[Axis, float] | None:
     None where no such axis is planned to, or the place of its reference is not known.
 
     Args:
-        here: the stage. normals: (3, 1) of its contact, outward, in the stage's axes.
+        here: the stage.
+        normals: (3, 1) of its contact, outward, in the stage's axes.
     """
     for axis, plan in here.stage.plan.plans.items():
         if along(normals, axis) is None or plan.force:
@@ -78,7 +79,9 @@ def push(depth: float, own: float, world: World) -> float:
     """What a contact bears [N] with the reference `depth` [m] behind its nominal surface.
 
     Args:
-        depth: [m]. own: yielding of the law's springs [m/N]. world: where the surface is.
+        depth: [m].
+        own: yielding of the law's springs [m/N].
+        world: where the surface is.
     """
     return max(depth - world.farther, 0.0) / (1 / world.stiffness + own)
 
@@ -87,6 +90,8 @@ def spring_behind(here: StageAtStart, axis: Axis, mass: float) -> float:
     """Stiffness with which a motion axis holds on to its reference [N/m].
 
     Args:
-        here: the stage. axis: a translation. mass: felt along it [kg].
+        here: the stage.
+        axis: a translation.
+        mass: felt along it [kg].
     """
     return here.stage.plan.law.control_law.spring(on_axis(here.stage.plan.gains, axis), mass)

@@ -26,7 +26,8 @@ class Extreme:
     """What becomes of a quantity in the world of `vary` that is worst for it.
 
     Attributes:
-        value: there [SI]. values: of that world; what makes no difference is left out.
+        value: there [SI].
+        values: of that world; what makes no difference is left out.
     """
 
     value: float
@@ -63,8 +64,11 @@ class Depth:
     """How far a contact is pressed in at the equilibrium.
 
     Attributes:
-        on: the object or equation. push: what it bears [N, N m]. depth: push / stiffness [m, rad].
-        angular: on joints, so that it is an angle. worst: deepest in a world that `vary` allows.
+        on: the object or equation.
+        push: what it bears [N, N m].
+        depth: push / stiffness [m, rad].
+        angular: on joints, so that it is an angle.
+        worst: deepest in a world that `vary` allows.
     """
 
     on: str
@@ -80,7 +84,8 @@ class Settling:
 
     Attributes:
         time_constant: in which it falls to 1/e [s]; infinite where it does not die away.
-        frequency: of its swinging [Hz]; 0 where it does not swing. damping_ratio: of that mode.
+        frequency: of its swinging [Hz]; 0 where it does not swing.
+        damping_ratio: of that mode.
     """
 
     time_constant: float
@@ -98,8 +103,12 @@ class Impact:
     """A stage that meets its surface: a mass at a speed on a spring, v sqrt(h k).
 
     Attributes:
-        contact: what it meets. axis: on which. speed: closing [m/s]. mass: that strikes [kg].
-        stiffness: of the contact [N/m]. damping: of it [N s/m].
+        contact: what it meets.
+        axis: on which.
+        speed: closing [m/s].
+        mass: that strikes [kg].
+        stiffness: of the contact [N/m].
+        damping: of it [N s/m].
         drag: of a law whose damper acts on the velocity itself [N s/m]: its spring runs ahead by
             drag speed / stiffness and pushes on; 0 for other laws, None where it is not known.
         worst: in the world of `vary` with the stiffest contact.
@@ -130,8 +139,9 @@ class Duration:
     """How long a stage or a task lasts.
 
     Attributes:
-        expected: [s]; None where nothing tells. most: [s] after which it is over whatever happens;
-            None where nothing bounds it. why: what it follows from, in words.
+        expected: [s]; None where nothing tells.
+        most: [s] after which it is over whatever happens; None where nothing bounds it.
+        why: what it follows from, in words.
     """
 
     expected: float | None
@@ -152,12 +162,14 @@ class Natural:
     """What the world imposes on one axis.
 
     Attributes:
-        axis: of the stage's frame. decides: `velocity` or `force`.
+        axis: of the stage's frame.
+        decides: `velocity` or `force`.
         terms: (axis, factor) of the sum that it equals; none for zero.
         by: the object, equation or mechanism; empty where there is nothing.
-        state: whether that is there. pushes: the sign of the velocity that it lets pass; 0 if none.
-        friction: coefficient with which it rubs along this axis. against: the axis whose force
-            presses there; empty without friction.
+        state: whether that is there.
+        pushes: the sign of the velocity that it lets pass; 0 if none.
+        friction: coefficient with which it rubs along this axis.
+        against: the axis whose force presses there; empty without friction.
         effort: factor of the mechanism's own force or moment in the sum.
         turns: the direction is that where the stage, or the run, begins, and changes on the way.
     """
@@ -179,7 +191,8 @@ class Selection:
     """Bases of what a law controls, in the axes of the stage's frame: S_f^T S_v = 0.
 
     Attributes:
-        axes: (m,) names of the rows. force: (m, r) S_f, wrenches by unit set points [1, m].
+        axes: (m,) names of the rows.
+        force: (m, r) S_f, wrenches by unit set points [1, m].
         motion: (m, k) S_v, twists by rates of its motion loops.
         soft: axes with a spring of their own, which are in neither.
     """
@@ -195,12 +208,15 @@ class StagePrediction:
     """What one stage is expected to do.
 
     Attributes:
-        equilibrium: by signal, in the order of its axes. depths: by object or equation.
-        settling: by axis, equation or `null space`. impact: where it meets its surface.
+        equilibrium: by signal, in the order of its axes.
+        depths: by object or equation.
+        settling: by axis, equation or `null space`.
+        impact: where it meets its surface.
         duration: of one visit.
         drift: speed at which set points that nothing returns drive the tool along [m/s]: infinite
             where it only grows, 0 where all are returned.
-        natural: what the world imposes on each axis. selection: matrices of a law that selects.
+        natural: what the world imposes on each axis.
+        selection: matrices of a law that selects.
     """
 
     name: str
@@ -219,7 +235,8 @@ class TaskPrediction:
     """What a task is expected to do.
 
     Attributes:
-        stages: in the order of the file. duration: of the way through them that is planned.
+        stages: in the order of the file.
+        duration: of the way through them that is planned.
     """
 
     stages: tuple[StagePrediction, ...]

@@ -25,7 +25,8 @@ class World:
     """One corner as a contact shows it.
 
     Attributes:
-        values: of the components that vary. stiffness: of the contact [N/m].
+        values: of the components that vary.
+        stiffness: of the contact [N/m].
         farther: how much farther from the tool its surface is than nominal [m].
     """
 
@@ -56,7 +57,9 @@ def extreme(
     """The world in which `size` of a quantity is largest; None where none changes it.
 
     Args:
-        context: the task. name: of the contact. quantity: in a world [SI].
+        context: the task.
+        name: of the contact.
+        quantity: in a world [SI].
         size: how bad a value is.
     """
     nominal, *others = worlds(context, name)

@@ -14,7 +14,8 @@ class Clock:
     """Symbols of time.
 
     Attributes:
-        t: [s] since the stage began. clock: [s] since the run began.
+        t: [s] since the stage began.
+        clock: [s] since the run began.
     """
 
     t: ca.SX

@@ -26,11 +26,15 @@ class Context:
     Attributes:
         loaded: the task and its places in the file.
         robot: both models of the arm with its tool.
-        start: (n,) joint configuration of the first tick. posture: (n,) of a redundant arm.
-        frames: every frame of the file. surfaces: every object's geometry.
+        start: (n,) joint configuration of the first tick.
+        posture: (n,) of a redundant arm.
+        frames: every frame of the file.
+        surfaces: every object's geometry.
         compliances: nominal contact of each object.
-        mechanisms: nominal geometry of each. moving_bases: of the objects that move by themselves.
-        equations: every constraint equation. start_equations: where they are at `start`.
+        mechanisms: nominal geometry of each.
+        moving_bases: of the objects that move by themselves.
+        equations: every constraint equation.
+        start_equations: where they are at `start`.
         start_jacobian: (6, n) of the tip at `start`, world axes; start_inertia: (n, n) H there;
             start_gravity: (n,) g there.
         start_p, start_R: (3,), (3, 3) tip pose at `start`.

@@ -34,7 +34,9 @@ class SensorModel:
     a sensor is never better than the file says.
 
     Attributes:
-        delay_ticks: d. hold_ticks: N, at least 1. pole: b in [0, 1), 0 for no low-pass.
+        delay_ticks: d.
+        hold_ticks: N, at least 1.
+        pole: b in [0, 1), 0 for no low-pass.
     """
 
     delay_ticks: int = 0
@@ -75,7 +77,8 @@ class SensorModel:
 
         Args:
             memory: (m, order) of m channels: x, s, then s[k-d] ... s[k-1], as far as they exist.
-            wrench: (m,) w[k]. samples: whether N divides k, 0 or 1.
+            wrench: (m,) w[k].
+            samples: whether N divides k, 0 or 1.
 
         Returns:
             The memory after the tick, and y[k] (m,).

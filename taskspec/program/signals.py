@@ -127,9 +127,13 @@ def place(
     """The tool in a frame.
 
     Args:
-        robot: for the tool. frame: whichever. base: the object that carries it, if one does.
-        terms: kinematics of the tip in the world. wrench: (6,) on it, world axes [N, N m].
-        clock: since the run began [s]. offset: (3,) of the control point in tip axes, or None.
+        robot: for the tool.
+        frame: whichever.
+        base: the object that carries it, if one does.
+        terms: kinematics of the tip in the world.
+        wrench: (6,) on it, world axes [N, N m].
+        clock: since the run began [s].
+        offset: (3,) of the control point in tip axes, or None.
         face: parameters of the frame, as `kinematics.frame_state` has them.
     """
     now = None if base is None else base.at(clock)
@@ -193,7 +197,9 @@ def gaps(
     """Signed distance [m] of the tool's shape from every object, by object name.
 
     Args:
-        robot: for the tool. surfaces: as declared. p, R: (3,), (3, 3) pose of the tip.
+        robot: for the tool.
+        surfaces: as declared.
+        p, R: (3,), (3, 3) pose of the tip.
         moving_bases: of the objects that move; None has all of them where they are declared.
         clock: [s].
     """

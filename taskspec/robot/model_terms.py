@@ -126,7 +126,8 @@ def kinematic_terms(p: ca.SX, R: ca.SX, twist: ca.SX) -> TermSymbols:
     """The terms of a tip whose motion is given, without joints: for kinematics alone.
 
     Args:
-        p, R: (3,), (3, 3) its pose in the world. twist: (6,) its velocity.
+        p, R: (3,), (3, 3) its pose in the world.
+        twist: (6,) its velocity.
     """
     nothing = ca.SX(0, 1)
     return TermSymbols(

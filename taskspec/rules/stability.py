@@ -305,7 +305,8 @@ def describe(mode: Mode, period: float) -> str:
     """What a mode does, as a predicate: how fast it swings, and grows or dies away.
 
     Args:
-        mode: the mode. period: of control [s].
+        mode: the mode.
+        period: of control [s].
     """
     rate = mode.s.real
     if mode.frequency > 0.4 / period:

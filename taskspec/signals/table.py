@@ -161,7 +161,8 @@ def signal(
     """Enters a signal into the table; decorates its formula, whose docstring is its meaning.
 
     Args:
-        name: of the signal. dimension: of it, where all members have the same.
+        name: of the signal.
+        dimension: of it, where all members have the same.
         of: what its members differ by; where they are axes or objects of several kinds, their
             dimensions by axis or kind.
         meanings: by axis or kind, where one docstring does not do.
@@ -207,7 +208,9 @@ def find(
     """The member of the table that a dotted name means, None where it means none.
 
     Args:
-        path: the parts of the name. objects: kind by name. stages: names.
+        path: the parts of the name.
+        objects: kind by name.
+        stages: names.
     """
     match path:
         case (name,):

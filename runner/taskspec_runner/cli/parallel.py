@@ -30,7 +30,8 @@ def in_order(work: Callable[[Path], T], files: Sequence[Path]) -> Generator[T, N
     cannot be had, or one is lost, the files that are left are done here.
 
     Args:
-        work: a function of a module, which lets no exception out. files: what it is called with.
+        work: a function of a module, which lets no exception out.
+        files: what it is called with.
     """
     processes = min(_processors(), len(files) // (FEWEST // 2))
     done = 0

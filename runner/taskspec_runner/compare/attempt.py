@@ -26,7 +26,8 @@ class Attempt:
     Attributes:
         law: its name.
         program: the compiled task, None where the law is refused.
-        diagnostics: what was found about the task under this law. sources: the texts they are in.
+        diagnostics: what was found about the task under this law.
+        sources: the texts they are in.
         run: that was made, None if there was none.
         crash: what an internal error says of itself, empty without one.
     """

@@ -31,8 +31,11 @@ class Curve:
     """One run's line in a chart.
 
     Attributes:
-        label: the law, or `REFERENCE`. law: whose run it is from.
-        values: (rows of the run,) in the chart's unit. role: its colour. style: as of a `Trace`.
+        label: the law, or `REFERENCE`.
+        law: whose run it is from.
+        values: (rows of the run,) in the chart's unit.
+        role: its colour.
+        style: as of a `Trace`.
     """
 
     label: str
@@ -47,7 +50,8 @@ class Overlaid:
     """A chart of several runs.
 
     Attributes:
-        key, title, unit, note: as shown. curves: in drawing order.
+        key, title, unit, note: as shown.
+        curves: in drawing order.
         bands: what expectations allow, on the leading run's clock [s].
         log: whether its values are sizes over several orders.
     """

@@ -19,7 +19,8 @@ class Comparison:
     """A comparison in memory.
 
     Attributes:
-        summary: the content of `compare.json`. runs: law to its run, for those that have one.
+        summary: the content of `compare.json`.
+        runs: law to its run, for those that have one.
     """
 
     summary: Json

@@ -31,7 +31,8 @@ class Overlay:
     """Runs on a common time.
 
     Attributes:
-        comparison: that they are of. lead: the law whose stages and references are drawn.
+        comparison: that they are of.
+        lead: the law whose stages and references are drawn.
         origin: the stage that begins at zero, empty where the runs themselves do.
         begins: law to the common time at which its run begins [s].
     """
@@ -76,7 +77,8 @@ class Overlay:
         """(rows,) Size of the motion error [m, rad] over those axes that no law gives a force.
 
         Args:
-            run: one of them. axes: the translations, or the rotations.
+            run: one of them.
+            axes: the translations, or the rotations.
         """
         squares = np.zeros(len(run.clock))
         known = np.zeros(len(run.clock), dtype=bool)

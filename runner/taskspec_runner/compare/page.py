@@ -32,7 +32,8 @@ def write_comparison(comparison: Comparison, folder: Path) -> Path:
     """Writes `compare.html` and `compare.svg` into the folder of a comparison.
 
     Args:
-        comparison: to write. folder: of it, with the runs below it.
+        comparison: to write.
+        folder: of it, with the runs below it.
 
     Returns:
         The path of the page.

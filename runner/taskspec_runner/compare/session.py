@@ -21,8 +21,10 @@ def run_attempts(
     """Runs every compiled attempt; after an interrupt, no further one.
 
     Args:
-        attempts: one for each law. folder: of the comparison; each run goes into a folder below
-            it that has the law's name. seed: of everything random. watching: shows progress.
+        attempts: one for each law.
+        folder: of the comparison; each run goes into a folder below it that has the law's name.
+        seed: of everything random.
+        watching: shows progress.
 
     Returns:
         The attempts with their runs. An internal error under one law is told by its attempt

@@ -37,7 +37,10 @@ def opening(
     """What is known of a comparison before it begins.
 
     Args:
-        name: of the task. file: its path. overrides: as given. seed: of everything random.
+        name: of the task.
+        file: its path.
+        overrides: as given.
+        seed: of everything random.
         notes: what a reader of the numbers must know.
     """
     return {

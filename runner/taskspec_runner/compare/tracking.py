@@ -62,7 +62,8 @@ def tracking(summary: Json, forces: Mapping[str, Sequence[str]]) -> dict[str, di
     """What a run came to in each stage that it visited, in SI.
 
     Args:
-        summary: of the run. forces: stage to its force axes under some law.
+        summary: of the run.
+        forces: stage to its force axes under some law.
 
     Returns:
         Stage to `duration`, `planned` (no visit of it was broken off), `peak_force`, and for each
@@ -111,7 +112,8 @@ def best(rows: Mapping[str, Json | None], *path: str) -> set[str]:
     """The laws whose value is the least among those that went through the stage as planned.
 
     Args:
-        rows: law to what it came to in a stage, None if it was not there. path: to the value.
+        rows: law to what it came to in a stage, None if it was not there.
+        path: to the value.
 
     Returns:
         No law where fewer than two have the value.

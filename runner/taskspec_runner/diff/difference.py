@@ -29,7 +29,8 @@ class Difference:
     """Two runs and how they differ.
 
     Attributes:
-        runs: A and B. logs: of both.
+        runs: A and B.
+        logs: of both.
         data: the same as JSON has it, in SI; see `diff_runs`.
     """
 

@@ -16,7 +16,9 @@ class Apart:
     """A column that differs between two logs.
 
     Attributes:
-        name, unit: of the column. tick: the first at which it differs. clock: of that tick [s].
+        name, unit: of the column.
+        tick: the first at which it differs.
+        clock: of that tick [s].
         values: in A and B at that tick; None where there is no value.
         largest: size of the largest difference [SI], NaN where never both have a number.
         at: clock of that [s].
@@ -38,7 +40,8 @@ class LogDifference:
     Attributes:
         ticks: of A and B.
         apart: columns in the order of their first difference, what is wanted before the rest.
-        only: columns that only A has, and only B. stages: at the tick at which they part.
+        only: columns that only A has, and only B.
+        stages: at the tick at which they part.
     """
 
     ticks: tuple[int, int] = (0, 0)

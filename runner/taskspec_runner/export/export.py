@@ -33,7 +33,9 @@ class Exported:
     """What was written.
 
     Attributes:
-        path: of the file. extent: of the log. note: what is missing in it and why, or empty.
+        path: of the file.
+        extent: of the log.
+        note: what is missing in it and why, or empty.
     """
 
     path: Path
@@ -45,7 +47,8 @@ def export_run(run: Run, form: str, path: Path | None = None) -> Exported:
     """Writes the log of a run in one of `FORMATS`; of a partial run, what there is.
 
     Args:
-        run: to write. form: the format.
+        run: to write.
+        form: the format.
         path: of the file; None for `log` with the format's suffix in the run's folder.
 
     Raises:

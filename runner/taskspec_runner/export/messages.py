@@ -59,7 +59,8 @@ class Signals:
 
     Attributes:
         definition: its fields, nested as the names of the columns are, units as comments.
-        columns: of the log, in the order of its numbers. units: by path of the field.
+        columns: of the log, in the order of its numbers.
+        units: by path of the field.
     """
 
     definition: str

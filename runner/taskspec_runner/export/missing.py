@@ -27,7 +27,9 @@ def library(name: str, what: str, extra: str) -> Any:
     """A module of an optional library.
 
     Args:
-        name: of the module. what: needs it. extra: that brings it.
+        name: of the module.
+        what: needs it.
+        extra: that brings it.
 
     Raises:
         MissingLibraryError: it is not installed.

@@ -21,7 +21,8 @@ class Poses:
     """Poses in the world, one a tick.
 
     Attributes:
-        places: (n, 3) [m]. turns: (n, 4) unit quaternions, x, y, z, w.
+        places: (n, 3) [m].
+        turns: (n, 4) unit quaternions, x, y, z, w.
     """
 
     places: Vector

@@ -19,7 +19,8 @@ class LogStream:
     """The log of a run in batches, which are counted as they go by.
 
     Attributes:
-        run: whose log it is. schema: of the log; None where that holds no tick.
+        run: whose log it is.
+        schema: of the log; None where that holds no tick.
         poses: gives those of tool and task frame; without, there are none.
         ticks: that went by.
     """

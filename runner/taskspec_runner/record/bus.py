@@ -20,7 +20,8 @@ class Bus:
     """Named slices of one vector.
 
     Attributes:
-        array: (size,) the whole tick. slices: by name.
+        array: (size,) the whole tick.
+        slices: by name.
         truth: the views that the plant fills.
     """
 

@@ -23,7 +23,8 @@ class Extent:
 
     Attributes:
         status: of the run, as its manifest says; empty without one.
-        ticks: rows of the log. until: run time at the end of the last one [s].
+        ticks: rows of the log.
+        until: run time at the end of the last one [s].
     """
 
     status: str

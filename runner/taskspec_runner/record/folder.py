@@ -30,7 +30,8 @@ class RunFolder:
     """A folder that holds one run.
 
     Attributes:
-        path: the folder. manifest: what `manifest.json` says.
+        path: the folder.
+        manifest: what `manifest.json` says.
     """
 
     path: Path

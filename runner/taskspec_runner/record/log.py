@@ -29,7 +29,8 @@ class Log:
     """The log of a run that goes on: every batch on the disk at once, and its columns in memory.
 
     Args:
-        path: of the file. keep: whether columns are kept in memory.
+        path: of the file.
+        keep: whether columns are kept in memory.
     """
 
     def __init__(self, path: Path, *, keep: bool = True) -> None:

@@ -44,8 +44,11 @@ class Truth:
         """Compiles the formulas.
 
         Args:
-            robot: for its tool. task: with the true world. stages: of the program.
-            fields: where the bus has each of its fields. names: of the signals.
+            robot: for its tool.
+            task: with the true world.
+            stages: of the program.
+            fields: where the bus has each of its fields.
+            names: of the signals.
         """
         self.names = tuple(names)
         row = ca.SX.sym("row", max(where.stop for where in fields.values()))

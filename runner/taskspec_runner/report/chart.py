@@ -27,9 +27,12 @@ class Trace:
     """One line of a chart.
 
     Attributes:
-        label: in the legend. values: (rows,) in the chart's unit. role: what its colour means.
+        label: in the legend.
+        values: (rows,) in the chart's unit.
+        role: what its colour means.
         style: `line`, `reference` (dashed), `halo` (wide and pale, below the others) or `faint`.
-        signal: its name in the log. continuous: whether it runs on through a change of stage.
+        signal: its name in the log.
+        continuous: whether it runs on through a change of stage.
         reference_of: label of the trace that it is the reference of and shares a legend entry with.
     """
 
@@ -47,8 +50,10 @@ class Band:
     """Values that an expectation allows.
 
     Attributes:
-        start, end: run time [s]. low, high: in the chart's unit, None on an open side.
-        passed: whether the expectation held. text: the expectation.
+        start, end: run time [s].
+        low, high: in the chart's unit, None on an open side.
+        passed: whether the expectation held.
+        text: the expectation.
     """
 
     start: float
@@ -84,8 +89,10 @@ class Chart:
     """A chart over run time.
 
     Attributes:
-        key, title, unit, note: as shown. traces, bands: in drawing order.
-        limits: levels that must not be passed, and predicted ones. moments: times of its own.
+        key, title, unit, note: as shown.
+        traces, bands: in drawing order.
+        limits: levels that must not be passed, and predicted ones.
+        moments: times of its own.
         always: values that always stay in view.
     """
 

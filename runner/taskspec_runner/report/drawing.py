@@ -48,8 +48,10 @@ class Panel:
     """A chart in pixels.
 
     Attributes:
-        title, unit: as shown. x, y, width, height: of the inside.
-        lines, areas: what it holds. ticks: of values; columns: of the other axis, of a square.
+        title, unit: as shown.
+        x, y, width, height: of the inside.
+        lines, areas: what it holds.
+        ticks: of values; columns: of the other axis, of a square.
     """
 
     title: str

@@ -64,7 +64,8 @@ def overview_svg(run: Run, wanted: Sequence[Chart] | None = None) -> str:
     """A picture of a run, 860 px wide, for light and dark pages.
 
     Args:
-        run: to show. wanted: charts in place of the usual ones, without the path.
+        run: to show.
+        wanted: charts in place of the usual ones, without the path.
     """
     charts = _chosen(run) if wanted is None else wanted
     square = _path_square(run) if wanted is None else None

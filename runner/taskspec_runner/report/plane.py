@@ -21,7 +21,8 @@ class Times:
     """The time axis of a picture.
 
     Attributes:
-        start, end: [s]. left, width: where it lies [px].
+        start, end: [s].
+        left, width: where it lies [px].
     """
 
     start: float
@@ -55,7 +56,8 @@ class PlotPlane:
     """The inside of a panel.
 
     Attributes:
-        times: its time axis. low, high: values at its lower and upper edge.
+        times: its time axis.
+        low, high: values at its lower and upper edge.
         top, height: where it lies [px].
     """
 
@@ -78,8 +80,10 @@ class PlotPlane:
         """A plane that shows all of some finite values, and of other values those that are near.
 
         Args:
-            times, top, height: as of the plane. values: (k,) finite.
-            room: above and below, as a share of their range. near: values that may be shown.
+            times, top, height: as of the plane.
+            values: (k,) finite.
+            room: above and below, as a share of their range.
+            near: values that may be shown.
         """
         low, high = float(values.min()), float(values.max())
         close = [v for v in near if low - (high - low) < v < high + (high - low)]
@@ -98,7 +102,9 @@ class PlotPlane:
         """(k, 2) pixels of a signal, NaN where it has gaps.
 
         Args:
-            clock: (n,) times [s]. values: (n,) of it. breaks: rows that are kept.
+            clock: (n,) times [s].
+            values: (n,) of it.
+            breaks: rows that are kept.
             gaps: rows before which the line is broken.
         """
         rows = decimate.decimate(values, breaks, 3 * int(self.times.width))

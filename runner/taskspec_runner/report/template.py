@@ -20,7 +20,8 @@ def template(name: str, beside: Path = _HERE) -> Template:
     """A template by file name.
 
     Args:
-        name: of the file. beside: the folder that it is in; those of the report are known to it.
+        name: of the file.
+        beside: the folder that it is in; those of the report are known to it.
     """
     environment = Environment(
         loader=FileSystemLoader([beside, _HERE]),

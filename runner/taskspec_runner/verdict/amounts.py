@@ -18,7 +18,9 @@ def readable_unit(unit: str, usual: Sequence[str], bounds: Sequence[Series]) -> 
     """A coarser unit where bounds have more than four digits before the point, as of 5 mN at 20 N.
 
     Args:
-        unit: that of a part of the bounds. usual: those of their dimension. bounds: themselves.
+        unit: that of a part of the bounds.
+        usual: those of their dimension.
+        bounds: themselves.
     """
     size = max((float(np.nanmax(np.abs(b.values), initial=0.0)) for b in bounds), default=0.0)
     fits = (u for u in usual if 1 <= abs(in_unit(size, u)) < _LONG)

@@ -14,7 +14,8 @@ def diagnosed(found: Iterable[Diagnostic], loaded: LoadedTask) -> list[dict[str,
     """Findings as data.
 
     Args:
-        found: about the task. loaded: the task.
+        found: about the task.
+        loaded: the task.
 
     Returns:
         `code`, `severity`, `message`, `hint`, and the place: `line` and `column` from 1 in the

@@ -21,8 +21,10 @@ class Extents:
     """One condition, without the `for` that it may have.
 
     Args:
-        say: the words of its expectation. value: of any part of it.
-        condition: itself. sides: its measured part and its bounds.
+        say: the words of its expectation.
+        value: of any part of it.
+        condition: itself.
+        sides: its measured part and its bounds.
     """
 
     def __init__(
@@ -34,7 +36,8 @@ class Extents:
         """How far inside its bounds the condition stayed, at the tick where it came nearest.
 
         Args:
-            node: the condition with its `for`. truth: of the condition, tick by tick.
+            node: the condition with its `for`.
+            truth: of the condition, tick by tick.
         """
         if isinstance(node, tree.Held):
             share, needed = float(np.mean(truth.inside())), node.amount.value_si

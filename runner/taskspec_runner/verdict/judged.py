@@ -26,7 +26,9 @@ class Margin:
     """How far inside its bound a measured value is.
 
     Attributes:
-        name: of the measured part, as written. value: in `unit`, negative outside. unit: of it.
+        name: of the measured part, as written.
+        value: in `unit`, negative outside.
+        unit: of it.
         left: share of what was allowed that was not used: 1 in the middle of a band, at zero under
             a bound, or where every tick was good; 0 on the bound. None under a bound of zero.
     """
@@ -42,7 +44,8 @@ class Broken:
     """When an expectation was broken for good, and what was measured then.
 
     Attributes:
-        clock: run time of the first tick that did it [s]. text: in numbers.
+        clock: run time of the first tick that did it [s].
+        text: in numbers.
         final: whether no tick more could have mended it, as a share of ticks may be.
     """
 

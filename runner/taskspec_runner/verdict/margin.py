@@ -16,7 +16,8 @@ def room(value: Vector, low: Vector | None, high: Vector | None) -> Vector:
     """Distance to the nearest bound, negative outside.
 
     Args:
-        value: (n,) measured. low, high: (n,) bounds; None on an open side.
+        value: (n,) measured.
+        low, high: (n,) bounds; None on an open side.
     """
     sides = []
     if low is not None:
@@ -39,7 +40,9 @@ def lost_share(bad: Mask, window: Mask, amount: float) -> int:
     """The row at which more ticks had failed than a share forgives.
 
     Args:
-        bad: (n,) ticks that fail. window: (n,) ticks that count. amount: share that must hold.
+        bad: (n,) ticks that fail.
+        window: (n,) ticks that count.
+        amount: share that must hold.
     """
     allowed = np.floor((1 - amount * (1 - 1e-12)) * np.count_nonzero(window))
     return int(np.flatnonzero(bad & window)[int(allowed)])
@@ -55,7 +58,9 @@ def reached(
     only the last tick can tell.
 
     Args:
-        node: the measured part. values: what it reduces, tick by tick. low, high: its bounds.
+        node: the measured part.
+        values: what it reduces, tick by tick.
+        low, high: its bounds.
 
     Returns:
         The row, None without any; and whether the value at that tick is itself outside.

@@ -20,7 +20,8 @@ class Verdict:
     Attributes:
         kind: passed, missed, stopped, failed, unfinished or damaged.
         sentence: why, and when, in one sentence.
-        first: the expectation that was broken first, of a run that missed some. stage: then.
+        first: the expectation that was broken first, of a run that missed some.
+        stage: then.
         rest: of the sentence, without the first expectation.
     """
 

@@ -32,7 +32,9 @@ def performance(
     """Tracking, responses, contact, limits and solver of each visited stage.
 
     Args:
-        program: that ran. history: what it recorded. judged: its expectations.
+        program: that ran.
+        history: what it recorded.
+        judged: its expectations.
         solver: what it did, by stage.
 
     Returns:

@@ -59,7 +59,8 @@ class Replay:
         """(n,) `name.axis` in the axes of a frame, or of a signal without axes that frames turn.
 
         Args:
-            name: of a framed signal. axis: of the frame; None for one without axes.
+            name: of a framed signal.
+            axis: of the frame; None for one without axes.
             frame_name: a frame of the task.
         """
         frame = self._frames[frame_name]

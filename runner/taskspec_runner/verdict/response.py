@@ -39,7 +39,8 @@ class Response:
     """The way to a set point.
 
     Attributes:
-        set_point: value that the reference ends at [SI]. step: to it, from the first tick [SI].
+        set_point: value that the reference ends at [SI].
+        step: to it, from the first tick [SI].
         overshoot: how far beyond it the signal went [SI], None without a step to it.
         settling_time: since the visit began, until the signal stays within `tolerance`; None if it
             never does [s].
@@ -68,7 +69,9 @@ def response(
     """The response of one visit; None where the reference does not stay at a set point.
 
     Args:
-        values: (n,) truth [SI]. reference: (n,) of it [SI]. period: between two ticks [s].
+        values: (n,) truth [SI].
+        reference: (n,) of it [SI].
+        period: between two ticks [s].
         allowed: lowest and highest value of an expectation [SI]; it takes the place of 2 % where
             the set point is between them and both are near to it.
         moves: (n,) reference of the motion that brings the signal about; the time constant counts
@@ -121,7 +124,8 @@ def time_constant(error: Vector, period: float) -> float | None:
     what is left at the end. Of e^(-t/T) that is T, of a decaying oscillation the T of its hull.
 
     Args:
-        error: (n,) from the set point, since that stays [SI]. period: between two ticks [s].
+        error: (n,) from the set point, since that stays [SI].
+        period: between two ticks [s].
 
     Returns:
         None where the error does not fall by e, or in fewer than ten ticks.
@@ -152,7 +156,8 @@ def responses(
         history: the run.
         signals: stage to those of its signals that come to rest, and where; None where their
             reference says it [SI].
-        period: between two ticks [s]. allowed: what expectations allow.
+        period: between two ticks [s].
+        allowed: what expectations allow.
     """
     found: Responses = {}
     for visit in history.visits():
@@ -213,7 +218,9 @@ def contact_losses(
     """How often, and for how long, stages lost a contact that they had.
 
     Args:
-        history: the run. stages: those that are to hold a contact. period: between ticks [s].
+        history: the run.
+        stages: those that are to hold a contact.
+        period: between ticks [s].
 
     Returns:
         Stage to `losses`, how often contact ended after it had been made in the same visit, and

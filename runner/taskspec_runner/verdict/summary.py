@@ -52,9 +52,10 @@ class Simulated:
     """What a simulation came to.
 
     Attributes:
-        outcome: how it ended. transitions: what ended each stage.
-        accounts: what the solver did, by stage. by_signal: number of the signal that has broken
-            it off, or 0.
+        outcome: how it ended.
+        transitions: what ended each stage.
+        accounts: what the solver did, by stage.
+        by_signal: number of the signal that has broken it off, or 0.
     """
 
     outcome: Outcome

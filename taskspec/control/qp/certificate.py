@@ -45,7 +45,8 @@ def contradiction(
     A' restricted to it, which is one-dimensional and known to rounding.
 
     Args:
-        A: (m, n). lower, upper: (m,), infinite where there is no bound.
+        A: (m, n).
+        lower, upper: (m,), infinite where there is no bound.
         given: rows that others are tried to do without before them. Of the many minimal sets that
             there may be, one with few others is found.
 

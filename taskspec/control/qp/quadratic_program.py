@@ -105,7 +105,8 @@ class Solver(Protocol):
         """Solves a problem of the size that the solver was made for.
 
         Args:
-            problem: the problem. finite: its numbers are known to be finite, bounds apart.
+            problem: the problem.
+            finite: its numbers are known to be finite, bounds apart.
         """
 
     def rebuild(self) -> None:
@@ -131,7 +132,9 @@ def residual(problem: QuadraticProgram, x: Array, dual: Array) -> float:
     Norms are the largest absolute entry. NaN in, NaN out.
 
     Args:
-        problem: the problem. x: (n,) answer. dual: (m,) multipliers.
+        problem: the problem.
+        x: (n,) answer.
+        dual: (m,) multipliers.
     """
     Px, Aty, rows = problem.P @ x, problem.A.T @ dual, problem.A @ x
     up, down = np.maximum(dual, 0.0), np.maximum(-dual, 0.0)

@@ -26,7 +26,8 @@ def choose_first(
     """Chooses at entry; writes the selection into the parameters.
 
     Args:
-        stage: the stage. inputs: of its tick before memory and parameters.
+        stage: the stage.
+        inputs: of its tick before memory and parameters.
         memory, parameters: of the stage at t = 0.
     """
     if stage.choice is None:

@@ -37,9 +37,11 @@ class Continuation:
     """The handed-over reference in a stage's coordinates, by axis.
 
     Attributes:
-        error: reference minus measurement [m, rad]. start: the reference's coordinate.
-        rate: its rate. pressed: how far a spring law's reference is displaced beyond it so that
-            the force that the last stage held is held on.
+        error: reference minus measurement [m, rad].
+        start: the reference's coordinate.
+        rate: its rate.
+        pressed: how far a spring law's reference is displaced beyond it so that the force that the
+            last stage held is held on.
     """
 
     error: Mapping[Axis, float]
@@ -59,7 +61,8 @@ def enter(
     """Starts a stage from the handed-over reference (docs/conventions.md).
 
     Args:
-        stage: the stage. robot: for its tool.
+        stage: the stage.
+        robot: for its tool.
         handed_over: the reference that the last stage left.
         tip: (3,), (3, 3) measured pose of the tip.
         inputs: the tick's inputs before memory and parameters, at t = 0.

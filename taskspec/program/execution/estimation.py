@@ -54,7 +54,9 @@ class Estimation:
         """Takes what a stage has estimated, and corrects the measured `wrench` (6,) by it.
 
         Args:
-            stage: that ends. tip: (3,), (3, 3) pose of the tip. wrench: of now.
+            stage: that ends.
+            tip: (3,), (3, 3) pose of the tip.
+            wrench: of now.
         """
         if self._estimates is not None:
             self._estimates.end(stage.name, tip[0])

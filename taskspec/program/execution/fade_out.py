@@ -35,7 +35,8 @@ class FadeOut:
         """The torque (n,) of one more tick without an answer [N m].
 
         Args:
-            applied: (n,) of the tick before. gravity: (n,) what carries the arm.
+            applied: (n,) of the tick before.
+            gravity: (n,) what carries the arm.
         """
         if self._ticks == 0:
             self._from[:] = applied

@@ -39,7 +39,9 @@ def leave(stage: CompiledStage, outputs: Mapping[str, Vector], clock: float) -> 
     """The reference that a stage hands on; force axes hand on where they were measured.
 
     Args:
-        stage: which. outputs: its last ones, by name. clock: when that was [s].
+        stage: which.
+        outputs: its last ones, by name.
+        clock: when that was [s].
     """
     R = outputs["tip_rotation"].reshape(3, 3, order="F")
     frame = outputs["frame"].reshape(3, 3, order="F")

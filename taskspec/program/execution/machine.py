@@ -45,9 +45,12 @@ class Machine:
         reactions: (equations,) measured, what the robot applies along each equation's unit
             gradient [N, N m]; those on the tip are told from the wrench instead.
         sensor: makes the wrench from readings; None where the wrench is written itself.
-        period: of control [s]. runners: of the stages, in their order.
-        torque: (n,) the command [N m]. outputs: the numbers of `ports.fields`.
-        index: number of the current stage. t: [s] since it began.
+        period: of control [s].
+        runners: of the stages, in their order.
+        torque: (n,) the command [N m].
+        outputs: the numbers of `ports.fields`.
+        index: number of the current stage.
+        t: [s] since it began.
         ended: `end` or `fail` once the task is over, else empty. transitions: so far.
     """
 

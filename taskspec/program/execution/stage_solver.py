@@ -37,8 +37,10 @@ class Account:
     """What the solver did in a run.
 
     Attributes:
-        solved: ticks with a program to solve. relaxed: of them, with limits that collided.
-        held: ticks on which no answer was good enough. worst: residual of an answer that was used.
+        solved: ticks with a program to solve.
+        relaxed: of them, with limits that collided.
+        held: ticks on which no answer was good enough.
+        worst: residual of an answer that was used.
     """
 
     solved: int = 0
@@ -53,7 +55,8 @@ class StageSolver:
     Before a tick is evaluated, call `remember`; after it, `resolve`.
 
     Attributes:
-        status: of the last solve. account: of all of them.
+        status: of the last solve.
+        account: of all of them.
     """
 
     def __init__(
@@ -69,9 +72,13 @@ class StageSolver:
         """Binds the programs.
 
         Args:
-            resolution: of the stage. slots: of its parameters.
-            arguments: arrays of the tick's arguments. parameters: the last of them.
-            handed_over: what the tick hands over. torque: (n,) that it writes. outputs: of it.
+            resolution: of the stage.
+            slots: of its parameters.
+            arguments: arrays of the tick's arguments.
+            parameters: the last of them.
+            handed_over: what the tick hands over.
+            torque: (n,) that it writes.
+            outputs: of it.
         """
         n, m, r = len(torque), len(resolution.rows), len(resolution.requested)
         self.resolution, self.account = resolution, Account()
@@ -189,7 +196,8 @@ class ReturnedForces:
     """What a stage asks of its contacts, and what they cannot return of it.
 
     Attributes:
-        forces: (r,) as the robot would apply them, by name. left: (r,) that cannot be returned.
+        forces: (r,) as the robot would apply them, by name.
+        left: (r,) that cannot be returned.
         because: the conditions that bind, in words.
     """
 

@@ -16,7 +16,10 @@ class Transition:
     """A stage that ended.
 
     Attributes:
-        clock: [s] when. stage: that ended. kind, name, text: the event. value: its quantity.
+        clock: [s] when.
+        stage: that ended.
+        kind, name, text: the event.
+        value: its quantity.
         to: the next stage, `end` or `fail`; empty where a limit stopped the run.
     """
 
@@ -38,7 +41,8 @@ def leads_to(stage: Stage, event: events.Event, following: str) -> str:
     """The stage to which an event leads, `end` or `fail`; empty where a limit stops the run.
 
     Args:
-        stage: in which it happened. event: what happened.
+        stage: in which it happened.
+        event: what happened.
         following: the next stage of the file, `end` after the last one.
     """
     if event.kind == events.LIMIT:

@@ -40,7 +40,8 @@ class Generator:
     """A force of unit size on the tool or the joints.
 
     Attributes:
-        effect: (r,) what it contributes to each requested force. torque: (n,) that it takes.
+        effect: (r,) what it contributes to each requested force.
+        torque: (n,) that it takes.
         friction: of the contact; for a normal, with its two tangents following.
         kind: `normal`, `tangent`, `free`, or `moment`, which no limit on force caps.
         of: the object, the equation or the grip.
@@ -76,7 +77,11 @@ class Consistency:
 
     Attributes:
         needed: 1 where a plain least-squares s does not already do.
-        P: (g, g). g: (g,). A: (m, g). lower, upper: (m,). effect: (r, g) E.
+        P: (g, g).
+        g: (g,).
+        A: (m, g).
+        lower, upper: (m,).
+        effect: (r, g) E.
         texts: what each of the m conditions is.
     """
 
@@ -196,8 +201,12 @@ def wrench_generators(
     """Generators of the tool's points on the shapes that the stage touches; world axes.
 
     Args:
-        context: of the task. objects: touched. normals: (3,) outward, of each.
-        points: (3,) centres of the tool's spheres. about: (3,) the control point. tip: (3,).
+        context: of the task.
+        objects: touched.
+        normals: (3,) outward, of each.
+        points: (3,) centres of the tool's spheres.
+        about: (3,) the control point.
+        tip: (3,).
         J: (6, n) of the tip.
         resolve: (r, 6) from a wrench at the control point to the requested forces.
         requested: (3,) the requested force; the pyramid's first edge lies along it.

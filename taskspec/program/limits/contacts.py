@@ -31,15 +31,18 @@ class ContactRow:
 
     Attributes:
         name: of the object or equation.
-        J: (1, n) velocity into it per joint velocity. drift: J' q' [m/s^2].
+        J: (1, n) velocity into it per joint velocity.
+        drift: J' q' [m/s^2].
         closing: velocity into it [m/s].
         active: whether it is there now, as an expression; 1 for what holds both ways.
         measured: what the robot applies along it [N, N m].
         pressed: the stage keeps this contact: its force may not turn into a pull.
         both_ways: it returns forces of either sign.
-        stiffness: nominal [N/m]. joints: whether it is on the joints rather than on the tip.
-        friction: its coefficient. others: what the tip bears beside it, friction included: the
-            part along this row, and the size [N].
+        stiffness: nominal [N/m].
+        joints: whether it is on the joints rather than on the tip.
+        friction: its coefficient.
+        others: what the tip bears beside it, friction included: the part along this row, and the
+            size [N].
     """
 
     name: str
@@ -90,9 +93,13 @@ def shape_rows(
     """Rows of the touched shapes, at the point of the tool that is nearest to each.
 
     Args:
-        context: of the task. objects: touched, the nominal contact first. pressed: of them.
-        terms: the tip's kinematics in the world. wrench: (6,) by the environment on the tip.
-        gaps: to every shape [m]. clock: of the run [s].
+        context: of the task.
+        objects: touched, the nominal contact first.
+        pressed: of them.
+        terms: the tip's kinematics in the world.
+        wrench: (6,) by the environment on the tip.
+        gaps: to every shape [m].
+        clock: of the run [s].
     """
     center = _center(context)
     found, normals = [], []
@@ -166,7 +173,9 @@ def equation_contact(row: EquationRow, name: str, measured: ca.SX, stiffness: fl
     """The row of an equation that constrains the stage, turned so that it may push.
 
     Args:
-        row: the equation. name: its name. measured: what the robot applies along its gradient.
+        row: the equation.
+        name: its name.
+        measured: what the robot applies along its gradient.
         stiffness: nominal [N/m, N m/rad].
     """
     relation, sign = row.model.constraint.relation, pushing(row)

@@ -51,11 +51,14 @@ class Pieces:
     """What a tick has worked out anyway and the matrices of its program are made of.
 
     Attributes:
-        L: (n, n) Cholesky factor of H. T: (n, t) L^-1 J^T of the t task axes; M: (t, t) Cholesky
-            factor of J H^-1 J^T; both empty where the arm is not redundant.
+        L: (n, n) Cholesky factor of H.
+        T: (n, t) L^-1 J^T of the t task axes; M: (t, t) Cholesky factor of J H^-1 J^T; both empty
+            where the arm is not redundant.
         C: (n, c) L^-1 J_c^T of the contacts, 0 for those that are not there.
-        inertia: (c, c) Lambda_c. active: (c,) whether each is there.
-        J: (3, n) of the tip. ways: (3, k) unit vectors along which its speed is kept; world axes.
+        inertia: (c, c) Lambda_c.
+        active: (c,) whether each is there.
+        J: (3, n) of the tip.
+        ways: (3, k) unit vectors along which its speed is kept; world axes.
         requests: (r, n) rows along which forces are asked for.
     """
 
@@ -89,11 +92,13 @@ class LimitRows:
     """lower <= A x <= upper, as expressions.
 
     Attributes:
-        rows: what each of the m rows is. sources: where the rows of A come from.
-        lower, upper: (m,); x = 0 is u*. pieces: what A is made of.
+        rows: what each of the m rows is.
+        sources: where the rows of A come from.
+        lower, upper: (m,); x = 0 is u*.
+        pieces: what A is made of.
         torque: (n,) u*, with the pushes on contacts within their bounds.
-        clamped: sum of 2^i over the rows i of pushes that were not. cut: (r,) what that took from
-            each of the requested forces.
+        clamped: sum of 2^i over the rows i of pushes that were not.
+        cut: (r,) what that took from each of the requested forces.
         finite: a number that is finite only if everything in here is.
     """
 
@@ -122,7 +127,8 @@ class Matrices:
     """The program's matrices.
 
     Attributes:
-        P: (n, n) what x costs. A: (m, n) the limits.
+        P: (n, n) what x costs.
+        A: (m, n) the limits.
         requests: (r, n) what x adds to the force along each of the requested directions.
     """
 
@@ -189,11 +195,16 @@ def limit_rows(
     """The limits of a stage, around the torque that its law asks for.
 
     Args:
-        context: of the task. limits: of the stage. state: the arm on the task axes.
-        terms: model terms, in the world. contacts: of the stage.
+        context: of the task.
+        limits: of the stage.
+        state: the arm on the task axes.
+        terms: model terms, in the world.
+        contacts: of the stage.
         requests: (r, n) rows along which the stage asks for forces.
-        wanted: (n,) u* [N m]. last: (n,) the torque before, None without a limit on its rate.
-        q, v: (n,) measured. environment: (n,) torque that the environment exerts [N m].
+        wanted: (n,) u* [N m].
+        last: (n,) the torque before, None without a limit on its rate.
+        q, v: (n,) measured.
+        environment: (n,) torque that the environment exerts [N m].
     """
     L = state.H_factor
     acceleration = linear.solve(L, wanted + environment - terms.bias)

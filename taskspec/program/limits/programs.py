@@ -41,7 +41,8 @@ def resolve(
     """The two programs of a stage, as expressions.
 
     Args:
-        plan: of the stage. measurement: what it measures.
+        plan: of the stage.
+        measurement: what it measures.
         requested: force set points by name, before anything is taken from them.
         wanted: (n,) torque of the closed form.
     """

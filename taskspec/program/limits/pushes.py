@@ -46,7 +46,8 @@ class Contacts:
         the task axes, the task accelerates by S^T (S S^T)^-1 of what the contacts have to.
 
         Args:
-            T: (n, t) L^-1 J^T. M: (t, t) Cholesky factor of J H^-1 J^T.
+            T: (n, t) L^-1 J^T.
+            M: (t, t) Cholesky factor of J H^-1 J^T.
         """
         if not self.contacts:
             return ca.SX.zeros(T.shape[0])
@@ -67,7 +68,9 @@ class Pushes:
     """What a law pushes with on each contact, and how much it may.
 
     Attributes:
-        contacts: all of them. wanted: (c,) by (4.77). lower, upper: of those that have bounds.
+        contacts: all of them.
+        wanted: (c,) by (4.77).
+        lower, upper: of those that have bounds.
     """
 
     contacts: Sequence[ContactRow]
@@ -99,7 +102,9 @@ def add_pushes(found: Bounds, pushes: Pushes, added: ca.SX) -> ca.SX:
     """Adds the rows of the pushes; the sum of 2^i over those that have been shifted.
 
     Args:
-        found: where to. pushes: as the law wants them. added: (c,) what has been added to them.
+        found: where to.
+        pushes: as the law wants them.
+        added: (c,) what has been added to them.
     """
     shift, clamped = pushes.shift(), ca.SX(0)
     for i, lower in pushes.lower.items():

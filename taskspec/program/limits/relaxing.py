@@ -31,7 +31,9 @@ def relax(problem: QuadraticProgram, kinds: Sequence[str], solver: str) -> bool:
     widening in its own units with which the program has an answer.
 
     Args:
-        problem: its bounds are rewritten. kinds: of its rows. solver: `daqp` or `osqp`.
+        problem: its bounds are rewritten.
+        kinds: of its rows.
+        solver: `daqp` or `osqp`.
 
     Returns:
         Whether that succeeded.
@@ -54,7 +56,9 @@ def _least_widening(
     """The least t with which lower - t <= A x <= upper + t on `rows` agrees with all the others.
 
     Args:
-        problem: the program. rows: (m,) that may be widened. ignored: (m,) that do not count.
+        problem: the program.
+        rows: (m,) that may be widened.
+        ignored: (m,) that do not count.
         solver: by name.
     """
     m, n = problem.A.shape

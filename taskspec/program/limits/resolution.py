@@ -24,13 +24,16 @@ class Resolution:
     """How a stage's torque follows from what its law asks for, where limits are in the way.
 
     Attributes:
-        solver: `daqp` or `osqp`. rows: the m limits. requested: names of the r force set points.
+        solver: `daqp` or `osqp`.
+        rows: the m limits.
+        requested: names of the r force set points.
         handed: length of the pieces that the tick hands over, before lower and upper.
         assemble: these pieces -> `ASSEMBLED`.
         accept: `ASSEMBLED`, lower, upper, u* (n,), x (n,), dual (m,) -> torque (n,), KKT residual,
             sum of 2^i over the limits i that bind, what limits take from each request (r,).
         look: the tick's inputs -> `LOOKED`; None where nothing is requested of a contact.
-        generators: how many of them there are. conditions: on their sizes, in words.
+        generators: how many of them there are.
+        conditions: on their sizes, in words.
     """
 
     solver: str
@@ -49,7 +52,9 @@ class Resolved:
     """The programs of a stage as expressions.
 
     Attributes:
-        solver: by name. requests: the stage's force set points. limits: what binds the torque.
+        solver: by name.
+        requests: the stage's force set points.
+        limits: what binds the torque.
         nearest: the forces that contacts return; None where nothing is asked of one.
     """
 

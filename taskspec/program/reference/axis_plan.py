@@ -55,7 +55,9 @@ def plan_axes(
     """The plan of every axis that exists.
 
     Args:
-        axes: those of the frame that exist. declared: the stage's entries. path, law: the stage's.
+        axes: those of the frame that exist.
+        declared: the stage's entries.
+        path, law: the stage's.
         met: axes that are mostly along the normal of their contact.
     """
     facts = law.control_law
@@ -90,7 +92,8 @@ def not_finite(plans: Mapping[Axis, AxisPlan], outputs: Mapping[str, NDArray[np.
     """Which reference is not a number, as `force.z`; empty where all are.
 
     Args:
-        plans: of the axes. outputs: of a tick, by name.
+        plans: of the axes.
+        outputs: of a tick, by name.
     """
     for name, plan in plans.items():
         i = AXES.index(name)

@@ -56,7 +56,9 @@ def axis_reference(mode: AxisMode, at: ReferenceInputs, added: Blending) -> Axis
     """The reference of an axis.
 
     Args:
-        mode: of the axis. at: what it may depend on. added: at the stage start.
+        mode: of the axis.
+        at: what it may depend on.
+        added: at the stage start.
     """
     own = mode.reference(at)
     return AxisReference(mode, *mode.blended(own, added), (own.value, own.rate), own.memory)

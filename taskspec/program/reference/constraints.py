@@ -31,8 +31,10 @@ class EquationRow:
     """An equation at this instant, on the joints.
 
     Attributes:
-        model: the equation. terms: at the tip or the joints.
-        J: (1, n) unit normal on the joints' rates. gamma: what J q'' has to cancel.
+        model: the equation.
+        terms: at the tip or the joints.
+        J: (1, n) unit normal on the joints' rates.
+        gamma: what J q'' has to cancel.
         closing: J q' + r_t [m/s, rad/s].
     """
 
@@ -67,7 +69,8 @@ def reactions(rows: Mapping[str, EquationRow], wrench: ca.SX, sensed: ca.SX) -> 
     there.
 
     Args:
-        rows: the equations. wrench: (6,) by the environment on the tip.
+        rows: the equations.
+        wrench: (6,) by the environment on the tip.
         sensed: (equations,) applied by the robot, of which those on joints count.
     """
     found = {name: sensed[i] for i, (name, row) in enumerate(rows.items()) if row.model.joints}
@@ -118,7 +121,9 @@ class ConstraintSet:
     """The m constraints of a stage, force axes first.
 
     Attributes:
-        names: axes, then equations. J: (m, n). gamma, closing: (m,).
+        names: axes, then equations.
+        J: (m, n).
+        gamma, closing: (m,).
         measured: (m,) applied by the robot [N, N m].
         candidates: (n, c) joint accelerations of the c generalised coordinates: the task axes, and
             on a redundant arm with equations on joints also its inner motions.
@@ -178,8 +183,11 @@ def constraint_set(
     """The constraints of a stage; None where it has none.
 
     Args:
-        state: the arm on the task axes. forced: its force axes. named: axes that the file names.
-        rows: the equations that constrain the stage. measured: reaction of each of them.
+        state: the arm on the task axes.
+        forced: its force axes.
+        named: axes that the file names.
+        rows: the equations that constrain the stage.
+        measured: reaction of each of them.
         references: whose velocity and acceleration on force axes are those of the frame itself.
         parameters: where the selection takes its slot.
     """

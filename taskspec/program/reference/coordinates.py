@@ -108,7 +108,8 @@ def on_handle(
     """Coordinates (3,) of a world point p (3,) in a frame that turns with a handle [m].
 
     Args:
-        frame: placed on the handle of `mechanism`. angle: of the handle [rad].
+        frame: placed on the handle of `mechanism`.
+        angle: of the handle [rad].
         since: the angle from which the way along the circle counts [rad].
     """
     away = mechanism.deviation(p, angle, since)

@@ -35,8 +35,11 @@ def risen(name: str, wanted: ca.SX, ramp: float | None, clock: Clock, parameters
     """A set point as the robot applies it, risen from the force measured at entry.
 
     Args:
-        name: of the axis or equation. wanted: [N, N m]. ramp: [s], None for the default.
-        clock: of the stage. parameters: where the force at entry takes its slot.
+        name: of the axis or equation.
+        wanted: [N, N m].
+        ramp: [s], None for the default.
+        clock: of the stage.
+        parameters: where the force at entry takes its slot.
     """
     at_entry = parameters.add(f"force_at_entry.{name}")
     ramp = DEFAULT_RAMP if ramp is None else ramp

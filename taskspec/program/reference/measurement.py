@@ -36,14 +36,21 @@ class Measurement:
     """A stage's measurement as expressions of its inputs.
 
     Attributes:
-        inputs: symbols of the tick. memory, parameters: layouts that the stage fills.
-        clock: time. algebra: of the file's expressions.
+        inputs: symbols of the tick.
+        memory, parameters: layouts that the stage fills.
+        clock: time.
+        algebra: of the file's expressions.
         moving_base: the frame's moving base now; None where nothing carries it.
-        terms: of the tip, relative to the base. tracked: the mechanism that is kept track of.
+        terms: of the tip, relative to the base.
+        tracked: the mechanism that is kept track of.
         tool, point, at: tool point, control point and frame, relative to the base.
-        state: what the law sees. normals: (3,) of each contact of its axes, at the tool.
-        rows: every equation. reactions: what the robot applies along each. gaps: to every shape.
-        table: signals by name. unreached: what contacts do not return of the set points.
+        state: what the law sees.
+        normals: (3,) of each contact of its axes, at the tool.
+        rows: every equation.
+        reactions: what the robot applies along each.
+        gaps: to every shape.
+        table: signals by name.
+        unreached: what contacts do not return of the set points.
     """
 
     inputs: ports.Inputs

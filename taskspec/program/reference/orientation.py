@@ -67,7 +67,8 @@ def rates_of(law: Law, R: Matrix) -> Matrix:
     """(3, 3) from angular velocity in frame axes to the rates of the law's rotational rows.
 
     Args:
-        law: of the stage. R: (3, 3) tool in the task frame.
+        law: of the stage.
+        R: (3, 3) tool in the task frame.
     """
     representation = representation_of(law)
     if representation is None:

@@ -33,7 +33,10 @@ def path_shape(
     """The path of stage `name`, on the axes that it has coordinates for and `axes` does not name.
 
     Args:
-        context: the task. name: of the stage. stage: its entry. axes: that exist in its frame.
+        context: the task.
+        name: of the stage.
+        stage: its entry.
+        axes: that exist in its frame.
 
     Raises:
         SpecError: the table cannot be read, or the path drives an axis that does not exist.

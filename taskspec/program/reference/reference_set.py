@@ -19,7 +19,8 @@ class ReferenceSet:
     Attributes:
         position, error: measured coordinate and e = r - x of every axis [m, rad].
         coordinate: what the reference is held against; the gap along an open-loop force's axis.
-        position_ref, velocity_ref: of motion axes. force_ref: of force axes, applied by the robot.
+        position_ref, velocity_ref: of motion axes.
+        force_ref: of force axes, applied by the robot.
         law: the same as vectors over the task state's rows, in the theory's sign.
         integrals: by force axis, integral of f_d - f as the robot applies it [N s].
         updates: memory after this tick.

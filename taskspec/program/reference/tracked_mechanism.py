@@ -21,8 +21,10 @@ class TrackedMechanism:
     """A mechanism's coordinate, told from the tool.
 
     Attributes:
-        mechanism: its geometry. angle: [rad], with whole turns counted since the run began.
-        since: the angle at which the stage was entered. rate: of the angle [rad/s].
+        mechanism: its geometry.
+        angle: [rad], with whole turns counted since the run began.
+        since: the angle at which the stage was entered.
+        rate: of the angle [rad/s].
         travel: way along the axis [m].
     """
 
@@ -48,8 +50,11 @@ def tracked_mechanism(
     """The mechanism that a stage in `frame` keeps track of; takes a slot for its angle.
 
     Args:
-        context: for what the robot holds. frame: of the stage. terms: of the tip, in the world.
-        clock: of the stage. memory, parameters: where the angle takes its slots.
+        context: for what the robot holds.
+        frame: of the stage.
+        terms: of the tip, in the world.
+        clock: of the stage.
+        memory, parameters: where the angle takes its slots.
     """
     mechanism = context.tracked(frame)
     if mechanism is None:
@@ -74,8 +79,10 @@ def mechanism_state(
     """What is known of the mechanism that the robot holds, by its name; no other one is known.
 
     Args:
-        tracked: what the stage keeps track of. held: name of the mechanism that is held.
-        terms: of the tip, in the world. wrench: (6,) by the environment about the tip, world axes.
+        tracked: what the stage keeps track of.
+        held: name of the mechanism that is held.
+        terms: of the tip, in the world.
+        wrench: (6,) by the environment about the tip, world axes.
     """
     if tracked is None or tracked.mechanism.name != held:
         return {}

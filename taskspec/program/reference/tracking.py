@@ -40,7 +40,8 @@ def track(
     """Errors and rates of the given references.
 
     Args:
-        on: the coordinates. motions: references of the motion-controlled axes.
+        on: the coordinates.
+        motions: references of the motion-controlled axes.
         normals: for open-loop forces outside a following frame, the coordinate that takes the
             place of the axis's own: the nominal gap along the axis.
     """

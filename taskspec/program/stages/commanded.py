@@ -24,9 +24,11 @@ class Commanded:
     """What the law of a stage asks for, as expressions.
 
     Attributes:
-        references: as the law sees them. forces: set points and integrals of the equations.
+        references: as the law sees them.
+        forces: set points and integrals of the equations.
         chosen: what constrains the stage under a law with multipliers, else None.
-        case: what the law was filled in with. torque: (n,) of its closed form [N m].
+        case: what the law was filled in with.
+        torque: (n,) of its closed form [N m].
         conditions: that come with the angles in which the law is stated.
     """
 

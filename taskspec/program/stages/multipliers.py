@@ -23,7 +23,9 @@ class EquationForces:
     """Set points and integrals of the equations that constrain a stage, as the robot applies them.
 
     Attributes:
-        desired: by equation [N, N m]. integrals: of desired - measured. updates: of the memory.
+        desired: by equation [N, N m].
+        integrals: of desired - measured.
+        updates: of the memory.
     """
 
     desired: dict[str, ca.SX]

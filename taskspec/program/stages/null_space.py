@@ -32,8 +32,11 @@ def null_space_acceleration(
     """q''_p (n,) that the law wants in the null space; None where it wants nothing there.
 
     Args:
-        law: of the stage. context: of the task. state: the arm on the task axes.
-        world: the tip's kinematics against the world. q, v: (n,) joint positions and velocities.
+        law: of the stage.
+        context: of the task.
+        state: the arm on the task axes.
+        world: the tip's kinematics against the world.
+        q, v: (n,) joint positions and velocities.
     """
     robot = context.robot
     wanted = goals(law, robot, state.axes)

@@ -50,7 +50,9 @@ def outputs(
     """A tick's outputs: the numbers of `ports.fields`.
 
     Args:
-        event: its number and value. measurement: what is measured. commanded: by the law.
+        event: its number and value.
+        measurement: what is measured.
+        commanded: by the law.
         limited: the stage's programs; what comes of them is filled in later. None without any.
     """
     inputs, references = measurement.inputs, commanded.references

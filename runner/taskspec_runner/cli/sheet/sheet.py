@@ -32,9 +32,12 @@ class Sheet:
     """A compiled task.
 
     Attributes:
-        name, about: of the task. robot, world, defaults: pairs of a name and what it is.
-        duration: of the run. frames: all of them. stages: in order, with their poles and bounds
-            where they touch or hold something. expected: expectations as written.
+        name, about: of the task.
+        robot, world, defaults: pairs of a name and what it is.
+        duration: of the run.
+        frames: all of them.
+        stages: in order, with their poles and bounds where they touch or hold something.
+        expected: expectations as written.
         prediction: the numbers behind it.
     """
 

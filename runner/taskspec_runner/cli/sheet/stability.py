@@ -63,7 +63,8 @@ def stability_sheet(program: Program, looked: Looked | None) -> StabilitySheet |
     """One stage; None where it cannot be looked at, or is free and far from every bound.
 
     Args:
-        program: the task. looked: the stage's sampled loop.
+        program: the task.
+        looked: the stage's sampled loop.
     """
     if looked is None:
         return None
