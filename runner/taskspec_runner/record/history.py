@@ -102,8 +102,9 @@ class HistoryBuilder:
             if name == STAGE:
                 self._stages.append(_texts(values))
             else:
-                # A copy, as a batch may keep the memory of all of its columns.
-                self._columns.setdefault(name, []).append(np.array(values))
+                # A copy, as a batch may lie in memory that is written anew.
+                copied = values.to_numpy(zero_copy_only=False).copy()
+                self._columns.setdefault(name, []).append(copied)
 
     def build(self) -> History:
         """All ticks so far. It takes them out column by column, so that none is there twice."""
