@@ -18,7 +18,7 @@ from taskspec.program.prepare import prepare
 from taskspec.program.trajectory import SAMPLES, Course, Nominal, Place
 from taskspec.robot.inverse_kinematics import SOLVED, InverseKinematics, Target
 from taskspec.spec import LoadedTask
-from taskspec.text.show import show
+from taskspec.text.units import show
 
 Vector = NDArray[np.float64]
 

@@ -21,8 +21,7 @@ from taskspec.program.plan import StagePlan
 from taskspec.program.signals import entry_of
 from taskspec.signals import Entry, Index
 from taskspec.text.expression.tree import Call, Name, Node, walk
-from taskspec.text.show import show
-from taskspec.text.units import LENGTH, TIME
+from taskspec.text.units import LENGTH, TIME, show
 
 #: How far a mechanism may go beyond its stop, and the belief of its place beyond that, as a share
 #: of its range.

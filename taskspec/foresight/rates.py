@@ -15,7 +15,7 @@ from taskspec.robot.inverse_kinematics import turns_at
 from taskspec.robot.mobility import tip_jacobian
 from taskspec.spec import FILE
 from taskspec.text import units
-from taskspec.text.show import show
+from taskspec.text.units import show
 
 Vector = NDArray[np.float64]
 

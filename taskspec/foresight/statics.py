@@ -31,8 +31,7 @@ from taskspec.program.trajectory import Place
 from taskspec.robot.inverse_kinematics import turns_at
 from taskspec.robot.mobility import tip_jacobian
 from taskspec.spec import FILE, Limits, key_of
-from taskspec.text.show import show
-from taskspec.text.units import FORCE
+from taskspec.text.units import FORCE, show
 
 Vector = NDArray[np.float64]
 

@@ -6,8 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from taskspec.text import units
-from taskspec.text.show import scaled, show
-from taskspec.text.units import Dimension
+from taskspec.text.units import Dimension, scaled, show
 
 
 @dataclass(frozen=True, slots=True)

@@ -20,8 +20,7 @@ from taskspec.modes.mode import (
 )
 from taskspec.motion import blend
 from taskspec.text.expression import Expression, ScopeKind
-from taskspec.text.show import show
-from taskspec.text.units import FORCE, TIME
+from taskspec.text.units import FORCE, TIME, show
 
 if TYPE_CHECKING:
     from taskspec.geometry.axis import Axis

@@ -19,8 +19,7 @@ from taskspec.modes.mode import (
     move_speed,
 )
 from taskspec.motion import blend
-from taskspec.text.show import show
-from taskspec.text.units import LENGTH, VELOCITY
+from taskspec.text.units import LENGTH, VELOCITY, show
 
 if TYPE_CHECKING:
     from taskspec.geometry.axis import Axis

@@ -13,8 +13,7 @@ from taskspec.modes.mode import (
     StageStart,
     to_coordinate,
 )
-from taskspec.text.show import show
-from taskspec.text.units import LENGTH
+from taskspec.text.units import LENGTH, show
 
 if TYPE_CHECKING:
     from taskspec.geometry.axis import Axis

@@ -20,8 +20,7 @@ from taskspec.robot.inverse_kinematics import (
 )
 from taskspec.robot.types import RobotModel
 from taskspec.text.codes import register
-from taskspec.text.show import in_unit, number, show
-from taskspec.text.units import ANGLE, LENGTH, describe, fitting, noun
+from taskspec.text.units import ANGLE, LENGTH, describe, fitting, in_unit, noun, number, show
 
 register(
     {

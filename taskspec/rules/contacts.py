@@ -8,7 +8,7 @@ from taskspec.program.known import known_value
 from taskspec.program.plan import StagePlan
 from taskspec.rules import Finding, rule, warning
 from taskspec.spec import FILE
-from taskspec.text.show import show
+from taskspec.text.units import show
 
 
 @rule("TS327", "a force along which no object lies")

@@ -11,8 +11,7 @@ from taskspec.program.plan import StagePlan, TaskPlan
 from taskspec.rules import Finding, Phase, error, rule, warning
 from taskspec.signals.entries import TOUCHING
 from taskspec.spec import FILE, KeyPath, key_of
-from taskspec.text.show import show
-from taskspec.text.units import FORCE, LENGTH
+from taskspec.text.units import FORCE, LENGTH, show
 
 #: Below this length a gradient, in its own units, is none.
 _FLAT = 1e-9

@@ -20,8 +20,7 @@ from taskspec.signals import CLOCKS
 from taskspec.spec import Expectation
 from taskspec.text.expression import evaluate
 from taskspec.text.expression.tree import Call, Held, Name, Node, Reduce, WithinNode, walk
-from taskspec.text.show import show
-from taskspec.text.units import FORCE
+from taskspec.text.units import FORCE, show
 
 _ALGEBRA = IntervalAlgebra()
 #: Reducers whose value is that of a steady signal although the signal was another before.

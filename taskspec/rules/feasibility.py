@@ -17,7 +17,7 @@ from taskspec.program.trajectory import Place
 from taskspec.rules import Finding, rule
 from taskspec.spec import FILE, key_of
 from taskspec.text.diagnostic import Severity
-from taskspec.text.show import show
+from taskspec.text.units import show
 
 Vector = NDArray[np.float64]
 

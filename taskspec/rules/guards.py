@@ -19,7 +19,7 @@ from taskspec.signals.table import WRENCH
 from taskspec.text.diagnostic import Severity
 from taskspec.text.expression import Expression, evaluate
 from taskspec.text.expression.tree import Compare, Held, Name, Node, walk
-from taskspec.text.show import show
+from taskspec.text.units import show
 
 #: Another object may push the other way from this share of its normal on.
 _SLIGHTLY = 0.1

@@ -8,8 +8,7 @@ from taskspec.foresight.held_motion import held_motion
 from taskspec.program.plan import StagePlan
 from taskspec.rules import Finding, rule, warning
 from taskspec.spec import FILE, key_of
-from taskspec.text.show import show
-from taskspec.text.units import VELOCITY
+from taskspec.text.units import VELOCITY, show
 
 #: Slower than this is the rounding of a mechanism that stands still [m/s, rad/s].
 _NOTHING = 1e-9

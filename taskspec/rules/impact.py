@@ -23,7 +23,7 @@ from taskspec.program.plan import StagePlan
 from taskspec.rules import Finding, rule, warning
 from taskspec.spec import FILE, Within
 from taskspec.text.diagnostic import Severity
-from taskspec.text.show import inside, show
+from taskspec.text.units import inside, show
 
 #: The peak of a critically damped impact against that of an undamped one: the least that the
 #: stage that follows can make of it. Measured with designed gains: 0.42 to 0.62.

@@ -13,7 +13,7 @@ from taskspec.program.plan import TaskPlan
 from taskspec.rules import Finding, Phase, rule, warning
 from taskspec.shapes import BoundedSurface, Surface
 from taskspec.spec import FILE, key_of
-from taskspec.text.show import show
+from taskspec.text.units import show
 
 _GRAVITY = 9.81
 #: A contact that pushes with this many times a body's weight lifts it off.

@@ -18,8 +18,7 @@ from taskspec.program.sensor import SensorModel
 from taskspec.rules import Finding, rule, warning
 from taskspec.text.expression import Expression
 from taskspec.text.expression.tree import Binary, Call, Held, Name, Node, Number
-from taskspec.text.show import number, show
-from taskspec.text.units import FORCE
+from taskspec.text.units import FORCE, number, show
 
 #: How probable it may be that noise alone ends a stage, or has to be that it lets it end.
 _SELDOM = 0.01

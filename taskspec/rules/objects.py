@@ -9,7 +9,7 @@ from taskspec.program.plan import StagePlan, TaskPlan
 from taskspec.program.world.stiffness import RESOLVED_PHASE
 from taskspec.rules import Finding, Phase, rule, warning
 from taskspec.spec import FILE
-from taskspec.text.show import show
+from taskspec.text.units import show
 
 #: Rubber on dry concrete has about 1, soft rubber on glass 2.
 _ROUGHEST = 2.0

@@ -17,7 +17,7 @@ from taskspec.rules import Finding, rule, warning
 from taskspec.signals.entries import TOUCHING
 from taskspec.spec import FILE, KeyPath, key_of
 from taskspec.text.expression.tree import Name, walk
-from taskspec.text.show import show
+from taskspec.text.units import show
 
 Vector = NDArray[np.float64]
 

@@ -19,8 +19,7 @@ from taskspec.spec import FILE, KeyPath
 from taskspec.text.diagnostic import Severity
 from taskspec.text.expression import Expression
 from taskspec.text.expression.tree import Name, walk
-from taskspec.text.show import show
-from taskspec.text.units import LENGTH, TIME
+from taskspec.text.units import LENGTH, TIME, show
 
 Vector = NDArray[np.float64]
 

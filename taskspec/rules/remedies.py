@@ -13,7 +13,7 @@ from taskspec.analysis.sampled_stage import SampledStage
 from taskspec.laws.law import gain_named
 from taskspec.program.context import Context
 from taskspec.spec import FILE, KeyPath, Task
-from taskspec.text.show import inside, number, show
+from taskspec.text.units import inside, number, show
 
 #: No more gain changes of a stage are proposed than these.
 _MOST_PROPOSED = 2

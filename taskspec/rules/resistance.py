@@ -14,8 +14,7 @@ from taskspec.program.reference.orientation import representation_of
 from taskspec.rules import Finding, info, rule
 from taskspec.spec import FILE, KeyPath
 from taskspec.text.diagnostic import Severity
-from taskspec.text.show import show
-from taskspec.text.units import FORCE
+from taskspec.text.units import FORCE, show
 
 _TIMES = (0.0, 0.13, 0.37, 1.0, 2.9)
 #: A contradiction of lines, or an open-loop force without a surface, says it already.

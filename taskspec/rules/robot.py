@@ -10,7 +10,7 @@ from taskspec.robot import RobotError, check_joints
 from taskspec.rules import Finding, Phase, error, rule, warning
 from taskspec.signals.entries import TOUCHING
 from taskspec.spec import FILE, KeyPath, below
-from taskspec.text.show import show
+from taskspec.text.units import show
 
 #: Cosine from which on a tool points away: 60 deg.
 _AWAY = 0.5

@@ -14,8 +14,7 @@ from taskspec.rules import Finding, Phase, error, rule, warning
 from taskspec.signals.entries import TOUCHING
 from taskspec.spec import FILE, Stage
 from taskspec.text.expression.tree import Name, walk
-from taskspec.text.show import scaled, show
-from taskspec.text.units import TIME
+from taskspec.text.units import TIME, scaled, show
 
 
 @rule("TS431", "a sensor's rate that does not divide the controller's", phase=Phase.TASK)

@@ -12,8 +12,7 @@ from taskspec.program.limits.consistency import SET_POINT_SHARE
 from taskspec.program.plan import StagePlan
 from taskspec.rules import Finding, Phase, rule, warning
 from taskspec.spec import FILE, KeyPath
-from taskspec.text.show import show
-from taskspec.text.units import FORCE, in_si
+from taskspec.text.units import FORCE, in_si, show
 
 
 @rule("TS308", "a pull on a surface that can only push", phase=Phase.AXES)

@@ -15,7 +15,7 @@ from taskspec.program.trajectory import Place
 from taskspec.robot.mobility import tip_jacobian
 from taskspec.rules import Finding, rule, warning
 from taskspec.spec import FILE, key_of
-from taskspec.text.show import number, show
+from taskspec.text.units import number, show
 
 Vector = NDArray[np.float64]
 

@@ -22,8 +22,7 @@ from taskspec.rules import Finding, Phase, rule
 from taskspec.rules.remedies import place_of, remedies, text_of
 from taskspec.spec import FILE, AxisEntry, KeyPath, Task
 from taskspec.text.diagnostic import Severity
-from taskspec.text.show import number, scaled, show
-from taskspec.text.units import FREQUENCY, TIME
+from taskspec.text.units import FREQUENCY, TIME, number, scaled, show
 
 #: So many gains are searched for remedies in a file: a third of a second's work.
 _MOST_SEARCHED = 12

@@ -29,8 +29,7 @@ from taskspec.modes import (
     from_start,
     register,
 )
-from taskspec.text.show import show
-from taskspec.text.units import LENGTH
+from taskspec.text.units import LENGTH, show
 
 #: Of the sine [rad/s].
 RATE = 2 * math.pi * 0.5

@@ -5,8 +5,17 @@ import math
 import pytest
 
 from taskspec.text import units
-from taskspec.text.show import number, scaled, show
-from taskspec.text.units import Dimension, describe, fitting, parse_unit, split_quantity, to_si
+from taskspec.text.units import (
+    Dimension,
+    describe,
+    fitting,
+    number,
+    parse_unit,
+    scaled,
+    show,
+    split_quantity,
+    to_si,
+)
 
 
 @pytest.mark.parametrize(

@@ -6,9 +6,8 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from taskspec.text.show import scaled
-from taskspec.text.show import show as show_in
-from taskspec.text.units import FORCE, LENGTH, MOMENT
+from taskspec.text.units import FORCE, LENGTH, MOMENT, scaled
+from taskspec.text.units import show as show_in
 from taskspec_runner.cli.console import show, table
 from taskspec_runner.compare.comparison import Comparison
 from taskspec_runner.compare.summary import NOTHING_TO_COMPARE

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from taskspec.text.show import scaled
-from taskspec.text.units import FORCE, LENGTH, Dimension
+from taskspec.text.units import FORCE, LENGTH, Dimension, scaled
 from taskspec_runner.cli.console import show, table
 from taskspec_runner.runs import Run
 from taskspec_runner.verdict.given_up import told

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from taskspec.text.show import in_unit, show
+from taskspec.text.units import in_unit, show
 from taskspec_runner.verdict.series import Series
 
 DIGITS = 4

@@ -18,8 +18,7 @@ from taskspec.program.stages.stage import CompiledStage
 from taskspec.robot import RobotModel
 from taskspec.robot.inverse_kinematics import turns_at
 from taskspec.spec import Limits
-from taskspec.text.show import show
-from taskspec.text.units import LENGTH, VELOCITY
+from taskspec.text.units import LENGTH, VELOCITY, show
 from taskspec_runner.loop.fixed_step import DONE, Outcome
 from taskspec_runner.loop.interrupt import BY_SIGNAL
 from taskspec_runner.record.history import History

@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.text.expression import Expression, Scope, infer, tree
-from taskspec.text.show import in_unit, show
-from taskspec.text.units import NUMBER, fitting, to_si
+from taskspec.text.units import NUMBER, fitting, in_unit, show, to_si
 from taskspec_runner.verdict.amounts import DIGITS, digits_of, readable_unit
 from taskspec_runner.verdict.judged import Broken, MeasuredValue
 from taskspec_runner.verdict.series import NO_TICK, Series

@@ -51,7 +51,8 @@ class Machine:
         outputs: the numbers of `ports.fields`.
         index: number of the current stage.
         t: [s] since it began.
-        ended: `end` or `fail` once the task is over, else empty. transitions: so far.
+        ended: `end` or `fail` once the task is over, else empty.
+        transitions: so far.
     """
 
     def __init__(

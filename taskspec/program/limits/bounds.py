@@ -18,7 +18,7 @@ from taskspec.program.context import Context
 from taskspec.program.limits.consistency import tangents
 from taskspec.robot.model_terms import TermSymbols
 from taskspec.spec import Limits
-from taskspec.text.show import show
+from taskspec.text.units import show
 
 #: Where limits collide, the one that comes first here is kept.
 TORQUE, JOINT, FORCE, SPEED = "torque", "joint", "force", "speed"

@@ -15,8 +15,7 @@ from taskspec.program.signals import SignalTable
 from taskspec.robot import RobotModel
 from taskspec.spec import Limits, Stage
 from taskspec.text.expression import Expression
-from taskspec.text.show import show
-from taskspec.text.units import LENGTH, TIME
+from taskspec.text.units import LENGTH, TIME, show
 
 #: Below this pivot of J H^-1 J^T [1/kg, 1/(kg m^2)] an axis feels like ten tonnes: singular.
 SINGULAR = 1e-4

@@ -14,7 +14,7 @@ from taskspec.robot import RobotError, RobotModel, solve_start
 from taskspec.spec import FILE, LoadedTask, Robot, Task
 from taskspec.text.codes import register
 from taskspec.text.diagnostic import SpecError
-from taskspec.text.show import show
+from taskspec.text.units import show
 
 register(
     {

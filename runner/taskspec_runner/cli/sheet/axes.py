@@ -14,8 +14,7 @@ from taskspec.program.program import Program
 from taskspec.program.reference.axis_plan import AxisPlan
 from taskspec.program.stages.stage import CompiledStage
 from taskspec.spec import Screw
-from taskspec.text.show import number, scaled, show
-from taskspec.text.units import STIFFNESS
+from taskspec.text.units import STIFFNESS, number, scaled, show
 
 #: Stands below the tables.
 LEGEND = "v, w: velocity along and about an axis; f, m: force and moment that the robot applies"

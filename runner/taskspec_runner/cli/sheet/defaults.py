@@ -13,8 +13,7 @@ from taskspec.robot.tool import LENGTH
 from taskspec.shapes import tool_shapes
 from taskspec.spec import EquationObject, Mechanism, Robot, Shape, Task
 from taskspec.text.nodes import find
-from taskspec.text.show import scaled, show
-from taskspec.text.units import DAMPING, INERTIA, MASS, STIFFNESS
+from taskspec.text.units import DAMPING, INERTIA, MASS, STIFFNESS, scaled, show
 
 _SENSOR = {
     "at": "contact: neither weight nor inertia of the tool",

@@ -10,8 +10,7 @@ from taskspec.prediction.returned_forces import returned_at_start
 from taskspec.program.program import Program
 from taskspec.program.reference.unreached import is_moment
 from taskspec.program.stages.stage import CompiledStage
-from taskspec.text.show import scaled, show
-from taskspec.text.units import FORCE, MOMENT
+from taskspec.text.units import FORCE, MOMENT, scaled, show
 
 _JOINT = re.compile(r"(.*) of joint (\d+)\Z")
 

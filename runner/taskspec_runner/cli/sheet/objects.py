@@ -8,8 +8,17 @@ from taskspec.program.program import Program
 from taskspec.program.world.stiffness import Compliance
 from taskspec.spec import EquationObject, Hinge, Mechanism, Screw, Shape, Slide
 from taskspec.spec.mechanism import Detent
-from taskspec.text.show import scaled, show
-from taskspec.text.units import DAMPING, FORCE, INERTIA, LENGTH, MASS, STIFFNESS, Dimension
+from taskspec.text.units import (
+    DAMPING,
+    FORCE,
+    INERTIA,
+    LENGTH,
+    MASS,
+    STIFFNESS,
+    Dimension,
+    scaled,
+    show,
+)
 
 
 def object_rows(program: Program) -> Iterator[tuple[str, str]]:

@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 from taskspec.prediction import Depth, Duration, Equilibrium, Extreme, Impact, Selection
 from taskspec.prediction import StagePrediction as Foreseen
 from taskspec.spec import Task
-from taskspec.text.show import number, scaled, show
-from taskspec.text.units import FORCE, LENGTH, MASS, STIFFNESS, TIME, VELOCITY
+from taskspec.text.units import FORCE, LENGTH, MASS, STIFFNESS, TIME, VELOCITY, number, scaled, show
 
 _COMPONENTS = {"xyz": "xyz", "rpy": ("roll", "pitch", "yaw")}
 #: A force or moment below this is none [N, N m].

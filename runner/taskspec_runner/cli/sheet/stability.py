@@ -16,8 +16,7 @@ from taskspec.laws.conditions import StabilityCondition
 from taskspec.laws.law import gain_named
 from taskspec.prediction import Looked
 from taskspec.program.program import Program
-from taskspec.text.show import number, scaled, show
-from taskspec.text.units import FORCE, STIFFNESS, TIME
+from taskspec.text.units import FORCE, STIFFNESS, TIME, number, scaled, show
 
 #: Poles that are shown, the least stable ones.
 _MOST = 6

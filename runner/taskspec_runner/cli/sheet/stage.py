@@ -12,8 +12,7 @@ from taskspec.program.program import Program
 from taskspec.program.stages.null_space import goals
 from taskspec.program.stages.stage import CompiledStage
 from taskspec.program.world.stiffness import GRIP
-from taskspec.text.show import scaled, show
-from taskspec.text.units import STIFFNESS
+from taskspec.text.units import STIFFNESS, scaled, show
 from taskspec_runner.cli.sheet.axes import AxisRow, axis_row, equation_row
 from taskspec_runner.cli.sheet.limits import limit_rows
 from taskspec_runner.cli.sheet.predicted import PredictedRow, predicted_rows, selection_rows
