@@ -21,7 +21,7 @@ from taskspec.modes import (
     force_keys,
     mode_given,
 )
-from taskspec.spec.fields import MechanismName, SurfaceName
+from taskspec.spec.fields import ContactName, MechanismName
 from taskspec.spec.model import Model, complete, short_form
 from taskspec.spec.parse_context import ParseContext
 from taskspec.spec.quantities import Constant, Formula
@@ -118,7 +118,7 @@ class AxisEntry(_AxisKeys):
 
     stiffness: float | None = None
     damping: float | None = None
-    contact: SurfaceName | None = Field(None, title="Object that the axis presses on")
+    contact: ContactName | None = Field(None, title="Object that the axis presses on")
 
     @property
     def given(self) -> AxisMode | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Annotated
 
 from taskspec.spec.parse_context import ParseContext
@@ -34,20 +35,31 @@ def _other_than_a_surface(name: str, context: ParseContext) -> str:
     return "an equation is no surface; write a shape" if kind is not None else ""
 
 
+def _other_than_a_contact(name: str, context: ParseContext) -> str:
+    """What to write instead of the name of an object that no force is pressed on."""
+    if context.objects.get(name) in MECHANISMS:
+        return f"what is held returns forces by itself: robot.grasp: {name}.handle"
+    return "forces along equations stand under 'constraints'" if name in context.objects else ""
+
+
 FrameName = Annotated[
     str, NameReference(lambda r: r.frames, "frame", "TS122", instead=_other_than_a_frame)
 ]
-SurfaceName = Annotated[
-    str,
-    NameReference(
+
+
+def _surface_name(instead: Callable[[str, ParseContext], str]) -> NameReference:
+    return NameReference(
         lambda r: r.of_kind("shape"),
         "object with a surface",
         "TS123",
         "objects with a surface",
         "'{}' is no object with a surface",
-        _other_than_a_surface,
-    ),
-]
+        instead,
+    )
+
+
+SurfaceName = Annotated[str, _surface_name(_other_than_a_surface)]
+ContactName = Annotated[str, _surface_name(_other_than_a_contact)]
 MechanismName = Annotated[
     str,
     NameReference(

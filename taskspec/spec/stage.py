@@ -11,7 +11,7 @@ from taskspec.geometry.axis import Axis
 from taskspec.laws import LAWS
 from taskspec.modes import MODES
 from taskspec.spec.axis import FORCES, MOTIONS, SHORT, AxisEntry, ByName
-from taskspec.spec.fields import FrameName, SurfaceName
+from taskspec.spec.fields import ContactName, FrameName
 from taskspec.spec.law import Law, law_of
 from taskspec.spec.limits import Limits
 from taskspec.spec.model import Model, complete, mapping
@@ -104,7 +104,7 @@ class Stage(Model):
     )
     attempts: Annotated[int, Count()] | None = Field(None, title="How often it may be entered")
     frame: FrameName | None = Field(None, title="Task frame")
-    contact: SurfaceName | None = Field(None, title="Object that the stage presses on")
+    contact: ContactName | None = Field(None, title="Object that the stage presses on")
     law: Law | None = Field(None, title="Control law")
     limits: Limits | None = Field(None, title="Limits")
     tare: Annotated[bool, Switch()] = Field(
