@@ -215,7 +215,9 @@ class StagePlan:
             return None
         p, R = self.tool
         way = self.frame_at_tool @ rates
-        met = self.context.obstacles.first(p, R, way / np.linalg.norm(way))
+        speed = np.linalg.norm(way)
+        # The squares of what is hardly a number are none.
+        met = self.context.obstacles.first(p, R, way / speed) if speed > 0 else None
         if met is None:
             return None
         self._normals.setdefault(met.contact, met.normal)

@@ -21,6 +21,9 @@ from taskspec.program.program import Program
 Vector = NDArray[np.float64]
 Disturbance = Callable[[float], Vector]
 
+#: Distance at which a constraint is kept as well as numbers can [m, rad].
+ROUNDING = 1e-15
+
 
 @dataclass
 class Arm:
@@ -73,14 +76,16 @@ class Arm:
         """q'' (n,) by (4.78)."""
         H, bias = self.dynamics(q, v)
         _, J, gamma, _ = self.constraint(q, v, t)
-        L = J @ np.linalg.solve(H, J.T)
-        P = np.eye(len(q)) - J.T @ np.linalg.solve(L, J @ np.linalg.inv(H))
-        return np.linalg.solve(H, P @ (u - bias) - J.T @ np.linalg.solve(L, gamma))
+        Y = np.linalg.solve(H, np.column_stack([J.T, u - bias]))
+        W, free = Y[:, :-1], Y[:, -1]
+        return free - W @ np.linalg.solve(J @ W, J @ free + gamma)
 
     def onto(self, q: Vector, v: Vector, t: float) -> tuple[Vector, Vector]:
-        """The state nearest to (q, v) that keeps the constraints."""
+        """The state nearest to (q, v) that keeps the constraints, to `ROUNDING`."""
         for _ in range(4):
             d, J, _, _ = self.constraint(q, v, t)
+            if np.max(np.abs(d)) < ROUNDING:
+                break
             q = q - np.linalg.pinv(J) @ d
         _, J, _, r_t = self.constraint(q, v, t)
         H, _ = self.dynamics(q, v)

@@ -163,9 +163,12 @@ def excited(K, K_I, time, **sensing):
 
 
 def settles(K, K_I, delay, pole):
-    """Whether the force error decays once the set point stands still."""
+    """Whether the force error decays once the set point stands still.
+
+    One that has grown beyond the set point of 20 N may be held there by the motors.
+    """
     e = excited(K, K_I, 0.2, delay=delay, pole=pole)
-    return e[160:].max() < e[80:120].max()
+    return e[160:].max() < min(e[80:120].max(), 20.0)
 
 
 @pytest.mark.parametrize(("delay", "K", "pole", "formula"), BOUNDARIES)
