@@ -11,7 +11,7 @@ from taskspec.geometry.axis import AXES, ROTATIONS, TRANSLATIONS
 from taskspec.signals import SCALARS
 from taskspec.text.units import FORCE, POWER, VELOCITY
 from taskspec_runner.record.history import Vector
-from taskspec_runner.report import foretold
+from taskspec_runner.report import predictions
 from taskspec_runner.report.chart import (
     Chart,
     Section,
@@ -102,12 +102,12 @@ def _controlled(run: Run, name: str, on: str) -> Chart | None:
     what = "Moment" if "torque" in name else "Force"
     where = on if on in _ROLES else f"of {name.partition('.')[0]}"
     title = f"{what} {where} against its reference"
-    told = foretold.decay(run, name, factor)
+    told = predictions.decay(run, name, factor)
     if told is not None:
         traces.append(told)
     levels_ = (
-        *foretold.rest_levels(run, [name], factor),
-        *foretold.impact_levels(run, [name], factor),
+        *predictions.rest_levels(run, [name], factor),
+        *predictions.impact_levels(run, [name], factor),
     )
     return Chart(
         f"{name}.ref", title, unit, tuple(traces), bands=bands(run, [name], factor), limits=levels_
@@ -136,10 +136,10 @@ def _wrench(run: Run, kind: str, axes: Sequence[str], title: str) -> Chart | Non
     unbounded = [n for n in names if run.column(f"{n}.ref") is None]
     limits = (
         *levels(run, kind, factor, (1, -1)),
-        *foretold.rest_levels(run, unbounded, factor),
-        *foretold.impact_levels(run, unbounded, factor),
+        *predictions.rest_levels(run, unbounded, factor),
+        *predictions.impact_levels(run, unbounded, factor),
     )
-    traces += [t for n in unbounded if (t := foretold.decay(run, n, factor)) is not None]
+    traces += [t for n in unbounded if (t := predictions.decay(run, n, factor)) is not None]
     return Chart(kind, title, unit, tuple(traces), note, bands(run, unbounded, factor), limits)
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from taskspec_runner.record.history import Vector
-from taskspec_runner.report import figures, foretold
+from taskspec_runner.report import figures, predictions
 from taskspec_runner.report.chart import Chart, size, tints
 from taskspec_runner.report.drawing import Panel, Stroke, Tick, path_data, tick_text, ticks
 from taskspec_runner.report.plane import PlotPlane, Times
@@ -137,7 +137,7 @@ def _borne(forces: Chart | None) -> Chart | None:
 
 def _panel(run: Run, chart: Chart, y: float, times: Times) -> Panel:
     # What was predicted is in the report; the picture shows what was.
-    traces = [t for t in chart.traces if t.style != foretold.ROLE]
+    traces = [t for t in chart.traces if t.style != predictions.ROLE]
     values = np.concatenate([t.values[np.isfinite(t.values)] for t in traces])
     sides = [v for b in chart.bands for v in (b.low, b.high) if v is not None]
     plane = PlotPlane.around(times, values, y, _PANEL, _ROOM, sides)

@@ -12,8 +12,8 @@ from markupsafe import Markup
 from taskspec_runner.record.folder import REPORT, Json, mapping, number
 from taskspec_runner.report import annotated, drawn, figures, tables
 from taskspec_runner.report.chart import Chart, Section, tints
-from taskspec_runner.report.foretold import stage_told
 from taskspec_runner.report.overview import overview_svg
+from taskspec_runner.report.predictions import stage_prediction
 from taskspec_runner.report.quantities import figure
 from taskspec_runner.report.template import part, script, template
 from taskspec_runner.runs import Run, StageVisit
@@ -150,7 +150,7 @@ def _margin(margin: Margin) -> Json:
 
 
 def _visit_row(run: Run, visit: StageVisit) -> Json:
-    expected = number(stage_told(run, visit.stage).get("duration"))
+    expected = number(stage_prediction(run, visit.stage).get("duration"))
     return {
         "label": run.label(visit),
         "tint": tints(run)[visit.stage],

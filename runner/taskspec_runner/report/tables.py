@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from taskspec_runner.record.folder import Json, mapping, number
 from taskspec_runner.report.chart import tints
-from taskspec_runner.report.foretold import stage_told
+from taskspec_runner.report.predictions import stage_prediction
 from taskspec_runner.report.quantities import figure, quantity
 from taskspec_runner.runs import Run
 from taskspec_runner.verdict.given_up import told
@@ -73,9 +73,9 @@ def _response(run: Run, stage: str, name: str, values: Json) -> list[tuple[str, 
     if overshoot and step:
         over = (over[0], f"{over[1]}, {figure(100 * overshoot / abs(step), 2)} %")
     settled, constant = (number(values.get(key)) for key in ("settling_time", "time_constant"))
-    foretold = stage_told(run, stage)
-    rest = number(mapping(mapping(foretold.get("equilibrium")).get(name)).get("value"))
-    slowest = mapping(mapping(foretold.get("settling")).get(axis_of(name)))
+    predicted = stage_prediction(run, stage)
+    rest = number(mapping(mapping(predicted.get("equilibrium")).get(name)).get("value"))
+    slowest = mapping(mapping(predicted.get("settling")).get(axis_of(name)))
     wanted = number(values.get("set_point")) if values.get("target") != "prediction" else None
     return [
         quantity(wanted, unit),

@@ -22,7 +22,7 @@ _LASTS, _SEEN = 5.0, 0.01
 _OWN = 0.5
 
 
-def stage_told(run: Run, stage: str) -> Json:
+def stage_prediction(run: Run, stage: str) -> Json:
     """What was predicted of a stage; empty where nothing was."""
     return mapping(mapping(run.summary.get("predicted")).get(stage))
 
@@ -31,7 +31,7 @@ def rest_levels(run: Run, signals: Iterable[str], factor: float) -> Iterator[Lev
     """Where forces and moments were predicted to come to rest; `factor` makes the chart's unit."""
     for name in signals:
         for visit in run.visits:
-            at = mapping(mapping(stage_told(run, visit.stage).get("equilibrium")).get(name))
+            at = mapping(mapping(stage_prediction(run, visit.stage).get("equilibrium")).get(name))
             value, low, high = (number(at.get(key)) for key in ("value", "low", "high"))
             if value is not None and low == high:
                 yield Level(visit.start, visit.end, factor * value, ROLE, "predicted at rest")
@@ -41,7 +41,7 @@ def impact_levels(run: Run, signals: Iterable[str], factor: float) -> Iterator[L
     """The largest force that was predicted for meeting a surface."""
     for name in signals:
         for visit in run.visits:
-            met = mapping(stage_told(run, visit.stage).get("impact"))
+            met = mapping(stage_prediction(run, visit.stage).get("impact"))
             peak, values = number(met.get("peak")), run.columns.get(name)
             if peak is None or values is None or met.get("axis") != axis_of(name):
                 continue
@@ -58,7 +58,7 @@ def depth_levels(run: Run, objects: Iterable[str], factor: float) -> Iterator[Le
     """How deep contacts were predicted to be pressed in at rest."""
     for name in objects:
         for visit in run.visits:
-            at = mapping(mapping(stage_told(run, visit.stage).get("depths")).get(name))
+            at = mapping(mapping(stage_prediction(run, visit.stage).get("depths")).get(name))
             depth = number(at.get("depth"))
             if depth is not None:
                 value = -factor * depth
@@ -77,7 +77,7 @@ def decay(run: Run, name: str, factor: float) -> Trace | None:
         return None
     drawn, texts = np.full(len(values), np.nan), []
     for visit in run.visits:
-        told = stage_told(run, visit.stage)
+        told = stage_prediction(run, visit.stage)
         how = mapping(mapping(told.get("settling")).get(axis_of(name)))
         constant = number(how.get("time_constant"))
         target = _target(run, visit, name, told)
