@@ -76,9 +76,9 @@ def compile_unchecked(loaded: LoadedTask) -> Program:
 
 def _stages(task: TaskPlan) -> tuple[CompiledStage, ...]:
     loaded, stages = task.context.loaded, []
-    for name, plan in task.stages.items():
+    for name in task.stages:
         try:
-            stages.append(compile_stage(plan))
+            stages.append(compile_stage(task.follow(name)))
         except UnknownSignalError as error:
             message = f"stage {name!r} cannot evaluate {error}"
             raise spec_error(loaded, FILE.stages[name], "TS224", message) from error

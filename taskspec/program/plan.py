@@ -560,5 +560,7 @@ class TaskPlan:
         """
         stage = self.stages[name]
         if not stage.followed:
+            # Where the stage starts is known now: the walk goes on from there.
+            stage.tool = self._walk.tool
             stage.nominal = self._walk.stage(stage)
         return stage

@@ -6,7 +6,7 @@ from documents import ROOT, table, text_of
 
 from taskspec.control.admissible import BRAKING
 from taskspec.control.state import ARM_LENGTH
-from taskspec.program.execution import resolver
+from taskspec.program.execution import stage_solver
 from taskspec.program.limits import bounds, consistency, limited, pushes
 
 PAGE = ROOT / "docs" / "laws" / "limits.md"
@@ -36,7 +36,7 @@ def test_constants_in_the_text():
     assert f"no more than {consistency.SET_POINT_SHARE:g} of `limits.force`" in text
     assert f"static torques of {consistency.STATIC_SHARE:g} of the motors' limits" in text
     assert f"moments divided by {ARM_LENGTH:g} m" in text
-    assert f"within {resolver.HELD_TICKS} control periods" in text
-    assert f"residual is below {resolver.WORST_RESIDUAL:.0e}".replace("e-0", "e-") in text
+    assert f"within {stage_solver.HELD_TICKS} control periods" in text
+    assert f"residual is below {stage_solver.WORST_RESIDUAL:.0e}".replace("e-0", "e-") in text
     order = ", ".join(("torque", "torque rate", *bounds.PRECEDENCE[1:]))
     assert f"the first of {order} is kept" in text

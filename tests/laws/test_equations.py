@@ -13,12 +13,12 @@ import pinocchio as pin
 import pytest
 from law_cases import as_reference, command_of, gains_on
 
-from taskspec.control import linear, model_terms, resolution, state
+from taskspec.control import linear, resolution, state
 from taskspec.control.command import Command
 from taskspec.program.clock import Clock
 from taskspec.program.world import kinematics
 from taskspec.program.world.frames import FrameModel
-from taskspec.robot import load_robot
+from taskspec.robot import load_robot, model_terms
 from taskspec.shapes import SHAPES
 
 RNG = np.random.default_rng(4)

@@ -75,5 +75,5 @@ def test_what_a_law_does_not_state_has_an_answer():
 
 
 def test_gains_that_no_law_declares_are_plain_numbers():
-    assert gain_named("stiffness").units(angular=False) == ("kN/m", "N/m")
-    assert gain_named("odd").units(angular=True) == ()
+    assert gain_named("stiffness").text(2000.0, angular=False) == "2 kN/m"
+    assert gain_named("odd").text(2.5, angular=True) == "2.5"

@@ -12,10 +12,11 @@ import pinocchio as pin
 import pytest
 from law_cases import as_reference, command_of, gains_on
 
+from taskspec.control import resolution, state
 from taskspec.control.representation import REPRESENTATIONS, analytical
 from taskspec.geometry.rotation import from_rpy
 from taskspec.program.reference.orientation import angles_of, displaced, rates_of
-from taskspec.robot import load_robot, model_terms, resolution, state
+from taskspec.robot import load_robot, model_terms
 from taskspec.spec import Law
 
 RNG = np.random.default_rng(8)

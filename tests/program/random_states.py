@@ -107,7 +107,7 @@ class States:
         self.evaluate()
 
     def problem(self) -> QuadraticProgram:
-        """The program around the torque of the last evaluation; the resolver's own arrays."""
+        """The program around the torque of the last evaluation; the solver's own arrays."""
         self.solver._assemble.evaluate()
         return self.solver._problem
 
@@ -118,7 +118,7 @@ class States:
 
     def acceptance(self, x, dual) -> tuple[np.ndarray, float]:
         """Torque (n,) and KKT residual of an answer."""
-        resolver = self.solver
-        resolver._x[:], resolver._dual[:] = x, dual
-        resolver._accept.evaluate()
-        return resolver._accepted.copy(), float(resolver._residual[0])
+        solver = self.solver
+        solver._x[:], solver._dual[:] = x, dual
+        solver._accept.evaluate()
+        return solver._accepted.copy(), float(solver._residual[0])

@@ -24,7 +24,7 @@ def in_accelerations(states: States, problem: QuadraticProgram) -> QuadraticProg
     """The program in joint accelerations, from Pinocchio's inertia: another way to the torque.
 
     x = L'(q'' - q''*) in P = L (..) L'. q''* itself enters by its numbers, so a torque that comes
-    back from H q'' + h has gone through inertia and bias terms that the resolver never forms.
+    back from H q'' + h has gone through inertia and bias terms that the solver never forms.
     """
     L, wish = np.linalg.cholesky(dynamics(states)[0]), acceleration(states)
     A = problem.A @ L.T
@@ -138,7 +138,7 @@ def limited_states(count: int, seed: int, colliding: bool = True):
 
 
 def test_every_answer_under_active_limits_is_optimal():
-    """The residual of all answers is below 1e-8, by the resolver's measure and the solvers' own."""
+    """The residual of all answers is below 1e-8, by the solver's measure and the solvers' own."""
     worst, active, together = 0.0, 0, 0
     for states, problem, solution in limited_states(50, seed=100):
         assert solution.status is Status.SOLVED

@@ -268,7 +268,7 @@ class Stepped:
         self.clock = 0.0
 
     @property
-    def resolver(self):
+    def solver(self):
         return self.machine.solver
 
     @property
@@ -327,8 +327,8 @@ def test_a_run_that_has_no_answer_is_stopped_and_says_so(monkeypatch, tmp_path):
     """Through the loop: status stopped, reason solver, every tick of it in the log."""
     program = compile_unchecked(load_text(PRESS, "press.yaml"))
     parts = assemble(program)
-    resolver = parts.machine.runners[0].solver
-    monkeypatch.setattr(resolver, "_solver", Broken(resolver._solver, Status.INFEASIBLE))
+    solver = parts.machine.runners[0].solver
+    monkeypatch.setattr(solver, "_solver", Broken(solver._solver, Status.INFEASIBLE))
     recorder = parts.recorder(Log(tmp_path / "log.arrow"))
     with closing(recorder):
         outcome = loop.run(parts.machine, parts.plant, parts.bus, recorder, T)
