@@ -6,7 +6,9 @@ import os
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 # Reports of test runs go without a still: drawing takes longer than most runs do.
 os.environ.setdefault("MUJOCO_GL", "disable")
@@ -55,32 +57,44 @@ Simulate = Callable[..., SimulatedTask]
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Tests that share a fixture of their module go to one process, so that it is made once."""
+    """Tests of a module that share its fixtures or runs go to one process: they are made once."""
     for item in items:
         fixtures: Mapping[str, Sequence[pytest.FixtureDef[object]]]
         fixtures = item._fixtureinfo.name2fixturedefs  # type: ignore[attr-defined]
-        if any(each[-1].scope == "module" for each in fixtures.values()):
+        if "simulate" in fixtures or any(f[-1].scope == "module" for f in fixtures.values()):
             item.add_marker(pytest.mark.xdist_group(item.path.stem))
 
 
-@pytest.fixture
-def simulate(tmp_path: Path) -> Simulate:
-    """Simulate a task: `simulate("wipe-table")` for a shipped one, or its text; `set` overrides."""
-
-    def run(task: str, set: Mapping[str, str] | None = None, seed: int = 0) -> SimulatedTask:
-        overrides = dict(set or {})
-        if "\n" in task:
-            loaded = load_text(task, "task.yaml", overrides)
-        else:
-            loaded = load_task(TASKS / f"{task}.yaml", overrides)
-        program = compile_unchecked(loaded)
-        parts = assemble(program)
-        log = Log(tmp_path / "log.arrow")
+@lru_cache(maxsize=16)
+def _simulated(task: str, overrides: tuple[tuple[str, str], ...], seed: int) -> SimulatedTask:
+    loaded = (
+        load_text(task, "task.yaml", dict(overrides))
+        if "\n" in task
+        else load_task(TASKS / f"{task}.yaml", dict(overrides))
+    )
+    program = compile_unchecked(loaded)
+    parts = assemble(program)
+    with TemporaryDirectory() as folder:
+        log = Log(Path(folder) / "log.arrow")
         recorder = parts.recorder(log)
         with closing(recorder):
             outcome = loop.run(
                 parts.machine, parts.plant, parts.bus, recorder, program.context.period, seed=seed
             )
-        return SimulatedTask(program, outcome, parts.machine.transitions, log.history())
+        history = log.history()
+    for column in history.columns.values():
+        column.flags.writeable = False
+    return SimulatedTask(program, outcome, parts.machine.transitions, history)
+
+
+@pytest.fixture
+def simulate() -> Simulate:
+    """Simulate a task: `simulate("wipe-table")` for a shipped one, or its text; `set` overrides.
+
+    Tests that ask for the same run look at one run: nothing of it is changed.
+    """
+
+    def run(task: str, set: Mapping[str, str] | None = None, seed: int = 0) -> SimulatedTask:
+        return _simulated(task, tuple((set or {}).items()), seed)
 
     return run

@@ -120,12 +120,18 @@ print(now() - before)
 """
 
 
-@pytest.mark.parametrize("form", ["csv", "parquet", "mcap"])
-def test_memory_does_not_grow_with_the_log(tmp_path: Path, form: str) -> None:
-    # 20 000 and 200 000 ticks of 60 columns: the log of the second has 96 MB.
+@pytest.fixture(scope="module")
+def logs(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    """20 000 and 200 000 ticks of 60 columns: the log of the second has 96 MB."""
+    folder = tmp_path_factory.mktemp("logs")
     for name, batches in (("short", 40), ("long", 400)):
-        _write_log(tmp_path / name, batches)
-    command = [sys.executable, "-c", _MEMORY, tmp_path / "short", tmp_path / "long", form]
+        _write_log(folder / name, batches)
+    return folder / "short", folder / "long"
+
+
+@pytest.mark.parametrize("form", ["csv", "parquet", "mcap"])
+def test_memory_does_not_grow_with_the_log(logs: tuple[Path, Path], form: str) -> None:
+    command = [sys.executable, "-c", _MEMORY, *logs, form]
     done = subprocess.run(command, capture_output=True, text=True, check=True)
     # Two chunks of 10 000 rows are in memory at a time: 10 MB, both of them.
     assert int(done.stdout) < 30_000  # kB

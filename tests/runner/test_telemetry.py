@@ -237,7 +237,7 @@ def test_line_without_a_set_point_has_no_force() -> None:
 @pytest.mark.parametrize(("encoding", "blocks"), [("utf-8", True), ("ascii", False)])
 def test_terminal_shows_the_force_as_blocks(tmp_path: Path, encoding: str, blocks: bool) -> None:
     task = tmp_path / "tap.yaml"
-    task.write_text(TAP.replace("time: 0.3 s", "time: 90 s"), encoding="utf-8")
+    task.write_text(TAP.replace("time: 0.3 s", "time: 30 s"), encoding="utf-8")
     ours, theirs = pty.openpty()
     environment = {**os.environ, "TERM": "xterm", "COLUMNS": "120", "PYTHONIOENCODING": encoding}
     command = [*COMMAND, "run", task, "--out", tmp_path / "run"]
