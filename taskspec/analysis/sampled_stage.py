@@ -116,7 +116,9 @@ class SampledStage:
         H = context.start_inertia
         rows = [AXES.index(a) for a in self.stage.plan.axes]
         mobility = J[rows] @ np.linalg.solve(H, J[rows].T)
-        alike = [m.shape for m in modes if m is not mode and abs(m.s - mode.s) < _ALIKE * abs(m.s)]
+        # Compared by z: a pole at -1 has two logarithms, and rounding decides which is taken.
+        near = _ALIKE * abs(mode.z) * min(abs(mode.s) * context.period, 1.0)
+        alike = [m.shape for m in modes if m is not mode and abs(m.z - mode.z) < near]
         shapes = _orthonormal(np.array([mode.shape, *alike]).T, H)
         motion = J[rows] @ shapes
         for name in self.stage.plan.active:

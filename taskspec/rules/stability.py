@@ -31,6 +31,8 @@ _MOST_SEARCHED = 12
 _MOST_WORLDS = 400
 #: A varied value is left out of a message if without it a mode grows, or is damped, as much.
 _AS_MUCH = 0.95
+#: A swing that changes more slowly than this [1/s] neither grows nor dies away in any run.
+_STEADY = 1e-3
 
 
 class Plants:
@@ -295,9 +297,9 @@ def worst_of(modes: Sequence[Mode]) -> Mode | None:
 
 
 def ringing_of(modes: Sequence[Mode]) -> Mode | None:
-    """The least damped of the modes that ring."""
+    """The least damped of the modes that ring; of those that are alike to rounding the slowest."""
     found = [mode for mode in modes if rings(mode)]
-    return min(found, key=lambda m: m.damping_ratio) if found else None
+    return min(found, key=lambda m: (round(m.damping_ratio, 6), m.frequency), default=None)
 
 
 def describe(mode: Mode, period: float) -> str:
@@ -312,7 +314,9 @@ def describe(mode: Mode, period: float) -> str:
         size = number(abs(mode.z), 3)
         return f"is predicted to flip from tick to tick, each time {size} times as far"
     swings = f"ring at {show(mode.frequency, FREQUENCY, 3)}" if mode.frequency > 0 else "run away"
-    time = math.log(2) / abs(rate) if rate else math.inf
+    if abs(rate) < _STEADY:
+        return f"is predicted to {swings} and not to die away"
+    time = math.log(2) / abs(rate)
     if rate > 0:
         return f"is predicted to {swings} and to double every {_time(time)}"
     return (
