@@ -97,10 +97,9 @@ def diagnostics_of(
     return check_task(loaded), dict(loaded.sources)
 
 
-def told(example: Example, name: str, folder: Path) -> str:
-    """Return what is told about an example, independent of where it lies."""
-    diagnostics, sources = diagnostics_of(example, name, folder)
-    return render(diagnostics, sources).replace(f"{folder}/", "") + "\n"
+def shown_of(found: tuple[Diagnostic, ...], sources: dict[str, Source], folder: Path) -> str:
+    """Return how a page shows what is found in an example, independent of where it lies."""
+    return render(found, sources).replace(f"{folder}/", "") + "\n"
 
 
 def index() -> str:
@@ -124,7 +123,8 @@ def _write() -> None:
         if "bad" not in (examples := page(path).examples):
             continue
         with tempfile.TemporaryDirectory() as folder:
-            new = told(examples["bad"], "bad.yaml", Path(folder))
+            found, sources = diagnostics_of(examples["bad"], "bad.yaml", Path(folder))
+            new = shown_of(found, sources, Path(folder))
         text = path.read_text(encoding="utf-8")
         block = re.compile(r"^```text\n.*?^```$", re.M | re.S)
         text = block.sub(lambda _: f"```text\n{new}```", text, count=1)  # noqa: B023

@@ -6,7 +6,7 @@ import re
 from pathlib import Path
 
 import pytest
-from diagnostic_pages import FAMILIES, INDEX, PAGES, Page, diagnostics_of, index, page, told
+from diagnostic_pages import FAMILIES, INDEX, PAGES, Page, diagnostics_of, index, page, shown_of
 
 from taskspec.text.codes import CODES
 from taskspec_runner.cli.pages import page as shown
@@ -39,10 +39,10 @@ def test_a_page_has_code_title_and_examples(path):
 
 @pytest.mark.parametrize("of", WITH_A_FILE, ids=name)
 def test_the_bad_file_gets_this_code_where_the_page_says(of, tmp_path):
-    found, _ = diagnostics_of(of.examples["bad"], "bad.yaml", tmp_path)
+    found, sources = diagnostics_of(of.examples["bad"], "bad.yaml", tmp_path)
     assert [d.code for d in found] == [of.code]
     assert str(found[0].severity) in of.severities
-    assert told(of.examples["bad"], "bad.yaml", tmp_path) == of.examples["bad"].told
+    assert shown_of(found, sources, tmp_path) == of.examples["bad"].told
 
 
 @pytest.mark.parametrize("of", WITH_A_FILE, ids=name)
