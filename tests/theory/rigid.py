@@ -9,14 +9,17 @@ period, with the torque held then; the controller sees them one tick late.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from taskspec.program.bound import BoundFunction
+from taskspec.program.ports import fields, slices
 from taskspec.program.program import Program
+from taskspec.program.world.equations import EquationModel
 
 Vector = NDArray[np.float64]
 Disturbance = Callable[[float], Vector]
@@ -25,80 +28,116 @@ Disturbance = Callable[[float], Vector]
 ROUNDING = 1e-15
 
 
-@dataclass
 class Arm:
-    """The arm of a program with its equations as numbers."""
+    """The arm of a program with its equations as numbers.
 
-    program: Program
-    data: pin.Data = field(init=False)
+    Pinocchio's own algorithms give the arm's terms, not those that the controller is compiled from.
+    One CasADi function makes the rest of them in place: a run evaluates it some ten times in each
+    control period.
+    """
 
-    def __post_init__(self) -> None:
-        self.robot = self.program.context.robot
-        self.model = self.robot.pin
-        self.data = self.model.createData()
-        self.frame = self.model.getFrameId("tip")
-        self.equations = [
-            _numeric(m, self.model.nv) for m in self.program.context.equations.values()
-        ]
+    def __init__(self, program: Program) -> None:
+        self.program = program
+        robot = program.context.robot
+        self._model, self._data = robot.pin, robot.pin.createData()
+        self._frame = robot.pin.getFrameId("tip")
+        n, m = robot.pin.nv, len(program.context.equations)
+        self._q, self._v, self._u, self._rest = (np.zeros(n) for _ in range(4))
+        self._crba, self._bias, self._jacobian = np.zeros((n, n)), np.zeros(n), np.zeros((n, 3))
+        self._p, self._drift, self._t = np.zeros(3), np.zeros(3), np.zeros(1)
+        arguments = [
+            self._crba.reshape(-1), self._bias, self._jacobian.reshape(-1), self._p, self._drift,
+            self._q, self._v, self._u, self._t,
+        ]  # fmt: skip
+        self._H, self._acceleration = np.zeros(n * n), np.zeros(n)
+        self._distance, self._gamma, self._by_time, self._lambda = np.zeros((4, m))
+        self._J, self._normals = np.zeros(m * n), np.zeros(3 * m)
+        self._nearer, self._kept = np.zeros(n), np.zeros(n)
+        results = [
+            self._H, self._distance, self._J, self._gamma, self._by_time, self._normals,
+            self._lambda, self._acceleration, self._nearer, self._kept,
+        ]  # fmt: skip
+        function = _function(n, [*program.context.equations.values()])
+        self._function = BoundFunction(function, arguments, results)
+
+    def at(self, q: Vector, v: Vector, u: Vector | float, t: float) -> None:
+        """Evaluates everything at q, v, u (n,) and t [s]."""
+        self._q[:], self._v[:], self._u[:], self._t[0] = q, v, u, t
+        model, data = self._model, self._data
+        self._crba[:] = pin.crba(model, data, q)
+        self._bias[:] = pin.nonLinearEffects(model, data, q, v)
+        pin.forwardKinematics(model, data, q, v, self._rest)
+        world = pin.LOCAL_WORLD_ALIGNED
+        self._jacobian[:] = pin.computeFrameJacobian(model, data, q, self._frame, world)[:3].T
+        pin.updateFramePlacement(model, data, self._frame)
+        self._p[:] = data.oMf[self._frame].translation
+        drift = pin.getFrameClassicalAcceleration(model, data, self._frame, world)
+        self._drift[:] = drift.linear
+        self._function.evaluate()
 
     def dynamics(self, q: Vector, v: Vector) -> tuple[Vector, Vector]:
         """H (n, n) and C q' + g (n,)."""
-        H = np.triu(pin.crba(self.model, self.data, q))
-        return H + np.triu(H, 1).T, pin.nonLinearEffects(self.model, self.data, q, v)
+        self.at(q, v, 0.0, 0.0)
+        return self._H.reshape(len(q), -1).copy(), self._bias.copy()
 
     def constraint(self, q: Vector, v: Vector, t: float) -> tuple[Vector, Vector, Vector, Vector]:
         """Distance (m,), J_phi with unit normals (m, n), gamma (m,), r_t / |r_x| (m,)."""
-        pin.forwardKinematics(self.model, self.data, q, v, np.zeros_like(v))
-        pin.updateFramePlacements(self.model, self.data)
-        world = pin.LOCAL_WORLD_ALIGNED
-        J = pin.computeFrameJacobian(self.model, self.data, q, self.frame, world)[:3]
-        drift = pin.getFrameClassicalAcceleration(self.model, self.data, self.frame, world).linear
-        p = self.data.oMf[self.frame].translation
-        found = []
-        for on_joints, terms in self.equations:
-            if on_joints:
-                d, n, r_t, bend = (np.array(x).ravel() for x in terms(q, v, t))
-                found.append((d, n, bend, r_t))
-            else:
-                d, n, r_t, bend = (np.array(x).ravel() for x in terms(p, J @ v, t))
-                found.append((d, n @ J, bend + n @ drift, r_t))
-        d, rows, gamma, r_t = zip(*found, strict=True)
-        return np.concatenate(d), np.array(rows), np.concatenate(gamma), np.concatenate(r_t)
+        self.at(q, v, 0.0, t)
+        J = self._J.reshape(-1, len(self._distance)).T
+        return self._distance.copy(), J.copy(), self._gamma.copy(), self._by_time.copy()
+
+    def wrench(self, force: Vector) -> Vector:
+        """(3,) what the tool feels of (m,) forces along the normals, where it last was [N]."""
+        return -force @ self._normals.reshape(-1, len(force)).T
 
     def multipliers(self, q: Vector, v: Vector, u: Vector, t: float) -> Vector:
         """Lambda (m,) by (4.77)."""
-        H, bias = self.dynamics(q, v)
-        _, J, gamma, _ = self.constraint(q, v, t)
-        Y = np.linalg.solve(H, np.column_stack([J.T, bias - u]))
-        return np.linalg.solve(J @ Y[:, :-1], J @ Y[:, -1] - gamma)
+        self.at(q, v, u, t)
+        return self._lambda.copy()
 
     def acceleration(self, q: Vector, v: Vector, u: Vector, t: float) -> Vector:
         """q'' (n,) by (4.78)."""
-        H, bias = self.dynamics(q, v)
-        _, J, gamma, _ = self.constraint(q, v, t)
-        Y = np.linalg.solve(H, np.column_stack([J.T, u - bias]))
-        W, free = Y[:, :-1], Y[:, -1]
-        return free - W @ np.linalg.solve(J @ W, J @ free + gamma)
+        self.at(q, v, u, t)
+        return self._acceleration.copy()
 
     def onto(self, q: Vector, v: Vector, t: float) -> tuple[Vector, Vector]:
         """The state nearest to (q, v) that keeps the constraints, to `ROUNDING`."""
+        self.at(q, v, 0.0, t)
         for _ in range(4):
-            d, J, _, _ = self.constraint(q, v, t)
-            if np.max(np.abs(d)) < ROUNDING:
+            if np.abs(self._distance).max() < ROUNDING:
                 break
-            q = q - np.linalg.pinv(J) @ d
-        _, J, _, r_t = self.constraint(q, v, t)
-        H, _ = self.dynamics(q, v)
-        W = np.linalg.solve(H, J.T)
-        return q, v - W @ np.linalg.solve(J @ W, J @ v + r_t)
+            q = self._nearer.copy()
+            self.at(q, v, 0.0, t)
+        return q, self._kept.copy()
 
 
-def _numeric(model, n):
-    size = n if model.joints else 3
-    x, dx, t = ca.SX.sym("x", size), ca.SX.sym("dx", size), ca.SX.sym("t")
-    terms = model.terms(x, dx, t)
-    out = [terms.distance, terms.normal, terms.by_time, terms.drift]
-    return model.joints, ca.Function("terms", [x, dx, t], out)
+def _function(n: int, equations: list[EquationModel]) -> ca.Function:
+    """What `Arm` keeps of a state, from the arm's terms there, q, v, u (n,) and t."""
+    # NumPy's rows are CasADi's columns: the upper triangle, which alone is known, comes below.
+    lower, bias, columns = ca.SX.sym("H", n, n), ca.SX.sym("bias", n), ca.SX.sym("J", 3, n)
+    p, drift = ca.SX.sym("p", 3), ca.SX.sym("drift", 3)
+    q, v, u, t = ca.SX.sym("q", n), ca.SX.sym("v", n), ca.SX.sym("u", n), ca.SX.sym("t")
+    d, rows, gamma, r_t, normals = [], [], [], [], []
+    for model in equations:
+        place, rate = (q, v) if model.joints else (p, columns @ v)
+        terms = model.terms(place, rate, t)
+        normal, bend = terms.normal, terms.drift
+        d.append(terms.distance)
+        r_t.append(terms.by_time)
+        rows.append(normal if model.joints else normal @ columns)
+        gamma.append(bend if model.joints else bend + normal @ drift)
+        normals.append(ca.SX(1, 3) if model.joints else normal)
+    distance, J, bend, by_time = (ca.vertcat(*x) for x in (d, rows, gamma, r_t))
+    H = ca.tril(lower) + ca.tril(lower, False).T
+    W, free = ca.solve(H, J.T), ca.solve(H, u - bias)
+    felt = J @ W
+    reaction = ca.solve(felt, J @ free + bend)
+    out = [
+        H, distance, J, bend, by_time, ca.vertcat(*normals), -reaction, free - W @ reaction,
+        q - J.T @ ca.solve(J @ J.T, distance), v - W @ ca.solve(felt, J @ v + by_time),
+    ]  # fmt: skip
+    arguments = [ca.vec(lower), bias, ca.vec(columns), p, drift, q, v, u, t]
+    return ca.Function("arm", arguments, [ca.densify(x) for x in out])
 
 
 @dataclass
@@ -139,7 +178,7 @@ def run_rigid(
     """
     arm, T = Arm(program), program.context.period
     machine = program.machine()
-    n = arm.model.nv
+    n = program.context.robot.pin.nv
     v = np.zeros(n) if velocity is None else velocity
     q, v = arm.onto(program.context.start.copy(), v, 0.0)
     _, J, _, _ = arm.constraint(q, v, 0.0)
@@ -149,7 +188,7 @@ def run_rigid(
     rows = []
     for k in range(round(time / T)):
         t = k * T
-        _sense(arm, machine, q, v, late[0], t)
+        _sense(arm, machine, q, v, late[0])
         if k == 0:
             machine.start()
         machine.tick(t)
@@ -158,26 +197,18 @@ def run_rigid(
         force = -arm.multipliers(q, v, total, t)
         low = pole * low + (1 - pole) * force
         late = [*late[1:], low]
-        outputs = {name: value.copy() for name, value in machine.named_outputs().items()}
-        rows.append((t, q, v, u, force, outputs))
+        rows.append((t, q, v, u, force, machine.outputs.copy()))
         q, v = _advance(arm, q, v, total, t, T, substeps)
-    columns = [np.array([row[i] for row in rows]) for i in range(5)]
-    names = rows[0][5]
-    return RigidRun(*columns, {name: np.array([row[5][name] for row in rows]) for name in names})
+    *columns, outputs = [np.array(column) for column in zip(*rows, strict=True)]
+    named = slices(fields(len(force)))
+    return RigidRun(*columns, {name: outputs[:, where] for name, where in named.items()})
 
 
-def _sense(arm, machine, q, v, force, t):
+def _sense(arm, machine, q, v, force):
     machine.q[:], machine.v[:] = q, v
-    equations = arm.program.context.equations
     machine.reactions[:] = force
-    machine.wrench[:] = 0.0
-    pin.forwardKinematics(arm.model, arm.data, q)
-    pin.updateFramePlacements(arm.model, arm.data)
-    p = arm.data.oMf[arm.frame].translation
-    for i, (model, (_, terms)) in enumerate(zip(equations.values(), arm.equations, strict=True)):
-        if not model.joints:
-            normal = np.array(terms(p, np.zeros(3), t)[1]).ravel()
-            machine.wrench[:3] -= force[i] * normal
+    # The arm was last evaluated where it is now: as it was put onto its constraints.
+    machine.wrench[:3] = arm.wrench(force)
 
 
 def _advance(arm, q, v, u, t, T, substeps):

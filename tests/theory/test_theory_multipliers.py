@@ -227,7 +227,9 @@ def test_motion_and_multiplier_do_not_couple(prediction):
     """(4.109): a slip along the wall decays after K_D, K_P; the multiplier does not see it."""
     arm = Arm(compiled(WALL.format(law="hybrid-multipliers")))
     q, _ = arm.onto(arm.program.context.start.copy(), np.zeros(2), 0.0)
-    J = pin.computeFrameJacobian(arm.model, arm.data, q, arm.frame, pin.LOCAL_WORLD_ALIGNED)[:2]
+    model = arm.program.context.robot.pin
+    world, tip = pin.LOCAL_WORLD_ALIGNED, model.getFrameId("tip")
+    J = pin.computeFrameJacobian(model, model.createData(), q, tip, world)[:2]
     tangent = np.array([-0.6, 0.8])
     speed = 0.02
     text = WALL.format(law=multiplier_law(0, 0))
