@@ -187,7 +187,7 @@ def analyse(
         reduced = reduced.but(gains=gains)
     context, rotation = reduced.context, reduced.rotation
     # A table's splines are not laid: references are brought to where the arm is, and stay there.
-    stage = compile_stage(reduced.but(ready_path=reduced.path), often=False)
+    stage = compile_stage(reduced.but(ready_path=reduced.path), to_run=False)
     at = Operating(context, stage)
     pressed, meets = _pressed(context, stage, rotation, at) if in_contact else ({}, False)
     wrench, reactions = np.zeros(6), np.zeros(len(context.equations))

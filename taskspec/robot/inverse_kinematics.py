@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -30,6 +31,11 @@ _ENOUGH = 12
 _HOMING = 60
 _MARGIN = 0.005
 _LEAST_DAMPING = 1e-14
+
+
+def _norm(x: Array) -> float:
+    """|x| of x (n,): what `np.linalg.norm` does, without its questions, at a third of its time."""
+    return math.sqrt(x @ x)
 
 
 def turns_at(robot: RobotModel, i: int) -> bool:
@@ -136,7 +142,7 @@ class InverseKinematics:
         """
         q = self._inside(start)
         e = self.error(q, target)
-        size = float(np.linalg.norm(e))
+        size = _norm(e)
         damping = 1e-4
         for _ in range(most):
             if size < _TOLERANCE or damping > 1e4:
@@ -147,12 +153,13 @@ class InverseKinematics:
             J = np.where(pressed, 0.0, J)
             A = J @ J.T
             # Less than this, against the size of A, is lost in rounding and may leave A singular.
-            least = _LEAST_DAMPING * max(1.0, float(np.trace(A)))
-            step = J.T @ np.linalg.solve(A + max(damping, least) * np.eye(len(e)), e)
+            least = _LEAST_DAMPING * max(1.0, float(A.trace()))
+            A.ravel()[:: len(e) + 1] += max(damping, least)
+            step = J.T @ np.linalg.solve(A, e)
             step *= min(1.0, _STEP / max(float(np.abs(step).max()), _TOLERANCE))
             q_next = self._inside(q + step)
             e_next = self.error(q_next, target)
-            size_next = float(np.linalg.norm(e_next))
+            size_next = _norm(e_next)
             if size_next >= size:
                 damping *= 10
                 continue

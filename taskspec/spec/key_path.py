@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import types
 from collections.abc import Iterator
-from functools import cache
+from functools import cache, lru_cache
 from typing import Annotated, Any, Union, get_args, get_origin
 
 from pydantic import BaseModel
@@ -67,7 +67,7 @@ class KeyPath:
         Raises:
             UnknownKeyError: nothing that may stand here has such a key.
         """
-        below = tuple(child for kind in self._types for child in _child(kind, step))
+        below = _below(self._types, step)
         if not below:
             known = sorted({key for kind in self._types for key in _keys(kind)})
             has = f"its keys: {', '.join(known)}" if known else "it has no keys"
@@ -117,6 +117,12 @@ def below(path: KeyPath, *steps: Step) -> KeyPath:
     for step in steps:
         path = path[step]
     return path
+
+
+@lru_cache(maxsize=1024)  # names that files invent are among the steps
+def _below(kinds: tuple[Any, ...], step: Step) -> tuple[Any, ...]:
+    """What may stand one step below what may stand somewhere."""
+    return tuple(child for kind in kinds for child in _child(kind, step))
 
 
 def _child(kind: Any, step: Step) -> tuple[Any, ...]:

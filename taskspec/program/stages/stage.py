@@ -59,13 +59,14 @@ class CompiledStage:
         return self.plan.name
 
 
-def compile_stage(plan: StagePlan, *, often: bool = True) -> CompiledStage:
+def compile_stage(plan: StagePlan, *, to_run: bool = True) -> CompiledStage:
     """Compiles one stage.
 
     Args:
         plan: of the stage.
-        often: whether the tick is to be evaluated often. What comes more than once in it is then
-            looked for, which takes as long as all else.
+        to_run: whether the tick is to be evaluated often. What comes more than once in it is then
+            looked for, which takes as long as all else. A stage that is only analysed has no
+            events: what ends it is not compiled.
     """
     context = plan.context
     measurement = measure(plan)
@@ -73,7 +74,8 @@ def compile_stage(plan: StagePlan, *, often: bool = True) -> CompiledStage:
     limited = _limited(plan, measurement, commanded) if plan.law.solve == "qp" else None
     torque = limited.limits.torque if limited else saturated(context.robot, commanded.torque)
     measurement.table.situation.torque = torque
-    number, value, events = code(_conditions(plan, measurement, commanded))
+    conditions = _conditions(plan, measurement, commanded) if to_run else []
+    number, value, events = code(conditions)
     memory, parameters, references = (
         measurement.memory,
         measurement.parameters,
@@ -95,7 +97,7 @@ def compile_stage(plan: StagePlan, *, often: bool = True) -> CompiledStage:
         parameters=parameters,
         initial=measurement.algebra.initial,
         events=events,
-        tick=ca.Function("tick", arguments, results, {"cse": often}),
+        tick=ca.Function("tick", arguments, results, {"cse": to_run}),
         probe=probe(arguments, measurement, commanded),
         own=ca.Function("own", arguments, [references.own, references.own_rate]),
         choice=candidates(arguments, commanded),
