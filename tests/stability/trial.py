@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,6 +22,8 @@ from taskspec_runner.loop.assembly import Assembly, assemble
 
 #: A run lasts so many predicted time constants, and at most so long [s].
 CONSTANTS, LONGEST = 10.0, 60.0
+#: A brief one: what settles has come to a 400th of itself, what grows has long become large.
+BRIEF = 6.0
 #: Where that is too short for the factors next to the boundary, these take their place.
 WIDER = {0.975: 0.95, 1.025: 1.05}
 #: At least so many ticks are looked at.
@@ -123,9 +127,9 @@ def boundary(family: Family) -> Boundary:
     raise AssertionError(f"{family}: nothing settles")
 
 
-def cases(family: Family) -> list[Case]:
+def cases(family: Family, factors: Iterable[float] = FACTORS) -> list[Case]:
     found = boundary(family)
-    return [Case(family, found, _told(family, found, factor)) for factor in FACTORS]
+    return [Case(family, found, _told(family, found, factor)) for factor in factors]
 
 
 def _told(family: Family, found: Boundary, factor: float) -> float:
@@ -137,34 +141,59 @@ def _told(family: Family, found: Boundary, factor: float) -> float:
     return factor if CONSTANTS / slow <= LONGEST else WIDER[factor]
 
 
-def judge(case: Case) -> Verdict:
-    """Runs a case."""
+def judge(case: Case, *, brief: bool = False) -> Verdict:
+    """Runs a case; a brief run ends once the motion is large, and its growth is a rough one."""
     mode = analysed(case.family, case.gain).modes()[0]
-    seconds = min(max(CONSTANTS / abs(mode.s.real), FEWEST * 1e-3), LONGEST)
+    constants = BRIEF if brief else CONSTANTS
+    seconds = min(max(constants / abs(mode.s.real), FEWEST * 1e-3), LONGEST)
     settling = case.boundary.settling
     text = case.family.task(case.boundary.settled, case.gain, settling, seconds + 0.02)
     parts = assemble(compile_unchecked(load_text(text, "grid.yaml")))
-    kept = Kept(parts, round(settling * 1e3) + 10)
-    loop.run(parts.machine, parts.plant, parts.bus, kept, parts.program.context.period)
     joint = int(np.argmax(np.abs(mode.shape)))
+    kept = Kept(parts, round(settling * 1e3) + 10, joint if brief else None)
+    with suppress(LargeMotionError):
+        loop.run(parts.machine, parts.plant, parts.bus, kept, parts.program.context.period)
     growth, rings = kept.growth(joint, round(seconds * 1e3))
     return Verdict(case, mode, seconds, growth, rings)
 
 
-class Kept:
-    """In a recorder's place: keeps joint velocities, and pushes the arm once."""
+class LargeMotionError(Exception):
+    """A motion has become so large that no more of the run is needed."""
 
-    def __init__(self, parts: Assembly, when: int) -> None:
-        self.parts, self.when = parts, when
+
+class Kept:
+    """In a recorder's place: keeps joint velocities and forces, and pushes the arm once."""
+
+    def __init__(self, parts: Assembly, when: int, until_large: int | None = None) -> None:
+        """Of a run that is pushed in tick `when`.
+
+        Args:
+            until_large: the joint whose motion ends the run by `LargeMotionError`; None to go on.
+        """
+        self.parts, self.when, self.until_large = parts, when, until_large
         self.velocities: list[np.ndarray] = []
-        self.lost = False
+        self.forces: list[np.ndarray] = []
+        self._arm = parts.plant.arm
 
     def add(self) -> None:
-        if len(self.velocities) == self.when:
+        tick = len(self.velocities)
+        if tick == self.when:
             self._push()
-        self.velocities.append(self.parts.plant.arm.v.copy())
-        if len(self.velocities) > self.when:
-            self.lost |= not np.any(self.parts.plant.arm.wrench[:3])
+        v = self._arm.v.copy()
+        self.velocities.append(v)
+        self.forces.append(self._arm.wrench[:3].copy())
+        if self.until_large is not None and tick > self.when + FEWEST:
+            self._look(self.until_large)
+
+    def _look(self, joint: int) -> None:
+        first = max(abs(v[joint]) for v in self.velocities[self.when + 1 : self.when + 3])
+        if abs(self.velocities[-1][joint]) > LARGE * first:
+            raise LargeMotionError
+
+    @property
+    def lost(self) -> bool:
+        """Whether the tool has left the surface since the push."""
+        return not np.all(np.any(self.forces[self.when :], axis=1))
 
     def _push(self) -> None:
         """A small velocity along the normal of the contact, and a smaller one of every joint."""
@@ -187,8 +216,8 @@ class Kept:
         """
         sampled = np.array(self.velocities)[self.when + 1 :, joint]
         stopped = len(sampled) < 0.9 * ticks
-        large = np.abs(sampled).max() > LARGE * np.abs(sampled[:2]).max()
-        end = _first_large(sampled) if large or self.lost else len(sampled)
+        large, lost = np.abs(sampled).max() > LARGE * np.abs(sampled[:2]).max(), self.lost
+        end = _first_large(sampled) if large or lost else len(sampled)
         third = max(end // 3, 2)
         window = np.hanning(third + 2)[1:-1]
         parts = (
@@ -197,10 +226,10 @@ class Kept:
             sampled[:third],
         )
         last, before, first = (float(np.sqrt(np.mean(window * part**2))) for part in parts)
-        if last < max(NOTHING * first, ROUNDING) and not (stopped or self.lost):
+        if last < max(NOTHING * first, ROUNDING) and not (stopped or lost):
             return math.nan, False
         growth = math.log(last / before) / (third * 1e-3)
-        return growth, growth > 0 or large or stopped or self.lost
+        return growth, growth > 0 or large or stopped or lost
 
 
 def _first_large(sampled: np.ndarray) -> int:
