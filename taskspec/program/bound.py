@@ -34,28 +34,46 @@ class BoundFunction:
             self._buffer.set_res(i, array.data)
 
 
+class RowFunction:
+    """A function of one tick, evaluated at many ticks at once."""
+
+    def __init__(self, function: ca.Function) -> None:
+        """Takes a function of dense column vectors."""
+        self._function = function
+        self._bound: dict[int, tuple[BoundFunction, list[Vector], list[Vector]]] = {}
+
+    def __call__(self, *arguments: Vector) -> tuple[Vector, ...]:
+        """(n, size) of each result, from (n, size) of each argument: a row for every tick."""
+        function, n = self._function, len(arguments[0])
+        values = tuple(np.empty((n, function.nnz_out(i))) for i in range(function.n_out()))
+        # Mapping over all rows at once would take longer than evaluating them.
+        chunk = max(min(n, CHUNK), 1)
+        bound, given, results = self._of_size(chunk)
+        for start in range(0, n, chunk):
+            rows = slice(start, min(start + chunk, n))
+            for array, argument in zip(given, arguments, strict=True):
+                array[: rows.stop - start] = argument[rows]
+            bound.evaluate()
+            for array, result in zip(values, results, strict=True):
+                array[rows] = result[: rows.stop - start]
+        return values
+
+    def _of_size(self, chunk: int) -> tuple[BoundFunction, list[Vector], list[Vector]]:
+        """The function of so many rows, with its arguments and results (chunk, size) in place."""
+        if chunk not in self._bound:
+            function = self._function
+            given = [np.zeros((chunk, function.nnz_in(i))) for i in range(function.n_in())]
+            results = [np.empty((chunk, function.nnz_out(i))) for i in range(function.n_out())]
+            flat = [[array.reshape(-1) for array in arrays] for arrays in (given, results)]
+            self._bound[chunk] = BoundFunction(function.map(chunk), *flat), given, results
+        return self._bound[chunk]
+
+
 def over_rows(function: ca.Function, *arguments: Vector) -> tuple[Vector, ...]:
-    """A function at many ticks at once.
+    """A function at many ticks at once: (n, size) of each result from (n, size) of each argument.
 
     Args:
         function: of dense column vectors.
-        arguments: (n, size) of each, a row for every tick.
-
-    Returns:
-        (n, size) of each result.
+        arguments: a row for every tick.
     """
-    n = len(arguments[0])
-    chunk = max(min(n, CHUNK), 1)
-    padded = -(-n // chunk) * chunk
-    given = [np.zeros((padded, argument.shape[1])) for argument in arguments]
-    for array, argument in zip(given, arguments, strict=True):
-        array[:n] = argument
-    results = [np.empty((padded, function.nnz_out(i))) for i in range(function.n_out())]
-    # Mapping over all rows at once would take longer than evaluating them.
-    mapped = function.map(chunk)
-    for start in range(0, padded, chunk):
-        rows = slice(start, start + chunk)
-        here = [[array[rows].reshape(-1) for array in arrays] for arrays in (given, results)]
-        bound = BoundFunction(mapped, *here)
-        bound.evaluate()
-    return tuple(result[:n] for result in results)
+    return RowFunction(function)(*arguments)

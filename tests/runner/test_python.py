@@ -71,7 +71,7 @@ def test_a_run_reads_nothing_back(tmp_path: Path) -> None:
     assert result._repr_html_()
     assert result.manifest["status"] == "done"
     opened = [(Path(path).name, mode) for path, mode in _OPENED if str(tmp_path) in path]
-    assert ("log.arrow", "wb") in opened
+    assert ("log.arrow", "w") in opened
     assert [(name, mode) for name, mode in opened if "r" in mode] == []
 
 

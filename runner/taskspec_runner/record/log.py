@@ -6,23 +6,10 @@ import hashlib
 import io
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import pyarrow as pa
 
 from taskspec_runner.record.history import History, HistoryBuilder
-
-
-class _Hashed(io.BufferedWriter):
-    """A file that knows the SHA-256 of what was written to it."""
-
-    def __init__(self, path: Path) -> None:
-        super().__init__(io.FileIO(path, "wb"))
-        self.sha256 = hashlib.sha256()
-
-    def write(self, data: Any, /) -> int:
-        self.sha256.update(data)
-        return super().write(data)
 
 
 class Log:
@@ -34,16 +21,19 @@ class Log:
     """
 
     def __init__(self, path: Path, *, keep: bool = True) -> None:
-        self._file = _Hashed(path)
+        self._file = path.open("wb")
+        self._sha256 = hashlib.sha256()
+        # A batch is many small pieces: they are put together, hashed and written as one.
+        self._pieces = io.BytesIO()
         self._writer: pa.ipc.RecordBatchStreamWriter | None = None
         self._columns, self._keep = HistoryBuilder(), keep
 
     def write(self, batch: pa.RecordBatch) -> None:
         """Appends some ticks."""
         if self._writer is None:
-            self._writer = pa.ipc.new_stream(self._file, batch.schema)
+            self._writer = pa.ipc.new_stream(self._pieces, batch.schema)
         self._writer.write_batch(batch)
-        self._file.flush()
+        self._append()
         if self._keep:
             self._columns.add(batch)
 
@@ -52,13 +42,23 @@ class Log:
         try:
             if self._writer is not None:
                 self._writer.close()
+                self._append()
         finally:
             self._file.close()
+
+    def _append(self) -> None:
+        """Brings to the disk what the writer has put together."""
+        with self._pieces.getbuffer() as pieces:
+            self._sha256.update(pieces)
+            self._file.write(pieces)
+        self._file.flush()
+        self._pieces.seek(0)
+        self._pieces.truncate()
 
     @property
     def sha256(self) -> str:
         """Of the file, as far as it is written."""
-        return self._file.sha256.hexdigest()
+        return self._sha256.hexdigest()
 
     def history(self) -> History:
         """Every tick that was written; it leaves none here, so that they are in memory once."""

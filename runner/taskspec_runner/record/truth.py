@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from taskspec.control.reference import opposite
 from taskspec.geometry.axis import AXES
-from taskspec.program.bound import over_rows
+from taskspec.program.bound import RowFunction
 from taskspec.program.stages.stage import CompiledStage
 from taskspec.program.world import frames, kinematics
 from taskspec.program.world.equations import equation_models
@@ -60,13 +60,13 @@ class Truth:
         self._of_stage = np.array([distinct.index(kind) for kind in kinds])
         self._stage = fields["stage"].start
         nothing = ca.SX(np.nan)
-        self._functions: list[ca.Function] = []
+        self._functions: list[RowFunction] = []
         for axes, contact in distinct:
             at = _situation(parts, objects)
             at.axes, at.contact = axes, contact
             found = [at.signal(*name.split(".")) for name in names]
             values = ca.densify(ca.vertcat(*(nothing if x is None else x for x in found)))
-            self._functions.append(ca.Function("truth", [row], [values]))
+            self._functions.append(RowFunction(ca.Function("truth", [row], [values])))
 
     def __call__(self, rows: Vector) -> Vector:
         """(ticks, names) values, from rows of the bus (ticks, fields).
@@ -77,7 +77,7 @@ class Truth:
         values = np.empty((len(rows), len(self.names)))
         for each in np.unique(number):
             here = number == each
-            (values[here],) = over_rows(self._functions[each], rows[here])
+            (values[here],) = self._functions[each](rows[here])
         return values + 0.0
 
 
