@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 
 from taskspec.compiler import compile_unchecked
 from taskspec.control.qp import QuadraticProgram
 from taskspec.program.ports import fields, slices
+from taskspec.program.program import Program
 from taskspec.spec import load_text
 
 FIELDS = slices(fields(0))
@@ -37,11 +40,16 @@ stages:
 """
 
 
+@lru_cache(maxsize=64)
+def _compiled(text: str) -> Program:
+    return compile_unchecked(load_text(text, "press.yaml"))
+
+
 class States:
     """One stage's functions, evaluated at states that are written into its arrays."""
 
     def __init__(self, text: str, seed: int = 0) -> None:
-        self.program = compile_unchecked(load_text(text, "press.yaml"))
+        self.program = _compiled(text)
         self.context, self.robot = self.program.context, self.program.context.robot
         self.stage, self.machine = self.program.stages[0], self.program.machine()
         self.rng = np.random.default_rng(seed)
@@ -54,6 +62,11 @@ class States:
 
     def draw(self, *, turned=0.3, fast=0.3, force=15.0, rate=20.0) -> None:
         """A random state: joints near the start, a wrench, a memory, torques of the tick before."""
+        self.draw_present(turned=turned, fast=fast, force=force)
+        self.draw_past(rate=rate)
+
+    def draw_present(self, *, turned=0.3, fast=0.3, force=15.0) -> None:
+        """The part of a random state that the closed form depends on."""
         machine, rng = self.machine, self.rng
         machine.q[:] = self.context.start + rng.uniform(-turned, turned, self.n)
         machine.v[:] = rng.normal(size=self.n) * fast
@@ -65,7 +78,10 @@ class States:
         self.runner.parameters[:] = parameters
         machine.update_terms()
         self.evaluate()
-        last = self.torque + rng.uniform(-1, 1, self.n) * rate
+
+    def draw_past(self, *, rate=20.0) -> None:
+        """Random torques of the tick before, near those of this one."""
+        last = self.torque + self.rng.uniform(-1, 1, self.n) * rate
         if "last_torque" in self.stage.parameters:
             self.solver.remember(last)
             self.evaluate()
