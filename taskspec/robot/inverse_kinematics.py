@@ -143,24 +143,27 @@ class InverseKinematics:
         q = self._inside(start)
         e = self.error(q, target)
         size = _norm(e)
-        damping = 1e-4
+        damping, moved = 1e-4, True
         for _ in range(most):
             if size < _TOLERANCE or damping > 1e4:
                 break
-            J = self._jacobian(q, target)
-            pull = J.T @ e
-            pressed = ((q <= self.lower) & (pull < 0)) | ((q >= self.upper) & (pull > 0))
-            J = np.where(pressed, 0.0, J)
-            A = J @ J.T
-            # Less than this, against the size of A, is lost in rounding and may leave A singular.
-            least = _LEAST_DAMPING * max(1.0, float(A.trace()))
-            A.ravel()[:: len(e) + 1] += max(damping, least)
+            if moved:
+                J = self._jacobian(q, target)
+                pull = J.T @ e
+                pressed = ((q <= self.lower) & (pull < 0)) | ((q >= self.upper) & (pull > 0))
+                J = np.where(pressed, 0.0, J)
+                A = J @ J.T
+                # Less than this, against the size of A, is lost in rounding: A may be singular.
+                least = _LEAST_DAMPING * max(1.0, float(A.trace()))
+                diagonal = A.ravel()[:: len(e) + 1].copy()
+            A.ravel()[:: len(e) + 1] = diagonal + max(damping, least)
             step = J.T @ np.linalg.solve(A, e)
             step *= min(1.0, _STEP / max(float(np.abs(step).max()), _TOLERANCE))
             q_next = self._inside(q + step)
             e_next = self.error(q_next, target)
             size_next = _norm(e_next)
-            if size_next >= size:
+            moved = size_next < size
+            if not moved:
                 damping *= 10
                 continue
             stalled = size - size_next < _LEAST_GAIN * size and size > SOLVED
