@@ -17,6 +17,7 @@ from taskspec.control.admissible import (
     joint_accelerations,
     reach,
 )
+from taskspec.program.bound import BoundFunction
 from taskspec.program.limits.pushes import FORCE_SHARE
 
 T = 1e-3
@@ -35,11 +36,13 @@ def compiled(fastest, braking, lower, upper, jerk=None):
         T,
         None if jerk is None else ca.DM(jerk),
     )
-    function = ca.Function("bounds", [q, v], list(bounds))
+    given, found = np.zeros((2, 1)), np.zeros((2, 1))
+    bound = BoundFunction(ca.Function("bounds", [q, v], list(bounds)), [*given], [*found])
 
     def at(q, v):
-        least, greatest = function(q, v)
-        return float(least), float(greatest)
+        given[:, 0] = q, v
+        bound.evaluate()
+        return found[:, 0].tolist()
 
     return at
 
@@ -51,14 +54,15 @@ def step(q, v, a):
 
 
 def viable(q, v, lower, upper, fastest, a):
-    """Whether braking by a from now on ends inside, as the integrator has it.
+    """Whether braking by a from now on keeps to the bounds, as the integrator has it.
 
-    Velocities v - aT, v - 2aT, ... are travelled at: v^2 / (2 a) - v T / 2 at most, and a stop
-    within one period costs nothing.
+    It is travelled at w = v - aT over this period: T w + w^2 / (2 a), and a stop within one period
+    costs nothing. That is w T / 2 more than the way itself, by which the bounds are on the safe
+    side: nearer to a limit than that they ask for more than a.
     """
-    way = max(v * v / (2 * a) - abs(v) * T / 2, 0.0)
+    w = max(abs(v) - a * T, 0.0)
     room = upper - q if v > 0 else q - lower
-    return lower <= q <= upper and abs(v) <= fastest and way <= room
+    return lower <= q <= upper and abs(v) <= fastest and T * w + w * w / (2 * a) <= room
 
 
 @settings(max_examples=400, deadline=None)
@@ -189,14 +193,14 @@ def pushed(cap, h, k, s, d):
     the force of the period before, as the program extrapolates it: + k T s.
     """
     x, forces = np.zeros_like(s), []
-    felt = np.zeros_like(s)
-    many = BOUND.map(len(s))
+    felt, s, now, u = np.zeros_like(s), s.copy(), np.zeros_like(s), np.zeros_like(s)
+    many = BoundFunction(BOUND.map(len(s)), [now, s, cap, h, k], [u])
     for _ in range(1500):
-        now = felt + k * T * np.maximum(s, 0)
-        u = np.array(many(now, s, cap, h, k)).ravel()
+        now[:] = felt + k * T * np.maximum(s, 0)
+        many.evaluate()
         felt = np.where(x > 0, np.maximum(k * x + d * s, 0.0), 0.0)
         forces.append(felt)
-        s = s + T * (u - felt) / h
+        s += T * (u - felt) / h
         x = x + T * s
     return np.array(forces)
 
