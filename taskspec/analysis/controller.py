@@ -8,13 +8,15 @@ to first order at rest, but for H, C q' + g, g and the tip's Jacobian, which sta
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
+import casadi as ca
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
 from taskspec.geometry.axis import AXES
+from taskspec.laws.gains import Gains
 from taskspec.modes import DEFAULT_RAMP
 from taskspec.program.bound import BoundFunction
 from taskspec.program.context import Context
@@ -57,8 +59,11 @@ class LinearController:
 class Operating:
     """A stage entered at the start pose, long after its ramps, with its references where it is."""
 
-    def __init__(self, context: Context, stage: CompiledStage) -> None:
+    def __init__(
+        self, context: Context, stage: CompiledStage, derivative: ca.Function | None = None
+    ) -> None:
         self.context, self.stage = context, stage
+        self._derivative = stage.tick.forward(1) if derivative is None else derivative
         n = context.robot.pin.nv
         self._terms = ModelTerms(context.robot)
         self._now = np.zeros(2 + len(context.loaded.task.stages))
@@ -75,6 +80,17 @@ class Operating:
         ]
         self._fields = slices(fields(len(context.equations)))
         self._enter()
+
+    def under(self, gains: Gains) -> Operating:
+        """The same stage under other gains, pressing alike; none that is zero becomes another.
+
+        Args:
+            gains: values of the stage's parameters.
+        """
+        stage = replace(self.stage, plan=self.stage.plan.but(gains=gains))
+        other = Operating(self.context, stage, self._derivative)
+        other.press(self._wrench, self._reactions)
+        return other
 
     def press(self, wrench: Matrix, reactions: Matrix) -> None:
         """What is measured at the equilibrium; long after the entry it changes nothing else."""
@@ -155,7 +171,7 @@ class Operating:
         results = [np.array(part).ravel() for part in tick(*given)]
         seeds = [np.zeros(len(argument)) for argument in given]
         found = [np.zeros(len(result)) for result in results]
-        function = tick.forward(1)
+        function = self._derivative
         assert all(function.sparsity_out(i).is_dense() for i in range(2))
         bound = BoundFunction(function, [*given, *results, *seeds], found)
 

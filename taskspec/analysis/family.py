@@ -1,4 +1,4 @@
-"""A stage for every value of one of its gains, from three compiled ones."""
+"""A stage for every value of one of its gains, from three of them."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from taskspec.analysis.controller import LinearController
-from taskspec.analysis.sampled_stage import SampledStage, analyse
+from taskspec.analysis.sampled_stage import SampledStage
 from taskspec.laws.gains import Gain, Gains
 from taskspec.laws.law import gain_named
 
@@ -18,7 +18,7 @@ class Family:
     """A stage for every value of one gain.
 
     Torque and memory are polynomials of second degree in a gain, in 1/gain for an apparent mass:
-    three compiled stages say them all.
+    three values say them all.
 
     Attributes:
         sampled: the stage as it is.
@@ -39,12 +39,11 @@ class Family:
             if moved == 1:
                 members.append(sampled.controller)
                 continue
-            other = analyse(
-                sampled.stage.plan, gains=scaled(sampled.stage.plan.gains, what, on, moved)
-            )
-            if other is None or other.controller.slots != sampled.controller.slots:
+            gains = scaled(sampled.stage.plan.gains, what, on, moved)
+            controller = sampled.at.under(gains).linear()
+            if not controller.finite or controller.slots != sampled.controller.slots:
                 return None
-            members.append(other.controller)
+            members.append(controller)
         return Family(sampled, tuple(members), what == "mass")
 
     def at(self, factor: float) -> LinearController:
@@ -60,7 +59,7 @@ class Family:
         return LinearController(torque, memory, self.sampled.controller.slots)
 
 
-#: Factors of the compiled members.
+#: Factors of the members.
 _AT = (1.0, 0.5, 2.0)
 
 

@@ -13,7 +13,6 @@ from taskspec.analysis.environment import linear_plant
 from taskspec.analysis.loop import Mode, modes, poles
 from taskspec.analysis.plant import LinearPlant
 from taskspec.geometry.axis import AXES, Axis
-from taskspec.laws.gains import Gains
 from taskspec.program.axes import MOSTLY
 from taskspec.program.context import Context
 from taskspec.program.plan import StagePlan, TaskPlan
@@ -39,7 +38,8 @@ class SampledStage:
         rotation: (3, 3) its frame at the start pose.
         pressed: what the robot applies to each contact at the equilibrium [N, N m].
         meets: the contact is one that the stage may come to, not one that it is in.
-        controller: its law.
+        at: the equilibrium, entered.
+        controller: its law there.
         nominal: what it drives in the world of the file.
         sticking: friction holds the tool; else it slides.
     """
@@ -49,6 +49,7 @@ class SampledStage:
     rotation: Matrix
     pressed: Mapping[str, float]
     meets: bool
+    at: Operating
     controller: LinearController
     nominal: LinearPlant
     sticking: bool = False
@@ -172,19 +173,14 @@ def loop_of(task: TaskPlan, name: str) -> SampledStage | None:
     return found
 
 
-def analyse(
-    plan: StagePlan, *, in_contact: bool = True, gains: Gains | None = None
-) -> SampledStage | None:
+def analyse(plan: StagePlan, *, in_contact: bool = True) -> SampledStage | None:
     """A stage at its equilibrium; None where its torque has no derivative there.
 
     Args:
         plan: of the stage.
         in_contact: whether the contacts that it presses on or may meet are there.
-        gains: in place of those that the stage has.
     """
     reduced = bare(plan)
-    if gains is not None:
-        reduced = reduced.but(gains=gains)
     context, rotation = reduced.context, reduced.rotation
     # A table's splines are not laid: references are brought to where the arm is, and stay there.
     stage = compile_stage(reduced.but(ready_path=reduced.path), to_run=False)
@@ -202,7 +198,7 @@ def analyse(
     controller = at.linear()
     if not controller.finite:
         return None
-    return SampledStage(context, stage, rotation, pressed, meets, controller, plant)
+    return SampledStage(context, stage, rotation, pressed, meets, at, controller, plant)
 
 
 def _pressed(

@@ -6,7 +6,16 @@ symbolic SX matrix by QR, at three times the operations. Given a triangular matr
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import casadi as ca
+
+
+def column(values: Sequence[float | ca.SX]) -> ca.DM | ca.SX:
+    """(m,) of numbers, or of expressions where there is one among them."""
+    if any(isinstance(value, ca.SX) for value in values):
+        return ca.vertcat(*values)
+    return ca.DM(values)
 
 
 def cholesky(A: ca.SX) -> ca.SX:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 
+from taskspec.control import linear
 from taskspec.control.reference import Reference, opposite
 from taskspec.control.resolution import full_acceleration
 from taskspec.control.state import TaskState
@@ -47,17 +48,17 @@ class Case:
         """One gain on one axis [SI]."""
         return self.gains[name][axis].value
 
-    def diagonal(self, name: str) -> ca.DM:
+    def diagonal(self, name: str) -> ca.DM | ca.SX:
         """(m,) one gain on all axes, zero where an axis has none."""
-        return ca.DM(diagonal(self.gains, name, self.state.axes))
+        return linear.column(diagonal(self.gains, name, self.state.axes))
 
-    def diagonals(self, *names: str) -> list[ca.DM]:
+    def diagonals(self, *names: str) -> list[ca.DM | ca.SX]:
         """(m,) of each of some gains."""
         return [self.diagonal(name) for name in names]
 
-    def of_joints(self, name: str) -> ca.DM:
+    def of_joints(self, name: str) -> ca.DM | ca.SX:
         """(n,) one gain on all joints."""
-        return ca.DM([gain.value for gain in self.gains[name].values()])
+        return linear.column([gain.value for gain in self.gains[name].values()])
 
     @staticmethod
     def column(values: Iterable[ca.SX]) -> ca.SX:

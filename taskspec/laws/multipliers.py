@@ -41,9 +41,9 @@ class Multipliers:
     integral: ca.SX
     held: ca.SX
 
-    def diagonal(self, gains: Gains, name: str) -> ca.DM:
+    def diagonal(self, gains: Gains, name: str) -> ca.DM | ca.SX:
         """(m,) one gain on all constraints."""
-        return ca.DM([gains[name][constraint].value for constraint in self.names])
+        return linear.column([gains[name][constraint].value for constraint in self.names])
 
     @property
     def on_first(self) -> ca.SX:
@@ -61,7 +61,9 @@ class Multipliers:
         """q'' (n,) nearest to `wanted` that keeps the constraints, T E_2^T E_2 q'' + Gamma."""
         return constrained.eliminate(self.J, self.gamma, self.directions, wanted)
 
-    def command(self, wanted: ca.SX, reaction: ca.SX, damping: ca.DM, released: ca.SX) -> Command:
+    def command(
+        self, wanted: ca.SX, reaction: ca.SX, damping: ca.DM | ca.SX, released: ca.SX
+    ) -> Command:
         """The command of both laws.
 
         Args:

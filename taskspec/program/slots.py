@@ -9,6 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 
+def gain_slot(name: str, axis: str) -> str:
+    """What the slot of one gain on one axis is called."""
+    return f"gain.{name}.{axis}"
+
+
 class Slots:
     """Collects named slots and hands out their symbols; frozen by `vector`."""
 

@@ -9,8 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from taskspec.analysis.family import scaled
 from taskspec.analysis.sampled_stage import analyse
 from taskspec.examination import check_task
+from taskspec.laws import LAWS
 from taskspec.program.plan import StagePlan
 from taskspec.program.prepare import prepare
 from taskspec.spec import load_task, load_text
@@ -202,3 +204,24 @@ def test_the_axis_of_a_repeated_pole_does_not_depend_on_its_eigenvectors():
         mixed = random.normal(size=(len(alike), len(alike))) @ shapes
         others = [replace(m, shape=shape) for m, shape in zip(alike, mixed, strict=True)]
         assert {seen.axis(m, others) for m in others} == {seen.axis(alike[0], modes)}
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_a_stage_under_other_gains_is_that_stage_compiled_with_them(law):
+    """One compiled tick serves for all values of a gain, to rounding."""
+    text = PRESS.format(robot="", contact=SOFT, law=law, rest="")
+    plan = StagePlan(prepare(load_text(text, "t")), "press")
+    seen, moved = analyse(plan), set()
+    for what, by_axis in plan.gains.items():
+        if all(gain.value > 0 for gain in by_axis.values()):
+            gains = scaled(plan.gains, what, list(by_axis), 1.7)
+            tuned, anew = seen.at.under(gains).linear(), analyse(plan.but(gains=gains)).controller
+            assert tuned.slots == anew.slots
+            for found, wanted in ((tuned.torque, anew.torque), (tuned.memory, anew.memory)):
+                near = 1e-12 * np.abs(wanted).max(initial=1.0)
+                np.testing.assert_allclose(found, wanted, rtol=0, atol=near)
+            if not np.allclose(tuned.torque, seen.controller.torque, rtol=1e-6, atol=0):
+                moved.add(what)
+    # What others are designed from moves nothing by itself; some spring or loop does in every law.
+    assert moved >= {gain.name for gain in LAWS[law].gains} & {"stiffness", "bandwidth"}
+    assert moved & {"stiffness", "bandwidth"}

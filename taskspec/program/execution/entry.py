@@ -15,6 +15,7 @@ from taskspec.program.execution.choice import choose_first
 from taskspec.program.execution.hand_over import HandedOver
 from taskspec.program.execution.tracks import Tracks, plan_tracks
 from taskspec.program.ports import PROBE, slices
+from taskspec.program.slots import gain_slot
 from taskspec.program.stages.stage import CompiledStage
 from taskspec.program.world import estimated_frames
 from taskspec.robot import RobotModel
@@ -92,6 +93,9 @@ class _Entry:
             self.A, self.a = stage.plan.moving_base.pose(clock)
             self.twist = handed_over.twist - stage.plan.moving_base.twist(clock, self.p)
         self.parameters = np.zeros(stage.parameters.size)
+        for name, by_axis in stage.plan.gains.items():
+            for axis, gain in by_axis.items():
+                self._write(gain_slot(name, axis), gain.value)
         self.memory = np.zeros(stage.memory.size)
         for slot, value in stage.initial.items():
             stage.memory.write(self.memory, slot, value)

@@ -95,7 +95,7 @@ def integrals(
 
 
 def wound(
-    integral: ca.SX, force: ca.SX, step: ca.SX, rate: float, touching: ca.SX, spring: ca.SX
+    integral: ca.SX, force: ca.SX, step: ca.SX, rate: float | ca.SX, touching: ca.SX, spring: ca.SX
 ) -> ca.SX:
     """A force integral [N s, N m s] after one more `step`.
 
@@ -104,7 +104,8 @@ def wound(
     surface, but does not arrive with a wound-up force.
     """
     grown = integral + step
-    if rate <= 0:
+    # A gain that is an expression is positive; see `tunable`.
+    if not isinstance(rate, ca.SX) and rate <= 0:
         return grown
     least, most = (-ca.fabs(force) - spring) / rate, (ca.fabs(force) - spring) / rate
     return ca.if_else(touching, grown, ca.fmin(ca.fmax(grown, least), most))

@@ -6,16 +6,17 @@ tick(time, state, model terms, measured wrench, memory, parameters) -> torque, m
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import casadi as ca
 
+from taskspec.laws.gains import Gains
 from taskspec.program.events import Condition, Event, code
 from taskspec.program.limits.programs import resolve
 from taskspec.program.limits.resolution import Resolution, Resolved, saturated
 from taskspec.program.plan import StagePlan
 from taskspec.program.reference.measurement import Measurement, measure
-from taskspec.program.slots import Slots
+from taskspec.program.slots import Slots, gain_slot
 from taskspec.program.stages.candidates import Choice, candidates
 from taskspec.program.stages.commanded import Commanded, command
 from taskspec.program.stages.conditions import limit_conditions, stage_conditions
@@ -66,11 +67,13 @@ def compile_stage(plan: StagePlan, *, to_run: bool = True) -> CompiledStage:
         plan: of the stage.
         to_run: whether the tick is to be evaluated often. What comes more than once in it is then
             looked for, which takes as long as all else. A stage that is only analysed has no
-            events: what ends it is not compiled.
+            events: what ends it is not compiled. Its gains are parameters, so that the same
+            functions serve for others; see `tunable`.
     """
     context = plan.context
     measurement = measure(plan)
-    commanded = command(plan, measurement)
+    filled = plan if to_run else plan.but(gains=tunable(plan.gains, measurement.parameters))
+    commanded = command(filled, measurement)
     limited = _limited(plan, measurement, commanded) if plan.law.solve == "qp" else None
     torque = limited.limits.torque if limited else saturated(context.robot, commanded.torque)
     measurement.table.situation.torque = torque
@@ -103,6 +106,19 @@ def compile_stage(plan: StagePlan, *, to_run: bool = True) -> CompiledStage:
         choice=candidates(arguments, commanded),
         resolution=limited.compiled(arguments) if limited else None,
     )
+
+
+def tunable(gains: Gains, parameters: Slots) -> Gains:
+    """Gains as slots of the parameters, which an entry fills; those of zero stay what they are."""
+    return {
+        name: {
+            axis: replace(gain, value=parameters.add(gain_slot(name, axis)))
+            if gain.value > 0
+            else gain
+            for axis, gain in by_axis.items()
+        }
+        for name, by_axis in gains.items()
+    }
 
 
 def _limited(plan: StagePlan, measurement: Measurement, commanded: Commanded) -> Resolved:
