@@ -369,11 +369,20 @@ def test_validate_survives_an_internal_error(
 
 
 def test_validate_is_quick(tap: Path) -> None:
-    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    """It takes little more than to import the libraries that it needs."""
+    start = _used_by_children()
     assert in_a_process("validate", tap).returncode == 0
-    after = resource.getrusage(resource.RUSAGE_CHILDREN)
-    used = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
-    assert used < 3, "a second on a machine with nothing else to do"
+    middle = _used_by_children()
+    libraries = "import casadi, mujoco, numpy, pinocchio, pydantic, typer"
+    subprocess.run([sys.executable, "-c", libraries], check=True)
+    # 2.0 to 2.7 times were measured; shared cores differ by a factor of two.
+    assert middle - start < 5.4 * (_used_by_children() - middle)
+
+
+def _used_by_children() -> float:
+    """Processor time of the processes that have ended [s]."""
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
 
 
 def test_validate_imports_nothing_that_it_does_not_need(tap: Path) -> None:

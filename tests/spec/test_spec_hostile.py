@@ -7,6 +7,7 @@ import sys
 import time
 
 import pytest
+import yaml
 
 from taskspec.spec import load_text
 from taskspec.text.diagnostic import SpecError
@@ -43,11 +44,23 @@ LARGE = {
 }
 
 
+@pytest.fixture(scope="module")
+def sound() -> float:
+    """What a file of 4900 params, about as many as one may have, takes of this machine [s]."""
+    text = HEAD + "stages: {a: {time: 1 s}}\nparams: {" + many(4900, "p#: #", ", ") + "}"
+    start = time.process_time()
+    load_text(text, "t.yaml")
+    return time.process_time() - start
+
+
 @pytest.mark.parametrize("text", LARGE.values(), ids=LARGE)
-def test_large_files_take_no_more_than_a_few_seconds(text: str) -> None:
+def test_large_files_take_no_more_than_a_few_sound_ones(text: str, sound: float) -> None:
+    """Names that come near to 2000 unknown ones take 3.6 times as long; what grows with the square
+    of their number would take hundreds. Shared cores differ by a factor of two.
+    """
     start = time.process_time()
     assert codes(HEAD + text)
-    assert time.process_time() - start < 4.0
+    assert time.process_time() - start < 7.2 * sound
 
 
 PAYLOADS = [
@@ -124,4 +137,8 @@ def test_a_normal_file_is_read_in_a_blink() -> None:
     start = time.process_time()
     for _ in range(5):
         load_text(text, "t.yaml")
-    assert (time.process_time() - start) / 5 < 0.06
+    middle = time.process_time()
+    for _ in range(5):
+        yaml.safe_load(text)
+    # Half of it is PyYAML's own reading; shared cores differ by a factor of two.
+    assert middle - start < 5 * (time.process_time() - middle)

@@ -141,13 +141,31 @@ ATTACKS = {
 }
 
 
-@pytest.mark.parametrize("text", ATTACKS.values(), ids=ATTACKS)
-def test_hostile_text_is_refused_quickly(text: str) -> None:
+def processor_time(text: str) -> tuple[float, Diagnostics]:
+    """What reading a text takes of a processor [s], and what is found in it."""
     start = time.process_time()
     root, found = reading(text)
     if root is not None:
         to_data(root, found)
-    assert time.process_time() - start < 1.0
+    return time.process_time() - start, found
+
+
+@pytest.fixture(scope="module")
+def largest() -> float:
+    """What a sound text of as many parts as a file may have takes of this machine [s]."""
+    took, found = processor_time("".join(f"k{i}: {i}\n" for i in range(MAX_EVENTS // 2 - 10)))
+    assert not found.has_errors
+    return took
+
+
+@pytest.mark.parametrize("text", ATTACKS.values(), ids=ATTACKS)
+def test_hostile_text_is_refused_quickly(text: str, largest: float) -> None:
+    """None takes much longer than the largest sound one; at the most 1.2 times were measured.
+
+    Twice that is what a core shared with others may differ by from one second to the next.
+    """
+    took, found = processor_time(text)
+    assert took < 2.4 * largest
     assert found.has_errors
     assert all(d.code.startswith("TS0") for d in found.sorted())
 
