@@ -153,6 +153,17 @@ def omega_zeta(poles: Vector) -> tuple[float, float]:
     return float(abs(pair)), float(-pair.real / abs(pair))
 
 
+def bisected(stable: Callable[[float], bool], predicted: float) -> float:
+    """Where runs change from stable to not, to 2e-3, looked for within 1 % of the prediction.
+
+    That is twice the tolerance of 5e-3 to which it has to be there.
+
+    Raises:
+        ValueError: it is not there.
+    """
+    return critical(stable, 0.99 * predicted, 1.01 * predicted, 2e-3)
+
+
 def critical(stable: Callable[[float], bool], low: float, high: float, digits: float) -> float:
     """Where `stable` changes between `low` and `high`, to the relative width `digits`.
 

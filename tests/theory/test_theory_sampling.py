@@ -74,7 +74,7 @@ def test_largest_integral_gain(simulate, prediction, kind):
 
     prediction(
         "largest stable k_I [1/s]", "(4.36), sampled", press.case,
-        predicted, sampled.critical(settles, 0.75 * predicted, 1.3 * predicted, 2e-3),
+        predicted, sampled.bisected(settles, predicted),
         rtol=5e-3, because=BISECTED,
     )  # fmt: skip
     limit = press.loop.towards_continuous(1e-7)
@@ -149,7 +149,7 @@ def test_least_damping_of_impedance(simulate, prediction, h, plant_rate):
     case = f"impedance, planar2, {h} kg, 500 N/m on 10 kN/m, plant at {plant_rate} kHz"
     prediction(
         "least stable d_m [N·s/m]", "(4.17), sampled", case, predicted,
-        sampled.critical(settles, 0.75 * predicted, 1.3 * predicted, 2e-3),
+        sampled.bisected(settles, predicted),
         rtol=5e-3, because=BISECTED,
     )  # fmt: skip
     # The runner's force is one step of the plant late, T_p, and the torque is held for T.
