@@ -7,11 +7,12 @@ import os
 import re
 import shlex
 import subprocess
-import sys
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
+import forked
 import pytest
 import yaml
 
@@ -24,8 +25,15 @@ ACTION = yaml.safe_load((ROOT / "action.yml").read_text(encoding="utf-8"))
 GOOD, WARNED, BAD = "tasks/robots.yaml", "tasks/a b/warned.yaml", "tasks/bad.yaml"
 
 
+@pytest.fixture(scope="module")
+def taskspec(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    """The command in a shell's words."""
+    with forked.command(tmp_path_factory.mktemp("command")) as words:
+        yield words
+
+
 @pytest.fixture
-def repository(tmp_path: Path) -> Path:
+def repository(tmp_path: Path, taskspec: str) -> Path:
     """A repository with tasks, and the command `taskspec` in its folder `bin`."""
     task = (ROOT / "tasks" / "press-stiffness.yaml").read_text(encoding="utf-8")
     loose = (ROOT / "tasks" / "press-impedance-natural.yaml").read_text(encoding="utf-8")
@@ -34,8 +42,7 @@ def repository(tmp_path: Path) -> Path:
         (tmp_path / name).write_text(text, encoding="utf-8")
     command = tmp_path / "bin" / "taskspec"
     command.parent.mkdir()
-    code = "from taskspec_runner.cli import main; main()"
-    command.write_text(f'#!/bin/sh\nexec "{sys.executable}" -c "{code}" "$@"\n')
+    command.write_text(f'#!/bin/sh\nexec {taskspec} "$@"\n')
     command.chmod(0o755)
     return tmp_path
 
