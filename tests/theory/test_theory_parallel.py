@@ -33,9 +33,7 @@ def test_equilibrium(simulate, prediction, name, law):
     n = arm.normal
     # An arm that cannot keep its tool straight would roll the ball, off the tip that is logged.
     across = ", y: {move: 20 mm}" if "r" in arm.axes else ""
-    press = (
-        f"press: {{axes: {{N: {{position: {arm.depth(5)}, force: +12 N}}{across}}}, time: 6 s}}"
-    )
+    press = f"press: {{axes: {{N: {{position: {arm.depth(5)}, force: +12 N}}{across}}}, time: 6 s}}"
     run = simulate(arm.task(LAWS[law], press))
     case = f"{law}, {name}, 12 N on 10 kN/m, x_d 5 mm below the surface"
     prediction(
