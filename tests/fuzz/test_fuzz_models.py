@@ -9,7 +9,7 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from attacked import MEMORY, SECONDS, Victim
+from attacked import MEMORY, Victim
 from hostile_models import MODELS, Model, arm, write
 
 from taskspec.robot import load_robot
@@ -30,7 +30,7 @@ def test_hostile_models(model: Model, folder: Path, victim: Victim) -> None:
     assert answer.broken == answer.unreadable == ()
     assert len(answer.errors) == bool(model.codes)
     assert answer.errors <= set(model.codes)
-    assert answer.seconds < SECONDS
+    assert not victim.slow(answer)
     assert answer.memory < MEMORY
     assert all(c == "\n" or c.isprintable() for c in answer.text)
     assert not any(line.startswith("::error::owned") for line in answer.text.splitlines())
