@@ -175,7 +175,7 @@ class AxisEntry(_AxisKeys):
 
     @classmethod
     def rules(cls, data: Map, context: ParseContext) -> None:
-        """Ask for one mode, and for keys that belong to it."""
+        """Ask for one mode, and for keys that belong to it; a soft axis without one holds."""
         motions = [key for key in MOTIONS if key in data]
         forces = [key for key in FORCES if key in data]
         for key in motions:
@@ -183,7 +183,8 @@ class AxisEntry(_AxisKeys):
             if misuse is not None:
                 span = data.node.entries[misuse.key][1].span
                 context.error("TS204", misuse.message, span, misuse.hint)
-        if not motions and not forces and complete(data, context):
+        soft = any(key in data for key in _STIFF)
+        if not (motions or forces or soft) and complete(data, context):
             modes = alternatives((*MOTIONS, *FORCES))
             context.error("TS201", "an axis needs a mode", pointer(data.node), modes)
             return

@@ -312,3 +312,21 @@ def test_joints_are_nothing_else(entry: str, code: str, words: str, tmp_path: Pa
         joints_of(f"[{entry}]", tmp_path)
     assert {d.code for d in caught.value.diagnostics} == {code}
     assert words in caught.value.diagnostics[0].message
+
+
+def test_an_axis_with_a_stiffness_or_damping_alone_is_a_soft_hold() -> None:
+    soft = (
+        "stages: {rest: {axes: {x: {stiffness: 200 N/m}, ry: {damping: 1 N*m*s/rad}}, time: 1 s}}\n"
+    )
+    named = soft.replace("{stiffness", "{hold: start, stiffness").replace(
+        "{damp", "{hold: start, damp"
+    )
+    axes, whole = (
+        load_text(HEAD + text, "t.yaml").task.stages["rest"].axes for text in (soft, named)
+    )
+    for axis in ("x", "ry"):
+        assert axes[axis].is_soft
+        assert axes[axis].mode == whole[axis].mode
+        assert (axes[axis].stiffness, axes[axis].damping) == (
+            whole[axis].stiffness, whole[axis].damping,
+        )  # fmt: skip
