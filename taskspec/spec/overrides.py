@@ -21,6 +21,9 @@ NAME = "--set"
 _NAMED = ("params", "world", "frames", "stages", "vary", "expect")
 """Sections whose keys the file invents: an override changes what is there, it adds nothing."""
 
+_SHORT = {"law": "kind", "within": "time"}
+"""What the short form of a key stands for, so that another part of it can be set."""
+
 
 def apply(
     root: MappingNode, overrides: Mapping[str, str], keys: tuple[str, ...], found: Diagnostics
@@ -101,8 +104,8 @@ def _put(
     owner = root
     for depth, step in enumerate(steps):
         last = depth == len(steps) - 1
-        if isinstance(node, Scalar) and node is owner.get("law"):
-            node = _full_law(owner, node)
+        if depth and isinstance(node, Scalar) and steps[depth - 1] in _SHORT:
+            node = _full(owner, steps[depth - 1], node)
         if isinstance(node, Sequence):
             if not (step.isdigit() and int(step) < len(node.items)):
                 _unknown(key, step, [str(i) for i in range(len(node.items))], found)
@@ -131,10 +134,10 @@ def _put(
         owner, node = node, below
 
 
-def _full_law(owner: MappingNode, node: Scalar) -> MappingNode:
+def _full(owner: MappingNode, key: str, node: Scalar) -> MappingNode:
     """Writes `law: hybrid` as `law: {kind: hybrid}` so that a gain can be set."""
-    full = MappingNode(node.span, flow=True, entries={"kind": (node, node)})
-    owner.entries["law"] = (owner.entries["law"][0], full)
+    full = MappingNode(node.span, flow=True, entries={_SHORT[key]: (node, node)})
+    owner.entries[key] = (owner.entries[key][0], full)
     return full
 
 

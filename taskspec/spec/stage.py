@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 from pydantic import Field
 
@@ -14,7 +14,7 @@ from taskspec.spec.axis import FORCES, MOTIONS, SHORT, AxisEntry, ByName
 from taskspec.spec.fields import ContactName, FrameName
 from taskspec.spec.law import Law, law_of
 from taskspec.spec.limits import Limits
-from taskspec.spec.model import Model, complete, mapping
+from taskspec.spec.model import Model, complete, mapping, short_form
 from taskspec.spec.parse_context import ParseContext
 from taskspec.spec.path import Path
 from taskspec.spec.quantities import Constant, Formula
@@ -54,9 +54,15 @@ class Within(Model):
 
     noun = "a bound"
     example = "within: {time: 5 s, travel: 50 mm}"
+    short: ClassVar = Constant(TIME, above=0).json()
 
     time: Annotated[float, Constant(TIME, above=0)] | None = Field(None, title="Time")
     travel: Annotated[float, Constant(LENGTH, above=0)] | None = Field(None, title="Distance")
+
+    @classmethod
+    def expand(cls, data: object, context: ParseContext) -> object:  # noqa: ARG003
+        """`4 s` is short for `{time: 4 s}`, the bound that nearly every stage has."""
+        return short_form(data, "time")
 
     @classmethod
     def rules(cls, data: Map, context: ParseContext) -> None:

@@ -25,6 +25,7 @@ def codes(stages: str) -> list[str]:
         "a: {axes: {z: {move: 3 mm}}}",
         "a: {path: {to: [1 mm], time: 1 s}}",
         "a: {until: touching, within: {time: 1 s}}",
+        "a: {until: touching, within: 1 s}",
         "a: {until: path_done, within: {time: 1 s}, path: {to: [1 mm], time: 1 s}}",
         "a: {time: 1 s, within: {travel: 3 mm}}",
         "a: {time: 1 s, next: end, on_fail: fail}",

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from taskspec.spec import FILE, LoadedTask, Robot, Shape, Start, key_of, load_task, load_text
+from taskspec.spec.stage import Within
 from taskspec.text.diagnostic import SpecError
 from taskspec.text.expression import FloatAlgebra, evaluate
 from taskspec.text.source import Span
@@ -199,6 +200,19 @@ def test_a_gain_can_be_set_on_a_law_without_gains() -> None:
     assert law.kind == "hybrid"
     assert law.bandwidth is not None
     assert law.bandwidth.z == 8.0
+
+
+def test_a_bare_time_is_the_time_of_a_bound() -> None:
+    text = (HEAD + WAIT).replace("{time: 1 s}", "{until: touching, within: 4 s}")
+
+    def bound(**overrides: str) -> Within | None:
+        return load_text(text, "t.yaml", overrides).task.stages["wait"].within
+
+    assert bound() == Within(time=4.0)
+    assert bound(**{"stages.wait.within": "3 s"}) == Within(time=3.0)
+    assert bound(**{"stages.wait.within.time": "3 s"}) == Within(time=3.0)
+    both = bound(**{"stages.wait.within.travel": "50 mm"})
+    assert both == Within(time=4.0, travel=0.05)
 
 
 def test_mistakes_of_an_override_are_shown_in_the_override() -> None:
