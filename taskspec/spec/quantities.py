@@ -261,7 +261,7 @@ class ForJoints(FieldType):
 
 @dataclass(frozen=True)
 class IntervalAroundZero(FieldType):
-    """From a least to a greatest value with 0 between them: `0..90 deg` or `+- 90 deg`.
+    """From a least to a greatest value about 0: `0..90 deg`, `[0, 90 deg]` or `+- 90 deg`.
 
     Attributes:
         dimension: what it measures.
@@ -271,40 +271,68 @@ class IntervalAroundZero(FieldType):
 
     def read(self, value: object, context: ParseContext) -> tuple[float, float]:
         """Both ends in SI units."""
-        node = values.parsed(value, "uncertain", context, "an interval")
-        if node is None:
+        if isinstance(value, Items):
+            ends = self._listed(value, context)
+        else:
+            ends = self._written(value, context)
+        if ends is None:
             return 0.0, 0.0
-        assert isinstance(value, Text | Whole | Real)
-        checked = check(node, context.scope(ScopeKind.CONSTANT), self.dimension)
-        problems = checked.problems
-        if not problems and not isinstance(node, IntervalNode | SpreadNode):
-            message = f"an interval of {describe(self.dimension)} is needed here"
-            hint = "write a..b or '+- x'"
-            problems = (Problem("TS023", message, node.start, node.end, hint),)
-        context.problems(value, problems)
-        if problems:
-            return 0.0, 0.0
-        if isinstance(node, SpreadNode):
-            half = values.number(value, node.x, context) or 0.0
-            return -half, half
-        assert isinstance(node, IntervalNode)
-        low = values.number(value, node.low, context) or 0.0
-        high = values.number(value, node.high, context) or 0.0
+        low, high = ends
         if low >= high:
             message = "this interval ends before it begins"
-            problem = Problem("TS711", message, node.start, node.end, "write the smaller first")
-            context.problems(value, (problem,))
+            context.error("TS711", message, span_of(value), "write the smaller first")
         elif not low <= 0 <= high:
             message = "this leaves out 0, where the mechanism is as it is declared"
             hint = "count from there: the run begins at 0"
-            context.problems(value, (Problem("TS118", message, node.start, node.end, hint),))
+            context.error("TS118", message, span_of(value), hint)
         return low, high
+
+    def _listed(self, value: Items, context: ParseContext) -> tuple[float, float] | None:
+        """The two entries of a list."""
+        entries = [values.constant(entry, self.dimension, context) for entry in value]
+        if len(entries) != 2 and not value.node.broken:
+            message = f"an interval has 2 ends, this list has {len(value)}"
+            context.error("TS023", message, span_of(value), self._form())
+        ends = [entry for entry in entries if entry is not None]
+        return (ends[0], ends[1]) if len(ends) == len(entries) == 2 else None
+
+    def _written(self, value: object, context: ParseContext) -> tuple[float, float] | None:
+        """The ends of `a..b`, `a +- b` or `+- b`."""
+        node = values.parsed(value, "uncertain", context, "an interval")
+        if node is None:
+            return None
+        assert isinstance(value, Text | Whole | Real)
+        problems = check(node, context.scope(ScopeKind.CONSTANT), self.dimension).problems
+        if not problems and not isinstance(node, IntervalNode | SpreadNode):
+            message = f"an interval of {describe(self.dimension)} is needed here"
+            problems = (Problem("TS023", message, node.start, node.end, self._form()),)
+        context.problems(value, problems)
+        if problems:
+            return None
+        if isinstance(node, SpreadNode):
+            half = values.number(value, node.x, context)
+            if half is not None and half <= 0:
+                unit = fitting(self.dimension)[0]
+                hint = f"+- 90 {unit} reaches 90 {unit} to either side"
+                message = "this reaches to neither side"
+                context.problems(value, (Problem("TS711", message, node.start, node.end, hint),))
+                return None
+            return None if half is None else (-half, half)
+        assert isinstance(node, IntervalNode)
+        low, high = (values.number(value, end, context) for end in (node.low, node.high))
+        return None if low is None or high is None else (low, high)
+
+    def _form(self) -> str:
+        unit = fitting(self.dimension)[0]
+        return f"write both ends, such as 0..90 {unit} or [0, 90 {unit}], or +- 90 {unit}"
 
     def json(self) -> dict[str, Any]:
         """Describes the interval."""
         unit = fitting(self.dimension)[0]
+        text = f"From a least to a greatest value in {unit}: 'a..b', [a, b] or '+- x'"
+        both = Entries((self.dimension,) * 2).json()
         return {
-            "type": "string",
-            "description": f"From a least to a greatest value in {unit}: 'a..b' or '+- x'",
-            "examples": [f"0..90 {unit}", f"+- 90 {unit}"],
+            "description": text,
+            "anyOf": [{"type": "string"}, both],
+            "examples": [f"0..90 {unit}", [0, f"90 {unit}"], f"+- 90 {unit}"],
         }

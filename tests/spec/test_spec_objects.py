@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import pytest
@@ -18,8 +19,8 @@ def load(name: str) -> LoadedTask:
     return load_task(OK / f"{name}.yaml")
 
 
-def world(text: str) -> LoadedTask:
-    return load_text(f"{HEAD}world: {{it: {{{text}}}}}\n", "task.yaml")
+def world(text: str, more: str = "") -> LoadedTask:
+    return load_text(f"{HEAD}{more}world: {{it: {{{text}}}}}\n", "task.yaml")
 
 
 def residual(text: str, **at: float) -> float:
@@ -69,6 +70,21 @@ def test_mechanisms_in_si() -> None:
     assert crank.detent is not None
     assert crank.detent.width == pytest.approx(0.0872664626)
     assert (crank.angular, drawer.angular, bolt.angular) == (True, False, True)
+
+
+@pytest.mark.parametrize(
+    ("stop", "ends"),
+    [
+        ("0..90 deg", (0.0, math.pi / 2)),
+        ("[0, 90 deg]", (0.0, math.pi / 2)),
+        ("[-0.25 turn, 1 rad]", (-math.pi / 2, 1.0)),
+        ("[-reach, reach]", (-math.pi / 6, math.pi / 6)),
+        ("+- reach", (-math.pi / 6, math.pi / 6)),
+    ],
+)
+def test_the_forms_of_a_stop(stop: str, ends: tuple[float, float]) -> None:
+    made = world(f"mechanism: hinge, stop: {stop}", "params: {reach: 30 deg}\n")
+    assert made.task.mechanisms["it"].stop == pytest.approx(ends, rel=1e-15)
 
 
 def test_sensor_in_si() -> None:
