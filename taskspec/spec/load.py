@@ -7,6 +7,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import BinaryIO
 
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
@@ -93,14 +94,21 @@ def load_task(path: Path, overrides: Mapping[str, str] | None = None) -> LoadedT
         # Nothing may ever be written into it; a shell's own pipes have a writer.
         raise OSError(errno.EINVAL, "it is a pipe, not a regular file", str(path))
     with path.open("rb") as file:
-        # Read no more than is needed to know that it is too much: the path may be a device.
-        content = file.read(MAX_BYTES + 4)
-    if len(content) > MAX_BYTES + 3:
-        content = content[: MAX_BYTES + 3]
-        text = content.decode("utf-8", "ignore") + " "
-    else:
-        text = content.decode("utf-8")
+        text = read_text(file)
     return _load(text, str(path), overrides or {}, path, path.parent)
+
+
+def read_text(stream: BinaryIO) -> str:
+    """The text that a stream brings; of one that is too long, enough to say so.
+
+    Raises:
+        UnicodeDecodeError: it is not UTF-8.
+    """
+    # Read no more than is needed to know that it is too much: the stream may be a device.
+    content = stream.read(MAX_BYTES + 4)
+    if len(content) > MAX_BYTES + 3:
+        return content[: MAX_BYTES + 3].decode("utf-8", "ignore") + " "
+    return content.decode("utf-8")
 
 
 def load_text(

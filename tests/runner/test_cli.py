@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import resource
 import signal
 import subprocess
@@ -307,6 +308,79 @@ def test_validate_finds_everything_in_one_pass(tap: Path, here: Path) -> None:
     assert "did you mean 'time'?" in result.stdout
     assert result.stdout.endswith("errors in 1 of 2 files\n")
     assert result.stderr == ""
+
+
+def test_validate_under_overrides(tap: Path, here: Path) -> None:
+    """What `run` takes as an override, `validate` takes; the findings are those of `run`."""
+    options = ("--set", "stages.hold.time=2 mm", "--set", "limits={force: 3 N}", "--law", "pd")
+    # The law is the first line.
+    (validated,) = json.loads(call("validate", tap, *options, "--format", "json").stdout)[
+        "diagnostics"
+    ]
+    assert (validated["code"], validated["file"], validated["line"]) == ("TS112", "--set", 2)
+    assert json.loads(call("run", tap, *options, "--format", "json").stdout)["diagnostics"] == [
+        validated
+    ]
+    (here / "b.yaml").write_text(TAP)
+    several = call("validate", here, "--set", "stages.hold.tme=2 s", "--format", "concise").stdout
+    assert [line.partition(": ")[0] for line in several.splitlines()[:-1]] == [
+        f"{here / name} --set:1:1" for name in ("b.yaml", "tap.yaml")
+    ]
+    assert call("validate", tap, "--law", "pd").exit_code == 0
+    wrong = call("validate", here, "--law", "pdd")
+    assert f"{tap} --law:1:1: error[TS206]: unknown law 'pdd'" in wrong.stdout
+    for usage in (("--set", "press"), ("--law", " ")):
+        result = call("validate", here, *usage)
+        assert (result.exit_code, len(result.stderr.splitlines())) == (2, 1)
+
+
+def test_standard_input() -> None:
+    """`-` is a task for whatever reads one; it is in the working folder and has no path."""
+
+    def fed(text: str | bytes, *args: str) -> Result:
+        return CliRunner().invoke(app, args, input=text)
+
+    assert fed(TAP, "validate", "-").stdout == "no errors in 1 file\n"
+    spoiled = fed(SPOILED, "validate", "-", "--format", "concise")
+    assert spoiled.exit_code == 1
+    assert spoiled.stdout.startswith("<stdin>:")
+    assert fed(SPOILED, "explain", "-").exit_code == 1
+    # Under another law the text is needed twice.
+    explained = fed(TAP, "explain", "-", "--law", "pd").stdout
+    assert re.search(r"law +pd, equations", explained)
+    assert fed(TAP, "run", "-", "--out", "out").exit_code == 0
+    assert Path("out/task.yaml").read_text() == TAP
+    assert json.loads(Path("out/manifest.json").read_text())["file"] is None
+    assert "error[TS009]" in fed("# ä" * 200_000, "validate", "-").stdout
+    assert fed(TAP, "validate", "-", "-").exit_code == 2
+    assert fed(b"\xff", "validate", "-").exit_code == 2
+
+
+def test_completion() -> None:
+    """Commands, options and their values, by what the shell is given to source."""
+
+    def completed(typed: str) -> set[str]:
+        code = "import sys; sys.argv[0] = 'taskspec'; from taskspec_runner.cli import main; main()"
+        words = {"COMP_WORDS": f"taskspec {typed}", "COMP_CWORD": str(len(typed.split(" ")))}
+        done = subprocess.run(
+            [sys.executable, "-c", code],
+            env={**os.environ, **words, "_TASKSPEC_COMPLETE": "complete_bash"},
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+        return set(done.stdout.split())
+
+    assert completed("va") == {"validate"}
+    assert completed("validate a.yaml --st") == {"--strict"}
+    assert completed("run a.yaml --law pd") == {"pd", "pd-joint"}
+    assert completed("explain TS32") >= {"TS320", "TS325"}
+    assert "wipe-table" in completed("new wipe")
+    # A path is what the shell completes where nothing else is.
+    assert completed("validate a") == set()
+    shown = in_a_process("--show-completion", "bash")
+    assert shown.returncode == 0
+    assert "complete -o default -F" in shown.stdout
 
 
 def test_validate_passes_over_runs(tap: Path, here: Path) -> None:

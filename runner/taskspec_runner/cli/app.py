@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from taskspec_runner.cli import options
+from taskspec_runner.cli import completions, options
 from taskspec_runner.cli.formats import DiagnosticFormat, RunFormat
 from taskspec_runner.cli.guard import guarded
 
@@ -15,7 +15,6 @@ app = typer.Typer(
     name="taskspec",
     help="Tasks in contact: written as text, checked before anything moves, run in simulation.",
     no_args_is_help=True,
-    add_completion=False,
     pretty_exceptions_enable=False,
 )
 
@@ -80,7 +79,9 @@ def compare(
     law: Annotated[
         list[str] | None,
         typer.Option(
-            help="A law to compare, its gains designed; may be repeated.", show_default="every law"
+            help="A law to compare, its gains designed; may be repeated.",
+            show_default="every law",
+            autocompletion=completions.laws,
         ),
     ] = None,
     set_: options.Overrides = None,
@@ -105,8 +106,11 @@ def compare(
 @guarded
 def validate(
     paths: Annotated[
-        list[Path], typer.Argument(metavar="PATH...", help="Task files, or folders of them.")
+        list[Path],
+        typer.Argument(metavar="PATH...", help="Task files, or folders of them; - reads one."),
     ],
+    set_: options.Overrides = None,
+    law: options.Law = None,
     form: Annotated[
         DiagnosticFormat, typer.Option("--format", help="Of the findings.")
     ] = DiagnosticFormat.FULL,
@@ -125,14 +129,27 @@ def validate(
     """Find what would fail before anything moves."""
     from taskspec_runner.cli.validate import validate_paths
 
-    return validate_paths(paths, form, strict=strict, select=select or (), ignore=ignore or ())
+    return validate_paths(
+        paths,
+        form,
+        strict=strict,
+        select=select or (),
+        ignore=ignore or (),
+        sets=set_ or (),
+        law=law,
+    )
 
 
 @app.command()
 @guarded
 def explain(
     what: Annotated[
-        str, typer.Argument(metavar="FILE|CODE", help="A task file, or a code such as TS203.")
+        str,
+        typer.Argument(
+            metavar="FILE|CODE",
+            help="A task file, - for standard input, or a code such as TS203.",
+            autocompletion=completions.codes,
+        ),
     ],
     set_: options.Overrides = None,
     law: options.Law = None,
@@ -175,7 +192,12 @@ def robots() -> int:
 @guarded
 def new(
     template: Annotated[
-        str | None, typer.Argument(metavar="TEMPLATE", help="A template; none lists them.")
+        str | None,
+        typer.Argument(
+            metavar="TEMPLATE",
+            help="A template; none lists them.",
+            autocompletion=completions.templates,
+        ),
     ] = None,
     out: Annotated[
         Path | None, typer.Option(help="The new task file.", show_default="my-TEMPLATE.yaml")

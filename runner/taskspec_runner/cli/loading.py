@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import functools
+import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import TextIO
 
 from taskspec.laws import LAWS
-from taskspec.spec import LoadedTask, load_task
+from taskspec.spec import LoadedTask, load_task, load_text, read_text
 from taskspec.spec.overrides import NAME as SET
 from taskspec.text import nodes
 from taskspec.text.characters import normal
@@ -16,15 +19,21 @@ from taskspec.text.source import Source, Span
 from taskspec.text.yaml import MAX_BYTES, read
 from taskspec_runner.errors import InputError
 
+#: The path that stands for standard input; a file of this name is `./-`.
+STDIN = Path("-")
+_STDIN_NAME = "<stdin>"
+
 #: The source in which the value of `--law` is shown.
 _LAW = "--law"
+#: The sources in which values stand that were given on the command line.
+OPTIONS = (SET, _LAW)
 
 
 def load(path: Path, sets: Sequence[str] = (), law: str | None = None) -> LoadedTask:
     """Loads a task file.
 
     Args:
-        path: the file.
+        path: the file, or `STDIN`; what standard input brings lies in the working folder.
         sets: overrides as `KEY=VALUE`.
         law: a law that replaces that of the file and of every stage.
 
@@ -32,13 +41,13 @@ def load(path: Path, sets: Sequence[str] = (), law: str | None = None) -> Loaded
         SpecError: the task is wrong.
         InputError: the file cannot be opened or is not UTF-8, or an override is not one.
     """
-    given = dict(_override(text) for text in sets)
-    if law is not None and not law.strip():
-        raise InputError(f"--law needs the name of a law: {', '.join(LAWS)}")
+    given = changes(sets, law)
     try:
         laws = _laws(path, law) if law is not None else {}
         overrides = laws | given
         try:
+            if path == STDIN:
+                return load_text(_read_once(sys.stdin), _STDIN_NAME, overrides)
             return load_task(path, overrides)
         except SpecError as error:
             lines = {number: key for number, key in enumerate(overrides, 1)}
@@ -51,6 +60,24 @@ def load(path: Path, sets: Sequence[str] = (), law: str | None = None) -> Loaded
     except UnicodeDecodeError as error:
         place = f"byte {error.start}"
         raise InputError(f"cannot read {path}: it is not UTF-8 ({place})") from error
+
+
+def changes(sets: Sequence[str], law: str | None) -> dict[str, str]:
+    """The overrides that `--set` gives.
+
+    Raises:
+        InputError: an override is not one, or `--law` is empty.
+    """
+    given = dict(_override(text) for text in sets)
+    if law is not None and not law.strip():
+        raise InputError(f"--law needs the name of a law: {', '.join(LAWS)}")
+    return given
+
+
+@functools.lru_cache(maxsize=1)
+def _read_once(stream: TextIO) -> str:
+    """What a stream brings; some commands load a task more than once."""
+    return read_text(stream.buffer)
 
 
 def _override(text: str) -> tuple[str, str]:
@@ -90,9 +117,13 @@ def _laws(path: Path, law: str) -> dict[str, str]:
 
     How the torques follow from a law is not part of it: `solve` and `solver` stay.
     """
-    with path.open("rb") as file:
-        # A file that is too long or not UTF-8 is found out when it is loaded.
-        text = normal(file.read(MAX_BYTES).decode("utf-8", "replace"))
+    if path == STDIN:
+        text = _read_once(sys.stdin)
+    else:
+        with path.open("rb") as file:
+            # A file that is too long or not UTF-8 is found out when it is loaded.
+            text = file.read(MAX_BYTES).decode("utf-8", "replace")
+    text = normal(text)
     root = read(Source(str(path), text), Diagnostics(str(path)))
     stages = root.get("stages") if isinstance(root, nodes.Mapping) else None
     owners = {"law": root}

@@ -7,13 +7,20 @@ from typing import Annotated
 
 import typer
 
-TaskFile = Annotated[Path, typer.Argument(metavar="FILE", help="The task file.")]
+from taskspec_runner.cli import completions
+
+TaskFile = Annotated[
+    Path, typer.Argument(metavar="FILE", help="The task file; - is standard input.")
+]
 Overrides = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="KEY=VALUE", help="Override a value; may be repeated."),
 ]
 Law = Annotated[
-    str | None, typer.Option(help="Put every stage under this law, its gains designed.")
+    str | None,
+    typer.Option(
+        help="Put every stage under this law, its gains designed.", autocompletion=completions.laws
+    ),
 ]
 Seed = Annotated[int, typer.Option(min=0, help="Of everything random.")]
 

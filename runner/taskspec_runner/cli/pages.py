@@ -12,12 +12,21 @@ _SEVERITY = "**Severity:** "
 
 def page(code: str) -> str | None:
     """The page of a code as Markdown, or None if it has none."""
-    package = Path(str(resources.files("taskspec")))
-    for folder in (package / "data" / "diagnostics", package.parent / "docs" / "diagnostics"):
+    for folder in _folders():
         path = folder / f"{code}.md"
         if path.is_file():
             return path.read_text(encoding="utf-8")
     return None
+
+
+def codes_with_pages() -> list[str]:
+    """All codes that have a page."""
+    return sorted({path.stem for folder in _folders() for path in folder.glob("TS*.md")})
+
+
+def _folders() -> tuple[Path, ...]:
+    package = Path(str(resources.files("taskspec")))
+    return package / "data" / "diagnostics", package.parent / "docs" / "diagnostics"
 
 
 def severities_of(text: str) -> list[Severity]:

@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Iterator, Sequence
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TypeVar
 
 import typer
 
-from taskspec.text.diagnostic import Diagnostic, SpecError
+from taskspec.text.diagnostic import Diagnostic, Note, SpecError
 from taskspec.text.source import Source
 from taskspec_runner.cli.codes import choice
 from taskspec_runner.cli.formats import DiagnosticFormat
 from taskspec_runner.cli.guard import keep_trace
-from taskspec_runner.cli.loading import load
+from taskspec_runner.cli.loading import OPTIONS, STDIN, changes, load
 from taskspec_runner.cli.parallel import in_order
 from taskspec_runner.cli.reporters import REPORTERS
 from taskspec_runner.cli.validation import Failure, Validation
@@ -32,21 +34,27 @@ def validate_paths(
     strict: bool = False,
     select: Sequence[str] = (),
     ignore: Sequence[str] = (),
+    sets: Sequence[str] = (),
+    law: str | None = None,
 ) -> int:
     """Validates files and folders and says what was found.
 
     Args:
-        paths: files, and folders of them.
+        paths: files, and folders of them; `STDIN` by itself.
         form: how it is told.
         strict: whether warnings count as errors.
         select: prefixes of the codes that count, all of them if there are none.
         ignore: prefixes of codes that do not count.
+        sets: overrides of every file, as `KEY=VALUE`.
+        law: a law that replaces those of every file.
 
     Raises:
-        InputError: no code begins with one of the prefixes, or a folder has no task file.
+        InputError: no code begins with one of the prefixes, a folder has no task file, or an
+            override is not one.
     """
     chosen = choice(select, ignore)
-    found = examine(list(task_files(paths)), strict=strict).only(chosen)
+    changes(sets, law)
+    found = examine(list(task_files(paths)), strict=strict, sets=sets, law=law).only(chosen)
     for failure in found.unreadable:
         typer.echo(f"taskspec: {failure.message}", err=True)
     for failure in found.broken:
@@ -65,8 +73,10 @@ def task_files(paths: Sequence[Path]) -> Iterator[Path]:
     Hidden folders are passed over, and so are folders of runs: what they hold is a copy.
 
     Raises:
-        InputError: a folder has none, or cannot be listed.
+        InputError: a folder has none, or cannot be listed, or standard input is not alone.
     """
+    if STDIN in paths and len(paths) > 1:
+        raise InputError("'-' stands for standard input, and for nothing beside it")
     seen: set[Path] = set()
     for path in paths:
         found = list(_below(path)) if path.is_dir() else [path]
@@ -94,13 +104,21 @@ def _below(folder: Path) -> Iterator[Path]:
             yield entry
 
 
-def examine(files: Sequence[Path], *, strict: bool = False) -> Validation:
+def examine(
+    files: Sequence[Path],
+    *,
+    strict: bool = False,
+    sets: Sequence[str] = (),
+    law: str | None = None,
+) -> Validation:
     """Everything that is found about the files; many of them are shared out to the processors."""
+    # An override stands in no file, so that where there are several each finding names its own.
+    outcome_of = functools.partial(_outcome, sets=sets, law=law, several=len(files) > 1)
     diagnostics: dict[str, tuple[Diagnostic, ...]] = {}
     sources: dict[str, dict[str, Source]] = {}
     unreadable: list[Failure] = []
     broken: list[Failure] = []
-    with Termination(), closing(in_order(_outcome, files)) as outcomes:
+    with Termination(), closing(in_order(outcome_of, files)) as outcomes:
         for path, outcome in zip(files, outcomes, strict=True):
             name = str(path)
             if isinstance(outcome, _Unreadable):
@@ -123,13 +141,17 @@ class _Broken:
     message: str
 
 
+Named = TypeVar("Named", Diagnostic, Note)
 _Found = tuple[tuple[Diagnostic, ...], dict[str, Source]]
 
 
-def _outcome(path: Path) -> _Found | _Unreadable | _Broken:
+def _outcome(
+    path: Path, sets: Sequence[str], law: str | None, *, several: bool
+) -> _Found | _Unreadable | _Broken:
     """What is found about a file; of what can go wrong with it, only the words."""
     try:
-        return _examine(path)
+        found = _examine(path, sets, law)
+        return _attributed(found, path) if several and (sets or law) else found
     except InputError as error:
         return _Unreadable(str(error))
     except Exception as error:
@@ -139,9 +161,23 @@ def _outcome(path: Path) -> _Found | _Unreadable | _Broken:
         return _Broken(f"{path}: {told}; please report this with {trace}")
 
 
-def _examine(path: Path) -> _Found:
+def _attributed(found: _Found, path: Path) -> _Found:
+    """What is found, that about options under the name of the file with which they do not go."""
+    diagnostics, sources = found
+    names = {option: f"{path} {option}" for option in OPTIONS}
+
+    def named(place: Named) -> Named:
+        return replace(place, source=names.get(place.source, place.source))
+
+    return (
+        tuple(replace(named(d), notes=tuple(map(named, d.notes))) for d in diagnostics),
+        {names.get(name, name): source for name, source in sources.items()},
+    )
+
+
+def _examine(path: Path, sets: Sequence[str], law: str | None) -> _Found:
     try:
-        loaded = load(path)
+        loaded = load(path, sets, law)
     except SpecError as error:
         return error.diagnostics, dict(error.sources)
     # A file that cannot even be read needs no robot.
