@@ -12,7 +12,7 @@ from taskspec.program.context import Context
 from taskspec.program.plan import StagePlan
 from taskspec.program.reference.orientation import representation_of
 from taskspec.rules import Finding, info, rule
-from taskspec.spec import FILE, KeyPath
+from taskspec.spec import FILE, KeyPath, key_of
 from taskspec.text.diagnostic import Severity
 from taskspec.text.units import FORCE, show
 
@@ -50,18 +50,33 @@ def undetermined_axes(stage: StagePlan) -> Iterator[Finding]:
     """
     if stage.law.control_law.shares:
         return
-    for axis, value, place in _unresisted(stage):
-        turns = axis.is_rotation
-        if value or (turns and representation_of(stage.law) is not None):
-            continue  # Euler angles leave no rotation to a torque, which TS228 says.
-        yield info(
-            "TS325",
-            f"nothing determines {axis!r}: no {'moment' if turns else 'force'} is asked for, and "
-            f"{_reason(stage.context, turns)}; only damping keeps the tool there",
-            place,
-            f"hold it or move it, unless it is to {'turn' if turns else 'go'} freely",
-            unless=_SAID_BY,
-        )
+    places = {
+        axis: place
+        for axis, value, place in _unresisted(stage)
+        # Euler angles leave no rotation to a torque, which TS228 says.
+        if not value and not (axis.is_rotation and representation_of(stage.law) is not None)
+    }
+    if not places:
+        return
+    turning = sorted({axis.is_rotation for axis in places})
+    efforts = " or ".join("moment" if turns else "force" for turns in turning)
+    reasons = dict.fromkeys(_reason(stage.context, turns) for turns in turning)
+    freely = " and ".join("turn" if turns else "go" for turns in turning)
+    several = len(places) > 1
+    *names, last = map(repr, places)
+    named = f"{', '.join(names)} and {last}" if several else last
+    them = "them" if several else "it"
+    first = next(iter(places.values()))
+    yield info(
+        "TS325",
+        f"nothing determines {named}: no {efforts} is asked for, "
+        f"and {', and '.join(reasons)}; only damping keeps the tool there",
+        key_of(FILE.stages[stage.name].axes) if several else first,
+        f"hold {them} or move {them}, "
+        f"unless {'the tool' if several else 'it'} is to {freely} freely",
+        unless=_SAID_BY,
+        unless_at=first,
+    )
 
 
 def _unresisted(stage: StagePlan) -> Iterator[tuple[Axis, float, KeyPath]]:

@@ -78,3 +78,22 @@ def test_what_is_held(knob, axes, expected):
     shape = f"mechanism: hinge, xyz: [500 mm, 0, 350 mm], handle: [120 mm, 0, 0], knob: {knob}"
     held = {"robot": "model: panda, grasp: door.handle", "frame": "door.handle"}
     assert codes(f"door: {{{shape}}}", axes, **held) == expected
+
+
+def test_free_axes_of_a_stage_are_one_finding():
+    """A hand guides the tool: six axes are free, which is said once."""
+    forces = ", ".join(f"{axis}: {{force: 0}}" for axis in "xyz")
+    moments = ", ".join(f"r{axis}: {{torque: 0}}" for axis in "xyz")
+    stages = (
+        f"a: {{axes: {{{forces}, {moments}}}, time: 1 s}}, b: {{axes: {{{forces}}}, time: 1 s}}"
+    )
+    text = f"{HEAD}robot: {{model: panda}}\nlaw: hybrid\nstages: {{{stages}}}\n"
+    first, second = check_task(load_text(text, "t"))
+    assert {first.code, second.code} == {"TS325"}
+    assert first.message.startswith(
+        "nothing determines 'x', 'y', 'z', 'rx', 'ry' and 'rz': no force or moment is asked for, "
+        "and there is nothing in the world to push on;"
+    )
+    assert second.message.startswith("nothing determines 'x', 'y' and 'z': no force is asked for")
+    assert first.hint == "hold them or move them, unless the tool is to go and turn freely"
+    assert text.splitlines()[first.span.line - 1][first.span.column - 1 :].startswith("axes: {x")
