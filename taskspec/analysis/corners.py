@@ -109,11 +109,17 @@ def _uncertain(context: Context, objects: Sequence[str]) -> Iterator[Uncertain]:
 def _values(
     context: Context, path: str, index: int | None, variation: Variation
 ) -> tuple[float, ...]:
-    base = nominal(context, path, index) if variation.relative else 0.0
-    low, high = base + variation.low, base + variation.high
+    low, high = ends(context, path, index, variation)
     if path.endswith(".stiffness") and low > 0:
         return (low, float(np.sqrt(low * high)), high)
     return (low, high)
+
+
+def ends(
+    context: Context, path: str, index: int | None, variation: Variation
+) -> tuple[float, float]:
+    """Least and greatest value of a component that varies [SI]."""
+    return variation.ends(nominal(context, path, index) if variation.relative else 0.0)
 
 
 def nominal(context: Context, path: str, index: int | None) -> float:

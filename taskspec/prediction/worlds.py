@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from taskspec.analysis.corners import MOST_AT_ONCE, changed, nominal
+from taskspec.analysis.corners import MOST_AT_ONCE, changed, ends
 from taskspec.prediction.types import Extreme, Values
 from taskspec.program.context import Context
 from taskspec.program.prepare import tool_center
@@ -99,8 +99,7 @@ def _ends(context: Context, name: str) -> Iterator[list[tuple[tuple[str, int | N
             if variation is None:
                 continue
             part = (path, i if len(components) > 1 else None)
-            base = nominal(context, *part) if variation.relative else 0.0
-            yield [(part, base + variation.low), (part, base + variation.high)]
+            yield [(part, end) for end in ends(context, *part, variation)]
 
 
 def _world(context: Context, name: str, values: Values) -> World:

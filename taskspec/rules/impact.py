@@ -127,6 +127,6 @@ def _stiffnesses(context: Context, contact: str) -> list[float]:
     ends = []
     for variation in context.loaded.task.vary.get(f"world.{contact}.stiffness", ()):
         if variation is not None:
-            base = context.compliances[contact].stiffness if variation.relative else 0.0
-            ends += [max(0.0, base + variation.low), max(0.0, base + variation.high)]
+            nominal = context.compliances[contact].stiffness
+            ends += [max(0.0, end) for end in variation.ends(nominal)]
     return ends

@@ -101,6 +101,5 @@ def _ends(variations: tuple[Variation | None, ...], nominal: list[float]) -> lis
     ends = [[float(value)] for value in nominal]
     for i, variation in enumerate(variations):
         if variation is not None:
-            base = nominal[i] if variation.relative else 0.0
-            ends[i] = [base + variation.low, base + variation.high]
+            ends[i] = list(variation.ends(nominal[i]))
     return ends

@@ -17,6 +17,24 @@ _POSITIVE = ("stiffness", "size", "radius", "length", "mass", "inertia", "robot.
 _ANY = ("xyz", "rpy", "robot.sensor.bias")
 
 
+@rule({}, also=("TS106",), phase=Phase.VARIATIONS)
+def shares_of_zero(task: TaskPlan) -> Iterator[Finding]:
+    """Variations by a percentage of a value that is 0."""
+    context = task.context
+    for path, components in context.loaded.task.vary.items():
+        for i, variation in enumerate(components):
+            if variation is None or not variation.share:
+                continue
+            index = i if len(components) > 1 else None
+            if nominal(context, path, index) == 0:
+                yield error(
+                    "TS106",
+                    f"{path!r} is 0 in the file, and a percentage of 0 is a tolerance of no width",
+                    FILE.vary[path] if index is None else FILE.vary[path][index],
+                    "write the width itself, with its unit",
+                )
+
+
 @rule({}, also=("TS118",), phase=Phase.VARIATIONS)
 def impossible_variations(task: TaskPlan) -> Iterator[Finding]:
     """Variations whose lower end is a value that the file itself could not state."""
@@ -32,7 +50,7 @@ def impossible_variations(task: TaskPlan) -> Iterator[Finding]:
                 continue
             index = i if len(components) > 1 else None
             middle = nominal(context, path, index) if variation.relative else 0.0
-            low = middle + variation.low
+            low, _ = variation.ends(middle)
             if low > 0 or (low == 0 and not positive):
                 continue
             unit = dimensions[i]

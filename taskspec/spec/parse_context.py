@@ -83,7 +83,8 @@ class ParseContext:
             hint = problem.hint
             if value.node.comment and problem.code == "TS101" and not hint:
                 hint = "text after ' #' is a comment"
-            self.error(problem.code, problem.message, origin.at(problem.start, problem.end), hint)
+            report = self.diagnostics.warning if problem.warning else self.diagnostics.error
+            report(problem.code, problem.message, origin.at(problem.start, problem.end), hint)
 
 
 def span_of(value: object) -> Span | None:

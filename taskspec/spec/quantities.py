@@ -12,7 +12,8 @@ from taskspec.spec.parse_context import ParseContext, kind_of, span_of
 from taskspec.text.codes import register
 from taskspec.text.data import Items, Real, Text, Whole
 from taskspec.text.expression import Expression, Problem, ScopeKind, check
-from taskspec.text.expression.tree import IntervalNode, Number, SpreadNode
+from taskspec.text.expression.intervals import share_of_zero, share_problems
+from taskspec.text.expression.tree import IntervalNode, Number, SpreadNode, is_share
 from taskspec.text.traps import adjoin
 from taskspec.text.units import (
     NUMBER,
@@ -302,10 +303,17 @@ class IntervalAroundZero(FieldType):
         if node is None:
             return None
         assert isinstance(value, Text | Whole | Real)
-        problems = check(node, context.scope(ScopeKind.CONSTANT), self.dimension).problems
+        checked = check(node, context.scope(ScopeKind.CONSTANT), self.dimension)
+        node, problems = checked.tree, checked.problems
         if not problems and not isinstance(node, IntervalNode | SpreadNode):
             message = f"an interval of {describe(self.dimension)} is needed here"
             problems = (Problem("TS023", message, node.start, node.end, self._form()),)
+        if not problems and isinstance(node, SpreadNode) and is_share(node.x):
+            problems = (share_of_zero(node),)
+        if not problems and isinstance(node, IntervalNode):
+            problems = tuple(
+                share_problems(node.low, node.high, lambda n: values.known(n, context))
+            )
         context.problems(value, problems)
         if problems:
             return None

@@ -73,9 +73,9 @@ def expression(
     context.problems(value, checked.problems)
     if checked.problems:
         return None
-    ends = tuple(interval_problems(checked.tree, lambda name: _known(name, context)))
+    ends = tuple(interval_problems(checked.tree, lambda name: known(name, context)))
     context.problems(value, ends)
-    if ends:
+    if not all(problem.warning for problem in ends):
         return None
     fixed = all(n.path[0] in context.params for n in walk(node) if isinstance(n, Name))
     if dimension is not None and fixed and number(value, node, context) is None:
@@ -83,7 +83,7 @@ def expression(
     return Expression(value.node.value, checked.tree, checked.dimension, value.node.origin)
 
 
-def _known(name: Name, context: ParseContext) -> float:
+def known(name: Name, context: ParseContext) -> float:
     """The value of a param or constant; nan of any other name."""
     if str(name) in CONSTANTS:
         return CONSTANTS[str(name)][0]

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 from typing import Any
 
 from taskspec.shapes import SHAPES, size_keys
@@ -13,8 +14,9 @@ from taskspec.spec.parse_context import ParseContext, kind_of, span_of
 from taskspec.spec.world import is_free
 from taskspec.text.codes import register
 from taskspec.text.data import Items, Map
-from taskspec.text.expression import Problem, ScopeKind, check
-from taskspec.text.expression.tree import IntervalNode, Node, SpreadNode
+from taskspec.text.expression import FloatAlgebra, Problem, ScopeKind, check, evaluate
+from taskspec.text.expression.intervals import share_of_a_number, share_problems
+from taskspec.text.expression.tree import IntervalNode, Node, SpreadNode, is_share
 from taskspec.text.suggest import closest, suggestion
 from taskspec.text.units import (
     ANGLE,
@@ -76,11 +78,24 @@ _SUCH_AS = {
 
 @dataclass(frozen=True, slots=True)
 class Variation:
-    """An uncertain component: from `low` to `high` [SI], `relative` to the nominal value or not."""
+    """An uncertain component.
+
+    Attributes:
+        low, high: its ends [SI], or how far they are from the nominal value.
+        relative: to the nominal value.
+        share: `low` and `high` are shares of the nominal value, such as 0.05 for 5 %.
+    """
 
     low: float
     high: float
     relative: bool
+    share: bool = False
+
+    def ends(self, nominal: float) -> tuple[float, float]:
+        """Least and greatest value [SI] where the file has the `nominal` one."""
+        base = nominal if self.relative else 0.0
+        scale = abs(nominal) if self.share else 1.0
+        return base + scale * self.low, base + scale * self.high
 
 
 @dataclass(frozen=True)
@@ -178,12 +193,17 @@ def _variation(value: object, dimension: Dimension, context: ParseContext) -> Va
     if node is None:
         return None
     checked = check(node, context.scope(ScopeKind.CONSTANT), dimension)
-    context.problems(value, checked.problems)
-    if checked.problems:
+    problems = checked.problems
+    if problems and isinstance(node, IntervalNode) and is_share(node.high):
+        width = f"+- {100 * evaluate(node.high, FloatAlgebra(), lambda _: math.nan):g} %"
+        hint = f"a share of the value in the file is written {width}"
+        problems = tuple(replace(each, hint=hint) for each in problems)
+    context.problems(value, problems)
+    if problems:
         return None
+    node = checked.tree
     if isinstance(node, SpreadNode):
-        half = values.number(value, node.x, context)
-        return Variation(-half, half, relative=True) if half is not None else None
+        return _spread(value, node, dimension, context)
     if isinstance(node, IntervalNode):
         return _interval(value, node, context)
     nominal = values.number(value, node, context)
@@ -193,11 +213,30 @@ def _variation(value: object, dimension: Dimension, context: ParseContext) -> Va
     return None
 
 
+def _spread(
+    value: object, node: SpreadNode, dimension: Dimension, context: ParseContext
+) -> Variation | None:
+    half = values.number(value, node.x, context)
+    if half is None:
+        return None
+    if half < 0:
+        problem = Problem("TS711", "a tolerance below zero", node.x.start, node.x.end,
+                          "leave out its sign")  # fmt: skip
+        context.problems(value, (problem,))
+    elif half and is_share(node.x) and dimension == NUMBER:
+        context.problems(value, (share_of_a_number(node.x),))
+    share = is_share(node.x) and dimension != NUMBER
+    return Variation(-half, half, relative=True, share=share)
+
+
 def _interval(value: object, node: IntervalNode, context: ParseContext) -> Variation | None:
     low = values.number(value, node.low, context)
     high = values.number(value, node.high, context)
     if low is None or high is None:
         return None
+    context.problems(
+        value, tuple(share_problems(node.low, node.high, lambda name: values.known(name, context)))
+    )
     if low > high:
         problem = Problem("TS711", "this interval ends before it begins", node.start, node.end,
                           "write the smaller value first")  # fmt: skip

@@ -83,6 +83,17 @@ def judged(expectation: str, history: History = HISTORY) -> Judged:
             True,
             "-16 N to -14 N at every tick (needs -16 N to -14 N)",
         ),
+        # 7 % of 15 N are 1.05 N: a tick at 14 N lies within, one at 6 % (0.9 N) does not.
+        (
+            "wipe.force.z within -press +- 7 %",
+            True,
+            "-16 N to -14 N at every tick (needs -16.05 N to -13.95 N)",
+        ),
+        (
+            "wipe.force.z within -15 N +- 6 % for 60 %",
+            False,
+            "50 % of ticks (needs 60 %); at worst -14 N at 1 s (needs -15.9 N to -14.1 N)",
+        ),
         (
             "down.force.z within -1500 mN..0 mN",
             False,
@@ -193,6 +204,7 @@ def test_names_what_it_is_about() -> None:
     [
         ("force.z within -20 N..1 N", (-20.0, 1.0)),
         ("force.z < press", (None, 15.0)),
+        ("force.z within -20 N +- 50 %", (-30.0, -10.0)),
         ("-20 N <= force.z for 50 %", (-20.0, None)),
         ("abs(wipe.error.x) < 3 mm", (-3e-3, 3e-3)),
         ("force.z < force.x", None),

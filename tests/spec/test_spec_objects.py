@@ -87,6 +87,19 @@ def test_the_forms_of_a_stop(stop: str, ends: tuple[float, float]) -> None:
     assert made.task.mechanisms["it"].stop == pytest.approx(ends, rel=1e-15)
 
 
+def test_a_percentage_that_varies_is_a_share_of_the_value_in_the_file() -> None:
+    vary = "vary: {world.it.stiffness: +- 10 %, world.it.xyz: [+- 5 %, 10 mm +- 20 %, 0]}\n"
+    found = world("shape: plane, xyz: [-40 mm, 0, 0], stiffness: 20 kN/m", vary).task.vary
+    (stiffness,) = found["world.it.stiffness"]
+    x, y, _ = found["world.it.xyz"]
+    assert stiffness is not None
+    assert x is not None
+    assert y is not None
+    assert stiffness.ends(20e3) == pytest.approx((18e3, 22e3), rel=1e-14)
+    assert x.ends(-0.04) == pytest.approx((-0.042, -0.038), rel=1e-14)
+    assert y.ends(0.0) == pytest.approx((8e-3, 12e-3), rel=1e-14)
+
+
 def test_sensor_in_si() -> None:
     robot = load("sensing").task.robot
     sensor = robot.sensor

@@ -3,7 +3,17 @@ from __future__ import annotations
 import pytest
 
 from taskspec.signals import SCALARS, VECTORS
-from taskspec.text.expression import Scope, ScopeKind, check, infer, parse, resolve, tree
+from taskspec.text.expression import (
+    FloatAlgebra,
+    Scope,
+    ScopeKind,
+    check,
+    evaluate,
+    infer,
+    parse,
+    resolve,
+    tree,
+)
 from taskspec.text.units import ANGLE, FORCE, LENGTH, NUMBER, TIME, VELOCITY, Dimension, Quantity
 
 
@@ -25,6 +35,42 @@ def scope(kind: ScopeKind) -> Scope:
 def codes(text: str, expected: Dimension | None, kind: ScopeKind) -> list[str]:
     node = parse(text, "logic" if expected is None else "sum")
     return [p.code for p in check(node, scope(kind), expected).problems]
+
+
+@pytest.mark.parametrize(
+    ("text", "low", "high"),
+    [
+        ("force.z within 12 N +- 5 %", 11.4, 12.6),
+        ("force.z within -12 N +- 5 %", -12.6, -11.4),
+        ("force.z within -press ± 20 %", -18.0, -12.0),
+        ("force.z within 12 N +- 5 % * press", 11.25, 12.75),
+        ("force.z within -(press - 5 N) * 2 +- (50 %)", -30.0, -10.0),
+        # About a plain number a percentage is a width.
+        ("force.x/force.z within n +- 5 %", 2.95, 3.05),
+        ("force.x/force.z within 90 +- 5 %", 89.95, 90.05),
+        ("force.x/force.z within 90 % +- 5 %", 0.85, 0.95),
+        ("force.x/force.z within 80..90 %", 0.8, 0.9),
+    ],
+)
+def test_a_percentage_after_plus_minus(text: str, low: float, high: float) -> None:
+    checked = check(parse(text, "logic"), scope(ScopeKind.EXPECT), None)
+    assert checked.problems == ()
+    assert isinstance(checked.tree, tree.WithinNode)
+    params = {"press": 15.0, "n": 3.0}
+    ends = [
+        evaluate(end, FloatAlgebra(), lambda name: params[str(name)])
+        for end in (checked.tree.low, checked.tree.high)
+    ]
+    assert ends == pytest.approx([low, high], rel=1e-14)
+
+
+def test_a_share_of_another_value_moves_with_it() -> None:
+    text = "force.z within norm(force) +- 10 %"
+    checked = check(parse(text, "logic"), scope(ScopeKind.GUARD), None)
+    components = {"force.x": 3.0, "force.y": -4.0, "force.z": 12.0}
+    assert isinstance(checked.tree, tree.WithinNode)
+    high = evaluate(checked.tree.high, FloatAlgebra(), lambda name: components[str(name)])
+    assert high == pytest.approx(1.1 * 13.0, rel=1e-14)
 
 
 @pytest.mark.parametrize(

@@ -53,9 +53,12 @@ register(
 class Checker:
     """Walks a tree once; a part that is wrong is reported there and fits everything above."""
 
-    def __init__(self, scope: Scope) -> None:
-        self.scope = scope
+    def __init__(self, scope: Scope, place: Dimension | None = None) -> None:
+        """Begins without a problem; `place` is the dimension that the whole should have."""
+        self.scope, self.place = scope, place
         self.problems: list[Problem] = []
+        #: Ids of the intervals `a +- 5 %` whose percentage is a share of a.
+        self.relative: set[int] = set()
         self._reducing = False
 
     def report(self, code: str, message: str, node: tree.Node, hint: str = "") -> Type:
@@ -86,7 +89,7 @@ class Checker:
                 self.same([left, right])
                 return CONDITION
             case tree.WithinNode(x, low, high):
-                self.same([x, *ends(low, high)])
+                self._interval(node, [x], low, high)
                 return CONDITION
             case tree.Not(x):
                 return self.want_condition(x, self.type_of(x))
@@ -97,8 +100,10 @@ class Checker:
             case tree.Held():
                 return self._held(node)
             case tree.IntervalNode(low, high):
-                return self.same(ends(low, high))
+                return self._interval(node, [], low, high)
             case tree.SpreadNode(x):
+                if tree.is_share(x) and self.place not in (None, NUMBER):
+                    return Type("number", self.place)
                 return self.number(x, self.type_of(x))
             case _:
                 raise TypeError(f"{type(node).__name__} is not part of a value")
@@ -171,6 +176,22 @@ class Checker:
                 message = f"{in_words(kind)} does not go together with {in_words(leader[1])}"
                 self.report("TS113", message, node, self._unit_hint(node, leader[1].dimension))
         return leader[1] if right else UNKNOWN
+
+    def _interval(
+        self, node: tree.Node, others: list[tree.Node], low: tree.Node, high: tree.Node
+    ) -> Type:
+        """Asks the ends of an interval, and what lies in it, for one dimension.
+
+        In `a +- 5 %` the percentage is a share of a, unless a is a plain number: that has the
+        dimension of a percentage, which is added to it as it is.
+        """
+        parts = ends(low, high)
+        share = tree.about(low, high) is not None and tree.is_share(parts[1])
+        kind = self.same([*others, *(parts[:1] if share else parts)])
+        whole = kind.dimension if others else kind.dimension or self.place
+        if share and kind.kind == "number" and whole not in (None, NUMBER):
+            self.relative.add(id(node))
+        return kind
 
     def _missing_unit(self, node: tree.Node, wanted: Dimension) -> Type:
         if wanted == NUMBER:
@@ -320,17 +341,19 @@ def check(node: tree.Node, scope: Scope, expected: Dimension | None) -> Checked:
         expected: the dimension that its place asks for; None if the place asks for a condition.
 
     Returns:
-        The tree in which `norm(force)` is written out as `norm(force.x, force.y, force.z)`, and
-        every problem found. The dimension is the expected one, plain for conditions.
+        The tree in which `norm(force)` is written out as `norm(force.x, force.y, force.z)` and
+        `12 N +- 5 %` as `12 N +- 5 % * abs(12 N)`, and every problem found.
+        The dimension is the expected one, plain for conditions.
     """
-    checker = Checker(scope)
+    checker = Checker(scope, expected)
     found = checker.type_of(node)
     if expected is None:
         checker.want_condition(node, found)
     else:
         checker.want(node, found, expected)
     problems = tuple(checker.problems)
-    return Checked(node if problems else _written_out(node), expected or NUMBER, problems)
+    written = node if problems else _written_out(node, checker.relative)
+    return Checked(written, expected or NUMBER, problems)
 
 
 def infer(node: tree.Node, scope: Scope) -> tuple[Type, tuple[Problem, ...]]:
@@ -342,8 +365,12 @@ def infer(node: tree.Node, scope: Scope) -> tuple[Type, tuple[Problem, ...]]:
     return found, tuple(checker.problems)
 
 
-def _written_out(node: tree.Node) -> tree.Node:
-    """Replaces the argument of norm(vector) by the vector's components."""
+def _written_out(node: tree.Node, relative: set[int]) -> tree.Node:
+    """Replaces the argument of norm(vector) by the vector's components, and shares by products."""
+
+    def full(x: tree.Node) -> tree.Node:
+        return _written_out(x, relative)
+
     match node:
         case tree.Call("norm", (tree.Name(path, frame) as name,)) if path[-1] in VECTORS:
             axes = VECTORS[path[-1]].bare
@@ -351,18 +378,34 @@ def _written_out(node: tree.Node) -> tree.Node:
                 node, args=tuple(replace(name, path=(*path, axis), frame=frame) for axis in axes)
             )
         case tree.Negate(x) | tree.Not(x) | tree.Held(x, _):
-            return replace(node, x=_written_out(x))
+            return replace(node, x=full(x))
         case tree.Binary(_, left, right) | tree.Compare(_, left, right):
-            return replace(node, left=_written_out(left), right=_written_out(right))
+            return replace(node, left=full(left), right=full(right))
         case tree.Power(base, _):
-            return replace(node, base=_written_out(base))
+            return replace(node, base=full(base))
         case tree.Call(_, args):
-            return replace(node, args=tuple(map(_written_out, args)))
+            return replace(node, args=tuple(map(full, args)))
         case tree.Reduce(_, arg):
-            return replace(node, arg=_written_out(arg))
+            return replace(node, arg=full(arg))
         case tree.WithinNode(x, low, high):
-            return replace(node, x=_written_out(x), low=_written_out(low), high=_written_out(high))
+            low, high = _width_in_full(low, high) if id(node) in relative else (low, high)
+            return replace(node, x=full(x), low=full(low), high=full(high))
+        case tree.IntervalNode(low, high):
+            low, high = _width_in_full(low, high) if id(node) in relative else (low, high)
+            return replace(node, low=full(low), high=full(high))
         case tree.Logic(_, items):
-            return replace(node, items=tuple(map(_written_out, items)))
+            return replace(node, items=tuple(map(full, items)))
         case _:
             return node
+
+
+def _width_in_full(low: tree.Node, high: tree.Node) -> tuple[tree.Node, tree.Node]:
+    """The ends of `a +- 5 %` as those of `a +- 5 % * abs(a)`."""
+    parts = tree.about(low, high)
+    assert parts is not None
+    assert isinstance(low, tree.Binary)
+    assert isinstance(high, tree.Binary)
+    middle, half = parts
+    place = {"start": half.start, "end": half.end}
+    width = tree.Binary("*", half, tree.Call("abs", (middle,), **place), **place)
+    return replace(low, right=width), replace(high, right=width)

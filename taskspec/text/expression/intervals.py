@@ -1,4 +1,4 @@
-"""Intervals after `within` that hold nothing: ends the wrong way round, or one and the same."""
+"""Intervals that hold nothing, or not what was meant: ends the wrong way round, shares."""
 
 from __future__ import annotations
 
@@ -11,11 +11,18 @@ from taskspec.text.expression import tree
 from taskspec.text.expression.evaluate import FloatAlgebra, evaluate
 from taskspec.text.expression.problem import Problem
 
-register({"TS711": "an interval whose ends are the wrong way round"})
+register(
+    {
+        "TS106": "a tolerance in percent of 0, or of a plain number",
+        "TS711": "an interval whose ends are the wrong way round",
+    }
+)
+
+Lookup = Callable[[tree.Name], float]
 
 
-def interval_problems(root: tree.Node, lookup: Callable[[tree.Name], float]) -> Iterator[Problem]:
-    """Says which intervals of a condition no measured number lies in.
+def interval_problems(root: tree.Node, lookup: Lookup) -> Iterator[Problem]:
+    """Says which intervals of a condition no measured number lies in, or only by a slip.
 
     Args:
         root: a checked tree.
@@ -26,10 +33,10 @@ def interval_problems(root: tree.Node, lookup: Callable[[tree.Name], float]) -> 
             continue
         low, high = (evaluate(end, FloatAlgebra(), lookup) for end in (node.low, node.high))
         begin, end = node.low.start, node.high.end
-        half = _half(node)
-        if half is not None:
-            begin, end = half.start, half.end
-        if low > high and half is not None:
+        parts = tree.about(node.low, node.high)
+        if parts is not None:
+            begin, end = parts[1].start, parts[1].end
+        if low > high and parts is not None:
             yield Problem("TS711", "a tolerance below zero", begin, end, "leave out its sign")
         elif low > high:
             message = "this interval ends before it begins"
@@ -37,16 +44,53 @@ def interval_problems(root: tree.Node, lookup: Callable[[tree.Name], float]) -> 
         elif low == high != 0 and math.isfinite(low) and not _counts(node.x):
             message = "an interval of no width is an equality, which no measured number meets"
             yield Problem("TS103", message, begin, end, "give it a width, such as +- 2 % of it")
+        else:
+            yield from share_problems(node.low, node.high, lookup)
 
 
-def _half(node: tree.WithinNode) -> tree.Node | None:
-    """The x of `within a +- x`; None of an interval with two ends."""
-    match node.low, node.high:
-        case tree.Binary("-", first, below), tree.Binary("+", second, above):
-            same = below == above and (below.start, below.end) == (above.start, above.end)
-            return below if same and first == second else None
+def share_problems(low: tree.Node, high: tree.Node, lookup: Lookup) -> Iterator[Problem]:
+    """Says what is wrong with the percentage of `a +- 5 %`: a is 0, or a plain number.
+
+    Args:
+        low, high: the ends of a checked interval.
+        lookup: as in `interval_problems`.
+    """
+    parts = tree.about(low, high)
+    if parts is None:
+        return
+    middle, half = parts
+    value = evaluate(middle, FloatAlgebra(), lookup)
+    if value == 0 and _is_relative(half, middle):
+        yield share_of_zero(half)
+    # A share of 1 is the same either way; of 0 and beside another percentage none is meant.
+    elif tree.is_share(half) and not tree.is_share(middle) and abs(value) not in (0.0, 1.0):
+        yield share_of_a_number(half, f"{abs(value):g}" if math.isfinite(value) else "value")
+
+
+def share_of_zero(half: tree.Node) -> Problem:
+    """Reports a percentage of 0."""
+    message = "a percentage of 0 is a tolerance of no width"
+    hint = "write the width itself, with its unit"
+    return Problem("TS106", message, half.start, half.end, hint)
+
+
+def share_of_a_number(half: tree.Node, value: str = "") -> Problem:
+    """Warns of a percentage about a plain number, `value`, or one that stands elsewhere."""
+    width = evaluate(half, FloatAlgebra(), lambda _: math.nan)
+    percent = f"{100 * width:g} %"
+    of, other = ("it", f"+- {percent} * {value}") if value else ("it in the file", "a..b")
+    message = f"this is {width:g} to either side, not {percent} of the value"
+    hint = f"write +- {width:g}, or for a share of {of} {other}"
+    return Problem("TS106", message, half.start, half.end, hint, warning=True)
+
+
+def _is_relative(half: tree.Node, middle: tree.Node) -> bool:
+    """Whether the b of `a +- b` is a share of a, as a checked tree has it."""
+    match half:
+        case tree.Binary("*", share, tree.Call("abs", (of,))):
+            return tree.is_share(share) and of == middle
         case _:
-            return None
+            return False
 
 
 def _counts(x: tree.Node) -> bool:

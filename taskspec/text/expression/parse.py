@@ -148,7 +148,9 @@ class _Build(Transformer[Token, tree.Node]):
         return tree.IntervalNode(low, c[2], start=low.start, end=c[2].end)
 
     def about(self, c: list[Any]) -> tree.Node:
-        middle, half = _adopt_unit(c[0], c[2]), c[2]
+        half = c[2]
+        # A percentage may be a share of what stands before it, and is no unit for it.
+        middle = c[0] if tree.is_share(half) else _adopt_unit(c[0], half)
         place = {"start": middle.start, "end": half.end}
         return tree.IntervalNode(
             tree.Binary("-", middle, half, **place),

@@ -8,13 +8,17 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class Problem:
-    """A finding at the characters `start` to `end` (exclusive) of an expression."""
+    """A finding at the characters `start` to `end` (exclusive) of an expression.
+
+    A `warning` says what is doubtful in an expression that can be computed.
+    """
 
     code: str
     message: str
     start: int
     end: int
     hint: str = ""
+    warning: bool = False
 
 
 class ExpressionError(Exception):

@@ -145,6 +145,22 @@ class Equation(Node):
     right: Node
 
 
+def about(low: Node, high: Node) -> tuple[Node, Node] | None:
+    """The a and the b that `a +- b` was written with; None of an interval with two ends."""
+    match low, high:
+        case Binary("-", middle, half), Binary("+", above, other):
+            same = (middle, half) == (above, other) and half.start == other.start
+            return (middle, half) if same else None
+        case _:
+            return None
+
+
+def is_share(node: Node) -> bool:
+    """Whether a node is a percentage and nothing else, such as the 5 % of `12 N +- 5 %`."""
+    number = node.x if isinstance(node, Negate) else node
+    return isinstance(number, Number) and number.unit == "%"
+
+
 def children(node: Node) -> tuple[Node, ...]:
     """The nodes directly below a node, in the order in which they are written."""
     match node:

@@ -29,14 +29,7 @@ PLAIN = Type("number", NUMBER)
 
 def ends(low: tree.Node, high: tree.Node) -> list[tree.Node]:
     """What an interval was written with: a +- b is held as a - b and a + b."""
-    if (
-        isinstance(low, tree.Binary)
-        and isinstance(high, tree.Binary)
-        and (low.op, high.op, low.start, low.end) == ("-", "+", high.start, high.end)
-        and low.left is high.left
-    ):
-        return [low.left, low.right]
-    return [low, high]
+    return list(tree.about(low, high) or (low, high))
 
 
 def is_bare(node: tree.Node) -> bool:
