@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
 .PHONY: demo test theory proof stability lint types schema validate fuzz bench docs docs-shown docs-site
-.PHONY: docs-serve equivalence check clean
+.PHONY: docs-serve steps equivalence check clean
 
 demo: $(READY)  ## run the wiping task and say where its report is
 	$(BIN)/taskspec run tasks/wipe-table.yaml
@@ -22,6 +22,9 @@ proof: $(READY)  ## 1000 random tasks with random limits, and how near to them e
 
 stability: $(READY)  ## hold predicted stability against runs, keep the table in docs/stability.md
 	$(BIN)/pytest tests/stability --stability-table=docs/stability.md
+
+steps: $(READY)  ## run all shipped tasks, keep how far their torque steps in docs/torque-steps.md
+	$(BIN)/python tests/docs/torque_steps.py
 
 lint: $(READY)
 	$(BIN)/ruff check .

@@ -11,6 +11,7 @@ import typer
 from taskspec.text.units import FORCE, LENGTH, Dimension, scaled
 from taskspec_runner.cli.console import show, table
 from taskspec_runner.runs import Run
+from taskspec_runner.verdict import torque_steps
 from taskspec_runner.verdict.given_up import told
 
 if TYPE_CHECKING:
@@ -35,7 +36,8 @@ def show_outcome(run: Run, *, quiet: bool) -> None:
     if run.summary["metrics"] and not quiet:
         show(*[""] * bool(expectations), _metrics(run.summary), "")
     if not quiet:
-        for line in (*_forced(run.summary), *told(run.summary), *_lost(run.summary)):
+        steps = torque_steps.told(run.summary)
+        for line in (*_forced(run.summary), *told(run.summary), *_lost(run.summary), *steps):
             show(Text(line, style="yellow"))
     if not quiet or run.exit_code:
         show(Text(ending(run), style=_STYLES.get(run.exit_code, "")))

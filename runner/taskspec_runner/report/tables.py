@@ -9,6 +9,7 @@ from taskspec_runner.report.chart import tints
 from taskspec_runner.report.predictions import stage_prediction
 from taskspec_runner.report.quantities import figure, quantity
 from taskspec_runner.runs import Run
+from taskspec_runner.verdict import torque_steps
 from taskspec_runner.verdict.given_up import told
 from taskspec_runner.verdict.predicted import axis_of
 
@@ -129,9 +130,12 @@ def solver(run: Run) -> Iterator[str]:
 
 
 def given_up(run: Run) -> list[str]:
-    """What limits and contacts took, in sentences; a summary of another version has none."""
+    """What limits and contacts took, and how far the torque stepped, in sentences.
+
+    A summary of another version has none.
+    """
     try:
-        return list(told(run.summary))
+        return [*told(run.summary), *torque_steps.told(run.summary)]
     except (AttributeError, KeyError, TypeError, ValueError):
         return []
 

@@ -25,6 +25,7 @@ from taskspec_runner.record.history import History
 from taskspec_runner.verdict.diagnosed import diagnosed
 from taskspec_runner.verdict.judged import Judged
 from taskspec_runner.verdict.performance import performance
+from taskspec_runner.verdict.torque_steps import largest_step
 
 EXIT_GOOD, EXIT_MISSED, EXIT_STOPPED = 0, 1, 4
 _JOINT = re.compile(r"\bjoint (\d+) ")
@@ -100,6 +101,7 @@ def summarise(
         "period": context.period,
         "law": task.law.kind,
         "stages": visits,
+        "torque_step": largest_step(simulated.transitions),
         "expectations": [j.as_data() for j in judged],
         **performance(program, history, judged, simulated.accounts),
         "limits": {k: v for k, v in task.limits.model_dump().items() if v is not None},
@@ -140,6 +142,7 @@ def _visits(program: Program, simulated: Simulated) -> list[dict[str, Any]]:
                     "text": told(end, stage, program.context.robot),
                     "value": end.value,
                     "to": end.to,
+                    "torque_step": end.torque_step,
                 },
             }
         )

@@ -1,4 +1,4 @@
-"""The one reference pose that is handed over from stage to stage."""
+"""What is handed over from stage to stage: the one reference pose, and the torque."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Vector = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class HandedOver:
-    """The one reference pose that goes from stage to stage.
+    """The one reference pose that goes from stage to stage, and the torque that goes on.
 
     Attributes:
         p, R: (3,), (3, 3) reference pose of the tip in the world. Axes that a force set point
@@ -25,6 +25,8 @@ class HandedOver:
         twist: (6,) its velocity, world axes, at the tip.
         angle: [rad] of the mechanism that the last stage kept track of, `tracked`.
         held: (6,) wrench that the robot applied on axes with a force set point, world [N, N m].
+        torque: (n,) of the last stage at the tick of the change [N m]; None where the new one
+            begins with its own.
     """
 
     p: Vector
@@ -33,15 +35,22 @@ class HandedOver:
     held: Vector = field(default_factory=lambda: np.zeros(6))
     angle: float = 0.0
     tracked: str = ""
+    torque: Vector | None = None
 
 
-def leave(stage: CompiledStage, outputs: Mapping[str, Vector], clock: float) -> HandedOver:
+def leave(
+    stage: CompiledStage,
+    outputs: Mapping[str, Vector],
+    clock: float,
+    torque: Vector | None,
+) -> HandedOver:
     """The reference that a stage hands on; force axes hand on where they were measured.
 
     Args:
         stage: which.
         outputs: its last ones, by name.
         clock: when that was [s].
+        torque: (n,) of that tick [N m], if the next stage is to go on from it.
     """
     R = outputs["tip_rotation"].reshape(3, 3, order="F")
     frame = outputs["frame"].reshape(3, 3, order="F")
@@ -66,4 +75,5 @@ def leave(stage: CompiledStage, outputs: Mapping[str, Vector], clock: float) -> 
         angle=float(outputs["angle"][0]),
         tracked=stage.tracked,
         held=np.concatenate([frame @ held[:3], frame @ held[3:]]),
+        torque=torque,
     )

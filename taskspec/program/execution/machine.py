@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -197,7 +198,10 @@ class Machine:
             text = f"{event.text}; stage {to!r} has had its {attempts} attempts"
             self._end(clock, events.Event(event.kind, "attempts", text), value, FAIL)
             return
-        handed_over = leave(stage, self.named_outputs(), clock)
+        last = self.torque.copy()
+        # What failed is not carried on: a law that presses too hard ends with the stage.
+        goes_on = None if event.kind == events.FAIL_IF else last
+        handed_over = leave(stage, self.named_outputs(), clock, goes_on)
         if self._estimation.on:
             self._estimation.end(stage, self._terms.tip(), self.wrench)
         unknown = self._estimation.missing(self.runners[index].stage)
@@ -206,17 +210,27 @@ class Machine:
             self._end(clock, events.Event(events.LIMIT, "frame_not_felt", text), 0.0, "")
             return
         self._note(clock, event, value, to)
-        self._enter(index, handed_over, clock)
-        self._first_tick(clock)
+        carried = self._enter(index, handed_over, clock)
+        self._first_tick(clock, last, carried)
 
-    def _first_tick(self, clock: float) -> None:
-        """The new stage's tick at t = 0: this one. What the old one made of it was not applied."""
+    def _first_tick(self, clock: float, last: Vector, carried: float) -> None:
+        """The new stage's tick at t = 0: this one. What the old one made of it was not applied.
+
+        Args:
+            clock: run time [s].
+            last: (n,) torque that the old stage made of it [N m].
+            carried: the most that is carried on of it [N m].
+        """
         self.torque[:] = self._applied
         fresh = self._evaluate(self._runner)
         self._ticks = 1
         event = self.outputs[0]
         if not fresh:
             self._hold(self._runner, clock)
+        step = float(np.max(np.abs(self.torque - last)))
+        self.transitions[-1] = replace(
+            self.transitions[-1], torque_step=step, torque_carried=carried
+        )
         if event and self._is_limit(event):
             self._change(clock, self.stage.events[int(event) - 1])
         elif fresh:
@@ -231,7 +245,8 @@ class Machine:
             Transition(clock, self.stage.name, event.kind, event.name, event.text, value, to)
         )
 
-    def _enter(self, index: int, handed_over: HandedOver, clock: float) -> None:
+    def _enter(self, index: int, handed_over: HandedOver, clock: float) -> float:
+        """Begins a stage; returns the most that is carried on of the last one's torque [N m]."""
         self.index, self._runner = index, self.runners[index]
         self._ticks, self.t = 0, 0.0
         self.outputs[_CONDITIONING] = 1.0
@@ -244,6 +259,7 @@ class Machine:
             entry.enter(stage, self._robot, handed_over, self._terms.tip(), self._inputs, poses)
         )
         self._runner.settle()
+        return 0.0 if handed_over.torque is None else self._runner.carry(handed_over.torque)
 
     def not_finite(self) -> str:
         """Which reference of the last tick is not a number; empty where none is to blame."""

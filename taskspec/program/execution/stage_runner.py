@@ -9,6 +9,7 @@ from taskspec.program.bound import BoundFunction
 from taskspec.program.execution import entry
 from taskspec.program.execution.stage_solver import StageSolver
 from taskspec.program.execution.tracks import Tracks
+from taskspec.program.stages import carried_torque
 from taskspec.program.stages.stage import CompiledStage
 
 Vector = NDArray[np.float64]
@@ -33,6 +34,7 @@ class StageRunner:
         handed_over = np.zeros(stage.tick.numel_out(3))
         results = [torque, next_memory, outputs, handed_over]
         self._tick = BoundFunction(stage.tick, arguments, results)
+        self._arguments = arguments
         self.evaluate = self._tick.evaluate
         self.solver: StageSolver | None = None
         if stage.resolution is not None:
@@ -70,6 +72,15 @@ class StageRunner:
         self.evaluate()
         self.solver.settle()
         self._torque[:] = before
+
+    def carry(self, torque: Vector) -> float:
+        """Has a new stage's torque go on from the (n,) `torque` of the last one at this tick.
+
+        Returns:
+            What is carried on, of the joint where that is most [N m].
+        """
+        asked = np.array(self.stage.asked(*self._arguments)).ravel()
+        return carried_torque.carry(self.stage.parameters, self.parameters, torque - asked)
 
     def commit(self) -> None:
         """Makes the memory of the last evaluation current."""

@@ -21,6 +21,9 @@ class Transition:
         kind, name, text: the event.
         value: its quantity.
         to: the next stage, `end` or `fail`; empty where a limit stopped the run.
+        torque_step: how far the next stage's first torque is from this one's at the same
+            measurement, of the joint where that is most [N m].
+        torque_carried: how far this one's is from what the next law asks for, and carried on [N m].
     """
 
     clock: float
@@ -30,6 +33,8 @@ class Transition:
     text: str
     value: float
     to: str
+    torque_step: float = 0.0
+    torque_carried: float = 0.0
 
     @property
     def good(self) -> bool:

@@ -15,6 +15,7 @@ from taskspec.program.reference.constraints import ConstraintSet, constraint_set
 from taskspec.program.reference.measurement import Measurement
 from taskspec.program.reference.reference_set import ReferenceSet
 from taskspec.program.reference.references import build_references
+from taskspec.program.stages import carried_torque
 from taskspec.program.stages.multipliers import EquationForces, constrain, equation_forces
 from taskspec.program.stages.null_space import null_space_acceleration
 
@@ -28,7 +29,8 @@ class Commanded:
         forces: set points and integrals of the equations.
         chosen: what constrains the stage under a law with multipliers, else None.
         case: what the law was filled in with.
-        torque: (n,) of its closed form [N m].
+        asked: (n,) torque of its closed form [N m].
+        torque: (n,) the same with what is left of the last stage's.
         conditions: that come with the angles in which the law is stated.
     """
 
@@ -36,6 +38,7 @@ class Commanded:
     forces: EquationForces
     chosen: ConstraintSet | None
     case: Case
+    asked: ca.SX
     torque: ca.SX
     conditions: list[Condition]
 
@@ -85,5 +88,6 @@ def command(plan: StagePlan, measurement: Measurement) -> Commanded:
         constraints=control,
     )
     wanted, terms = law.control_law.command(case), measurement.terms
-    torque = resolution.torque(wanted, state, terms.H, terms.bias, terms.gravity, posture)
-    return Commanded(references, forces, chosen, case, torque, conditions)
+    asked = resolution.torque(wanted, state, terms.H, terms.bias, terms.gravity, posture)
+    fading = carried_torque.fading(measurement.parameters, measurement.clock, asked.shape[0])
+    return Commanded(references, forces, chosen, case, asked, asked + fading, conditions)

@@ -37,6 +37,8 @@ class CompiledStage:
         tick: the fused function.
         probe: at entry, the tick's inputs and a velocity -> the numbers of `PROBE`.
         own: at entry, the tick's inputs -> own(0) and own'(0) of every axis before blending.
+        asked: the tick's inputs -> torque (n,) of the law's closed form, before anything that is
+            carried, limits and saturation.
         choice: of the reduced coordinates, under a multiplier law with constraints.
         resolution: under `solve: qp`.
     """
@@ -51,6 +53,7 @@ class CompiledStage:
     tick: ca.Function
     probe: ca.Function
     own: ca.Function
+    asked: ca.Function
     choice: Choice | None
     resolution: Resolution | None
 
@@ -103,6 +106,7 @@ def compile_stage(plan: StagePlan, *, to_run: bool = True) -> CompiledStage:
         tick=ca.Function("tick", arguments, results, {"cse": to_run}),
         probe=probe(arguments, measurement, commanded),
         own=ca.Function("own", arguments, [references.own, references.own_rate]),
+        asked=ca.Function("asked", arguments, [commanded.asked]),
         choice=candidates(arguments, commanded),
         resolution=limited.compiled(arguments) if limited else None,
     )
