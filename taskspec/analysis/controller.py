@@ -129,6 +129,8 @@ class Operating:
         for name in moving:
             for slot, value in (("offset", 0.0), ("slope", 0.0), ("pressed", 0.0), ("blend", 1.0)):
                 write(self.parameters, f"{slot}.{name}", value)
+        if "wait" in stage.parameters:
+            write(self.parameters, "wait", 0.0)
         own = np.array(stage.own(*self._arguments, self.memory, self.parameters)[0]).ravel()
         error = self.outputs()["error"]
         for name in moving:

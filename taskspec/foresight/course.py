@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from taskspec.geometry.axis import Axis
-from taskspec.modes import AxisMode, Way
+from taskspec.geometry.axis import AXES, Axis
+from taskspec.modes import AxisMode, StageStart, Way
+from taskspec.motion import blend
 from taskspec.motion.path import PathShape
 from taskspec.program.plan import StagePlan
 from taskspec.program.trajectory import Course
 from taskspec.spec import Stage
 
 Coordinates = Callable[[float], dict[Axis, float]]
+
+#: Of the difference quotient of a rate as a stage begins [s].
+_INSTANT = 1e-6
 
 
 def moving_axes(stage: Stage) -> dict[Axis, AxisMode]:
@@ -23,33 +26,77 @@ def moving_axes(stage: Stage) -> dict[Axis, AxisMode]:
     return {a: mode for a, mode in free.items() if mode.moves}
 
 
-def course_of(stage: StagePlan, start: Mapping[Axis, float]) -> Course | None:
+def course_of(
+    stage: StagePlan, start: Mapping[Axis, float], rates: Mapping[Axis, float]
+) -> Course | None:
     """How a stage moves; None where that is not planned, or nothing says how long it lasts.
 
     Args:
         stage: the stage.
         start: coordinates of the tip in its frame as it starts [m, rad].
+        rates: of the reference that is handed over [m/s, rad/s]; none for rest.
     """
-    ways: dict[Axis, Way] = {}
+    own: dict[Axis, tuple[AxisMode, Way]] = {}
     lasts = []
     path = stage.path
     if path is not None:
         duration, coordinates = _timed(path, start)
         lasts.append(duration)
-        ways |= {a: _on_path(coordinates, a, duration, start[a]) for a in path.axes}
+        for axis in path.axes:
+            own[axis] = stage.plans[axis].mode, _on_path(coordinates, axis, duration, start[axis])
     for axis, mode in moving_axes(stage.spec).items():
-        way = mode.way(stage.known, start[axis])
+        way = mode.way(stage.known, start[axis], rates.get(axis, 0.0))
         if way is None:
             return None
-        ways[axis] = way
-        if mode.lasts is not None:
-            lasts.append(mode.lasts)
+        own[axis] = mode, way
+        takes = mode.duration(rates.get(axis, 0.0))
+        if takes is not None:
+            lasts.append(takes)
     if stage.spec.time is not None:
         lasts = [stage.spec.time]
-    if not lasts or not ways:
+    if not lasts or not own:
         return None
     bends = path is not None or any(e.mode.bends for e in stage.spec.axes.values())
-    return Course(max(lasts), ways, bends)
+    return Course(max(lasts), _begun(stage, own, start, rates), bends)
+
+
+def _begun(
+    stage: StagePlan,
+    own: Mapping[Axis, tuple[AxisMode, Way]],
+    start: Mapping[Axis, float],
+    rates: Mapping[Axis, float],
+) -> dict[Axis, Way]:
+    """Ways of references that continue the one handed over, as the modes hand it over."""
+    handed = {}
+    for axis, (mode, way) in own.items():
+        begins = way(0.0)
+        moves = 0.0 if axis in stage.from_rest else (way(_INSTANT) - begins) / _INSTANT
+        handed[axis] = mode.hand_over(
+            StageStart(
+                axis=axis,
+                plan=stage,
+                starts=start,
+                rates={a: rates.get(a, 0.0) for a in AXES},
+                pressed=0.0,
+                own=start[axis] + begins,
+                own_rate=moves,
+            )
+        )
+    wait = max((each.wait for each in handed.values()), default=0.0)
+
+    def begun(axis: Axis) -> Way:
+        way, each = own[axis][1], handed[axis]
+        if axis in stage.from_rest:
+            return lambda t: way(blend.from_rest(t - wait)) + each.added(t)
+        return lambda t: way(t) + each.added(t)
+
+    return {axis: _since(begun(axis)) for axis in own}
+
+
+def _since(way: Way) -> Way:
+    """The displacement from where a way begins."""
+    begins = way(0.0)
+    return lambda t: way(t) - begins
 
 
 def _on_path(coordinates: Coordinates, axis: Axis, duration: float, start: float) -> Way:
@@ -67,13 +114,10 @@ def _timed(path: PathShape, start: Mapping[Axis, float]) -> tuple[float, Coordin
 
         return plan.duration, on_curve
     table = path.table
-    along = table.argument()
-    duration = path.time or table.length / (path.speed or math.inf)
-    if table.time is not None:
-        duration = float(table.time[-1] - table.time[0])
+    along, plan = table.argument(), path.plan(start)
 
     def on_polygon(time: float) -> dict[Axis, float]:
-        at = along[0] + (along[-1] - along[0]) * time / duration
+        at = plan.timing(time)
         return {a: float(np.interp(at, along, table.points[a])) for a in path.axes}
 
-    return duration, on_polygon
+    return plan.duration, on_polygon

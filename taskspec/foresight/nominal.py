@@ -9,13 +9,14 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from taskspec.foresight.carried import rates_at_end, rates_of, twist_of
 from taskspec.foresight.course import course_of, moving_axes
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.program.contacts import PASSING
 from taskspec.program.context import Context
 from taskspec.program.plan import StagePlan, TaskPlan
 from taskspec.program.prepare import prepare
-from taskspec.program.trajectory import SAMPLES, Course, Nominal, Place
+from taskspec.program.trajectory import Course, Nominal, Place
 from taskspec.robot.inverse_kinematics import SOLVED, InverseKinematics, Target
 from taskspec.spec import LoadedTask
 from taskspec.text.units import show
@@ -52,6 +53,7 @@ class NominalWalk:
         self._solver = InverseKinematics(context.robot)
         self._p, self._R, self._q = context.start_p, context.start_R, context.start
         self._at = (context.start_p, context.start_R)
+        self._twist = np.zeros(6)
         self._known = True
         self._searches = _SEARCHES
 
@@ -70,14 +72,15 @@ class NominalWalk:
         rates = self._rates(stage) if straight else {}
         q, missed = self._joints(self._p, self._R)
         places = [Place("where it begins", rotation, q, rates, missed)]
+        carried = rates_of(stage, rotation, self._twist) if straight else {}
         course = None
         coordinates = self._start_coordinates(stage) if straight and self._known else None
         if coordinates is not None:
-            course = course_of(stage, coordinates)
+            course = course_of(stage, coordinates, carried)
         if course is not None and course.bends:
             places += self._along(course, stage, rotation, rates)
         self._leave(stage, rotation, course)
-        return Nominal(rotation, gap, start, coordinates, course, tuple(places))
+        return Nominal(rotation, gap, start, coordinates, course, tuple(places), carried)
 
     def _straight(self, stage: StagePlan) -> bool:
         """Whether coordinates of its frame are those of a fixed one, up to a constant."""
@@ -161,8 +164,7 @@ class NominalWalk:
             return
         frame = stage.frame
         step = _STEP * course.duration
-        for share in SAMPLES:
-            time = share * course.duration
+        for time in course.instants():
             moved, before = course.moved(time), course.moved(time - step)
             if not all(map(math.isfinite, (*moved.values(), *before.values()))):
                 return
@@ -201,7 +203,10 @@ class NominalWalk:
                 moved = course.moved(course.duration)
         following = list(self._context.loaded.task.stages)
         after = following[following.index(stage.name) + 1 :][:1]
+        self._twist = np.zeros(6)
         jumps = stage.spec.next is not None and [stage.spec.next] != after
+        if self._straight(stage) and not jumps:
+            self._twist = twist_of(rates_at_end(stage, course), rotation)
         if moved is None or jumps or not all(map(math.isfinite, moved.values())):
             self._known = False
         elif any(moved.values()):

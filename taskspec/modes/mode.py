@@ -77,6 +77,7 @@ class ReferenceInputs:
         forces: set points of the stage's axes, as the robot applies them [N, N m].
         tracked: the mechanism that the stage keeps track of; None for none.
         others: references of the axes that are built before.
+        from_rest: time of the references that start from rest in a time of their own [s].
     """
 
     axis: Axis
@@ -91,6 +92,7 @@ class ReferenceInputs:
     forces: Mapping[Axis, ca.SX]
     tracked: TrackedMechanism | None
     others: Mapping[Axis, MovingReference]
+    from_rest: ca.SX
 
     def in_time(self, value: ca.SX) -> OwnReference:
         """A reference that is an expression of time, with its rates."""
@@ -172,15 +174,16 @@ class StageStart:
 class HandOver:
     """How a mode's reference continues the one that is handed over.
 
-    r(t) = own(t) + offset s_0(t/time) + slope time s_1(t/time) + pressed s_0(t/BLEND_TIME), with
-    the shapes of `motion.blend`.
+    r(t) = own(t) + `motion.blend.added`(t, offset, slope, time) + pressed s_0(t/BLEND_TIME).
 
     Attributes:
-        offset: of the reference [m, rad].
+        offset: from the mode's reference to where the one that is handed over comes to rest
+            [m, rad].
         slope: of its rate [m/s, rad/s].
-        time: in which both fade out [s].
+        time: in which the offset fades out [s].
         pressed: displacement that stands for a force that is released [m, rad].
         parameters: other slots to fill, such as where the reference starts.
+        wait: before a reference with a time of its own starts [s].
     """
 
     offset: float
@@ -188,30 +191,42 @@ class HandOver:
     time: float
     pressed: float
     parameters: Mapping[str, float] = field(default_factory=dict)
+    wait: float = 0.0
+
+    def added(self, t: float) -> float:
+        """What it adds to the mode's reference at stage time t [s], but for what is pressed."""
+        more: float = blend.added(t, self.offset, self.slope, self.time)
+        return more
 
 
 def from_start(at: StageStart, own_rate: float | None = None) -> HandOver:
     """Hand-over of a reference that counts from where the stage starts.
 
-    It starts so that it ends up where the blending of its rate leads, without going back.
+    It starts where the rate that is handed over runs out, so that nothing goes back.
 
     Args:
         at: the stage start.
         own_rate: the mode's rate then, where its expression does not tell [m/s, rad/s].
     """
     slope = at.rate - (at.own_rate if own_rate is None else own_rate)
-    offset = -slope * blend.BLEND_TIME / 2
-    parameters = {f"start.{at.axis}": at.start - offset}
-    return HandOver(offset, slope, blend.BLEND_TIME, at.pressed, parameters)
+    parameters = {f"start.{at.axis}": at.start + slope * blend.BLEND_TIME / 2}
+    return HandOver(0.0, slope, blend.BLEND_TIME, at.pressed, parameters)
 
 
 def to_coordinate(at: StageStart) -> HandOver:
     """Hand-over of a reference that is a coordinate of the frame: it is gone to, at most as fast
     as a move.
+
+    One with a time of its own waits at its start until it is reached. Any other goes on
+    meanwhile, and is caught up with.
     """  # noqa: D205
-    offset, slope = at.start - at.own, at.rate - at.own_rate
-    time = blend.blend_time(offset, move_speed(rotation=at.axis.is_rotation))
-    return HandOver(offset, slope, time, at.pressed)
+    slope, speed = at.rate - at.own_rate, move_speed(rotation=at.axis.is_rotation)
+    offset = at.start - at.own + slope * blend.BLEND_TIME / 2
+    time = blend.blend_time(offset, speed)
+    if at.axis not in at.plan.from_rest:
+        return HandOver(offset, slope, max(time, blend.CATCH_UP if slope else 0.0), at.pressed)
+    wait = time if abs(offset) > blend.NEGLIGIBLE * speed else 0.0
+    return HandOver(offset, slope, time, at.pressed, wait=wait)
 
 
 # The modes
@@ -299,6 +314,11 @@ class AxisMode(ABC):
         return None
 
     @property
+    def own_time(self) -> bool:
+        """Whether its reference is of the stage's time alone, so that it may start from rest."""
+        return False
+
+    @property
     def world(self) -> bool:
         """Whether it holds an orientation against the world."""
         return False
@@ -326,22 +346,18 @@ class AxisMode(ABC):
         """A number with the sign of the direction in which it goes; None where nothing tells."""
         return None
 
-    def way(self, known: Known, start: float) -> Way | None:  # noqa: ARG002
-        """Displacement against time; None where that is not known.
+    def way(self, known: Known, start: float, rate: float) -> Way | None:  # noqa: ARG002
+        """Displacement of its own reference against its time; None where that is not known.
 
         Args:
             known: values of expressions.
             start: coordinate at the stage start [m, rad].
+            rate: that is handed over [m/s, rad/s].
         """
         return None
 
-    @property
-    def lasts(self) -> float | None:
-        """About how long its way takes [s]; None where it has no end."""
-        return None
-
-    def duration(self) -> float | None:
-        """How long it takes from rest to rest [s]; None where it has no end."""
+    def duration(self, rate: float) -> float | None:  # noqa: ARG002
+        """How long it takes from a rate [m/s, rad/s] to rest [s]; None where it has no end."""
         return None
 
     @property

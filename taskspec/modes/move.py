@@ -98,21 +98,13 @@ class Move(AxisMode):
         """The distance."""
         return self.move
 
-    def way(self, known: Known, start: float) -> Way | None:  # noqa: ARG002
-        """Its distance, taken as covered evenly."""
-        lasts = self.lasts
-        return lambda time: self.move * min(time / lasts, 1.0)
+    def way(self, known: Known, start: float, rate: float) -> Way | None:  # noqa: ARG002
+        """Its track, from the rate that is handed over."""
+        return self.track(0.0, rate)
 
-    @property
-    def lasts(self) -> float:
-        """About how long it takes [s]."""
-        from taskspec.motion.profile import RISE_TIME
-
-        return abs(self.move) / self.top + RISE_TIME
-
-    def duration(self) -> float | None:
-        """How long it takes from rest to rest [s]."""
-        planned = self.track(0.0, 0.0) if self.move else None
+    def duration(self, rate: float) -> float | None:
+        """How long it takes from a rate [m/s, rad/s] to rest [s]."""
+        planned = self.track(0.0, rate) if self.move or rate else None
         return None if planned is None else float(planned.knots[-2])
 
     @property

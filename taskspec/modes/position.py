@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from taskspec.deferred import ca
 from taskspec.modes.key import ModeKey
 from taskspec.modes.mode import (
     AxisMode,
@@ -53,15 +54,23 @@ class Position(AxisMode):
         """The coordinate, of which rates are taken."""
         yield self.position, True
 
+    @property
+    def own_time(self) -> bool:
+        """Whether it is of `t` and not of the run's `clock`."""
+        return self.position.uses("t") and not self.position.uses("clock")
+
     def reference(self, at: ReferenceInputs) -> OwnReference:
-        """r, differentiated by time."""
-        return at.in_time(at.translate(self.position))
+        """r, differentiated by time; its own time, where the stage leaves it that."""
+        value = at.translate(self.position)
+        if at.axis in at.plan.from_rest:
+            value = ca.substitute(value, at.clock.t, at.from_rest)
+        return at.in_time(value)
 
     def hand_over(self, at: StageStart) -> HandOver:
         """It goes to the coordinate."""
         return to_coordinate(at)
 
-    def way(self, known: Known, start: float) -> Way | None:
+    def way(self, known: Known, start: float, rate: float) -> Way | None:  # noqa: ARG002
         """r(t) - r_0, where the expression depends on time alone."""
         begins = known(self.position, {"t": 0.0})
         if begins is None or not math.isfinite(begins):

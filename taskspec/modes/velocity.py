@@ -17,6 +17,7 @@ from taskspec.modes.mode import (
     Way,
     from_start,
 )
+from taskspec.motion import blend
 from taskspec.text.expression import Expression, ScopeKind
 from taskspec.text.units import VELOCITY
 
@@ -55,9 +56,10 @@ class Velocity(AxisMode):
     def reference(self, at: ReferenceInputs) -> OwnReference:
         """r = r_0 + int v dt, which is memorised; r' = v; r'' the part of v' that time decides.
 
-        A step of the integral is v h + v' h^2/2 over a period h.
+        v is what the file gives, risen from nothing, so it is never larger than that. A step of
+        the integral is v h + v' h^2/2 over a period h.
         """
-        speed = at.translate(self.velocity)
+        speed = at.translate(self.velocity) * blend.ramp_shape(at.clock.t / blend.BLEND_TIME)
         gain = at.clock.rate(speed)
         slot = f"travelled.{at.axis}"
         travelled = at.memory.add(slot)
@@ -76,10 +78,10 @@ class Velocity(AxisMode):
         """v, where it is known and not zero."""
         return known(self.velocity, None) or None
 
-    def way(self, known: Known, start: float) -> Way | None:  # noqa: ARG002
-        """v t."""
-        rate = known(self.velocity, None)
-        return None if rate is None else lambda time: rate * time
+    def way(self, known: Known, start: float, rate: float) -> Way | None:  # noqa: ARG002
+        """v, risen from nothing."""
+        speed = known(self.velocity, None)
+        return None if speed is None else lambda time: speed * blend.from_rest(time)
 
     def constraint(self, axis: Axis, rate: str, *, turns: bool) -> str:  # noqa: ARG002
         """The rate."""

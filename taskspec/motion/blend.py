@@ -1,31 +1,73 @@
-"""Bumpless entry: how the handed-over reference passes into a stage's own."""
+"""How a reference begins: from rest, or from the one that is handed over.
+
+The shapes are of CasADi's expressions and of plain numbers alike, so that what runs and what is
+foreseen are one function.
+"""
 
 from __future__ import annotations
 
+from typing import TypeVar
+
 from taskspec.deferred import ca
+
+Number = TypeVar("Number", float, "ca.SX")
 
 #: References are blended in over at least this time [s] (docs/language.md).
 BLEND_TIME = 0.2
 #: A larger offset takes longer, so that blending alone never moves faster than a default move.
 _PEAK = 1.875
+#: A reference that does not wait catches up in this time [s] with one that does not begin at rest.
+#: It goes faster than that meanwhile, by at most 1.875 * BLEND_TIME/2 / CATCH_UP = 19 %.
+CATCH_UP = 1.0
+#: An offset that a default move covers in this time [s], 0.1 mm or 0.06 deg, is not waited for.
+NEGLIGIBLE = 2e-3
 
 
-def offset_shape(s: ca.SX) -> ca.SX:
+def offset_shape(s: Number) -> Number:
     """Quintic from 1 to 0 on s in [0, 1], with zero slope and curvature at both ends."""
     s = ca.fmin(s, 1)
     return 1 - s**3 * (10 - s * (15 - 6 * s))
 
 
-def slope_shape(s: ca.SX) -> ca.SX:
-    """Quintic with slope 1 at s = 0; value, curvature and everything at s = 1 are zero."""
-    s = ca.fmin(s, 1)
-    return s - s**3 * (6 - s * (8 - 3 * s))
-
-
-def ramp_shape(s: ca.SX) -> ca.SX:
+def ramp_shape(s: Number) -> Number:
     """From 0 to 1 on s in [0, 1] with zero slope at both ends."""
     s = ca.fmin(ca.fmax(s, 0), 1)
-    return s**2 * (3 - 2 * s)
+    risen: Number = s**2 * (3 - 2 * s)
+    return risen
+
+
+def from_rest(t: Number) -> Number:
+    """The time of a reference that starts from rest at t = 0, by whose rate it goes [s].
+
+    T (u^3 - u^4/2) with u = t/T and T = `BLEND_TIME`, whose rate is `ramp_shape(u)`; then t - T/2.
+    What goes by it takes the way that it has in time itself, never faster.
+    """
+    u = ca.fmin(ca.fmax(t / BLEND_TIME, 0), 1)
+    passed: Number = BLEND_TIME * u**3 * (1 - u / 2) + ca.fmax(t - BLEND_TIME, 0)
+    return passed
+
+
+def run_out(t: Number) -> Number:
+    """What is left [s] of coming to rest from a rate of 1, which fades as 1 - `ramp_shape`.
+
+    From -T/2 at t = 0 to 0 at T = `BLEND_TIME`, never back.
+    """
+    u = ca.fmin(t / BLEND_TIME, 1)
+    left: Number = BLEND_TIME * (u - u**3 * (1 - u / 2) - 0.5)
+    return left
+
+
+def added(t: Number, offset: Number, slope: Number, time: Number) -> Number:
+    """What continues a reference that is handed over, beside the new one [m, rad].
+
+    Args:
+        t: since the stage began [s].
+        offset: from the new reference to where the old one comes to rest [m, rad].
+        slope: of its rate [m/s, rad/s].
+        time: in which the offset fades [s].
+    """
+    total: Number = offset * offset_shape(t / time) + slope * run_out(t)
+    return total
 
 
 def blend_time(offset: float, speed: float) -> float:

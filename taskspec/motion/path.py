@@ -13,7 +13,8 @@ import casadi as ca
 import numpy as np
 
 from taskspec.geometry.axis import AXES, Axis
-from taskspec.motion.polynomial import PiecewiseCubic, evaluate
+from taskspec.motion.blend import BLEND_TIME
+from taskspec.motion.polynomial import PiecewiseCubic, evaluate, from_states
 from taskspec.motion.profile import timing
 from taskspec.motion.table import Table
 
@@ -85,10 +86,7 @@ class PathShape:
             if self.table.time is not None:
                 knots = self.table.time
                 duration = float(knots[-1] - knots[0])
-                clock = PiecewiseCubic(
-                    np.array([0.0, duration, duration + 1.0]),
-                    np.array([[knots[0], 1.0, 0.0, 0.0], [knots[-1], 0.0, 0.0, 0.0]]),
-                )
+                clock = _clock(float(knots[0]), duration, from_rest=self.table.begins_moving)
                 return PathPlan(clock, splines, duration)
             along = timing(self.table.length, speed=self.speed, time=self.time)
             return PathPlan(along, splines, _rest(along))
@@ -128,6 +126,30 @@ class PathPlan:
         for spline in self.splines.values():
             times += [self.timing.first_reaching(float(k)) for k in spline.knots[1:-1]]
         return sorted(set(times))
+
+
+def _clock(start: float, duration: float, *, from_rest: bool) -> PiecewiseCubic:
+    """Time of a table that tells it itself, against stage time [s].
+
+    One that begins in motion starts from rest: its rate rises in `BLEND_TIME` to what then still
+    brings it to its end in time, so that it goes faster by at most that share.
+    """
+    if not from_rest:
+        return PiecewiseCubic(
+            np.array([0.0, duration, duration + 1.0]),
+            np.array([[start, 1.0, 0.0, 0.0], [start + duration, 0.0, 0.0, 0.0]]),
+        )
+    rise = min(BLEND_TIME, duration / 2)
+    rate = duration / (duration - rise / 2)
+    return from_states(
+        [0.0, rise / 2, rise, duration],
+        [
+            (start, 0.0, 0.0),
+            (start + rate * rise / 12, rate / 2, 2 * rate / rise),
+            (start + rate * rise / 2, rate, 0.0),
+            (start + duration, rate, 0.0),
+        ],
+    )
 
 
 def _rest(along: PiecewiseCubic) -> float:

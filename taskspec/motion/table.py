@@ -18,6 +18,8 @@ from taskspec.text.confines import Confines
 COLUMNS = ("t", *AXES)
 SUFFIX = ".csv"
 """What the name of a table ends with, that of a file behind a link too."""
+#: A table that begins at no more than this [m/s, rad/s] begins at rest.
+_CRAWL = (1e-3, 1e-2)
 _MOST_ROWS = 100_000
 _MOST_TEXT = 16 << 20
 
@@ -48,6 +50,17 @@ class Table:
             return self.time
         reached = self._chord()
         return np.asarray(reached / reached[-1])
+
+    @property
+    def begins_moving(self) -> bool:
+        """Whether its first two points are apart at more than a crawl."""
+        if self.time is None:
+            return False
+        first = float(self.time[1] - self.time[0])
+        return any(
+            abs(float(points[1] - points[0])) > first * _CRAWL[axis in ROTATIONS]
+            for axis, points in self.points.items()
+        )
 
     @property
     def length(self) -> float:

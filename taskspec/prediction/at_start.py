@@ -29,6 +29,7 @@ class StageAtStart:
         nearing: at which its object comes towards the tool at rest [m/s].
         coordinates: of the tip in its frame [m, rad]; None where they are unknown.
         course: how it moves from there; None where that is not planned.
+        carried: rates of the reference that is handed over [m/s, rad/s].
     """
 
     context: Context
@@ -38,6 +39,7 @@ class StageAtStart:
     nearing: float
     coordinates: Mapping[Axis, float] | None
     course: Course | None
+    carried: Mapping[Axis, float]
 
 
 def stages_at_start(program: Program) -> Iterator[StageAtStart]:
@@ -49,7 +51,8 @@ def stages_at_start(program: Program) -> Iterator[StageAtStart]:
         if gap is None and stage is program.stages[0]:
             gap, nearing = _carried(context, stage)
         rotation, coordinates = stage.plan.rotation, nominal.coordinates
-        yield StageAtStart(context, stage, rotation, gap, nearing, coordinates, nominal.course)
+        course, carried = nominal.course, nominal.carried
+        yield StageAtStart(context, stage, rotation, gap, nearing, coordinates, course, carried)
 
 
 def _carried(context: Context, stage: CompiledStage) -> tuple[float | None, float]:

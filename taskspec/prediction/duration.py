@@ -44,7 +44,12 @@ def planned(here: StageAtStart) -> Duration | None:
     if spec.until is not None:
         return None
     lasts = [spec.time or 0.0]
-    moved = [plan.mode.duration() for plan in here.stage.plan.plans.values() if plan.motion]
+    carried = here.carried
+    moved = [
+        plan.mode.duration(carried.get(axis, 0.0))
+        for axis, plan in here.stage.plan.plans.items()
+        if plan.motion
+    ]
     lasts += [duration for duration in moved if duration is not None]
     along = _path_duration(here)
     if along is None:

@@ -11,7 +11,7 @@ import numpy as np
 from taskspec.foresight.interval import ANY, Interval, IntervalAlgebra, point
 from taskspec.foresight.ranges import Ranges
 from taskspec.geometry.axis import Axis
-from taskspec.motion.blend import BLEND_TIME
+from taskspec.motion.blend import BLEND_TIME, from_rest
 from taskspec.prediction.at_start import StageAtStart
 from taskspec.prediction.types import Impact
 from taskspec.signals.entries import TOUCHING
@@ -70,7 +70,8 @@ def _value(ranges: Ranges, name: Name) -> Interval:
 
 def moved(rate: float, t: float) -> float:
     """The way of an axis at a constant rate t seconds after its stage began at rest."""
-    return rate * (t - LAG) if t > BLEND_TIME else rate * t * t / (2 * BLEND_TIME)
+    way: float = rate * from_rest(t)
+    return way
 
 
 def coming(rates: Mapping[Axis, float], start: Mapping[Axis, float] | None) -> dict[str, Signal]:

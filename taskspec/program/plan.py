@@ -333,6 +333,21 @@ class StagePlan:
         return plan_axes(self.axes, self.spec.axes, self.path, self.law, met)
 
     @cached_property
+    def from_rest(self) -> frozenset[Axis]:
+        """Its axes whose expressions start from rest in a time of their own.
+
+        None where a force or a velocity of the stage goes by the same t: the phase is kept.
+        """
+        spec = self.spec
+        others = [entry.set_point.wanted for entry in spec.axes.values() if entry.set_point]
+        others += [point.wanted for point in spec.constraints.values()]
+        for entry in spec.axes.values():
+            others += [e for e, place in entry.mode.expressions() if not place]
+        if any(expression.uses("t") for expression in others):
+            return frozenset()
+        return frozenset(a for a, plan in self.plans.items() if plan.mode.own_time)
+
+    @cached_property
     def objects(self) -> tuple[str, ...]:
         """All objects that its axes press on or may run into."""
         found = [c for a in self.axes if (c := self.contact_of(a)) is not None]

@@ -13,6 +13,8 @@ from taskspec.modes import Way
 
 Vector = NDArray[np.float64]
 
+#: Steps of a course among which the fastest is looked for.
+_LOOKS = 201
 #: Shares of a stage's duration, not those at which a sine of a few periods is zero.
 SAMPLES = (0.13, 0.37, 0.61, 0.83, 1.0)
 
@@ -34,6 +36,16 @@ class Course:
     def moved(self, time: float) -> dict[Axis, float]:
         """Displacement along and about each axis since the stage began."""
         return {axis: way(time) for axis, way in self.ways.items()}
+
+    def instants(self) -> list[float]:
+        """Times at which the arm is looked at [s]: some, and when the tip is fastest."""
+        times = np.linspace(0.0, self.duration, _LOOKS)
+        ways = [[way(t) for t in times] for a, way in self.ways.items() if not a.is_rotation]
+        found = {share * self.duration for share in SAMPLES}
+        steps = np.linalg.norm(np.diff(np.array(ways), axis=1), axis=0) if ways else np.zeros(0)
+        if steps.any() and np.isfinite(steps).all():
+            found.add(float(times[int(np.argmax(steps)) + 1]))
+        return sorted(found)
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,6 +78,7 @@ class Nominal:
         coordinates: of the tip in its frame then [m, rad]; None where they are unknown.
         course: how it moves from there; None where that is not planned.
         places: its start, and samples of its way.
+        carried: rates of the reference that is handed over, in its frame's axes [m/s, rad/s].
     """
 
     rotation: Vector
@@ -74,6 +87,7 @@ class Nominal:
     coordinates: Mapping[Axis, float] | None
     course: Course | None
     places: tuple[Place, ...]
+    carried: Mapping[Axis, float] = field(default_factory=dict)
 
     def way(self) -> list[tuple[float, Vector]]:
         """Times [s] and places of the tip (3,) on the planned way."""

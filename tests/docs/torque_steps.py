@@ -30,8 +30,8 @@ and makes this table.
   below {MOST:g} N m.
 - **Tick to tick**: the largest change of a joint's torque from the last tick of a stage to the
   first of the next [N m]. What a change of the measured force or velocity makes of it is in it too.
-- **Carried**: the largest D, what the old stage's torque is off the closed form of the new one's law
-  [N m], and at which change. Without the hand-over that is the step, but for what limits take.
+- **Carried**: the largest D, what the old stage's torque is off the closed form of the new one's
+  law [N m], and at which change. Without the hand-over that is the step, but for what limits take.
 
 """
 

@@ -80,16 +80,36 @@ def test_a_timed_path_takes_its_time(time):
 
 
 def test_blending_shapes_begin_and_end_as_they_must():
-    s = ca.SX.sym("s")
+    t = ca.SX.sym("t")
+    half = blend.BLEND_TIME / 2
     for shape, first, last in (
-        (blend.offset_shape, (1, 0, 0), (0, 0, 0)),
-        (blend.slope_shape, (0, 1, 0), (0, 0, 0)),
+        (lambda t: blend.offset_shape(t / blend.BLEND_TIME), (1, 0, 0), (0, 0, 0)),
+        (blend.run_out, (-half, 1, 0), (0, 0, 0)),
+        (blend.from_rest, (0, 0, 0), (half, 1, 0)),
     ):
-        value = shape(s)
-        rate = ca.gradient(value, s)
-        curve = ca.Function("f", [s], [value, rate, ca.gradient(rate, s)])
+        value = shape(t)
+        rate = ca.gradient(value, t)
+        curve = ca.Function("f", [t], [value, rate, ca.gradient(rate, t)])
         np.testing.assert_allclose([float(x) for x in curve(0)], first, atol=1e-12)
-        np.testing.assert_allclose([float(x) for x in curve(1 - 1e-12)], last, atol=1e-9)
+        end = blend.BLEND_TIME * (1 - 1e-13)
+        np.testing.assert_allclose([float(x) for x in curve(end)], last, atol=1e-9)
+        # Expressions and numbers are one function.
+        for time in (0.0, 0.03, 0.11, 0.2, 1.7):
+            assert shape(time) == pytest.approx(float(curve(time)[0]), abs=1e-15)
+
+
+def test_what_starts_from_rest_is_never_faster_than_time_and_never_goes_back():
+    times = np.linspace(-0.1, 0.5, 6001)
+    passed = np.array([blend.from_rest(t) for t in times])
+    rates = np.diff(passed) / np.diff(times)
+    assert rates.min() >= -1e-12
+    assert rates.max() <= 1 + 1e-9
+    assert blend.from_rest(7.0) == pytest.approx(6.9, abs=1e-14)
+    left = np.array([blend.run_out(t) for t in times[times >= 0]])
+    assert np.diff(left).min() >= -1e-15
+
+
+def test_a_large_offset_is_blended_no_faster_than_a_move():
     assert blend.blend_time(1e-4, 0.05) == 0.2
     # A large offset is blended at no more than the speed of a default move.
     offset, speed = 0.06, 0.05
@@ -114,14 +134,30 @@ def test_a_table_is_splined_like_scipys(tmp_path):
         assert np.min(np.abs(np.array(s) - argument)) < 1e-9
 
 
-def test_a_timed_table_keeps_its_own_time(tmp_path):
+def test_a_timed_table_ends_in_its_own_time(tmp_path):
     file = tmp_path / "p.csv"
     file.write_text("t [s],x [mm]\n0.5,0\n1.0,30\n2.5,60\n")
     table = read_table(file, unit, confines(file.parent))
     plan = PathShape("file", ("x",), table=table).ready().plan({})
     assert plan.duration == 2.0
-    assert plan.splines["x"](plan.timing(0.5)) == pytest.approx(0.03)
+    # It begins at 60 mm/s, so it starts from rest: 0.1 s behind, of which it loses none in the end.
+    rate = 2.0 / 1.9
+    assert plan.timing(0.0) == 0.5
+    assert plan.timing(0.2) == pytest.approx(0.5 + rate * 0.1)
+    assert plan.timing(1.0) == pytest.approx(0.5 + rate * 0.9)
+    assert plan.splines["x"](plan.timing(2.0)) == pytest.approx(0.06)
     assert plan.splines["x"](plan.timing(9.0)) == pytest.approx(0.06)
+    times = np.linspace(0, 2, 4001)
+    rates = np.diff([plan.timing(t) for t in times]) / np.diff(times)
+    assert rates.max() == pytest.approx(rate, rel=1e-6)
+
+
+def test_a_timed_table_that_begins_at_rest_keeps_its_own_time(tmp_path):
+    file = tmp_path / "p.csv"
+    file.write_text("t [s],x [mm]\n0.5,0\n1.0,0\n2.5,60\n")
+    table = read_table(file, unit, confines(file.parent))
+    plan = PathShape("file", ("x",), table=table).ready().plan({})
+    assert [plan.timing(t) for t in (0.0, 0.5, 2.0, 9.0)] == [0.5, 1.0, 2.5, 2.5]
 
 
 @pytest.mark.parametrize(

@@ -222,6 +222,7 @@ class _Entry:
         """Chooses each axis's blending so that its reference continues the one handed over."""
         found = self.stage.own(*self.inputs, self.memory, self.parameters)
         own, own_rate = (np.array(value).ravel() for value in found)
+        wait = 0.0
         for name, plan in self.stage.plan.plans.items():
             i = AXES.index(name)
             handed = plan.mode.hand_over(
@@ -235,12 +236,14 @@ class _Entry:
                     own_rate=own_rate[i],
                 )
             )
+            wait = max(wait, handed.wait)
             for slot, value in handed.parameters.items():
                 self._write(slot, value)
             self._write(f"pressed.{name}", handed.pressed)
             self._write(f"offset.{name}", handed.offset)
             self._write(f"slope.{name}", handed.slope)
             self._write(f"blend.{name}", handed.time)
+        self._write("wait", wait)
 
     def _start_memory(self, going: Continuation) -> None:
         """The point that references move along, and integrals that hold the measured force."""

@@ -41,8 +41,7 @@ def blendings(names: Sequence[Axis], clock: Clock, parameters: Slots) -> dict[Ax
         ca.vertcat(ca.SX(0, 1), *(parameters.add(f"{slot}.{name}") for name in names))
         for slot in ("offset", "slope", "blend", "pressed")
     )
-    s = clock.t / time
-    value = offset * blend.offset_shape(s) + slope * time * blend.slope_shape(s)
+    value = blend.added(clock.t, offset, slope, time)
     released = pressed * blend.offset_shape(clock.t / blend.BLEND_TIME)
     rate = clock.rate(value)
     acceleration = clock.rate(rate)

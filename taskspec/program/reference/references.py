@@ -9,7 +9,7 @@ import casadi as ca
 from taskspec.control.reference import Reference, opposite
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.modes import ReferenceInputs
-from taskspec.motion import polynomial
+from taskspec.motion import blend, polynomial
 from taskspec.motion.path import PathShape
 from taskspec.program.clock import Clock
 from taskspec.program.plan import StagePlan
@@ -71,6 +71,8 @@ def _motions(
     parameters = measurement.parameters
     on_path = _path(plan.path, measurement.clock, parameters)
     moving = {name: axis for name, axis in plan.plans.items() if axis.motion}
+    # What starts from rest in a time of its own waits until it is reached.
+    wait = parameters.add("wait") if plan.from_rest else ca.SX(0)
     added = blendings(list(moving), measurement.clock, parameters)
     references: dict[Axis, AxisReference] = {}
     # An axis that follows another one comes after it.
@@ -88,6 +90,7 @@ def _motions(
             forces=forces,
             tracked=measurement.tracked,
             others=references,
+            from_rest=blend.from_rest(measurement.clock.t - wait),
         )
         references[name] = axis_reference(axis.mode, at, added[name])
     return references

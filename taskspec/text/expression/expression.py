@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from taskspec.text.expression.tree import Node
+from taskspec.text.expression.tree import Name, Node, walk
 from taskspec.text.origin import Origin
 from taskspec.text.source import Span
 from taskspec.text.units import Dimension
@@ -30,6 +30,10 @@ class Expression:
     def span(self) -> Span | None:
         """The place of the whole expression."""
         return self.origin.span if self.origin else None
+
+    def uses(self, name: str) -> bool:
+        """Whether a name stands in it."""
+        return any(isinstance(node, Name) and str(node) == name for node in walk(self.tree))
 
     def where(self, node: Node) -> Span | None:
         """The place of a part of the tree."""
