@@ -45,13 +45,13 @@ def course_of(
         for axis in path.axes:
             own[axis] = stage.plans[axis].mode, _on_path(coordinates, axis, duration, start[axis])
     for axis, mode in moving_axes(stage.spec).items():
-        way = mode.way(stage.known, start[axis], rates.get(axis, 0.0))
+        track = mode.track(0.0, rates.get(axis, 0.0))
+        way = mode.way(stage.known, start[axis]) if track is None else track
         if way is None:
             return None
         own[axis] = mode, way
-        takes = mode.duration(rates.get(axis, 0.0))
-        if takes is not None:
-            lasts.append(takes)
+        if track is not None:
+            lasts.append(float(track.knots[-2]))
     if stage.spec.time is not None:
         lasts = [stage.spec.time]
     if not lasts or not own:

@@ -346,19 +346,21 @@ class AxisMode(ABC):
         """A number with the sign of the direction in which it goes; None where nothing tells."""
         return None
 
-    def way(self, known: Known, start: float, rate: float) -> Way | None:  # noqa: ARG002
-        """Displacement of its own reference against its time; None where that is not known.
+    def way(self, known: Known, start: float) -> Way | None:  # noqa: ARG002
+        """Displacement of its own reference against its time, where it has no track.
+
+        None where that is not known.
 
         Args:
             known: values of expressions.
             start: coordinate at the stage start [m, rad].
-            rate: that is handed over [m/s, rad/s].
         """
         return None
 
-    def duration(self, rate: float) -> float | None:  # noqa: ARG002
-        """How long it takes from a rate [m/s, rad/s] to rest [s]; None where it has no end."""
-        return None
+    def duration(self, rate: float) -> float | None:
+        """How long its track takes from a rate [m/s, rad/s] to rest [s]; None without one."""
+        planned = self.track(0.0, rate)
+        return None if planned is None else float(planned.knots[-2])
 
     @property
     def distance(self) -> tuple[float, float] | None:

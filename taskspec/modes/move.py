@@ -15,7 +15,6 @@ from taskspec.modes.mode import (
     OwnReference,
     ReferenceInputs,
     StageStart,
-    Way,
     move_speed,
 )
 from taskspec.motion import blend
@@ -97,15 +96,6 @@ class Move(AxisMode):
     def heading(self, known: Known) -> float | None:  # noqa: ARG002
         """The distance."""
         return self.move
-
-    def way(self, known: Known, start: float, rate: float) -> Way | None:  # noqa: ARG002
-        """Its track, from the rate that is handed over."""
-        return self.track(0.0, rate)
-
-    def duration(self, rate: float) -> float | None:
-        """How long it takes from a rate [m/s, rad/s] to rest [s]."""
-        planned = self.track(0.0, rate) if self.move or rate else None
-        return None if planned is None else float(planned.knots[-2])
 
     @property
     def distance(self) -> tuple[float, float]:

@@ -70,7 +70,7 @@ class Position(AxisMode):
         """It goes to the coordinate."""
         return to_coordinate(at)
 
-    def way(self, known: Known, start: float, rate: float) -> Way | None:  # noqa: ARG002
+    def way(self, known: Known, start: float) -> Way | None:
         """r(t) - r_0, where the expression depends on time alone."""
         begins = known(self.position, {"t": 0.0})
         if begins is None or not math.isfinite(begins):

@@ -78,7 +78,7 @@ class Velocity(AxisMode):
         """v, where it is known and not zero."""
         return known(self.velocity, None) or None
 
-    def way(self, known: Known, start: float, rate: float) -> Way | None:  # noqa: ARG002
+    def way(self, known: Known, start: float) -> Way | None:  # noqa: ARG002
         """v, risen from nothing."""
         speed = known(self.velocity, None)
         return None if speed is None else lambda time: speed * blend.from_rest(time)
