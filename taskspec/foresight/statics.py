@@ -171,8 +171,10 @@ def _add_contacts(
         system.add(push, 0.0, np.inf, cause)
         given = "friction" in shapes[name].model_fields_set
         place = FILE.world[name].friction
-        text = f"the friction of {name!r}, {whole:g}{kept(share) if whole else ''}"
-        cause = Cause("contact", text, place if given else key_of(place), "press harder")
+        text, remedy = f"the friction of {name!r}, {whole:g}{kept(share)}", "press harder"
+        if not whole:
+            text, remedy = f"{name!r}, which has no friction", "declare the friction it has"
+        cause = Cause("contact", text, place if given else key_of(place), remedy)
         for tangent in _tangents(normal, wanted):
             row = np.zeros(system.size)
             row[own] = tangent

@@ -105,8 +105,17 @@ class Mechanism(Model):
 
     @classmethod
     def expand(cls, data: object, context: ParseContext) -> object:
-        """Looks no further into a mechanism of an unknown kind."""
-        if not isinstance(data, Map) or data.get("mechanism", "") in MECHANISMS:
+        """Looks no further into a mechanism of an unknown kind, or one that is a shape as well."""
+        if not isinstance(data, Map):
+            return data
+        if "shape" in data:
+            context.error(
+                "TS026",
+                "an object has a 'shape' or a 'mechanism', not both",
+                data.node.key_span("shape"),
+                "give the shape an object of its own",
+            )
+        elif data.get("mechanism", "") in MECHANISMS:
             return data
         context.quiet.add(id(data.node))
         rest = Map({key: value for key, value in data.items() if key == "mechanism"})

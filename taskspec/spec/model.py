@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from itertools import chain
 from typing import Any, ClassVar, get_args
 
@@ -39,7 +40,8 @@ class Model(BaseModel):
     """A mapping of a task file.
 
     Each class says in `noun` what it is, in `example` how it is written, in `reserved` which keys
-    belong to the language but are not supported yet, in `expand` which short form it has (`short`
+    belong to the language but are not supported yet, in `advice` what takes the place of keys that
+    people write and it does not have, in `expand` which short form it has (`short`
     is its JSON Schema), and in `rules` which keys go together. Rules see the raw mapping, so they
     hold whatever else is wrong.
     """
@@ -49,6 +51,7 @@ class Model(BaseModel):
     noun: ClassVar[str] = "this"
     reserved: ClassVar[frozenset[str]] = frozenset()
     example: ClassVar[str] = ""
+    advice: ClassVar[Mapping[str, str]] = {}
     short: ClassVar[dict[str, Any] | None] = None
 
     @classmethod
@@ -116,7 +119,7 @@ class Model(BaseModel):
                 context.unsupported(key, data.node.key_span(key))
                 context.quiet.add(id(data.node))
             else:
-                hint = suggestion(key, [*cls.model_fields, *cls.reserved], "keys")
+                hint = cls.advice.get(key) or suggestion(key, cls.model_fields, "keys")
                 if (other := KEY_WORDS.get(key.lower(), "")) in cls.model_fields:
                     hint = f"did you mean '{other}'?"
                 message = f"unknown key '{key}' in {cls.noun}"

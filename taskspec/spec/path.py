@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 from pydantic import Field
 
@@ -85,6 +85,7 @@ class Path(Model):
     noun = "a path"
     example = "path: {to: [60 mm, 0, 0], speed: 50 mm/s}"
     reserved = frozenset({"spiral"})
+    advice: ClassVar = {"raster": "write its points to a CSV file and name that: file: raster.csv"}
 
     to: Coordinates | None = Field(None, title="Where to", description="[x, y, z, rx, ry, rz]")
     line: Line | None = Field(None, title="A straight line")

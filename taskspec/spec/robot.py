@@ -122,7 +122,8 @@ class Start(Model):
         ):
             context.error(
                 "TS021", "a start needs 'xyz' or 'joints'", data.node.key_span("rpy"),
-                "leave 'start' out to begin in the robot's home position",
+                "leave 'start' out to begin in the robot's home position; alone, 'rpy' goes with a "
+                "'grasp'",
             )  # fmt: skip
 
 

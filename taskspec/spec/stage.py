@@ -40,7 +40,17 @@ register(
     }
 )
 
-StageName = Annotated[str, NameReference(lambda r: r.targets, "stage", "TS124")]
+
+def _no_condition(name: str, _context: ParseContext) -> str:
+    """What to write in place of a condition on a stage that follows."""
+    if len(name.split()) < 2:
+        return ""
+    return "'next' and 'on_fail' are names of stages; what decides between them is 'until'"
+
+
+StageName = Annotated[
+    str, NameReference(lambda r: r.targets, "stage", "TS124", instead=_no_condition)
+]
 Condition = Annotated[Expression, Formula(None, ScopeKind.GUARD)]
 
 
@@ -94,6 +104,9 @@ class Stage(Model):
     """
 
     noun = "a stage"
+    advice: ClassVar = {
+        "repeat": "go back by 'next' or 'on_fail'; 'attempts' says how often at most",
+    }
     example = "approach: {axes: {z: {move: -50 mm}}}"
     axes: Annotated[dict[Axis, AxisEntry], ByName()] = Field({}, title="What each axis does")
     path: Path | None = Field(None, title="A curve that drives axes")

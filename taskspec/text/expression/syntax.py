@@ -26,6 +26,8 @@ register(
 _WRITTEN = "it is written with =, <= or >=, such as x^2 + y^2 = (300 mm)^2"
 _UNFINISHED = re.compile(r"(?:\b(?:and|or|not|for|within|in)|[-+*/<>=(,])$")
 _BARE_NUMBER = re.compile(r"(?<![A-Za-z0-9_.])[0-9.]+(?:[eE][+-]?[0-9]+)?$")
+_WORDS = re.compile(r"[A-Za-z_ ]+")
+_COUNT = re.compile(r"[A-Za-z_][A-Za-z0-9_-]*\.visits *$")
 _RELATIONS = {"LT", "LE", "GT", "GE", "WITHIN"}
 
 
@@ -130,12 +132,16 @@ def _equality(t: _Token) -> Problem | None:
         message = f"'={following}' is written '{following}='"
         return Problem("TS101", message, t.begin, t.end + 1)
     written = "==" if following == "=" else "="
+    hint = "compare with <, <=, > or >=, or write 'x within 5 N +- 0.1 N'"
+    if counted := _COUNT.search(t.before):
+        count = counted[0].strip()
+        hint = f"a count lies between bounds: {count} >= 5 and {count} <= 5"
     return Problem(
         "TS103",
         f"'{written}' cannot be decided for measured numbers",
         t.begin,
         t.begin + len(written),
-        "compare with <, <=, > or >=, or write 'x within 5 N +- 0.1 N'",
+        hint,
     )
 
 
@@ -183,7 +189,10 @@ def _order(t: _Token) -> Problem | None:
     if t.before.endswith(" in"):
         return t.problem("a frame follows 'in'", "a range of values follows 'within'")
     if t.kind in ("QUANTITY", "PATH", "LPAR") and t.before:
-        return t.problem(f"'{t.word}' follows without an operator", "write * for a product")
+        hint = "write * for a product"
+        if t.kind == "PATH" and _WORDS.fullmatch(t.before):
+            hint = "a condition compares, as in gap < 1 mm; a product has a *"
+        return t.problem(f"'{t.word}' follows without an operator", hint)
     if t.kind == "RPAR" and t.before.count("(") <= t.before.count(")"):
         return t.problem("')' has no place here", "it was never opened")
     if t.kind == "COMMA":

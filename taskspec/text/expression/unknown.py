@@ -112,7 +112,7 @@ def _single(word: str, scope: Scope) -> tuple[str, str, str]:
         other = _OTHERS.get(word.lower().replace("_", ""))
         if other is not None and closest(word, scope.params) is None:
             return "TS120", unknown, f"did you mean '{other}'?"
-    return "TS120", unknown, suggestion(word, known) or _params_hint(scope)
+    return "TS120", unknown, suggestion(word, known) or _last_hint(word, scope)
 
 
 def _in_stage(node: Name, scope: Scope, end: int) -> Problem:
@@ -164,7 +164,9 @@ def _signal(
             "visits",
         }
         hint = suggestion(head, options, "signals")
-        if (other := _OTHERS.get(head.lower())) is not None and closest(head, options) is None:
+        if head in scope.stages:
+            hint = f"'{head}' is a stage too; one name of a stage is enough: {'.'.join(path)}"
+        elif (other := _OTHERS.get(head.lower())) is not None and closest(head, options) is None:
             hint = f"did you mean '{other}'?"
         return Problem("TS120", f"unknown signal '{head}'", start, start + len(head), hint)
     what = "stage, object or signal" if scope.kind is ScopeKind.EXPECT else "signal or object"
@@ -184,5 +186,7 @@ def _axis_hint(name: str, axis: str, axes: list[str]) -> str:
     return f"did you mean '{name}.{near}'?" if near else f"axes of {name}: {', '.join(axes)}"
 
 
-def _params_hint(scope: Scope) -> str:
+def _last_hint(word: str, scope: Scope) -> str:
+    if word == "visits" and scope.measures and scope.stages:
+        return f"visits are counted of a stage: {min(scope.stages)}.visits"
     return f"params: {', '.join(scope.params)}" if scope.params else "there are no params"
