@@ -10,6 +10,7 @@ from taskspec.program.plan import StagePlan, TaskPlan
 from taskspec.program.signals import entry_of
 from taskspec.rules import Finding, Phase, error, rule
 from taskspec.signals import VECTORS
+from taskspec.signals.table import REFERENCE
 from taskspec.text.expression import Expression
 from taskspec.text.expression.tree import Call, Name, Node, children
 
@@ -65,6 +66,9 @@ def missing_expected_signals(task: TaskPlan) -> Iterator[Finding]:
 def no_such_signal(stage: StagePlan, node: Name, *, inside_norm: bool) -> str | None:
     """Why a stage has no such signal, None if it has it."""
     path, robot = node.path, stage.context.robot
+    if path[-1] == REFERENCE:
+        of = Name(path[:-1], node.frame)
+        return no_such_signal(stage, of, inside_norm=inside_norm) or _no_reference(stage, of.path)
     if node.frame is not None:
         elsewhere = _not_elsewhere(stage.context, node)
         if elsewhere is not None:
@@ -88,6 +92,20 @@ def no_such_signal(stage: StagePlan, node: Name, *, inside_norm: bool) -> str | 
     if path[0] == "error" and loop and declared is not None and declared.has_force:
         return f"{axis!r} is force-controlled here and has no motion error"
     return None
+
+
+def _no_reference(stage: StagePlan, path: tuple[str, ...]) -> str | None:
+    """Why a signal that a stage has is referred to nothing there, None if it is."""
+    if path[0] in stage.context.equations:
+        given = path[0] in stage.spec.constraints
+        return None if given else f"stage {stage.name!r} has no set point of {path[0]!r}"
+    axis = Axis(path[1])
+    plan = stage.plans.get(axis)
+    if path[0] == axis.effort:
+        given = plan is not None and bool(plan.set_point)
+        return None if given else f"{axis!r} has no set point of a {axis.effort} here"
+    given = plan is not None and plan.motion
+    return None if given else f"{axis!r} follows no motion here"
 
 
 def _no_gap(stage: StagePlan) -> str | None:

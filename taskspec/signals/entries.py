@@ -252,17 +252,25 @@ def _object_force(at: Situation, name: str) -> ca.SX | None:
 
 @signal(
     "force",
-    of={"equation": FORCE, "slide": FORCE},
-    meanings={
-        "equation": "what the robot applies along the unit gradient",
-        "slide": "what the robot applies to it along its axis",
-    },
+    of={"equation": FORCE},
+    meanings={"equation": "what the robot applies along the unit gradient"},
+    beside=(REFERENCE, MEASURED),
 )
 @signal(
     "torque",
-    of={"joint equation": MOMENT, "hinge": MOMENT, "screw": MOMENT},
+    of={"joint equation": MOMENT},
+    meanings={"joint equation": "the same in joint space"},
+    beside=(REFERENCE, MEASURED),
+)
+@signal(
+    "force",
+    of={"slide": FORCE},
+    meanings={"slide": "what the robot applies to it along its axis"},
+)
+@signal(
+    "torque",
+    of={"hinge": MOMENT, "screw": MOMENT},
     meanings={
-        "joint equation": "the same in joint space",
         "hinge": "what the robot applies to it about its axis",
         "screw": "what the robot applies to its coordinate",
     },

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import TYPE_CHECKING, Any
 
@@ -116,15 +116,19 @@ class Entry:
         signal: the entry of the table.
         member: axis, number of the joint, name of the object or stage; empty for a single signal.
         dimension: of the member.
+        beside: what the log has beside the signal is meant: `ref` for its reference.
     """
 
     signal: Signal
     member: str
     dimension: Dimension
+    beside: str = ""
 
     def value(self, at: Situation) -> ca.SX | None:
         """Its formula in a situation; None where it is not known there."""
         signal = self.signal
+        if self.beside:
+            return None
         if signal.index is Index.AXIS:
             return at.components(signal).get(Axis(self.member))
         found: ca.SX | None = signal.formula(at, self.member) if self.member else signal.formula(at)
@@ -212,6 +216,10 @@ def find(
         objects: kind by name.
         stages: names.
     """
+    if len(path) > 1 and path[-1] == REFERENCE:
+        of = find(path[:-1], objects, stages)
+        known = of is not None and REFERENCE in of.signal.beside
+        return replace(of, beside=REFERENCE) if of is not None and known else None
     match path:
         case (name,):
             single = SCALARS.get(name) or CLOCKS.get(name)

@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from taskspec import signals
+from taskspec.signals.table import REFERENCE
 from taskspec.spec.fields import MECHANISMS
 from taskspec.text.units import NUMBER, si_unit
 
@@ -51,7 +52,7 @@ def _places(signal: signals.Signal, known: str) -> list[str]:
     """Whether references, guards and expectations may use it."""
     guards = "no" if signal.unmeasured else known
     references = "no" if signal.condition or signal.reference else guards
-    return [references, guards, "yes"]
+    return [references, guards, "yes, `.ref`" if REFERENCE in signal.beside else "yes"]
 
 
 def with_tables(text: str) -> str:

@@ -1,6 +1,8 @@
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -38,6 +40,7 @@ HISTORY = History(
         "force.x": np.array([0, 0, 3, 3, 3, 3, 0, 0.0]),
         "force.y": np.array([0, 0, 4, 4, 4, 4, 0, 0.0]),
         "force.z": np.array([0, -1, -14, -15, -15, -16, -2, 0.0]),
+        "force.z.ref": np.array([NAN, NAN, -12, -14, -15, -15, NAN, NAN]),
         "error.x": np.array([1, 1, 2, -2, 2, -2, 5, 5]) * 1e-3,
         "error.z": np.array([1e-3, 1e-3, NAN, NAN, NAN, NAN, 1e-3, 1e-3]),
         "tilt": np.zeros(8),
@@ -102,6 +105,15 @@ def judged(expectation: str, history: History = HISTORY) -> Judged:
         ("wipe.touching", True, "holds at every tick"),
         ("down.touching", False, "does not hold at 2 of 4 ticks, first at 0 s"),
         ("not (touching and force.z > -1 N)", True, "holds at every tick"),
+        # The reference is a column beside the signal: it differs by 2, 1, 0 and 1 N.
+        (
+            "rms(wipe.force.z - wipe.force.z.ref) < 1.3 N",
+            True,
+            "rms(wipe.force.z - wipe.force.z.ref) = 1.225 N (needs < 1.3 N)",
+        ),
+        ("wipe.force.z within wipe.force.z.ref +- 10 % for 75 %", True, None),
+        ("wipe.force.z within wipe.force.z.ref +- 10 % for 76 %", False, None),
+        ("last(wipe.force.z.ref) within -press +- 1 mN", True, None),
         # A share of the ticks.
         ("wipe.force.z within -press +- 0.5 N for 50 %", True, "50 % of ticks (needs 50 %)"),
         (
@@ -222,6 +234,34 @@ def test_names_what_it_is_about() -> None:
 )
 def test_band_of_a_bounded_signal(expectation: str, band: object) -> None:
     assert judged(expectation).band == band
+
+
+def test_a_run_is_judged_against_its_own_reference(simulate: Callable[..., Any]) -> None:
+    """A sine is stated once: its column is the set point, and the verdict is over the column."""
+    task = """\
+taskspec: 1
+robot: {model: panda, start: {xyz: [500 mm, 0, 310.2 mm]}}
+world: {table: {shape: plane, xyz: [0, 0, 300 mm]}}
+frame: table
+law: hybrid
+stages:
+  touch: {axes: {z: {velocity: -10 mm/s}}, until: force.z < -2 N for 5 ms, within: 2 s}
+  swell: {axes: {z: {force: -(8 N + 3 N*sin(2*pi*t/(0.4 s)))}}, time: 0.8 s}
+expect:
+  - rms(swell.force.z - swell.force.z.ref) < 3 N
+"""
+    run = simulate(task)
+    loaded = run.program.context.loaded.task
+    (first,) = judge(loaded, run.history, lambda *_: np.zeros(0))
+    inside = run.history.window("swell")
+    column = {name: values[inside] for name, values in run.history.columns.items()}
+    difference = column["force.z"] - column["force.z.ref"]
+    assert first.measured[0].value == pytest.approx(np.sqrt(np.mean(difference**2)), rel=1e-12)
+    assert first.passed
+    # After its rise (0.2 s) the reference is the set point as it is written.
+    late = column["t"] > 0.2
+    stated = -(8 + 3 * np.sin(2 * np.pi * column["t"] / 0.4))
+    np.testing.assert_allclose(column["force.z.ref"][late], stated[late], atol=1e-9)
 
 
 def test_what_has_no_value_counts_nothing_in_a_norm() -> None:

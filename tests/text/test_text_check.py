@@ -64,6 +64,34 @@ def test_a_percentage_after_plus_minus(text: str, low: float, high: float) -> No
     assert ends == pytest.approx([low, high], rel=1e-14)
 
 
+@pytest.mark.parametrize(
+    ("name", "kind", "dimension"),
+    [
+        ("force.z.ref", "signal", FORCE),
+        ("wipe.position.rx.ref", "signal", ANGLE),
+        ("wipe.velocity.x.ref", "signal", VELOCITY),
+        ("rim.force.ref", "object", FORCE),
+        ("wipe.rim.force.ref", "object", FORCE),
+    ],
+)
+def test_references_are_signals_of_expectations_alone(
+    name: str, kind: str, dimension: Dimension
+) -> None:
+    path = tuple(name.split("."))
+    meaning = resolve(path, scope(ScopeKind.EXPECT))
+    assert meaning is not None
+    assert (meaning.kind, meaning.dimension, meaning.beside) == (kind, dimension, "ref")
+    for elsewhere in (ScopeKind.GUARD, ScopeKind.REFERENCE, ScopeKind.PLANNED):
+        assert resolve(path, scope(elsewhere)) is None
+
+
+@pytest.mark.parametrize(
+    "name", ["error.z.ref", "gap.ref", "crank.torque.ref", "force.ref", "t.ref"]
+)
+def test_what_has_no_reference(name: str) -> None:
+    assert resolve(tuple(name.split(".")), scope(ScopeKind.EXPECT)) is None
+
+
 def test_a_share_of_another_value_moves_with_it() -> None:
     text = "force.z within norm(force) +- 10 %"
     checked = check(parse(text, "logic"), scope(ScopeKind.GUARD), None)

@@ -155,8 +155,8 @@ def _columns(robot: RobotModel, stages: tuple[CompiledStage, ...], task: Task) -
         for name, signal in OBJECT[declared.kind].items():
             yield Column(f"{owner}.{name}", si_unit(signal.dimensions[declared.kind]), "")
     for i, (owner, equation) in enumerate(task.equations.items()):
-        (name,) = OBJECT[equation.kind].keys() & {"force", "torque"}
-        unit = si_unit(OBJECT[equation.kind][name].dimensions[equation.kind])
+        ((name, signal),) = ((n, s) for n, s in OBJECT[equation.kind].items() if s.beside)
+        unit = si_unit(signal.dimensions[equation.kind])
         yield Column(f"{owner}.{name}.ref", unit, "reaction_ref", i)
         yield Column(f"{owner}.{name}.measured", unit, "reaction", i)
 

@@ -126,13 +126,19 @@ class Lookup:
         where = list(dict.fromkeys(self._history.stages[missing].tolist()))
         stages = "stage " + ", ".join(f"'{stage}'" for stage in where)
         absent = meaning.signal.absent if meaning.signal is not None else ""
+        absent = "nothing refers it to a set point there" if meaning.beside else absent
         reason = f" ({absent})" if absent else ""
         hint = "" if meaning.stage or len(where) > 3 else "; ask for it by stage"
         return f"{name} has no value in {stages}{reason}{hint}"
 
 
 def column_of(meaning: Meaning) -> str:
-    """The log's name of a signal."""
+    """The log's name of a signal, or of what it has beside it."""
+    name = _signal_of(meaning)
+    return f"{name}.{meaning.beside}" if meaning.beside else name
+
+
+def _signal_of(meaning: Meaning) -> str:
     if meaning.kind == "joint":
         return f"joint.{meaning.subject}.{meaning.name}"
     if meaning.kind == "object":

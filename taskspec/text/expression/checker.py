@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from taskspec.signals import VECTORS, Signal
+from taskspec.signals import VECTORS
 from taskspec.text.codes import register
 from taskspec.text.expression import tree
 from taskspec.text.expression.functions import FUNCTIONS, REDUCERS, Function
 from taskspec.text.expression.problem import Problem
-from taskspec.text.expression.scope import Scope, ScopeKind, resolve
+from taskspec.text.expression.scope import Meaning, Scope, ScopeKind, resolve
 from taskspec.text.expression.spelling import FUNCTION_WORDS
 from taskspec.text.expression.types import (
     CONDITION,
@@ -221,7 +221,7 @@ class Checker:
             self.problems.append(explain_name(node, self.scope))
             return UNKNOWN
         if node.frame is not None:
-            self._frame(node, meaning.signal)
+            self._frame(node, meaning)
         if meaning.kind == "condition":
             return CONDITION
         if meaning.kind == "vector":
@@ -230,10 +230,13 @@ class Checker:
             return ZERO
         return Type("number", meaning.dimension)
 
-    def _frame(self, node: tree.Name, signal: Signal | None) -> None:
+    def _frame(self, node: tree.Name, meaning: Meaning) -> None:
         assert node.frame is not None
-        start = node.end - len(node.frame)
-        if signal is None or not signal.framed:
+        start, signal = node.end - len(node.frame), meaning.signal
+        if meaning.beside:
+            message = "a reference is in the frame of its stage"
+            self.problems.append(Problem("TS116", message, start, node.end, "leave out 'in'"))
+        elif signal is None or not signal.framed:
             message = f"'{'.'.join(node.path)}' is the same in every frame"
             self.problems.append(Problem("TS116", message, start, node.end, "leave out 'in'"))
         elif node.frame not in self.scope.frames:

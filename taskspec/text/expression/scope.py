@@ -84,6 +84,7 @@ class Meaning:
         stage: the stage that prefixes the name, or whose visits are meant.
         subject: the object's name or the joint's number.
         signal: its entry in the table of signals.
+        beside: `ref` where the reference of the signal is meant.
     """
 
     kind: Kind
@@ -93,6 +94,7 @@ class Meaning:
     stage: str | None = None
     subject: str | None = None
     signal: Signal | None = None
+    beside: str = ""
 
 
 def resolve(path: tuple[str, ...], scope: Scope) -> Meaning | None:
@@ -130,12 +132,12 @@ def _resolve_signal(path: tuple[str, ...], scope: Scope) -> Meaning | None:
         vector = VECTORS[path[0]]
         return Meaning("vector", path[0], vector.dimensions[vector.bare[0]], signal=vector)
     found = signals.find(path, scope.objects)
-    if found is None:
+    if found is None or (found.beside and scope.kind is not ScopeKind.EXPECT):
         return None
     entry, member = found.signal, found.member
     kind = "condition" if entry.condition else _KINDS.get(entry.index, "signal")
     axis, subject = (member, None) if entry.axes else (None, member or None)
-    return Meaning(kind, entry.name, found.dimension, axis, None, subject, entry)
+    return Meaning(kind, entry.name, found.dimension, axis, None, subject, entry, found.beside)
 
 
 _KINDS: dict[Index, Kind] = {

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from taskspec import signals
 from taskspec.geometry.axis import AXES, ROTATIONS
+from taskspec.signals.table import REFERENCE
 from taskspec.text.codes import register
 from taskspec.text.expression.functions import FUNCTIONS, REDUCERS
 from taskspec.text.expression.problem import Problem
@@ -133,6 +134,8 @@ def _signal(
     path: tuple[str, ...], start: int, end: int, scope: Scope, *, after_stage: bool = False
 ) -> Problem:
     head = path[0]
+    if path[-1] == REFERENCE and (of := signals.find(path[:-1], scope.objects)) is not None:
+        return _reference(of.signal, path, start, end)
     if path[-1] in (*FUNCTIONS, *REDUCERS) and len(path) > 1:
         inner = ".".join(path[:-1])
         message, hint = f"'{path[-1]}' is a function", f"it comes first: {path[-1]}({inner})"
@@ -177,7 +180,20 @@ def _signal(
     return Problem("TS120", f"unknown {what} '{head}'", start, start + len(head), hint)
 
 
+def _reference(of: signals.Signal, path: tuple[str, ...], start: int, end: int) -> Problem:
+    """About the reference of a signal that has none, or where it is no signal."""
+    name = ".".join(path[:-1])
+    if REFERENCE in of.beside:
+        message = f"the reference '{'.'.join(path)}' is a signal of expectations only"
+        return Problem("TS116", message, start, end, "write the set point itself")
+    having = [each.name for each in signals.VECTORS.values() if REFERENCE in each.beside]
+    hint = f"signals with a reference: {', '.join(having)}"
+    return Problem("TS120", f"'{name}' has no reference", start, end, hint)
+
+
 def _axis_hint(name: str, axis: str, axes: list[str]) -> str:
+    if axis == REFERENCE and REFERENCE in signals.VECTORS[name].beside:
+        return f"the axis comes first: {name}.{axes[-1]}.{REFERENCE}"
     if name == "force" and axis in ROTATIONS:
         return f"moments are 'torque.{axis}'"
     if name == "torque" and f"r{axis}" in axes:
