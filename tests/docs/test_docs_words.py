@@ -121,7 +121,9 @@ def test_signals_are_available_where_the_table_says(row):
         "expect": stage % ("-5 N", path, f'"{condition}"'),
     }
     for (place, text), says in zip(places.items(), row[3:], strict=True):
-        assert (codes_of(completed(text)) == []) == (says == "yes"), place
+        assert (codes_of(completed(text)) == []) == says.startswith("yes"), place
+    found = codes_of(completed(stage % ("-5 N", path, f'"{signal}.ref > 1 {unit}"')))
+    assert ("TS120" not in found) == row[-1].endswith(", `.ref`")
 
 
 OBJECTS = {
@@ -150,8 +152,11 @@ def test_signals_of_objects_are_available_where_the_table_says(row):
     for (place, text), says in zip(places.items(), row[4:], strict=True):
         for grasp in ("", ", grasp: ball.handle") if "held" in row else ("",):
             found = codes_of(completed(robot % grasp + world + text))
-            there = says == "yes" or (says == "held" and grasp != "")
+            there = says.startswith("yes") or (says == "held" and grasp != "")
             assert (found == []) == there, (place, grasp, found)
+    reference = stage % ("-5 N", "t > 9 s", f"ball.{signal}.ref > 1 {unit}")
+    unknown = "TS120" in codes_of(completed(robot % "" + world + reference))
+    assert unknown != row[-1].endswith(", `.ref`")
 
 
 def test_conditions_can_be_written_and_mistakes_are_found():
