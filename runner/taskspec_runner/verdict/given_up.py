@@ -49,6 +49,7 @@ def given_up(history: History, stages: Sequence[CompiledStage]) -> dict[str, dic
 
 def told(summary: Mapping[str, Any]) -> Iterator[str]:
     """What limits and contacts took from each stage, a line each; nothing where it is nothing."""
+    yield from _unanswered(summary)
     for stage, found in summary.get("given_up", {}).items():
         if found["force_inconsistent"]:
             left = f"{found['force_inconsistent']:.3g} N"
@@ -61,6 +62,15 @@ def told(summary: Mapping[str, Any]) -> Iterator[str]:
             named = ", ".join(f"{name} {percent(share)}" for name, share in most[:_FEW])
             more = f" and {len(most) - _FEW} more" if len(most) > _FEW else ""
             yield f"{stage}: limits changed {percent(found['limited'])} of the ticks: {named}{more}"
+
+
+def _unanswered(summary: Mapping[str, Any]) -> Iterator[str]:
+    for stage, account in summary.get("solver", {}).items():
+        if account.get("held"):
+            yield (
+                f"{stage}: the solver had no answer on {account['held']:.0f} of {account['ticks']} "
+                "ticks, and a torque within the limits was held"
+            )
 
 
 def percent(share: float) -> str:

@@ -16,7 +16,7 @@ class FadeOut:
     """The last torque that kept its limits, as it fades to what carries the arm.
 
     Attributes:
-        over: whether it has faded, and there still is no answer.
+        over: whether its time has passed, and there still is no answer.
     """
 
     def __init__(self, joints: int) -> None:
@@ -24,7 +24,7 @@ class FadeOut:
 
     @property
     def over(self) -> bool:
-        """Whether it has faded away."""
+        """Whether the time in which it fades has passed."""
         return self._ticks > HELD_TICKS
 
     def reset(self) -> None:
@@ -32,7 +32,7 @@ class FadeOut:
         self._ticks = 0
 
     def step(self, applied: Vector, gravity: Vector) -> Vector:
-        """The torque (n,) of one more tick without an answer [N m].
+        """The torque (n,) to aim at in one more tick without an answer [N m].
 
         Args:
             applied: (n,) of the tick before.

@@ -169,10 +169,11 @@ class Machine:
     def _hold(self, runner: StageRunner, clock: float) -> float:
         """Lets the last torque that kept its limits fade to what carries the arm, then stops.
 
-        Memory is not committed: the tick did not happen. Returns the number of an event.
+        Torques, their rate and the joints' limits are kept as well as in any other tick. Memory is
+        not committed: the tick did not happen. Returns the number of an event.
         """
         assert runner.solver is not None
-        self.torque[:] = self._fading.step(self._applied, self._terms.gravity)
+        runner.solver.hold(self._fading.step(self._applied, self._terms.gravity))
         if self._fading.over:
             self._end(clock, unanswered(runner.solver.status), 0.0, "")
             return 1.0

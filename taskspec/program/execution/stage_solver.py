@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from taskspec.control.qp import QuadraticProgram, Solution, Status, make_solver
 from taskspec.program.bound import BoundFunction
+from taskspec.program.limits.bounds import JOINT, TORQUE
 from taskspec.program.limits.relaxing import relax
 from taskspec.program.limits.resolution import Resolution
 from taskspec.program.ports import INTERNAL, fields, slices
@@ -52,7 +53,8 @@ class Account:
 class StageSolver:
     """The programs of one stage on the arrays of a machine.
 
-    Before a tick is evaluated, call `remember`; after it, `resolve`.
+    Before a tick is evaluated, call `remember`; after it, `resolve`, and `hold` where that has no
+    answer.
 
     Attributes:
         status: of the last solve.
@@ -90,6 +92,7 @@ class StageSolver:
         self._cut = parameters[slots["cut"]] if r else nothing
         self._unreachable = parameters[slots["unreachable"]] if r else nothing
         self._last_torque = parameters[slots["last_torque"]] if "last_torque" in slots else None
+        self._applied = np.zeros(n)
         self._clear, self._paring = True, False
         pieces, bounds = np.split(handed_over, [resolution.handed])
         lower, upper, self._clamped_cut = np.split(bounds, [m, 2 * m])
@@ -101,6 +104,7 @@ class StageSolver:
         self._residual, self._binding = np.zeros(1), np.zeros(1)
         factor, requests = np.zeros(n * n), np.zeros(r * n)
         parts = (problem.flat_P, problem.flat_A, factor, requests)
+        self._factor = factor.reshape(n, n)
         self._assemble = BoundFunction(resolution.assemble, (pieces,), parts)
         results = (self._accepted, self._residual, self._binding, self._found_cut)
         self._accept = BoundFunction(
@@ -111,6 +115,7 @@ class StageSolver:
 
     def remember(self, applied: Vector) -> None:
         """Has the next tick change its torque from (n,) `applied` at the limited rate."""
+        self._applied[:] = applied
         if self._last_torque is not None:
             self._last_torque[:] = applied
 
@@ -166,6 +171,26 @@ class StageSolver:
                 solution = self._solver.solve(self._problem)
         return self._take(solution)
 
+    def hold(self, torque: Vector) -> None:
+        """Takes, on a tick without an answer, the torque nearest to (n,) `torque` that keeps limits.
+
+        Torques and their rate are kept in any case. The joints' rows are kept with them by an
+        exact solver, unless it has no answer either: numbers were not finite, or the rows collide.
+        What a joint then does beyond its limits stops the run.
+        """
+        torques = self.resolution.torques
+        near = torques.nearest(torque, self._applied)
+        hard = [i for i, row in enumerate(self.resolution.rows) if row.kind in (TORQUE, JOINT)]
+        if hard and math.isfinite(self._outputs[_VIOLATION]):
+            least = QuadraticProgram.empty(len(torque), len(hard))
+            least.g[:] = -np.linalg.solve(self._factor, near - self._torque)
+            least.A[:] = self._problem.A[hard]
+            least.lower[:], least.upper[:] = self._problem.lower[hard], self._problem.upper[hard]
+            solution = make_solver("daqp", len(torque), len(hard)).solve(least)
+            if solution.status is Status.SOLVED:
+                near = self._torque + self._factor @ solution.x
+        self._torque[:] = torques.nearest(near, self._applied)
+
     def _take(self, solution: Solution) -> bool:
         self.status = solution.status
         if solution.status is not Status.SOLVED:
@@ -179,7 +204,8 @@ class StageSolver:
             self._solver.rebuild()
             return False
         self.account.worst = max(self.account.worst, residual)
-        self._torque[:] = self._accepted
+        # A solver that iterates leaves bounds by its tolerance.
+        self._torque[:] = self.resolution.torques.nearest(self._accepted, self._applied)
         self._outputs[_RESIDUAL] = residual
         # A push that was clamped and binds in the program too is told once.
         binding = int(self._binding[0]) | int(self._outputs[_CLAMPED])

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
 
 from taskspec.control import linear
 from taskspec.control.admissible import (
@@ -19,6 +20,8 @@ from taskspec.program.limits.consistency import tangents
 from taskspec.robot.model_terms import TermSymbols
 from taskspec.spec import Limits
 from taskspec.text.units import show
+
+Vector = NDArray[np.float64]
 
 #: Where limits collide, the one that comes first here is kept.
 TORQUE, JOINT, FORCE, SPEED = "torque", "joint", "force", "speed"
@@ -42,6 +45,26 @@ class Row:
 
 #: Where a row of A comes from: of which piece, and which of its rows.
 Source = tuple[str, int]
+
+
+@dataclass(frozen=True, slots=True)
+class TorqueRange:
+    """What no tick leaves, whether or not a program has an answer: torques and their rate.
+
+    Attributes:
+        most: (n,) greatest size of each joint's torque [N m].
+        step: the most that a torque changes in one period [N m].
+    """
+
+    most: Vector
+    step: float
+
+    def nearest(self, torque: Vector, last: Vector) -> Vector:
+        """The torque (n,) within the range that is nearest to `torque`, after `last` (n,)."""
+        lowest = np.minimum(np.maximum(-self.most, last - self.step), self.most)
+        highest = np.maximum(np.minimum(self.most, last + self.step), -self.most)
+        near: Vector = np.clip(torque, lowest, highest)
+        return near
 
 
 class Bounds:

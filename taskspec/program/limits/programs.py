@@ -10,6 +10,7 @@ import numpy as np
 from taskspec.geometry.axis import Axis
 from taskspec.program import signals
 from taskspec.program.context import Context
+from taskspec.program.limits.bounds import TorqueRange
 from taskspec.program.limits.consistency import (
     Generator,
     Requests,
@@ -89,7 +90,9 @@ def resolve(
     )
     generators = _generators(plan, measurement, requests, axes, objects, on_equations)
     nearest = consistency(context, limits, requests, generators, measurement.world.gravity)
-    return Resolved(plan.law.solver, requests, limited, nearest)
+    rate = np.inf if limits.torque_rate is None else limits.torque_rate
+    torques = TorqueRange(context.robot.torque_limit, rate * context.period)
+    return Resolved(plan.law.solver, torques, requests, limited, nearest)
 
 
 def _environment(context: Context, measurement: Measurement) -> ca.SX:

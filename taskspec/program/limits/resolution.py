@@ -8,7 +8,7 @@ from functools import cache
 
 import casadi as ca
 
-from taskspec.program.limits.bounds import Row
+from taskspec.program.limits.bounds import Row, TorqueRange
 from taskspec.program.limits.consistency import Consistency, Requests
 from taskspec.program.limits.limited import LimitRows, matrices
 from taskspec.robot import RobotModel
@@ -26,6 +26,7 @@ class Resolution:
     Attributes:
         solver: `daqp` or `osqp`.
         rows: the m limits.
+        torques: what the torque of a tick stays within in any case.
         requested: names of the r force set points.
         handed: length of the pieces that the tick hands over, before lower and upper.
         assemble: these pieces -> `ASSEMBLED`.
@@ -38,6 +39,7 @@ class Resolution:
 
     solver: str
     rows: tuple[Row, ...]
+    torques: TorqueRange
     requested: tuple[str, ...]
     handed: int
     assemble: ca.Function
@@ -54,11 +56,13 @@ class Resolved:
     Attributes:
         solver: by name.
         requests: the stage's force set points.
+        torques: what the torque of a tick stays within in any case.
         limits: what binds the torque.
         nearest: the forces that contacts return; None where nothing is asked of one.
     """
 
     solver: str
+    torques: TorqueRange
     requests: Requests
     limits: LimitRows
     nearest: Consistency | None
@@ -100,6 +104,7 @@ class Resolved:
         return Resolution(
             solver=self.solver,
             rows=limits.rows,
+            torques=self.torques,
             requested=self.requests.names,
             handed=handed.shape[0],
             assemble=_flat("assemble", [handed], (made.P, made.A.T, pieces.L.T, made.requests.T)),
