@@ -39,6 +39,7 @@ from taskspec_runner.record.log import Log, read_log, stream_log
 from taskspec_runner.signals import LoggedSignal, LoggedSignals
 from taskspec_runner.verdict.judged import Judged, read_judged
 from taskspec_runner.verdict.outcome import verdict
+from taskspec_runner.verdict.run_finding import RunFinding, read_finding
 
 if TYPE_CHECKING:
     from taskspec.program.program import Program
@@ -409,6 +410,11 @@ class Run(Window):
         whole = self.summary.get("status") == "done"
         entries = mappings(self.summary.get("expectations"))
         return tuple(read_judged(entry, whole=whole) for entry in entries)
+
+    @cached_property
+    def findings(self) -> tuple[RunFinding, ...]:
+        """Oscillations and saturation that lasts, also those that their stages allow."""
+        return tuple(read_finding(e) for e in mappings(self.summary.get("findings")))
 
     @property
     def metrics(self) -> Mapping[str, Mapping[str, Mapping[str, float]]]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -89,6 +90,28 @@ def waits_for_contact(stage: StagePlan) -> bool:
     inner = until.tree.x if isinstance(until.tree, Held) else until.tree
     ranges = Ranges(stage, felt)
     return value_of(inner, IntervalAlgebra(), ranges).never
+
+
+def ends_by_touch(stage: StagePlan) -> bool:
+    """Whether a stage comes from free space, by a motion alone, and ends before the blow's peak.
+
+    A mass h on a spring k is at its peak after a quarter of its period, pi/2 sqrt(h/k); a guard
+    that waits for twice that has the peak in its own stage.
+    """
+    gap, task = stage.nominal.gap, stage.context.loaded.task
+    begins_free = gap is None or gap >= AT_SURFACE
+    pushes = any(plan.set_point for plan in stage.plans.values()) or stage.spec.constraints
+    held = task.robot.grasp is not None
+    if not begins_free or held or pushes or not waits_for_contact(stage):
+        return False
+    until = stage.spec.until
+    if until is None or not isinstance(until.tree, Held):
+        return True
+    way = approach(stage, gap)
+    if way is None:
+        return False
+    h, k = striking_mass(stage, way.axis), stage.context.compliances[way.contact].stiffness
+    return until.tree.amount.value_si < math.pi * math.sqrt(h / k)
 
 
 def striking_mass(stage: StagePlan, axis: Axis) -> float:

@@ -5,11 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 
+from taskspec.foresight.approach import ends_by_touch
 from taskspec.foresight.conditions import bounds_of, names, parts, value_of
 from taskspec.foresight.flow import good_end, reached
 from taskspec.foresight.interval import ANY, Interval, IntervalAlgebra, point
 from taskspec.foresight.ranges import constant, natural
 from taskspec.geometry.axis import as_axis
+from taskspec.program.axes import MOSTLY
 from taskspec.program.context import Context
 from taskspec.program.known import known_value
 from taskspec.program.plan import TaskPlan
@@ -19,7 +21,7 @@ from taskspec.rules.signals import no_such_signal
 from taskspec.signals import CLOCKS
 from taskspec.spec import Expectation
 from taskspec.text.expression import evaluate
-from taskspec.text.expression.tree import Call, Held, Name, Node, Reduce, WithinNode, walk
+from taskspec.text.expression.tree import Call, Compare, Held, Name, Node, Reduce, WithinNode, walk
 from taskspec.text.units import FORCE, show
 
 _ALGEBRA = IntervalAlgebra()
@@ -127,6 +129,82 @@ def impossible_expectations(task: TaskPlan) -> Iterator[Finding]:
             yield never
         else:
             yield from _beside_a_set_point(task, expectation)
+
+
+@rule("TS725", "a peak of force where a touch only begins", phase=Phase.RUN)
+def peaks_of_touches(task: TaskPlan) -> Iterator[Finding]:
+    """Bounds on the peak of a force in a stage that a touch ends: it comes in the next one."""
+    context = task.context
+    expectations = context.loaded.task.expect
+    bounded = {
+        (_stage_of(context, name), _effort(name))
+        for expectation in expectations
+        for _, name in _peaks(task, expectation)
+    }
+    for expectation in expectations:
+        expression = expectation.expression
+        for part, name in _peaks(task, expectation):
+            stage = _stage_of(context, name)
+            after = None if stage is None else good_end(context.loaded.task.stages, stage)
+            if stage is None or after is None or not ends_by_touch(task.framed[stage]):
+                continue
+            # The whole run, or the stage that gets the blow, may be bounded by another line.
+            if {(None, _effort(name)), (after, _effort(name))} & bounded:
+                continue
+            written = " ".join(expression.text[part.start : part.end].split())
+            other = written.replace(f"{stage}.", f"{after}.")
+            yield error(
+                "TS725",
+                f"stage {stage!r} ends as soon as it touches: the peak of the blow comes after it, "
+                f"in {after!r}, and this would hold whatever that is",
+                expression.where(part),
+                f"write it over both stages: '{written} and {other}'",
+            )
+            break
+
+
+def _peaks(task: TaskPlan, expectation: Expectation) -> Iterator[tuple[Node, Name]]:
+    """The conditions of an expectation that bound the size of a force or moment from above."""
+    for part in parts(expectation.expression.tree):
+        if isinstance(part, Compare):
+            left_is_less = part.op.startswith("<")
+            sides = ((part.left, left_is_less), (part.right, not left_is_less))
+        elif isinstance(part, WithinNode):
+            sides = ((part.x, True), (part.x, False))
+        else:
+            continue
+        for reduced, from_above in sides:
+            if not isinstance(reduced, Reduce):
+                continue
+            for name in names(reduced.arg):
+                if _effort(name) and _is_peak(task, reduced, name, from_above=from_above):
+                    yield part, name
+
+
+def _effort(name: Name) -> str:
+    """`force` or `torque` where a name is of such a signal of contact; else empty."""
+    return next((word for word in name.path if word in ("force", "torque")), "") * (
+        "joint" not in name.path
+    )
+
+
+def _is_peak(task: TaskPlan, reduced: Reduce, name: Name, *, from_above: bool) -> bool:
+    """Whether a greatest or least value of a force grows with the blow, and is bounded."""
+    arg = reduced.arg
+    if isinstance(arg, Call) and arg.function in ("norm", "abs"):
+        return from_above and reduced.reducer == "max"
+    stage = _stage_of(task.context, name)
+    plan = None if stage is None else task.framed[stage]
+    axis = as_axis(name.path[-1])
+    if arg != name or plan is None or plan.approached is None or name.frame is not None:
+        return False
+    if axis is None or axis.is_rotation:
+        return from_above and reduced.reducer == "max"
+    # The robot applies a force against the normal.
+    way = -plan.along(axis, plan.normal_of(plan.approached))
+    if abs(way) < MOSTLY:
+        return False
+    return reduced.reducer == ("max" if way > 0 else "min") and from_above == (way > 0)
 
 
 def _well(context: Context) -> list[str]:

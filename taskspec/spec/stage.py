@@ -19,7 +19,7 @@ from taskspec.spec.parse_context import ParseContext
 from taskspec.spec.path import Path
 from taskspec.spec.quantities import Constant, Formula
 from taskspec.spec.set_point import SetPoint, SetPoints
-from taskspec.spec.words import Count, NameReference, Switch
+from taskspec.spec.words import Count, NameReference, Switch, Word, Words
 from taskspec.text.codes import register
 from taskspec.text.data import Map, Text
 from taskspec.text.expression import Expression, ScopeKind
@@ -51,6 +51,10 @@ def _no_condition(name: str, _context: ParseContext) -> str:
 StageName = Annotated[
     str, NameReference(lambda r: r.targets, "stage", "TS124", instead=_no_condition)
 ]
+#: What a run of a stage may be found to do, which is a fault unless the stage allows it.
+OSCILLATION, SATURATION = "oscillation", "saturation"
+_ALLOWED = Words(Word((OSCILLATION, SATURATION), "fault"))
+
 Condition = Annotated[Expression, Formula(None, ScopeKind.GUARD)]
 
 
@@ -101,6 +105,7 @@ class Stage(Model):
         law: control law; None for that of the task.
         limits: replace those of the task key by key.
         tare: the sensor's mean over this stage becomes its zero.
+        allow: faults that a run may have in it.
     """
 
     noun = "a stage"
@@ -128,6 +133,10 @@ class Stage(Model):
     limits: Limits | None = Field(None, title="Limits")
     tare: Annotated[bool, Switch()] = Field(
         False, title="Tare", description="The sensor's mean over this stage becomes its zero"
+    )
+
+    allow: Annotated[tuple[str, ...], _ALLOWED] = Field(
+        (), title="Faults that a run may have", description="oscillation, saturation"
     )
 
     @classmethod

@@ -64,6 +64,7 @@ def render(run: Run, still: tuple[str, float] | None = None) -> str:
         facts=list(_facts(run)),
         expectations=[_expectation(e) for e in sorted(run.expectations, key=_urgency)],
         partial=told.kind not in ("passed", "missed"),
+        findings=run.findings,
         so_far="Judged on what there was until then." if so_far(run) else "",
         visits=[_visit_row(run, v) for v in run.visits],
         main=main,
@@ -93,6 +94,10 @@ def _main(run: Run, charts: list[Chart]) -> Chart | None:
             return chart
     first = first_broken(run)
     ranked = [first] if first is not None else []
+    for fault in (each for each in run.findings if first is None and not each.allowed):
+        for chart in charts:
+            if fault.signal in {trace.signal for trace in chart.traces}:
+                return chart
     for each in (*ranked, *(e for e in run.expectations if e.band is not None)):
         about = {signal.removeprefix(f"{each.stage}.") for signal in each.signals}
         about |= {each.signal} if each.signal else set()
@@ -110,8 +115,11 @@ def _others(shown: tuple[Section, ...], main: Chart | None) -> list[Section]:
 def _around(run: Run) -> tuple[float, float] | None:
     """The window in which to look for what went wrong, None if nothing did."""
     kind, first = verdict(run).kind, first_broken(run)
+    faults = [each for each in run.findings if not each.allowed]
     if kind in ("stopped", "failed"):
         at: float | None = run.end
+    elif first is None and faults:
+        at = faults[0].end
     else:
         at = first.broken.clock if first is not None and first.broken else None
     if at is None:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from taskspec_runner.record.folder import number
 from taskspec_runner.verdict.judged import Judged
+from taskspec_runner.verdict.run_finding import RunFinding
 
 if TYPE_CHECKING:
     from taskspec_runner.runs import Run
@@ -47,6 +48,9 @@ def verdict(run: Run) -> Verdict:
     missed = [e for e in run.expectations if not e.passed]
     if missed:
         return _missed_verdict(run, len(missed))
+    faults = [each for each in run.findings if not each.allowed]
+    if faults:
+        return Verdict("missed", f"{_faults(faults)} {_all_else(run)}", stage=faults[0].stage)
     return Verdict("passed", _passed(len(run.expectations)) + f" {_reached_end(run)}")
 
 
@@ -99,6 +103,15 @@ def stage_at(run: Run, clock: float) -> str:
     found = (v for v in run.visits if v.start - run.period / 2 < clock < v.end - run.period / 2)
     visit = next(found, None)
     return run.label(visit) if visit else ""
+
+
+def _faults(faults: Sequence[RunFinding]) -> str:
+    return " ".join(f"In stage {each.stage}, {each.text}." for each in faults)
+
+
+def _all_else(run: Run) -> str:
+    total = len(run.expectations)
+    return _passed(total) if total else "The run reached its end."
 
 
 def _missed(missed: int, total: int) -> str:

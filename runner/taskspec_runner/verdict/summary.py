@@ -23,8 +23,10 @@ from taskspec_runner.loop.fixed_step import DONE, Outcome
 from taskspec_runner.loop.interrupt import BY_SIGNAL
 from taskspec_runner.record.history import History
 from taskspec_runner.verdict.diagnosed import diagnosed
+from taskspec_runner.verdict.findings import findings
 from taskspec_runner.verdict.judged import Judged
 from taskspec_runner.verdict.performance import performance
+from taskspec_runner.verdict.run_finding import RunFinding
 from taskspec_runner.verdict.torque_steps import largest_step
 
 EXIT_GOOD, EXIT_MISSED, EXIT_STOPPED = 0, 1, 4
@@ -37,13 +39,19 @@ def reason_of(number: int) -> str:
     return "interrupted" if number == signal.SIGINT else "terminated"
 
 
-def exit_code(outcome: Outcome, judged: Sequence[Judged], by_signal: int = 0) -> int:
-    """0 well; 1 expectations missed or ended in `fail`; 4 safety stop; 128 + n by signal n."""
+def exit_code(
+    outcome: Outcome,
+    judged: Sequence[Judged],
+    by_signal: int = 0,
+    found: Sequence[RunFinding] = (),
+) -> int:
+    """0 well; 1 missed or ended in `fail`; 4 safety stop; 128 + n by signal n."""
     if by_signal:
         return BY_SIGNAL + by_signal
     if outcome.status == "stopped":
         return EXIT_STOPPED
     good = outcome.status == DONE and all(j.passed for j in judged)
+    good = good and all(each.allowed for each in found)
     return EXIT_GOOD if good else EXIT_MISSED
 
 
@@ -80,7 +88,7 @@ def summarise(
     """
     context = program.context
     task, robot = context.loaded.task, context.robot
-    outcome = simulated.outcome
+    outcome, found = simulated.outcome, findings(program, history)
     visits = _visits(program, simulated)
     # The last visit is the one in which the run ended, and says more about it.
     text = visits[-1]["ended_by"]["text"] if visits else outcome.text
@@ -88,7 +96,7 @@ def summarise(
         "task": task.name,
         "about": task.about,
         "status": outcome.status,
-        "exit_code": exit_code(outcome, judged, simulated.by_signal),
+        "exit_code": exit_code(outcome, judged, simulated.by_signal, found),
         "seed": seed,
         "ending": {
             "reason": outcome.reason,
@@ -103,6 +111,7 @@ def summarise(
         "stages": visits,
         "torque_step": largest_step(simulated.transitions),
         "expectations": [j.as_data() for j in judged],
+        "findings": [each.as_data() for each in found],
         **performance(program, history, judged, simulated.accounts),
         "limits": {k: v for k, v in task.limits.model_dump().items() if v is not None},
         "stage_limits": {

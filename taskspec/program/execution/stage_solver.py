@@ -172,7 +172,7 @@ class StageSolver:
         return self._take(solution)
 
     def hold(self, torque: Vector) -> None:
-        """Takes, on a tick without an answer, the torque nearest to (n,) `torque` that keeps limits.
+        """Takes the torque nearest to (n,) `torque` that keeps limits, on a tick without an answer.
 
         Torques and their rate are kept in any case. The joints' rows are kept with them by an
         exact solver, unless it has no answer either: numbers were not finite, or the rows collide.

@@ -1,0 +1,229 @@
+"""What an engineer would see in a run whatever its file expects: oscillations and saturation."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taskspec.geometry.axis import ROTATIONS, TRANSLATIONS
+from taskspec.program.program import Program
+from taskspec.program.stages.stage import CompiledStage
+from taskspec.spec.stage import OSCILLATION, SATURATION
+from taskspec.text.expression import Expression, tree
+from taskspec.text.units import FORCE, MOMENT, VELOCITY, Dimension, show
+from taskspec_runner.record.history import History, Visit
+from taskspec_runner.verdict.metrics import set_points
+from taskspec_runner.verdict.oscillation import Oscillation, judged, oscillation
+from taskspec_runner.verdict.run_finding import RunFinding
+
+Vector = NDArray[np.float64]
+
+#: Share of a set point, and of a speed that is wanted, from which an amplitude counts.
+OF_SET_POINT = 0.05
+#: Amplitudes that count at least [N], [N m], [m/s]. A moment is a force on 0.3 m, as elsewhere.
+LEAST_FORCE, LEAST_MOMENT, LEAST_SPEED = 1.0, 0.3, 5e-3
+#: Share of a joint's torque limit from which an amplitude counts.
+OF_TORQUE = 0.02
+#: An amplitude of force is not of noise from so many times what noise has in a band of its own.
+OF_NOISE = 10.0
+#: A torque is at its limit from this share of it on; it lasts in more than so much of the ticks.
+AT_LIMIT, LASTS = 0.999, 0.5
+#: What references may be made of to be known beforehand.
+_CLOCKS = ("t", "clock", "pi")
+_MORE = 3
+
+
+def findings(program: Program, history: History) -> tuple[RunFinding, ...]:
+    """Of every visited stage the worst visit with an oscillation, and with a saturation.
+
+    Args:
+        program: that ran.
+        history: what it recorded, as far as it came.
+    """
+    stages = {stage.name: stage for stage in program.stages}
+    visits: dict[str, int] = {}
+    worst: dict[tuple[str, str], tuple[float, RunFinding]] = {}
+    for visit in history.visits():
+        number = visits[visit.stage] = visits.get(visit.stage, 0) + 1
+        if not judged(visit.last + 1 - visit.first):
+            continue
+        look = _Look(program, stages[visit.stage], history, visit, number)
+        for size, found in (*look.oscillations(), *look.saturations()):
+            key = (found.kind, found.stage)
+            if key not in worst or size > worst[key][0]:
+                worst[key] = (size, found)
+    return tuple(sorted((found for _, found in worst.values()), key=lambda each: each.start))
+
+
+@dataclass(frozen=True, slots=True)
+class _Watched:
+    """A signal that is looked at.
+
+    Attributes:
+        name: of its column.
+        dimension: its own.
+        least: amplitude from which it counts [SI].
+        rank: 0 of efforts on the work, 1 of speeds, 2 of joints.
+    """
+
+    name: str
+    dimension: Dimension
+    least: float
+    rank: int = 0
+
+
+class _Look:
+    """One visit of a stage."""
+
+    def __init__(
+        self, program: Program, stage: CompiledStage, history: History, visit: Visit, number: int
+    ) -> None:
+        self._program, self._stage, self._visit, self._number = program, stage, visit, number
+        self._columns = {name: values[visit.rows] for name, values in history.columns.items()}
+        self._clock = self._columns["clock"]
+        sensor = program.context.loaded.task.robot.sensor
+        self._noise = None if sensor is None else sensor.noise
+        self._hold = 1.0
+        if sensor is not None and sensor.rate is not None:
+            self._hold = max(1.0, 1 / (sensor.rate * program.context.period))
+
+    def oscillations(self) -> Iterator[tuple[float, RunFinding]]:
+        """The oscillation of this visit, if any, and how many times its bound it is."""
+        found: list[tuple[float, _Watched, Oscillation]] = []
+        references: list[Vector] | None = None
+        for watched in self._watched():
+            values = self._columns.get(watched.name)
+            if values is None or np.ptp(values[-judged(len(values)) :]) < watched.least:
+                continue
+            references = self._references() if references is None else references
+            noisy = self._noise is not None
+            period, least = self._program.context.period, watched.least
+            made = oscillation(values, period, least, references, noisy=noisy)
+            if made is not None:
+                found.append((made.amplitude / least, watched, made))
+        if found:
+            size = max(ratio for ratio, *_ in found)
+            # What acts on the work is named before the speed, and that before a joint.
+            _, watched, made = min(found, key=lambda each: (each[1].rank, -each[0]))
+            beside = tuple(each.name for _, each, _ in found if each is not watched)
+            yield (
+                size,
+                self._finding(
+                    OSCILLATION,
+                    watched.name,
+                    beside,
+                    _oscillates(watched, made, beside),
+                    frequency=made.frequency,
+                    amplitude=made.amplitude,
+                    growth=made.growth,
+                ),
+            )
+
+    def saturations(self) -> Iterator[tuple[float, RunFinding]]:
+        """The saturation of this visit, if any, and the share of ticks that it takes."""
+        limits = self._program.context.robot.torque_limit
+        shares: dict[str, float] = {}
+        for i, most in enumerate(limits):
+            torque = self._columns[f"joint.{i + 1}.torque"]
+            at = np.abs(torque[-judged(len(torque)) :]) >= AT_LIMIT * most
+            if np.mean(at) > LASTS:
+                shares[f"joint.{i + 1}.torque"] = float(np.mean(at))
+        if shares:
+            most_often = max(shares, key=lambda name: shares[name])
+            share, beside = shares[most_often], tuple(n for n in shares if n != most_often)
+            text = (
+                f"{most_often} is at its limit in {100 * share:.0f} % of the last half of the stage"
+                f"{_so_do(beside, 'is', 'are')}"
+            )
+            yield share, self._finding(SATURATION, most_often, beside, text, share=share)
+
+    def _finding(
+        self, kind: str, signal: str, beside: tuple[str, ...], text: str, **numbers: float
+    ) -> RunFinding:
+        half = self._clock[-judged(len(self._clock)) :]
+        allowed = kind in self._stage.plan.spec.allow
+        start, end = float(half[0]), float(half[-1]) + self._program.context.period
+        name = self._stage.name
+        return RunFinding(
+            kind, name, self._number, signal, beside, start, end, text, allowed, **numbers
+        )
+
+    def _watched(self) -> Iterator[_Watched]:
+        n = judged(len(self._clock))
+        noise = self._noise
+        # Noise of deviation s has in a band of 2 LOBE + 1 of n/2 bins the amplitude s sqrt(20/n).
+        of_noise = OF_NOISE * float(np.sqrt(20.0 * self._hold / n))
+        forces = [f"force.{axis}" for axis in TRANSLATIONS]
+        moments = [f"torque.{axis}" for axis in ROTATIONS]
+        least = max(LEAST_FORCE, OF_SET_POINT * self._largest(forces))
+        least = max(least, of_noise * noise.force if noise else 0.0)
+        yield from (_Watched(name, FORCE, least) for name in forces)
+        least = max(LEAST_MOMENT, OF_SET_POINT * self._largest(moments))
+        least = max(least, of_noise * noise.torque if noise else 0.0)
+        yield from (_Watched(name, MOMENT, least) for name in moments)
+        for name in set_points(self._columns):
+            turns = name.endswith(".torque")
+            least = LEAST_MOMENT if turns else LEAST_FORCE
+            least = max(least, OF_SET_POINT * self._largest([name]))
+            yield _Watched(name, MOMENT if turns else FORCE, least)
+        speeds = [f"velocity.{axis}" for axis in TRANSLATIONS]
+        least = max(LEAST_SPEED, OF_SET_POINT * self._largest(speeds))
+        yield from (_Watched(name, VELOCITY, least, 1) for name in speeds)
+        for i, most in enumerate(self._program.context.robot.torque_limit):
+            if np.isfinite(most):
+                yield _Watched(f"joint.{i + 1}.torque", MOMENT, OF_TORQUE * float(most), 2)
+
+    def _largest(self, names: Sequence[str]) -> float:
+        """The greatest size of these signals' references in the half that is looked at [SI]."""
+        half = judged(len(self._clock))
+        columns = [self._columns[f"{n}.ref"][-half:] for n in names if f"{n}.ref" in self._columns]
+        return max((float(np.nanmax(np.abs(c), initial=0.0)) for c in columns), default=0.0)
+
+    def _references(self) -> list[Vector]:
+        """(n,) each: what moves the stage by intention, and is not made of what was measured."""
+        plan, found = self._stage.plan, []
+        for axis, planned in plan.plans.items():
+            if not all(self._is_known(e) for e, _ in planned.axis.expressions()):
+                continue
+            found += [f"position.{axis}", f"velocity.{axis}"]
+            # A program replaces set points that contacts do not return.
+            if not np.any(self._columns["force_inconsistent"] > 0):
+                found.append(f"{axis.effort}.{axis}")
+        for name, point in plan.spec.constraints.items():
+            if self._is_known(point.wanted):
+                found += [n for n in set_points(self._columns) if n.startswith(f"{name}.")]
+        columns = [self._columns[f"{n}.ref"] for n in found if f"{n}.ref" in self._columns]
+        return [*columns, *self._moving()]
+
+    def _is_known(self, expression: Expression) -> bool:
+        known = (*_CLOCKS, *self._program.context.loaded.task.params)
+        names = (n for n in tree.walk(expression.tree) if isinstance(n, tree.Name))
+        return all(len(name.path) == 1 and name.path[0] in known for name in names)
+
+    def _moving(self) -> Iterator[Vector]:
+        """(n,) each: the numbers of objects that move by themselves."""
+        for base in self._program.context.moving_bases.values():
+            mapped = base.numbers.map(len(self._clock))(self._clock[np.newaxis])
+            for values in mapped[:2]:
+                yield from np.array(values).reshape(-1, len(self._clock), order="F")
+
+
+def _oscillates(watched: _Watched, made: Oscillation, beside: Sequence[str]) -> str:
+    size, bound = (show(x, watched.dimension, 3) for x in (made.amplitude, watched.least))
+    way = "grows" if made.growth > 1 / 0.9 else "does not decay"
+    return (
+        f"{watched.name} oscillates at {made.frequency:.3g} Hz with an amplitude of {size}, which "
+        f"{way} ({bound} would pass){_so_do(beside, 'does', 'do')}"
+    )
+
+
+def _so_do(beside: Sequence[str], one: str, several: str) -> str:
+    """The other signals, as the end of a sentence; empty without any."""
+    if not beside:
+        return ""
+    named = ", ".join(beside[:_MORE])
+    more = f" and {len(beside) - _MORE} more" if len(beside) > _MORE else ""
+    return f"; so {one if len(beside) == 1 else several} {named}{more}"

@@ -1,0 +1,189 @@
+"""Whether a signal oscillates without an end: a narrow band of its spectrum that does not decay.
+
+What is looked at is the last half of a visit of a stage, n ticks, less its straight line. Under a
+Hann window w the spectrum X has, by Parseval, in a band of bins the variance
+
+    sum of |X|^2 over the band and its mirror image / (n sum of w^2),
+
+and a sine of amplitude A, whose main lobe is two bins to either side, has there A^2/2.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Vector = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+#: Ticks of a half visit below which nothing can be told.
+LEAST_TICKS = 64
+#: Cycles that the half visit holds at least; slower is a drift.
+LEAST_CYCLES = 4
+#: The main lobe of a Hann window, to either side [bins].
+LOBE = 2
+#: A peak has so many times the power that the median of all bins would give its band.
+ABOVE_REST = 20.0
+#: To either side the power falls to this share of the peak's before it rises above it again: a step
+#: or a kink has a slope for a spectrum, and no peak.
+VALLEY = 0.25
+#: Beside noise it also has so many times the power of its neighbours, so many bins away.
+ABOVE_NEIGHBOURS, NEIGHBOURS = 20.0, (4, 12)
+#: Noise of power N in a band of power B makes the growth uncertain by 0.84 sqrt(N/B): a half's
+#: amplitude A by 2 s/sqrt(n), N being 10 s^2/n and B being A^2/2. Three times that is granted.
+UNCERTAIN = 2.5
+#: Bins in which a reference has this share of its own largest amplitude are its affair.
+OF_REFERENCE = 0.02
+#: Friction makes a square wave of a sine, with 1/m of the amplitude at m times the frequency;
+#: so much more than that is let pass.
+OF_HARMONICS = 1.5
+#: What falls below this share of itself in a quarter of the visit decays.
+STAYS = 0.9
+#: Envelopes that fall below this share of their mean, more than now and then, are of bursts.
+PERSISTS, NOW_AND_THEN = 0.25, 10
+#: Median of the power of white noise in a bin, as a share of its mean.
+_MEDIAN = np.log(2.0)
+#: What a filter cannot know at the ends of the half visit [share].
+_ENDS = 1 / 8
+
+
+@dataclass(frozen=True, slots=True)
+class Oscillation:
+    """What does not decay.
+
+    Attributes:
+        frequency: [Hz].
+        amplitude: of a sine with the power of the band [unit of the signal].
+        growth: factor of its envelope in a quarter of the visit.
+    """
+
+    frequency: float
+    amplitude: float
+    growth: float
+
+
+def judged(ticks: int) -> int:
+    """How many ticks of a visit are looked at; 0 of one that is too short to tell."""
+    half = ticks // 2
+    return half if half >= LEAST_TICKS else 0
+
+
+def oscillation(
+    values: Vector,
+    period: float,
+    least: float,
+    references: Sequence[Vector] = (),
+    *,
+    noisy: bool = False,
+) -> Oscillation | None:
+    """The largest oscillation in the last half of a visit; None without one, or if it is too short.
+
+    Args:
+        values: (n,) of the whole visit.
+        period: between two ticks [s].
+        least: amplitude from which it counts [unit of the values].
+        references: (n,) each, what makes the signal move by intention, in whatever unit.
+        noisy: whether noise is among what moves it.
+    """
+    n = judged(len(values))
+    if not n:
+        return None
+    x = values[-n:]
+    # A sine of amplitude A spans 2 A, and on the last frequency counts as sqrt(2) A.
+    if not np.isfinite(x).all() or float(np.ptp(x)) < np.sqrt(2.0) * least:
+        return None
+    x = _level(x)
+    power = _power(x)
+    band = _band(power)
+    amplitude = np.sqrt(2.0 * band)
+    bins = np.arange(len(power))
+    free = bins >= LEAST_CYCLES
+    wanted = np.full(len(power), least)
+    for reference in references:
+        own = np.sqrt(2.0 * _band(_power(_level(reference[-n:]))))
+        if not np.isfinite(own).all() or not own.max() > _rounding(reference[-n:]):
+            continue
+        free &= own < OF_REFERENCE * own.max()
+        first = max(int(np.argmax(own)), 1)
+        wanted = np.maximum(wanted, OF_HARMONICS * amplitude[first] * first / np.maximum(bins, 1))
+    if not free.any():
+        return None
+    rest = (2 * LOBE + 1) * float(np.median(power[free])) / _MEDIAN
+    free &= (amplitude >= wanted) & (band >= ABOVE_REST * rest)
+    around = _neighbours(power) if noisy else np.zeros(len(power))
+    free &= band >= ABOVE_NEIGHBOURS * around
+    for peak in sorted(np.flatnonzero(free).tolist(), key=lambda k: -amplitude[k]):
+        if not _is_peak(band, peak):
+            continue
+        growth = _growth(x, peak, 2 * LOBE if noisy else max(2 * LOBE, peak // LEAST_CYCLES))
+        least_growth = STAYS - UNCERTAIN * float(np.sqrt(around[peak] / band[peak]))
+        if growth is not None and growth >= least_growth:
+            lobe = slice(max(peak - LOBE, 0), peak + LOBE + 1)
+            centre = float(np.average(bins[lobe], weights=power[lobe]))
+            return Oscillation(centre / (n * period), float(amplitude[peak]), growth)
+    return None
+
+
+def _is_peak(band: Vector, peak: int) -> bool:
+    """Whether there is a valley to either side; beyond the last frequency there need be none."""
+    for side in (band[peak:0:-1], band[peak:]):
+        low, high = side < VALLEY * side[0], side > side[0]
+        if high.any() and not low[: int(np.argmax(high))].any():
+            return False
+    return bool((band[1 : peak + 1] < VALLEY * band[peak]).any())
+
+
+def _level(x: Vector) -> Vector:
+    """A signal (n,) less its straight line."""
+    t = np.linspace(-1.0, 1.0, len(x))
+    level: Vector = x - x.mean() - t * (t @ x) / (t @ t)
+    return level
+
+
+def _power(x: Vector) -> Vector:
+    """(n // 2 + 1,) variance of x (n,) in each bin, that of the mirror image included."""
+    n = len(x)
+    w = 0.5 - 0.5 * np.cos(2 * np.pi * np.arange(n) / n)
+    power = np.abs(np.fft.rfft(w * x)) ** 2 / (n * float(w @ w))
+    power[1 : (n + 1) // 2] *= 2.0
+    return np.asarray(power)
+
+
+def _band(power: Vector) -> Vector:
+    """The variance in the main lobe about each bin."""
+    return np.convolve(power, np.ones(2 * LOBE + 1), mode="same")
+
+
+def _neighbours(power: Vector) -> Vector:
+    """What a band about each bin would have if it were as its neighbours to either side."""
+    near, far = NEIGHBOURS
+    kernel = np.ones(2 * far + 1)
+    kernel[far - near + 1 : far + near] = 0.0
+    count = np.convolve(np.ones(len(power)), kernel, mode="full")[far:-far]
+    found = np.convolve(power, kernel, mode="full")[far:-far]
+    return np.asarray((2 * LOBE + 1) * found / np.maximum(count, 1.0))
+
+
+def _growth(x: Vector, peak: int, reach: int) -> float | None:
+    """The factor by which the envelope of bins about a peak grows in half of x; None of bursts."""
+    n = len(x)
+    spectrum = np.fft.fft(x)
+    bins = np.arange(n)
+    kept = (np.abs(bins - peak) <= reach) & (bins > 0) & (bins <= n // 2)
+    envelope = np.abs(np.fft.ifft(np.where(kept, spectrum, 0.0)))
+    ends = round(_ENDS * n)
+    envelope = envelope[ends : n - ends]
+    if np.percentile(envelope, NOW_AND_THEN) < PERSISTS * envelope.mean():
+        return None
+    middle = len(envelope) // 2
+    early, late = (float(np.sqrt(np.mean(e**2))) for e in (envelope[:middle], envelope[middle:]))
+    # The middles of the two parts are less than half of x apart.
+    return (late / early) ** (n / 2 / middle) if early else None
+
+
+def _rounding(x: Vector) -> float:
+    """Below this a reference stands still."""
+    return 1e-9 * max(float(np.max(np.abs(x), initial=0.0)), 1e-6)
