@@ -195,6 +195,8 @@ MEANINGS: dict[str, dict[str, Meaning]] = {
         "frame": ("Its task frame; by default that of the file.", ()),
         "law": ("Its control law, in place of the file's.", ("hybrid",)),
         "limits": ("Put over the file's limits, key by key.", ({"force": "20 N"},)),
+        "allow": ("What a run may do in it and pass: oscillate without end, saturate.",
+                  (["oscillation"],)),
     },
     "Start": {
         "xyz": ("Where the tool tip is in the world.", (["500 mm", 0, "340 mm"],)),

@@ -135,9 +135,7 @@ class Stage(Model):
         False, title="Tare", description="The sensor's mean over this stage becomes its zero"
     )
 
-    allow: Annotated[tuple[str, ...], _ALLOWED] = Field(
-        (), title="Faults that a run may have", description="oscillation, saturation"
-    )
+    allow: Annotated[tuple[str, ...], _ALLOWED] = Field((), title="Faults that a run may have")
 
     @classmethod
     def rules(cls, data: Map, context: ParseContext) -> None:
