@@ -184,8 +184,6 @@ def made(folder, **parts: str) -> Run:
 
 _TABLE = ", motion: {z: 0.3 mm * sin(2*pi*clock/(0.25 s))}"
 _SLIDE = ", x: {position: 10 mm * sin(2*pi*t/(1 s))}"
-#: Nearly as fast as the tool may be.
-_FAST = ", x: {position: 15 mm * sin(2*pi*t/(1 s))}"
 _NOISE = "\n  sensor: {noise: 0.5 N}"
 
 
@@ -268,14 +266,13 @@ def test_a_stage_that_allows_it_passes(tmp_path):
     assert (run.verdict, run.exit_code) == ("passed", 0)
 
 
-def test_a_run_that_is_stopped_is_judged_as_far_as_it_came(tmp_path):
-    """The oscillation grows until the tool is too fast; the status stays that of the stop."""
-    run = made(tmp_path, law=_RINGS, axes=_FAST, moves=", friction: 0.3")
-    assert run.verdict == "stopped"
-    assert run.exit_code == 4
+def test_a_run_that_breaks_off_is_judged_as_far_as_it_came(tmp_path):
+    """The outcome stays that of what ended it."""
+    run = made(tmp_path, law=_RINGS, allow=", fail_if: t > 3 s")
+    assert (run.verdict, run.exit_code) == ("failed", 1)
     (found,) = run.findings
     assert found.kind == "oscillation"
-    assert found.end <= run.end + 1e-9
+    assert (found.start, found.end) == pytest.approx((1.5, 3.0), abs=5e-3)
 
 
 def test_the_console_and_the_summary_say_it(tmp_path):
