@@ -44,11 +44,13 @@ class Mode:
         z: over one period of control.
         s: ln(z)/T [1/s].
         shape: (n,) amplitudes of the joints.
+        doubt: how far rounding may have moved s [1/s].
     """
 
     z: complex
     s: complex
     shape: NDArray[np.complex128]
+    doubt: float = 0.0
 
     @property
     def damping_ratio(self) -> float:
@@ -146,7 +148,8 @@ def modes(
         if abs(z - 1) < moved or z.imag < 0 or abs(z) < _GONE:
             continue
         s = np.log(complex(z)) / span
-        found.append(Mode(complex(np.exp(s * period)), s, shape[: plant.n]))
+        off = moved / (abs(z) * span)
+        found.append(Mode(complex(np.exp(s * period)), s, shape[: plant.n], float(off)))
     return tuple(sorted(found, key=lambda mode: -mode.s.real))
 
 

@@ -20,9 +20,15 @@ from taskspec.program.context import Context
 from taskspec.program.sensor import SensorModel
 from taskspec.spec import Task
 
-#: A mode that grows more slowly than this [1/s], or whose damping ratio is above minus the other,
-#: is on the boundary as far as the model goes: its pose, mass and contact are those of the start.
-LEAST_GROWTH, LEAST_NEGATIVE_DAMPING = 0.1, 2e-3
+#: A mode that grows more slowly than this [1/s] is on the boundary: in a hundred seconds it becomes
+#: a tenth larger. One that grows by no more than rounding may have moved its pole is there too.
+LEAST_GROWTH = 1e-3
+#: A stage is on its boundary if one of its gains is within this part of it: stiffness and mass of a
+#: contact are not known better. A fifth of a percent more, to which a boundary can be measured.
+MARGIN = 0.022
+#: A mode whose damping ratio is above this is far from a boundary: where a gain alone decides how a
+#: mode is damped, and as steeply as its square, a part m of it takes 2 m off the damping ratio.
+_NEAR = 2 * MARGIN
 #: A mode rings if its damping ratio is below the first and it dies away slower than the second
 #: [1/s]: it takes more than seven swings to a hundredth of what began it, and longer than 0.2 s.
 LEAST_DAMPING_RATIO, QUICK = 0.1, 20.0
@@ -44,6 +50,8 @@ PROPOSED = (
     "damping_ratio",
     "joint_damping",
 )
+#: Those of them that make a force loop quick.
+QUICK_LOOP = ("force.integral", "force.proportional")
 #: Those of them that a motion loop has.
 MOTION = ("bandwidth", "damping_ratio")
 
@@ -71,7 +79,12 @@ class Limit:
 
 def grows(mode: Mode) -> bool:
     """Whether a mode is clearly unstable."""
-    return mode.s.real > LEAST_GROWTH and mode.damping_ratio < -LEAST_NEGATIVE_DAMPING
+    return mode.s.real > max(LEAST_GROWTH, mode.doubt)
+
+
+def near_boundary(mode: Mode) -> bool:
+    """Whether a mode is damped so little that a small change of a gain may make it grow."""
+    return mode.s.imag != 0 and mode.damping_ratio < _NEAR
 
 
 @dataclass(frozen=True, slots=True)
@@ -198,6 +211,35 @@ class Search:
             return None
         factor, upper = found
         return Limit(what, tuple(on), now.value * factor, now.value, upper, now.origin == "file")
+
+    def near(self, axis: str, part: float = MARGIN) -> str:
+        """The gain of an axis, or of the joints, that is within a part of a boundary; "" for none.
+
+        Of a force loop it is one that makes it quick. Late by some ticks, a stiff contact takes off
+        so much of a damper that two percent of this may be ten of an integral.
+
+        Args:
+            axis: whose gains are moved, each with those of others that are the same number.
+            part: of the boundary.
+        """
+        task = self.sampled.context.loaded.task if self.task is None else self.task
+        plant, period = self.sampled.plant(task), self.context.period
+        sensor = SensorModel.of(task.robot.sensor, period)
+        if states(self.sampled.controller, plant, sensor) > _MOST_SEARCHED:
+            return ""
+        gains = self.sampled.stage.plan.gains
+        for what in QUICK_LOOP if axis in gains.get("force.proportional", {}) else PROPOSED:
+            by = gains.get(what, {})
+            of = next(iter(by), "") if what == "joint_damping" else axis
+            if of not in by or by[of].value <= 0:
+                continue
+            family = Family.of(self.sampled, what, together(self.context, self.sampled, what, of))
+            if family is None:
+                continue
+            for factor in (1 / (1 - part), 1 - part):
+                if any(map(grows, modes(family.at(factor), plant, sensor, period))):
+                    return what
+        return ""
 
     def stiffness(self, name: str) -> Limit | None:
         """The boundary of a contact's stiffness nearest to its value; None where it has none."""

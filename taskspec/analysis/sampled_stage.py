@@ -168,7 +168,8 @@ def bare(stage: StagePlan) -> StagePlan:
 def loop_of(task: TaskPlan, name: str) -> SampledStage | None:
     """A stage of a task at its equilibrium, analysed once for all who ask; see `analyse`."""
     if name not in task.loops:
-        task.loops[name] = analyse(task.stages[name])
+        stage = task.stages[name]
+        task.loops[name] = stage.design.loop or analyse(stage)
     found: SampledStage | None = task.loops[name]
     return found
 

@@ -9,6 +9,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from taskspec.analysis.held_design import best_design
 from taskspec.foresight.carried import rates_at_end, rates_of, twist_of
 from taskspec.foresight.course import course_of, moving_axes
 from taskspec.geometry.axis import AXES, Axis
@@ -237,4 +238,4 @@ def plan_task(loaded: LoadedTask) -> TaskPlan:
     Raises:
         SpecError: the robot cannot be loaded or its start cannot be reached.
     """
-    return TaskPlan(prepare(loaded), NominalWalk)
+    return TaskPlan(prepare(loaded), NominalWalk, best_design)

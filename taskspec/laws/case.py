@@ -13,6 +13,7 @@ from taskspec.control.resolution import full_acceleration
 from taskspec.control.state import TaskState
 from taskspec.geometry.axis import Axis
 from taskspec.laws.gains import Gains, diagonal
+from taskspec.laws.mechanism_form import FreeWays
 from taskspec.laws.multipliers import Multipliers
 
 
@@ -32,6 +33,7 @@ class Case:
         normal: names of the motion axes along a contact's normal.
         posture: (n,) acceleration that a redundant arm has in its null space, else None.
         constraints: of a stage under a law with multipliers; None where it has none.
+        ways: of the mechanism that it holds, where the law takes the form for that; else None.
     """
 
     state: TaskState
@@ -43,6 +45,7 @@ class Case:
     normal: tuple[Axis, ...] = ()
     posture: ca.SX | None = None
     constraints: Multipliers | None = None
+    ways: FreeWays | None = None
 
     def gain(self, name: str, axis: Axis) -> float:
         """One gain on one axis [SI]."""

@@ -62,6 +62,9 @@ def springs(law: ControlLaw, axis: AxisDesign) -> dict[str, Gain]:
     damping = axis.own_damping or axis.of_the_law("damping")
     gains = {"mass": mass, "stiffness": stiffness}
     if axis.force and law.force_loop:
+        if damping is None and plant.k == 0 and plant.damper is None:
+            # Nothing but the spring brings the axis back.
+            damping = _spring_damping(mass, stiffness, 0.0, moved)
         loop = force_loop(law, replace(axis, plant=moved), damping)
         return gains | {
             "damping": loop["force.damping"],
@@ -85,22 +88,32 @@ def force_loop(law: ControlLaw, axis: AxisDesign, damping: Gain | None = None) -
     """
     plant = axis.plant
     damping = damping or axis.of_the_law("force.damping")
-    if damping is None:
+    if damping is None and plant.damper is not None:
+        damping = Gain(plant.damper, "designed: a Lambda_ii, a = 100/s or 1/(3 T)")
+    elif damping is None:
         damping = limited(2 * math.sqrt(plant.h * plant.k), plant, "designed: 2 sqrt(h k)")
-    integral = axis.of_the_law("force.integral")
-    if integral is None:
-        fastest = 2 * math.pi * INTEGRAL_FREQUENCY
-        by_contact = plant.k / (8 * damping.value) if damping.value > 0 else fastest
-        integral = (
-            Gain(fastest, "designed: 2 pi 2 Hz")
-            if fastest <= by_contact
-            else Gain(by_contact, "designed: k / (8 d)")
-        )
+    integral = axis.of_the_law("force.integral") or _integral(plant, damping.value)
     integrates = "force.integral" in law.gain_names
     usual = 0.0 if integrates else _REACTION_GAIN
     proportional = axis.of_the_law("force.proportional") or Gain(usual, f"designed: {usual:g}")
     loop = {"force.proportional": proportional, "force.damping": damping}
     return loop | ({"force.integral": integral} if integrates else {})
+
+
+def _integral(plant: AxisPlant, damping: float) -> Gain:
+    """The slowest of what rules allow the integral of a force loop.
+
+    An axis of a held mechanism moves the arm with all other directions held by the grip. With k and
+    d_e of the grip and this Lambda_ii its loop is Lambda_ii s^3 + (d + d_e) s^2 + k s + i k, stable
+    below i = (d + d_e) / Lambda_ii; a quarter of that is taken.
+    """
+    rules = [Gain(2 * math.pi * INTEGRAL_FREQUENCY, "designed: 2 pi 2 Hz")]
+    if damping > 0:
+        rules.append(Gain(plant.k / (8 * damping), "designed: k / (8 d)"))
+    if plant.grip is not None and plant.k > 0:
+        by_mass = (damping + plant.grip) / (4 * plant.held)
+        rules.append(Gain(by_mass, "designed: (d + d_e) / (4 Lambda_ii)"))
+    return min(rules, key=lambda rule: rule.value)
 
 
 def joint_damping(given: Sequence[float] | None, joints: Sequence[AxisPlant]) -> dict[str, Gain]:

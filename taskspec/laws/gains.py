@@ -89,12 +89,17 @@ class AxisPlant:
         held: the same while the others are held, Lambda_ii.
         k: nominal contact stiffness [N/m, N m/rad].
         period: control period T [s].
+        grip: damping of the grip on a mechanism along the axis [N s/m, N m s/rad]; None without.
+        damper: what a law's form for the mechanism damps the axis with [N s/m, N m s/rad]; None
+            where the law damps it by its own rules.
     """
 
     h: float
     held: float
     k: float
     period: float
+    grip: float | None = None
+    damper: float | None = None
 
     @property
     def most_damping(self) -> float:

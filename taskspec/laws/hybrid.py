@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from taskspec.control.command import Command
+from taskspec.laws import mechanism_form
 from taskspec.laws.gains import (
     BANDWIDTH,
     DAMPING,
@@ -43,12 +44,15 @@ class Hybrid(ControlLaw):
     equations = "section 4.3.3, (4.123)"
     gains = (BANDWIDTH, DAMPING_RATIO, FORCE_PROPORTIONAL, FORCE_INTEGRAL, FORCE_DAMPING)
     derived = (K_P, K_D, STIFFNESS, DAMPING)
+    mechanism_form = True
     force_loop = True
     selects = True
     rest = "K e of the soft axis"
 
     def command(self, case: Case) -> Command:
-        """The three equations, each on its axes."""
+        """The three equations, each on its axes; on a mechanism perhaps the form for that."""
+        if case.ways is not None:
+            return on_mechanism(case)
         state, reference = case.state, case.reference
         K_P, K_D = case.diagonals("K_P", "K_D")
         velocity_error = reference.velocity - state.velocity
@@ -65,14 +69,22 @@ class Hybrid(ControlLaw):
         return Command(acceleration=acceleration, wrench=-state.f)
 
 
-def _drive(case: Case, axis: Axis) -> ca.SX:
-    """u, the force [N, N m] that the robot applies on a force axis or a soft one."""
+def _drive(case: Case, axis: Axis, *, own: bool = True) -> ca.SX:
+    """u, the force [N, N m] that the robot applies on a force axis or a soft one.
+
+    Args:
+        case: the stage.
+        axis: the axis.
+        own: whether a designed damping is the axis' own; else something else sees to that.
+    """
     state, reference, i = case.state, case.reference, case.state.axes.index(axis)
     rate = reference.velocity[i] - state.velocity[i]
     if axis in case.soft:
         pull = soft_drive(reference.error[i], rate, case.gain("stiffness", axis),
                           case.gain("damping", axis))  # fmt: skip
         return pull + case.applied(reference.released[i])
+    damping = case.gains["force.damping"][axis]
+    integral = case.gain("force.integral", axis) if "force.integral" in case.gains else 0.0
     return force_drive(
         case.applied(reference.force[i]),
         case.applied(state.f[i]),
@@ -80,10 +92,20 @@ def _drive(case: Case, axis: Axis) -> ca.SX:
         state.velocity[i] - reference.velocity[i],
         (
             case.gain("force.proportional", axis),
-            case.gain("force.integral", axis),
-            case.gain("force.damping", axis),
+            integral,
+            damping.value if own or damping.origin == "file" else 0.0,
         ),
     )
+
+
+def on_mechanism(case: Case) -> Command:
+    """The form for a held mechanism, which damps what is not free by itself.
+
+    A damping of the file is added to that along its axis.
+    """
+    assert case.ways is not None
+    drives = {a: _drive(case, a, own=False) for a in (*case.force, *case.soft)}
+    return mechanism_form.command(case, case.ways, drives, *case.diagonals("K_P", "K_D"))
 
 
 def force_drive(

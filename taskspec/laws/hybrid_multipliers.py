@@ -14,6 +14,7 @@ from taskspec.laws.gains import (
     K_D,
     K_P,
 )
+from taskspec.laws.hybrid import on_mechanism
 from taskspec.laws.law import ControlLaw, register
 
 if TYPE_CHECKING:
@@ -35,6 +36,7 @@ class HybridMultipliers(ControlLaw):
     equations = "(4.104)-(4.106), (4.117)"
     gains = (BANDWIDTH, DAMPING_RATIO, FORCE_PROPORTIONAL, FORCE_INTEGRAL, FORCE_DAMPING)
     derived = (K_P, K_D)
+    mechanism_form = True
     force_loop = True
     multipliers = True
     selects = True
@@ -42,6 +44,8 @@ class HybridMultipliers(ControlLaw):
 
     def command(self, case: Case) -> Command:
         """(4.106) with K_lambda [1] and K_I [1/s] diagonal."""
+        if case.ways is not None:
+            return on_mechanism(case)
         wanted, released = case.joint_motion(), case.applied(case.reference.released)
         on = case.constraints
         if on is None:

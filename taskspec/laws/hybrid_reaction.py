@@ -13,6 +13,7 @@ from taskspec.laws.gains import (
     K_D,
     K_P,
 )
+from taskspec.laws.hybrid import on_mechanism
 from taskspec.laws.law import ControlLaw, register
 
 if TYPE_CHECKING:
@@ -34,6 +35,7 @@ class HybridReaction(ControlLaw):
     equations = "(4.118)-(4.122)"
     gains = (BANDWIDTH, DAMPING_RATIO, FORCE_PROPORTIONAL, FORCE_DAMPING)
     derived = (K_P, K_D)
+    mechanism_form = True
     force_loop = True
     multipliers = True
     selects = True
@@ -41,6 +43,8 @@ class HybridReaction(ControlLaw):
 
     def command(self, case: Case) -> Command:
         """(4.121) with K_F diagonal on the coordinates of q_1."""
+        if case.ways is not None:
+            return on_mechanism(case)
         wanted, released = case.joint_motion(), case.applied(case.reference.released)
         on = case.constraints
         if on is None:

@@ -6,9 +6,10 @@ from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING
 
 from taskspec.control.command import Command
+from taskspec.laws import design
 from taskspec.laws.conditions import rigid_mass
-from taskspec.laws.gains import DAMPING, MASS, STIFFNESS, Gain
-from taskspec.laws.law import ControlLaw, register
+from taskspec.laws.gains import DAMPING, MASS, STIFFNESS, AxisDesign, Gain
+from taskspec.laws.law import LAWS, ControlLaw, register
 
 if TYPE_CHECKING:
     from taskspec.laws.case import Case
@@ -26,10 +27,21 @@ class Impedance(ControlLaw):
     title = "impedance control with force feedback"
     equations = "(4.16), (4.17)"
     gains = (MASS, STIFFNESS, DAMPING)
+    mechanism_form = True
     rest = "(4.15), (4.24)"
 
+    def design(self, axis: AxisDesign) -> dict[str, Gain]:
+        """On a mechanism perhaps for the arm's own inertia, held by the springs of all axes."""
+        law = self if axis.plant.damper is None else LAWS["impedance-natural"]
+        return design.springs(law, axis)
+
     def command(self, case: Case) -> Command:
-        """(4.16), (4.17) with H_m, K_m, D_m diagonal in the task frame."""
+        """(4.16), (4.17) with H_m, K_m, D_m diagonal in the task frame.
+
+        In the form for a held mechanism H_m is Lambda, and no measured force is taken off.
+        """
+        if case.ways is not None:
+            return _on_mechanism(case)
         state, reference = case.state, case.reference
         mass, stiffness, damping = case.diagonals("mass", "stiffness", "damping")
         velocity_error = reference.velocity - state.velocity
@@ -44,3 +56,11 @@ class Impedance(ControlLaw):
         """On a rigid contact, h_m > Lambda_n / 2."""
         if at.rigid:
             yield rigid_mass(at)
+
+
+def _on_mechanism(case: Case) -> Command:
+    """(4.16) with H_m = Lambda: D_m e' + K_m e is sent as a wrench, and f acts by itself."""
+    state, reference = case.state, case.reference
+    stiffness, damping = case.diagonals("stiffness", "damping")
+    wrench = damping * (reference.velocity - state.velocity) + stiffness * reference.error
+    return Command(acceleration=reference.acceleration, wrench=wrench)

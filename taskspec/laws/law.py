@@ -38,6 +38,7 @@ class ControlLaw(ABC):
         damps_joints: its damping is one of the joints.
         bare: it compensates nothing, not even gravity, and follows no goal in the null space.
         multipliers: its forces are multipliers of constraints: force axes and equations alike.
+        mechanism_form: it has a form for a held mechanism, which takes no measured force off.
         undamped: where damping comes from, of a law that damps no axis; else empty.
         rest: equation of the force that its springs come to rest with.
     """
@@ -55,6 +56,7 @@ class ControlLaw(ABC):
     damps_joints: ClassVar[bool] = False
     bare: ClassVar[bool] = False
     multipliers: ClassVar[bool] = False
+    mechanism_form: ClassVar[bool] = False
     undamped: ClassVar[str] = ""
     rest: ClassVar[str] = "K e"
 

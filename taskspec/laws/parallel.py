@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, ClassVar
 
 from taskspec.control.command import Command
+from taskspec.laws import mechanism_form
 from taskspec.laws.conditions import AxisContact, StabilityCondition, rigid_loop, rigid_mass
 from taskspec.laws.gains import (
     DAMPING,
@@ -43,12 +44,15 @@ class Parallel(ControlLaw):
         FORCE_PROPORTIONAL,
         FORCE_INTEGRAL,
     )
+    mechanism_form = True
     force_loop = True
     shares = True
     rest = "(4.15), (4.24)"
 
     def command(self, case: Case) -> Command:
         """(4.36)-(4.38) with diagonal gains; K_F, K_I are zero on other axes without a force."""
+        if case.ways is not None:
+            return _on_mechanism(case)
         state, reference = case.state, case.reference
         mass, stiffness, damping = case.diagonals("mass", "stiffness", "damping")
         proportional, integral = case.diagonals("force.proportional", "force.integral")
@@ -91,3 +95,25 @@ class Parallel(ControlLaw):
             yield rigid_mass(at)
         elif at.rigid and at.force:
             yield from rigid_loop(at, self.last_equation, at.mass / g["mass"], uncancelled=1.0)
+
+
+def _on_mechanism(case: Case) -> Command:
+    """The form for a held mechanism: (4.36) with H_m = Lambda, and no measured force taken off.
+
+    A motion axis has K_P = k_m / h_m and K_D = d_m / h_m; on a force axis the robot applies
+    k_m e + f_d + (K_F - 1)(f_d - f) + K_I int (f_d - f) dt, since f itself acts, K_F = 1.
+    """
+    assert case.ways is not None
+    state, reference = case.state, case.reference
+    mass, stiffness, damping = case.diagonals("mass", "stiffness", "damping")
+    drives = {}
+    for axis in case.force:
+        i = state.axes.index(axis)
+        error = reference.force[i] - state.f[i]
+        force = reference.force[i] + (case.gain("force.proportional", axis) - 1) * error
+        force += case.gain("force.integral", axis) * reference.force_integral[i]
+        drives[axis] = stiffness[i] * reference.error[i] + case.applied(force)
+        if case.gains["damping"][axis].origin == "file":
+            drives[axis] += damping[i] * (reference.velocity[i] - state.velocity[i])
+    K_P, K_D = stiffness / mass, damping / mass
+    return mechanism_form.command(case, case.ways, drives, K_P, K_D)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Protocol, Self
 
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from taskspec.geometry.axis import Axis
 from taskspec.laws.gains import AxisPlant, Gains, value_of
+from taskspec.laws.mechanism_form import damping_rate
 from taskspec.modes import Coupling
 from taskspec.motion.path import PathShape
 from taskspec.program.axes import MOSTLY, existing_axes
@@ -40,6 +41,21 @@ _CONDITION = 1e12
 _SAME = float(np.cos(np.deg2rad(1.0)))
 
 
+@dataclass(frozen=True, slots=True)
+class Design:
+    """How a stage's law acts.
+
+    Attributes:
+        gains: on axes, equations and joints.
+        consistent: it takes the form for a held mechanism.
+        loop: its sampled loop, where the design has been held against that.
+    """
+
+    gains: Gains
+    consistent: bool = False
+    loop: Any = None
+
+
 class StagePlan:
     """What is decided about a stage: each thing once, when it is first asked for.
 
@@ -62,6 +78,7 @@ class StagePlan:
         context: Context,
         name: str,
         at: Callable[[], tuple[Vector, Vector]] | None = None,
+        choose: Callable[[StagePlan], Design] | None = None,
     ) -> None:
         """A stage of a task.
 
@@ -70,7 +87,9 @@ class StagePlan:
             name: of the stage.
             at: where the tip is as the stage starts, asked when that is first needed; None for
                 the start pose.
+            choose: knows the best design on a held mechanism; None for what the rules give.
         """
+        self._choose = choose
         self.context, self.name = context, name
         self.spec = context.loaded.task.stages[name]
         self._at = at
@@ -422,17 +441,57 @@ class StagePlan:
     @cached_property
     def plants(self) -> dict[Axis, AxisPlant]:
         """Mass and stiffness of each axis at the start pose, for gain design."""
-        mobility = self._jacobian @ np.linalg.inv(self.context.start_inertia) @ self._jacobian.T
-        rows = np.ix_(self._rows, self._rows)
-        mobility = mobility[rows]
+        mobility = self._mobility
         if np.linalg.cond(mobility) > _CONDITION:
             # The run stops before its first tick; that it is said needs gains that are finite.
             mobility = mobility + np.eye(len(self._rows)) / _CONDITION
         held, period = np.diag(np.linalg.inv(mobility)), self.context.period
         return {
-            a: AxisPlant(h=1.0 / mobility[i, i], held=held[i], k=self.environment[a], period=period)
+            a: AxisPlant(
+                h=1.0 / mobility[i, i],
+                held=held[i],
+                k=self.environment[a],
+                period=period,
+                grip=self._grip_damping(a) if self.held else None,
+            )
             for i, a in enumerate(self.axes)
         }
+
+    def _grip_damping(self, axis: Axis) -> float:
+        """Damping of the grip along or about an axis at the control point."""
+        if not axis.is_rotation:
+            return GRIP.damping
+        about = np.cross(self.rotation[:, axis.column], self.lever)
+        return GRIP.angular_damping + GRIP.damping * float(about @ about)
+
+    @property
+    def _mobility(self) -> Vector:
+        """(m, m) J H^-1 J^T of its axes at the start pose."""
+        J = self._jacobian[self._rows]
+        return np.asarray(J @ np.linalg.solve(self.context.start_inertia, J.T))
+
+    @property
+    def cancels_late(self) -> float:
+        """How much larger, every tick, the grip's damping makes what a law takes off too late.
+
+        rho(T (M - S_y M_yy S_y^T) D_g) at the start pose, with M = J H^-1 J^T, the axes y that give
+        way, and the damping D_g of the grip: a law that selects takes the measured force off all
+        but the block of these. From 1 on it flips from tick to tick, whatever its gains. 0 for a
+        law that does not select, and where nothing is held.
+        """
+        if not (self.held and self.law.control_law.selects):
+            return 0.0
+        late, context = self._mobility, self.context
+        yielding = [i for i, p in enumerate(self.plans.values()) if p.force or p.soft]
+        late[np.ix_(yielding, yielding)] = 0.0
+        # Twist of the tip, world axes, per rates of the axes.
+        J = np.kron(np.eye(2), self.rotation)
+        J[:3, 3:] = np.cross(self.lever, self.rotation, axisb=0, axisc=0)
+        J, turned = J[:, self._rows], context.mechanisms[self.held].rotation[:, 2]
+        grip = np.diag([GRIP.damping] * 3 + [GRIP.angular_damping] * 3)
+        if context.mechanisms[self.held].free:
+            grip[3:, 3:] -= GRIP.angular_damping * np.outer(turned, turned)
+        return float(np.max(np.abs(np.linalg.eigvals(context.period * late @ (J.T @ grip @ J)))))
 
     @property
     def _rows(self) -> list[int]:
@@ -500,7 +559,41 @@ class StagePlan:
     @cached_property
     def gains(self) -> Gains:
         """Gains of its axes, of its equations and of the joints, with their origins."""
-        gains = self.law.design({a: p.axis for a, p in self.plans.items()}, self.plants)
+        return self.design.gains
+
+    @cached_property
+    def consistent(self) -> bool:
+        """Whether its law takes the form for a held mechanism."""
+        return self.design.consistent
+
+    @cached_property
+    def design(self) -> Design:
+        """Form and gains of its law; on a held mechanism those that the sampled loop is best with.
+
+        Without anything that knows the loop, the law's own form and what its rules give.
+        """
+        if not self.held or self._choose is None:
+            return self.by_rules()
+        return self._choose(self)
+
+    @property
+    def has_mechanism_form(self) -> bool:
+        """Whether its law has a form for the mechanism that it holds, seen as its frame does."""
+        law = self.law
+        fits = law.control_law.mechanism_form and law.orientation == "so3" and not self.active
+        return bool(self.held) and fits and self.moving_base is None
+
+    def by_rules(self, *, consistent: bool = False) -> Design:
+        """What the law's rules give.
+
+        Args:
+            consistent: whether it takes the form for a held mechanism.
+        """
+        plants = self.plants
+        if consistent:
+            rate = damping_rate(self.context.period)
+            plants = {a: replace(plant, damper=rate * plant.held) for a, plant in plants.items()}
+        gains = self.law.design({a: p.axis for a, p in self.plans.items()}, plants)
         context = self.context
         for gain, by in equation_gains(context, self.law, self.active, context.equations).items():
             gains.setdefault(gain, {}).update(by)
@@ -508,7 +601,11 @@ class StagePlan:
             stiffness = [value_of(gains, "stiffness", a) + self._pressed(a) for a in self.axes]
             joints = self._joint_plants(stiffness)
             gains["joint_damping"] = self.law.design_joints(joints)
-        return gains
+        return Design(gains, consistent)
+
+    def designed_as(self, design: Design) -> Self:
+        """The same stage under another design."""
+        return self.but(design=design, gains=design.gains, consistent=design.consistent)
 
     def _pressed(self, axis: Axis) -> float:
         """Stiffness of the contact that an axis presses on [N/m, N m/rad]; 0 where it does not."""
@@ -542,17 +639,24 @@ class TaskPlan:
         loops: the sampled loops of stages that were analysed, by name.
     """
 
-    def __init__(self, context: Context, walk: Callable[[Context], Walk]) -> None:
+    def __init__(
+        self,
+        context: Context,
+        walk: Callable[[Context], Walk],
+        choose: Callable[[StagePlan], Design] | None = None,
+    ) -> None:
         """The plans of the stages of a task.
 
         Args:
             context: robot, start, frames and surfaces.
             walk: makes what tells where the tool goes, from the start pose on.
+            choose: knows the best design of a stage that holds a mechanism.
         """
-        self.context = context
+        self.context, self._choose = context, choose
         self._walk_from_start, self._walk = walk, walk(context)
         self.stages: Mapping[str, StagePlan] = {
-            name: StagePlan(context, name, self._tool) for name in context.loaded.task.stages
+            name: StagePlan(context, name, self._tool, choose)
+            for name in context.loaded.task.stages
         }
         self.framed: dict[str, StagePlan] = {}
         self.loops: dict[str, Any] = {}
@@ -562,7 +666,7 @@ class TaskPlan:
         loaded = self.context.loaded
         alone = loaded.task.model_copy(update={"vary": {}})
         context = replace(self.context, loaded=replace(loaded, task=alone))
-        return TaskPlan(context, self._walk_from_start)
+        return TaskPlan(context, self._walk_from_start, self._choose)
 
     def _tool(self) -> tuple[Vector, Vector]:
         return self._walk.tool

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 from taskspec.analysis.budget import Budget
 from taskspec.analysis.given import gain_path, law_path, together, turns
-from taskspec.analysis.loop import Mode
-from taskspec.analysis.margin import PROPOSED, QUIET, STABLE, Limit, Search, grows
+from taskspec.analysis.margin import PROPOSED, QUIET, STABLE, Limit, Search
 from taskspec.analysis.sampled_stage import SampledStage
 from taskspec.laws.law import gain_named
 from taskspec.program.context import Context
@@ -17,6 +17,9 @@ from taskspec.text.units import inside, number, show
 
 #: No more gain changes of a stage are proposed than these.
 _MOST_PROPOSED = 2
+#: What is proposed is this part of a boundary of stability inside it: twice the margin within which
+#: a stage counts as unstable, since the margins of other gains change with it.
+_INSIDE = 0.05
 
 
 def remedies(
@@ -24,27 +27,32 @@ def remedies(
     analysed: SampledStage,
     axis: str,
     task: Task | None,
-    mode: Mode,
     budget: Budget,
+    *,
+    ringing: bool,
 ) -> list[Limit]:
     """What would stabilise a stage: gains of the file before designed ones, a softer contact.
 
     Args:
         context: the task.
         analysed: the stage.
-        axis: on which `mode` moves most.
+        axis: that moves most.
         task: whose world and robot are true; None for the nominal ones.
-        mode: that is to go.
         budget: of gains that may be searched.
+        ringing: whether it rings; else it is unstable.
     """
-    quality = STABLE if grows(mode) else QUIET
-    search = Search(context, analysed, task, quality, budget=budget)
+    search = Search(context, analysed, task, QUIET if ringing else STABLE, budget=budget)
     best = list(itertools.islice(_gains(analysed, search, axis), _MOST_PROPOSED))
     for name in analysed.pressed:
         if task is None and name in context.surfaces and budget.left > 0:
             limit = search.stiffness(name)
             best += [limit] if limit is not None and limit.upper else []
-    return best
+    return best if ringing else [_well_inside(limit) for limit in best]
+
+
+def _well_inside(limit: Limit) -> Limit:
+    factor = 1 - _INSIDE if limit.upper else 1 / (1 - _INSIDE)
+    return replace(limit, value=factor * limit.value)
 
 
 def _gains(analysed: SampledStage, search: Search, axis: str) -> Iterator[Limit]:

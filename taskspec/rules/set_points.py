@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 
 from taskspec.foresight.rows import shares_of
+from taskspec.geometry.axis import Axis
 from taskspec.laws.gains import on_axis
 from taskspec.program.axes import MOSTLY
 from taskspec.program.known import known_value
@@ -98,6 +100,19 @@ def presses_in_the_air(stage: StagePlan) -> Iterator[Finding]:
     A force loop in the air goes at f_d/d towards the surface, d its damping, and at twice that once
     its integral is full. What it covers while the set point is ramped is no matter.
     """
+    for axis, gap, speed in in_the_air(stage):
+        at = "" if not math.isfinite(speed) else f" at up to {show(speed, 'mm/s', 2)}"
+        yield warning(
+            "TS615",
+            f"stage {stage.name!r} presses {show(gap, 'mm', 3)} off {stage.contact!r}: nothing "
+            f"returns the force, and the tool goes there{at}",
+            FILE.stages[stage.name].axes[axis].force,
+            "let a stage before it touch: a velocity until a force is felt",
+        )
+
+
+def in_the_air(stage: StagePlan) -> Iterator[tuple[Axis, float, float]]:
+    """Axes that press from off the surface, how far [m], and how fast they may go there [m/s]."""
     law, gap = stage.law.control_law, stage.nominal.gap
     if gap is None or not law.force_loop:
         return
@@ -110,16 +125,8 @@ def presses_in_the_air(stage: StagePlan) -> Iterator[Finding]:
         if stage.contact_of(axis) != stage.contact or abs(along) < MOSTLY or value * along > 0:
             continue
         damping = law.loop_damping(on_axis(stage.gains, axis))
-        if gap * damping <= abs(value) * force.rise / 2:
-            continue
-        speed = "" if not damping else f" at up to {show(2 * abs(value) / damping, 'mm/s', 2)}"
-        yield warning(
-            "TS615",
-            f"stage {stage.name!r} presses {show(gap, 'mm', 3)} off {stage.contact!r}: nothing "
-            f"returns the force, and the tool goes there{speed}",
-            FILE.stages[stage.name].axes[axis].force,
-            "let a stage before it touch: a velocity until a force is felt",
-        )
+        if gap * damping > abs(value) * force.rise / 2:
+            yield axis, gap, 2 * abs(value) / damping if damping else math.inf
 
 
 def _on_equations(stage: StagePlan) -> Iterator[tuple[str, float, KeyPath]]:

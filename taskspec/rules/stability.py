@@ -11,15 +11,25 @@ import numpy as np
 from taskspec.analysis.budget import Budget
 from taskspec.analysis.corners import Corner, at, corners
 from taskspec.analysis.environment import linear_plant
-from taskspec.analysis.loop import Mode, Poles, UnfitError
-from taskspec.analysis.margin import LEAST_DAMPING_RATIO, LEAST_GROWTH, QUICK, grows, rings
+from taskspec.analysis.loop import FARTHEST, Mode, Poles, UnfitError
+from taskspec.analysis.margin import (
+    LEAST_DAMPING_RATIO,
+    LEAST_GROWTH,
+    QUICK,
+    Search,
+    grows,
+    near_boundary,
+    rings,
+)
 from taskspec.analysis.plant import LinearPlant, pressing
 from taskspec.analysis.sampled_stage import SampledStage, loop_of
+from taskspec.geometry.axis import Axis
 from taskspec.program.context import Context
 from taskspec.program.plan import StagePlan, TaskPlan
 from taskspec.program.world.stiffness import RESOLVED_PHASE
 from taskspec.rules import Finding, Phase, rule
 from taskspec.rules.remedies import place_of, remedies, text_of
+from taskspec.rules.set_points import in_the_air
 from taskspec.spec import FILE, AxisEntry, KeyPath, Task
 from taskspec.text.diagnostic import Severity
 from taskspec.text.units import FREQUENCY, TIME, number, scaled, show
@@ -31,6 +41,10 @@ _MOST_SEARCHED = 12
 _MOST_WORLDS = 400
 #: A varied value is left out of a message if without it a mode grows, or is damped, as much.
 _AS_MUCH = 0.95
+#: How much more a force across the normal counts than one along it.
+_ALONG = 1e6
+#: Codes of stages that ring.
+_RINGING = ("TS502", "TS504")
 #: A swing that changes more slowly than this [1/s] neither grows nor dies away in any run.
 _STEADY = 1e-3
 
@@ -79,6 +93,7 @@ class Shared:
         "TS504": "a stage that rings in a world that `vary` allows",
         "TS505": "a contact in which a motion would be unstable",
         "TS506": "a stage that is unstable while friction holds the tool",
+        "TS507": "a stage that only friction keeps stable",
     },
     phase=Phase.STABILITY,
 )
@@ -121,27 +136,118 @@ def _of_stage(task: TaskPlan, stage: StagePlan, shared: Shared) -> Iterator[Find
     analysed = loop_of(task, stage.name)
     if analysed is None or not resolved(analysed, stage.context.loaded.task):
         return
-    here = _in_the_world_of_the_file(analysed.free() if analysed.meets else analysed, shared)
+    if analysed.meets:
+        free = _in_the_world_of_the_file(analysed.free(), None, shared)
+        yield from _in_contact(analysed, shared) if free is None else free
+        return
+    if _stays_off(stage, analysed):
+        yield from _in_the_world_of_the_file(analysed.free(), None, shared) or ()
+        return
+    stuck = analysed.stuck()
+    here = _in_the_world_of_the_file(analysed, stuck, shared)
     if here is not None:
         yield from here
-    elif analysed.meets:
-        yield from _in_contact(analysed, shared)
     else:
         yield from _in_other_worlds(analysed, shared)
-        yield from _sticking(analysed, shared)
 
 
-def _in_the_world_of_the_file(analysed: SampledStage, shared: Shared) -> Iterator[Finding] | None:
-    """What is unstable, or else rings, in the world of the file; None where nothing does."""
-    modes = analysed.modes()
-    worst, ringing, name = worst_of(modes), ringing_of(modes), analysed.stage.name
+def _stays_off(stage: StagePlan, analysed: SampledStage) -> bool:
+    """Whether a stage never gets to the only contact that it is analysed on."""
+    if not stage.followed or [*analysed.pressed] != [stage.contact]:
+        return False
+    return any(gap > speed * stage.longest for _, gap, speed in in_the_air(stage))
+
+
+def _in_the_world_of_the_file(
+    analysed: SampledStage, stuck: SampledStage | None, shared: Shared
+) -> Iterator[Finding] | None:
+    """What is unstable, or else rings, in the world of the file; None where nothing does.
+
+    Args:
+        analysed: the stage while its tool slides.
+        stuck: the same while friction holds the tool; None where there is none.
+        shared: what the stages of the file have in common.
+    """
+    name = analysed.stage.name
+    sliding, sticking = analysed.modes(), () if stuck is None else stuck.modes()
+    worst, held = worst_of(sliding), worst_of(sticking)
     if worst is not None and grows(worst):
+        if stuck is not None and not _grows(held) and stays_put(analysed):
+            text = f"stage {name!r} would be unstable if the tool slid; friction holds it"
+            return _findings(analysed, sliding, worst, shared, "TS507", Severity.WARNING, text)
         text = f"stage {name!r} is unstable"
-        return _findings(analysed, modes, worst, shared, "TS501", Severity.ERROR, text)
+        return _findings(analysed, sliding, worst, shared, "TS501", Severity.ERROR, text)
+    close = _on_the_boundary(analysed, sliding)
+    if close is not None and (stuck is None or not stays_put(analysed)):
+        text = f"stage {name!r} is on the boundary of stability"
+        return _findings(analysed, sliding, close, shared, "TS501", Severity.ERROR, text)
+    if stuck is not None and held is not None and grows(held):
+        text = f"stage {name!r} is unstable while friction holds the tool"
+        return _findings(stuck, sticking, held, shared, "TS506", Severity.WARNING, text)
+    ringing = ringing_of(sliding)
     if ringing is not None:
         text = f"stage {name!r} rings"
-        return _findings(analysed, modes, ringing, shared, "TS502", Severity.WARNING, text)
+        return _findings(analysed, sliding, ringing, shared, "TS502", Severity.WARNING, text)
+    ringing = ringing_of(sticking)
+    if stuck is not None and ringing is not None:
+        text = f"stage {name!r} rings while friction holds the tool"
+        return _findings(stuck, sticking, ringing, shared, "TS502", Severity.WARNING, text)
     return None
+
+
+def _grows(mode: Mode | None) -> bool:
+    return mode is not None and grows(mode)
+
+
+def _on_the_boundary(analysed: SampledStage, modes: Sequence[Mode]) -> Mode | None:
+    """A mode that one gain, moved by no more than `MARGIN`, would make grow."""
+    for mode in modes:
+        if near_boundary(mode) and Search(analysed.context, analysed).near(
+            analysed.axis(mode, modes)
+        ):
+            return mode
+    return None
+
+
+def stays_put(analysed: SampledStage) -> bool:
+    """Whether friction holds the tool of a stage: it drives nothing across, nor pushes so hard.
+
+    Axes that hold their place return any force. The contact is in its cone if there is one in there
+    that has the set points on the other axes.
+    """
+    stage = analysed.stage.plan
+    if stage.path is not None or any(not _still(stage, axis) for axis in stage.translations):
+        return False
+    context = stage.context
+    forced = [
+        a for a in stage.translations if a in stage.spec.axes and stage.spec.axes[a].has_force
+    ]
+    wanted = [stage.set_point_of(axis) for axis in forced]
+    if None in wanted or len(analysed.pressed) != 1:
+        return False
+    [name] = analysed.pressed
+    if not forced or name not in context.surfaces:
+        return False
+    normal = stage.normal_of(name)
+    ways = np.vstack([-normal, np.linalg.svd(normal[None, :])[2][1:]])
+    rows = (ways @ analysed.rotation[:, [axis.row for axis in forced]]).T
+    # Of all such forces the one that is least across: along the normal it counts for nothing.
+    weights = np.array([_ALONG, 1.0, 1.0])
+    along, *across = weights * (np.linalg.pinv(rows * weights) @ np.array(wanted, dtype=float))
+    return float(np.linalg.norm(across)) < _least_friction(context, name) * along
+
+
+def _still(stage: StagePlan, axis: Axis) -> bool:
+    entry = stage.spec.axes.get(axis)
+    return entry is None or not entry.mode.moves or entry.mode.constant_rate(stage.known) == 0.0
+
+
+def _least_friction(context: Context, name: str) -> float:
+    """Of an object, the least that `vary` allows."""
+    task = context.loaded.task
+    nominal = float(task.shapes[name].friction)
+    varied = [v for v in task.vary.get(f"world.{name}.friction", ()) if v is not None]
+    return min([nominal, *((nominal if v.relative else 0.0) + v.low for v in varied)])
 
 
 def _in_contact(analysed: SampledStage, shared: Shared) -> Iterator[Finding]:
@@ -154,16 +260,6 @@ def _in_contact(analysed: SampledStage, shared: Shared) -> Iterator[Finding]:
         yield from _findings(analysed, modes, worst, shared, "TS505", Severity.WARNING, text)
 
 
-def _sticking(analysed: SampledStage, shared: Shared) -> Iterator[Finding]:
-    """A stage that is stable while the tool slides, but not while friction holds it."""
-    stuck = analysed.stuck()
-    modes = () if stuck is None else stuck.modes()
-    worst = worst_of(modes)
-    if stuck is not None and worst is not None and grows(worst):
-        text = f"stage {analysed.stage.name!r} is unstable while friction holds the tool"
-        yield from _findings(stuck, modes, worst, shared, "TS506", Severity.WARNING, text)
-
-
 def _in_other_worlds(analysed: SampledStage, shared: Shared) -> Iterator[Finding]:
     """The worst world that `vary` allows, if the stage is unstable or rings there."""
     objects = [*analysed.pressed, *([analysed.stage.plan.held] if analysed.stage.plan.held else [])]
@@ -173,7 +269,9 @@ def _in_other_worlds(analysed: SampledStage, shared: Shared) -> Iterator[Finding
         if not resolved(analysed, corner.task):
             continue
         plant = shared.plants.under(analysed, corner)
-        growth, damping = _suspected(analysed.poles(corner.task, plant))
+        growth, damping = _suspected(
+            analysed.poles(corner.task, plant), FARTHEST / shared.context.period
+        )
         # Few corners are worse than all before them: only these are looked at in full.
         worse = growth > (LEAST_GROWTH if unstable is None else unstable[0])
         weaker = unstable is None and damping < (
@@ -229,8 +327,9 @@ def _findings(
         corner: the world in which it is so; None for that of the file.
     """
     axis, period = analysed.axis(mode, modes), analysed.context.period
+    ringing = code in _RINGING
     if corner is None:
-        limits = remedies(shared.context, analysed, axis, None, mode, shared.gains)
+        limits = remedies(shared.context, analysed, axis, None, shared.gains, ringing=ringing)
         place = place_of(shared.context, analysed, axis, limits)
     else:
         place = FILE.vary[next(iter(corner.values))[0]]
@@ -238,7 +337,9 @@ def _findings(
         return
     shared.reported.add((code, place))
     if corner is not None:
-        limits = remedies(shared.context, analysed, axis, corner.task, mode, shared.gains)
+        limits = remedies(
+            shared.context, analysed, axis, corner.task, shared.gains, ringing=ringing
+        )
     hint = "; or ".join(text_of(shared.context, analysed, limit) for limit in limits)
     if not hint:
         none = "no single gain of this stage mends that"
@@ -251,9 +352,14 @@ def _findings(
     yield Finding(code, message, place, hint, unless=(code,), severity=severity)
 
 
-def _suspected(s: Poles) -> tuple[float, float]:
-    """Fastest growth [1/s], and least damping ratio of what dies away slowly, of some poles."""
-    growth = float(s.real.max(initial=-math.inf))
+def _suspected(s: Poles, neutral: float) -> tuple[float, float]:
+    """Fastest growth [1/s], and least damping ratio of what dies away slowly, of some poles.
+
+    Args:
+        s: the poles [1/s].
+        neutral: those that are nearer to 0 may be of neutral chains that rounding has moved [1/s].
+    """
+    growth = float(s.real[np.abs(s) > neutral].max(initial=-math.inf))
     slow = s[-s.real < QUICK]
     return growth, float((-slow.real / np.abs(slow)).min(initial=math.inf))
 

@@ -12,6 +12,7 @@ import pytest
 from taskspec.analysis.family import scaled
 from taskspec.analysis.sampled_stage import analyse
 from taskspec.examination import check_task
+from taskspec.foresight.nominal import plan_task
 from taskspec.laws import LAWS
 from taskspec.program.plan import StagePlan
 from taskspec.program.prepare import prepare
@@ -54,10 +55,16 @@ def test_no_shipped_task_is_called_unstable_or_rings(path):
     assert [d for d in found if d.severity is Severity.ERROR or d.code.startswith("TS5")] == []
 
 
-def test_a_door_from_its_hinge_is_unstable_under_hybrid():
-    """Seen from a hinge 0.4 m away, the forces of the axes turn the arm: the run diverges."""
-    found = check_task(load_task(TASKS / "door-hinge.yaml", {"law": "hybrid"}))
-    assert [d.code for d in found if d.severity is Severity.ERROR] == ["TS501"]
+def test_a_door_from_its_hinge_takes_the_form_for_a_mechanism():
+    """Seen from a hinge 0.4 m away, hybrid's own form flips 4 times as far with every tick.
+
+    The grip's 300 N s/m, a tick late, are 0.3 kg, and the arm has a mass of 0.03 kg there.
+    """
+    stage = plan_task(load_task(TASKS / "door-hinge.yaml", {"law": "hybrid"})).stages["open"]
+    own, taken = (analyse(stage.designed_as(d)) for d in (stage.by_rules(), stage.design))
+    assert stage.consistent
+    assert max(abs(mode.z) for mode in own.modes()) > 4
+    assert max(abs(mode.z) for mode in taken.modes()) < 0.999
 
 
 @pytest.mark.parametrize(
@@ -69,17 +76,19 @@ def test_error_warning_or_nothing(integral, contact, codes):
     assert [d.code for d in findings(press(PARALLEL.format(integral), contact=contact))] == codes
 
 
-def test_what_is_proposed_is_the_boundary():
-    """The gain in the hint is stable, one a percent higher is not."""
+def test_what_is_proposed_is_inside_the_boundary():
+    """The gain in the hint is a twentieth inside; from 2.2 % inside on it is an error."""
     [found] = findings(press(PARALLEL.format(60)))
     assert found.severity is Severity.ERROR
     proposed = float(re.search(r"force\.integral up to ([\d.]+) 1/s", found.hint)[1])
-    # A boundary that is passed by a percent grows too slowly to be an error, but it rings.
     assert [d.code for d in findings(press(PARALLEL.format(proposed)))] == ["TS502"]
-    assert proposed == pytest.approx(38.78, rel=5e-3)
+    # The boundary is searched to 5e-4; three digits are rounded down by no more than 3e-3.
+    assert proposed == pytest.approx(0.95 * 38.78, rel=5e-3)
+    for part, code in ((0.975, "TS502"), (0.98, "TS501"), (1.0, "TS501"), (1.001, "TS501")):
+        assert [d.code for d in findings(press(PARALLEL.format(part * 38.78)))] == [code]
     stiffness = float(re.search(r"a contact of up to ([\d.]+) kN/m", found.hint)[1])
-    contact = f"stiffness: {1.03 * stiffness} kN/m, damping: 0"
-    assert findings(press(PARALLEL.format(60), contact=contact))[0].code in ("TS501", "TS502")
+    contact = f"stiffness: {1.06 * stiffness} kN/m, damping: 0"
+    assert findings(press(PARALLEL.format(60), contact=contact))[0].code == "TS501"
     contact = f"stiffness: {0.3 * stiffness} kN/m, damping: 0"
     assert findings(press(PARALLEL.format(60), contact=contact), "TS501") == []
 
@@ -107,20 +116,21 @@ def proposed(text, gain):
 def test_a_motion_loop_on_both_sides_of_what_is_proposed(simulate, gain, wild, unit, bound):
     """K_D T + K_P T^2/2 < 2 (docs/laws/hybrid.md): 131.85 Hz at a ratio of 1, 31.82 at 5 Hz.
 
-    One number of the file is that of x and of y, which holds its start. Three digits of the
-    boundary lie up to 0.7 % inside; with 2 % more a flip grows by 37/s or faster, as the model
-    says: at least threefold each 50 ms. With 2 % less there is none.
+    One number of the file is that of x and of y, which holds its start. What is proposed is a
+    twentieth inside the boundary, its three digits up to 0.7 % more; 2 % past the boundary a flip
+    grows by 37/s or faster, as the model says: at least threefold each 50 ms. With 2 % less there
+    is none.
     """
 
     def text(value):
         return MOVE.format(law=f"{{kind: hybrid, {gain}: {value} {unit}}}")
 
     value, found = proposed(text(wild), gain)
-    assert 0.99 * bound < value <= bound
+    assert 0.94 * bound < value <= 0.95 * bound
     assert (
         text(wild).splitlines()[found.span.line - 1][found.span.column - 1 :].startswith(str(wild))
     )
-    inside, past = (shaking(simulate(text(value * part))["velocity.x"]) for part in (0.98, 1.02))
+    inside, past = (shaking(simulate(text(bound * part))["velocity.x"]) for part in (0.98, 1.02))
     assert max(inside) < 1e-5
     assert past[1] > 3 * past[0]
     assert past[3] > 9 * past[1]
@@ -135,10 +145,10 @@ def test_a_gain_of_all_translations_is_moved_on_all():
     """Both axes of planar2 are too fast: slowing one of them alone would not mend the stage."""
     both = MOVE.format(law="{kind: hybrid, bandwidth: 300 Hz}")
     apart = MOVE.format(law="{kind: hybrid, bandwidth: {x: 300 Hz, y: 300 Hz}}")
-    assert findings(both)[0].hint == "bandwidth up to 131 Hz"
-    assert findings(apart)[0].hint == "bandwidth on all its axes up to 131 Hz"
+    assert findings(both)[0].hint == "bandwidth up to 125 Hz"
+    assert findings(apart)[0].hint == "bandwidth on all its axes up to 125 Hz"
     one = MOVE.format(law="{kind: hybrid, bandwidth: {x: 10 Hz, y: 300 Hz}}")
-    assert findings(one)[0].hint == "bandwidth up to 131 Hz"
+    assert findings(one)[0].hint == "bandwidth up to 125 Hz"
 
 
 def test_it_points_at_the_gain_of_the_file():
@@ -225,3 +235,34 @@ def test_a_stage_under_other_gains_is_that_stage_compiled_with_them(law):
     # What others are designed from moves nothing by itself; some spring or loop does in every law.
     assert moved >= {gain.name for gain in LAWS[law].gains} & {"stiffness", "bandwidth"}
     assert moved & {"stiffness", "bandwidth"}
+
+
+AIR = """
+taskspec: 1
+name: air
+robot: {{model: panda, start: {{xyz: [500 mm, 0, 340 mm]}}}}
+world: {{table: {{shape: plane, xyz: [0, 0, 300 mm], stiffness: 40 kN/m}}}}
+law: {{kind: hybrid, force: {{integral: 800 /s, damping: 1 kN*s/m}}}}
+stages: {{press: {{axes: {{z: {{force: -5 N}}}}, time: {time}}}}}
+"""
+
+
+@pytest.mark.parametrize(("time", "codes"), [("3 s", ["TS615"]), ("9 s", ["TS615", "TS501"])])
+def test_a_contact_that_a_stage_never_makes_is_no_matter(time, codes):
+    """40 mm at 10 mm/s at most, twice f_d/d, take 4 s: in 3 s nothing is touched."""
+    found = check_task(load_text(AIR.format(time=time), "air.yaml"))
+    assert sorted(d.code for d in found) == sorted(codes)
+
+
+def test_what_is_not_damped_is_not_unstable():
+    """A spring without a damper swings for ever: rounding makes of that neither growth nor decay.
+
+    The plant steps as often as the torque changes, so that |z| = 1 exactly.
+    """
+    law = "{kind: stiffness, stiffness: 400 N/m}"
+    text = MOVE.format(law=law).replace("model: planar2", "model: planar2, balanced: true")
+    stage = analyse(StagePlan(prepare(load_text(text, "free.yaml")), "go"))
+    modes = stage.modes()
+    assert modes
+    assert all(abs(abs(mode.z) - 1) < 1e-9 for mode in modes)
+    assert "TS501" not in [d.code for d in findings(text)]

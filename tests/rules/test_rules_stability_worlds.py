@@ -78,5 +78,5 @@ def test_many_unstable_stages_are_searched_for_few_gains(monkeypatch):
     monkeypatch.setattr(Family, "of", lambda *a: searched.append(a[2]) or of(*a))
     found = check_task(load_text(TASK.format(law=WILD, stages=stages), "t"))
     assert {d.code for d in found} == {"TS501"}
-    assert found[0].hint == "bandwidth on all its axes up to 0.659 times what it is"
+    assert found[0].hint == "bandwidth on all its axes up to 0.626 times what it is"
     assert 3 < len(searched) <= 12

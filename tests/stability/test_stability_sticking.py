@@ -7,6 +7,7 @@ import pytest
 
 from taskspec.analysis.margin import Search
 from taskspec.analysis.sampled_stage import analyse
+from taskspec.examination import check_task
 from taskspec.program.plan import StagePlan
 from taskspec.program.prepare import prepare
 from taskspec.spec import load_text
@@ -59,3 +60,54 @@ def test_a_tool_that_sticks_swings_past_the_boundary_only(simulate, case):
     assert late < early / 3
     assert after > before / 1.5
     assert after > 10
+
+
+HELD = """
+taskspec: 1
+name: held
+robot:
+  model: ur5e
+  tool: {{shape: sphere, radius: 10 mm, length: 120 mm, mass: 300 g}}
+  start: {{xyz: [450 mm, 100 mm, 46.86 mm]}}
+world:
+  ramp: {{shape: plane, xyz: [0, 0, 200 mm], rpy: [0, 20 deg, 0], stiffness: 40 kN/m, damping: 0,
+          friction: {friction}}}
+law: {{kind: hybrid, force: {{integral: 60 /s, damping: 100 N*s/m}}}}
+stages:
+  press: {{axes: {axes}, time: 3 s}}
+"""
+STILL, DRAWN = "{z: {force: -15 N}}", "{z: {force: -15 N}, y: {velocity: 10 mm/s}}"
+
+
+def told(axes, friction):
+    text = HELD.format(axes=axes, friction=friction)
+    return [d.code for d in check_task(load_text(text, "held.yaml"))]
+
+
+def test_a_tool_that_friction_holds_is_warned_of():
+    """Sliding the integral may be 48.9 /s, sticking 111 /s: an error where the tool slides.
+
+    Across the ramp the motion axes bear what friction does not: the press alone does not slip.
+    """
+    assert told(STILL, 0.5) == ["TS507"]
+    assert told(STILL, 0) == ["TS501"]
+    assert told(DRAWN, 0.5) == ["TS501"]
+
+
+def test_a_tool_that_friction_holds_comes_to_rest(simulate):
+    """In the third second the force has 5 % of its set point with friction, and bounces without."""
+    held, free = (
+        np.ptp(simulate(HELD.format(axes=STILL, friction=mu))["force.z"][-1000:]) for mu in (0.5, 0)
+    )
+    assert held < 0.75
+    assert free > 15
+
+
+def test_a_tool_that_sticks_is_looked_at_for_ringing_too():
+    """A tenth inside the boundary of the sticking tool it rings; the sliding one does not."""
+    integral = 0.9 * largest_integral(CASES[0])[0]
+    text = PRESS.format(integral=integral, **CASES[0])
+    told = check_task(load_text(text, "task.yaml"))
+    [found] = [d for d in told if d.code.startswith("TS5")]
+    assert found.code == "TS502"
+    assert "while friction holds the tool" in found.message

@@ -16,6 +16,7 @@ from taskspec.program.reference.measurement import Measurement
 from taskspec.program.reference.reference_set import ReferenceSet
 from taskspec.program.reference.references import build_references
 from taskspec.program.stages import carried_torque
+from taskspec.program.stages.free_ways import free_ways
 from taskspec.program.stages.multipliers import EquationForces, constrain, equation_forces
 from taskspec.program.stages.null_space import null_space_acceleration
 
@@ -86,6 +87,7 @@ def command(plan: StagePlan, measurement: Measurement) -> Commanded:
         normal=tuple(a for a in state.axes if plans[a].yields),
         posture=posture,
         constraints=control,
+        ways=free_ways(plan, measurement) if plan.consistent else None,
     )
     wanted, terms = law.control_law.command(case), measurement.terms
     asked = resolution.torque(wanted, state, terms.H, terms.bias, terms.gravity, posture)

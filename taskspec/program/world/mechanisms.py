@@ -123,13 +123,18 @@ class MechanismModel:
 
         The first belongs to its coordinate, a second to a free knob about the handle at `tip` (3,).
         """
-        axis = self.rotation[:, 2]
-        turn = np.concatenate([np.cross(axis, point - self.origin) + self.lead * axis, axis])
-        slide = np.concatenate([axis, np.zeros(3)])
-        columns = [turn if self.angular else slide]
+        return np.array(self.twists(ca.DM(tip), ca.DM(point)))
+
+    def twists(self, tip: ca.SX, point: ca.SX) -> ca.SX:
+        """The same (6, k) of expressions."""
+        axis = ca.DM(self.rotation[:, 2])
+        if self.angular:
+            columns = [ca.vertcat(ca.cross(axis, point - self.origin) + self.lead * axis, axis)]
+        else:
+            columns = [ca.vertcat(axis, ca.DM.zeros(3))]
         if self.free:
-            columns.append(np.concatenate([np.cross(axis, point - tip), axis]))
-        return np.array(columns).T
+            columns.append(ca.vertcat(ca.cross(axis, point - tip), axis))
+        return ca.horzcat(*columns)
 
     def handle_axes(self, p: ca.SX) -> ca.SX:
         """(3, 3) axes of a swinging handle at p (3,), world: radial, tangential, the axis."""

@@ -98,7 +98,7 @@ def stage_sheet(program: Program, stage: CompiledStage, foreseen: StagePredictio
     return StageSheet(
         name=stage.name,
         law=stage.plan.law.kind,
-        equations=stage.plan.law.control_law.equations,
+        equations=_equations(stage),
         frame=stage.plan.frame.name,
         contact=_contact(program, stage),
         null_space=_null_space(program, stage),
@@ -113,6 +113,11 @@ def stage_sheet(program: Program, stage: CompiledStage, foreseen: StagePredictio
         expected=tuple(predicted_rows(program.context.loaded.task, foreseen)),
         tare=stage.plan.spec.tare,
     )
+
+
+def _equations(stage: CompiledStage) -> str:
+    equations = stage.plan.law.control_law.equations
+    return f"{equations}, in the form for a held mechanism" if stage.plan.consistent else equations
 
 
 def _contact(program: Program, stage: CompiledStage) -> str:

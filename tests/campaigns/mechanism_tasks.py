@@ -1,0 +1,166 @@
+"""Tasks with every mechanism, arm, frame, law and rate, whose gains are all designed.
+
+A task is its number, as in `random_tasks.py`. What is moved is what the mechanism leaves free; all
+else gives way. `make designs` holds their sampled loops to be stable:
+
+    python tests/campaigns/mechanism_tasks.py --tasks 400
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections import Counter
+from collections.abc import Iterator
+
+import numpy as np
+
+from taskspec.analysis.margin import grows
+from taskspec.analysis.sampled_stage import loop_of
+from taskspec.foresight.nominal import plan_task
+from taskspec.robot import RobotError
+from taskspec.spec import load_text
+from taskspec.text.diagnostic import SpecError
+
+LAWS = (
+    "hybrid",
+    "hybrid-multipliers",
+    "hybrid-reaction",
+    "parallel",
+    "parallel-pid",
+    "impedance",
+    "impedance-natural",
+    "pd",
+    "pd-joint",
+)
+MECHANISMS = ("hinge", "knob", "pivot", "slide", "screw", "thread")
+RATES = (250, 500, 1000, 2000)
+#: Starts of the arm, leaning and turned.
+_RPY = ((180, 0, 0), (180, -30, 0), (180, 0, 90), (180, 20, 120), (150, 0, -45))
+
+
+def mechanism_task(number: int, law: str = "") -> str:
+    """Returns the text of task `number`; `law` replaces its own."""
+    rng = np.random.default_rng((12, number))
+
+    def between(low: float, high: float) -> float:
+        return float(rng.uniform(low, high))
+
+    def spread(low: float, high: float) -> float:
+        return float(np.exp(between(np.log(low), np.log(high))))
+
+    law = law or LAWS[number % len(LAWS)]
+    kind = MECHANISMS[(number // len(LAWS)) % len(MECHANISMS)]
+    rate = int(rng.choice(RATES))
+    arm = str(rng.choice(("panda", "ur5e")))
+    rpy = _RPY[int(rng.integers(len(_RPY)))]
+    x, y, z = between(420, 600), between(-120, 120), between(280, 430)
+    frame, lines = "obj", ""
+    if kind in ("hinge", "pivot"):
+        radius, about = between(80, 400), between(0, 360)
+        hx, hy = radius * np.cos(np.radians(about)), radius * np.sin(np.radians(about))
+        turned = "rpy: [90 deg, 0, 0], " if rng.random() < 0.25 else ""
+        # The handle stays within reach: the axis is where the handle is not.
+        ox, oy, oz = (x - hx, y, z - hy) if turned else (x - hx, y - hy, z)
+        knob = "free" if kind == "pivot" else "fixed"
+        lines = (
+            f"mechanism: hinge, xyz: [{ox:.0f} mm, {oy:.0f} mm, {oz:.0f} mm], {turned}"
+            f"handle: [{hx:.0f} mm, {hy:.0f} mm, 0], knob: {knob}, "
+            f"inertia: {spread(0.01, 2):.3g} kg*m^2, damping: {spread(0.05, 3):.2g} N*m*s/rad, "
+            f"friction: {spread(0.05, 0.8):.2g} N*m"
+        )
+        frame = str(rng.choice(("obj.handle", "hinge", "obj.handle", "obj")))
+    elif kind == "knob":
+        lines = (
+            f"mechanism: hinge, xyz: [{x:.0f} mm, {y:.0f} mm, {z:.0f} mm], "
+            f"inertia: {spread(0.001, 0.05):.3g} kg*m^2, damping: {spread(0.05, 0.5):.2g} N*m*s/rad"
+        )
+    elif kind == "slide":
+        turned = str(rng.choice(("0, -90 deg, 0", "0, 0, 0", "90 deg, 0, 0", "0, 40 deg, 20 deg")))
+        knob = str(rng.choice(("fixed", "free")))
+        lines = (
+            f"mechanism: slide, xyz: [{x:.0f} mm, {y:.0f} mm, {z:.0f} mm], rpy: [{turned}], "
+            f"knob: {knob}, mass: {spread(0.3, 8):.2g} kg, damping: {spread(2, 40):.2g} N*s/m"
+        )
+        frame = str(rng.choice(("obj.handle", "obj")))
+    else:
+        lever = f"handle: [{between(40, 120):.0f} mm, 0, 0], " if kind == "thread" else ""
+        knob = str(rng.choice(("fixed", "free"))) if kind == "thread" else "fixed"
+        down = "rpy: [180 deg, 0, 0], " if rng.random() < 0.5 else ""
+        lines = (
+            f"mechanism: screw, xyz: [{x:.0f} mm, {y:.0f} mm, {z:.0f} mm], {down}{lever}"
+            f"knob: {knob}, pitch: {spread(1, 8):.2g} mm/turn, "
+            f"inertia: {spread(0.0005, 0.02):.2g} kg*m^2, "
+            f"mass: {spread(0.1, 0.6):.2g} kg, damping: {spread(0.02, 0.2):.2g} N*m*s/rad"
+        )
+    frames = "frames: {hinge: {parent: obj, point: origin}}\n" if frame == "hinge" else ""
+    driven = {"z": "{velocity: 30 mm/s}"} if kind == "slide" else {"rz": "{velocity: 15 deg/s}"}
+    if kind in ("hinge", "pivot") and frame == "obj.handle":
+        driven = {"y": "{velocity: 40 mm/s}"}
+        driven["rz"] = "{hold: start}" if kind == "pivot" else "{follows: obj}"
+    if kind == "screw" and rng.random() < 0.6:
+        driven["z"] = "{follows: obj}"
+    sensor = ""
+    if rng.random() < 0.35:
+        parts = [
+            f"at: {rng.choice(('wrist', 'contact'))}",
+            f"delay: {between(0.5, 4):.1f} ms" if rng.random() < 0.5 else "",
+            f"filter: {spread(40, 200):.0f} Hz" if rng.random() < 0.5 else "",
+            f"rate: {min(rate, 500)} Hz" if rng.random() < 0.3 else "",
+        ]
+        sensor = f", sensor: {{{', '.join(p for p in parts if p)}}}"
+    axes = {a: "{force: 0}" for a in "xyz"} | {a: "{torque: 0}" for a in ("rx", "ry", "rz")}
+    axes |= driven
+    return (
+        f"taskspec: 1\nname: mechanism-{number}\n"
+        f"robot: {{model: {arm}, grasp: obj.handle, "
+        f"start: {{rpy: [{rpy[0]} deg, {rpy[1]} deg, {rpy[2]} deg]}}{sensor}}}\n"
+        f"world: {{obj: {{{lines}}}}}\n{frames}frame: {frame}\nlaw: {law}\n"
+        f"control: {{rate: {rate} Hz}}\n"
+        f"stages:\n  go:\n    axes: {{{', '.join(f'{a}: {v}' for a, v in axes.items())}}}\n"
+        "    time: 1 s\n"
+    )
+
+
+def worst(number: int, law: str = "") -> float | None:
+    """Growth of what grows most in a task's loop, or 0 [1/s]; None where the arm cannot hold it."""
+    try:
+        task = plan_task(load_text(mechanism_task(number, law), f"mechanism-{number}.yaml"))
+        loop = loop_of(task, "go")
+    except (SpecError, RobotError):
+        return None
+    if loop is None:
+        return None
+    return max((mode.s.real for mode in loop.modes() if grows(mode)), default=0.0)
+
+
+def campaign(numbers: range, law: str) -> Iterator[tuple[int, str, float]]:
+    """Number, law and growth [1/s] of all tasks that the arm can hold."""
+    for number in numbers:
+        growth = worst(number, law)
+        if growth is not None:
+            yield number, law or LAWS[number % len(LAWS)], growth
+
+
+def main() -> int:
+    """Says of how many tasks the designed gains are unstable; 1 where there is one."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--tasks", type=int, default=400)
+    parser.add_argument("--first", type=int, default=0, help="number of the first one")
+    parser.add_argument("--law", default="", help="in place of each task's own")
+    arguments = parser.parse_args()
+    numbers = range(arguments.first, arguments.first + arguments.tasks)
+    looked, unstable = Counter[str](), Counter[str]()
+    for number, law, growth in campaign(numbers, arguments.law):
+        looked[law] += 1
+        if growth > 0:
+            unstable[law] += 1
+            sys.stdout.write(f"mechanism-{number} under {law} grows by {growth:.3g} /s\n")
+            sys.stdout.flush()
+    for law, count in looked.items():
+        sys.stdout.write(f"{law}: {unstable[law]} of {count} unstable\n")
+    return 1 if unstable else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
