@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
 .PHONY: demo test theory proof stability lint types schema validate fuzz bench docs docs-shown docs-site
-.PHONY: docs-serve steps equivalence check clean
+.PHONY: docs-serve steps designs equivalence check clean
 
 demo: $(READY)  ## run the wiping task and say where its report is
 	$(BIN)/taskspec run tasks/wipe-table.yaml
@@ -45,6 +45,9 @@ fuzz: $(READY)  ## hold 100 000 spoiled files to what is promised of any text; f
 BASE ?= 19f4a73
 equivalence: $(READY)  ## hold the tree against commit BASE: shipped and 200 random tasks, diagnostics
 	$(BIN)/python tests/campaigns/equivalence.py --base $(BASE)
+
+designs: $(READY)  ## sampled loops of 1080 tasks with mechanisms, whose designed gains are to be stable
+	$(BIN)/python tests/campaigns/mechanism_tasks.py --tasks 1080
 
 bench: $(READY)  ## what control costs, as multiples of bare mj_step
 	$(BIN)/python benchmarks/bench_loop.py

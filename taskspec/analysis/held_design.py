@@ -10,11 +10,12 @@ from taskspec.analysis.loop import Mode, UnfitError
 from taskspec.analysis.margin import grows, near_boundary, rings
 from taskspec.analysis.sampled_stage import analyse
 from taskspec.laws.gains import BANDWIDTH, Gain, Gains
+from taskspec.laws.law import gain_named
 from taskspec.program.plan import Design, StagePlan
 from taskspec.text.diagnostic import SpecError
 
 #: Where every form is unstable as the rules have it, designed gains are made softer by these
-#: factors, at last stiffer.
+#: factors, then stiffer; at last one gain after the other.
 _FACTORS = (0.5, 0.25, 0.125, 2.0, 4.0)
 #: Gains that make a loop quick, with the power of the factor; an apparent mass makes it slow.
 _POWERS = {
@@ -65,13 +66,26 @@ def _designs(stage: StagePlan, first: Design) -> Iterator[tuple[Design, int]]:
             scaled = _scaled(form.gains, factor)
             if scaled != form.gains:
                 yield Design(scaled, form.consistent), 2
+    for name in (*_POWERS, "damping_ratio", "damping", "force.damping", "joint_damping"):
+        for factor in (0.25, 4.0):
+            for form in forms:
+                scaled = _scaled(form.gains, factor, name)
+                if scaled != form.gains:
+                    yield Design(scaled, form.consistent), 2
 
 
-def _scaled(gains: Gains, factor: float) -> Gains:
-    """The same gains, with those stiffer by a factor that rules have designed."""
+def _scaled(gains: Gains, factor: float, of: str = "") -> Gains:
+    """The same gains, with those stiffer by a factor that rules have designed.
+
+    Args:
+        gains: of a stage.
+        factor: on how quick the loops are.
+        of: a gain that is moved alone, with what follows from it; "" for all that make them quick.
+    """
     found: Gains = {}
+    powers = _POWERS if not of else gain_named(of).powers or {of: 1}
     for name, by in gains.items():
-        times = factor ** _POWERS.get(name, 0)
+        times = factor ** powers.get(name, 0)
         origins = gains["bandwidth"] if name in BANDWIDTH.powers else by
         found[name] = {
             axis: gain

@@ -20,9 +20,12 @@ from taskspec.program.context import Context
 from taskspec.program.sensor import SensorModel
 from taskspec.spec import Task
 
-#: A mode that grows more slowly than this [1/s] is on the boundary: in a hundred seconds it becomes
+#: A swing that grows more slowly than this [1/s] is on the boundary: in a hundred seconds it gets
 #: a tenth larger. One that grows by no more than rounding may have moved its pole is there too.
 LEAST_GROWTH = 1e-3
+#: A mode that turns by less than this [rad/s] does not swing, it drifts: as pose and contact of the
+#: start have it. Both have changed before a drift slower than the other [1/s] is felt.
+_SWINGS, LEAST_DRIFT = 1.0, 0.1
 #: A stage is on its boundary if one of its gains is within this part of it: stiffness and mass of a
 #: contact are not known better. A fifth of a percent more, to which a boundary can be measured.
 MARGIN = 0.022
@@ -79,7 +82,8 @@ class Limit:
 
 def grows(mode: Mode) -> bool:
     """Whether a mode is clearly unstable."""
-    return mode.s.real > max(LEAST_GROWTH, mode.doubt)
+    least = LEAST_GROWTH if abs(mode.s.imag) > _SWINGS else LEAST_DRIFT
+    return mode.s.real > max(least, mode.doubt)
 
 
 def near_boundary(mode: Mode) -> bool:

@@ -43,6 +43,8 @@ _MOST_WORLDS = 400
 _AS_MUCH = 0.95
 #: How much more a force across the normal counts than one along it.
 _ALONG = 1e6
+#: From this part of the sampling rate on, a swing is a flip from tick to tick.
+_FLIPS = 0.4
 #: Codes of stages that ring.
 _RINGING = ("TS502", "TS504")
 #: A swing that changes more slowly than this [1/s] neither grows nor dies away in any run.
@@ -188,11 +190,16 @@ def _in_the_world_of_the_file(
     if ringing is not None:
         text = f"stage {name!r} rings"
         return _findings(analysed, sliding, ringing, shared, "TS502", Severity.WARNING, text)
-    ringing = ringing_of(sticking)
+    ringing = ringing_of([mode for mode in sticking if not _flips(mode, analysed)])
     if stuck is not None and ringing is not None:
         text = f"stage {name!r} rings while friction holds the tool"
         return _findings(stuck, sticking, ringing, shared, "TS502", Severity.WARNING, text)
     return None
+
+
+def _flips(mode: Mode, analysed: SampledStage) -> bool:
+    """Whether a mode alternates from tick to tick: what the simulator makes of friction does."""
+    return mode.frequency > _FLIPS / analysed.context.period
 
 
 def _grows(mode: Mode | None) -> bool:
@@ -234,7 +241,7 @@ def stays_put(analysed: SampledStage) -> bool:
     # Of all such forces the one that is least across: along the normal it counts for nothing.
     weights = np.array([_ALONG, 1.0, 1.0])
     along, *across = weights * (np.linalg.pinv(rows * weights) @ np.array(wanted, dtype=float))
-    return float(np.linalg.norm(across)) < _least_friction(context, name) * along
+    return float(np.linalg.norm(across)) < _least_friction(context, name) * float(along)
 
 
 def _still(stage: StagePlan, axis: Axis) -> bool:
@@ -416,7 +423,7 @@ def describe(mode: Mode, period: float) -> str:
         period: of control [s].
     """
     rate = mode.s.real
-    if mode.frequency > 0.4 / period:
+    if mode.frequency > _FLIPS / period:
         size = number(abs(mode.z), 3)
         return f"is predicted to flip from tick to tick, each time {size} times as far"
     swings = f"ring at {show(mode.frequency, FREQUENCY, 3)}" if mode.frequency > 0 else "run away"

@@ -14,7 +14,7 @@ TITLE = """\
 
 `taskspec validate` says of a file, before anything moves, whether its stages will be stable on the
 contact that the file states, with the sampling, the sensor's filter and its delay that the run has
-(TS501 to TS505). This page holds that prediction against simulation. `make stability` makes it.
+(TS501 to TS507). This page holds that prediction against simulation. `make stability` makes it.
 
 **The prediction.** A stage is one function, which is differentiated at the predicted equilibrium
 and closed around the same linear plant that the simulator steps: semi-implicit Euler steps, the
