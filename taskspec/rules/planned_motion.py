@@ -43,8 +43,12 @@ def motions_into_a_surface(stage: StagePlan) -> Iterator[Finding]:
     entry = stage.spec.axes.get(axis)
     if along[axis] < MOSTLY or any(e.has_force for e in stage.spec.axes.values()):
         return
-    depth = max(-walked.gap - float(normal @ (p - walked.start)) for _, p in way)
-    if depth <= max(0.0, -walked.gap) or (entry is not None and entry.stiffness is not None):
+    depths = [-walked.gap - float(normal @ (p - walked.start)) for _, p in way]
+    depth, begun = max(depths), -walked.gap
+    if depth <= max(0.0, begun) or (entry is not None and entry.stiffness is not None):
+        return
+    # A stage that goes away only brakes there with what it took over: that is the touch before it.
+    if begun - depths[-1] > depth - begun:
         return
     own = stage.law.control_law.spring(on_axis(stage.gains, axis), stage.plants[axis].h)
     k = stage.stiffness
