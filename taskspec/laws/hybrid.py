@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from taskspec.control.command import Command
-from taskspec.laws import mechanism_form
 from taskspec.laws.gains import (
     BANDWIDTH,
     DAMPING,
@@ -105,6 +104,9 @@ def on_mechanism(case: Case) -> Command:
     """
     assert case.ways is not None
     drives = {a: _drive(case, a, own=False) for a in (*case.force, *case.soft)}
+    # Loaded here: it needs CasADi, which a file that is only read does not.
+    from taskspec.laws import mechanism_form
+
     return mechanism_form.command(case, case.ways, drives, *case.diagonals("K_P", "K_D"))
 
 

@@ -6,7 +6,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, ClassVar
 
 from taskspec.control.command import Command
-from taskspec.laws import mechanism_form
 from taskspec.laws.conditions import AxisContact, StabilityCondition, rigid_loop, rigid_mass
 from taskspec.laws.gains import (
     DAMPING,
@@ -116,4 +115,7 @@ def _on_mechanism(case: Case) -> Command:
         if case.gains["damping"][axis].origin == "file":
             drives[axis] += damping[i] * (reference.velocity[i] - state.velocity[i])
     K_P, K_D = stiffness / mass, damping / mass
+    # Loaded here: it needs CasADi, which a file that is only read does not.
+    from taskspec.laws import mechanism_form
+
     return mechanism_form.command(case, case.ways, drives, K_P, K_D)

@@ -194,7 +194,7 @@ def _is_peak(task: TaskPlan, reduced: Reduce, name: Name, *, from_above: bool) -
     if isinstance(arg, Call) and arg.function in ("norm", "abs"):
         return from_above and reduced.reducer == "max"
     stage = _stage_of(task.context, name)
-    plan = None if stage is None else task.framed[stage]
+    plan = None if stage is None else task.framed.get(stage)
     axis = as_axis(name.path[-1])
     if arg != name or plan is None or plan.approached is None or name.frame is not None:
         return False

@@ -190,7 +190,7 @@ def _damaged(data: Map) -> bool:
 def _is_damaged(axis: object) -> bool:
     if isinstance(axis, Map):
         return axis.node.broken or not axis.keys() <= AxisEntry.model_fields.keys()
-    return axis not in SHORT
+    return not isinstance(axis, str) or axis not in SHORT
 
 
 def _check_path_done(data: Map, context: ParseContext) -> None:

@@ -87,7 +87,7 @@ UNSTABLE = """\
 taskspec: 1
 name: rings
 robot: {model: planar2, start: {xyz: [300 mm, 0, 0]}}
-world: {wall: {shape: plane, xyz: [310 mm, 0, 0], rpy: [0, -90 deg, 0], stiffness: 20 kN/m}}
+world: {wall: {shape: plane, xyz: [300 mm, 0, 0], rpy: [0, -90 deg, 0], stiffness: 20 kN/m}}
 law: {kind: hybrid, force: {integral: 900 /s}}
 stages: {press: {axes: {x: {force: 5 N}}, time: 50 ms}}
 """

@@ -111,7 +111,7 @@ PRESS = """\
 taskspec: 1
 name: press
 robot: {model: planar2, start: {xyz: [300 mm, 0, 0]}}
-world: {wall: {shape: plane, xyz: [310 mm, 0, 0], rpy: [0, -90 deg, 0], stiffness: 20 kN/m}}
+world: {wall: {shape: plane, xyz: [300 mm, 0, 0], rpy: [0, -90 deg, 0], stiffness: 20 kN/m}}
 law: LAW
 stages: {press: {axes: {x: {force: 5 N}}, time: 20 ms}}
 """

@@ -140,7 +140,7 @@ def test_before_the_tare_the_bias_is_what_is_left(simulate):
 
 def test_while_it_moves_the_tools_inertia_is_left(simulate):
     """What the robot seems to apply is m a of the tool's centre of mass."""
-    shaken = "shake: {axes: {x: {position: 20 mm * sin(2*pi*t/(0.5 s))}}, time: 2 s}"
+    shaken = "shake: {axes: {x: {position: 500 mm + 20 mm * sin(2*pi*t/(0.5 s))}}, time: 2 s}"
     run = simulate(WRIST.replace("  rest:", f"  {shaken}\n  rest:"))
     robot = run.program.context.robot
     data, lever = robot.pin.createData(), robot.model.body(robot.tip_body).ipos

@@ -23,7 +23,8 @@ RIGID = "stiffness: rigid"
 RATES = "control: {rate: 1 kHz, plant_rate: 20 kHz}\n"
 
 STEP = "x: {{force: {f} N, ramp: 0}}"
-CLAMP = '"305 mm + clamp((t - 100.5 ms) * 10 mm/s, 0, 10 um)"'
+# The expression starts from rest: after 0.2 s its own time is t - 0.1 s.
+CLAMP = '"305 mm + clamp((t - 200.5 ms) * 10 mm/s, 0, 10 um)"'
 
 
 def law_text(kind, k_F, k_I, h):
@@ -44,7 +45,7 @@ def ringing(simulate, kind, k_F, k_I, h, seconds=0.1, step=0.1):
     if kind == "impedance":
         first = "x: {position: 305 mm}"
         second = f"x: {{position: {CLAMP}}}"
-        seconds += 0.1
+        seconds += 0.3
     else:
         first, second = "x: {force: 20 N}", STEP.format(f=20 + step)
     run = simulate(
@@ -56,7 +57,7 @@ def ringing(simulate, kind, k_F, k_I, h, seconds=0.1, step=0.1):
             rest=RATES,
         )
     )
-    return run, run.during("ring", "force.x", 0.1035 if kind == "impedance" else 0.0015)
+    return run, run.during("ring", "force.x", 0.3035 if kind == "impedance" else 0.0015)
 
 
 @pytest.fixture
