@@ -417,6 +417,11 @@ class Run(Window):
         return tuple(read_finding(e) for e in mappings(self.summary.get("findings")))
 
     @property
+    def faults(self) -> tuple[RunFinding, ...]:
+        """The findings that their stages do not allow."""
+        return tuple(each for each in self.findings if not each.allowed)
+
+    @property
     def metrics(self) -> Mapping[str, Mapping[str, Mapping[str, float]]]:
         """Stage to signal to `rms_error`, `max_error`, `final_error`, `mean`, `min`, `max` [SI]."""
         found: Mapping[str, Mapping[str, Mapping[str, float]]] = self.summary.get("metrics", {})

@@ -14,6 +14,7 @@ from collections import Counter
 from collections.abc import Iterator
 
 import numpy as np
+from random_tasks import LAWS as ALL_LAWS
 
 from taskspec.analysis.margin import grows
 from taskspec.analysis.sampled_stage import loop_of
@@ -22,17 +23,8 @@ from taskspec.robot import RobotError
 from taskspec.spec import load_text
 from taskspec.text.diagnostic import SpecError
 
-LAWS = (
-    "hybrid",
-    "hybrid-multipliers",
-    "hybrid-reaction",
-    "parallel",
-    "parallel-pid",
-    "impedance",
-    "impedance-natural",
-    "pd",
-    "pd-joint",
-)
+#: `stiffness` damps nothing, so that nothing of it is designed to come to rest.
+LAWS = tuple(law for law in ALL_LAWS if law != "stiffness")
 MECHANISMS = ("hinge", "knob", "pivot", "slide", "screw", "thread")
 RATES = (250, 500, 1000, 2000)
 #: Starts of the arm, leaning and turned.

@@ -11,7 +11,7 @@ import typer
 from taskspec.text.units import FORCE, LENGTH, Dimension, scaled
 from taskspec_runner.cli.console import show, table
 from taskspec_runner.runs import Run
-from taskspec_runner.verdict import run_finding, torque_steps
+from taskspec_runner.verdict import torque_steps
 from taskspec_runner.verdict.given_up import told
 
 if TYPE_CHECKING:
@@ -39,8 +39,8 @@ def show_outcome(run: Run, *, quiet: bool) -> None:
         steps = torque_steps.told(run.summary)
         for line in (*_forced(run.summary), *told(run.summary), *_lost(run.summary), *steps):
             show(Text(line, style="yellow"))
-    for line in run_finding.told(run.summary):
-        show(Text(line, style="red"))
+    for fault in run.faults:
+        show(Text(fault.line, style="red"))
     if not quiet or run.exit_code:
         show(Text(ending(run), style=_STYLES.get(run.exit_code, "")))
     if not quiet:
@@ -65,8 +65,7 @@ def ending(run: Run) -> str:
         elif broken:
             told += f", the first broken at {min(broken):.3f} s"
         text += f"; {told}"
-    faults = len(list(run_finding.told(summary)))
-    if faults:
+    if faults := len(run.faults):
         text += f"; {faults} finding{'s' if faults > 1 else ''} beside"
     return f"{text}; {run.manifest['real_time_factor']:.3g} x real time"
 

@@ -13,7 +13,6 @@ from taskspec.text.diagnostic import Diagnostic, SpecError
 from taskspec.text.source import Source
 from taskspec_runner.loop.interrupt import BY_SIGNAL
 from taskspec_runner.runs import Run
-from taskspec_runner.verdict import run_finding
 
 #: Outcomes, besides `failed` and `stopped`, which are those of a run.
 PASSED, MISSED, REFUSED, CRASHED, SKIPPED = "passed", "missed", "refused", "crashed", "not run"
@@ -112,7 +111,7 @@ def _refusal(errors: tuple[Diagnostic, ...]) -> str:
 def _missed(run: Run) -> str:
     missed = [e for e in run.summary["expectations"] if not e["passed"]]
     if not missed:
-        return next(run_finding.told(run.summary), "")
+        return run.faults[0].line if run.faults else ""
     first, *others = missed
     said = first["explanation"]
     text = said if said.startswith(first["text"].split(" ")[0]) else f"{first['text']}: {said}"

@@ -94,7 +94,7 @@ def _main(run: Run, charts: list[Chart]) -> Chart | None:
             return chart
     first = first_broken(run)
     ranked = [first] if first is not None else []
-    for fault in (each for each in run.findings if first is None and not each.allowed):
+    for fault in run.faults if first is None else ():
         for chart in charts:
             if fault.signal in {trace.signal for trace in chart.traces}:
                 return chart
@@ -115,11 +115,10 @@ def _others(shown: tuple[Section, ...], main: Chart | None) -> list[Section]:
 def _around(run: Run) -> tuple[float, float] | None:
     """The window in which to look for what went wrong, None if nothing did."""
     kind, first = verdict(run).kind, first_broken(run)
-    faults = [each for each in run.findings if not each.allowed]
     if kind in ("stopped", "failed"):
         at: float | None = run.end
-    elif first is None and faults:
-        at = faults[0].end
+    elif first is None and run.faults:
+        at = run.faults[0].end
     else:
         at = first.broken.clock if first is not None and first.broken else None
     if at is None:

@@ -48,9 +48,9 @@ def verdict(run: Run) -> Verdict:
     missed = [e for e in run.expectations if not e.passed]
     if missed:
         return _missed_verdict(run, len(missed))
-    faults = [each for each in run.findings if not each.allowed]
-    if faults:
-        return Verdict("missed", f"{_faults(faults)} {_all_else(run)}", stage=faults[0].stage)
+    if run.faults:
+        text = f"{_faults(run.faults)} {_all_else(run)}"
+        return Verdict("missed", text, stage=run.faults[0].stage)
     return Verdict("passed", _passed(len(run.expectations)) + f" {_reached_end(run)}")
 
 

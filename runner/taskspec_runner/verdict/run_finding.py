@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -42,6 +41,11 @@ class RunFinding:
     growth: float | None = None
     share: float | None = None
 
+    @property
+    def line(self) -> str:
+        """The stage and what is wrong in it."""
+        return f"{self.stage}: {self.text}"
+
     def as_data(self) -> dict[str, Any]:
         """The entry of a summary."""
         return {**asdict(self), "beside": list(self.beside)}
@@ -64,10 +68,3 @@ def read_finding(entry: Json) -> RunFinding:
         allowed=bool(entry.get("allowed")),
         **numbers,
     )
-
-
-def told(summary: Mapping[str, Any]) -> Iterator[str]:
-    """The findings of a run that its stages do not allow, a line each."""
-    for each in summary.get("findings", ()):
-        if not each["allowed"]:
-            yield f"{each['stage']}: {each['text']}"
