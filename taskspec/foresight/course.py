@@ -40,7 +40,7 @@ def course_of(
     lasts = []
     path = stage.path
     if path is not None:
-        duration, coordinates = _timed(path, start)
+        duration, coordinates = timed(path, start)
         lasts.append(duration)
         for axis in path.axes:
             own[axis] = stage.plans[axis].mode, _on_path(coordinates, axis, duration, start[axis])
@@ -57,10 +57,10 @@ def course_of(
     if not lasts or not own:
         return None
     bends = path is not None or any(e.mode.bends for e in stage.spec.axes.values())
-    return Course(max(lasts), _begun(stage, own, start, rates), bends)
+    return Course(max(lasts), begun_ways(stage, own, start, rates), bends)
 
 
-def _begun(
+def begun_ways(
     stage: StagePlan,
     own: Mapping[Axis, tuple[AxisMode, Way]],
     start: Mapping[Axis, float],
@@ -103,7 +103,7 @@ def _on_path(coordinates: Coordinates, axis: Axis, duration: float, start: float
     return lambda time: coordinates(min(time, duration))[axis] - start
 
 
-def _timed(path: PathShape, start: Mapping[Axis, float]) -> tuple[float, Coordinates]:
+def timed(path: PathShape, start: Mapping[Axis, float]) -> tuple[float, Coordinates]:
     """Duration [s] of a path, and its coordinates at a time; a table is taken as a polygon."""
     if path.table is None:
         plan = path.plan(start)

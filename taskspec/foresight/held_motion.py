@@ -82,7 +82,7 @@ def held_motion(stage: StagePlan) -> HeldMotion | None:
     moved = [a for a, rate in rates.items() if rate]
     if not moved:
         return None
-    T = _resolved_twists(stage)
+    T = resolved_twists(stage, stage.context.start_p, stage.rotation)
     scales = {a: ARM_LENGTH if a.is_rotation else 1.0 for a in rates}
     A = np.array([scales[a] * T[a.row] for a in rates])
     b = np.array([scales[a] * rate for a, rate in rates.items()])
@@ -117,15 +117,20 @@ def _rate(stage: StagePlan, axis: Axis) -> float | None:
     return rate if rate is None or math.isfinite(rate) else None
 
 
-def _resolved_twists(stage: StagePlan) -> Vector:
+def resolved_twists(stage: StagePlan, tip: Vector, rotation: Vector) -> Vector:
     """(6, k) T of the held mechanism at the control point, in the axes of a stage's frame.
 
     A frame that turns with the handle turns held and commanded axes along, (docs/language.md);
     `hold: world` does not.
+
+    Args:
+        stage: the stage.
+        tip: (3,) where the tip is [m].
+        rotation: (3, 3) the frame there, world axes.
     """
-    context, rotation = stage.context, stage.rotation
+    context = stage.context
     mechanism = context.mechanisms[context.held]
-    T = mechanism.free_twists(context.start_p, context.start_p + stage.lever)
+    T = mechanism.free_twists(tip, tip + rotation @ stage.rotation.T @ stage.lever)
     axis = mechanism.rotation[:, 2]
     if stage.frame.mechanism is not None:
         T = T.copy()

@@ -10,13 +10,18 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from taskspec.analysis.held_design import best_design
+from taskspec.foresight.arm_walk import ArmWalk
 from taskspec.foresight.carried import rates_at_end, rates_of, twist_of
 from taskspec.foresight.course import course_of, moving_axes
+from taskspec.foresight.starts import roomiest
 from taskspec.geometry.axis import AXES, Axis
+from taskspec.motion.blend import BLEND_TIME
 from taskspec.program.contacts import PASSING
 from taskspec.program.context import Context
+from taskspec.program.passage import Passage
 from taskspec.program.plan import StagePlan, TaskPlan
 from taskspec.program.prepare import prepare
+from taskspec.program.stages.conditions import NEAR_SINGULAR
 from taskspec.program.trajectory import Course, Nominal, Place
 from taskspec.robot.inverse_kinematics import SOLVED, InverseKinematics, Target
 from taskspec.spec import LoadedTask
@@ -30,6 +35,8 @@ AT_SURFACE = 0.5e-3
 _RESTARTS = 10
 #: Places of one task that are looked for so; the time that a task takes to check is bounded by it.
 _SEARCHES = 8
+#: Slower than this is what rounding makes of an axis that is held [m/s, rad/s].
+_STILL = 1e-6
 #: Of a difference quotient, as a share of the duration.
 _STEP = 1e-4
 
@@ -52,6 +59,7 @@ class NominalWalk:
         """Starts where the run does."""
         self._context = context
         self._solver = InverseKinematics(context.robot)
+        self._arm = ArmWalk(context)
         self._p, self._R, self._q = context.start_p, context.start_R, context.start
         self._at = (context.start_p, context.start_R)
         self._twist = np.zeros(6)
@@ -80,8 +88,54 @@ class NominalWalk:
             course = course_of(stage, coordinates, carried)
         if course is not None and course.bends:
             places += self._along(course, stage, rotation, rates)
+        passage = self._passage(stage, rotation)
+        if passage is not None:
+            places += self._remarkable(stage, passage)
         self._leave(stage, rotation, course)
-        return Nominal(rotation, gap, start, coordinates, course, tuple(places), carried)
+        self._meet(stage, passage)
+        return Nominal(rotation, gap, start, coordinates, course, tuple(places), carried, passage)
+
+    def _passage(self, stage: StagePlan, rotation: Vector) -> Passage | None:
+        """What the arm goes through in a stage."""
+        arm = self._arm
+        p, R = (self._p, self._R) if self._known and not self._held else (arm.p, arm.R)
+        felt = self._until_felt(stage, rotation)
+        lasts = None
+        if felt is not None and self._known and any(felt.values()):
+            rates = {a: m.constant_rate(stage.known) for a, m in moving_axes(stage.spec).items()}
+            axis = max(felt, key=lambda a: abs(felt[a]))
+            lasts = felt[axis] / (rates[axis] or math.inf) + BLEND_TIME / 2
+        return arm.stage(stage, p, R, lasts)
+
+    def _remarkable(self, stage: StagePlan, passage: Passage) -> Iterator[Place]:
+        """Where joints or tip are fastest, if beyond a limit, and the arm nearest to singular."""
+        robot, on_way = self._context.robot, passage.instants[1:]
+        if not on_way:
+            return
+        speed = math.inf if stage.limits.speed is None else stage.limits.speed
+        fast = next((i for i in on_way if np.any(np.abs(i.v) > robot.velocity_limit)), None)
+        swift = next((i for i in on_way if np.linalg.norm(i.twist[:3]) > speed), None)
+        stiff = next((i for i in on_way if i.pivot < NEAR_SINGULAR), None)
+        looked = {i.time: i for i in (fast, swift, stiff) if i is not None}
+        for _, i in sorted(looked.items()):
+            rates = {a: float(i.twist[a.row]) for a in stage.axes}
+            rates = {a: rate if abs(rate) > _STILL else 0.0 for a, rate in rates.items()}
+            yield Place(i.words, i.frame, i.q, {} if i is stiff else rates)
+
+    @property
+    def _held(self) -> bool:
+        return self._context.loaded.task.robot.grasp is not None
+
+    def _meet(self, stage: StagePlan, passage: Passage | None) -> None:
+        """Where the arm ends is where the tool is, if nothing else tells that."""
+        arm = self._arm
+        if self._jumps(stage):
+            arm.known = False
+        if self._known and not self._held and not arm.known and not self._jumps(stage):
+            arm.known, arm.p, arm.R, arm.q = True, self._p, self._R, self._q
+        elif arm.known and not self._known and passage is not None and not self._held:
+            self._known, self._p, self._R, self._q = True, arm.p, arm.R, arm.q
+            self._at = (self._p, self._R)
 
     def _straight(self, stage: StagePlan) -> bool:
         """Whether coordinates of its frame are those of a fixed one, up to a constant."""
@@ -202,16 +256,20 @@ class NominalWalk:
             moved = self._until_felt(stage, rotation)
             if course is not None and stage.spec.until is None:
                 moved = course.moved(course.duration)
-        following = list(self._context.loaded.task.stages)
-        after = following[following.index(stage.name) + 1 :][:1]
         self._twist = np.zeros(6)
-        jumps = stage.spec.next is not None and [stage.spec.next] != after
+        jumps = self._jumps(stage)
         if self._straight(stage) and not jumps:
             self._twist = twist_of(rates_at_end(stage, course), rotation)
         if moved is None or jumps or not all(map(math.isfinite, moved.values())):
             self._known = False
         elif any(moved.values()):
             self._p, self._R = self._moved(moved, rotation)
+
+    def _jumps(self, stage: StagePlan) -> bool:
+        """Whether another stage follows than the next one of the file."""
+        following = list(self._context.loaded.task.stages)
+        after = following[following.index(stage.name) + 1 :][:1]
+        return stage.spec.next is not None and [stage.spec.next] != after
 
     def _until_felt(self, stage: StagePlan, rotation: Vector) -> dict[Axis, float] | None:
         """Displacement of a stage that moves towards its surface until a guard ends it."""
@@ -233,9 +291,14 @@ class NominalWalk:
 
 
 def plan_task(loaded: LoadedTask) -> TaskPlan:
-    """The plan of a task.
+    """The plan of a task, from a start with room for its motions where the file leaves one.
 
     Raises:
         SpecError: the robot cannot be loaded or its start cannot be reached.
     """
-    return TaskPlan(prepare(loaded), NominalWalk, best_design)
+    context = prepare(loaded)
+
+    def start_at(q: Vector) -> TaskPlan:
+        return TaskPlan(prepare(loaded, context.robot, q), NominalWalk, best_design)
+
+    return roomiest(lambda: TaskPlan(context, NominalWalk, best_design), start_at)

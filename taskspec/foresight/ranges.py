@@ -7,16 +7,13 @@ guards, and guards before `within`.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import partial
-
-import numpy as np
 
 from taskspec.foresight.interval import ANY, Interval, point
 from taskspec.geometry.axis import Axis
 from taskspec.program.context import Context
-from taskspec.program.known import known_value
+from taskspec.program.passage import End, Instant, Passage
 from taskspec.program.plan import StagePlan
 from taskspec.program.signals import entry_of
 from taskspec.signals import Entry, Index
@@ -69,6 +66,9 @@ class Ranges:
                 return self._mechanism(member, signal.name)
             case Index.SINGLE, "travel":
                 return self._travel()
+            case Index.AXIS, "position":
+                moved = self._moved(Axis(member))
+                return ANY if moved is None else moved.interval
         bound = getattr(self._limits, signal.limit) if self._limited(found) else None
         return _within(bound)
 
@@ -107,9 +107,20 @@ class Ranges:
         if found is not None and limit and getattr(limits, limit) is not None:
             text = show(getattr(limits, limit), found.signal.dimension)
             return f"the limit on {limit}, {text}, stops the run before that"
+        moved = self._why_moved(node)
+        if moved:
+            return moved
         if head == "joint":
             return f"joint {node.path[1]} has limits"
         return self._why_held(head, last) if head in task.mechanisms else ""
+
+    def _why_moved(self, node: Name) -> str:
+        head, last = node.path[0], node.path[-1]
+        moved = self._moved(Axis(last)) if head == "position" and node.frame is None else None
+        if moved is None:
+            return ""
+        lasts, way = show(moved.lasts, TIME, 3), show(moved.way, LENGTH, 3)
+        return f"in {lasts} this stage moves {last!r} by {way}"
 
     def _why_held(self, name: str, signal: str) -> str:
         driven, stop = self._driven(name, signal), self._stop(name, signal)
@@ -155,56 +166,66 @@ class Ranges:
         ends = sorted((factor * (low - slack), factor * (high + slack)))
         return Interval(*ends)
 
-    def _driven(self, name: str, signal: str) -> Driven | None:
-        driven = driven_way(self._plan) if name == self._context.held else None
-        return driven if driven is not None and driven.signal == signal else None
+    @property
+    def _passage(self) -> Passage | None:
+        """What the arm goes through until the stage's bounds end it, where that is known."""
+        passage = self._plan.nominal.passage if self._plan.followed else None
+        return None if passage is None or passage.end is not End.BOUND else passage
+
+    def _driven(self, name: str, signal: str) -> Gone | None:
+        """How far the mechanism that the robot holds goes."""
+        passage = self._passage
+        if passage is None or name != self._context.held or signal not in _SLACK:
+            return None
+        model = self._context.mechanisms[name]
+        factor = model.lead if model.angular and signal == "travel" else 1.0
+        if passage.last.coordinate is None:
+            return None
+        return _gone(passage, lambda i: factor * (i.coordinate or 0.0), _SLACK[signal])
+
+    def _moved(self, axis: Axis) -> Gone | None:
+        """How far a translation goes whose motion is controlled."""
+        passage, plan = self._passage, self._plan.plans.get(axis)
+        if passage is None or plan is None or axis.is_rotation or self._context.held:
+            return None
+        if not plan.motion or plan.axis.has_force:
+            return None
+        start = self._start(axis)
+        if start is None:
+            return None
+        return _gone(passage, lambda i: start + i.moved[axis], _SLACK["travel"])
+
+    def _start(self, axis: Axis) -> float | None:
+        """Coordinate of a translation as the stage starts [m]."""
+        frame, passage = self._plan.frame, self._passage
+        assert passage is not None
+        if not frame.still:
+            return 0.0 if axis is not Axis.Z or frame.kind == "tool" else None
+        rotation, origin = self._context.placed(frame)
+        first = origin if frame.at_origin else passage.instants[0].p
+        return float(rotation[:, axis.column] @ (first - origin))
 
 
 @dataclass(frozen=True, slots=True)
-class Driven:
-    """What the first stage makes of the mechanism that the robot holds.
+class Gone:
+    """How far a stage takes a signal before its bounds end it.
 
     Attributes:
-        signal: `angle` or `travel`.
-        lasts: the longest that the stage may last [s].
-        way: what its velocity comes to by then [rad or m].
-        interval: of the coordinate.
+        way: what its references come to by then [rad, m].
+        lasts: how long that takes [s].
+        interval: of the signal, with what it may go beyond that.
     """
 
-    signal: str
-    lasts: float
     way: float
+    lasts: float
     interval: Interval
 
 
-def driven_way(plan: StagePlan) -> Driven | None:
-    """How far a constant velocity drives the held mechanism; None where that is not known.
-
-    Only of the first stage, which begins at coordinate 0, in the frame of the handle.
-    """
-    context, stage, frame = plan.context, plan.spec, plan.frame
-    held = context.mechanisms.get(context.held)
-    lasts = plan.longest
-    first = plan.name == next(iter(context.loaded.task.stages))
-    if held is None or not first or not math.isfinite(lasts):
-        return None
-    axis = Axis.Y if frame.mechanism is not None else Axis.Z
-    entry = stage.axes.get(axis)
-    if entry is None or not entry.mode.moves:
-        return None
-    rate = entry.mode.constant_rate(partial(known_value, context))
-    if rate is None or frame.name != f"{context.held}.handle":
-        return None
-    if frame.mechanism is None:
-        if held.angular:
-            return None
-        signal, way = "travel", rate * lasts
-    else:
-        lever = np.cross(held.rotation[:, 2], context.start_p - held.origin)
-        signal, way = "angle", rate * lasts / float(np.linalg.norm(lever))
-    ends = sorted((0.0, _DRIVEN * way))
-    slack = _SLACK[signal]
-    return Driven(signal, lasts, way, Interval(ends[0] - slack, ends[1] + slack))
+def _gone(passage: Passage, at: Callable[[Instant], float], slack: float) -> Gone:
+    values = [at(instant) for instant in passage.instants]
+    beyond = (_DRIVEN - 1.0) * (max(values) - min(values)) + slack
+    reached = Interval(min(values) - beyond, max(values) + beyond)
+    return Gone(values[-1] - values[0], passage.last.time, reached)
 
 
 def natural(found: Entry) -> Interval:

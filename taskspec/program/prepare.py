@@ -30,8 +30,15 @@ from taskspec.spec import FILE, LoadedTask, below
 Vector = NDArray[np.float64]
 
 
-def prepare(loaded: LoadedTask) -> Context:
+def prepare(
+    loaded: LoadedTask, robot: RobotModel | None = None, start: Vector | None = None
+) -> Context:
     """Robot, start configuration, frames and surfaces of a task.
+
+    Args:
+        loaded: the task.
+        robot: its model; None where it is to be loaded.
+        start: (n,) where the run starts; None for the solution nearest home.
 
     Raises:
         SpecError: the robot cannot be loaded or its start cannot be reached.
@@ -39,7 +46,8 @@ def prepare(loaded: LoadedTask) -> Context:
     task = loaded.task
     check_parents(loaded)
     models = mechanism_models(task)
-    robot, start = _robot(loaded, models)
+    if robot is None or start is None:
+        robot, start = _robot(loaded, models)
     terms = ModelTerms(robot)
     terms.update(start, np.zeros(robot.pin.nv))
     H, _, gravity, J_world, p, R, _ = terms.arrays

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.modes import Way
+from taskspec.program.passage import Passage
 
 Vector = NDArray[np.float64]
 
@@ -79,6 +80,7 @@ class Nominal:
         course: how it moves from there; None where that is not planned.
         places: its start, and samples of its way.
         carried: rates of the reference that is handed over, in its frame's axes [m/s, rad/s].
+        passage: what the arm goes through; None where that is unknown.
     """
 
     rotation: Vector
@@ -88,6 +90,7 @@ class Nominal:
     course: Course | None
     places: tuple[Place, ...]
     carried: Mapping[Axis, float] = field(default_factory=dict)
+    passage: Passage | None = None
 
     def way(self) -> list[tuple[float, Vector]]:
         """Times [s] and places of the tip (3,) on the planned way."""

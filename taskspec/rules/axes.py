@@ -33,7 +33,8 @@ def uncoupled_axes(stage: StagePlan) -> Iterator[Finding]:
             stage.coupling_of(axis)
         except UncoupledError as reason:
             place = FILE.stages[stage.name].axes[axis][plan.mode.name]
-            yield error("TS230", str(reason), place, reason.hint)
+            # Neither references nor gains of such a stage exist, and nothing after it is known.
+            yield error("TS230", str(reason), place, reason.hint, stops=True)
 
 
 def _how(axis: Axis) -> str:

@@ -3,19 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.control.qp.certificate import Certificate, contradiction, feasible
 from taskspec.foresight.course import moving_axes
+from taskspec.foresight.force_profile import at, force_profiles
 from taskspec.foresight.rates import VELOCITY, motion
 from taskspec.foresight.rows import Cause, RowSystem
 from taskspec.foresight.statics import TORQUE, statics
+from taskspec.program.passage import End
 from taskspec.program.plan import StagePlan
 from taskspec.program.trajectory import Place
-from taskspec.rules import Finding, rule
+from taskspec.robot.inverse_kinematics import turns_at
+from taskspec.rules import Finding, rule, warning
+from taskspec.rules.places import motion_of
 from taskspec.spec import FILE, key_of
+from taskspec.text import units
 from taskspec.text.diagnostic import Severity
 from taskspec.text.units import show
 
@@ -45,6 +51,53 @@ def contradictions(stage: StagePlan) -> Iterator[Finding]:
         if finding is not None:
             yield finding
             return
+    yield from _profiles(stage)
+    yield from _fast_joints(stage)
+
+
+def _profiles(stage: StagePlan) -> Iterator[Finding]:
+    """Set points that change with time, at the first instant at which they cannot be had."""
+    profiles, place = force_profiles(stage), stage.nominal.places[0]
+    if not profiles or place.q is None:
+        return
+    most = np.sum([np.abs(p.values) for p in profiles], axis=0)
+
+    def finding(i: int) -> Finding | None:
+        then = stage.but(set_points=stage.set_points | at(profiles, i))
+        when = replace(place, words=f"at t = {show(profiles[0].times[i], 's', 3)}")
+        return _contradiction(then, when, *statics(then, when))
+
+    late = int(np.argmax(most))
+    last = finding(late)
+    if last is None:
+        return
+    early = int(np.argmin(most[: late + 1]))
+    while late - early > 1:
+        middle = (early + late) // 2
+        found = finding(middle)
+        early, late, last = (middle, late, last) if found is None else (early, middle, found)
+    yield last
+
+
+def _fast_joints(stage: StagePlan) -> Iterator[Finding]:
+    """Joints that the law takes beyond their speed, although the arm might go another way."""
+    passage, robot = stage.nominal.passage, stage.context.robot
+    if passage is None or stage.law.solve == "qp":
+        return
+    for here in passage.instants[1:]:
+        share = np.abs(here.v) / robot.velocity_limit
+        i = int(np.argmax(share))
+        if share[i] > 1.0:
+            unit = units.VELOCITY.on(rotation=turns_at(robot, i))
+            most = show(float(robot.velocity_limit[i]), unit, 3)
+            yield warning(
+                "TS420",
+                f"in stage {stage.name!r}, {here.words}, joint {i + 1} goes at "
+                f"{show(abs(float(here.v[i])), unit, 3)}, and its velocity limit is {most}",
+                motion_of(stage),
+                "move slower, or start in another posture",
+            )
+            return
 
 
 @rule("TS421", "a motion that leads out of reach")
@@ -58,16 +111,26 @@ def out_of_reach(stage: StagePlan) -> Iterator[Finding]:
     placed = placed or any(e.mode.placed for e in spec.axes.values())
     origin = "its origin" if frame.still else "where the stage begins"
     counts = f"; in frame {frame.name!r} coordinates count from {origin}" if placed else ""
-    for place in stage.nominal.places:
-        if place.missed:
-            yield Finding(
-                "TS421",
-                f"in stage {stage.name!r}, {place.words}, the arm cannot be where the motion "
-                f"leads: it misses that by {place.missed}",
-                key_of(where),
-                f"shorten the way, start elsewhere, or leave the orientation to the arm{counts}",
-                severity=Severity.WARNING if possible else Severity.ERROR,
-            )
+    hint = f"shorten the way, start elsewhere, or leave the orientation to the arm{counts}"
+    missed = [place for place in stage.nominal.places if place.missed]
+    for place in missed:
+        yield Finding(
+            "TS421",
+            f"in stage {stage.name!r}, {place.words}, the arm cannot be where the motion "
+            f"leads: it misses that by {place.missed}",
+            key_of(where),
+            hint,
+            severity=Severity.WARNING if possible else Severity.ERROR,
+        )
+    passage = stage.nominal.passage
+    if not missed and passage is not None and passage.end is End.REACH:
+        yield warning(
+            "TS421",
+            f"in stage {stage.name!r} the motion leads out of reach: {passage.last.words} the arm "
+            "is as far as it gets",
+            key_of(where),
+            hint,
+        )
 
 
 def _contradiction(

@@ -8,14 +8,13 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec.foresight.course import moving_axes
 from taskspec.laws.gains import on_axis
 from taskspec.program.axes import MOSTLY
 from taskspec.program.plan import StagePlan
 from taskspec.program.world.equations import EquationModel
 from taskspec.rules import Finding, rule, warning
+from taskspec.rules.places import motion_of
 from taskspec.signals.entries import TOUCHING
-from taskspec.spec import FILE, KeyPath, key_of
 from taskspec.text.expression.tree import Name, walk
 from taskspec.text.units import show
 
@@ -58,7 +57,7 @@ def motions_into_a_surface(stage: StagePlan) -> Iterator[Finding]:
             "TS321",
             f"stage {stage.name!r} moves {show(depth, 'mm', 3)} into {contact!r}: the motion does "
             f"not give way there, and presses with about {show(force, 'N', 2)}",
-            _place(stage),
+            motion_of(stage),
             f"shorten the way, give {axis!r} a force, or move until one is felt",
         )
 
@@ -113,7 +112,7 @@ def _off(
                 "TS324",
                 f"stage {stage.name!r} leads at t = {show(time, 's', 3)} to where {equation!r} has "
                 "no gradient, so no direction to push in",
-                _place(stage),
+                motion_of(stage),
                 "keep away from there, or state the same constraint by a regular equation",
             )
         off = float(distance[0])
@@ -126,7 +125,7 @@ def _off(
                 "TS323",
                 f"stage {stage.name!r} leaves {equation!r}: at t = {show(time, 's', 3)} it would "
                 f"be {show(abs(off), 'mm', 3)} {'off' if both else 'beyond'} it",
-                _place(stage),
+                motion_of(stage),
                 "plan a motion that keeps the equation, phi(q_d(t)) = 0 (4.101)",
             )
     return None
@@ -142,12 +141,3 @@ def _moves(model: EquationModel) -> bool:
     """Whether an equation changes with time."""
     nodes = walk(model.constraint.residual.tree)
     return any(isinstance(n, Name) and n.path == ("clock",) for n in nodes)
-
-
-def _place(stage: StagePlan) -> KeyPath:
-    """Where a stage says how it moves."""
-    own = FILE.stages[stage.name]
-    if stage.spec.path is not None:
-        return key_of(own.path)
-    axis = next(iter(moving_axes(stage.spec)), None)
-    return key_of(own.axes[axis] if axis else own)

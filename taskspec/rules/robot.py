@@ -5,17 +5,25 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
+import numpy as np
+
+from taskspec.control.state import ARM_LENGTH
 from taskspec.program.plan import StagePlan, TaskPlan
 from taskspec.robot import RobotError, check_joints
+from taskspec.robot.inverse_kinematics import turns_at
 from taskspec.rules import Finding, Phase, error, rule, warning
 from taskspec.signals.entries import TOUCHING
-from taskspec.spec import FILE, KeyPath, below
-from taskspec.text.units import show
+from taskspec.spec import FILE, KeyPath, below, key_of
+from taskspec.text.units import FORCE, LENGTH, show
 
 #: Cosine from which on a tool points away: 60 deg.
 _AWAY = 0.5
 #: Arms with so many axes move in a plane, and their tool cannot be turned out of it.
 _PLANAR = 3
+#: A joint that starts nearer to a limit soon stops the run [rad; of a slide, times 0.3 m].
+_NEAR = math.radians(2.0)
+#: A link that weighs less has no mass in its file [kg].
+_MASSLESS = 1e-6
 
 
 @rule("TS414", "values for joints that do not fit the robot", also=("TS411",), phase=Phase.TASK)
@@ -60,6 +68,54 @@ def start_inside(task: TaskPlan) -> Iterator[Finding]:
                 f"{show(force, 'N', 3)} of contact",
                 FILE.robot.start,
                 "start above the surface, and approach it with a guarded stage",
+            )
+
+
+@rule(
+    {
+        "TS417": "a start at the limit of a joint",
+        "TS418": "motors that cannot hold the arm where it starts",
+        "TS419": "a link without mass",
+    },
+    phase=Phase.TASK,
+)
+def arm_at_start(task: TaskPlan) -> Iterator[Finding]:
+    """Joints that start at their limits or cannot bear the arm, and links that weigh nothing."""
+    context = task.context
+    robot, q = context.robot, context.start
+    place = FILE.robot if context.loaded.task.robot.start is None else FILE.robot.start
+    room = np.minimum(q - robot.lower, robot.upper - q)
+    bears = np.abs(context.start_gravity) / robot.torque_limit
+    weakest = int(np.argmax(bears))
+    if bears[weakest] > 1.0:
+        unit = FORCE.on(rotation=turns_at(robot, weakest))
+        holds = show(abs(float(context.start_gravity[weakest])), unit, 3)
+        most = show(float(robot.torque_limit[weakest]), unit, 3)
+        yield error(
+            "TS418",
+            f"joint {weakest + 1} ({robot.joint_names[weakest]}) has to bear {holds} to hold the "
+            f"arm where it starts, and its motor has {most}: the arm falls",
+            key_of(place),
+            "start with the arm less stretched, or take a lighter tool",
+        )
+    for i, name in enumerate(robot.joint_names):
+        unit = LENGTH.on(rotation=turns_at(robot, i))
+        near = _NEAR if turns_at(robot, i) else _NEAR * ARM_LENGTH
+        if room[i] < near:
+            yield warning(
+                "TS417",
+                f"joint {i + 1} ({name}) starts {show(max(float(room[i]), 0.0), unit, 2)} from its "
+                "limit, where the run stops",
+                key_of(place),
+                "start with that joint turned back: another rpy, or other joints",
+            )
+        if robot.pin.inertias[i + 1].mass < _MASSLESS:
+            yield warning(
+                "TS419",
+                f"joint {i + 1} ({name}) carries a link without mass: what it weighs, and what its "
+                "inertia resists, is left out of the arm",
+                key_of(FILE.robot.model),
+                "give the link its <inertial>, or the tool a mass",
             )
 
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from taskspec.control.state import ARM_LENGTH
 from taskspec.program.plan import StagePlan
-from taskspec.program.stages.conditions import SINGULAR
+from taskspec.program.stages.conditions import NEAR_SINGULAR, SINGULAR
 from taskspec.program.trajectory import Place
 from taskspec.robot.mobility import tip_jacobian
 from taskspec.rules import Finding, rule, warning
@@ -18,9 +18,6 @@ from taskspec.spec import FILE, key_of
 from taskspec.text.units import number, show
 
 Vector = NDArray[np.float64]
-
-#: An axis that feels a hundredth of the mass that stops the run is near a singularity.
-_NEAR = 100 * SINGULAR
 
 
 @rule("TS422", "a place close to a singularity")
@@ -34,7 +31,7 @@ def near_singularities(stage: StagePlan) -> Iterator[Finding]:
     if not looked:
         return
     pivot, place = min(looked, key=lambda pair: pair[0])
-    if pivot >= _NEAR:
+    if pivot >= NEAR_SINGULAR:
         return
     sizes = _singular_values(stage, place)
     felt = "nothing moves it" if pivot <= 0 else f"an axis feels {show(1 / pivot, 'kg', 2)}"

@@ -60,7 +60,7 @@ PRESS = "axes: {z: {force: -15 N}}\n    time: 1 s"
         # A set point of zero asks an axis to yield.
         {"stage": "axes: {x: {force: 0}, z: {force: -15 N}}\n    time: 1 s"},
         {"stage": "axes: {z: {force: -15 N}}\n    path: {line: {by: [0.1 m]}, speed: 250 mm/s}"},
-        {"stage": "axes: {x: {force: 5 N * sin(t/(1 s))}, z: {force: -15 N}}\n    time: 1 s"},
+        {"stage": "axes: {x: {force: 3 N * sin(t/(1 s))}, z: {force: -15 N}}\n    time: 1 s"},
         # The normal of a cup that no frame follows is not known all over it.
         {"stage": "axes: {x: {force: 5 N}, z: {force: -15 N}}\n    time: 1 s",
          "frames:": "  cup: {shape: sphere, radius: 10 mm, xyz: [1 m, 0, 1 m]}\nframes:"},
@@ -156,7 +156,7 @@ def test_joint_velocity_by_hand() -> None:
 
 
 def test_moves_that_lead_out_of_reach() -> None:
-    found = only("axes: {z: {force: -15 N}}\n    path: {line: {by: [0.9 m]}, speed: 0.2 m/s}")
+    found = only("axes: {z: {force: -15 N}}\n    path: {line: {by: [0.9 m]}, speed: 0.06 m/s}")
     assert (found.code, found.severity) == ("TS421", Severity.ERROR)
     assert found.span is not None
     assert found.span.line == 17

@@ -19,6 +19,8 @@ from taskspec.text.units import LENGTH, TIME, show
 
 #: Below this pivot of J H^-1 J^T [1/kg, 1/(kg m^2)] an axis feels like ten tonnes: singular.
 SINGULAR = 1e-4
+#: An axis that feels a hundredth of the mass that stops the run is near a singularity.
+NEAR_SINGULAR = 100 * SINGULAR
 _SLACK = 1e-9
 
 

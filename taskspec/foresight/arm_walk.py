@@ -1,0 +1,431 @@
+"""The arm's way through the stages of a task: where each ends, and what comes in its way.
+
+References are laid from rest, the tool is carried along them by the frame, the surface or the
+mechanism that it holds, and the joints follow. A stage ends as its guard, its bounds and its moves
+say, as far as that can be told without a measured force.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from taskspec.control.state import ARM_LENGTH
+from taskspec.foresight.carriers import Carrier, OnSurface, Straight, WithMechanism
+from taskspec.foresight.interval import ANY, Interval, IntervalAlgebra, point
+from taskspec.foresight.pose_follower import PoseFollower, Taken
+from taskspec.foresight.ranges import constant, natural
+from taskspec.foresight.reference_motion import ReferenceMotion, reference_motion
+from taskspec.geometry.axis import AXES, Axis
+from taskspec.program.context import Context
+from taskspec.program.passage import End, Instant, Passage
+from taskspec.program.plan import StagePlan
+from taskspec.program.signals import entry_of
+from taskspec.program.world.mechanisms import MechanismModel
+from taskspec.robot import RobotModel
+from taskspec.text.expression import evaluate
+from taskspec.text.expression.tree import Held, Name, Reduce, walk
+
+Vector = NDArray[np.float64]
+
+#: A stage that nothing bounds is looked at for so long [s].
+_HORIZON = 60.0
+#: Instants at which references are looked at.
+_FINE = 240
+#: A way is cut into pieces of this length [m, rad times the arm's length],
+_PIECE = 0.012
+#: of which there are so many.
+_FEWEST, _MOST = 10, 48
+#: What a mechanism bears while it moves is friction, damping and what starts it, up to this share
+#: more; a guard that compares with more waits for the stop.
+_BEARS = 2.0
+_NARROWINGS = 12
+#: Added to that, for what its inertia and the arm's errors make [N, N m].
+_AT_LEAST = 1.0
+
+
+class ArmWalk:
+    """Goes through the stages in the order of the file, from the start configuration.
+
+    Attributes:
+        q: (n,) where the joints are.
+        p, R: (3,), (3, 3) where the tip is, world axes.
+        known: whether that is known.
+        coordinate: of the held mechanism [rad, m].
+    """
+
+    def __init__(self, context: Context) -> None:
+        self._context = context
+        self.q, self.p, self.R = context.start, context.start_p, context.start_R
+        self.known, self.coordinate = True, 0.0
+
+    def stage(self, stage: StagePlan, p: Vector, R: Vector, lasts: float | None) -> Passage | None:
+        """What the arm goes through in the stage that comes next; None where that is unknown.
+
+        Args:
+            stage: the stage.
+            p, R: (3,), (3, 3) the tip as it begins.
+            lasts: until it comes to its surface [s]; None where that is not what ends it.
+        """
+        if not self.known or stage.moving_base is not None:
+            self.known = False
+            return None
+        found = self._passage(stage, p, R, lasts)
+        self.known = found is not None and found.end in (End.DONE, End.STOP)
+        if found is not None:
+            last = found.last
+            self.q, self.p, self.R = last.q, last.p, last.R
+            if last.coordinate is not None:
+                self.coordinate = last.coordinate
+        return found
+
+    def _passage(
+        self, stage: StagePlan, p: Vector, R: Vector, lasts: float | None
+    ) -> Passage | None:
+        carrier = self._carrier(stage, p, R)
+        if carrier is None:
+            return None
+        arm = PoseFollower(self._context, stage)
+        begun = arm.take(self.q, p, R, carrier.frame, 1.0)
+        if begun.missed is not None:
+            return None
+        start = _coordinates(stage, p, R)
+        motion = reference_motion(stage, start)
+        if motion is None or (stage.spec.until is None and motion.lasts is None):
+            return None
+        none = np.zeros(6)
+        first = Instant(
+            0.0, p, R, carrier.frame, begun.q, np.zeros(len(begun.q)), none,
+            _coordinate_of(carrier), math.inf, dict.fromkeys(AXES, 0.0),
+        )  # fmt: skip
+        way = [first]
+        guard = None
+        if stage.spec.until is not None and lasts is None:
+            guard = _Guard(stage, motion, start, first)
+        if not motion.ways and guard is None:
+            return Passage((first,), End.DONE)
+        horizon = _horizon(stage, motion, lasts)
+        return self._go(stage, carrier, arm, motion, guard, horizon, way)
+
+    def _carrier(self, stage: StagePlan, p: Vector, R: Vector) -> Carrier | None:
+        """What carries the tool; None where that cannot be told."""
+        if self._context.loaded.task.robot.grasp is not None:
+            if not self._context.held or _driven_by_force(stage):
+                return None
+            return WithMechanism(stage, p, R, self.coordinate)
+        frame = stage.frame
+        if frame.kind == "following":
+            return OnSurface(stage, p, R)
+        return Straight(stage, p, R) if frame.mechanism is None else None
+
+    def _go(
+        self,
+        stage: StagePlan,
+        carrier: Carrier,
+        arm: PoseFollower,
+        motion: ReferenceMotion,
+        guard: _Guard | None,
+        horizon: float,
+        way: list[Instant],
+    ) -> Passage:
+        """Goes until something ends the stage."""
+        fine, marks, fastest = _times(motion, horizon)
+        if guard is not None:
+            held = guard.at(way[0], carrier)
+            if not held.never:
+                return _ended(way, carrier, End.DONE if held.always else End.OPEN)
+        for before, mark, fast in zip(marks[:-1], marks[1:], fastest, strict=True):
+            # A mechanism is followed more finely: it may turn away from what moves it.
+            points = range(before + 1, mark + 1) if self._context.held else (mark,)
+            last, time = way[-1], 0.0
+            moved = last.moved
+            for i in points:
+                time = float(fine[i])
+                moved = _moved(motion, time)
+                if not all(map(math.isfinite, moved.values())):
+                    return _ended(way, carrier, End.OPEN)
+                carrier.advance(time, moved)
+                if _strained(carrier):
+                    break
+            if carrier.left:
+                return _ended(way, carrier, End.EDGE, edge=carrier.left)
+            lasts = time - last.time
+            taken = arm.take(last.q, carrier.p, carrier.R, carrier.frame, lasts)
+            if taken.missed is not None:
+                return _ended(way, carrier, End.REACH, missed=taken.missed)
+            way.append(_instant(time, last, carrier, taken, moved, fast))
+            found = self._end(stage, carrier, guard, way)
+            if found is not None:
+                return found
+        if guard is None:
+            return _ended(way, carrier, End.DONE)
+        bounded = math.isfinite(stage.longest)
+        return _ended(way, carrier, End.BOUND if bounded else End.OPEN)
+
+    def _end(
+        self, stage: StagePlan, carrier: Carrier, guard: _Guard | None, way: list[Instant]
+    ) -> Passage | None:
+        """What ends the stage between its last two instants; None where it goes on."""
+        robot, last, here = self._context.robot, way[-2], way[-1]
+        if ((here.q > robot.upper) | (here.q < robot.lower)).any():
+            joint, share = _crossed(robot, last.q, here.q)
+            way[-1] = mixed(last, here, share)
+            return _ended(way, carrier, End.JOINT, joint=joint)
+        if _strained(carrier):
+            return _ended(way, carrier, End.STRAIN)
+        if guard is not None:
+            holds = guard.at(here, carrier)
+            if holds.always:
+                way[-1] = guard.between(last, here)
+                return _ended(way, carrier, End.DONE)
+            if not holds.never:
+                stops = isinstance(carrier, WithMechanism) and carrier.stopped is not None
+                return _ended(way, carrier, End.STOP if stops else End.OPEN)
+        passed = _travelled(stage, way)
+        if passed is None:
+            return None
+        way[-1] = mixed(last, here, passed)
+        return _ended(way, carrier, End.BOUND)
+
+
+def _strained(carrier: Carrier) -> bool:
+    return isinstance(carrier, WithMechanism) and carrier.strained
+
+
+def _ended(
+    way: list[Instant],
+    carrier: Carrier,
+    end: End,
+    *,
+    joint: int | None = None,
+    missed: Vector | None = None,
+    edge: str = "",
+) -> Passage:
+    strain, stopped = None, None
+    if isinstance(carrier, WithMechanism):
+        strain, stopped = carrier.strain, carrier.stopped
+    return Passage(tuple(way), end, joint, missed, strain, stopped, edge)
+
+
+def _driven_by_force(stage: StagePlan) -> bool:
+    """Whether a force of a stage, which is not zero or not known, may move what is held."""
+    for axis, entry in stage.spec.axes.items():
+        if entry.has_force and stage.set_point_of(axis) != 0.0:
+            return True
+    return False
+
+
+def _coordinate_of(carrier: Carrier) -> float | None:
+    return carrier.coordinate if isinstance(carrier, WithMechanism) else None
+
+
+def _horizon(stage: StagePlan, motion: ReferenceMotion, lasts: float | None) -> float:
+    if lasts is not None:
+        return min(lasts, stage.longest)
+    if stage.spec.until is None:
+        return motion.lasts or 0.0
+    return min(stage.longest, _HORIZON)
+
+
+def _coordinates(stage: StagePlan, p: Vector, R: Vector) -> dict[Axis, float]:
+    """Coordinates of the control point in a stage's frame as it starts."""
+    found = dict.fromkeys(AXES, 0.0)
+    frame, context = stage.frame, stage.context
+    if frame.still:
+        rotation, origin = context.placed(frame)
+        control = origin if frame.at_origin else p
+        found |= dict(zip(AXES[:3], (rotation.T @ (control - origin)).tolist(), strict=True))
+    elif frame.surface_name:
+        found[Axis.Z] = context.obstacles.gap(frame.surface_name, p, R)
+    return found
+
+
+def _moved(motion: ReferenceMotion, time: float) -> dict[Axis, float]:
+    found = dict.fromkeys(AXES, 0.0)
+    for axis, at in motion.ways.items():
+        found[axis] = float(at(time))
+    return found
+
+
+def _times(motion: ReferenceMotion, horizon: float) -> tuple[Vector, list[int], list[float]]:
+    """Times, those of them that cut the way into pieces, and how much faster each piece gets.
+
+    Faster, that is, than its mean.
+    """
+    fine = np.linspace(0.0, horizon, _FINE)
+    if not motion.ways:
+        return fine, [0, _FINE - 1], [1.0]
+    lengths = np.array([ARM_LENGTH if a.is_rotation else 1.0 for a in motion.ways])
+    at = lengths * np.array(
+        [[float(way(t)) for way in motion.ways.values()] for t in fine.tolist()]
+    )
+    at = np.where(np.isfinite(at), at, 0.0)
+    steps = np.linalg.norm(np.diff(at, axis=0), axis=1)
+    gone = np.concatenate([[0.0], np.cumsum(steps)])
+    pieces = int(np.clip(math.ceil(gone[-1] / _PIECE), _FEWEST, _MOST))
+    # Half of the time itself keeps pieces short where references start and end.
+    measure = gone / max(gone[-1], 1e-12) + 0.5 * fine / max(horizon, 1e-12)
+    marks = np.searchsorted(measure, np.linspace(0.0, measure[-1], pieces + 1))
+    marks = np.unique(np.minimum(marks, _FINE - 1))
+    faster = []
+    for a, b in itertools.pairwise(marks):
+        net = float(np.linalg.norm(at[b] - at[a])) / (b - a)
+        peak = float(steps[a:b].max())
+        faster.append(peak / net if net > 0.1 * peak > 0 else 1.0)
+    return fine, marks.tolist(), faster
+
+
+def _instant(
+    time: float,
+    last: Instant,
+    carrier: Carrier,
+    taken: Taken,
+    moved: Mapping[Axis, float],
+    fast: float,
+) -> Instant:
+    """The instant after the last, the references `fast` times as fast as their mean at most."""
+    lasts = time - last.time
+    turn = pin.log3(carrier.R @ last.R.T)
+    inside = carrier.frame.T
+    twist = np.concatenate([inside @ (carrier.p - last.p), inside @ turn]) * (fast / lasts)
+    v = (taken.q - last.q) / lasts
+    return Instant(
+        time, carrier.p, carrier.R, carrier.frame, taken.q, v, twist, _coordinate_of(carrier),
+        taken.pivot, dict(moved),
+    )  # fmt: skip
+
+
+def _crossed(robot: RobotModel, before: Vector, q: Vector) -> tuple[int, float]:
+    """The joint that comes to its limit first between two configurations (n,), and where."""
+    room = np.where(q > before, robot.upper - before, before - robot.lower)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share = np.where(q != before, np.maximum(room, 0.0) / np.abs(q - before), np.inf)
+    joint = int(np.argmin(share))
+    return joint, min(float(share[joint]), 1.0)
+
+
+def _travelled(stage: StagePlan, way: list[Instant]) -> float | None:
+    """The share of the last piece at which `within.travel` is passed; None where it is not."""
+    within = stage.spec.within
+    most = None if within is None else within.travel
+    before, here = (float(np.linalg.norm(i.p - way[0].p)) for i in way[-2:])
+    if most is None or here <= most:
+        return None
+    return (most - before) / (here - before)
+
+
+class _Guard:
+    """What `until` of a stage is worth on its way."""
+
+    def __init__(
+        self,
+        stage: StagePlan,
+        motion: ReferenceMotion,
+        start: Mapping[Axis, float],
+        first: Instant,
+    ) -> None:
+        assert stage.spec.until is not None
+        tree = stage.spec.until.tree
+        self._node = tree.x if isinstance(tree, Held) else tree
+        self._stage, self._motion, self._start, self._first = stage, motion, start, first
+        self._context = stage.context
+        #: What looks back on what has been is not followed.
+        self._told = not any(isinstance(part, Held | Reduce) for part in walk(self._node))
+        self._algebra = IntervalAlgebra()
+
+    def at(self, here: Instant, carrier: Carrier) -> Interval:
+        """Whether it holds at an instant, as far as that can be told there."""
+        if not self._told:
+            return Interval(0.0, 1.0)
+        known = self._signals(here) | self._effort(here, carrier)
+        return self._worth(known)
+
+    def _worth(self, known: Mapping[str, Interval]) -> Interval:
+        return evaluate(self._node, self._algebra, lambda n: self._value(n, known))
+
+    def _value(self, name: Name, known: Mapping[str, Interval]) -> Interval:
+        if name.frame is not None:
+            return ANY
+        if str(name) in known:
+            return known[str(name)]
+        found = entry_of(self._context.loaded.task, name.path)
+        if found is None:
+            return constant(self._context, name) or ANY
+        return natural(found)
+
+    def _signals(self, here: Instant) -> dict[str, Interval]:
+        """What the references and the arm's geometry tell."""
+        found = {"t": point(here.time)}
+        found["travel"] = point(float(np.linalg.norm(here.p - self._first.p)))
+        found |= {f"joint.{i + 1}.position": point(float(x)) for i, x in enumerate(here.q)}
+        if self._motion.path_lasts is not None:
+            found["path_done"] = point(float(here.time >= self._motion.path_lasts))
+        if here.coordinate is not None:
+            name, lead = self._context.held, self._model.lead
+            if self._model.angular:
+                found[f"{name}.angle"] = point(here.coordinate)
+            found[f"{name}.travel"] = point((lead if self._model.angular else 1) * here.coordinate)
+            return found
+        for axis, plan in self._stage.plans.items():
+            if plan.motion and not plan.axis.has_force:
+                start = 0.0 if axis.is_rotation else self._start[axis]
+                # A rotation vector ends at half a turn.
+                if not axis.is_rotation or abs(here.moved[axis]) < math.pi:
+                    found[f"position.{axis}"] = point(start + here.moved[axis])
+        return found
+
+    @property
+    def _model(self) -> MechanismModel:
+        return self._context.mechanisms[self._context.held]
+
+    def _effort(self, here: Instant, carrier: Carrier) -> dict[str, Interval]:
+        """What the held mechanism bears before it comes to its stop."""
+        if not isinstance(carrier, WithMechanism) or carrier.stopped is not None:
+            return {}
+        declared = self._context.loaded.task.mechanisms[self._context.held]
+        assert here.coordinate is not None
+        assert self._first.coordinate is not None
+        if declared.detent is not None and here.time > 0:
+            return {}
+        bears = 0.0
+        if here.time > 0:
+            rate = (here.coordinate - self._first.coordinate) / here.time
+            bears = _BEARS * (declared.friction + declared.damping * abs(rate)) + _AT_LEAST
+        effort = "torque" if declared.angular else "force"
+        return {f"{self._context.held}.{effort}": Interval(-bears, bears)}
+
+    def between(self, last: Instant, here: Instant) -> Instant:
+        """The instant between two at which it first holds, by straight lines between them."""
+        low, high = 0.0, 1.0
+        for _ in range(_NARROWINGS):
+            middle = (low + high) / 2
+            held = self._worth(self._signals(mixed(last, here, middle)))
+            low, high = (low, middle) if held.always else (middle, high)
+        return mixed(last, here, high)
+
+
+def mixed(last: Instant, here: Instant, share: float) -> Instant:
+    """An instant between two others, by straight lines."""
+
+    def mix(a: float, b: float) -> float:
+        return a + share * (b - a)
+
+    turn = pin.exp3(share * pin.log3(here.R @ last.R.T))
+    coordinate = None
+    if here.coordinate is not None and last.coordinate is not None:
+        coordinate = mix(last.coordinate, here.coordinate)
+    return replace(
+        here,
+        time=mix(last.time, here.time),
+        p=last.p + share * (here.p - last.p),
+        R=turn @ last.R,
+        q=last.q + share * (here.q - last.q),
+        coordinate=coordinate,
+        moved={a: mix(last.moved[a], here.moved[a]) for a in AXES},
+    )

@@ -1,0 +1,55 @@
+"""Set points that change with time, over the whole time of their stage."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from taskspec.geometry.axis import Axis
+from taskspec.program.plan import StagePlan
+
+#: Instants at which a profile is looked at.
+_LOOKS = 121
+
+
+@dataclass(frozen=True, slots=True)
+class ForceProfile:
+    """The set point of one axis against time.
+
+    Attributes:
+        axis: whose it is.
+        times: (k,) [s].
+        values: (k,) [N, N m].
+    """
+
+    axis: Axis
+    times: tuple[float, ...]
+    values: tuple[float, ...]
+
+
+def force_profiles(stage: StagePlan) -> list[ForceProfile]:
+    """Set points of a stage that depend on its time alone, until it ends.
+
+    A stage that a guard ends may end before its forces are what they would become.
+    """
+    passage, found = stage.nominal.passage, []
+    lasts = max(stage.spec.time or 0.0, 0.0 if passage is None else passage.last.time)
+    if stage.spec.until is not None or not lasts:
+        return []
+    times = tuple(np.linspace(0.0, lasts, _LOOKS).tolist())
+    for axis, entry in stage.spec.axes.items():
+        force = entry.set_point if axis in stage.axes else None
+        if force is None or stage.known(force.wanted) is not None:
+            continue
+        values = [stage.known(force.wanted, {"t": t}) for t in times]
+        told = [v for v in values if v is not None and math.isfinite(v)]
+        if len(told) == len(times):
+            found.append(ForceProfile(axis, times, tuple(told)))
+    return found
+
+
+def at(profiles: list[ForceProfile], i: int) -> dict[Axis, float]:
+    """All of them at their i-th instant."""
+    return {p.axis: p.values[i] for p in profiles if p.values[i]}

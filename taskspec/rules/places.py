@@ -1,0 +1,16 @@
+"""Places in a file that findings of several rules refer to."""
+
+from __future__ import annotations
+
+from taskspec.foresight.course import moving_axes
+from taskspec.program.plan import StagePlan
+from taskspec.spec import FILE, KeyPath, key_of
+
+
+def motion_of(stage: StagePlan) -> KeyPath:
+    """Where a stage says how it moves."""
+    own = FILE.stages[stage.name]
+    if stage.spec.path is not None:
+        return key_of(own.path)
+    axis = next(iter(moving_axes(stage.spec)), None)
+    return key_of(own.axes[axis] if axis else own)

@@ -1,0 +1,188 @@
+"""What the walk of the arm announces, held against where the forced run stops."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+import taskspec_runner
+from taskspec.examination import examine
+from taskspec.program.prepare import prepare
+from taskspec.spec import load_text
+
+SCREW = """
+taskspec: 1
+robot: {{model: panda, grasp: cap.handle{start}}}
+world:
+  cap: {{mechanism: screw, xyz: [500 mm, 0, 300 mm], rpy: [180 deg, 0, 0], pitch: {pitch},
+    inertia: 0.001 kg*m^2, mass: 200 g, damping: 0.05 N*m*s/rad, friction: 0.1 N*m}}
+frame: cap
+limits: {{force: 60 N, torque: 6 N*m, speed: 250 mm/s}}
+stages:
+  screw_down:
+    axes: {{x: {{force: 0}}, y: {{force: 0}}, z: {z}, rx: {{torque: 0}}, ry: {{torque: 0}},
+      rz: {{velocity: 60 deg/s}}}}
+    until: cap.angle > {until}
+    within: {{time: 8 s}}
+"""
+TURNED = ", start: {rpy: [180 deg, 0, 120 deg]}"
+CRANK = """
+taskspec: 1
+robot: {{model: panda, grasp: crank.handle}}
+world:
+  crank: {{mechanism: hinge, xyz: [500 mm, 0, 350 mm], handle: [120 mm, 0, 0], knob: {knob},
+    inertia: 0.05 kg*m^2, damping: 0.2 N*m*s/rad}}
+frame: crank.handle
+limits: {{force: 40 N, torque: 5 N*m}}
+stages:
+  rotate:
+    axes: {{x: {x}, y: {{velocity: 100 mm/s}}, z: {{force: 0}}, rx: {{torque: 0}},
+      ry: {{torque: 0}}, rz: {rz}}}
+    until: crank.angle > {until}
+    within: {{time: 20 s}}
+"""
+DRAWER = """
+taskspec: 1
+robot: {{model: panda, grasp: drawer.handle}}
+world:
+  drawer: {{mechanism: slide, xyz: [600 mm, 0, 400 mm], rpy: [0, -90 deg, 0], mass: 2 kg,
+    damping: 20 N*s/m, friction: 2 N, stop: 0..200 mm}}
+frame: drawer.handle
+limits: {{force: 40 N, torque: 8 N*m, speed: 300 mm/s}}
+stages:
+  pull:
+    axes: {{x: {{force: 0}}, y: {{force: 0}}, z: {z}, rx: {{torque: 0}}, ry: {{torque: 0}},
+      rz: {{torque: 0}}}}
+    {end}
+"""
+FREE = """
+taskspec: 1
+robot: {{model: panda, start: {{xyz: [400 mm, 0, 400 mm]}}}}
+limits: {{speed: 2 m/s}}
+stages: {{go: {{axes: {{{axes}}}{end}}}}}
+"""
+DRUM = """
+taskspec: 1
+robot: {{model: panda, start: {{xyz: [500 mm, 0, 370 mm]}}}}
+world:
+  drum: {{shape: cylinder, radius: 150 mm, length: 600 mm, xyz: [500 mm, 0, 200 mm],
+    rpy: [90 deg, 0, 0], stiffness: 20 kN/m}}
+frames: {{top: {{surface: drum, heading: [0, 1, 0]}}}}
+frame: top
+limits: {{force: 60 N, speed: 300 mm/s}}
+stages:
+  touch: {{axes: {{z: {{velocity: -30 mm/s}}}}, until: force.z < -3 N, within: {{time: 4 s}}}}
+  go: {{axes: {{z: {{force: -10 N}}, x: {x}}}, time: {time}}}
+"""
+
+
+def screw(
+    *, until: str, pitch: str = "4 mm/turn", z: str = "{follows: cap}", start: str = TURNED
+) -> str:
+    return SCREW.format(start=start, until=until, pitch=pitch, z=z)
+
+
+def crank(
+    *, until: str, knob: str = "free", x: str = "{force: 0}", rz: str = "{hold: world}"
+) -> str:
+    return CRANK.format(until=until, knob=knob, x=x, rz=rz)
+
+
+def drawer(z: str, end: str) -> str:
+    return DRAWER.format(z=z, end=end)
+
+
+ANNOUNCED = {
+    # name: file, code, and what stops the run.
+    "wrist": (screw(until="300 deg"), "TS424", "position limit of joint"),
+    "wrist of a crank": (
+        crank(until="1 turn", knob="fixed", rz="{torque: 0}"),
+        "TS424",
+        "position limit of joint",
+    ),
+    "turns": (FREE.format(axes="rz: {move: 3 turn}", end=""), "TS424", "position limit of joint"),
+    "thread": (
+        screw(until="180 deg", pitch="10 mm/turn", z="{hold: start}"),
+        "TS322",
+        "limit on force",
+    ),
+    "advance": (screw(until="180 deg", z="{velocity: 5 mm/s}"), "TS322", "limit on force"),
+    "radial": (crank(until="1 turn", x="{velocity: 10 mm/s}"), "TS322", "limit on force"),
+    "stop": (drawer("{velocity: 80 mm/s}", "time: 4 s"), "TS328", "limit on force"),
+    "move": (drawer("{move: 250 mm, speed: 100 mm/s}", ""), "TS328", "limit on force"),
+    "swift": (
+        FREE.format(axes="y: {move: 300 mm, speed: 1.5 m/s}", end=""),
+        "TS420",
+        "velocity limit of joint",
+    ),
+    "reach": (
+        FREE.format(axes="y: {velocity: 100 mm/s}", end=", time: 9 s"),
+        "TS421",
+        "velocity limit of joint",
+    ),
+    "edge": (DRUM.format(x="{velocity: 150 mm/s}", time="3 s"), "TS425", "left the part"),
+}
+FINE = {
+    "wrist": screw(until="200 deg"),
+    "thread": screw(until="90 deg", pitch="0.1 mm/turn", z="{hold: start}"),
+    "crank": crank(until="1 turn"),
+    "crank with a fixed knob": crank(until="60 deg", knob="fixed", rz="{torque: 0}"),
+    "stop": drawer("{velocity: 80 mm/s}", "time: 2 s"),
+    "move": drawer("{move: 180 mm, speed: 100 mm/s}", ""),
+    "felt stop": drawer("{velocity: 60 mm/s}", "until: drawer.force > 15 N\n    within: 6 s"),
+    "swift": FREE.format(axes="y: {move: 200 mm, speed: 300 mm/s}", end=""),
+    "turns": FREE.format(axes="rz: {move: 45 deg}", end=""),
+    "drum": DRUM.format(x="{velocity: 100 mm/s}", time="1 s"),
+    "sine on a drum": DRUM.format(x="{position: 50 mm*sin(2 rad/s*t)}", time="3 s"),
+}
+#: The walk cuts a way into pieces of 12 mm, and the arm follows its references behind its motion
+#: loops: a designed bandwidth of 3 Hz is 1/(2 pi 3 Hz) = 53 ms.
+SHARE, LEAST = 0.1, 0.053
+
+
+def codes(text: str) -> set[str]:
+    found = examine(load_text(text, "task.yaml"), stability=False).findings
+    return {d.code for d in found if d.severity.name != "INFO"}
+
+
+def announced_at(text: str, code: str) -> float:
+    found = examine(load_text(text, "task.yaml"), stability=False).findings
+    (message,) = (d.message for d in found if d.code == code)
+    time = re.search(r"(?:after|at t =) ([\d.]+) s", message)
+    assert time is not None, message
+    return float(time[1])
+
+
+@pytest.mark.parametrize("name", ANNOUNCED)
+def test_the_run_stops_where_it_is_announced(name: str, tmp_path: Path) -> None:
+    text, code, limit = ANNOUNCED[name]
+    at = announced_at(text, code)
+    run = taskspec_runner.run(load_text(text, "task.yaml"), tmp_path / "run", force=True)
+    visit = run.visits[-1]
+    assert run.summary["status"] == "stopped"
+    assert limit in run.reason
+    assert visit.end - visit.start == pytest.approx(at, rel=SHARE, abs=LEAST)
+
+
+def test_a_start_that_is_left_open_has_room_for_the_stages(tmp_path: Path) -> None:
+    """Nearest home the wrist has 121 deg left; a turned start has 200 deg, and the task passes."""
+    text = screw(until="200 deg", start="")
+    assert codes(text) == set()
+    given = text.replace("grasp: cap.handle", "grasp: cap.handle, start: {rpy: [180 deg, 0, 0]}")
+    assert "TS424" in codes(given)
+    run = taskspec_runner.run(load_text(text, "task.yaml"), tmp_path / "run")
+    assert run.summary["status"] == "done"
+
+
+def test_a_start_with_room_is_the_one_nearest_home() -> None:
+    loaded = load_text(crank(until="1 turn"), "task.yaml")
+    plan = examine(loaded, stability=False).plan
+    assert plan is not None
+    assert plan.context.start.tolist() == prepare(loaded).start.tolist()
+
+
+@pytest.mark.parametrize("name", FINE)
+def test_a_like_file_that_ends_well_is_silent(name: str) -> None:
+    assert codes(FINE[name]) == set()
