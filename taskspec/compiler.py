@@ -15,6 +15,7 @@ from taskspec.program.plan import TaskPlan
 from taskspec.program.program import Program, refusals
 from taskspec.program.signals import UnknownSignalError
 from taskspec.program.stages.stage import CompiledStage, compile_stage
+from taskspec.rules import rule_of
 from taskspec.spec import FILE, LoadedTask
 from taskspec.text.diagnostic import SpecError
 
@@ -23,8 +24,6 @@ Vector = NDArray[np.float64]
 
 #: The code of a stage that is predicted to be unstable in the world of its file.
 UNSTABLE = "TS501"
-#: Behind these no plant can be built, though the stages compile.
-_NO_PLANT = ("TS414",)
 
 
 def compile_task(loaded: LoadedTask, *, force: bool = False) -> Program:
@@ -53,7 +52,7 @@ def admit(examined: Examination, *, force: bool = False) -> Program:
     findings, plan = examined.findings, examined.plan
     sources = examined.loaded.sources
     against = refusals(findings)
-    lifted = force and not any(d.code in _NO_PLANT for d in against)
+    lifted = force and not any(_bars(d.code) for d in against)
     if plan is None or (against and not lifted):
         raise SpecError(findings, sources)
     try:
@@ -65,6 +64,12 @@ def admit(examined: Examination, *, force: bool = False) -> Program:
         if isinstance(error, SpecError):
             raise SpecError((*findings, *error.diagnostics), sources) from error
         raise
+
+
+def _bars(code: str) -> bool:
+    """Whether no plant can be built behind a code, though the stages compile."""
+    owner = rule_of(code)
+    return owner is not None and owner.bars
 
 
 def compile_unchecked(loaded: LoadedTask) -> Program:

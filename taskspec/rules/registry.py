@@ -69,12 +69,14 @@ class Rule:
         titles: code to title, of those that belong to this rule.
         also: further codes that it reports.
         phase: when it is asked.
+        bars: behind an error of its own no plant can be built, so that `force` does not lift it.
     """
 
     check: Callable[[Any], Iterable[Finding]]
     titles: Mapping[str, str]
     also: tuple[str, ...]
     phase: Phase
+    bars: bool = False
 
     @property
     def name(self) -> str:
@@ -117,6 +119,7 @@ def rule(
     *,
     also: tuple[str, ...] = (),
     phase: Phase = Phase.MOTION,
+    bars: bool = False,
 ) -> Callable[[Check], Check]:
     """Registers a function as a rule.
 
@@ -125,6 +128,7 @@ def rule(
         title: of the one code.
         also: codes that it reports and that are registered elsewhere.
         phase: when it is asked.
+        bars: behind an error of its own no plant can be built, so that `force` does not lift it.
 
     Raises:
         ValueError: a code is registered already.
@@ -133,7 +137,7 @@ def rule(
     register(titles)
 
     def enter(check: Check) -> Check:
-        RULES.append(Rule(check, titles, also, phase))
+        RULES.append(Rule(check, titles, also, phase, bars))
         return check
 
     return enter

@@ -26,7 +26,13 @@ _NEAR = math.radians(2.0)
 _MASSLESS = 1e-6
 
 
-@rule("TS414", "values for joints that do not fit the robot", also=("TS411",), phase=Phase.TASK)
+@rule(
+    "TS414",
+    "values for joints that do not fit the robot",
+    also=("TS411",),
+    phase=Phase.TASK,
+    bars=True,
+)
 def joint_values(task: TaskPlan) -> Iterator[Finding]:
     """Postures and dampings that do not fit the robot's joints."""
     robot, spec = task.context.robot, task.context.loaded.task

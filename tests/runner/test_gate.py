@@ -15,6 +15,7 @@ import taskspec_runner
 from taskspec import compiler, examination, load
 from taskspec.examination import Examination
 from taskspec.program.program import Program
+from taskspec.rules import RULES
 from taskspec.spec import LoadedTask, load_text
 from taskspec.text.diagnostic import SpecError
 from taskspec_runner import session
@@ -134,6 +135,13 @@ def test_force_lifts_a_finding_and_the_run_says_so(text: str, code: str, tmp_pat
     file.write_text(text, encoding="utf-8")
     told = CliRunner().invoke(app, ["run", str(file), "--force", "--out", str(tmp_path / "cli")])
     assert f"run in spite of {code}" in told.stdout
+
+
+@pytest.mark.parametrize("code", [code for rule in RULES if rule.bars for code in rule.titles])
+def test_force_does_not_lift_what_no_plant_can_be_built_behind(code: str, tmp_path: Path) -> None:
+    file = next(path for path in ERRORS if path.name.startswith(code))
+    with pytest.raises(SpecError, match=code):
+        taskspec_runner.run(load(file), tmp_path / "run", force=True)
 
 
 def test_a_run_without_force_says_that_nothing_was_lifted(tap: Path, tmp_path: Path) -> None:
