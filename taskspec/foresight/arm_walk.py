@@ -96,7 +96,7 @@ class ArmWalk:
         if begun.missed is not None:
             return None
         start = _coordinates(stage, p, R)
-        motion = reference_motion(stage, start)
+        motion = reference_motion(stage, start, {})
         if motion is None or (stage.spec.until is None and motion.lasts is None):
             return None
         none = np.zeros(6)

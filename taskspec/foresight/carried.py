@@ -10,12 +10,9 @@ from numpy.typing import NDArray
 
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.program.plan import StagePlan
-from taskspec.program.trajectory import Course
+from taskspec.program.trajectory import Course, rate_until
 
 Vector = NDArray[np.float64]
-
-#: Of the difference quotient of a rate as a stage ends [s].
-_INSTANT = 1e-6
 
 
 def rates_at_end(stage: StagePlan, course: Course | None) -> dict[Axis, float]:
@@ -29,13 +26,12 @@ def rates_at_end(stage: StagePlan, course: Course | None) -> dict[Axis, float]:
     """
     free = [a for a, plan in stage.plans.items() if plan.motion and not plan.axis.has_force]
     if stage.spec.until is None and course is not None:
-        end = course.duration
-        now, before = course.moved(end), course.moved(end - _INSTANT)
-        found = {a: (now[a] - before[a]) / _INSTANT for a in free if a in now}
+        ways, end = course.ways, course.duration
+        rates = {a: rate_until(ways[a], end) for a in free if a in ways}
     else:
         known = {a: stage.plans[a].mode.constant_rate(stage.known) for a in free}
-        found = {a: rate for a, rate in known.items() if rate is not None}
-    return {a: rate for a, rate in found.items() if math.isfinite(rate)}
+        rates = {a: rate for a, rate in known.items() if rate is not None}
+    return {a: rate for a, rate in rates.items() if math.isfinite(rate)}
 
 
 def twist_of(rates: Mapping[Axis, float], rotation: Vector) -> Vector:

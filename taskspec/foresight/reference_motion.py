@@ -1,20 +1,21 @@
-"""References of a stage against time: what its modes and its path ask of every axis."""
+"""How the references of a stage move against time, as far as the text tells it."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from taskspec.foresight.course import begun_ways, timed
-from taskspec.geometry.axis import Axis
-from taskspec.modes import AxisMode, Way
+from taskspec.geometry.axis import AXES, Axis
+from taskspec.modes import AxisMode, StageStart, Way
+from taskspec.motion import blend
+from taskspec.motion.path import PathShape
 from taskspec.program.plan import StagePlan
+from taskspec.program.trajectory import rate_from
 
-Vector = NDArray[np.float64]
+Coordinates = Callable[[float], dict[Axis, float]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,35 +33,101 @@ class ReferenceMotion:
     path_lasts: float | None
 
 
-def reference_motion(stage: StagePlan, start: Mapping[Axis, float]) -> ReferenceMotion | None:
-    """The references of a stage that starts from rest; None where the text does not tell them.
+def reference_motion(
+    stage: StagePlan, start: Mapping[Axis, float], rates: Mapping[Axis, float]
+) -> ReferenceMotion | None:
+    """The references of a stage; None where the text does not say how one of them moves.
+
+    An axis that follows another one has no reference of its own.
 
     Args:
         stage: the stage.
         start: coordinates of the control point in its frame as it starts [m, rad].
+        rates: of the reference that is handed over [m/s, rad/s]; none for rest.
     """
     own: dict[Axis, tuple[AxisMode, Way]] = {}
     ends = [] if stage.spec.time is None else [stage.spec.time]
     path_lasts = None
     if stage.path is not None:
-        path_lasts, coordinates = timed(stage.path, start)
+        path_lasts, coordinates = _timed(stage.path, start)
         ends.append(path_lasts)
-
-        def on_path(axis: Axis, lasts: float) -> Way:
-            return lambda t: coordinates(min(t, lasts))[axis] - start[axis]
-
-        own |= {a: (stage.plans[a].mode, on_path(a, path_lasts)) for a in stage.path.axes}
+        for axis in stage.path.axes:
+            own[axis] = stage.plans[axis].mode, _on_path(coordinates, axis, path_lasts, start[axis])
     for axis, plan in stage.plans.items():
         mode = plan.mode
         if axis in own or not plan.motion or plan.axis.has_force:
             continue
         if not mode.moves or not mode.leads:
             continue
-        track = mode.track(0.0, 0.0)
+        track = mode.track(0.0, rates.get(axis, 0.0))
         way = mode.way(stage.known, start[axis]) if track is None else track
         if way is None or not math.isfinite(way(0.0)):
             return None
         own[axis] = mode, way
         if track is not None:
             ends.append(float(track.knots[-2]))
-    return ReferenceMotion(begun_ways(stage, own, start, {}), max(ends, default=None), path_lasts)
+    begun = _begun(stage, own, start, rates)
+    return ReferenceMotion(begun, max(ends, default=None), path_lasts)
+
+
+def _begun(
+    stage: StagePlan,
+    own: Mapping[Axis, tuple[AxisMode, Way]],
+    start: Mapping[Axis, float],
+    rates: Mapping[Axis, float],
+) -> dict[Axis, Way]:
+    """Ways of references that continue the one handed over, as the modes hand it over."""
+    handed = {}
+    for axis, (mode, way) in own.items():
+        begins = way(0.0)
+        moves = 0.0 if axis in stage.from_rest else rate_from(way, 0.0)
+        handed[axis] = mode.hand_over(
+            StageStart(
+                axis=axis,
+                plan=stage,
+                starts=start,
+                rates={a: rates.get(a, 0.0) for a in AXES},
+                pressed=0.0,
+                own=start[axis] + begins,
+                own_rate=moves,
+            )
+        )
+    wait = max((each.wait for each in handed.values()), default=0.0)
+
+    def begun(axis: Axis) -> Way:
+        way, each = own[axis][1], handed[axis]
+        if axis in stage.from_rest:
+            return lambda t: way(blend.from_rest(t - wait)) + each.added(t)
+        return lambda t: way(t) + each.added(t)
+
+    return {axis: _since(begun(axis)) for axis in own}
+
+
+def _since(way: Way) -> Way:
+    """The displacement from where a way begins."""
+    begins = way(0.0)
+    return lambda t: way(t) - begins
+
+
+def _on_path(coordinates: Coordinates, axis: Axis, duration: float, start: float) -> Way:
+    return lambda time: coordinates(min(time, duration))[axis] - start
+
+
+def _timed(path: PathShape, start: Mapping[Axis, float]) -> tuple[float, Coordinates]:
+    """Duration [s] of a path, and its coordinates at a time; a table is taken as a polygon."""
+    if path.table is None:
+        plan = path.plan(start)
+
+        def on_curve(time: float) -> dict[Axis, float]:
+            curve = path.curve(plan.timing(time), start, {})
+            return {a: float(value) for a, value in curve.items()}
+
+        return plan.duration, on_curve
+    table = path.table
+    along, plan = table.argument(), path.plan(start)
+
+    def on_polygon(time: float) -> dict[Axis, float]:
+        at = plan.timing(time)
+        return {a: float(np.interp(at, along, table.points[a])) for a in path.axes}
+
+    return plan.duration, on_polygon

@@ -14,10 +14,22 @@ from taskspec.program.passage import Passage
 
 Vector = NDArray[np.float64]
 
+#: Of the difference quotient of a rate [s].
+_INSTANT = 1e-6
 #: Steps of a course among which the fastest is looked for.
 _LOOKS = 201
 #: Shares of a stage's duration, not those at which a sine of a few periods is zero.
 SAMPLES = (0.13, 0.37, 0.61, 0.83, 1.0)
+
+
+def rate_from(way: Way, time: float) -> float:
+    """The rate of a way from a time on [m/s, rad/s]."""
+    return (way(time + _INSTANT) - way(time)) / _INSTANT
+
+
+def rate_until(way: Way, time: float) -> float:
+    """The rate of a way until a time [m/s, rad/s]."""
+    return (way(time) - way(time - _INSTANT)) / _INSTANT
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,7 +37,7 @@ class Course:
     """A planned motion.
 
     Attributes:
-        duration: until its path or its time ends it [s].
+        duration: until its moves, its path and its time are done [s].
         ways: displacement of each axis against time [m, rad].
         bends: whether its velocity changes on the way.
     """
