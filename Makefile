@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
 .PHONY: demo test theory proof stability lint types schema validate fuzz bench docs docs-shown docs-site
-.PHONY: docs-serve steps designs equivalence check clean
+.PHONY: docs-serve steps designs equivalence truth check clean
 
 demo: $(READY)  ## run the wiping task and say where its report is
 	$(BIN)/taskspec run tasks/wipe-table.yaml
@@ -48,6 +48,11 @@ equivalence: $(READY)  ## hold the tree against commit BASE: shipped and 200 ran
 
 designs: $(READY)  ## sampled loops of 1080 tasks with mechanisms, whose designed gains are to be stable
 	$(BIN)/python tests/campaigns/mechanism_tasks.py --tasks 1080
+
+SEED ?= 1
+FILES ?= 2000
+truth: $(READY)  ## hold what validate says of random files against their runs, keep it in docs/truth.md
+	$(BIN)/python tests/campaigns/truth.py --seed $(SEED) --files $(FILES) --page docs/truth.md
 
 bench: $(READY)  ## what control costs, as multiples of bare mj_step
 	$(BIN)/python benchmarks/bench_loop.py

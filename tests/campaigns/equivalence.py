@@ -18,7 +18,6 @@ import importlib.metadata
 import inspect
 import io
 import json
-import os
 import platform
 import queue
 import shutil
@@ -41,6 +40,7 @@ import yaml
 sys.path.insert(0, str(Path(__file__).parent))
 
 from random_tasks import COMPANIONS, write_tasks
+from workers import Worker, serve
 
 ROOT = Path(__file__).resolve().parents[2]
 #: What a run depends on beside the code.
@@ -53,20 +53,12 @@ GROUPS = ("shipped", "random", "corpus")
 # --- a worker: one side, many files ----------------------------------------------------------
 
 
-def work() -> None:
-    """Answers orders, a line of JSON each, until there are no more; the path says which side."""
-    import taskspec
-
-    answers = os.fdopen(os.dup(1), "w", buffering=1)
-    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
-    if not Path(taskspec.__file__).is_relative_to(Path.cwd()):
-        raise SystemExit(f"{taskspec.__file__} is not of {Path.cwd()}")
-    for line in sys.stdin:
-        order = json.loads(line)
-        made: dict[str, Any] = {"validated": _guarded(validated, order["file"])}
-        if order["log"]:
-            made["ran"] = _guarded(ran, order["file"], Path(order["log"]))
-        answers.write(json.dumps(made) + "\n")
+def answer(order: Mapping[str, Any]) -> dict[str, Any]:
+    """What the taskspec of this process makes of a file."""
+    made: dict[str, Any] = {"validated": _guarded(validated, order["file"])}
+    if order["log"]:
+        made["ran"] = _guarded(ran, order["file"], Path(order["log"]))
+    return made
 
 
 def _guarded(what: Any, *args: Any) -> dict[str, Any]:
@@ -128,63 +120,6 @@ def ran(file: str, log: Path) -> dict[str, Any]:
         "ending": summary["ending"],
         "expectations": [[each["text"], each["passed"]] for each in summary["expectations"]],
     }
-
-
-class Worker:
-    """A process of one side; it is started again when it dies or hangs."""
-
-    def __init__(self, checkout: Path) -> None:
-        self._checkout = checkout
-        self._process: subprocess.Popen[str] | None = None
-
-    def ask(self, file: Path, log: Path | None) -> dict[str, Any]:
-        if self._process is None or self._process.poll() is not None:
-            self._process = self._started()
-        process = self._process
-        assert process.stdin is not None
-        assert process.stdout is not None
-        late = threading.Timer(LOST, process.kill)
-        late.start()
-        try:
-            order = {"file": str(file), "log": "" if log is None else str(log)}
-            process.stdin.write(json.dumps(order) + "\n")
-            process.stdin.flush()
-            line = process.stdout.readline()
-        except BrokenPipeError:
-            line = ""
-        finally:
-            late.cancel()
-        if line:
-            return dict(json.loads(line))
-        code = process.wait()
-        died = {"crash": f"the process died with {code}"}
-        return {"validated": died, **({} if log is None else {"ran": died})}
-
-    def _started(self) -> subprocess.Popen[str]:
-        paths = (self._checkout, self._checkout / "runner")
-        environment = {
-            **os.environ,
-            "PYTHONPATH": os.pathsep.join(map(str, paths)),
-            "OPENBLAS_NUM_THREADS": "1",
-            "OMP_NUM_THREADS": "1",
-            "MUJOCO_GL": "disable",
-        }
-        return subprocess.Popen(
-            [sys.executable, str(Path(__file__).resolve()), "--worker"],
-            env=environment,
-            cwd=self._checkout,
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.DEVNULL,
-            text=True,
-        )
-
-    def close(self) -> None:
-        if self._process is not None:
-            assert self._process.stdin is not None
-            with contextlib.suppress(BrokenPipeError):
-                self._process.stdin.close()
-            self._process.wait()
 
 
 # --- comparing -------------------------------------------------------------------------------
@@ -434,19 +369,27 @@ class Bench:
         if kept.is_file():
             base = json.loads(kept.read_text("utf-8"))
         else:
-            base = self._worker("base").ask(case.path, log if case.runs else None)
+            base = self._made("base", case.path, log if case.runs else None)
             if not any("crash" in each for each in base.values()):
                 kept.write_text(json.dumps(base), "utf-8")
-        tree = self._worker("tree").ask(case.path, logs.now if case.runs else None)
+        tree = self._made("tree", case.path, logs.now if case.runs else None)
         try:
             return compared(case.name, base, tree, logs)
         finally:
             logs.now.unlink(missing_ok=True)
 
+    def _made(self, side: str, file: Path, log: Path | None) -> dict[str, Any]:
+        """What a side makes of a file; its log is left at `log`, if it is to be run."""
+        order = {"file": str(file), "log": "" if log is None else str(log)}
+        made = self._worker(side).ask(order)
+        if isinstance(made, dict):
+            return made
+        return {"validated": {"crash": made}, **({} if log is None else {"ran": {"crash": made}})}
+
     def _worker(self, side: str) -> Worker:
         """The worker of this thread."""
         if not hasattr(self._local, side):
-            worker = Worker(self._scratch / side)
+            worker = Worker(Path(__file__), self._scratch / side, LOST)
             setattr(self._local, side, worker)
             self._workers.append(worker)
         return getattr(self._local, side)  # type: ignore[no-any-return]
@@ -549,7 +492,7 @@ def main() -> int:
     parser.add_argument("--worker", action="store_true", help=argparse.SUPPRESS)
     arguments = parser.parse_args()
     if arguments.worker:
-        work()
+        serve(answer)
         return 0
     if not arguments.base:
         parser.error("--base is required")

@@ -64,7 +64,7 @@ COMPANIONS = {"outline.csv": _TABLE, "timed.csv": _TIMED}
 
 def random_task(number: int) -> str:
     """Returns the text of random task `number`."""
-    return _Draft(number).text()
+    return Draft(number).text()
 
 
 def write_tasks(folder: Path, numbers: Sequence[int]) -> list[Path]:
@@ -119,19 +119,21 @@ def angles(values: Sequence[float] | Vector) -> list[str]:
 _PANDA_HOME = (0.0, -6.0, 0.0, -130.0, 0.0, 124.0, 45.0)
 
 
-class _Draft:
+class Draft:
     """One random task as it is being written.
 
     Attributes:
+        kind: of scene, drawn by `text`. name: of the task.
         normal: the axis of the frame along which the tool presses. sign: of a press on it.
         across: the other translations. at: of the tip at the start in the frame, where positions
             count from the frame's origin, else 0 [mm]. touch: the same along `normal` on contact.
     """
 
-    def __init__(self, number: int) -> None:
-        self.number = number
-        self.rng = np.random.default_rng((11, number))
-        self.about = ""
+    def __init__(self, number: int, *campaign: int) -> None:
+        """The draft of a number; in another campaign the same number has other draws."""
+        self.name = "-".join(map(str, ("random", *campaign, number)))
+        self.rng = np.random.default_rng((*(campaign or (11,)), number))
+        self.kind = self.about = ""
         self.robot: dict[str, Value] = {}
         self.world: dict[str, Value] = {}
         self.frames: dict[str, Value] = {}
@@ -168,7 +170,13 @@ class _Draft:
     # --- the file ----------------------------------------------------------------------------
 
     def text(self) -> str:
-        scenes: dict[str, tuple[float, Callable[[], None]]] = {
+        """Returns the text of the task."""
+        self.draw()
+        return self.written()
+
+    def scenes(self) -> dict[str, tuple[float, Callable[[], None]]]:
+        """Kinds of scenes: how often each is drawn, and what draws it."""
+        return {
             "surface": (0.44, self._surface),
             "planar": (0.12, self._planar),
             "mechanism": (0.12, self._mechanism),
@@ -179,15 +187,19 @@ class _Draft:
             "felt": (0.03, self._felt),
             "corner": (0.03, self._corner),
         }
+
+    def draw(self) -> None:
+        """Draws everything but the gains."""
+        scenes = self.scenes()
         self.rates()
         self.qp = self.chance(0.12)
-        kind = self.one_of(list(scenes), [share for share, _ in scenes.values()])
-        scenes[kind][1]()
-        self.about = self.about or kind
-        return self._written()
+        self.kind = self.one_of(list(scenes), [share for share, _ in scenes.values()])
+        scenes[self.kind][1]()
+        self.about = self.about or self.kind
 
-    def _written(self) -> str:
-        lines = ["taskspec: 1", f"name: random-{self.number}", f"about: {self.about}", "", "robot:"]
+    def written(self) -> str:
+        """Returns what was drawn as a file; gains are drawn here."""
+        lines = ["taskspec: 1", f"name: {self.name}", f"about: {self.about}", "", "robot:"]
         lines += [f"  {key}: {flow(value)}" for key, value in self.robot.items()]
         for name, entries in (("world", self.world), ("frames", self.frames)):
             if entries:
@@ -322,7 +334,7 @@ class _Draft:
             if self.chance(0.15):
                 keys["solver"] = "osqp"
         if self.given:
-            keys.update(self._gains())
+            keys.update(self.gains())
         if self.model == "panda" and self.law not in _BARE and self.chance(0.15):
             goals = ("posture", "joint-limits", "manipulability")
             keys["null_space"] = (
@@ -337,7 +349,7 @@ class _Draft:
         other = any("torque" in flow(s.get("axes", "")) or "frame" in s for s in stages)
         return self.spatial and not self.turns and not other
 
-    def _gains(self) -> dict[str, Value]:
+    def gains(self) -> dict[str, Value]:
         """Gains near those that the textbook's rules give, some left to be designed."""
         return self._hybrid_gains() if self.law.startswith("hybrid") else self._spring_gains()
 
@@ -997,7 +1009,7 @@ class _Draft:
 
     # --- equations ---------------------------------------------------------------------------
 
-    def _stiff(self, low: float, high: float) -> dict[str, Value]:
+    def stiff(self, low: float, high: float) -> dict[str, Value]:
         self.stiffness = float(f"{self.spread(low, high):.2g}")
         made: dict[str, Value] = {"stiffness": f"{self.stiffness:g} kN/m"}
         if self.chance(0.7):
@@ -1010,7 +1022,7 @@ class _Draft:
         self.mount(("panda", "ur5e"))
         self.sense()
         self.choose_law(_MULTIPLIERS)
-        made, centre = self._stiff(10, 80), self.place()
+        made, centre = self.stiff(10, 80), self.place()
         radius = round(self.between(50, 100))
         self.robot["start"] = {"xyz": lengths(centre + np.array([radius, 0, 0]))}
         self.frames["rail"], self.frame = {"xyz": lengths(centre)}, "rail"
@@ -1038,7 +1050,7 @@ class _Draft:
         self.mount(("panda", "ur5e", "planar2"))
         self.sense()
         self.choose_law((*_MULTIPLIERS, *_MULTIPLIERS, "hybrid", "parallel", "impedance", "pd"))
-        made, gap = self._stiff(2, 80), round(self.between(2, 6), 1)
+        made, gap = self.stiff(2, 80), round(self.between(2, 6), 1)
         force = self.force()
         if self.spatial:
             touch = self.place()
@@ -1104,7 +1116,7 @@ class _Draft:
         self.mount(("panda", "ur5e"))
         self.sense()
         self.choose_law((*_MULTIPLIERS, *_MULTIPLIERS, "hybrid", "impedance-natural", "pd"))
-        made, start = self._stiff(5, 60), self.place()
+        made, start = self.stiff(5, 60), self.place()
         self.robot["start"] = {"xyz": lengths(start)}
         yaw = round(self.between(-40, 40))
         self.frames["rail"] = {"xyz": lengths(start), "rpy": ["0", "0", deg(yaw)]}

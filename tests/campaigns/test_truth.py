@@ -1,0 +1,104 @@
+"""What `make truth` holds against runs, and how it counts."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from truth import Judged, announcements, shares
+from truth_file import Row, said
+from truth_tasks import draft, scaled, truth_task
+
+from taskspec.examination import examine
+from taskspec.spec import load_text
+from taskspec.text.codes import CODES
+
+CORPUS = Path(__file__).parents[1] / "corpus"
+_ANNOUNCES = {"TS501": ("*",), "TS616": ("stop: force",), "TS304": ()}
+
+
+def judged(end: str, *codes: str, **more: Any) -> Judged:
+    found = [
+        {"code": c, "severity": "warning" if c == "TS616" else "error", "stage": "", "text": ""}
+        for c in codes
+    ]
+    return Judged({**vars(Row(1, end=end)), "said": found, **more}, _ANNOUNCES)
+
+
+def test_a_file_is_its_seed_and_number() -> None:
+    assert truth_task(1, 17) == truth_task(1, 17)
+    assert len({truth_task(1, 17), truth_task(1, 18), truth_task(2, 17)}) == 3
+
+
+def test_the_files_have_all_that_they_are_to_cover() -> None:
+    drafts = [draft(0, number) for number in range(400)]
+    text = "\n".join(made.written() for made in drafts)
+    words = [f"model: {arm}\n" for arm in ("planar2", "planar3", "ur5e", "panda")]
+    words += [f"shape: {shape}" for shape in ("plane", "box", "cylinder", "sphere")]
+    words += [f"mechanism: {kind}" for kind in ("hinge", "slide", "screw")]
+    words += ["knob: free", "solve: qp", "noise:", "filter:", "delay:", "bias:", "rate: 250 Hz"]
+    words += ["move:", "path:", "follows:", "fail_if:", "attempts:", "until:", "limits:", "expect:"]
+    assert [word for word in words if word not in text] == []
+    slips = {made.slip for made in drafts}
+    assert slips == {"", "gain", "fast", "far", "limit", "time", "guard", "late"}
+    stiffness = [float(found) for found in re.findall(r"stiffness: ([\d.]+) kN/m,", text)]
+    assert min(stiffness) < 1.5
+    assert max(stiffness) > 250
+    assert (
+        0.2 < sum(value > 55 for value in stiffness) / len(stiffness) < 0.4
+    )  # log(300/55)/log(300)
+
+
+def test_a_stage_goes_the_same_way_more_slowly() -> None:
+    made = next(
+        d for n in range(99) if (d := draft(0, n)).kind == "surface" and "time" in d.stages["slide"]
+    )
+    before = yaml.safe_load(made.written())
+    made.lengthen("slide", 10.0)
+    after = yaml.safe_load(made.written())
+    assert {n for n, s in after["stages"].items() if s != before["stages"][n]} == {"slide"}
+    times = [float(t["stages"]["slide"]["time"].removesuffix(" s")) for t in (before, after)]
+    assert times[1] == pytest.approx(10 * times[0])
+    assert scaled("-20 mm/s * smooth(t)", 0.1) == "-2 mm/s * smooth(t)"
+    assert scaled("rigid", 0.1) == "rigid"
+
+
+@pytest.mark.parametrize(
+    ("row", "kind"),
+    [
+        (judged("well"), ""),
+        (judged("well", "TS616"), "warned"),
+        (judged("well", "TS501", refused=True, forced=True), "false refusal"),
+        (judged("well", "TS501", refused=True, forced=True, near=True), ""),
+        (judged("well", "TS501", refused=True, forced=True, grew="grows"), ""),
+        (judged("stop: force", "TS616"), ""),
+        (judged("stop: speed", "TS616"), "missed"),
+        (judged("stop: speed", "TS304"), "missed"),
+        (judged("missed"), "silent"),
+        (judged("refused", "TS021"), ""),
+        (judged("crashed"), "crash"),
+    ],
+)
+def test_what_is_said_agrees_with_the_end_or_not(row: Judged, kind: str) -> None:
+    assert row.disagreement == kind
+
+
+def test_the_shares_are_those_of_the_promises() -> None:
+    rows = [judged("well"), judged("well", "TS616"), judged("stop: force", "TS616")]
+    rows += [judged("missed"), judged("missed", "TS501", refused=True, forced=True)]
+    counts = [(share.count, share.total) for share in shares(rows)]
+    assert counts == [(2, 3), (2, 3), (1, 2), (1, 1), (1, 2)]
+    assert not any(share.kept for share in shares(rows) if share.title.startswith("bad"))
+
+
+def test_the_table_of_announcements_knows_its_codes() -> None:
+    assert set(announcements()) - set(CODES) == set()
+
+
+def test_a_finding_is_of_the_stage_that_it_stands_in() -> None:
+    text = (CORPUS / "err" / "TS420_speed.yaml").read_text("utf-8")
+    found = said(text, examine(load_text(text, "task.yaml")).findings)
+    assert ("TS420", "warning", "go") in [(d["code"], d["severity"], d["stage"]) for d in found]

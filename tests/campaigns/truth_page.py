@@ -1,0 +1,151 @@
+"""The page of `make truth`: what was promised, who said what, and every disagreement."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from truth import Judged
+
+PREFACE = """\
+# What is said and what is done
+
+`taskspec validate` says of a file what its run will do. This page holds what it says against runs
+of random files. `make truth` makes it.
+
+**The files.** Every robot, law, shape and mechanism; sensors with noise, delay and filters; 250 Hz
+to 2 kHz; `solve: qp`; given and designed gains; contacts of 1 to 300 kN/m, uniform in the
+logarithm. Each is what an engineer may write, a quarter of them with one slip: a gain that is too
+high, a motion that is too fast or too far, a limit that is too low, too little time, a guard on a
+force that does not come, a sensor that is late. A file is its seed and its number:
+`python tests/campaigns/truth_tasks.py SEED NUMBER` prints it.
+
+**The runs.** Each file is validated and run; one that is refused is run in spite of it, if it
+compiles. A run is good if it comes to its end, meets its expectations, and neither oscillates nor
+saturates. A refused file whose run is good is run again, the stage that is accused ten times as
+long, with and without a small push (5 mrad/s on each joint): it is bad if it does not end well
+then, or if the difference grows. It is left out if nothing speaks against the file once its
+contacts are 4 % softer: errors begin 2 % inside the boundary, and 2 % beyond it are left out too.
+
+**Announced** is a bad run if there was an error or warning whose code announces its end; which code
+announces which is in `tests/campaigns/announcements.yaml`.
+"""
+SEVERITIES = ("silent", "warning", "error")
+
+
+def listed(rows: Sequence[Judged], reasons: Mapping[int, str]) -> Iterator[str]:
+    """A line for each disagreement, for a terminal."""
+    for row in rows:
+        if row.disagreement:
+            said = ", ".join(row.codes) or "-"
+            why = f" | {reasons[row.number]}" if row.number in reasons else ""
+            where = f" in {row.row['stage']}" if row.row["stage"] else ""
+            yield (
+                f"{row.number:5} {row.disagreement:13} {row.row['end']}{where} | {said} | "
+                f"{row.row['law']}, {row.row['scene']} {row.row['slip']} | "
+                f"{row.row['text'][:150]}{why}"
+            )
+
+
+def table(head: Sequence[str], rows: Iterable[Sequence[object]]) -> list[str]:
+    lines = [head, ["---"] * len(head), *rows]
+    return ["| " + " | ".join(map(str, line)) + " |" for line in lines]
+
+
+def page(seed: int, rows: Sequence[Judged], reasons: Mapping[int, str]) -> str:
+    """The text of docs/truth.md."""
+    from truth import shares
+
+    commits = Counter(str(row.row.get("commit", "")) for row in rows)
+    made = ", ".join(commits)
+    ran = [row for row in rows if row.ran]
+    cpu = sum(row.row["looked"] for row in rows) / max(len(rows), 1)
+    lines = [
+        PREFACE,
+        f"Seed {seed}, {len(rows)} files, {len(ran)} of them run, commit {made};",
+        f"{cpu:.2f} s of processor time to validate one.",
+        "",
+        *table(
+            ("what", "count", "of", "share", "promised"),
+            (
+                (
+                    share.title,
+                    share.count,
+                    share.total,
+                    f"{share.value:.1%}",
+                    f"{'at most' if share.most else 'at least'} {share.bound:.0%}",
+                )
+                for share in shares(rows)
+            ),
+        ),
+        "",
+        "## What was said, and how the runs ended",
+        "",
+        *by_end(ran, SEVERITIES, lambda row: (row.severity,)),
+        "",
+        "## By code",
+        "",
+        "A run counts once for each code that was found in its file.",
+        "",
+        *by_end(ran, sorted({c for row in ran for c in row.codes}), lambda row: row.codes),
+        "",
+        "## By law",
+        "",
+        *by_law(rows),
+        "",
+        "## Disagreements",
+        "",
+        *disagreements(rows, reasons),
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _end(row: Judged) -> str:
+    """How a run ended, as a column of the matrix."""
+    end = str(row.row["end"])
+    return f"well, then {row.row['grew']}" if row.row["grew"] and end == "well" else end
+
+
+def by_end(rows: Sequence[Judged], names: Sequence[str], of) -> list[str]:  # type: ignore[no-untyped-def]
+    """A matrix of what was said by how the run ended."""
+    ends = [end for end, _ in Counter(map(_end, rows)).most_common()]
+    counts = Counter((name, _end(row)) for row in rows for name in of(row))
+    lines = []
+    for name in names:
+        line = [counts[name, end] for end in ends]
+        lines.append((name, *(n or "" for n in line), sum(line)))
+    return table(("said", *ends, "all"), lines)
+
+
+def by_law(rows: Sequence[Judged]) -> list[str]:
+    """The promises by law."""
+    from truth import shares
+
+    laws = sorted({str(row.row["law"]) for row in rows if row.row["law"]})
+    lines = []
+    for law in laws:
+        of = [row for row in rows if row.row["law"] == law]
+        found = [f"{share.count} of {share.total}" for share in shares(of)]
+        lines.append((law, len(of), *found))
+    head = [share.title for share in shares([])]
+    return table(("law", "files", *head), lines)
+
+
+def disagreements(rows: Sequence[Judged], reasons: Mapping[int, str]) -> list[str]:
+    """A table of every file where what was said is not what was done."""
+    lines = [
+        (
+            row.number,
+            row.disagreement,
+            _end(row) + (f" in {row.row['stage']}" if row.row["stage"] else ""),
+            ", ".join(row.codes) or "-",
+            f"{row.row['law']}, {row.row['scene']}"
+            + (f", {row.row['slip']}" if row.row["slip"] else ""),
+            reasons.get(row.number, "").replace("|", "/"),
+        )
+        for row in rows
+        if row.disagreement
+    ]
+    return table(("file", "kind", "end", "said", "what it is", "reason"), lines)
