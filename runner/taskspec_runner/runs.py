@@ -198,15 +198,15 @@ class Run(Window):
         content, history = self.content, self.history
         manifest, summary = dict(self.manifest), self.summary
         folder = Path(folder)
-        into = open_folder(folder, folder.name)
-        into.write_bytes(TASK, content)
-        if len(history):
-            with closing(Log(into.log, keep=False)) as log:
-                for batch in history.batches(ROWS):
-                    log.write(batch)
-        if summary:
-            into.write_json(SUMMARY, summary)
-        into.note(**manifest | {"sha256": {name: into.digest(name) for name in (TASK, LOG)}})
+        with open_folder(folder, folder.name) as into:
+            into.write(TASK, content)
+            if len(history):
+                with closing(Log(into.log, keep=False)) as log:
+                    for batch in history.batches(ROWS):
+                        log.write(batch)
+            if summary:
+                into.write_json(SUMMARY, summary)
+            into.note(**manifest | {"sha256": {name: into.digest(name) for name in (TASK, LOG)}})
         return Run(folder, content=content, summary=summary, history=history)
 
     # What was to be done.

@@ -123,10 +123,16 @@ class _Manner:
 def _execute(program: Program, out: Path | None, manner: _Manner) -> Run:
     loaded = program.context.loaded
     content = manifest.task_bytes(loaded)
-    folder = open_folder(out, loaded.task.name)
+    with open_folder(out, loaded.task.name) as folder:
+        return _kept(program, folder, content, manner)
+
+
+def _kept(program: Program, folder: RunFolder, content: bytes, manner: _Manner) -> Run:
+    """Makes a run in its folder; whatever happens, the manifest says it."""
+    loaded = program.context.loaded
     try:
         folder.note(**manifest.opening(loaded, content, manner.seed))
-        folder.write_bytes(folders.TASK, content)
+        folder.write(folders.TASK, content)
         return _run(program, folder, content, manner)
     except KeyboardInterrupt as error:
         # Once a run has been judged its outcome stands, even if its report does not.
@@ -135,11 +141,15 @@ def _execute(program: Program, out: Path | None, manner: _Manner) -> Run:
             _close(folder, STOPPED, reason_of(number), exit_code=BY_SIGNAL + number)
         raise
     except (OutputError, OSError) as error:
+        said = error if isinstance(error, OutputError) else OutputError.of(folder.path, error)
         with contextlib.suppress(OutputError):
-            _close(folder, "crashed", str(error))
-        if isinstance(error, OutputError):
+            if folder.manifest.get("status", manifest.RUNNING) == manifest.RUNNING:
+                _close(folder, "crashed", str(said))
+            # What was judged stands, though not all of it is there to be read.
+            folder.note(unwritten={"file": said.path.name, "reason": said.reason})
+        if said is error:
             raise
-        raise OutputError.of(folder.path, error) from error
+        raise said from error
     except Exception as error:
         trace, reason = folder.crash(error), f"{type(error).__name__}: {error}"
         if program.forced:

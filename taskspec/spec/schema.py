@@ -29,17 +29,6 @@ def schema_text() -> str:
     return json.dumps(head | {k: v for k, v in generated.items() if k not in head}, indent=2) + "\n"
 
 
-def write_schema(folder: Path) -> Path:
-    """Writes the schema into a folder and returns its path.
-
-    Raises:
-        OSError: the folder cannot be written.
-    """
-    path = folder / FILE_NAME
-    path.write_text(schema_text(), encoding="utf-8")
-    return path
-
-
 def is_stale(path: Path) -> bool:
     """Whether a file is absent or differs from the schema of these models."""
     try:

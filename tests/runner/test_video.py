@@ -5,6 +5,8 @@ from __future__ import annotations
 import io
 import os
 import platform
+import resource
+import signal
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -326,6 +328,33 @@ def test_replay_writes_a_video(wall: Path, tmp_path: Path) -> None:
     result = call("replay", wall, "--video", out, *size)
     assert (result.exit_code, result.stdout) == (0, f"{out}\n")
     assert imageio_ffmpeg.count_frames_and_secs(str(out))[0] == 2
+
+
+@pytest.mark.usefixtures("gl")
+@pytest.mark.parametrize("room", [1000, 8192])
+def test_encoder_that_fails_is_an_error_and_leaves_the_old_video(
+    room: int, wall: Path, tmp_path: Path
+) -> None:
+    out = tmp_path / "out.mp4"
+    out.write_bytes(b"old")
+
+    def limit() -> None:
+        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (room, room))
+
+    command = [sys.executable, "-m", "taskspec_runner", "replay", wall, "--video", out]
+    said = subprocess.run(
+        [*command, "--size", "640x360", "--fps", "10"],
+        capture_output=True,
+        text=True,
+        check=False,
+        preexec_fn=limit,
+    )
+    assert said.returncode == 2
+    assert said.stderr.startswith(f"taskspec: cannot write {out}: the encoder failed with code ")
+    assert said.stderr.count("\n") == 1
+    assert [path.name for path in tmp_path.iterdir()] == ["out.mp4"]
+    assert out.read_bytes() == b"old"
 
 
 @pytest.mark.parametrize(

@@ -24,14 +24,20 @@ from taskspec_runner.cli.loading import load
 from taskspec_runner.cli.progress import progress_line
 from taskspec_runner.compare.attempt import Attempt, attempt
 from taskspec_runner.compare.comparison import comparison
-from taskspec_runner.compare.folder import COMPARISON, PAGE, PICTURE, open_comparison
+from taskspec_runner.compare.folder import (
+    COMPARISON,
+    PAGE,
+    PICTURE,
+    check_comparison,
+    open_comparison,
+)
 from taskspec_runner.compare.page import write_comparison
 from taskspec_runner.compare.session import run_attempts
 from taskspec_runner.compare.summary import opening, summarise
 from taskspec_runner.errors import InputError
 from taskspec_runner.loop.interrupt import Termination
 from taskspec_runner.record import folder as folders
-from taskspec_runner.record.folder import RunFolder
+from taskspec_runner.record.folder import RunFolder, check_unlocked
 from taskspec_runner.session import Progress
 
 
@@ -49,6 +55,10 @@ def compare_laws(
     from taskspec_runner.cli.comparison import show_comparison
 
     names = chosen(laws)
+    if out is not None:
+        # Before anything is compiled.
+        check_unlocked(out)
+        check_comparison(out)
     attempts = [attempt(law, functools.partial(_loaded, file, sets)) for law in names]
     as_data = form is RunFormat.JSON
     if everywhere := _everywhere(attempts):
@@ -115,7 +125,7 @@ def _run(
 
     # Written at once, so that a folder that was left half done is known for what it is.
     folder.write_json(COMPARISON, opened)
-    with Termination():
+    with folder, Termination():
         done = run_attempts(attempts, folder, opened["seed"], watching)
         summary = summarise(done, opened)
         folder.write_json(COMPARISON, summary)

@@ -12,6 +12,7 @@ import typer
 from taskspec.spec.schema import FILE_NAME
 from taskspec.text.suggest import suggestion
 from taskspec_runner.errors import InputError, OutputError
+from taskspec_runner.record.whole import write_whole
 
 _SUFFIX = ".yaml"
 _MODEL_LINE = re.compile(r"^(# yaml-language-server: \$schema=)(\S+)[^\n]*\n", re.MULTILINE)
@@ -74,7 +75,7 @@ def copy_template(source: Path, target: Path) -> list[Path]:
     for path, content in contents.items():
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_bytes(content)
+            write_whole(path, content)
         except OSError as error:
             raise OutputError.of(path, error) from error
     return list(contents)

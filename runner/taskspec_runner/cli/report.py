@@ -7,7 +7,7 @@ from pathlib import Path
 import typer
 
 from taskspec_runner.compare.folder import COMPARISON
-from taskspec_runner.errors import InputError, OutputError
+from taskspec_runner.errors import InputError
 
 
 def render_report(folder: Path) -> int:
@@ -18,11 +18,7 @@ def render_report(folder: Path) -> int:
     from taskspec_runner.runs import Run
 
     run = Run.load(folder)
-    try:
-        path = write_report(run)
-    except OSError as error:
-        raise OutputError.of(folder, error) from error
-    typer.echo(str(path))
+    typer.echo(str(write_report(run)))
     if run.damage:
         typer.echo(f"taskspec: {run.damage}; the report is no evidence of the run", err=True)
         return 1

@@ -15,6 +15,7 @@ from taskspec_runner.cli.diagnostics import record, show_diagnostics
 from taskspec_runner.cli.formats import RunFormat
 from taskspec_runner.cli.loading import load
 from taskspec_runner.loop.interrupt import BY_SIGNAL
+from taskspec_runner.record.folder import check_folder, check_unlocked
 
 if TYPE_CHECKING:
     from taskspec.examination import Examination
@@ -44,6 +45,9 @@ def run_task(
     if telemetry is not None:
         # Before anything is read or compiled.
         read_address(telemetry)
+    if out is not None:
+        check_unlocked(out)
+        check_folder(out)
     if video is not None:
         from taskspec_runner.video.film import check_video
 

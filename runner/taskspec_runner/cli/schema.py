@@ -7,6 +7,7 @@ from pathlib import Path
 import typer
 
 from taskspec_runner.errors import InputError, OutputError
+from taskspec_runner.record.whole import write_whole
 
 
 def show_schema(write: Path | None, check: Path | None) -> int:
@@ -28,7 +29,7 @@ def show_schema(write: Path | None, check: Path | None) -> int:
     path = _schema_file(write)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(schema_text(), encoding="utf-8")
+        write_whole(path, schema_text())
     except OSError as error:
         raise OutputError.of(path, error) from error
     typer.echo(f"wrote {path}", err=True)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 
 from taskspec.laws import LAWS
-from taskspec_runner.errors import OutputError
 from taskspec_runner.record import folder as folders
 from taskspec_runner.record.folder import MANIFEST, RUNS, RunFolder
 
@@ -23,25 +22,28 @@ def open_comparison(out: Path | None, name: str) -> RunFolder:
         name: of the task.
 
     Raises:
-        OutputError: it cannot be made, or holds something else than a comparison.
+        OutputError: it cannot be made, holds something else than a comparison, or is written by
+            another process.
     """
-    usual = RUNS / f"{name}{_SUFFIX}"
-    try:
-        if out is None:
-            return RunFolder(folders.new(usual))
-        out.mkdir(parents=True, exist_ok=True)
-        _clear(out)
-    except OSError as error:
-        raise OutputError.of(out or usual, error) from error
-    return RunFolder(out)
+    return folders.opened(out, RUNS / f"{name}{_SUFFIX}", check_comparison, _clear)
+
+
+def check_comparison(path: Path) -> None:
+    """Finds out whether a comparison may be written into a folder: new, empty, or one of its own.
+
+    Raises:
+        OutputError: it may not; or another process writes into the run of a law.
+    """
+    said = folders.read_json(path / COMPARISON)
+    own = isinstance(said.get("format"), int) and isinstance(said.get("laws"), list)
+    folders.check_own(path, "comparison", own, (COMPARISON, PAGE, PICTURE))
+    for law in LAWS:
+        folders.check_folder(path / law)
+        folders.check_unlocked(path / law)
 
 
 def _clear(path: Path) -> None:
-    held = {entry.name for entry in path.iterdir()}
-    if held and COMPARISON not in held:
-        raise OutputError(path, "the folder is not empty and holds no comparison")
-    for name in (COMPARISON, PAGE, PICTURE):
-        (path / name).unlink(missing_ok=True)
+    folders.remove(path, (COMPARISON, PAGE, PICTURE))
     for law in LAWS:
         run = path / law
         if (run / MANIFEST).is_file():

@@ -42,8 +42,8 @@ def write_comparison(comparison: Comparison, folder: Path) -> Path:
         OutputError: the folder cannot be written.
     """
     into = RunFolder(folder)
-    into.write_text(PICTURE, picture_svg(comparison))
-    return into.write_text(PAGE, render(comparison))
+    into.write(PICTURE, picture_svg(comparison))
+    return into.write(PAGE, render(comparison))
 
 
 def render(comparison: Comparison) -> str:

@@ -15,7 +15,8 @@ from taskspec_runner.compare.picture import HERE as COMPARE
 from taskspec_runner.compare.tracking import force_axes
 from taskspec_runner.diff.difference import NAMES, Difference
 from taskspec_runner.diff.wording import largest_text, parting
-from taskspec_runner.record.folder import RunFolder, plain
+from taskspec_runner.record.folder import plain
+from taskspec_runner.record.whole import write_whole
 from taskspec_runner.report.quantities import quantity
 from taskspec_runner.report.template import part, script, template
 
@@ -31,7 +32,7 @@ def write_difference(difference: Difference, path: Path) -> Path:
     Raises:
         OutputError: it cannot be written.
     """
-    return RunFolder(path.parent).write_text(path.name, render(difference))
+    return write_whole(path, render(difference))
 
 
 def render(difference: Difference) -> str:

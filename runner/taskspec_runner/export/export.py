@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,7 +13,8 @@ from taskspec_runner.export.rerun import write_rerun
 from taskspec_runner.export.stream import LogStream
 from taskspec_runner.export.tables import write_csv, write_parquet
 from taskspec_runner.record.extent import Extent
-from taskspec_runner.record.folder import LOG
+from taskspec_runner.record.folder import LOG, is_evidence
+from taskspec_runner.record.whole import whole
 from taskspec_runner.runs import RebuildError, Run
 
 #: Format to its suffix.
@@ -64,6 +64,8 @@ def export_run(run: Run, form: str, path: Path | None = None) -> Exported:
     if not log.schema.names:
         raise InputError(f"{source} holds no tick, so there is nothing to export")
     path = path or source.with_suffix(FORMATS[form])
+    if is_evidence(path):
+        raise OutputError(path, "it is part of the evidence of a run; choose another name")
     note = ""
     if form in _POSED:
         try:
@@ -71,13 +73,6 @@ def export_run(run: Run, form: str, path: Path | None = None) -> Exported:
         except RebuildError as error:
             missing = "without the poses of tool and task frame"
             note = f"{missing}, as the task cannot be read: {error}"
-    partial = path.with_name(f".{path.name}.partial")
-    try:
+    with whole(path) as partial:
         _WRITERS[form](log, partial)
-        partial.replace(path)
-    except OSError as error:
-        raise OutputError.of(path, error) from error
-    finally:
-        with contextlib.suppress(OSError):
-            partial.unlink(missing_ok=True)
     return Exported(path, log.extent, note)

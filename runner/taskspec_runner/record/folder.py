@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import json
 import math
 import traceback
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 from taskspec_runner.errors import OutputError
+from taskspec_runner.record.lock import LOCK, FolderLock, holder
+from taskspec_runner.record.whole import PARTIAL, open_regular, write_whole
 
 Json = Mapping[str, Any]
 
@@ -23,46 +26,48 @@ EXPORTS = ("log.csv", "log.parquet", "log.mcap", "log.rrd")
 
 #: Where runs go that are not told where to go.
 RUNS = Path("runs")
+#: What a JSON file of a folder has at the most [bytes]; those of long runs have some 100 kB.
+_LARGEST = 1 << 26
 
 
 @dataclass(slots=True)
 class RunFolder:
-    """A folder that holds one run.
+    """A folder that holds one run. While that is written, the folder is locked until `close`.
 
     Attributes:
         path: the folder.
         manifest: what `manifest.json` says.
+        lock: of the folder, None for one that is not written, or only beside a run.
     """
 
     path: Path
     manifest: dict[str, Any] = field(default_factory=dict)
+    lock: FolderLock | None = None
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Gives the lock back."""
+        if self.lock is not None:
+            self.lock.close()
+            self.lock = None
 
     @property
     def log(self) -> Path:
         """The log."""
         return self.path / LOG
 
-    def write_text(self, name: str, text: str) -> Path:
+    def write(self, name: str, content: bytes | str) -> Path:
         """Writes a file whole or not at all.
 
         Raises:
             OutputError: it cannot be written.
         """
-        return self.write_bytes(name, text.encode())
-
-    def write_bytes(self, name: str, content: bytes) -> Path:
-        """Writes a file whole or not at all.
-
-        Raises:
-            OutputError: it cannot be written.
-        """
-        path, partial = self.path / name, self.path / f".{name}.partial"
-        try:
-            partial.write_bytes(content)
-            partial.replace(path)
-        except OSError as error:
-            raise OutputError.of(path, error) from error
-        return path
+        return write_whole(self.path / name, content)
 
     def write_json(self, name: str, content: Mapping[str, Any]) -> Path:
         """Writes a mapping as JSON; numbers that are not finite become null.
@@ -71,7 +76,7 @@ class RunFolder:
             OutputError: it cannot be written.
         """
         text = json.dumps(plain(content), indent=2, ensure_ascii=False, allow_nan=False)
-        return self.write_text(name, text + "\n")
+        return self.write(name, text + "\n")
 
     def note(self, **entries: Any) -> None:
         """Puts entries into the manifest and writes it.
@@ -80,7 +85,14 @@ class RunFolder:
             OutputError: it cannot be written.
         """
         self.manifest |= entries
-        self.write_json(MANIFEST, self.manifest)
+        try:
+            self.write_json(MANIFEST, self.manifest)
+        except OutputError:
+            if self.lock is None:
+                raise
+            # The disk is full, which the manifest is to say.
+            self.lock.make_room()
+            self.write_json(MANIFEST, self.manifest)
 
     def crash(self, error: BaseException) -> Path:
         """Keeps the traceback of an internal error; returns where.
@@ -89,21 +101,28 @@ class RunFolder:
             OutputError: it cannot be written.
         """
         text = "".join(traceback.format_exception(error))
-        return self.write_text(CRASH, text)
+        return self.write(CRASH, text)
 
     @property
     def is_run(self) -> bool:
         """Whether it holds a run, or what is left of one."""
-        return any((self.path / name).is_file() for name in (LOG, MANIFEST))
+        return any((self.path / name).exists() for name in (LOG, MANIFEST))
 
     def digest(self, name: str) -> str | None:
-        """SHA-256 of a file of the folder, None if there is none."""
-        path = self.path / name
-        return hashlib.sha256(path.read_bytes()).hexdigest() if path.is_file() else None
+        """SHA-256 of a file of the folder, None if there is none.
+
+        Raises:
+            OSError: it cannot be read, or is no regular file.
+        """
+        try:
+            with open_regular(self.path / name) as file:
+                return hashlib.file_digest(file, "sha256").hexdigest()
+        except FileNotFoundError:
+            return None
 
 
 def open_folder(out: Path | None, name: str) -> RunFolder:
-    """Makes the folder of a new run.
+    """Makes and locks the folder of a new run.
 
     Args:
         out: where; an earlier run in it is replaced. None for `runs/NAME`, or with -2, -3, ...
@@ -111,16 +130,45 @@ def open_folder(out: Path | None, name: str) -> RunFolder:
         name: of the task.
 
     Raises:
-        OutputError: it cannot be made, or holds something else than a run.
+        OutputError: it cannot be made, holds something else than a run, or is written by another
+            process.
+    """
+    return opened(out, RUNS / name, check_folder, clear)
+
+
+def opened(
+    out: Path | None, usual: Path, check: Callable[[Path], None], clear: Callable[[Path], None]
+) -> RunFolder:
+    """Makes and locks a folder that is to be written.
+
+    Args:
+        out: where; what is in it is replaced. None for the usual place.
+        usual: the usual place; -2, -3, ... is added where it exists.
+        check: raises `OutputError` for a folder that holds something else.
+        clear: takes out what is to be replaced.
+
+    Raises:
+        OutputError: it cannot be made, holds something else, or is written by another process.
     """
     try:
         if out is None:
-            return RunFolder(new(RUNS / name))
+            path = new(usual)
+            return RunFolder(path, lock=FolderLock(path))
+        check(out)
         out.mkdir(parents=True, exist_ok=True)
-        clear(out)
+        folder = RunFolder(out, lock=FolderLock(out))
     except OSError as error:
-        raise OutputError.of(out or RUNS / name, error) from error
-    return RunFolder(out)
+        raise OutputError.of(out or usual, error) from error
+    try:
+        # Another run may have come and gone since it was looked at.
+        check(out)
+        clear(out)
+    except BaseException as error:
+        folder.close()
+        if isinstance(error, OSError):
+            raise OutputError.of(out, error) from error
+        raise
+    return folder
 
 
 def new(path: Path) -> Path:
@@ -141,18 +189,83 @@ def new(path: Path) -> Path:
             return candidate
 
 
-def clear(path: Path) -> None:
-    """Takes an earlier run out of a folder.
+def check_folder(path: Path) -> None:
+    """Finds out whether a run may be written into a folder: it is new, empty, or holds a run.
 
     Raises:
-        OutputError: the folder holds something else than a run.
+        OutputError: it may not.
+    """
+    check_own(path, "run", is_manifest(path / MANIFEST), (*_OWN, *EXPORTS))
+
+
+def check_unlocked(path: Path) -> None:
+    """Finds out whether a folder could be locked, before much work is done.
+
+    Raises:
+        OutputError: another process writes into it.
+    """
+    writer = holder(path)
+    if writer is not None:
+        raise OutputError(path, f"{writer.told} writes into it")
+
+
+def check_own(path: Path, what: str, own: bool, names: tuple[str, ...]) -> None:
+    """Finds out whether a folder may be written.
+
+    Args:
+        path: the folder.
+        what: it is to hold, in a word.
+        own: whether it holds such a thing.
+        names: of the files that are replaced then.
+
+    Raises:
+        OutputError: it holds something else.
+    """
+    try:
+        held = {entry.name for entry in path.iterdir()}
+        in_the_way = [n for n in names if (path / n).is_dir() and not (path / n).is_symlink()]
+    except FileNotFoundError:
+        return
+    except OSError as error:
+        raise OutputError.of(path, error) from error
+    left = {name for name in held if name != LOCK and not name.startswith(PARTIAL)}
+    if left and not own:
+        raise OutputError(path, f"the folder is not empty and holds no {what}")
+    if in_the_way:
+        raise OutputError(path / in_the_way[0], "it is a folder")
+
+
+def is_evidence(path: Path) -> bool:
+    """Whether a path is that of a file from which the outcome of a run follows."""
+    evidence = (TASK, MANIFEST, LOG, SUMMARY)
+    return path.resolve().name in evidence and is_manifest(path.resolve().parent / MANIFEST)
+
+
+def is_manifest(path: Path) -> bool:
+    """Whether a file is the manifest of a run: it names the version that made the run."""
+    said = read_json(path)
+    made_by = mapping(said.get("versions")).get("taskspec")
+    return isinstance(said.get("format"), int) and isinstance(made_by, str)
+
+
+def clear(path: Path) -> None:
+    """Takes an earlier run out of a folder, and what killed processes left half written.
+
+    Raises:
         OSError: a file cannot be removed.
     """
-    held = {entry.name for entry in path.iterdir()}
-    if held and MANIFEST not in held:
-        raise OutputError(path, "the folder is not empty and holds no run")
-    for name in (*_OWN, *EXPORTS):
-        (path / name).unlink(missing_ok=True)
+    remove(path, (*_OWN, *EXPORTS))
+
+
+def remove(path: Path, names: tuple[str, ...]) -> None:
+    """Takes files out of a folder, and what killed processes left half written.
+
+    Raises:
+        OSError: a file cannot be removed.
+    """
+    for entry in [*path.iterdir()]:
+        if entry.name in names or entry.name.startswith(PARTIAL):
+            entry.unlink(missing_ok=True)
 
 
 def plain(value: Any) -> Any:
@@ -168,10 +281,23 @@ def plain(value: Any) -> Any:
 
 def read_json(path: Path) -> Json:
     """The mapping of a JSON file; empty where there is none, or something else."""
-    try:
-        return mapping(json.loads(path.read_text(encoding="utf-8")))
-    except (OSError, ValueError):
-        return {}
+    with contextlib.suppress(OSError, ValueError, RecursionError), open_regular(path) as file:
+        return parse_json(file.read(_LARGEST))
+    return {}
+
+
+def parse_json(content: bytes) -> Json:
+    """The mapping that some JSON holds; an empty one in place of anything else.
+
+    Raises:
+        ValueError: it is no JSON, or has characters that no text can have.
+        RecursionError: it is nested too deeply.
+    """
+    said = mapping(json.loads(content.decode()))
+    if b"\\u" in content:
+        # Half a pair of surrogates, which can neither be printed nor written.
+        json.dumps(said, ensure_ascii=False).encode()
+    return said
 
 
 def number(value: object) -> float | None:

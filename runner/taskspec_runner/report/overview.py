@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from taskspec_runner.record.history import Vector
+from taskspec_runner.record.whole import write_whole
 from taskspec_runner.report import figures, predictions
 from taskspec_runner.report.chart import Chart, size, tints
 from taskspec_runner.report.drawing import Panel, Stroke, Tick, path_data, tick_text, ticks
@@ -45,13 +46,12 @@ class Picture:
 
         Raises:
             ValueError: the file's name does not end in .svg.
-            OSError: it cannot be written.
+            OutputError: it cannot be written.
         """
         path = Path(path)
         if path.suffix != ".svg":
             raise ValueError(f"a picture is saved as .svg, not as {path.suffix or path.name}")
-        path.write_text(self.svg, encoding="utf-8")
-        return path
+        return write_whole(path, self.svg)
 
     def _repr_svg_(self) -> str:
         return self.svg

@@ -10,6 +10,7 @@ from typing import Any
 from markupsafe import Markup
 
 from taskspec_runner.record.folder import REPORT, Json, mapping, number
+from taskspec_runner.record.whole import write_whole
 from taskspec_runner.report import annotated, drawn, figures, tables
 from taskspec_runner.report.chart import Chart, Section, tints
 from taskspec_runner.report.overview import overview_svg
@@ -45,9 +46,7 @@ def write_report(run: Run) -> Path:
     Raises:
         OSError: the folder cannot be written.
     """
-    path = run.folder / REPORT
-    path.write_text(render(run, still_for_report(run)), encoding="utf-8")
-    return path
+    return write_whole(run.folder / REPORT, render(run, still_for_report(run)))
 
 
 def render(run: Run, still: tuple[str, float] | None = None) -> str:

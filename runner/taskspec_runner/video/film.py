@@ -9,15 +9,15 @@ from pathlib import Path
 import numpy as np
 
 from taskspec_runner.errors import InputError, OutputError
+from taskspec_runner.record.whole import whole
 from taskspec_runner.video.camera import frame_run, seen_from
 from taskspec_runner.video.canvas import Image, new_context
+from taskspec_runner.video.encoder import Encoder
 from taskspec_runner.video.panel import HEIGHT, WIDTH, SignalPanel
 from taskspec_runner.video.picture import SPLIT, Pictures
 from taskspec_runner.video.recording import Recording
 from taskspec_runner.video.world import RecordedWorld
 
-#: Of the coder: good to look at, and small.
-_QUALITY = ["-crf", "21", "-preset", "medium", "-movflags", "+faststart"]
 _SUFFIXES = (".mp4", ".mkv", ".mov")
 
 
@@ -136,41 +136,13 @@ def write_video(
         InputError: there is no ffmpeg, or nothing of the run lies within the cut.
         OutputError: the file cannot be written.
     """
-    import imageio_ffmpeg
-
     check_video(path)
-    partial = path.with_name(f".{path.stem}.partial{path.suffix}")
-    with Film(recording, cut) as film:
-        writer = imageio_ffmpeg.write_frames(
-            str(partial),
-            (cut.width, cut.height),
-            fps=cut.fps,
-            codec="libx264",
-            quality=None,
-            macro_block_size=2,
-            output_params=_QUALITY,
-        )
-        try:
-            _feed(writer, film, progress)
-            partial.replace(path)
-        except OSError as error:
-            raise OutputError(path, _reason(error)) from error
-        finally:
-            partial.unlink(missing_ok=True)
-
-
-def _feed(writer: object, film: Film, progress: Callable[[int, int], None] | None) -> None:
-    writer.send(None)  # type: ignore[attr-defined]
-    try:
+    with (
+        Film(recording, cut) as film,
+        whole(path) as partial,
+        Encoder(partial, cut.width, cut.height, cut.fps) as encoder,
+    ):
         for number, frame in enumerate(film.frames(), 1):
-            writer.send(np.ascontiguousarray(frame))  # type: ignore[attr-defined]
+            encoder.write(frame)
             if progress is not None:
                 progress(number, len(film.rows))
-    finally:
-        writer.close()  # type: ignore[attr-defined]
-
-
-def _reason(error: OSError) -> str:
-    """What is told of a failure: ffmpeg's last words where it has any."""
-    lines = [line.strip() for line in str(error).splitlines() if line.strip()]
-    return error.strerror or (lines[-1] if lines else type(error).__name__)

@@ -1,0 +1,91 @@
+"""Files that are whole or not there: how every file is written, and how one is opened to be read.
+
+A file is written beside its place, brought to the disk and renamed. What a killed process leaves
+is a file that begins with `PARTIAL`, beside the untouched old one.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import secrets
+import stat
+from collections.abc import Iterator
+from io import BufferedReader
+from pathlib import Path
+
+from taskspec_runner.errors import OutputError
+
+#: What the name of a file begins with that is not complete.
+PARTIAL = ".taskspec-partial-"
+_EXCLUSIVE = os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC
+
+
+@contextlib.contextmanager
+def whole(path: Path) -> Iterator[Path]:
+    """Gives the path of a new, empty file; when it has been written, it takes the place of `path`.
+
+    The new file lies in the same folder and has the same suffix. It is made exclusively, so no
+    link is followed. If anything fails, it is removed and `path` is as it was.
+
+    Raises:
+        OutputError: it cannot be written; `path` is something else than a file; or the new file was
+            replaced while it was written.
+    """
+    partial = path.with_name(f"{PARTIAL}{secrets.token_hex(6)}{path.suffix}")
+    try:
+        if path.exists() and not path.is_file():
+            raise OutputError(path, "it is not a regular file")
+        descriptor = os.open(partial, _EXCLUSIVE, 0o666)
+    except OSError as error:
+        raise OutputError.of(path, error) from error
+    try:
+        yield partial
+        os.fsync(descriptor)
+        if not os.path.samestat(os.fstat(descriptor), os.lstat(partial)):
+            raise OutputError(path, "its new file was replaced while it was written")
+        partial.replace(path)
+        sync_folder(path.parent)
+    except OSError as error:
+        raise OutputError.of(path, error) from error
+    finally:
+        os.close(descriptor)
+        with contextlib.suppress(OSError):
+            partial.unlink(missing_ok=True)
+
+
+def write_whole(path: Path, content: bytes | str) -> Path:
+    """Writes a file, a text in UTF-8; see `whole`.
+
+    Raises:
+        OutputError: it cannot be written.
+    """
+    with whole(path) as partial:
+        partial.write_bytes(content.encode() if isinstance(content, str) else content)
+    return path
+
+
+def sync_folder(path: Path) -> None:
+    """Brings the names in a folder to the disk.
+
+    Raises:
+        OSError: the disk does not take them.
+    """
+    descriptor = os.open(path, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+def open_regular(path: Path) -> BufferedReader:
+    """Opens a file to be read. Nothing is waited for, as the other end of a pipe would be.
+
+    Raises:
+        OSError: there is none, or it is no regular file.
+    """
+    descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
+    if stat.S_ISREG(os.fstat(descriptor).st_mode):
+        return os.fdopen(descriptor, "rb")
+    os.close(descriptor)
+    raise OSError(None, "it is not a regular file")
