@@ -178,7 +178,7 @@ class NominalWalk:
         for axis in stage.axes:
             entry = stage.spec.axes.get(axis)
             mode = None if entry is None else entry.given
-            if entry is None or (mode is not None and not mode.moves):
+            if entry is None or (mode is not None and not mode.moves and not entry.has_force):
                 found[axis] = 0.0
             elif mode is not None and not entry.has_force:
                 rate = mode.reached_rate(stage.known)

@@ -60,21 +60,23 @@ def springs(law: ControlLaw, axis: AxisDesign) -> dict[str, Gain]:
         or Gain(h * (2 * math.pi * _SPRING_FREQUENCY) ** 2, "designed: h (2 pi 2 Hz)^2")
     )
     damping = axis.own_damping or axis.of_the_law("damping")
-    gains = {"mass": mass, "stiffness": stiffness}
-    if axis.force and law.force_loop:
+    loop = axis.force and law.force_loop
+    held = Gain(0.0, "free") if axis.lets_go and not loop else stiffness
+    gains = {"mass": mass, "stiffness": held}
+    if loop:
         if damping is None and plant.k == 0 and plant.damper is None:
             # Nothing but the spring brings the axis back.
             damping = _spring_damping(mass, stiffness, 0.0, moved)
-        loop = force_loop(law, replace(axis, plant=moved), damping)
+        own = force_loop(law, replace(axis, plant=moved), damping)
         return gains | {
-            "damping": loop["force.damping"],
+            "damping": own["force.damping"],
             "force.proportional": axis.of_the_law("force.proportional")
             or _beside_motion(natural=law.natural),
-            "force.integral": loop["force.integral"],
+            "force.integral": own["force.integral"],
         }
     if "damping" not in law.gain_names or law.damps_joints:
         return gains
-    k = plant.k if axis.force else 0.0
+    k = plant.k if axis.force and not axis.lets_go else 0.0
     return gains | {"damping": damping or _spring_damping(mass, stiffness, k, moved)}
 
 

@@ -118,6 +118,7 @@ class AxisDesign:
         force: whether it has a force or torque set point.
         stiffness: of the axis itself, as the file gives it [N/m, N m/rad].
         damping: of the axis itself, as the file gives it [N s/m, N m s/rad].
+        lets_go: whether nothing is to hold it.
     """
 
     plant: AxisPlant
@@ -126,6 +127,7 @@ class AxisDesign:
     force: bool = False
     stiffness: float | None = None
     damping: float | None = None
+    lets_go: bool = False
 
     @property
     def soft(self) -> bool:

@@ -176,7 +176,9 @@ class ControlLaw(ABC):
         """The last of its equations, which is that of the force."""
         return self.equations.split(",")[-1].strip()
 
-    def enforces(self, *, force: bool, motion: bool, open_loop: bool, soft: bool) -> str:
+    def enforces(
+        self, *, force: bool, motion: bool, open_loop: bool, soft: bool, lets_go: bool = False
+    ) -> str:
         """Who sees to what is asked of an axis, in words.
 
         Args:
@@ -184,7 +186,10 @@ class ControlLaw(ABC):
             motion: whether its motion error is controlled.
             open_loop: whether a force displaces its motion reference.
             soft: whether it is soft.
+            lets_go: whether nothing is to hold it.
         """
+        if lets_go and not force:
+            return "nobody" if self.undamped else "the law's damping"
         if force:
             return "force over motion" if motion else "force control"
         if open_loop:

@@ -6,6 +6,7 @@ file needs no numerical library, so a mode's module imports none before it is as
 
 from taskspec.modes.follows import Coupling, Follows, UncoupledError
 from taskspec.modes.force import DEFAULT_RAMP, Force, OpenLoop
+from taskspec.modes.free import FreeAxis
 from taskspec.modes.hold import Hold
 from taskspec.modes.key import Misuse, ModeKey
 from taskspec.modes.mode import (
@@ -37,7 +38,7 @@ from taskspec.modes.registry import (
 )
 from taskspec.modes.velocity import Velocity
 
-for _mode in (Hold, Position, Velocity, Move, Follows):
+for _mode in (Hold, FreeAxis, Position, Velocity, Move, Follows):
     register(_mode)
 
 __all__ = [
@@ -49,6 +50,7 @@ __all__ = [
     "Coupling",
     "Follows",
     "Force",
+    "FreeAxis",
     "HandOver",
     "Hold",
     "Known",

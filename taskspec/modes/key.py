@@ -13,7 +13,7 @@ from taskspec.text.units import NUMBER, Dimension
 class ModeKey:
     """A key of a file that belongs to a mode of axes.
 
-    It is a constant, unless `scope`, `words` or `mechanism` say otherwise.
+    It is a constant, unless `scope`, `words`, `mechanism` or `switch` say otherwise.
 
     Attributes:
         name: the key, and the mode's argument of that name [SI units].
@@ -24,6 +24,7 @@ class ModeKey:
         scope: of an expression.
         words: of which it is one.
         mechanism: whether it is the name of a mechanism.
+        switch: whether it is true or false.
         above: a constant has to be greater than this.
         least: a constant has to be at least this.
         only: `along` or `about`, for a key of translations or of rotations alone.
@@ -40,6 +41,7 @@ class ModeKey:
     scope: ScopeKind | None = None
     words: tuple[str, ...] = ()
     mechanism: bool = False
+    switch: bool = False
     above: float | None = None
     least: float | None = None
     only: str = ""

@@ -19,6 +19,7 @@ from taskspec.text.expression import Expression
 if TYPE_CHECKING:
     from taskspec.geometry.axis import Axis
     from taskspec.modes.follows import Coupling
+    from taskspec.modes.force import Force
     from taskspec.modes.key import Misuse, ModeKey
     from taskspec.motion.polynomial import PiecewiseCubic
     from taskspec.program.clock import Clock
@@ -252,6 +253,7 @@ class AxisMode(ABC):
         placed: whether its value is a coordinate of the frame.
         bends: whether its rate changes on the way.
         leads: whether another axis may follow its reference.
+        lets_go: whether nothing holds it: laws without a force loop give it no stiffness.
     """
 
     rotation: bool
@@ -266,6 +268,7 @@ class AxisMode(ABC):
     placed: ClassVar[bool] = False
     bends: ClassVar[bool] = False
     leads: ClassVar[bool] = True
+    lets_go: ClassVar[bool] = False
 
     # What files may say
 
@@ -277,6 +280,11 @@ class AxisMode(ABC):
     def expressions(self) -> Iterator[tuple[Expression, bool]]:
         """Its expressions, and whether each is a position, of which rates are taken."""
         yield from ()
+
+    @property
+    def set_point(self) -> Force | None:
+        """The force set point that it is; None where it is a motion."""
+        return None
 
     # What the controller is built of
 

@@ -609,7 +609,7 @@ class StagePlan:
 
     def _pressed(self, axis: Axis) -> float:
         """Stiffness of the contact that an axis presses on [N/m, N m/rad]; 0 where it does not."""
-        return self.plants[axis].k if self.plans[axis].axis.has_force else 0.0
+        return self.plants[axis].k if self.plans[axis].set_point else 0.0
 
     @cached_property
     def translations(self) -> tuple[Axis, ...]:

@@ -46,7 +46,7 @@ def undetermined_axes(stage: StagePlan) -> Iterator[Finding]:
     """Axes without a motion, along which neither a force is set nor can be.
 
     That f = 0 there is natural already, so stating it is no constraint: what is left of the law is
-    its damping.
+    its damping. One that is `free` is meant so.
     """
     if stage.law.control_law.shares:
         return
@@ -54,7 +54,8 @@ def undetermined_axes(stage: StagePlan) -> Iterator[Finding]:
         axis: place
         for axis, value, place in _unresisted(stage)
         # Euler angles leave no rotation to a torque, which TS228 says.
-        if not value and not (axis.is_rotation and representation_of(stage.law) is not None)
+        if not (value or stage.plans[axis].mode.lets_go)
+        and not (axis.is_rotation and representation_of(stage.law) is not None)
     }
     if not places:
         return

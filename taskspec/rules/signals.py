@@ -68,7 +68,8 @@ def no_such_signal(stage: StagePlan, node: Name, *, inside_norm: bool) -> str | 
     path, robot = node.path, stage.context.robot
     if path[-1] == REFERENCE:
         of = Name(path[:-1], node.frame)
-        return no_such_signal(stage, of, inside_norm=inside_norm) or _no_reference(stage, of.path)
+        missing = _no_references if inside_norm else _no_reference
+        return no_such_signal(stage, of, inside_norm=inside_norm) or missing(stage, of.path)
     if node.frame is not None:
         elsewhere = _not_elsewhere(stage.context, node)
         if elsewhere is not None:
@@ -106,6 +107,18 @@ def _no_reference(stage: StagePlan, path: tuple[str, ...]) -> str | None:
         return None if given else f"{axis!r} has no set point of a {axis.effort} here"
     given = plan is not None and plan.motion
     return None if given else f"{axis!r} follows no motion here"
+
+
+def _no_references(stage: StagePlan, path: tuple[str, ...]) -> str | None:
+    """The same of a component of a norm, which leaves out what has none: said once if all have."""
+    vector = VECTORS.get(path[0])
+    if vector is None:
+        return _no_reference(stage, path)
+    reasons = [_no_reference(stage, (path[0], axis)) for axis in vector.bare]
+    if not all(reasons) or path[1] != vector.bare[0]:
+        return None
+    what = f"set point of a {path[0]}" if path[0] == vector.bare[0].effort else "motion"
+    return f"no axis has a {what} here"
 
 
 def _no_gap(stage: StagePlan) -> str | None:

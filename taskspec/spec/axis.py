@@ -25,9 +25,9 @@ from taskspec.spec.fields import ContactName, MechanismName
 from taskspec.spec.model import Model, complete, short_form
 from taskspec.spec.parse_context import ParseContext
 from taskspec.spec.quantities import Constant, Formula
-from taskspec.spec.words import Word
+from taskspec.spec.words import Switch, Word
 from taskspec.text.codes import register
-from taskspec.text.data import Map, Text
+from taskspec.text.data import Map, Text, TruthValue
 from taskspec.text.expression import Expression
 from taskspec.text.nodes import pointer
 from taskspec.text.units import (
@@ -67,6 +67,8 @@ def _type_of(key: ModeKey, *, rotation: bool) -> Any:
         return Annotated[str, Word(key.words, key.name)]
     if key.mechanism:
         return MechanismName
+    if key.switch:
+        return Annotated[bool, Switch()]
     dimension = key.dimension.on(rotation=rotation)
     if key.scope is not None:
         return Annotated[Expression, Formula(dimension, key.scope)]
@@ -98,6 +100,15 @@ else:
         __module__=__name__,
         **{key.name: (Any, None) for key in axis_keys()},
     )
+
+
+def _short(name: Text) -> Text | TruthValue:
+    """The value that the key of a mode has where a file gives its name alone."""
+    if any(key.name == name and key.switch for key in _MODES[name].keys):
+        return TruthValue(True, name.node)
+    value = Text(SHORT[name])
+    value.node = name.node
+    return value
 
 
 class AxisEntry(_AxisKeys):
@@ -133,7 +144,7 @@ class AxisEntry(_AxisKeys):
     @property
     def set_point(self) -> Force | None:
         """Its force or torque set point."""
-        return force_given(self)
+        return force_given(self) or self.mode.set_point
 
     def expressions(self) -> Iterator[tuple[Expression, bool]]:
         """Its expressions, and whether each is a position, of which rates are taken."""
@@ -145,7 +156,7 @@ class AxisEntry(_AxisKeys):
     @property
     def has_force(self) -> bool:
         """Whether it has a force or torque set point."""
-        return any(getattr(self, key) is not None for key in FORCES)
+        return self.set_point is not None
 
     @property
     def is_soft(self) -> bool:
@@ -156,9 +167,7 @@ class AxisEntry(_AxisKeys):
     def expand(cls, data: object, context: ParseContext) -> object:
         """Read the bare name of a mode, such as `hold`; report the force of the other axes."""
         if isinstance(data, Text) and data in SHORT:
-            value = Text(SHORT[data])
-            value.node = data.node
-            return short_form(value, str(data))
+            return short_form(_short(data), str(data))
         other, own = (
             next(k.name for k in Force.keys if k.only and k.exists(rotation=turns))
             for turns in (not cls.rotation, cls.rotation)

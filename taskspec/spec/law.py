@@ -153,6 +153,7 @@ class Law(Model):
                     force=axis.has_force,
                     stiffness=axis.stiffness,
                     damping=axis.damping,
+                    lets_go=axis.mode.lets_go,
                 )
             )
             for gain, value in designed.items():

@@ -10,12 +10,13 @@ from pydantic import Field
 from taskspec.geometry.axis import Axis
 from taskspec.laws import LAWS
 from taskspec.modes import MODES
+from taskspec.spec import values
 from taskspec.spec.axis import FORCES, MOTIONS, SHORT, AxisEntry, ByName
 from taskspec.spec.fields import ContactName, FrameName
 from taskspec.spec.law import Law, law_of
 from taskspec.spec.limits import Limits
 from taskspec.spec.model import Model, complete, mapping, short_form
-from taskspec.spec.parse_context import ParseContext
+from taskspec.spec.parse_context import ParseContext, span_of
 from taskspec.spec.path import Path
 from taskspec.spec.quantities import Constant, Formula
 from taskspec.spec.set_point import SetPoint, SetPoints
@@ -74,9 +75,16 @@ class Within(Model):
     travel: Annotated[float, Constant(LENGTH, above=0)] | None = Field(None, title="Distance")
 
     @classmethod
-    def expand(cls, data: object, context: ParseContext) -> object:  # noqa: ARG003
+    def expand(cls, data: object, context: ParseContext) -> object:
         """`4 s` is short for `{time: 4 s}`, the bound that nearly every stage has."""
-        return short_form(data, "time")
+        full = short_form(data, "time")
+        if isinstance(full, Map) and full is not data and values.measures(data, LENGTH, context):
+            message = "a time (s) is needed here, this is a length (m)"
+            hint = f"a distance stands by its name: within: {{travel: {data}}}"
+            context.error("TS112", message, span_of(data), hint)
+            context.quiet.add(id(full.node))
+            full.clear()
+        return full
 
     @classmethod
     def rules(cls, data: Map, context: ParseContext) -> None:
@@ -217,7 +225,8 @@ def _check_modes(data: Map, context: ParseContext) -> None:
         modes = mapping(axis)
         motion = next((key for key in MOTIONS if key in modes), None)
         force = next((key for key in FORCES if key in modes), None)
-        if motion and force and not facts.shares:
+        frees = motion is not None and MODES[motion].lets_go
+        if motion and force and not (facts.shares or frees):
             context.error(
                 "TS203",
                 f"axis '{name}' has both a {motion} and a {force} under {article} {law} law",

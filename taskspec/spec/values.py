@@ -104,6 +104,17 @@ def constant(value: object, dimension: Dimension, context: ParseContext) -> floa
     return None if checked.problems else number(value, node, context)
 
 
+def measures(value: object, dimension: Dimension, context: ParseContext) -> bool:
+    """Whether a datum is a constant of a dimension; nothing is reported."""
+    if not isinstance(value, Text):
+        return False
+    try:
+        kind, problems = infer(parse(value, "sum"), context.scope(ScopeKind.CONSTANT))
+    except ExpressionError:
+        return False
+    return not problems and kind.kind == "number" and kind.dimension == dimension
+
+
 def quantity(value: object, context: ParseContext) -> Quantity | None:
     """A constant of whatever dimension, or None after reporting what is wrong with it."""
     node = parsed(value, "sum", context, "a quantity")

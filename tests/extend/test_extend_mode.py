@@ -93,7 +93,7 @@ WRONG = {
     "x: {sway: 10 mm, velocity: 1 mm/s}": ("TS202", "'velocity' and 'sway' on one axis"),
     "x: {sway: 10 mm, speed: 1 mm/s}": ("TS204", "it is the speed of a 'move'"),
     "x: {sway: 10 mm, force: 1 N}": ("TS203", "both a sway and a force"),
-    "x: {contact: wall}": ("TS201", "hold, position, velocity, move, follows, sway, force"),
+    "x: {contact: wall}": ("TS201", "hold, free, position, velocity, move, follows, sway, force"),
     "x: {sway: 3 m}": ("TS421", "the motion leads"),
 }
 

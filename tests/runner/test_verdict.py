@@ -113,6 +113,7 @@ def judged(expectation: str, history: History = HISTORY) -> Judged:
         ),
         ("wipe.force.z within wipe.force.z.ref +- 10 % for 75 %", True, None),
         ("wipe.force.z within wipe.force.z.ref +- 10 % for 76 %", False, None),
+        ("max(norm(wipe.force.ref)) within press +- 1 mN", True, None),
         ("last(wipe.force.z.ref) within -press +- 1 mN", True, None),
         # A share of the ticks.
         ("wipe.force.z within -press +- 0.5 N for 50 %", True, "50 % of ticks (needs 50 %)"),

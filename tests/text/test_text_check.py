@@ -14,7 +14,17 @@ from taskspec.text.expression import (
     resolve,
     tree,
 )
-from taskspec.text.units import ANGLE, FORCE, LENGTH, NUMBER, TIME, VELOCITY, Dimension, Quantity
+from taskspec.text.units import (
+    ANGLE,
+    FORCE,
+    LENGTH,
+    MOMENT,
+    NUMBER,
+    TIME,
+    VELOCITY,
+    Dimension,
+    Quantity,
+)
 
 
 def scope(kind: ScopeKind) -> Scope:
@@ -72,6 +82,8 @@ def test_a_percentage_after_plus_minus(text: str, low: float, high: float) -> No
         ("wipe.velocity.x.ref", "signal", VELOCITY),
         ("rim.force.ref", "object", FORCE),
         ("wipe.rim.force.ref", "object", FORCE),
+        ("force.ref", "vector", FORCE),
+        ("wipe.torque.ref", "vector", MOMENT),
     ],
 )
 def test_references_are_signals_of_expectations_alone(
@@ -86,7 +98,7 @@ def test_references_are_signals_of_expectations_alone(
 
 
 @pytest.mark.parametrize(
-    "name", ["error.z.ref", "gap.ref", "crank.torque.ref", "force.ref", "t.ref"]
+    "name", ["error.z.ref", "gap.ref", "crank.torque.ref", "error.ref", "t.ref"]
 )
 def test_what_has_no_reference(name: str) -> None:
     assert resolve(tuple(name.split(".")), scope(ScopeKind.EXPECT)) is None

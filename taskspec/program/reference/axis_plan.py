@@ -64,7 +64,7 @@ def plan_axes(
     plans = {}
     for name in axes:
         axis = declared.get(name) or AxisEntry()
-        open_loop = axis.has_force and not facts.force_loop
+        open_loop = axis.has_force and not facts.force_loop and not axis.mode.lets_go
         force = axis.has_force and facts.force_loop
         plans[name] = AxisPlan(
             axis=axis,

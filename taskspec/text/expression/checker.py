@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from taskspec.signals import VECTORS
+from taskspec.signals import VECTORS, Signal
+from taskspec.signals.table import REFERENCE
 from taskspec.text.codes import register
 from taskspec.text.expression import tree
 from taskspec.text.expression.functions import FUNCTIONS, REDUCERS, Function
@@ -60,6 +61,8 @@ class Checker:
         #: Ids of the intervals `a +- 5 %` whose percentage is a share of a.
         self.relative: set[int] = set()
         self._reducing = False
+        #: By the id of a param after `+-`, what it is to be the width about.
+        self._shares: dict[int, tree.Node] = {}
 
     def report(self, code: str, message: str, node: tree.Node, hint: str = "") -> Type:
         """Adds a problem at a node, whose type is unknown from then on."""
@@ -114,7 +117,8 @@ class Checker:
             return self.report("TS114", "a number is needed here, this is true or false", node)
         if found.kind == "vector":
             name = str(node)
-            hint = f"write one of them, such as {name}.{example_axis(node)}, or norm({name})"
+            one = ".".join(_with_axis(node, example_axis(node)))
+            hint = f"write one of them, such as {one}, or norm({name})"
             return self.report("TS114", f"'{name}' has three components", node, hint)
         return found
 
@@ -138,6 +142,8 @@ class Checker:
             return f"units that fit: {fitting_text(wanted)}"
         if isinstance(lone, tree.Name):
             param = self.scope.params.get(lone.path[0])
+            if param is not None and param.dimension == NUMBER and id(lone) in self._shares:
+                return _as_a_share(lone.path[0], self._shares[id(lone)])
             if param is not None and param.dimension == NUMBER:
                 return f"'{lone.path[0]}' is defined without a unit"
         return ""
@@ -186,7 +192,10 @@ class Checker:
         dimension of a percentage, which is added to it as it is.
         """
         parts = ends(low, high)
-        share = tree.about(low, high) is not None and tree.is_share(parts[1])
+        around = tree.about(low, high) is not None
+        share = around and tree.is_share(parts[1])
+        if around and isinstance(parts[1], tree.Name):
+            self._shares[id(parts[1])] = parts[0]
         kind = self.same([*others, *(parts[:1] if share else parts)])
         whole = kind.dimension if others else kind.dimension or self.place
         if share and kind.kind == "number" and whole not in (None, NUMBER):
@@ -326,6 +335,13 @@ class Checker:
         return CONDITION
 
 
+def _as_a_share(param: str, value: tree.Node) -> str:
+    """How a param is a share of a value."""
+    middle = value.x if isinstance(value, tree.Negate) else value
+    name = str(middle) if isinstance(middle, tree.Name) else "its size"
+    return f"a param that is a share is multiplied: +- {param} * {name}"
+
+
 @dataclass(frozen=True, slots=True)
 class Checked:
     """The outcome of a check: the tree with vectors written out, its dimension, the problems."""
@@ -375,10 +391,9 @@ def _written_out(node: tree.Node, relative: set[int]) -> tree.Node:
         return _written_out(x, relative)
 
     match node:
-        case tree.Call("norm", (tree.Name(path, frame) as name,)) if path[-1] in VECTORS:
-            axes = VECTORS[path[-1]].bare
+        case tree.Call("norm", (tree.Name() as name,)) if (vector := _vector(name)) is not None:
             return replace(
-                node, args=tuple(replace(name, path=(*path, axis), frame=frame) for axis in axes)
+                node, args=tuple(replace(name, path=_with_axis(name, a)) for a in vector.bare)
             )
         case tree.Negate(x) | tree.Not(x) | tree.Held(x, _):
             return replace(node, x=full(x))
@@ -400,6 +415,24 @@ def _written_out(node: tree.Node, relative: set[int]) -> tree.Node:
             return replace(node, items=tuple(map(full, items)))
         case _:
             return node
+
+
+def _vector(name: tree.Name) -> Signal | None:
+    """The family of axes that a name means as a whole, or whose references."""
+    return VECTORS.get(_split(name)[0][-1])
+
+
+def _with_axis(node: tree.Node, axis: str) -> tuple[str, ...]:
+    """A component of a vector, or of its reference."""
+    assert isinstance(node, tree.Name)
+    path, beside = _split(node)
+    return (*path, axis, *beside)
+
+
+def _split(name: tree.Name) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """The path of a vector, and what beside it is meant."""
+    size = len(name.path) - (name.path[-1] == REFERENCE)
+    return name.path[:size], name.path[size:]
 
 
 def _width_in_full(low: tree.Node, high: tree.Node) -> tuple[tree.Node, tree.Node]:

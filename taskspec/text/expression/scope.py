@@ -11,6 +11,7 @@ from typing import Literal
 from taskspec import signals
 from taskspec.geometry.axis import TRANSLATIONS
 from taskspec.signals import CLOCKS, VECTORS, Index, Signal
+from taskspec.signals.table import REFERENCE
 from taskspec.text.units import ANGLE, LENGTH, NUMBER, Dimension, Quantity
 
 Kind = Literal["param", "constant", "clock", "signal", "condition", "vector", "joint", "object",
@@ -128,11 +129,15 @@ def coordinate(name: str) -> Dimension | None:
 
 
 def _resolve_signal(path: tuple[str, ...], scope: Scope) -> Meaning | None:
-    if len(path) == 1 and path[0] in VECTORS:
-        vector = VECTORS[path[0]]
-        return Meaning("vector", path[0], vector.dimensions[vector.bare[0]], signal=vector)
+    vector, beside = VECTORS.get(path[0]), path[1] if len(path) == 2 else ""
+    expected = scope.kind is ScopeKind.EXPECT
+    if vector is not None and (
+        len(path) == 1 or (beside == REFERENCE and beside in vector.beside and expected)
+    ):
+        dimension = vector.dimensions[vector.bare[0]]
+        return Meaning("vector", path[0], dimension, signal=vector, beside=beside)
     found = signals.find(path, scope.objects)
-    if found is None or (found.beside and scope.kind is not ScopeKind.EXPECT):
+    if found is None or (found.beside and not expected):
         return None
     entry, member = found.signal, found.member
     kind = "condition" if entry.condition else _KINDS.get(entry.index, "signal")

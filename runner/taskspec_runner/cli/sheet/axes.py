@@ -144,7 +144,11 @@ def _enforcer(stage: CompiledStage, plan: AxisPlan, world: Natural) -> str:
     if not plan.force and _by_equation(stage, plan, world):
         return f"the world ({world.by})"
     return stage.plan.law.control_law.enforces(
-        force=plan.force, motion=plan.motion, open_loop=plan.open_loop, soft=plan.soft
+        force=plan.force,
+        motion=plan.motion,
+        open_loop=plan.open_loop,
+        soft=plan.soft,
+        lets_go=plan.mode.lets_go,
     )
 
 
