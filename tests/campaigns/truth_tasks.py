@@ -21,6 +21,8 @@ from random_tasks import COMPANIONS, LAWS, Draft, Value, angles, flow, lengths, 
 SLIPS, GIVEN = 0.25, 0.5
 #: The time of a stage in an expression.
 _TIME = re.compile(r"(?<![\w.])t(?![\w.])")
+#: The bound of an expectation.
+_BOUND = re.compile(r"< ([\d.]+)")
 #: The number that a quantity begins with.
 _NUMBER = re.compile(r"-?\d+(\.\d+)?(e-?\d+)?")
 
@@ -71,6 +73,14 @@ class TruthDraft(Draft):
 
     def draw(self) -> None:
         super().draw()
+        if self.kind == "mechanism":
+            # As wide as one writes it before the first run.
+            self.expect = [_BOUND.sub(lambda m: f"< {3 * float(m[1]):g}", e) for e in self.expect]
+        if "mass" not in flow(self.robot.get("tool", {})):
+            self.vary.pop("robot.tool.mass", None)
+        if self.kind == "probe":
+            deepest = max(10.0, 3 * self.press_force / self.stiffness)
+            self.expect[0] = f"min(work.gap) > -{deepest:.2g} mm"
         if self.chance(SLIPS):
             self._slip()
 
@@ -107,6 +117,23 @@ class TruthDraft(Draft):
             if not any(each.startswith("last(press.") for each in self.expect):
                 self.expect.append(f"last(press.{self.felt}) {about}")
 
+    def slide(self, force: float, reach: float = 25) -> None:
+        before = len(self.expect)
+        super().slide(force, reach)
+        wanted = self.expect[before:]
+        if not wanted:
+            return
+        # Friction that turns round disturbs every loop, and is all that one without an integral
+        # has against it; what is not constant is held against its own reference.
+        friction = 0.3 if any("friction" in flow(each) for each in self.world.values()) else 0.0
+        loose = 0.4 if self.law == "hybrid-reaction" else 0.2
+        band = f"{max(2.0, (loose + friction) * force):.2g} N"
+        ramped = "press" not in self.stages or "ramp" in flow(self.stages["slide"]["axes"])
+        share = round(self.between(30, 50) if ramped else self.between(50, 80))
+        signal = f"slide.{self.felt}"
+        what = f"{signal} within {signal}.ref +- {band}"
+        self.expect[before:] = [f"{what} for {share} %"]
+
     # --- mechanisms of every kind --------------------------------------------------------------
 
     def _held(self) -> None:
@@ -131,7 +158,9 @@ class TruthDraft(Draft):
         stage: dict[str, Value] = {"axes": self._yielding(driven)}
         if self.chance(0.7):
             self.stages["go"] = {**stage, "until": until, "within": {"time": f"{time:.2g} s"}}
-            self.expect.append(f"last(go.{until.split()[0]}) {until.split(maxsplit=1)[1]}")
+            # What is measured last is of the tick before the guard holds.
+            signal, bound, unit = until.replace("> ", "").split()
+            self.expect.append(f"last(go.{signal}) > {0.9 * float(bound):g} {unit}")
         else:
             self.stages["go"] = {**stage, "time": f"{0.5 * time:.2g} s"}
         if self.chance(0.5):

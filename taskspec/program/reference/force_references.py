@@ -101,11 +101,13 @@ def wound(
 
     In free space the error never ends. While nothing is touched, what the integral adds to the
     set point, net of a parallel law's spring, is bounded by the set point: the tool goes on to the
-    surface, but does not arrive with a wound-up force.
+    surface, but does not arrive with a wound-up force. The bound takes off what has grown; it
+    never makes an integral, which would hold a motion against its own spring.
     """
     grown = integral + step
     # A gain that is an expression is positive; see `tunable`.
     if not isinstance(rate, ca.SX) and rate <= 0:
         return grown
     least, most = (-ca.fabs(force) - spring) / rate, (ca.fabs(force) - spring) / rate
-    return ca.if_else(touching, grown, ca.fmin(ca.fmax(grown, least), most))
+    held = ca.fmin(ca.fmax(grown, ca.fmin(least, 0.0)), ca.fmax(most, 0.0))
+    return ca.if_else(touching, grown, held)
