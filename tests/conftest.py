@@ -14,6 +14,8 @@ from tempfile import TemporaryDirectory
 os.environ.setdefault("MUJOCO_GL", "disable")
 # As for the command line: threads wait for each other longer than small matrices take.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+# Else every process that a test starts compiles this package anew; an installed one is compiled.
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
 import numpy as np
 import pytest

@@ -20,6 +20,7 @@ from taskspec.foresight.held_motion import resolved_twists
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.laws.gains import on_axis
 from taskspec.program.axes import MOSTLY
+from taskspec.program.bound import BoundFunction
 from taskspec.program.passage import Stopped, Strain
 from taskspec.program.plan import StagePlan
 from taskspec.program.prepare import chart_at
@@ -133,18 +134,19 @@ class OnSurface:
         center = p + R @ self._center
         chart, x = chart_at(frame.surface, center), ca.SX.sym("x", 3)
         foot = chart.foot(x)
-        self._at = ca.Function(
-            "at",
-            [x],
-            [chart.frame(x, frame.heading), foot, chart.margin(x, frame.heading)],
-        )
+        outputs = [chart.frame(x, frame.heading), foot, chart.margin(x, frame.heading)]
+        at = ca.Function("at", [x], [ca.densify(each) for each in outputs])
+        self._here, self._outputs = np.zeros(3), [np.empty(n) for n in (9, 3, 1)]
+        self._at = BoundFunction(at, [self._here], self._outputs)
         self.frame, foot_at, _ = self._look(center)
         self._foot = foot_at
         self._height = float(self.frame[:, 2] @ (center - foot_at))
 
     def _look(self, center: Vector) -> tuple[Vector, Vector, float]:
-        axes, foot, margin = self._at(center)
-        return np.array(axes), np.array(foot).ravel(), float(margin)
+        self._here[:] = center
+        self._at.evaluate()
+        axes, foot, margin = self._outputs
+        return axes.reshape(3, 3).T.copy(), foot.copy(), float(margin[0])
 
     def advance(self, time: float, moved: Mapping[Axis, float]) -> None:  # noqa: ARG002
         """Along the surface."""

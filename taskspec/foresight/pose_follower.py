@@ -79,7 +79,8 @@ class PoseFollower:
             lasts: how long the null space has had to move since [s].
         """
         rows = self._rows
-        inside: Vector = np.kron(np.eye(2), frame.T).astype(np.float64)
+        inside = np.zeros((6, 6))
+        inside[:3, :3] = inside[3:, 3:] = frame.T
         share = 1.0 - float(np.exp(-lasts / _SETTLES)) if self._goals else 0.0
         pivot, error = np.inf, np.zeros(6)
         for i in range(_ITERATIONS):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -118,6 +119,7 @@ def _timed(path: PathShape, start: Mapping[Axis, float]) -> tuple[float, Coordin
     if path.table is None:
         plan = path.plan(start)
 
+        @lru_cache(maxsize=1)  # its axes are asked for one after the other
         def on_curve(time: float) -> dict[Axis, float]:
             curve = path.curve(plan.timing(time), start, {})
             return {a: float(value) for a, value in curve.items()}
@@ -126,6 +128,7 @@ def _timed(path: PathShape, start: Mapping[Axis, float]) -> tuple[float, Coordin
     table = path.table
     along, plan = table.argument(), path.plan(start)
 
+    @lru_cache(maxsize=1)
     def on_polygon(time: float) -> dict[Axis, float]:
         at = plan.timing(time)
         return {a: float(np.interp(at, along, table.points[a])) for a in path.axes}

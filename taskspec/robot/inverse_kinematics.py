@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -31,6 +32,10 @@ _ENOUGH = 12
 _HOMING = 60
 _MARGIN = 0.005
 _LEAST_DAMPING = 1e-14
+_KEPT = 256
+"""Answers that are kept: worlds of a task, copies of a file and its later runs begin alike."""
+
+_answers: dict[tuple[object, ...], tuple[Array, float]] = {}
 
 
 def _norm(x: Array) -> float:
@@ -67,13 +72,19 @@ class Target:
     weight: float = 1.0
     any_yaw: bool = False
 
+    @property
+    def numbers(self) -> tuple[object, ...]:
+        """All of it, to be compared bit for bit."""
+        rotation = None if self.rotation is None else self.rotation.tobytes()
+        return self.position.tobytes(), rotation, self.weight, self.any_yaw
+
 
 class InverseKinematics:
     """Levenberg-Marquardt inside the joint limits, restarted from drawn configurations.
 
     It minimises |e(q)|², e = (p_d - p, log(R_d Rᵀ)), by q += Jᵀ(J Jᵀ + μ I)⁻¹ e, μ shrinking with
     success; joints that press against a limit take no part. Draws come from a fixed seed, so that
-    equal questions have equal answers.
+    equal questions have equal answers, and what was found for one is kept.
     """
 
     def __init__(self, robot: RobotModel) -> None:
@@ -117,6 +128,29 @@ class InverseKinematics:
             Joint positions (n,) and the norm of their error, below `SOLVED` when the target is
             reached.
         """
+        question = (self._arm, target.numbers, restarts)
+        if question not in _answers:
+            while len(_answers) >= _KEPT:
+                del _answers[next(iter(_answers))]
+            _answers[question] = self._search(target, restarts)
+        q, missing = _answers[question]
+        return q.copy(), missing
+
+    @cached_property
+    def _arm(self) -> tuple[object, ...]:
+        """What an answer depends on, besides its question."""
+        robot = self.robot
+        return (
+            robot.pin.saveToString(),
+            robot.tip_joint,
+            robot.tip.homogeneous.tobytes(),
+            robot.home.tobytes(),
+            robot.lower.tobytes(),
+            robot.upper.tobytes(),
+        )
+
+    def _search(self, target: Target, restarts: int) -> tuple[Array, float]:
+        """The solution nearest home, looked for; see `nearest_home`."""
         home = self.robot.home
         best, least = self.descend(home, target)
         if least > SOLVED or np.abs(best - home).max() > _NEAR:

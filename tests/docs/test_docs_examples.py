@@ -7,8 +7,8 @@ import re
 import pytest
 from documents import DOCUMENTS, LANGUAGE, ROOT, TASKS, blocks, completed, is_task, load, words
 
-from taskspec.compiler import compile_task
-from taskspec.examination import check_task
+from taskspec.compiler import admit
+from taskspec.examination import examine
 from taskspec.laws import LAWS
 from taskspec.motion.table import read_table
 from taskspec.text.codes import CODES
@@ -31,9 +31,10 @@ def test_every_yaml_block_is_a_task_that_validates(path, name, text):
         text = completed(text, path, name)
     assert is_task(text), "a fragment says which task it completes: <!-- completes: NAME -->"
     loaded = load(text)
-    errors = [d for d in check_task(loaded) if d.severity is Severity.ERROR]
+    examined = examine(loaded)
+    errors = [d for d in examined.findings if d.severity is Severity.ERROR]
     assert errors == []
-    assert compile_task(loaded).stages
+    assert admit(examined).stages
 
 
 def test_there_are_examples():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import json
 import resource
 import signal
 import sys
@@ -13,21 +14,27 @@ from functools import cache
 from pathlib import Path
 from types import FrameType
 
+import jsonschema
+
 from taskspec.examination import check_task
 from taskspec.spec import load_text
+from taskspec.spec.schema import schema_text
+from taskspec.text.characters import normal
 from taskspec.text.diagnostic import Diagnostic, Severity, SpecError
 from taskspec.text.render import render
 from taskspec.text.source import Source
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "corpus"))
 
-from reading import assert_place
+from reading import assert_place, data_of
 
 TASKS = Path(__file__).parents[2] / "tasks"
 #: How many times as long as a shipped task a file may take of a processor. The slowest take 7 times
 #: as long: a pose that is out of reach is looked for from everywhere. Shared cores differ by a
 #: factor of two, and which they are by as much again.
 LIMIT = 28.0
+SCHEMA = json.loads(schema_text())
+VALIDATOR = jsonschema.Draft202012Validator(SCHEMA)
 
 
 class HangError(BaseException):
@@ -75,7 +82,8 @@ def held(text: str, base: Path, *, twice: bool = True) -> bool:
     """Holds a text to the promises; returns whether it came as far as the checks.
 
     No exception but `SpecError`, no more than `LIMIT` times what is usual, places inside the text,
-    output that a terminal can show, and the same findings when it is examined again.
+    output that a terminal can show, the same findings when it is examined again, and a schema that
+    accepts what is read.
     """
     limit = LIMIT * usual()
     with watched(10 * limit):
@@ -88,9 +96,18 @@ def held(text: str, base: Path, *, twice: bool = True) -> bool:
         assert_place(diagnostic, sources[diagnostic.source])
     shown = render(found, sources)
     assert all(c == "\n" or c.isprintable() for c in shown)
+    if deep:
+        assert_accepted(text)
     if twice:
         assert found_in(text, base)[0] == found, "other findings on the second run"
     return deep
+
+
+def assert_accepted(text: str) -> None:
+    """Holds the JSON Schema to accept a text that is read without an error."""
+    errors = VALIDATOR.iter_errors(data_of(normal(text)))
+    told = [f"{'.'.join(map(str, e.path))}: {e.message}" for e in errors]
+    assert not told, told
 
 
 def resident() -> float:

@@ -10,7 +10,13 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from taskspec.robot import RobotError, RobotModel, check_joints, solve_start
+from taskspec.robot import (
+    RobotError,
+    RobotModel,
+    check_joints,
+    inverse_kinematics,
+    solve_start,
+)
 from taskspec.robot.inverse_kinematics import InverseKinematics, Target
 from taskspec.spec.quantities import DimensionedNumber
 from taskspec.text.units import ANGLE, LENGTH
@@ -70,8 +76,33 @@ def test_home_is_found_again(robot: RobotModel) -> None:
 
 
 def test_equal_questions_have_equal_answers(load: Load) -> None:
-    answers = [solve_start(load("panda"), (-0.3, 0.4, 0.3)) for _ in range(2)]
+    answers = []
+    for _ in range(2):
+        inverse_kinematics._answers.clear()
+        answers.append(solve_start(load("panda"), (-0.3, 0.4, 0.3)))
     np.testing.assert_array_equal(*answers)
+
+
+def test_an_answer_that_is_kept_is_of_the_same_question(load: Load) -> None:
+    """Another arm or base is another question; what a caller makes of an answer changes none."""
+    there = (0.45, -0.1, 0.3)
+    robots = [load("panda"), load("ur5e"), load("panda", base_xyz=(0, 0, 0.01))]
+    fresh = []
+    for robot in robots:
+        inverse_kinematics._answers.clear()
+        fresh.append(solve_start(robot, there))
+    again = [solve_start(robot, there) for robot in robots for _ in range(2)]
+    for i, answer in enumerate(again):
+        np.testing.assert_array_equal(answer, fresh[i // 2])
+    again[0] += 1.0
+    np.testing.assert_array_equal(solve_start(robots[0], there), fresh[0])
+
+
+def test_few_answers_are_kept(load: Load) -> None:
+    solver = InverseKinematics(load("planar2"))
+    for x in np.linspace(0.3, 0.5, inverse_kinematics._KEPT + 10):
+        solver.nearest_home(Target(np.array([x, 0.2, 0.0])))
+    assert len(inverse_kinematics._answers) == inverse_kinematics._KEPT
 
 
 @pytest.mark.parametrize("name", ["ur5e", "panda"])

@@ -7,9 +7,11 @@ import os
 import signal
 import threading
 from collections.abc import Callable, Generator, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import CancelledError, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
+from functools import partial
+from multiprocessing.synchronize import Event
 from pathlib import Path
 from typing import TypeVar
 
@@ -21,6 +23,8 @@ _AT_ONCE = 8
 _SIGNALS = {
     getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
 }
+#: Of a process of the pool: set once nobody waits for its results any more.
+_over: Event | None = None
 
 
 def in_order(work: Callable[[Path], T], files: Sequence[Path]) -> Generator[T, None, None]:
@@ -48,12 +52,15 @@ def in_order(work: Callable[[Path], T], files: Sequence[Path]) -> Generator[T, N
 
 def _shared(work: Callable[[Path], T], files: Sequence[Path], processes: int) -> Iterator[T]:
     context = multiprocessing.get_context("spawn")
-    pool = ProcessPoolExecutor(processes, context, initializer=_begin)
+    over = context.Event()
+    pool = ProcessPoolExecutor(processes, context, initializer=_begin, initargs=(over,))
     try:
         with _deaf():
-            results = pool.map(work, files, chunksize=_AT_ONCE)
+            results = pool.map(partial(_unless_over, work), files, chunksize=_AT_ONCE)
         yield from results
     finally:
+        # Files that have been handed out are dropped too: an interruption waits for one at most.
+        over.set()
         pool.shutdown(wait=True, cancel_futures=True)
 
 
@@ -70,7 +77,15 @@ def _deaf() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _begin() -> None:
+def _unless_over(work: Callable[[Path], T], path: Path) -> T:
+    if _over is not None and _over.is_set():
+        raise CancelledError
+    return work(path)
+
+
+def _begin(over: Event) -> None:
+    global _over
+    _over = over
     # Ctrl-C reaches every process of a terminal; the first one ends the others.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     if hasattr(signal, "pthread_sigmask"):
