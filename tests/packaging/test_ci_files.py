@@ -12,10 +12,10 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
-import forked
 import pytest
 import yaml
 
+import forked
 from taskspec_runner.cli.formats import DiagnosticFormat
 
 ROOT = Path(__file__).resolve().parents[2]

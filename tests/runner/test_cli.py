@@ -4,10 +4,12 @@ import json
 import os
 import re
 import resource
+import shlex
 import signal
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
 from io import StringIO
 from pathlib import Path
 
@@ -16,6 +18,7 @@ from rich.console import Console
 from short_tasks import TAP
 from typer.testing import CliRunner, Result
 
+import forked
 from taskspec import __version__
 from taskspec.compiler import compile_task
 from taskspec.program.execution.transition import Transition
@@ -356,14 +359,20 @@ def test_standard_input() -> None:
     assert fed(b"\xff", "validate", "-").exit_code == 2
 
 
-def test_completion() -> None:
+@pytest.fixture(scope="module")
+def forked_command(tmp_path_factory: pytest.TempPathFactory) -> Iterator[list[str]]:
+    """The command in processes that need not load its libraries."""
+    with forked.command(tmp_path_factory.mktemp("forked")) as words:
+        yield shlex.split(words)
+
+
+def test_completion(forked_command: list[str]) -> None:
     """Commands, options and their values, by what the shell is given to source."""
 
     def completed(typed: str) -> set[str]:
-        code = "import sys; sys.argv[0] = 'taskspec'; from taskspec_runner.cli import main; main()"
         words = {"COMP_WORDS": f"taskspec {typed}", "COMP_CWORD": str(len(typed.split(" ")))}
         done = subprocess.run(
-            [sys.executable, "-c", code],
+            forked_command,
             env={**os.environ, **words, "_TASKSPEC_COMPLETE": "complete_bash"},
             capture_output=True,
             text=True,
