@@ -12,7 +12,7 @@ from taskspec_runner import run
 _APPROACH = """\
 taskspec: 1
 name: guarded
-robot: {{model: planar2, tool: {{shape: sphere, radius: 10 mm}}, start: {{xyz: [337 mm, 32 mm, 0]}}}}
+robot: {{model: planar2, tool: {{shape: sphere, radius: 1 cm}}, start: {{xyz: [0.34 m, 0, 0]}}}}
 world: {{wall: {{shape: plane, xyz: [352 mm, 0, 0], rpy: [0, -90 deg, 0], stiffness: 10 kN/m}}}}
 law: {law}
 stages:
