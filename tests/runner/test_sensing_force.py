@@ -138,6 +138,16 @@ def test_before_the_tare_the_bias_is_what_is_left(simulate):
     assert np.linalg.norm(still[:3], axis=0) == pytest.approx(np.sqrt(14.0), abs=1e-3)
 
 
+@pytest.mark.parametrize("law", ["hybrid", "parallel", "impedance"])
+def test_a_bias_moves_nothing_while_it_is_tared(simulate, law):
+    """25 mN m / (h_m K) would turn the wrist of 3e-4 kg m^2 by a radian."""
+    text = WRIST.replace("model: panda", "model: ur5e").replace("at: wrist, ", "")
+    run = simulate(text.replace("stages:", f"law: {law}\nstages:"))
+    turns = [run.during("still", f"position.r{a}", 0.0) for a in "xyz"]
+    # Nothing acts on it: what is left is rounding.
+    assert np.max(np.abs(turns)) < 1e-6
+
+
 def test_while_it_moves_the_tools_inertia_is_left(simulate):
     """What the robot seems to apply is m a of the tool's centre of mass."""
     shaken = "shake: {axes: {x: {position: 500 mm + 20 mm * sin(2*pi*t/(0.5 s))}}, time: 2 s}"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import casadi as ca
 
@@ -55,8 +55,11 @@ def command(plan: StagePlan, measurement: Measurement) -> Commanded:
     context = plan.context
     law, inputs = plan.law, measurement.inputs
     built = build_references(plan, measurement)
+    seen = measurement.state
+    if plan.spec.tare:  # What the sensor reads now is its own error, and moves nothing.
+        seen = replace(seen, f=ca.SX.zeros(len(seen.axes)))
     state, references, conditions = orientation.restate(
-        law, measurement.state, built, measurement.at.R.T @ measurement.terms.R, measurement.table
+        law, seen, built, measurement.at.R.T @ measurement.terms.R, measurement.table
     )
     forces = equation_forces(plan, measurement)
     on_path = plan.path.axes if plan.path is not None else ()
