@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.foresight.conditions import names, value_of
-from taskspec.foresight.course import moving_axes
 from taskspec.foresight.interval import Interval, IntervalAlgebra, point
 from taskspec.foresight.nominal import AT_SURFACE
 from taskspec.foresight.ranges import Ranges
@@ -65,11 +64,14 @@ def approach(stage: StagePlan, gap: float | None) -> Approach | None:
 
 
 def rates_of(stage: StagePlan) -> Vector:
-    """(3,) constant velocities of a stage along its frame's axes [m/s]."""
+    """(3,) velocities of a stage along its frame's axes, constant or risen to [m/s].
+
+    A force that shares an axis with a motion adds nothing where nothing is touched.
+    """
     rates = np.zeros(3)
-    for axis, mode in moving_axes(stage.spec).items():
-        if axis in stage.translations:
-            rates[axis.row] = mode.constant_rate(stage.known) or 0.0
+    for axis, entry in stage.spec.axes.items():
+        if axis in stage.translations and entry.mode.moves:
+            rates[axis.row] = entry.mode.settled_rate(stage.known) or 0.0
     return np.where(np.isfinite(rates), rates, 0.0)
 
 

@@ -346,6 +346,10 @@ class AxisMode(ABC):
         """Rate that it is given in a file and reaches [m/s, rad/s]; None for none."""
         return self.constant_rate(known)
 
+    def settled_rate(self, known: Known) -> float | None:
+        """Rate that it has once nothing of it changes [m/s, rad/s]; None where that never is."""
+        return self.constant_rate(known)
+
     def intended_rate(self, known: Known) -> float | None:
         """Rate at which it goes most of its way [m/s, rad/s]; None where that is not known."""
         return self.constant_rate(known)

@@ -24,6 +24,9 @@ from taskspec.text.units import VELOCITY
 if TYPE_CHECKING:
     from taskspec.geometry.axis import Axis
 
+#: Times at which a velocity that has risen is the same [s]; no period divides both distances.
+_LATE = (17.0, 41.3, 73.9)
+
 
 @dataclass(frozen=True, slots=True)
 class Velocity(AxisMode):
@@ -73,6 +76,11 @@ class Velocity(AxisMode):
     def constant_rate(self, known: Known) -> float | None:
         """v, where it depends on parameters alone."""
         return known(self.velocity, None)
+
+    def settled_rate(self, known: Known) -> float | None:
+        """v, or what it rises to and keeps."""
+        found = {known(self.velocity, {"t": t}) for t in _LATE}
+        return found.pop() if len(found) == 1 else None
 
     def heading(self, known: Known) -> float | None:
         """v, where it is known and not zero."""

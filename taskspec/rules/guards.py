@@ -21,6 +21,8 @@ from taskspec.text.expression import Expression, evaluate
 from taskspec.text.expression.tree import Compare, Held, Name, Node, walk
 from taskspec.text.units import show
 
+#: Of the time for which a guard is to hold, what is left once the set points are there.
+_SETTLED = 2.0
 #: Another object may push the other way from this share of its normal on.
 _SLIGHTLY = 0.1
 
@@ -106,13 +108,17 @@ def _always(node: Node, algebra: IntervalAlgebra, ranges: Ranges) -> bool:
 
 def _held_by_set_points(stage: StagePlan, guard: Expression, algebra: IntervalAlgebra) -> bool:
     """Whether a guard holds at the forces which the stage's loops are to reach and keep."""
-    if not stage.law.control_law.force_loop or isinstance(guard.tree, Held):
+    if not stage.law.control_law.force_loop:
         return False
+    node = guard.tree
+    if isinstance(node, Held):
+        rises = [entry.set_point.rise for entry in stage.spec.axes.values() if entry.set_point]
+        if stage.longest < max(rises, default=0.0) + _SETTLED * node.amount.value_si:
+            return False
+        node = node.x
     reached = {f"{a.effort}.{a}": point(value) for a, value in stage.set_points.items()}
     used = {str(n) for n in names(guard.tree)}
-    return (
-        bool(used & reached.keys()) and evaluate(guard.tree, algebra, Ranges(stage, reached)).always
-    )
+    return bool(used & reached.keys()) and evaluate(node, algebra, Ranges(stage, reached)).always
 
 
 def _signs(stage: StagePlan) -> dict[str, Interval]:

@@ -15,7 +15,9 @@ from taskspec.foresight.approach import (
     striking_mass,
     waits_for_contact,
 )
+from taskspec.foresight.conditions import names, parts, value_of
 from taskspec.foresight.flow import good_end
+from taskspec.foresight.interval import ANY, Interval, IntervalAlgebra, point
 from taskspec.foresight.nominal import AT_SURFACE
 from taskspec.program.axes import MOSTLY
 from taskspec.program.context import Context
@@ -23,6 +25,7 @@ from taskspec.program.plan import StagePlan
 from taskspec.rules import Finding, rule, warning
 from taskspec.spec import FILE, Within
 from taskspec.text.diagnostic import Severity
+from taskspec.text.expression.tree import Call, Node, Reduce, walk
 from taskspec.text.units import inside, show
 
 #: The peak of a critically damped impact against that of an undamped one: the least that the
@@ -39,9 +42,9 @@ def surfaces_not_reached(stage: StagePlan) -> Iterator[Finding]:
         yield from _short(stage, way)
 
 
-@rule("TS616", "an impact beyond the limit on force")
+@rule("TS616", "an impact beyond the limit on force, or beyond what is expected")
 def hard_impacts(stage: StagePlan) -> Iterator[Finding]:
-    """An impact beyond the limit: a mass h at speed v on a spring k makes v sqrt(h k)."""
+    """An impact beyond a bound: a mass h at speed v on a spring k makes v sqrt(h k)."""
     context, stages = stage.context, stage.context.loaded.task.stages
     way = approach(stage, stage.nominal.gap)
     if way is None or any(_short(stage, way)):
@@ -50,28 +53,71 @@ def hard_impacts(stage: StagePlan) -> Iterator[Finding]:
     limits = [stage.limits.force]
     if after is not None:
         limits.append(StagePlan(context, after).limits.force)
-    if any(most is None for most in limits):
-        return
-    most = max(limit for limit in limits if limit is not None)
     contact, closing = way.contact, way.closing
     h = striking_mass(stage, way.axis)
     k, b = context.compliances[contact].stiffness, context.compliances[contact].damping
     peak = closing * max(math.sqrt(h * k), b)
-    if peak <= most:
+    known = [limit for limit in limits if limit is not None]
+    if len(known) < len(limits) or peak <= max(known):
+        yield from _unexpected(stage, way, h, peak, after)
         return
+    most = max(known)
     softest = min([k, *_stiffnesses(context, contact)])
     certain = _LEAST_SHARE * closing * math.sqrt(h * softest) > most
     stops = certain and stage.law.solve == "closed-form"
     slower = show(inside(closing * most / peak, upper=True, digits=2), "mm/s")
     yield Finding(
         "TS616",
-        f"stage {stage.name!r} meets {contact!r} with {show(closing, 'mm/s', 3)}: "
-        f"{show(h, 'kg', 2)} on {show(k, 'kN/m', 3)} {'make' if certain else 'may make'} about "
+        f"{_meets(stage, way, h)} {'make' if certain else 'may make'} about "
         f"{show(peak, 'N', 3)}, and the limit on force is {show(most, 'N')}",
         FILE.stages[stage.name].axes[way.axis].velocity,
         f"approach with {slower} or less, or raise the limit",
         severity=Severity.ERROR if stops else Severity.WARNING,
     )
+
+
+def _meets(stage: StagePlan, way: Approach, h: float) -> str:
+    k = stage.context.compliances[way.contact].stiffness
+    return (
+        f"stage {stage.name!r} meets {way.contact!r} with {show(way.closing, 'mm/s', 3)}: "
+        f"{show(h, 'kg', 2)} on {show(k, 'kN/m', 3)}"
+    )
+
+
+def _unexpected(
+    stage: StagePlan, way: Approach, h: float, peak: float, after: str | None
+) -> Iterator[Finding]:
+    """Expectations of the largest force that the impact may break."""
+    for expectation in stage.context.loaded.task.expect:
+        for part in parts(expectation.expression.tree):
+            reduced = _largest_force(part, stage.name, after)
+            if reduced is None:
+                continue
+            met: dict[Node, Interval] = {reduced: point(peak)}
+            algebra = IntervalAlgebra()
+            broken = value_of(part, algebra, lambda _: ANY, met).never
+            if not broken or value_of(part, algebra, lambda _: ANY).never:
+                continue  # What no force at all would meet is told by itself.
+            yield warning(
+                "TS616",
+                f"{_meets(stage, way, h)} may make about {show(peak, 'N', 3)}, which is beyond "
+                "what is expected here",
+                expectation.expression.where(part),
+                "approach more slowly, or expect that much",
+            )
+
+
+def _largest_force(part: Node, stage: str, after: str | None) -> Reduce | None:
+    """The `max(norm(force))` of a condition, of the whole run or of one of two stages."""
+    found = [node for node in walk(part) if isinstance(node, Reduce)]
+    for node in found if len(found) == 1 else ():
+        if not (isinstance(node.arg, Call) and node.arg.function == "norm"):
+            continue
+        inside_norm = [n.path[:-1] for n in names(node.arg)]
+        whole = (("force",), (stage, "force"), (after, "force"))
+        if node.reducer == "max" and inside_norm and all(n in whole for n in inside_norm):
+            return node
+    return None
 
 
 def _away(stage: StagePlan) -> Iterator[Finding]:
