@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import casadi as ca
@@ -80,7 +80,53 @@ def one_step(
     Raises:
         UnfitError: it would have more than `MOST_STATES` states.
     """
-    A, B = plant.step()
+    return _assembled(controller, plant, sensor, samples=samples)[0]
+
+
+def response(
+    controller: LinearController,
+    plant: LinearPlant,
+    sensor: SensorModel,
+    moves: str,
+    way: Matrix,
+    period: float,
+) -> Matrix:
+    """(N, 6) what the wrench of the environment on the tip changes by while an object moves.
+
+    Args:
+        controller: the stage.
+        plant: what it drives.
+        sensor: between them.
+        moves: the object.
+        way: (N,) by how much it has come towards the tool at each tick [m].
+        period: T [s].
+
+    Raises:
+        UnfitError: the loop would have more than `MOST_STATES` states.
+    """
+    held = [_assembled(controller, plant, sensor, samples=s, moves=moves) for s in (True, False)]
+    rates = np.diff(way, append=way[-1]) / period
+    x, found = np.zeros(len(held[0][0])), np.zeros((len(way), 6))
+    for k, u in enumerate(np.column_stack([way, rates])):
+        F, E, C, D = held[0 if k % sensor.hold_ticks == 0 else 1]
+        found[k] = C @ x + D @ u
+        x = F @ x + E @ u
+    return found
+
+
+def _assembled(
+    controller: LinearController,
+    plant: LinearPlant,
+    sensor: SensorModel,
+    *,
+    samples: bool,
+    moves: str = "",
+) -> tuple[Matrix, Matrix, Matrix, Matrix]:
+    """F, E, C, D: x[k+1] = F x[k] + E u, and the wrench on the tip C x[k] + D u of the same period.
+
+    u is where an object has moved to and how fast; without one, E and D are empty.
+    """
+    A, B, moved = plant.moved_step(moves)
     n, c, e, m = plant.n, plant.size, plant.equations, len(controller.slots)
     basis = _channels(controller, np.hstack([A[2 * c : 2 * c + 6], B[2 * c : 2 * c + 6]]))
     r = basis.shape[1]
@@ -110,7 +156,25 @@ def one_step(
     F[at_e:at_s] = out[2 * c + 6 :]
     F[at_s:at_m, at_s:at_m], F[at_s:at_m, at_w:at_e] = update[:, :kept], update[:, kept:]
     F[at_m:] = controller.memory @ seen
-    return F
+    if not moves:
+        nothing = np.zeros((size, 0))
+        return F, nothing, out[2 * c : 2 * c + 6], nothing[:6]
+    E = np.zeros((size, 2))
+    E[: 2 * c] = moved[: 2 * c]
+    E[at_w:at_e] = basis.T @ moved[2 * c : 2 * c + 6]
+    E[at_e:at_s] = moved[2 * c + 6 :]
+    return F, E, *_wrench_of(plant, controller, seen, moves)
+
+
+def _wrench_of(
+    plant: LinearPlant, controller: LinearController, seen: Matrix, moves: str
+) -> tuple[Matrix, Matrix]:
+    """The wrench of the environment, whatever a sensor at the wrist adds to it."""
+    A, B, moved = replace(plant, tool=None).moved_step(moves)
+    rows = slice(2 * plant.size, 2 * plant.size + 6)
+    C = B[rows] @ controller.torque @ seen
+    C[:, : A.shape[1]] += A[rows]
+    return C, moved[rows]
 
 
 def states(controller: LinearController, plant: LinearPlant, sensor: SensorModel) -> int:

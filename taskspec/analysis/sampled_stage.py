@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from taskspec.analysis.controller import LinearController, Operating
 from taskspec.analysis.environment import linear_plant
-from taskspec.analysis.loop import Mode, modes, poles
+from taskspec.analysis.loop import Mode, modes, poles, response
 from taskspec.analysis.plant import LinearPlant
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.program.axes import MOSTLY
@@ -85,6 +85,20 @@ class SampledStage:
         sensor = SensorModel.of(task.robot.sensor, self.context.period)
         plant = self.plant(task) if plant is None else plant
         return self.controller, plant, sensor, self.context.period
+
+    def moved(self, name: str, way: Matrix) -> Matrix:
+        """(N,) what a contact bears more than at rest while its surface moves [N].
+
+        Args:
+            name: of the contact.
+            way: (N,) by how much its surface has come towards the tool at each tick [m].
+
+        Raises:
+            UnfitError: the loop has too many states.
+        """
+        controller, plant, sensor, period = self._loop(None, None)
+        wrench = response(controller, plant, sensor, name, way, period)
+        return np.asarray(wrench[:, :3] @ self.context.start_normals[name])
 
     def free(self) -> SampledStage:
         """The same stage before it meets its contact."""

@@ -14,12 +14,17 @@ from taskspec.prediction.at_start import StageAtStart
 from taskspec.prediction.forecast import Forecast, Signal, coming, moved, touching
 from taskspec.prediction.springs import spring_behind
 from taskspec.prediction.types import Duration, Equilibrium, Impact, StagePrediction
+from taskspec.program.sensor import SensorModel
 from taskspec.spec import Stage
+from taskspec.text.expression import Expression
+from taskspec.text.expression.tree import Name, walk
 
 #: How far a guard is looked for in a stage that nothing bounds [s].
 _HORIZON = 600.0
 #: What a mechanism bears at its stop, beyond any number that a guard compares it with.
 _STOPPED = 1e9
+#: Signals that a sensor may show late.
+_FELT = ("force", "torque", "touching")
 _ENDS = {False: "ends", True: "end"}
 
 
@@ -76,10 +81,19 @@ def guarded(here: StageAtStart, known: Known) -> Duration:
     most = None if spec.within is None else spec.within.time
     forecast = Forecast(here, _signals(here, known))
     expected = forecast.first(spec.until, _HORIZON if most is None else most)
+    if expected is not None and _measured(spec.until):
+        context = here.context
+        sensor = SensorModel.of(context.loaded.task.robot.sensor, context.period)
+        expected += sensor.lag(context.period) - context.period
     if expected is not None and (most is None or expected <= most):
         met = known.met if here.gap is not None else None
         return Duration(expected, most, "its guard" if met is None else f"comes to {met.contact}")
     return Duration(None, most, "nothing tells when its guard holds")
+
+
+def _measured(guard: Expression) -> bool:
+    """Whether a guard waits for a force, which a sensor may show late."""
+    return any(isinstance(n, Name) and n.path[0] in _FELT for n in walk(guard.tree))
 
 
 def _signals(here: StageAtStart, known: Known) -> dict[str, Signal]:

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
+from taskspec.analysis.sampled_stage import SampledStage
 from taskspec.foresight.held_motion import coordinate_rate
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.prediction.at_start import StageAtStart
-from taskspec.prediction.reach import Bearing, bearing
+from taskspec.prediction.face import Face, face, springs_and_loads
+from taskspec.prediction.moving_surface import change
+from taskspec.prediction.reach import Bearing, along, bearing
 from taskspec.prediction.set_points import drift, settled, span_of
 from taskspec.prediction.springs import behind, push, yield_of
 from taskspec.prediction.types import Depth, Equilibrium
@@ -27,25 +31,38 @@ _DIFFERS = 1e-3
 
 @dataclass(slots=True)
 class Rest:
-    """A stage at rest: forces by signal, depths by contact, `StagePrediction.drift`."""
+    """A stage at rest: forces by signal, depths by contact, `StagePrediction.drift`.
+
+    What is left out is so by signal, with the reason.
+    """
 
     forces: dict[str, Equilibrium] = field(default_factory=dict)
     depths: dict[str, Depth] = field(default_factory=dict)
     drift: float = 0.0
+    left_out: dict[str, str] = field(default_factory=dict)
 
 
-def at_rest(here: StageAtStart, lasts: float | None, returned: ReturnedForces | None) -> Rest:
+def at_rest(
+    here: StageAtStart,
+    lasts: float | None,
+    returned: ReturnedForces | None,
+    sampled: SampledStage | None,
+    begins: float,
+) -> Rest:
     """Forces that a stage comes to and how deep its contacts are then.
 
     Args:
         here: the stage.
         lasts: how long [s], where that is known.
         returned: under a program, what contacts return of its set points.
+        sampled: its loop, where there is one.
+        begins: on the run's clock, as far as that is known [s].
     """
     rest = Rest()
     on = bearing(here)
     _set_points(here, on, lasts, returned, rest)
     _springs(here, on, rest)
+    _moving(here, on, (sampled, begins, lasts), rest)
     _equations(here, lasts, returned, rest)
     _mechanism(here, rest)
     return rest
@@ -65,6 +82,15 @@ def _set_points(
         if plan.force and force is not None:
             spans[axis] = span_of(here.context, force.wanted, lasts)
     known = {axis: span for axis, span in spans.items() if span is not None}
+    rest.left_out |= {
+        applied(axis): "its set point is not one of params and time"
+        for axis in spans
+        if axis not in known
+    }
+    why = _unsettled(here, on)
+    if why:
+        rest.left_out |= {applied(axis): why for axis in known if not axis.is_rotation}
+        known = {axis: span for axis, span in known.items() if axis.is_rotation}
     linear = [axis for axis in known if not axis.is_rotation]
     if len(known) < len(spans):
         known = {a: s for a, s in known.items() if a not in linear} if linear else known
@@ -73,6 +99,7 @@ def _set_points(
     for axis, span in known.items():
         values = [end[axis] for end in ends if end is not None] if axis in linear else list(span)
         if len(values) < 3:
+            rest.left_out[applied(axis)] = "without an integral the motion decides too"
             continue
         first, low, high = values
         if returned is not None and returned.left.get(axis):
@@ -85,6 +112,18 @@ def _set_points(
         rest.drift = drift(here, {a: known[a][0] - rest.forces[applied(a)].value for a in linear})
     if linear:
         _depths(here, on, {a: rest.forces[applied(a)] for a in linear}, rest)
+
+
+def _unsettled(here: StageAtStart, on: Bearing) -> str:
+    """Why loops do not come to their set points; empty if they do, or if that is for others."""
+    plan = here.stage.plan
+    law, integral = plan.law.control_law, "force.integral" in plan.gains
+    if law.multipliers and not integral and on.friction > 0:
+        rough = next(o for o in on.names if here.context.loaded.task.shapes[o].friction > 0)
+        return f"the law has no integral, and friction of {rough!r} acts on it"
+    if law.natural and plan.moving_base is not None:
+        return "the frame moves, and the law leaves the arm its own inertia"
+    return ""
 
 
 def _loop(here: StageAtStart, axis: Axis, *, reached: bool) -> str:
@@ -109,8 +148,34 @@ def _depths(here: StageAtStart, on: Bearing, forces: Mapping[str, Equilibrium], 
         if not np.any(np.abs(N[:, i]) > 0):
             continue
         deepest = max((float(p[i]) for p in pushes), key=abs)
-        if deepest > 0:
+        if deepest <= 0:
+            continue
+        rim = face(here, name) if len(on.names) == 1 else None
+        if rim is None:
             rest.depths[name] = _depth(here, name, deepest)
+            continue
+        most = max(forces.values(), key=lambda f: max(abs(f.low), abs(f.high)))
+        end = "low" if abs(most.low) > abs(most.high) else "high"
+        wanted = {AXES.index(a): float(getattr(f, end)) for a, f in forces.items()}
+        _uneven(here, name, rim, springs_and_loads(here, wanted), rest)
+
+
+def _uneven(
+    here: StageAtStart, name: str, rim: Face, pressed: tuple[Vector, Vector], rest: Rest
+) -> None:
+    """The depth of the deepest point of a tool that does not lie flush."""
+
+    def deep(stiffness: float) -> float:
+        found = rim.bears(*pressed, 0.0, stiffness)
+        return math.nan if found is None else found[1]
+
+    stiffness = here.context.compliances[name].stiffness
+    found = rim.bears(*pressed, 0.0, stiffness)
+    if found is None:
+        return
+    bears = float(np.linalg.norm(found[0][:3]))
+    worst = extreme(here.context, name, lambda world: deep(world.stiffness), abs)
+    rest.depths[name] = Depth(name, bears, found[1], worst=worst, source="its deepest point")
 
 
 def _depth(here: StageAtStart, name: str, bears: float, angular: bool = False) -> Depth:
@@ -132,8 +197,13 @@ def _springs(here: StageAtStart, on: Bearing, rest: Rest) -> None:
     normal = on.normals[:, on.names.index(name)]
     found, own = behind(here, normal[:, None]), yield_of(here, normal)
     if found is None or own is None or found[1] <= 0:
+        _why_open(here, on.normals, found is not None and found[1] <= 0, own, rest)
         return
     axis, depth = found
+    rim = face(here, name)
+    if rim is not None:
+        _rim(here, name, rim, (axis, depth), rest)
+        return
     k = context.compliances[name].stiffness
     bears = push(depth, own, World({}, k))
     share = -float(normal[AXES.index(axis)])
@@ -148,6 +218,97 @@ def _springs(here: StageAtStart, on: Bearing, rest: Rest) -> None:
     rest.forces[signal] = Equilibrium(signal, value, value, value, source, worst)
     deepest = extreme(context, name, lambda w: push(depth, own, w) / w.stiffness, abs)
     rest.depths[name] = Depth(name, bears, bears / k, worst=deepest)
+
+
+def _why_open(
+    here: StageAtStart, normals: Vector, away: bool, own: float | None, rest: Rest
+) -> None:
+    """Why an open-loop force along a normal is left out."""
+    for axis, plan in here.stage.plan.plans.items():
+        if plan.open_loop and along(normals, axis) is not None and not away:
+            why = "its set point is not one of params alone"
+            rest.left_out[applied(axis)] = "the law has no spring there" if own is None else why
+
+
+def _moving(
+    here: StageAtStart,
+    on: Bearing,
+    when: tuple[SampledStage | None, float, float | None],
+    rest: Rest,
+) -> None:
+    """What surfaces change that move while the stage's frame does not go with them."""
+    base, moving = here.stage.plan.moving_base, here.context.moving_bases
+    for i, name in enumerate(on.names):
+        if name not in moving or (base is not None and base.name == name):
+            continue
+        by = change(here, name, *when)
+        if by == (0.0, 0.0):
+            continue
+        depth = rest.depths.pop(name, None)
+        shares = {a: -float(on.normals[a.row, i]) for a in AXES[:3] if applied(a) in rest.forces}
+        for axis, share in shares.items():
+            if abs(share) < _DIFFERS:
+                continue
+            signal = applied(axis)
+            force = rest.forces.pop(signal)
+            if here.stage.plan.plans[axis].open_loop:
+                rest.left_out[signal] = f"{name!r} moves, and the reference below it too"
+                depth = None
+                continue
+            if by is None or depth is None:
+                rest.left_out[signal] = f"{name!r} moves"
+                continue
+            if depth.push + by[0] <= 0:
+                rest.left_out[signal] = f"{name!r} moves, and leaves the tool"
+                continue
+            ends = sorted(share * change for change in by)
+            low, high = force.low + ends[0], force.high + ends[1]
+            source = f"{force.source}; {name} moves"
+            rest.forces[signal] = Equilibrium(signal, force.value, low, high, source)
+        if by is not None and depth is not None and depth.push + by[0] > 0:
+            stiffness = here.context.compliances[name].stiffness
+            push = depth.push + by[1]
+            deep = depth.depth + by[1] / stiffness
+            rest.depths[name] = Depth(name, push, deep, source="f / k at most")
+
+
+def _rim(here: StageAtStart, name: str, rim: Face, pressed: tuple[Axis, float], rest: Rest) -> None:
+    """What springs press with through a flat tool that does not lie flush."""
+    context = here.context
+    axis, depth = pressed
+    springs, loads = springs_and_loads(here, {})
+    if context.loaded.task.shapes[name].friction > 0:
+        why = f"the tool does not lie flush, and friction of {name!r} holds its edge"
+        rest.left_out[applied(axis)] = why
+        return
+
+    def bears(world: World) -> tuple[Vector, float]:
+        found = rim.bears(springs, loads, depth - world.farther, world.stiffness)
+        return (np.full(6, math.nan), math.nan) if found is None else found
+
+    now = World({}, context.compliances[name].stiffness)
+    forces, deepest = bears(now)
+    if not np.isfinite(forces).all():
+        rest.left_out[applied(axis)] = "the tool does not lie flush"
+        return
+    source = f"{here.stage.plan.law.control_law.rest}, not flush"
+    for a in here.stage.plan.axes:
+        row = AXES.index(a)
+        if a is not axis and abs(forces[row]) < _DIFFERS * float(np.abs(forces).max()):
+            continue
+        value = float(forces[row])
+
+        def there(world: World, row: int = row) -> float:
+            return float(bears(world)[0][row])
+
+        def off(force: float, value: float = value) -> float:
+            return abs(force - value)
+
+        worst = extreme(context, name, there, off)
+        rest.forces[applied(a)] = Equilibrium(applied(a), value, value, value, source, worst)
+    worst = extreme(context, name, lambda world: bears(world)[1], abs)
+    push = float(np.linalg.norm(forces[:3]))
+    rest.depths[name] = Depth(name, push, deepest, worst=worst, source="its deepest point")
 
 
 def _equations(

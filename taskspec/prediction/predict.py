@@ -13,7 +13,7 @@ from taskspec.prediction.at_start import StageAtStart, stages_at_start
 from taskspec.prediction.duration import Known, guarded, mechanism_rate, planned, whole
 from taskspec.prediction.equilibrium import at_rest
 from taskspec.prediction.forecast import moved
-from taskspec.prediction.impact import impact
+from taskspec.prediction.impact import cut_short, impact
 from taskspec.prediction.natural import natural
 from taskspec.prediction.returned_forces import returned_at_start
 from taskspec.prediction.selection import selection
@@ -58,23 +58,32 @@ def predict_stages(
 ) -> Iterator[StagePrediction]:
     """One prediction after the other, in the order of the file; `looked` as for `predict`."""
     coordinate: float | None = 0.0
+    begins = 0.0
     for here in stages_at_start(program):
-        one = _stage(program, here, looked.get(here.stage.name), coordinate)
+        one = _stage(program, here, looked.get(here.stage.name), coordinate, begins)
         yield one
+        begins += one.duration.expected or 0.0
         coordinate = _coordinate_after(here, coordinate, one)
 
 
 def _stage(
-    program: Program, here: StageAtStart, looked: Looked | None, coordinate: float | None
+    program: Program,
+    here: StageAtStart,
+    looked: Looked | None,
+    coordinate: float | None,
+    begins: float,
 ) -> StagePrediction:
     poles = {} if looked is None else settling(looked.sampled, looked.modes)
     lasts = planned(here)
     met = impact(here)
     within = here.stage.plan.spec.within
     longest = (within.time if within else None) if lasts is None else lasts.expected
-    rest = at_rest(here, longest, returned_at_start(program, here.stage))
+    sampled = None if looked is None else looked.sampled
+    returned = returned_at_start(program, here.stage)
+    rest = at_rest(here, longest, returned, sampled, begins)
     if lasts is None:
         lasts = guarded(here, Known(met, rest.forces, coordinate))
+        met = None if met is None else cut_short(here, met, lasts.expected)
     found = StagePrediction(
         name=here.stage.name,
         duration=lasts,
@@ -83,6 +92,7 @@ def _stage(
         settling=poles,
         impact=met,
         drift=rest.drift,
+        left_out=rest.left_out,
     )
     return replace(found, natural=natural(here, found), selection=selection(here))
 

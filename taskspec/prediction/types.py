@@ -69,6 +69,7 @@ class Depth:
         depth: push / stiffness [m, rad].
         angular: on joints, so that it is an angle.
         worst: deepest in a world that `vary` allows.
+        source: what it follows from.
     """
 
     on: str
@@ -76,6 +77,7 @@ class Depth:
     depth: float
     angular: bool = False
     worst: Extreme | None = None
+    source: str = "f / k"
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,6 +114,8 @@ class Impact:
         drag: of a law whose damper acts on the velocity itself [N s/m]: its spring runs ahead by
             drag speed / stiffness and pushes on; 0 for other laws, None where it is not known.
         worst: in the world of `vary` with the stiffest contact.
+        ended: the largest force by the time that the guard ends the stage [N]; None where it is
+            not known when that holds.
     """
 
     contact: str
@@ -122,6 +126,7 @@ class Impact:
     damping: float
     drag: float | None = 0.0
     worst: Extreme | None = None
+    ended: float | None = None
 
     @property
     def peak(self) -> float:
@@ -132,6 +137,20 @@ class Impact:
         """The same on a contact of another stiffness [N/m]."""
         struck = max(math.sqrt(self.mass * stiffness), self.damping)
         return self.speed * (struck + (self.drag or 0.0))
+
+    @property
+    def largest(self) -> float:
+        """The largest force in the stage [N]: `ended`, or else the whole peak."""
+        return self.peak if self.ended is None else self.ended
+
+    def until(self, since: float) -> float:
+        """The largest force up to a time after the touch [N], at least what the damper takes.
+
+        Args:
+            since: the touch [s].
+        """
+        phase = min(math.sqrt(self.stiffness / self.mass) * since, math.pi / 2)
+        return max(self.peak * math.sin(phase), min(self.speed * self.damping, self.peak))
 
 
 @dataclass(frozen=True, slots=True)
@@ -217,6 +236,7 @@ class StagePrediction:
             where it only grows, 0 where all are returned.
         natural: what the world imposes on each axis.
         selection: matrices of a law that selects.
+        left_out: why a force that the stage asks for, by signal, is not among `equilibrium`.
     """
 
     name: str
@@ -228,6 +248,7 @@ class StagePrediction:
     drift: float = 0.0
     natural: tuple[Natural, ...] = ()
     selection: Selection | None = None
+    left_out: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)

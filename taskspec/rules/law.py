@@ -14,8 +14,11 @@ from taskspec.program.reference.orientation import NEAREST, angles_of, represent
 from taskspec.program.stages.null_space import bounded
 from taskspec.rules import Finding, Phase, error, rule, warning
 from taskspec.spec import FILE, KeyPath, key_of
+from taskspec.text.units import show
 
 _ROTATIONS = AXES[3:]
+#: A weight below this is none [N m].
+_NO_WEIGHT = 1e-3
 
 
 @rule("TS214", "a limit that nothing keeps", phase=Phase.AXES)
@@ -32,6 +35,32 @@ def unkept_limits(stage: StagePlan) -> Iterator[Finding]:
         key_of(owner.torque_rate),
         "solve the law by a program that keeps it, as in 'law: {kind: hybrid, solve: qp}'",
         unless=("TS214",),  # The file's limits are those of several stages.
+    )
+
+
+@rule("TS234", "an arm whose weight nothing bears")
+def unborne_weight(stage: StagePlan) -> Iterator[Finding]:
+    """Gravity under a law that leaves it to a counterweight, on an arm without one.
+
+    The springs bear the part J^T K e of it, with the deflection e = K^-1 F of least |J^T F - g|.
+    """
+    context = stage.context
+    gravity = context.start_gravity
+    if not stage.law.control_law.bare or float(np.abs(gravity).max()) < _NO_WEIGHT:
+        return
+    both = np.kron(np.eye(2), stage.rotation.T)
+    rows = [AXES.index(a) for a in stage.axes]
+    J = (both @ context.start_jacobian)[rows]
+    wrench = np.linalg.lstsq(J.T, gravity, rcond=None)[0]
+    weight = sum(w**2 for w, a in zip(wrench, stage.axes, strict=True) if not a.is_rotation) ** 0.5
+    yield error(
+        "TS234",
+        f"nothing bears the weight of the arm under {stage.law.kind!r}: that is "
+        f"{show(weight, 'N', 2)} at the tool, and the arm falls",
+        _law_of(stage),
+        "write 'balanced: true' under 'robot' if a counterweight does, or take a law that "
+        "compensates gravity, such as pd",
+        unless=("TS234",),
     )
 
 

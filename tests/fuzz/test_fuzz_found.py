@@ -21,7 +21,7 @@ FOUND = {
         {"TS118"},
     ),
     "a gain that is hardly a number": (
-        "taskspec: 1\nrobot: {model: ur5e}\n"
+        "taskspec: 1\nrobot: {model: ur5e, balanced: true}\n"
         "world: {table: {shape: plane, stiffness: 1 N/m, damping: 0}}\nframe: table\n"
         "law: {kind: stiffness, stiffness: {linear: 5e-324 kN/m, angular: 0}}\n" + WAIT,
         set(),

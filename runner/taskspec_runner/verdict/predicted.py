@@ -46,7 +46,8 @@ def _stage(stage: StagePrediction) -> dict[str, Any]:
         "depths": {on: {"depth": float(at.depth), "push": at.push}
                    for on, at in stage.depths.items() if not at.angular},
         "impact": None if met is None else {
-            "contact": met.contact, "axis": met.axis, "speed": met.speed, "peak": float(met.peak),
+            "contact": met.contact, "axis": met.axis, "speed": met.speed,
+            "peak": float(met.largest),
         },
     }  # fmt: skip
 

@@ -61,9 +61,14 @@ def _impact(task: Task, met: Impact) -> PredictedRow:
         return f"up to {show(force, FORCE, 2)}"
 
     strikes = f"{show(met.mass, MASS, 2)} at {show(met.speed, VELOCITY, 3)}"
+    whole = peak(met.peak)
+    if met.largest < met.peak:
+        whole += f", {show(met.largest, FORCE, 2)} of it before the guard"
+    elif met.largest > met.peak:
+        whole = f"{peak(met.largest)}, {show(met.peak, FORCE, 2)} at once"
     return PredictedRow(
         f"impact on {met.contact}",
-        peak(met.peak),
+        whole,
         _worst(task, met.worst, peak),
         f"{strikes} on {scaled(met.stiffness, STIFFNESS)}",
     )
@@ -78,6 +83,8 @@ def _forces(task: Task, stage: Foreseen) -> Iterator[PredictedRow]:
         groups.setdefault((text, worst, force.source), []).append(force.signal)
     for (text, worst, source), signals in groups.items():
         yield PredictedRow(" ".join(signals), text, worst, source)
+    for signal, why in stage.left_out.items():
+        yield PredictedRow(signal, "unknown", "", why)
 
 
 def _force(force: Equilibrium) -> str:
@@ -98,7 +105,7 @@ def _depth(task: Task, depth: Depth) -> PredictedRow:
         return scaled(value, LENGTH.on(rotation=depth.angular), 3)
 
     return PredictedRow(
-        f"into {depth.on}", way(depth.depth), _worst(task, depth.worst, way), "f / k"
+        f"into {depth.on}", way(depth.depth), _worst(task, depth.worst, way), depth.source
     )
 
 
