@@ -8,8 +8,8 @@ from typing import Any
 
 import pytest
 import yaml
-from truth import Judged, announcements, shares
-from truth_file import Row, said
+from truth import HERE, Judged, announcements, kept_line, shares
+from truth_file import Row, row_of, said
 from truth_tasks import draft, scaled, truth_task
 
 from taskspec.examination import examine
@@ -102,3 +102,20 @@ def test_a_finding_is_of_the_stage_that_it_stands_in() -> None:
     text = (CORPUS / "err" / "TS420_speed.yaml").read_text("utf-8")
     found = said(text, examine(load_text(text, "task.yaml")).findings)
     assert ("TS420", "warning", "go") in [(d["code"], d["severity"], d["stage"]) for d in found]
+
+
+#: The first 60 files of seed 0.
+FIXED = {
+    (seed, number): line
+    for seed, lines in yaml.safe_load((HERE / "fixed.yaml").read_text("utf-8")).items()
+    for number, line in lines.items()
+}
+
+
+def test_sixty_files_are_fixed() -> None:
+    assert sorted(FIXED) == [(0, number) for number in range(60)]
+
+
+@pytest.mark.parametrize(("seed", "number"), FIXED)
+def test_a_fixed_file_ends_as_it_did_and_as_much_is_said(seed: int, number: int) -> None:
+    assert kept_line(row_of(seed, number)) == FIXED[seed, number]

@@ -41,6 +41,10 @@ LOST = 300.0
 #: of files without a finding that end well.
 ANNOUNCED, WARNED, RIGHT, SILENT = 0.95, 0.10, 0.98, 0.99
 Row = Mapping[str, Any]
+_KEPT = """\
+# How files of `make truth` end, and what is said of them, by seed and number. After a change on
+# purpose: python tests/campaigns/truth.py --seed 0 --files 60 --fresh --keep THIS_FILE
+"""
 
 
 def announcements() -> dict[str, tuple[str, ...]]:
@@ -156,6 +160,12 @@ def shares(rows: Sequence[Judged]) -> list[Share]:
     ]
 
 
+def kept_line(row: Row) -> str:
+    """How a file ends and what is said of it, as `fixed.yaml` keeps it."""
+    said = sorted({f"{each['code']} {each['severity']}" for each in row["said"]})
+    return " | ".join((f"{row['end']}, then {row['grew']}" if row["grew"] else row["end"], *said))
+
+
 # --- the campaign --------------------------------------------------------------------------------
 
 
@@ -261,6 +271,7 @@ def main() -> int:
     parser.add_argument("--fresh", action="store_true", help="forget rows that are kept")
     parser.add_argument("--rows", type=Path, default=ROOT / "runs" / "truth")
     parser.add_argument("--page", type=Path, help="where the page is written")
+    parser.add_argument("--keep", type=Path, help="where ends and codes are kept, for the tests")
     parser.add_argument("--worker", action="store_true", help=argparse.SUPPRESS)
     arguments = parser.parse_args()
     if arguments.worker:
@@ -293,6 +304,9 @@ def main() -> int:
     found = shares(judged)
     for share in found:
         say(f"{share.title}: {share.count} of {share.total}, {share.value:.1%}")
+    if arguments.keep is not None:
+        lines = {row.number: kept_line(row.row) for row in judged}
+        arguments.keep.write_text(_KEPT + yaml.safe_dump({arguments.seed: lines}), "utf-8")
     if arguments.page is not None:
         arguments.page.write_text(page(arguments.seed, judged, reasons), "utf-8")
     return int(not all(share.kept for share in found))
