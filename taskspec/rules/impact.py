@@ -19,13 +19,14 @@ from taskspec.foresight.conditions import names, parts, value_of
 from taskspec.foresight.flow import good_end
 from taskspec.foresight.interval import ANY, Interval, IntervalAlgebra, point
 from taskspec.foresight.nominal import AT_SURFACE
+from taskspec.motion.blend import BLEND_TIME
 from taskspec.program.axes import MOSTLY
 from taskspec.program.context import Context
 from taskspec.program.plan import StagePlan
 from taskspec.rules import Finding, rule, warning
 from taskspec.spec import FILE, Within
 from taskspec.text.diagnostic import Severity
-from taskspec.text.expression.tree import Call, Node, Reduce, walk
+from taskspec.text.expression.tree import Call, Held, Node, Reduce, walk
 from taskspec.text.units import inside, show
 
 #: The peak of a critically damped impact against that of an undamped one: the least that the
@@ -152,20 +153,33 @@ def _short(stage: StagePlan, way: Approach) -> Iterator[Finding]:
     within = stage.spec.within
     if gap is None or within is None or not nothing_else or context.loaded.task.equations:
         return
-    time = gap / way.closing
-    needs = {"time": time, "travel": time * float(np.linalg.norm(way.rates))}
+    time, lasts = gap / way.closing, _lasts(stage)
+    rises = 0.0 if any(stage.nominal.carried.values()) else BLEND_TIME / 2
+    needs = {
+        "time": time + rises + lasts,
+        "travel": time * float(np.linalg.norm(way.rates)),
+    }
     for key, need in needs.items():
         bound = getattr(within, key)
         if bound is None or bound >= need:
             continue
+        comes = "comes there"
+        if key == "time" and lasts:
+            comes = f"has touched it for {show(lasts, 's', 3)}"
         yield warning(
             "TS617",
-            f"stage {stage.name!r} begins {show(gap, 'mm', 3)} away from {way.contact!r} and comes "
-            f"there after {show(need, Within.dimension_of(key), 3)}: this bound ends it before",
+            f"stage {stage.name!r} begins {show(gap, 'mm', 3)} away from {way.contact!r} and "
+            f"{comes} after {show(need, Within.dimension_of(key), 3)}: this bound ends it before",
             FILE.stages[stage.name].within[key],
             f"raise it, or begin nearer to {way.contact!r}",
         )
         return
+
+
+def _lasts(stage: StagePlan) -> float:
+    """How long the guard of a stage wants the touch to last [s]."""
+    until = stage.spec.until
+    return until.tree.amount.value_si if until and isinstance(until.tree, Held) else 0.0
 
 
 def _stiffnesses(context: Context, contact: str) -> list[float]:

@@ -242,7 +242,8 @@ class TruthDraft(Draft):
             keys["rpy"] = angles(rpy)
         if lever:
             keys["handle"] = lengths(arm)
-            keys["knob"] = self.one_of(("fixed", "free"))
+            # About a free knob the hand would turn, and the screw would not.
+            keys["knob"] = "fixed"
         if self.chance(0.4):
             keys["stop"] = f"-5..{round(self.between(40, 120), -1):g} deg"
         self.world["part"] = keys
