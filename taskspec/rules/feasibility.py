@@ -53,6 +53,7 @@ def contradictions(stage: StagePlan) -> Iterator[Finding]:
             return
     yield from _profiles(stage)
     yield from _fast_joints(stage)
+    yield from _fast_tip(stage)
 
 
 def _profiles(stage: StagePlan) -> Iterator[Finding]:
@@ -96,6 +97,25 @@ def _fast_joints(stage: StagePlan) -> Iterator[Finding]:
                 f"{show(abs(float(here.v[i])), unit, 3)}, and its velocity limit is {most}",
                 motion_of(stage),
                 "move slower, or start in another posture",
+            )
+            return
+
+
+def _fast_tip(stage: StagePlan) -> Iterator[Finding]:
+    """A tip that a turn about a point away from it takes along faster than `limits.speed`."""
+    passage, most = stage.nominal.passage, stage.limits.speed
+    moving = [a for a in moving_axes(stage.spec) if not a.is_rotation]
+    if passage is None or most is None or moving or stage.spec.path or stage.law.solve == "qp":
+        return
+    for here in passage.instants[1:]:
+        speed = float(np.linalg.norm(here.twist[:3]))
+        if speed > most:
+            yield warning(
+                "TS420",
+                f"in stage {stage.name!r}, {here.words}, the turn takes the tip along with "
+                f"{show(speed, 'mm/s', 3)}, and limits.speed is {show(most, 'mm/s', 3)}",
+                motion_of(stage),
+                "turn slower, or raise the limit",
             )
             return
 
