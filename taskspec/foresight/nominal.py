@@ -93,7 +93,12 @@ class NominalWalk:
             places += self._remarkable(stage, passage)
         self._leave(stage, rotation, course)
         self._meet(stage, passage)
-        return Nominal(rotation, gap, start, coordinates, course, tuple(places), carried, passage)
+        unbraked = course
+        if coordinates is not None and any(carried.values()):
+            unbraked = course_of(stage, coordinates, {})
+        return Nominal(
+            rotation, gap, start, coordinates, course, tuple(places), carried, passage, unbraked
+        )
 
     def _passage(self, stage: StagePlan, rotation: Vector) -> Passage | None:
         """What the arm goes through in a stage."""

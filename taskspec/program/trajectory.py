@@ -93,6 +93,7 @@ class Nominal:
         places: its start, and samples of its way.
         carried: rates of the reference that is handed over, in its frame's axes [m/s, rad/s].
         passage: what the arm goes through; None where that is unknown.
+        unbraked: the course of the same stage from rest, with nothing that is carried to be braked.
     """
 
     rotation: Vector
@@ -103,12 +104,24 @@ class Nominal:
     places: tuple[Place, ...]
     carried: Mapping[Axis, float] = field(default_factory=dict)
     passage: Passage | None = None
+    unbraked: Course | None = None
 
     def way(self) -> list[tuple[float, Vector]]:
         """Times [s] and places of the tip (3,) on the planned way."""
-        if self.course is None or self.start is None:
+        return self._places(self.course)
+
+    def lasting(self) -> list[Vector]:
+        """Places of the tip (3,) that a stage goes to by itself, and where it ends.
+
+        What it goes on by while it brakes the rate that it took over, and goes back, is left out:
+        that belongs to the stage before it.
+        """
+        return [p for _, p in (*self._places(self.unbraked), *self.way()[-1:])]
+
+    def _places(self, course: Course | None) -> list[tuple[float, Vector]]:
+        if course is None or self.start is None:
             return []
-        times = [share * self.course.duration for share in (0.0, *SAMPLES)]
-        moved = [(time, self.course.moved(time)) for time in times]
+        times = [share * course.duration for share in (0.0, *SAMPLES)]
+        moved = [(time, course.moved(time)) for time in times]
         steps = [(time, np.array([m.get(a, 0.0) for a in AXES[:3]])) for time, m in moved]
         return [(t, self.start + self.rotation @ d) for t, d in steps if np.isfinite(d).all()]

@@ -31,8 +31,8 @@ _FLAT = 1e-3
 @rule("TS321", "a motion into a surface")
 def motions_into_a_surface(stage: StagePlan) -> Iterator[Finding]:
     """Motion axes that lead into the nominal contact, and how hard they press."""
-    contact, walked, way = stage.contact, stage.nominal, _way(stage)
-    if not way or contact is None or walked.gap is None or walked.start is None:
+    contact, walked = stage.contact, stage.nominal
+    if not _way(stage) or contact is None or walked.gap is None or walked.start is None:
         return
     if stage.frame.at_origin or not stage.translations:
         return
@@ -42,12 +42,9 @@ def motions_into_a_surface(stage: StagePlan) -> Iterator[Finding]:
     entry = stage.spec.axes.get(axis)
     if along[axis] < MOSTLY or any(e.has_force for e in stage.spec.axes.values()):
         return
-    depths = [-walked.gap - float(normal @ (p - walked.start)) for _, p in way]
+    depths = [-walked.gap - float(normal @ (p - walked.start)) for p in walked.lasting()]
     depth, begun = max(depths), -walked.gap
     if depth <= max(0.0, begun) or (entry is not None and entry.stiffness is not None):
-        return
-    # A stage that goes away only brakes there with what it took over: that is the touch before it.
-    if begun - depths[-1] > depth - begun:
         return
     own = stage.law.control_law.spring(on_axis(stage.gains, axis), stage.plants[axis].h)
     k = stage.stiffness

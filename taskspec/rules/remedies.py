@@ -13,7 +13,7 @@ from taskspec.analysis.sampled_stage import SampledStage
 from taskspec.laws.law import gain_named
 from taskspec.program.context import Context
 from taskspec.spec import FILE, KeyPath, Task
-from taskspec.text.units import inside, number, show
+from taskspec.text.units import inside, number, sensible, show
 
 #: No more gain changes of a stage are proposed than these.
 _MOST_PROPOSED = 2
@@ -69,12 +69,19 @@ def _gains(analysed: SampledStage, search: Search, axis: str) -> Iterator[Limit]
         search.gains([axis], given=False),
         search.everywhere(axis, given=False),
     ]
-    for way in ways:
+    for found in ways:
+        way = (limit for limit in found if _sensible(analysed.context, limit))
         first = next(way, None)
         if first is not None:
             yield first
             yield from way
             return
+
+
+def _sensible(context: Context, limit: Limit) -> bool:
+    """Whether the value at a boundary is one that a gain can have."""
+    angular = bool(limit.on) and turns(context, limit.on[0])
+    return sensible(limit.value, gain_named(limit.what).dimension.on(rotation=angular))
 
 
 def text_of(context: Context, analysed: SampledStage, limit: Limit) -> str:

@@ -310,6 +310,25 @@ def _power(name: str, exponent: float) -> str:
     return name if exponent == 1 else f"{name}^{exponent:g}"
 
 
+_SENSE = {
+    LENGTH: 1e6,
+    TIME: 1e6,
+    MASS: 1e6,
+    INERTIA: 1e6,
+    VELOCITY: 1e6,
+    ANGULAR_VELOCITY: 1e6,
+    ANGLE: 1e7,
+    FORCE: 1e12,
+    MOMENT: 1e12,
+    STIFFNESS: 1e15,
+    ANGULAR_STIFFNESS: 1e15,
+    DAMPING: 1e12,
+    ANGULAR_DAMPING: 1e12,
+    FREQUENCY: 1e12,
+}
+"""The greatest values of quantities that make sense, far beyond those of any task [SI]: a thousand
+kilometres, eleven days, a thousand tonnes."""
+
 _NAMES = "|".join(sorted((re.escape(n) for n in UNITS if n != "%"), key=len, reverse=True))
 UNIT_NAME = rf"(?:(?:{_NAMES})(?![A-Za-z0-9_])|%)(?:\^-?[0-9])?"
 """A table name with an optional exponent of one digit, as a regular expression."""
@@ -364,10 +383,28 @@ def to_si(value: float, unit: str) -> Quantity:
 
 
 def show(value: float, unit: str | Dimension, digits: int = 4) -> str:
-    """An SI value in a unit, or in the most readable one: `show(0.015, LENGTH)` = "15 mm"."""
+    """An SI value in a unit, or in the most readable one: `show(0.015, LENGTH)` = "15 mm".
+
+    What makes no sense as a quantity of a robot's task is said to be more than what does.
+    """
     if isinstance(unit, Dimension):
         unit = next(iter(fitting(unit)), "")
+    most = _sense(unit)
+    if abs(value) > most:
+        beyond = "more than " if value > 0 else "less than -"
+        return f"{beyond}{number(most)} {si_unit(parse_unit(unit).dimension)}"
     return f"{number(in_unit(value, unit), digits)} {unit}".rstrip()
+
+
+def sensible(value: float, dimension: Dimension) -> bool:
+    """Whether an SI value is one that something in a robot's task can have."""
+    return abs(value) <= _SENSE.get(dimension, math.inf)
+
+
+@lru_cache(maxsize=512)
+def _sense(unit: str) -> float:
+    """The greatest value of a unit's dimension that makes sense [SI]."""
+    return _SENSE.get(parse_unit(unit).dimension, math.inf) if unit else math.inf
 
 
 def scaled(value: float, dimension: Dimension, digits: int = 4) -> str:

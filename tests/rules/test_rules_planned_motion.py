@@ -25,6 +25,9 @@ GOOD = {"WORLD": "", "FRAME": "over", "LAW": "hybrid"}
 RIM = 'rim: {equation: "x^2 + y^2 = (90 mm)^2", frame: rail}'
 
 
+TOUCH = "axes: {z: {velocity: -40 mm/s}}, until: touching, within: 3 s},"
+
+
 def text(**changes):
     filled = TASK
     for key, value in (GOOD | changes).items():
@@ -56,6 +59,9 @@ def codes(**changes):
             },
             [],
         ),
+        # 40 mm/s are braked within 2 mm, which is the touch's; going back, nothing is left of it.
+        ({"STAGE": f"{TOUCH} off: {{axes: {{z: {{move: 20 mm}}}}"}, []),
+        ({"STAGE": f"{TOUCH} off: {{axes: {{z: {{move: -5 mm}}}}"}, ["TS321"]),
     ],
 )
 def test_surfaces(changes, expected):

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from taskspec_runner.cli.outcome import _response as told_of
 from taskspec_runner.record.history import History
 from taskspec_runner.verdict.response import contact_losses, response, responses, time_constant
 
@@ -127,3 +128,28 @@ def test_of_several_visits_the_one_that_settled_last() -> None:
     assert (found["settling_time"], found["settled_within"]) == (
         pytest.approx(2 * PERIOD), "expectation"
     )  # fmt: skip
+
+
+def test_what_is_no_step_has_no_overshoot() -> None:
+    """From -14 N to -15 N there is a step of 7 %: a blow of 25 N beyond it is none of it."""
+    t = clock(2.0)
+    values = -15.0 + np.exp(-t / 0.1) * (1.0 - 26.0 * np.sin(40.0 * t))
+    found = response(values, np.full(len(t), -15.0), PERIOD)
+    assert found is not None
+    assert found.overshoot is None
+    from_free = response(values * (t > 0), np.full(len(t), -15.0), PERIOD)
+    assert from_free is not None
+    assert from_free.overshoot is not None
+    assert from_free.overshoot > 10.0
+
+
+def test_moments_are_not_told_in_newtons() -> None:
+    """The force settled last is told; of moments where there are none, and none of a mechanism."""
+
+    def found(settled: float, target: str = "set point") -> dict[str, object]:
+        return {"settling_time": settled, "overshoot": 2.87, "target": target}
+
+    both = {"force.z": found(0.2), "torque.rx": found(0.9), "bars.torque": found(1.2)}
+    assert told_of(both) == ["2.87 N", "0.200 s (z)"]
+    assert told_of({"bars.torque": found(1.2)}) == ["2.87 N*m", "1.200 s (bars)"]
+    assert told_of({"crank.torque": found(1.2, "prediction")}) == ["-", "-"]

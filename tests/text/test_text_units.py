@@ -12,6 +12,7 @@ from taskspec.text.units import (
     number,
     parse_unit,
     scaled,
+    sensible,
     show,
     split_quantity,
     to_si,
@@ -117,3 +118,18 @@ def test_quantities_in_the_unit_that_suits_them() -> None:
     assert [scaled(x, units.STIFFNESS) for x in (-2e4, 999.0)] == ["-20 kN/m", "999 N/m"]
     assert scaled(0.2, units.DAMPING) == "0.2 N*s/m"
     assert number(123456.0, 3) == "123000"
+
+
+@pytest.mark.parametrize(
+    ("value", "dimension", "text"),
+    [
+        (1.71e13, units.LENGTH, "more than 1000000 m"),
+        (-1.71e13, units.LENGTH, "less than -1000000 m"),
+        (4.4e11, units.TIME, "more than 1000000 s"),
+        (1.5e52, units.MASS, "more than 1000000 kg"),
+        (0.5, units.LENGTH, "500 mm"),
+    ],
+)
+def test_what_makes_no_sense_is_more_than_what_does(value, dimension, text) -> None:
+    assert show(value, dimension) == text
+    assert sensible(value, dimension) == (value == 0.5)

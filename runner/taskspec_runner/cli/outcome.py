@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from taskspec.text.units import FORCE, LENGTH, Dimension, scaled
+from taskspec.text.units import FORCE, LENGTH, MOMENT, Dimension, scaled
 from taskspec_runner.cli.console import show, table
 from taskspec_runner.runs import Run
 from taskspec_runner.verdict import torque_steps
@@ -103,8 +103,17 @@ def _metrics(summary: Mapping[str, Any]) -> Table:
 
 
 def _response(signals: Mapping[str, Mapping[str, Any]]) -> list[str]:
-    """Overshoot and settling time of the force that settled last, and on which axis."""
-    forces = {name: found for name, found in signals.items() if not name.startswith("torque.")}
+    """Overshoot and settling time of the force that settled last, and on which axis.
+
+    Of moments, where there are no forces. What a mechanism bears is not what a loop settles at.
+    """
+    own = {
+        name: found
+        for name, found in signals.items()
+        if found["target"] == "set point" or name.split(".")[0] in ("force", "torque")
+    }
+    moments = {name: found for name, found in own.items() if "torque" in name.split(".")}
+    forces = {name: found for name, found in own.items() if name not in moments} or moments
     if not forces:
         return ["-", "-"]
 
@@ -114,9 +123,11 @@ def _response(signals: Mapping[str, Mapping[str, Any]]) -> list[str]:
 
     last = max(forces, key=time)
     overshoot = forces[last]["overshoot"]
-    where = f" ({last.removeprefix('force.').removesuffix('.force')})"
+    kind, _, rest = last.partition(".")
+    where = f" ({rest if kind in ('force', 'torque') else kind})"
+    dimension = MOMENT if last in moments else FORCE
     settled = "never" if time(last) == math.inf else f"{time(last):.3f} s"
-    return ["-" if overshoot is None else scaled(overshoot, FORCE, 3), settled + where]
+    return ["-" if overshoot is None else scaled(overshoot, dimension, 3), settled + where]
 
 
 def _forced(summary: Mapping[str, Any]) -> Iterator[str]:

@@ -19,6 +19,9 @@ SETTLED = 0.02
 TIGHT = 0.1
 #: A set point has to stay for so much of a visit, at its end [share].
 _STAYS = 0.1
+#: A change by less than this share of what it starts from or leads to is no step: what goes beyond
+#: is no overshoot of it, but the blow of a touch or the start of a motion.
+_STEP = 0.2
 #: Steps to set points that are nearly nothing tell nothing [N, N m].
 _LEAST = 0.05
 #: Two values of a set point that differ by less, seen against its size, are the same.
@@ -101,7 +104,7 @@ def response(
     return Response(
         target,
         step,
-        max(float(np.nanmax(np.sign(step) * error)), 0.0) if abs(step) > SETTLED * size else None,
+        max(float(np.nanmax(np.sign(step) * error)), 0.0) if abs(step) > _STEP * size else None,
         settled * period if settled < len(values) else None,
         tolerance,
         time_constant(error[max(steady, 0 if moves is None else stays(moves)) :], period),
@@ -195,7 +198,8 @@ def _of_visit(
     return {
         "set_point": made.set_point,
         "step": made.step,
-        "overshoot": made.overshoot,
+        # What a mechanism bears is no step that a loop is given: it follows from the motion.
+        "overshoot": made.overshoot if target is None or of_an_axis(name) else None,
         "settling_time": made.settling_time,
         "below": made.tolerance[0],
         "above": made.tolerance[1],
@@ -204,6 +208,11 @@ def _of_visit(
         "rest": made.rest,
         "target": "set point" if target is None else "prediction",
     }
+
+
+def of_an_axis(signal: str) -> bool:
+    """Whether a force or moment is that of an axis, and not of a mechanism or an equation."""
+    return signal.split(".")[0] in ("force", "torque")
 
 
 def _later(one: Mapping[str, float | str | None], other: Mapping[str, float | str | None]) -> bool:
