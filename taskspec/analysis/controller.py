@@ -15,7 +15,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from taskspec.geometry.axis import AXES
+from taskspec.geometry.axis import AXES, Axis
 from taskspec.laws.gains import Gains
 from taskspec.modes import DEFAULT_RAMP
 from taskspec.program.bound import BoundFunction
@@ -151,6 +151,26 @@ class Operating:
         found = self.stage.tick(*self._arguments, self.memory, self.parameters)
         numbers = np.array(found[2]).ravel()
         return {name: numbers[where] for name, where in self._fields.items()}
+
+    def set_point_drive(self, axis: Axis) -> Matrix | None:
+        """(n + s,) what a newton more of an axis's set point adds to torque and whole memory.
+
+        As the stage begins its set point is the force at entry, in which the law is linear. None
+        where nothing rises from there.
+        """
+        stage, slot = self.stage, f"force_at_entry.{axis}"
+        if slot not in stage.parameters:
+            return None
+        begins = self._now.copy()
+        begins[0] = 0.0
+        given, more = [begins, *self._arguments[1:], self.memory], self.parameters.copy()
+        more[stage.parameters.slots[slot]] += 1.0
+        before, after = (
+            np.concatenate([np.array(part).ravel() for part in stage.tick(*given, values)[:2]])
+            for values in (self.parameters, more)
+        )
+        drive = np.asarray(after - before)
+        return drive if drive.any() else None
 
     def linear(self) -> LinearController:
         """The derivative of torque and memory, one direction after the other."""

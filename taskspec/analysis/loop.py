@@ -30,6 +30,8 @@ _NOTHING = 1e-200
 _BALANCINGS = 4
 #: More states than this are not looked at.
 MOST_STATES = 200
+#: A loop that has grown to this is not followed any farther [N, N m].
+_WITHOUT_BOUNDS = 1e6
 
 
 class UnfitError(ValueError):
@@ -80,53 +82,98 @@ def one_step(
     Raises:
         UnfitError: it would have more than `MOST_STATES` states.
     """
-    return _assembled(controller, plant, sensor, samples=samples)[0]
+    return driven_step(controller, plant, sensor, samples=samples).F
+
+
+@dataclass(frozen=True, slots=True)
+class DrivenStep:
+    """x[k+1] = F x[k] + E u[k]; the wrench of the environment on the tip in that is C x + D u.
+
+    Attributes:
+        F: (size, size) see `one_step`.
+        E: (size, k) from the inputs.
+        C, D: (6, size), (6, k) world axes [N, N m].
+    """
+
+    F: Matrix
+    E: Matrix
+    C: Matrix
+    D: Matrix
+
+
+@dataclass(frozen=True, slots=True)
+class Drive:
+    """What drives a loop from outside, beside what it measures.
+
+    Attributes:
+        moves: an object that moves; its inputs are where it has moved to, towards the tool, and how
+            fast [m, m/s]. Empty for none.
+        control: (n + m, k) what each further input adds to torque and memory.
+    """
+
+    moves: str = ""
+    control: Matrix | None = None
 
 
 def response(
     controller: LinearController,
     plant: LinearPlant,
     sensor: SensorModel,
-    moves: str,
-    way: Matrix,
-    period: float,
+    drive: Drive,
+    inputs: Matrix,
+    rates: Matrix | None = None,
 ) -> Matrix:
-    """(N, 6) what the wrench of the environment on the tip changes by while an object moves.
+    """(N, 6) what the wrench of the environment on the tip changes by, world axes [N, N m].
 
     Args:
         controller: the stage.
         plant: what it drives.
         sensor: between them.
-        moves: the object.
-        way: (N,) by how much it has come towards the tool at each tick [m].
-        period: T [s].
+        drive: what the inputs are.
+        inputs: (N, k) at each tick.
+        rates: (n,) of the joints before the first tick; None for rest.
 
     Raises:
-        UnfitError: the loop would have more than `MOST_STATES` states.
+        UnfitError: the loop would have more than `MOST_STATES` states, or grows without bounds.
     """
-    held = [_assembled(controller, plant, sensor, samples=s, moves=moves) for s in (True, False)]
-    rates = np.diff(way, append=way[-1]) / period
-    x, found = np.zeros(len(held[0][0])), np.zeros((len(way), 6))
-    for k, u in enumerate(np.column_stack([way, rates])):
-        F, E, C, D = held[0 if k % sensor.hold_ticks == 0 else 1]
-        found[k] = C @ x + D @ u
-        x = F @ x + E @ u
-    return found
+    # A sensor that holds takes a sample in the first of so many ticks.
+    steps = [
+        driven_step(controller, plant, sensor, drive, samples=first)
+        for first in (True, False)[: min(sensor.hold_ticks, 2)]
+    ]
+    x, wrenches = np.zeros(len(steps[0].F)), np.zeros((len(inputs), 6))
+    if rates is not None:
+        x[plant.size : plant.size + plant.n] = rates
+    for k, u in enumerate(inputs):
+        step = steps[0] if k % sensor.hold_ticks == 0 else steps[-1]
+        wrenches[k] = step.C @ x + step.D @ u
+        if not np.abs(wrenches[k]).max() <= _WITHOUT_BOUNDS:
+            raise UnfitError("numbers without bounds")
+        x = step.F @ x + step.E @ u
+    return wrenches
 
 
-def _assembled(
+def driven_step(
     controller: LinearController,
     plant: LinearPlant,
     sensor: SensorModel,
+    drive: Drive = Drive(),  # noqa: B008  (it is frozen)
     *,
     samples: bool,
-    moves: str = "",
-) -> tuple[Matrix, Matrix, Matrix, Matrix]:
-    """F, E, C, D: x[k+1] = F x[k] + E u, and the wrench on the tip C x[k] + D u of the same period.
+) -> DrivenStep:
+    """One period of control of a loop that is driven from outside.
 
-    u is where an object has moved to and how fast; without one, E and D are empty.
+    Args:
+        controller: the stage.
+        plant: what it drives.
+        sensor: between them.
+        drive: what the inputs are.
+        samples: whether a sensor that holds takes a new sample in this period.
+
+    Raises:
+        UnfitError: it would have more than `MOST_STATES` states.
     """
-    A, B, moved = plant.moved_step(moves)
+    A, B, moved = plant.moved_step(drive.moves)
     n, c, e, m = plant.n, plant.size, plant.equations, len(controller.slots)
     basis = _channels(controller, np.hstack([A[2 * c : 2 * c + 6], B[2 * c : 2 * c + 6]]))
     r = basis.shape[1]
@@ -150,31 +197,24 @@ def _assembled(
     torque = controller.torque @ seen
     out = B @ torque
     out[:, : 2 * c] += A
-    F = np.zeros((size, size))
-    F[: 2 * c] = out[: 2 * c]
-    F[at_w:at_e] = basis.T @ out[2 * c : 2 * c + 6]
-    F[at_e:at_s] = out[2 * c + 6 :]
-    F[at_s:at_m, at_s:at_m], F[at_s:at_m, at_w:at_e] = update[:, :kept], update[:, kept:]
-    F[at_m:] = controller.memory @ seen
-    if not moves:
-        nothing = np.zeros((size, 0))
-        return F, nothing, out[2 * c : 2 * c + 6], nothing[:6]
-    E = np.zeros((size, 2))
-    E[: 2 * c] = moved[: 2 * c]
-    E[at_w:at_e] = basis.T @ moved[2 * c : 2 * c + 6]
-    E[at_e:at_s] = moved[2 * c + 6 :]
-    return F, E, *_wrench_of(plant, controller, seen, moves)
-
-
-def _wrench_of(
-    plant: LinearPlant, controller: LinearController, seen: Matrix, moves: str
-) -> tuple[Matrix, Matrix]:
-    """The wrench of the environment, whatever a sensor at the wrist adds to it."""
-    A, B, moved = replace(plant, tool=None).moved_step(moves)
-    rows = slice(2 * plant.size, 2 * plant.size + 6)
-    C = B[rows] @ controller.torque @ seen
-    C[:, : A.shape[1]] += A[rows]
-    return C, moved[rows]
+    control = np.zeros((n + m, 0)) if drive.control is None else drive.control
+    step = np.zeros((size, size + moved.shape[1] + control.shape[1]))
+    driven = np.hstack([out, moved, B @ control[:n]])
+    step[: 2 * c] = driven[: 2 * c]
+    step[at_w:at_e] = basis.T @ driven[2 * c : 2 * c + 6]
+    step[at_e:at_s] = driven[2 * c + 6 :]
+    step[at_s:at_m, at_s:at_m], step[at_s:at_m, at_w:at_e] = update[:, :kept], update[:, kept:]
+    step[at_m:, :size] = controller.memory @ seen
+    step[at_m:, size + moved.shape[1] :] = control[n:]
+    F, E = step[:, :size], step[:, size:]
+    if not E.shape[1]:
+        return DrivenStep(F, E, driven[2 * c : 2 * c + 6, :size], E[:6])
+    # The wrench of the environment, whatever a sensor at the wrist adds to it.
+    A, B, moved = replace(plant, tool=None).moved_step(drive.moves)
+    rows = slice(2 * c, 2 * c + 6)
+    C = B[rows] @ torque
+    C[:, : 2 * c] += A[rows]
+    return DrivenStep(F, E, C, np.hstack([moved[rows], B[rows] @ control[:n]]))
 
 
 def states(controller: LinearController, plant: LinearPlant, sensor: SensorModel) -> int:

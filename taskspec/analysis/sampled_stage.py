@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from taskspec.analysis.controller import LinearController, Operating
 from taskspec.analysis.environment import linear_plant
-from taskspec.analysis.loop import Mode, modes, poles, response
+from taskspec.analysis.loop import Drive, Mode, modes, poles, response
 from taskspec.analysis.plant import LinearPlant
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.program.axes import MOSTLY
@@ -18,7 +18,7 @@ from taskspec.program.context import Context
 from taskspec.program.plan import StagePlan, TaskPlan
 from taskspec.program.sensor import SensorModel
 from taskspec.program.stages.stage import CompiledStage, compile_stage
-from taskspec.spec import Task
+from taskspec.spec import AxisEntry, Task
 
 Matrix = NDArray[np.float64]
 
@@ -97,8 +97,38 @@ class SampledStage:
             UnfitError: the loop has too many states.
         """
         controller, plant, sensor, period = self._loop(None, None)
-        wrench = response(controller, plant, sensor, name, way, period)
+        inputs = np.column_stack([way, np.diff(way, append=way[-1]) / period])
+        wrench = response(controller, plant, sensor, Drive(moves=name), inputs)
         return np.asarray(wrench[:, :3] @ self.context.start_normals[name])
+
+    def follows(self, axis: Axis, wanted: Matrix, twist: Matrix) -> Matrix | None:
+        """(N,) force that is applied on an axis while its set point changes [N, N m].
+
+        The stage is at its equilibrium before the first tick, and forces count from there. None
+        where the set point drives nothing.
+
+        Args:
+            axis: a force axis.
+            wanted: (N,) the set point at each tick.
+            twist: (6,) of the tip before the first tick, world axes [m/s, rad/s].
+
+        Raises:
+            UnfitError: the loop has too many states, or grows without bounds.
+        """
+        drive = self.at.set_point_drive(axis)
+        if drive is None:
+            return None
+        controller, plant, sensor, _ = self._loop(None, None)
+        heeded = [*range(plant.n), *(plant.n + slot for slot in controller.slots)]
+        # The joints' rates that give the tip its twist with the least energy.
+        J, H = self.context.start_jacobian, self.context.start_inertia
+        W = np.linalg.solve(H, J.T)
+        rates = W @ np.linalg.lstsq(J @ W, twist, rcond=_ALIKE)[0]
+        control = Drive(control=drive[heeded, None])
+        wrench = response(controller, plant, sensor, control, wanted[:, None], rates)
+        part = slice(3, 6) if axis.is_rotation else slice(0, 3)
+        # The robot applies the opposite of what acts on the tool.
+        return np.asarray(-wrench[:, part] @ self.rotation[:, axis.column])
 
     def free(self) -> SampledStage:
         """The same stage before it meets its contact."""
@@ -186,6 +216,39 @@ def loop_of(task: TaskPlan, name: str) -> SampledStage | None:
         task.loops[name] = stage.design.loop or analyse(stage)
     found: SampledStage | None = task.loops[name]
     return found
+
+
+def control_of(stage: StagePlan) -> str:
+    """What the stability of a stage depends on: stages that have it in common need one look."""
+    axes = {
+        name: _kind(axis)
+        for name, axis in stage.spec.axes.items()
+        if _kind(axis) != _kind(AxisEntry())
+    }
+    law = stage.law.model_dump_json()
+    return repr((sorted(axes.items()), stage.frame.name, law, sorted(stage.spec.constraints)))
+
+
+def _kind(axis: AxisEntry) -> tuple[object, ...]:
+    return (
+        axis.has_force,
+        axis.mode.loop,
+        axis.stiffness,
+        axis.damping,
+    )
+
+
+def loop_like(task: TaskPlan, name: str) -> SampledStage | None:
+    """The loop of a stage, or that of an earlier one with its control that presses on the same."""
+    stage = task.stages[name]
+    control = control_of(stage)
+    for earlier in task.loops:
+        other: SampledStage | None = task.loops[earlier]
+        if other is None or other.meets or {*other.pressed} != {*stage.pressed}:
+            continue
+        if control_of(task.stages[earlier]) == control:
+            return other
+    return loop_of(task, name)
 
 
 def analyse(plan: StagePlan, *, in_contact: bool = True) -> SampledStage | None:

@@ -29,6 +29,7 @@ from taskspec.rules import (
     signals,
     singularity,
     stability,
+    foreseen_expectations,
     variations,
     contacts,
 )
@@ -41,6 +42,7 @@ __all__ = [
     "equations",
     "expectations",
     "feasibility",
+    "foreseen_expectations",
     "frames",
     "guards",
     "held_mechanism",

@@ -22,7 +22,7 @@ from taskspec.analysis.margin import (
     rings,
 )
 from taskspec.analysis.plant import LinearPlant, pressing
-from taskspec.analysis.sampled_stage import SampledStage, loop_of
+from taskspec.analysis.sampled_stage import SampledStage, control_of, loop_of
 from taskspec.geometry.axis import Axis
 from taskspec.program.context import Context
 from taskspec.program.plan import StagePlan, TaskPlan
@@ -30,7 +30,7 @@ from taskspec.program.world.stiffness import RESOLVED_PHASE
 from taskspec.rules import Finding, Phase, rule
 from taskspec.rules.remedies import place_of, remedies, text_of
 from taskspec.rules.set_points import in_the_air
-from taskspec.spec import FILE, AxisEntry, KeyPath, Task
+from taskspec.spec import FILE, KeyPath, Task
 from taskspec.text.diagnostic import Severity
 from taskspec.text.units import FREQUENCY, TIME, number, scaled, show
 
@@ -104,7 +104,7 @@ def unstable_stages(task: TaskPlan) -> Iterator[Finding]:
     controls: set[str] = set()
     shared = Shared(task.context)
     for stage in task.stages.values():
-        control = _control(stage)
+        control = control_of(stage)
         if control in controls:
             continue
         controls.add(control)
@@ -112,26 +112,6 @@ def unstable_stages(task: TaskPlan) -> Iterator[Finding]:
             yield from _of_stage(task, stage, shared)
         except (UnfitError, np.linalg.LinAlgError):
             continue
-
-
-def _control(stage: StagePlan) -> str:
-    """What the stability of a stage depends on: stages that have it in common need one look."""
-    axes = {
-        name: _kind(axis)
-        for name, axis in stage.spec.axes.items()
-        if _kind(axis) != _kind(AxisEntry())
-    }
-    law = stage.law.model_dump_json()
-    return repr((sorted(axes.items()), stage.frame.name, law, sorted(stage.spec.constraints)))
-
-
-def _kind(axis: AxisEntry) -> tuple[object, ...]:
-    return (
-        axis.has_force,
-        axis.mode.loop,
-        axis.stiffness,
-        axis.damping,
-    )
 
 
 def _of_stage(task: TaskPlan, stage: StagePlan, shared: Shared) -> Iterator[Finding]:

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from taskspec.text.expression.series import Series
 from taskspec.text.units import in_unit, show
-from taskspec_runner.verdict.series import Series
 
 DIGITS = 4
 #: Numbers from here on have too many digits before the point.

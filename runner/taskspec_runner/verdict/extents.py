@@ -7,10 +7,10 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from taskspec.text.expression import tree
+from taskspec.text.expression.series import Series
 from taskspec.text.units import in_unit
 from taskspec_runner.verdict.judged import SHARE, Broken, Margin
 from taskspec_runner.verdict.margin import Vector, left, lost_share, reached, room
-from taskspec_runner.verdict.series import Series
 from taskspec_runner.verdict.wording import Sides, Wording
 
 Bounds = tuple[Vector | None, Vector | None]

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from taskspec.spec import Expectation, Task
 from taskspec.text.expression import Expression, evaluate, tree
+from taskspec.text.expression.series import Series, SeriesAlgebra
 from taskspec_runner.record.history import History
 from taskspec_runner.verdict.diagnosed import line_of
 from taskspec_runner.verdict.extents import Extents
 from taskspec_runner.verdict.judged import Broken, Judged, Margin, MeasuredValue
 from taskspec_runner.verdict.lookup import Elsewhere, Lookup, column_of, scope_of
-from taskspec_runner.verdict.series import Series, SeriesAlgebra
 from taskspec_runner.verdict.wording import Said, Sides, Wording
 
 

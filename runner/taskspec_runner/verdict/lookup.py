@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from taskspec.spec import Task
 from taskspec.text.expression import Meaning, Scope, ScopeKind, resolve, tree
 from taskspec.text.expression.scope import CONSTANTS
+from taskspec.text.expression.series import Series
 from taskspec_runner.record.history import History
-from taskspec_runner.verdict.series import Series
 
 Vector = NDArray[np.float64]
 

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.text.expression import tree
-from taskspec_runner.verdict.series import Series
+from taskspec.text.expression.series import Series
 
 Vector = NDArray[np.float64]
 Mask = NDArray[np.bool_]

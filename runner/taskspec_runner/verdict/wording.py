@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.text.expression import Expression, Scope, infer, tree
+from taskspec.text.expression.series import NO_TICK, Series
 from taskspec.text.units import NUMBER, fitting, in_unit, show, to_si
 from taskspec_runner.verdict.amounts import DIGITS, digits_of, readable_unit
 from taskspec_runner.verdict.judged import Broken, MeasuredValue
-from taskspec_runner.verdict.series import NO_TICK, Series
 
 Vector = NDArray[np.float64]
 

@@ -1,0 +1,201 @@
+"""The force of an axis against time, while its stage lasts: set point, loop and touch-down."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taskspec.analysis.loop import UnfitError
+from taskspec.analysis.sampled_stage import SampledStage, loop_like
+from taskspec.foresight.approach import approach, ends_by_touch
+from taskspec.foresight.conditions import bounds_of, names
+from taskspec.foresight.flow import good_end
+from taskspec.foresight.interval import IntervalAlgebra
+from taskspec.foresight.ranges import Ranges
+from taskspec.geometry.axis import Axis
+from taskspec.motion import blend
+from taskspec.program.axes import MOSTLY
+from taskspec.program.plan import StagePlan, TaskPlan
+from taskspec.signals.entries import TOUCHING
+from taskspec.text.expression.tree import Held
+
+Vector = NDArray[np.float64]
+
+#: Longer stages are not followed [ticks].
+_MOST_TICKS = 20000
+#: Instants at which a set point that changes is looked at.
+_LOOKS = 400
+
+
+@dataclass(frozen=True, slots=True)
+class ForceCourse:
+    """What an axis is to apply and what it applies, at each tick of its stage.
+
+    Attributes:
+        times: (k,) since the stage began [s].
+        wanted: (k,) the set point of the file, not its rise [N, N m].
+        applied: (k,) what the loop makes of it [N, N m].
+    """
+
+    times: Vector
+    wanted: Vector
+    applied: Vector
+
+
+class ForceCourses:
+    """The forces of the axes of a task's stages, each followed once.
+
+    Args:
+        task: the plan.
+    """
+
+    def __init__(self, task: TaskPlan) -> None:
+        self._task = task
+        self._known: dict[tuple[str, Axis], ForceCourse | None] = {}
+
+    def of(self, name: str, axis: Axis) -> ForceCourse | None:
+        """The force of an axis while its stage lasts, by its sampled loop at the start pose.
+
+        None where it is not known how long the stage lasts, what it begins with or what its set
+        point is; where the loop cannot be followed; and where the tool would leave what it presses
+        on.
+
+        Args:
+            name: of the stage.
+            axis: a force axis of it.
+        """
+        key = name, axis
+        if key not in self._known:
+            self._known[key] = None  # A stage that follows itself begins with what is not known.
+            self._known[key] = self._course(self._task.stages[name], axis)
+        return self._known[key]
+
+    def _course(self, stage: StagePlan, axis: Axis) -> ForceCourse | None:
+        lasts, entry = _lasts(stage), stage.spec.axes[axis].set_point
+        count = 0 if lasts is None else round(lasts / stage.context.period)
+        begins = self._begins(stage, axis)
+        if begins is None or entry is None or not 0 < count <= _MOST_TICKS:
+            return None
+        force, twist = begins
+        times: Vector = stage.context.period * np.arange(count, dtype=float)
+        wanted = _wanted(stage, axis, times)
+        sampled = None if wanted is None else _sampled(self._task, stage.name)
+        if wanted is None or sampled is None:
+            return None
+        rise = entry.rise
+        risen = np.ones(count)
+        early = times < rise
+        risen[early] = [blend.ramp_shape(float(t) / rise) for t in times[early]]
+        try:
+            moved = force_response(sampled, axis, risen * (wanted - force), twist)
+        except (UnfitError, np.linalg.LinAlgError):
+            return None
+        if moved is None:
+            return None
+        applied = force + moved
+        if not stage.gripped and _leaves(stage, axis, applied):
+            return None
+        return ForceCourse(times, wanted, applied)
+
+    def _begins(self, stage: StagePlan, axis: Axis) -> tuple[float, Vector] | None:
+        """Force on an axis [N, N m] and twist of the tip (6,) at first; None if unknown."""
+        rest = np.zeros(6)
+        stages = self._task.context.loaded.task.stages
+        before = [n for n in stages if n != stage.name and good_end(stages, n) == stage.name]
+        if not before:
+            return (0.0, rest) if stage.gripped else None
+        if len(before) > 1 or not self._task.stages[before[0]].followed:
+            return None
+        previous = self._task.stages[before[0]]
+        if axis in previous.spec.axes and previous.frame.name == stage.frame.name:
+            held = self._at_end(previous, axis)
+            if held is not None:
+                return held, rest
+        if not ends_by_touch(previous):
+            return None
+        way = approach(previous, previous.nominal.gap)
+        if way is None or way.contact != stage.contact_of(axis):
+            return None
+        down = np.concatenate([-way.closing * stage.normal_of(way.contact), np.zeros(3)])
+        # What is felt there is along the normal.
+        return -stage.facing(axis) * _felt_at_end(previous), down
+
+    def _at_end(self, stage: StagePlan, axis: Axis) -> float | None:
+        """The force of an axis as its stage ends [N, N m]; None where it is not known.
+
+        A guard may end it at any time, which is taken to be once it has settled.
+        """
+        force = stage.spec.axes[axis].set_point
+        if force is None:
+            return None
+        course = self.of(stage.name, axis)
+        value = stage.known(force.wanted) if course is None else float(course.applied[-1])
+        return value if value is not None and math.isfinite(value) else None
+
+
+def _lasts(stage: StagePlan) -> float | None:
+    """How long a stage lasts that no guard ends [s]; None of another."""
+    if stage.spec.until is not None:
+        return None
+    passage, course = stage.nominal.passage, stage.nominal.course
+    known = [
+        stage.spec.time,
+        None if course is None else course.duration,
+        None if passage is None else passage.last.time,
+    ]
+    return max((t for t in known if t is not None and math.isfinite(t)), default=None)
+
+
+def _sampled(task: TaskPlan, name: str) -> SampledStage | None:
+    try:
+        found = loop_like(task, name)
+    except (UnfitError, np.linalg.LinAlgError):
+        return None
+    return None if found is None or found.meets or not found.pressed else found
+
+
+def _felt_at_end(stage: StagePlan) -> float:
+    """The force at which the guard of a stage that ends by a touch holds [N]."""
+    until = stage.spec.until
+    assert until is not None
+    guard = until.tree.x if isinstance(until.tree, Held) else until.tree
+    ranges = Ranges(stage, {})
+    asked = bounds_of([guard], IntervalAlgebra(), ranges)
+    forces = [
+        min(abs(interval.low), abs(interval.high))
+        for quantity, interval in asked.items()
+        if any(name.path[0] == "force" for name in names(quantity))
+        and not interval.low <= 0 <= interval.high
+    ]
+    return max((f for f in forces if math.isfinite(f)), default=0.0)
+
+
+def _held_at_end(stage: StagePlan, axis: Axis) -> float | None:
+    """The set point of an axis as its stage ends; None where it is not known."""
+    force = stage.spec.axes[axis].set_point
+    assert force is not None
+    ends = stage.spec.time if stage.spec.until is None else None
+    value = stage.known(force.wanted, None if ends is None else {"t": ends})
+    return value if value is not None and math.isfinite(value) else None
+
+
+def _wanted(stage: StagePlan, axis: Axis, times: Vector) -> Vector | None:
+    """(k,) the set point at each time; None where it depends on more than that."""
+    force = stage.spec.axes[axis].set_point
+    assert force is not None
+    constant = stage.known(force.wanted)
+    if constant is not None:
+        return np.full(len(times), constant) if math.isfinite(constant) else None
+    looks = np.linspace(0.0, float(times[-1]), min(_LOOKS, len(times)))
+    values = [stage.known(force.wanted, {"t": float(t)}) for t in looks]
+    known = [v for v in values if v is not None and math.isfinite(v)]
+    return np.interp(times, looks, known) if len(known) == len(values) else None
+
+
+def _leaves(stage: StagePlan, axis: Axis, applied: Vector) -> bool:
+    """Whether a force along a normal would have to pull."""
+    facing = stage.facing(axis)
+    return abs(facing) > MOSTLY and bool(np.any(applied * math.copysign(1.0, facing) > TOUCHING))

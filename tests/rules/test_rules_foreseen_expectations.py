@@ -1,0 +1,118 @@
+"""Foreseen courses of forces, and the expectations that they miss, against runs."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import taskspec_runner
+from taskspec.analysis.force_course import ForceCourses
+from taskspec.examination import examine
+from taskspec.geometry.axis import Axis
+from taskspec.spec import load_text
+
+PRESS = """
+taskspec: 1
+robot: {{model: {arm}, start: {{xyz: [500 mm, 0, 304 mm]}}{sensor}}}
+world:
+  table: {{shape: plane, xyz: [0, 0, 300 mm], stiffness: {k}, damping: 30 N*s/m}}
+frame: table
+law: {law}
+stages:
+  approach: {{axes: {{z: {{velocity: -10 mm/s}}}}, until: force.z < -1 N, within: 3 s}}
+  press: {{axes: {{z: {{force: -12 N}}}}, time: 0.8 s}}
+  swing: {{axes: {{z: {{force: -12 N - 5 N * sin(2*pi*t/(1 s))}}}}, time: 0.5 s}}
+"""
+SLOW = "{kind: hybrid, force: {damping: {z: 400 N*s/m}, integral: 2.37 /s}}"
+LATE = ", sensor: {delay: 3 ms, filter: 60 Hz, rate: 250 Hz}"
+GO = """
+taskspec: 1
+robot: {{model: panda, start: {{xyz: [500 mm, 0, 400 mm]}}}}
+stages:
+  go: {{axes: {{x: {{velocity: {rate}}}}}, until: {until}, within: 3 s}}
+expect:
+  - {expect}
+"""
+
+
+def forced(text: str, folder: Path) -> taskspec_runner.Run:
+    return taskspec_runner.run(load_text(text, "t.yaml"), folder, report=False, force=True)
+
+
+@pytest.mark.parametrize(
+    ("law", "arm", "k", "sensor"),
+    [
+        ("hybrid", "panda", "10 kN/m", ""),
+        (SLOW, "panda", "10 kN/m", ""),
+        ("hybrid-multipliers", "ur5e", "10 kN/m", ""),
+        ("hybrid-reaction", "panda", "30 kN/m", ""),
+        ("parallel", "ur5e", "10 kN/m", ""),
+        ("parallel-pid", "panda", "3 kN/m", ""),
+        ("hybrid", "panda", "10 kN/m", LATE),
+    ],
+)
+def test_a_force_goes_as_foreseen(law, arm, k, sensor, tmp_path):
+    """The touch falls between two ticks, so the blow is off by what it rises in one: 0.1 s of it.
+
+    After that 2 % of the set point (1.6 % measured, with the sensor that holds for four ticks); of
+    the swing, which begins in contact, 0.5 %.
+    """
+    text = PRESS.format(law=law, arm=arm, k=k, sensor=sensor)
+    plan = examine(load_text(text, "t.yaml")).plan
+    history = forced(text, tmp_path / "run").history
+    force = history.columns["force.z"]
+    courses = ForceCourses(plan)
+    for name, share in (("press", 0.02), ("swing", 0.005)):
+        (visit,) = [v for v in history.visits() if v.stage == name]
+        course = courses.of(name, Axis("z"))
+        applied = force[visit.first : visit.last + 1][: len(course.applied)]
+        late = course.times[: len(applied)] > 0.1
+        off = np.abs(applied - course.applied[: len(applied)])[late]
+        assert off.max() < share * 12.0, name
+
+
+def test_what_is_missed_is_announced_as_measured(tmp_path):
+    text = PRESS.format(law=SLOW, arm="panda", k="10 kN/m", sensor="") + (
+        "expect:\n"
+        "  - press.force.z within -12 +- 0.4 N for 90 %\n"
+        "  - max(abs(press.force.z)) < 12.4 N\n"
+        "  - last(press.force.z) within -12 +- 0.1 N\n"
+        "  - max(abs(press.force.z)) < 14 N\n"
+        "  - swing.force.z within swing.force.z.ref +- 2 N\n"
+    )
+    found = [d for d in examine(load_text(text, "t.yaml")).findings if d.code == "TS726"]
+    assert len(found) == 3
+    share, peak, last = (
+        float(re.search(pattern, d.message)[1])
+        for pattern, d in zip(
+            (r"holds in (\d+) %", r"comes to ([\d.]+) N", r"comes to (-[\d.]+) N"),
+            found,
+            strict=True,
+        )
+    )
+    history = forced(text, tmp_path / "run").history
+    (visit,) = [v for v in history.visits() if v.stage == "press"]
+    force = history.columns["force.z"][visit.first : visit.last + 1]
+    assert share == pytest.approx(100 * np.mean(np.abs(force + 12) < 0.4), abs=3)
+    assert peak == pytest.approx(np.abs(force).max(), rel=0.01)
+    assert last == pytest.approx(force[-1], rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("rate", "until", "expect", "short"),
+    [
+        ("50 mm/s", "travel > 60 mm", "last(go.travel) > 60 mm", True),
+        ("50 mm/s", "travel > 60 mm", "last(go.travel) > 59 mm", False),
+        ("-50 mm/s", "position.x < 480 mm", "last(go.position.x) < 480 mm", True),
+        ("-50 mm/s", "position.x < 480 mm", "last(go.position.x) < 481 mm", False),
+        ("50 mm/s", "position.x > 20 mm", "last(go.position.x) > 20 mm", False),
+    ],
+)
+def test_a_guard_ends_short_of_what_it_waits_for(rate, until, expect, short, tmp_path):
+    text = GO.format(rate=rate, until=until, expect=expect)
+    assert ("TS727" in {d.code for d in examine(load_text(text, "t.yaml")).findings}) is short
+    run = forced(text, tmp_path / "run")
+    assert (run.summary["expectations"][0]["passed"]) is not short
