@@ -36,12 +36,14 @@ class ForceCourse:
 
     Attributes:
         times: (k,) since the stage began [s].
-        wanted: (k,) the set point of the file, not its rise [N, N m].
+        wanted: (k,) the set point of the file [N, N m].
+        reference: (k,) the same as it rises from the force at entry.
         applied: (k,) what the loop makes of it [N, N m].
     """
 
     times: Vector
     wanted: Vector
+    reference: Vector
     applied: Vector
 
 
@@ -50,10 +52,12 @@ class ForceCourses:
 
     Args:
         task: the plan.
+        deepens: whether a tool that its guard lets go on into the surface, for as long as the guard
+            has to hold, goes on with its full speed; else it goes no farther. The truth is between.
     """
 
-    def __init__(self, task: TaskPlan) -> None:
-        self._task = task
+    def __init__(self, task: TaskPlan, *, deepens: bool = True) -> None:
+        self._task, self._deepens = task, deepens
         self._known: dict[tuple[str, Axis], ForceCourse | None] = {}
 
     def of(self, name: str, axis: Axis) -> ForceCourse | None:
@@ -79,6 +83,9 @@ class ForceCourses:
         begins = self._begins(stage, axis)
         if begins is None or entry is None or not 0 < count <= _MOST_TICKS:
             return None
+        # Across a normal, friction is what returns a force, which the loop knows nothing of.
+        if not stage.gripped and abs(stage.facing(axis)) < MOSTLY:
+            return None
         force, twist = begins
         times: Vector = stage.context.period * np.arange(count, dtype=float)
         wanted = _wanted(stage, axis, times)
@@ -89,8 +96,9 @@ class ForceCourses:
         risen = np.ones(count)
         early = times < rise
         risen[early] = [blend.ramp_shape(float(t) / rise) for t in times[early]]
+        rises = risen * (wanted - force)
         try:
-            moved = force_response(sampled, axis, risen * (wanted - force), twist)
+            moved = force_response(sampled, axis, rises, twist)
         except (UnfitError, np.linalg.LinAlgError):
             return None
         if moved is None:
@@ -98,7 +106,7 @@ class ForceCourses:
         applied = force + moved
         if not stage.gripped and _leaves(stage, axis, applied):
             return None
-        return ForceCourse(times, wanted, applied)
+        return ForceCourse(times, wanted, force + rises, applied)
 
     def _begins(self, stage: StagePlan, axis: Axis) -> tuple[float, Vector] | None:
         """Force on an axis [N, N m] and twist of the tip (6,) at first; None if unknown."""
@@ -120,8 +128,12 @@ class ForceCourses:
         if way is None or way.contact != stage.contact_of(axis):
             return None
         down = np.concatenate([-way.closing * stage.normal_of(way.contact), np.zeros(3)])
-        # What is felt there is along the normal.
-        return -stage.facing(axis) * _felt_at_end(previous), down
+        felt = _felt_at_end(previous)
+        if self._deepens:
+            stiffness = stage.context.compliances[way.contact].stiffness
+            felt += way.closing * _dwell(previous) * stiffness
+        # It is along the normal.
+        return -stage.facing(axis) * felt, down
 
     def _at_end(self, stage: StagePlan, axis: Axis) -> float | None:
         """The force of an axis as its stage ends [N, N m]; None where it is not known.
@@ -157,11 +169,18 @@ def _sampled(task: TaskPlan, name: str) -> SampledStage | None:
     return None if found is None or found.meets or not found.pressed else found
 
 
+def _dwell(stage: StagePlan) -> float:
+    """How long the guard of a stage has to hold [s]."""
+    assert stage.spec.until is not None
+    guard = stage.spec.until.tree
+    return guard.amount.value_si if isinstance(guard, Held) else 0.0
+
+
 def _felt_at_end(stage: StagePlan) -> float:
-    """The force at which the guard of a stage that ends by a touch holds [N]."""
-    until = stage.spec.until
-    assert until is not None
-    guard = until.tree.x if isinstance(until.tree, Held) else until.tree
+    """The force from which on the guard of a stage that ends by a touch holds [N]."""
+    assert stage.spec.until is not None
+    guard = stage.spec.until.tree
+    guard = guard.x if isinstance(guard, Held) else guard
     ranges = Ranges(stage, {})
     asked = bounds_of([guard], IntervalAlgebra(), ranges)
     forces = [
@@ -197,5 +216,4 @@ def _wanted(stage: StagePlan, axis: Axis, times: Vector) -> Vector | None:
 
 def _leaves(stage: StagePlan, axis: Axis, applied: Vector) -> bool:
     """Whether a force along a normal would have to pull."""
-    facing = stage.facing(axis)
-    return abs(facing) > MOSTLY and bool(np.any(applied * math.copysign(1.0, facing) > TOUCHING))
+    return bool(np.any(applied * math.copysign(1.0, stage.facing(axis)) > TOUCHING))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +13,7 @@ from taskspec.foresight.conditions import names, parts
 from taskspec.foresight.interval import ANY, IntervalAlgebra
 from taskspec.foresight.ranges import constant
 from taskspec.geometry.axis import Axis, as_axis
-from taskspec.program.plan import StagePlan, TaskPlan
+from taskspec.program.plan import TaskPlan
 from taskspec.rules import Finding, Phase, rule, warning
 from taskspec.text.expression import Expression, evaluate
 from taskspec.text.expression.series import Series, SeriesAlgebra
@@ -23,7 +23,8 @@ from taskspec.text.units import FORCE, show
 Vector = NDArray[np.float64]
 
 _INTERVALS, _SERIES = IntervalAlgebra(), SeriesAlgebra()
-_EFFORTS = ("force", "torque")
+#: What may follow the name of a signal.
+_PARTS = ((), ("ref",))
 #: An expectation that would be met if the force came so much nearer to its set point is not
 #: accused: the loop is that of the start pose.
 _DOUBT = 0.1
@@ -32,13 +33,18 @@ _DOUBT = 0.1
 @rule("TS726", "an expectation that a force misses on its way", phase=Phase.STABILITY)
 def slow_forces(task: TaskPlan) -> Iterator[Finding]:
     """Expectations of forces that their loops do not bring there in time, or bring beyond."""
-    courses = ForceCourses(task)
+    ways = ForceCourses(task), ForceCourses(task, deepens=False)
     for expectation in task.context.loaded.task.expect:
         expression = expectation.expression
         for condition in parts(expression.tree):
-            finding = _slow(task, expression, condition, courses)
-            if finding is not None:
-                yield finding
+            signal = _force_of(task, condition)
+            if signal is None:
+                continue
+            name, _, axis = signal
+            courses = [way.of(name, Axis(axis)) for way in ways]
+            looks = [_Look(task, expression, condition, signal, c) for c in courses if c]
+            if len(looks) == len(ways) and all(look.misses for look in looks):
+                yield looks[0].finding()
 
 
 @rule("TS727", "an expectation that a guard ends short of", phase=Phase.RUN)
@@ -52,94 +58,92 @@ def short_ends(task: TaskPlan) -> Iterator[Finding]:
                 yield finding
 
 
-def _slow(
-    task: TaskPlan,
-    expression: Expression,
-    condition: Node,
-    courses: ForceCourses,
-) -> Finding | None:
-    """A force that is not where it is expected to be for long enough, or soon enough."""
-    context = task.context
-    signals = {n for n in names(condition) if constant(context, n) is None}
-    if len(signals) != 1:
+def _force_of(task: TaskPlan, condition: Node) -> tuple[str, str, str] | None:
+    """Stage, kind and axis of the one set point that a condition is about; None of any other."""
+    signals = {n for n in names(condition) if constant(task.context, n) is None}
+    paths = {n.path[:3] for n in signals}
+    if len(paths) != 1 or any(n.frame is not None or n.path[3:] not in _PARTS for n in signals):
         return None
-    (signal,) = signals
-    if len(signal.path) != 3 or signal.frame is not None or signal.path[1] not in _EFFORTS:
+    (path,) = paths
+    if len(path) != 3 or path[1] not in ("force", "torque"):
         return None
-    name, effort, last = signal.path
+    name, effort, last = path
     stage, axis = task.framed.get(name), as_axis(last)
-    if stage is None or axis is None or axis.effort != effort or not _is_set(stage, axis):
+    if stage is None or axis is None or axis.effort != effort:
         return None
-    course = courses.of(name, axis)
-    if course is None:
-        return None
-
-    def lookup(applied: Callable[[ForceCourse], Vector]) -> Callable[[Name], Series]:
-        values = applied(course)
-        window = np.ones(len(values), dtype=bool)
-
-        def find(n: Name) -> Series:
-            known = constant(context, n)
-            return Series(values, window) if known is None else Series.one(known.low)
-
-        return find
-
-    mild = lookup(lambda c: c.wanted + (1 - _DOUBT) * (c.applied - c.wanted))
-    likely = lookup(lambda c: c.applied)
-    if _holds(condition, mild) or _holds(condition, likely):
-        return None
-    foreseen = _foreseen(condition, likely, course, signal, expression)
-    if _holds(condition, lookup(lambda c: c.wanted)):
-        why = f"the loop of stage {name!r} comes to its set point so slowly, or so far beyond it"
-        hint = "let the stage last longer, raise its force gains, or widen this"
-    else:
-        why = f"the set point of stage {name!r} itself goes there"
-        hint = "widen this by what the set point changes, or expect its mean"
-    return warning(
-        "TS726",
-        f"{foreseen}: {why}",
-        expression.where(condition),
-        hint,
-        unless=("TS501", "TS723", "TS308"),
-    )
-
-
-def _is_set(stage: StagePlan, axis: Axis) -> bool:
     plan = stage.plans.get(axis)
-    return plan is not None and plan.force and stage.law.control_law.force_loop
+    return path if plan is not None and plan.force and stage.law.control_law.force_loop else None
 
 
-def _holds(condition: Node, lookup: Callable[[Name], Series]) -> bool:
-    worth = evaluate(condition, _SERIES, lookup)
-    return not worth.known or bool((worth.inside() == 1).all())
+class _Look:
+    """A condition on a force, over the course that is foreseen of it."""
 
+    def __init__(
+        self,
+        task: TaskPlan,
+        expression: Expression,
+        condition: Node,
+        signal: tuple[str, str, str],
+        course: ForceCourse,
+    ) -> None:
+        self._task, self._expression, self._condition = task, expression, condition
+        self._signal, self._course = signal, course
 
-def _foreseen(
-    condition: Node,
-    lookup: Callable[[Name], Series],
-    course: ForceCourse,
-    signal: Name,
-    expression: Expression,
-) -> str:
-    """What is foreseen instead, in words."""
-    unit = FORCE.on(rotation=signal.path[1] == "torque")
-    if isinstance(condition, Held):
-        held = evaluate(condition.x, _SERIES, lookup).inside()
-        first = int(np.argmax(held == 1)) if (held == 1).any() else None
-        share = f"holds in {100 * float(np.mean(held == 1)):.0f} % of its ticks"
-        since = "" if not first else f", first at t = {show(float(course.times[first]), 's', 3)}"
-        return f"this {share}{since}"
-    for node in (getattr(condition, "left", None), getattr(condition, "x", None)):
-        if isinstance(node, Reduce):
-            value = evaluate(node, _SERIES, lookup).number
-            written = expression.text[node.start : node.end]
-            return f"{written} comes to {show(value, unit, 3)}"
-    held = evaluate(condition, _SERIES, lookup).inside()
-    broken = int(np.argmax(held != 1))
-    return (
-        f"{signal} is {show(float(course.applied[broken]), unit, 3)} at "
-        f"t = {show(float(course.times[broken]), 's', 3)}"
-    )
+    @property
+    def misses(self) -> bool:
+        """Whether it is broken, even if the force came nearer to its set point by `_DOUBT`."""
+        wanted, applied = self._course.wanted, self._course.applied
+        return not (self._holds(applied) or self._holds(wanted + (1 - _DOUBT) * (applied - wanted)))
+
+    def finding(self) -> Finding:
+        """What is foreseen instead."""
+        name, _, axis = self._signal
+        if self._holds(self._course.wanted):
+            why = f"the loop of {axis!r} in stage {name!r} settles too slowly, or overshoots"
+            hint = "let the stage last longer, raise its force gains, or widen this"
+        else:
+            why = f"the set point of {axis!r} in stage {name!r} itself goes there"
+            hint = "widen this by what the set point changes, or expect its mean"
+        return warning(
+            "TS726",
+            f"{self._foreseen()}: {why}",
+            self._expression.where(self._condition),
+            hint,
+            unless=("TS501", "TS723", "TS308"),
+        )
+
+    def _foreseen(self) -> str:
+        condition, times = self._condition, self._course.times
+        unit = FORCE.on(rotation=self._signal[1] == "torque")
+        if isinstance(condition, Held):
+            held = self._value(condition.x, self._course.applied).inside() == 1
+            share = f"this is foreseen to hold in {100 * float(np.mean(held)):.0f} % of its ticks"
+            first = int(np.argmax(held))
+            return share + (f", first at t = {show(float(times[first]), 's', 3)}" if first else "")
+        for node in (getattr(condition, "left", None), getattr(condition, "x", None)):
+            if isinstance(node, Reduce):
+                value = self._value(node, self._course.applied).number
+                written = self._expression.text[node.start : node.end]
+                return f"{written} is foreseen to come to {show(value, unit, 3)}"
+        held = self._value(condition, self._course.applied).inside() == 1
+        broken = int(np.argmin(held))
+        force = show(float(self._course.applied[broken]), unit, 3)
+        return f"{force} is foreseen at t = {show(float(times[broken]), 's', 3)}"
+
+    def _holds(self, applied: Vector) -> bool:
+        worth = self._value(self._condition, applied)
+        return not worth.known or bool((worth.inside() == 1).all())
+
+    def _value(self, node: Node, applied: Vector) -> Series:
+        window = np.ones(len(applied), dtype=bool)
+
+        def find(name: Name) -> Series:
+            known = constant(self._task.context, name)
+            if known is not None:
+                return Series.one(known.low)
+            return Series(self._course.reference if name.path[3:] else applied, window)
+
+        return evaluate(node, _SERIES, find)
 
 
 def _short_of(task: TaskPlan, expression: Expression, condition: Node) -> Finding | None:

@@ -88,7 +88,7 @@ def test_what_is_missed_is_announced_as_measured(tmp_path):
     share, peak, last = (
         float(re.search(pattern, d.message)[1])
         for pattern, d in zip(
-            (r"holds in (\d+) %", r"comes to ([\d.]+) N", r"comes to (-[\d.]+) N"),
+            (r"hold in (\d+) %", r"come to ([\d.]+) N", r"come to (-[\d.]+) N"),
             found,
             strict=True,
         )
