@@ -98,7 +98,7 @@ class ForceCourses:
         risen[early] = [blend.ramp_shape(float(t) / rise) for t in times[early]]
         rises = risen * (wanted - force)
         try:
-            moved = force_response(sampled, axis, rises, twist)
+            moved = sampled.follows(axis, rises, twist)
         except (UnfitError, np.linalg.LinAlgError):
             return None
         if moved is None:

@@ -157,7 +157,7 @@ def driven_step(
     controller: LinearController,
     plant: LinearPlant,
     sensor: SensorModel,
-    drive: Drive = Drive(),  # noqa: B008  (it is frozen)
+    drive: Drive = Drive(),
     *,
     samples: bool,
 ) -> DrivenStep:
