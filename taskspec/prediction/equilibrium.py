@@ -195,6 +195,12 @@ def _springs(here: StageAtStart, on: Bearing, rest: Rest) -> None:
         return
     name = stage.plan.contact
     normal = on.normals[:, on.names.index(name)]
+    if stage.plan.falls:
+        plans = stage.plan.plans
+        pressing = [a for a in plans if along(normal[:, None], a) is not None]
+        why = "nothing bears the weight of the arm, and it falls"
+        rest.left_out |= {applied(a): why for a in pressing}
+        return
     found, own = behind(here, normal[:, None]), yield_of(here, normal)
     if found is None or own is None or found[1] <= 0:
         _why_open(here, on.normals, found is not None and found[1] <= 0, own, rest)

@@ -37,6 +37,8 @@ Vector = NDArray[np.float64]
 
 #: From here on J H^-1 J^T counts as singular.
 _CONDITION = 1e12
+#: A weight below this is none [N m].
+_NO_WEIGHT = 1e-3
 #: Cosine from which on two normals are taken as one: 1 deg.
 _SAME = float(np.cos(np.deg2rad(1.0)))
 
@@ -610,6 +612,12 @@ class StagePlan:
     def _pressed(self, axis: Axis) -> float:
         """Stiffness of the contact that an axis presses on [N/m, N m/rad]; 0 where it does not."""
         return self.plants[axis].k if self.plans[axis].set_point else 0.0
+
+    @property
+    def falls(self) -> bool:
+        """Whether nothing bears the arm's weight: neither its law nor a counterweight."""
+        weight = float(np.abs(self.context.start_gravity).max(initial=0.0))
+        return self.law.control_law.bare and weight > _NO_WEIGHT
 
     @cached_property
     def translations(self) -> tuple[Axis, ...]:

@@ -17,8 +17,6 @@ from taskspec.spec import FILE, KeyPath, key_of
 from taskspec.text.units import show
 
 _ROTATIONS = AXES[3:]
-#: A weight below this is none [N m].
-_NO_WEIGHT = 1e-3
 
 
 @rule("TS214", "a limit that nothing keeps", phase=Phase.AXES)
@@ -46,7 +44,7 @@ def unborne_weight(stage: StagePlan) -> Iterator[Finding]:
     """
     context = stage.context
     gravity = context.start_gravity
-    if not stage.law.control_law.bare or float(np.abs(gravity).max()) < _NO_WEIGHT:
+    if not stage.falls:
         return
     both = np.kron(np.eye(2), stage.rotation.T)
     rows = [AXES.index(a) for a in stage.axes]

@@ -12,6 +12,7 @@ from taskspec.laws.gains import value_of
 from taskspec.program.plan import StagePlan
 from taskspec.rules import Finding, Phase, error, rule, warning
 from taskspec.spec import FILE, Variation
+from taskspec.text.units import FORCE, show
 
 
 @rule("TS303", "a force without a surface to press on", phase=Phase.PATH)
@@ -57,7 +58,7 @@ def vague_forces(stage: StagePlan) -> Iterator[Finding]:
             yield warning(
                 "TS304",
                 f"under {stage.law.kind!r} this force is open loop: for the surfaces that `vary` "
-                f"allows it becomes {low:.3g} to {high:.3g} N",
+                f"allows it becomes {show(low, FORCE, 3)} to {show(high, FORCE, 3)}",
                 FILE.stages[stage.name].axes[axis].force,
                 "a law with a force loop (hybrid, parallel, parallel-pid) reaches it on all",
             )

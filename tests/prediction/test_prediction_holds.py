@@ -152,6 +152,25 @@ def test_a_law_without_an_integral_says_nothing_under_friction(simulate, frictio
         assert "table" not in said.depths
 
 
+def test_an_arm_that_falls_rests_on_nothing():
+    said = foreseen(text(LAW=f"{{kind: stiffness, {SPRINGS}}}"))
+    assert said.left_out["force.z"] == "nothing bears the weight of the arm, and it falls"
+    assert "force.z" not in said.equilibrium
+    assert "table" not in said.depths
+
+
+@pytest.mark.parametrize("way", ["30 mm", "-30 mm"])
+def test_a_move_begins_at_the_rate_that_is_handed_over(simulate, way):
+    """It goes on along the reference that it takes over, or turns back: to a tick either way."""
+    stage = "axes: {x: {velocity: 40 mm/s}}, time: 1 s"
+    task = text(HEIGHT="350 mm", STAGE=stage).replace(
+        "axes: {z: {force: -5 N}}, time: 0.1 s", f"axes: {{x: {{move: {way}}}}}"
+    )
+    said, run = foreseen(task, "press"), simulate(task)
+    lasted = len(run.during("press", "t")) * 1e-3
+    assert lasted == pytest.approx(said.duration.expected, abs=1.5e-3)
+
+
 SENSORS = {
     "ideal": "",
     "late": ", sensor: {delay: 4 ms}",
