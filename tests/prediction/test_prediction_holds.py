@@ -124,6 +124,24 @@ def test_a_flat_tool_that_does_not_lie_flush(simulate, law, tilt):
     assert deep == pytest.approx(said.depths["table"].depth, rel=math.radians(5) ** 2)
 
 
+def test_a_flat_tool_on_a_drum(simulate):
+    """Off its crown by 15 mm: the rim of 20 mm is askew to a drum of 150 mm by 13 deg at most."""
+    plane = "shape: plane, xyz: [500 mm, 0, 300 mm], rpy: [0, TILT, 0]"
+    drum = "shape: cylinder, radius: 150 mm, length: 600 mm, xyz: [485 mm, 0, 150 mm], "
+    drum += "rpy: [90 deg, 0, 0]"
+    flat = FLAT | {"TILT": "0", "HEIGHT": "301 mm"}
+    task = text(LAW=f"{{kind: impedance, {SPRINGS}}}", **flat)
+    task = task.replace(plane.replace("TILT", "0"), drum)
+    assert "cylinder, radius: 150" in task
+    said, run = foreseen(task), simulate(task)
+    askew = math.asin((15 + 20) / 150) ** 2
+    for signal in ("force.z", "force.x", "torque.ry"):
+        end = run.during("go", signal)[-1]
+        assert end == pytest.approx(said.equilibrium[signal].value, rel=askew)
+    deep = -run.during("go", "table.gap")[-1]
+    assert deep == pytest.approx(said.depths["table"].depth, rel=askew)
+
+
 def test_a_force_loop_presses_an_edge_as_deep_as_it_bears(simulate):
     task = text(**FLAT)
     said, run = foreseen(task), simulate(task)
