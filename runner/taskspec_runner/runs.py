@@ -19,10 +19,11 @@ from numpy.typing import NDArray
 
 from taskspec.text.suggest import suggestion
 from taskspec_runner.errors import InputError
-from taskspec_runner.record.extent import ENDED, Extent, status_of
+from taskspec_runner.record.block import BLOCK, LeftTicks
+from taskspec_runner.record.evidence import Evidence
+from taskspec_runner.record.extent import Extent, status_of
 from taskspec_runner.record.folder import (
     LOG,
-    MANIFEST,
     REPORT,
     SUMMARY,
     TASK,
@@ -32,11 +33,15 @@ from taskspec_runner.record.folder import (
     mappings,
     number,
     open_folder,
-    read_json,
+    plain,
 )
-from taskspec_runner.record.history import History, Mask, Vector
-from taskspec_runner.record.log import Log, read_log, stream_log
+from taskspec_runner.record.history import History, HistoryBuilder, Mask, Vector
+from taskspec_runner.record.layout import LogLayout
+from taskspec_runner.record.lock import holder
+from taskspec_runner.record.log import Log
+from taskspec_runner.record.manifest import FORMAT, run_mark
 from taskspec_runner.signals import LoggedSignal, LoggedSignals
+from taskspec_runner.verdict.judge import judge_run
 from taskspec_runner.verdict.judged import Judged, read_judged
 from taskspec_runner.verdict.outcome import verdict
 from taskspec_runner.verdict.run_finding import RunFinding, read_finding
@@ -177,11 +182,14 @@ class Run(Window):
         """The run of a folder; of one that was killed, what there is.
 
         Raises:
-            InputError: it is not the folder of a run.
+            InputError: it is not the folder of a run, or a newer taskspec made it.
         """
         if not RunFolder(folder).is_run:
             raise InputError(f"cannot read {folder}: it is not the folder of a run")
-        return cls(folder)
+        run = cls(folder)
+        # A newer version is found out before anything is made of it.
+        _ = run.manifest
+        return run
 
     def save(self, folder: str | Path) -> Run:
         """Writes the run into another folder; an earlier run in that is replaced.
@@ -201,21 +209,27 @@ class Run(Window):
         with open_folder(folder, folder.name) as into:
             into.write(TASK, content)
             if len(history):
-                with closing(Log(into.log, keep=False)) as log:
+                with closing(Log(into.log, keep=False, run=run_mark(manifest))) as log:
                     for batch in history.batches(ROWS):
                         log.write(batch)
+                manifest["log"] = log.facts
             if summary:
                 into.write_json(SUMMARY, summary)
-            into.note(**manifest | {"sha256": {name: into.digest(name) for name in (TASK, LOG)}})
+            sums = {name: into.digest(name) for name in (TASK, LOG, SUMMARY)}
+            into.note(**manifest | {"format": FORMAT, "sha256": sums})
         return Run(folder, content=content, summary=summary, history=history)
+
+    @cached_property
+    def evidence(self) -> Evidence:
+        """Whether the files of the folder are what the run wrote."""
+        return Evidence(self.folder)
 
     # What was to be done.
 
     @cached_property
     def content(self) -> bytes:
         """The task file byte by byte; empty where it is missing."""
-        path = self.folder / TASK
-        return path.read_bytes() if path.is_file() else b""
+        return self.evidence.task
 
     @cached_property
     def task(self) -> str:
@@ -224,8 +238,11 @@ class Run(Window):
 
     @cached_property
     def manifest(self) -> Json:
-        """The content of `manifest.json`: versions, seed, overrides, times on the wall."""
-        return read_json(self.folder / MANIFEST)
+        """The content of `manifest.json`: versions, seed, overrides, times on the wall.
+
+        It is empty where it is missing or not as the run wrote it.
+        """
+        return self.evidence.manifest
 
     @cached_property
     def program(self) -> Program:
@@ -242,6 +259,10 @@ class Run(Window):
 
         if not self.content:
             raise RebuildError(f"{self.folder / TASK} is missing")
+        if wrong := self.evidence.task_damage:
+            raise RebuildError(wrong)
+        if changed := self.evidence.changed:
+            raise RebuildError(f"{', '.join(changed)} is no longer as the run read it")
         origin = self.manifest.get("file")
         file = Path(origin) if isinstance(origin, str) else self.folder / TASK
         overrides = dict(mapping(self.manifest.get("overrides")))
@@ -279,11 +300,57 @@ class Run(Window):
 
     @cached_property
     def history(self) -> History:
-        """Every tick of the log, up to where that ends."""
+        """Every tick, up to the end of the log, or to what in it is not as the run wrote it."""
+        columns = HistoryBuilder()
         try:
-            return read_log(self.folder / LOG)
+            for batch in self._written():
+                columns.add(batch)
         except OSError:
             return History({}, np.array([], dtype=np.str_))
+        return columns.build()
+
+    def _written(self) -> Iterator[pa.RecordBatch]:
+        """The batches on the disk, and of a killed run the ticks that came after them.
+
+        Raises:
+            OSError: there is no log, and nothing after it.
+        """
+        ticks, left = 0, None if self._writer else self.evidence.left
+        try:
+            reader = self.evidence.log()
+        except OSError:
+            if left is None or not len(left.rows):
+                raise
+        else:
+            yield from reader
+            ticks = reader.ticks
+            if reader.damage and not reader.cut:
+                return
+        if left is not None and left.first <= ticks < left.first + len(left.rows):
+            yield from self._recovered(left, ticks)
+
+    def _recovered(self, left: LeftTicks, ticks: int) -> Iterator[pa.RecordBatch]:
+        rows = left.rows[ticks - left.first :]
+        try:
+            layout = LogLayout.of(self.program)
+        except RebuildError as error:
+            self._lost = f"{len(rows)} more lie in {BLOCK}, which needs the task: {error}"
+            return
+        if layout.fields != left.rows.shape[1]:
+            self._lost = f"{len(rows)} more lie in {BLOCK}, which another version wrote"
+            return
+        try:
+            yield layout.batch(rows)
+        except (ValueError, IndexError, OverflowError):
+            self._lost = f"{len(rows)} more lie in {BLOCK}, which are not ticks of this task"
+
+    @cached_property
+    def _writer(self) -> str:
+        """The process that writes the run now, in words; empty if none does."""
+        writer = holder(self.folder)
+        return writer.told if writer is not None else ""
+
+    _lost = ""
 
     @cached_property
     def _ticks(self) -> Mask:
@@ -299,7 +366,7 @@ class Run(Window):
             yield from self.history.batches(ROWS)
             return
         held: list[pa.RecordBatch] = []
-        for batch in stream_log(self.folder / LOG):
+        for batch in self._written():
             held.append(batch)
             if sum(b.num_rows for b in held) >= ROWS:
                 yield _joined(held)
@@ -372,32 +439,32 @@ class Run(Window):
     @property
     def extent(self) -> Extent:
         """How much of the run there is."""
-        return Extent(status_of(self.manifest, self.summary), len(self.clock), self.end)
+        return self.extent_of(len(self.clock), self.end)
+
+    def extent_of(self, ticks: int, until: float) -> Extent:
+        """The same of some ticks that were read, until a run time [s]."""
+        status = status_of(self.manifest, self.summary)
+        return Extent(status, ticks, until, self._writer, self._lost)
 
     @cached_property
     def damage(self) -> str:
-        """What is wrong with the log of a run that has ended; empty if nothing is."""
-        if self.manifest.get("status") not in ENDED:
-            return ""
-        written = mapping(self.manifest.get("sha256")).get(LOG)
-        try:
-            found = RunFolder(self.folder).digest(LOG)
-        except OSError as error:
-            return f"{LOG} cannot be read: {error.strerror or error}"
-        if found is None:
-            # A run that was stopped before its first tick has none.
-            missing = written or self.manifest.get("status") != "stopped"
-            return f"{LOG} is missing" if missing else ""
-        if written and found != written:
-            return f"{LOG} is not what the run wrote: its SHA-256 is not the one in {MANIFEST}"
-        return ""
+        """Which files or batches are missing or not as the run wrote them; empty if none is."""
+        return "" if self._writer else self.evidence.damage()
+
+    @property
+    def changed(self) -> tuple[str, ...]:
+        """Files that the task draws on and that are no longer as the run read them."""
+        return self.evidence.changed
 
     # What came of it.
 
     @cached_property
     def summary(self) -> Json:
-        """The content of `summary.json`, in SI; empty for a run that did not finish."""
-        return read_json(self.folder / SUMMARY)
+        """The content of `summary.json`, in SI; empty for a run that did not finish.
+
+        It is empty, too, where it is not the one that was judged.
+        """
+        return self.evidence.summary
 
     @property
     def exit_code(self) -> int:
@@ -406,10 +473,36 @@ class Run(Window):
 
     @cached_property
     def expectations(self) -> tuple[Judged, ...]:
-        """What the task expected and what was found, in the order of the file."""
+        """What the task expected and what was found, in the order of the file.
+
+        Of a run that did not finish, they are judged on the ticks that there are.
+        """
+        if self.not_judged is not None:
+            return self._judged_so_far
         whole = self.summary.get("status") == "done"
         entries = mappings(self.summary.get("expectations"))
         return tuple(read_judged(entry, whole=whole) for entry in entries)
+
+    @cached_property
+    def not_judged(self) -> str | None:
+        """Why nothing is judged of a run that did not finish; empty if what there is was.
+
+        None for a run that was judged when it ended.
+        """
+        if self.summary or self.damage or not self.extent.partial:
+            return None
+        if not len(self):
+            return "there is no tick"
+        try:
+            self._judged_so_far = tuple(
+                read_judged(plain(each.as_data()), whole=False)
+                for each in judge_run(self.program, self.history)
+            )
+        except RebuildError as error:
+            return str(error)
+        return ""
+
+    _judged_so_far: tuple[Judged, ...] = ()
 
     @cached_property
     def findings(self) -> tuple[RunFinding, ...]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import hashlib
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -23,14 +24,12 @@ from taskspec_runner.loop.interrupt import BY_SIGNAL, Interrupt, Termination, si
 from taskspec_runner.loop.telemetry import Tap, Telemetry
 from taskspec_runner.record import folder as folders
 from taskspec_runner.record import manifest
+from taskspec_runner.record.extent import ENDED
 from taskspec_runner.record.folder import RunFolder, open_folder
-from taskspec_runner.record.history import History
 from taskspec_runner.record.log import Log
 from taskspec_runner.runs import Run
-from taskspec_runner.verdict.judge import judge
-from taskspec_runner.verdict.judged import Judged
+from taskspec_runner.verdict.judge import judge_run
 from taskspec_runner.verdict.performance import accounts
-from taskspec_runner.verdict.replay import Replay
 from taskspec_runner.verdict.summary import Simulated, reason_of, summarise
 
 
@@ -129,9 +128,8 @@ def _execute(program: Program, out: Path | None, manner: _Manner) -> Run:
 
 def _kept(program: Program, folder: RunFolder, content: bytes, manner: _Manner) -> Run:
     """Makes a run in its folder; whatever happens, the manifest says it."""
-    loaded = program.context.loaded
     try:
-        folder.note(**manifest.opening(loaded, content, manner.seed))
+        folder.note(**manifest.opening(program, content, manner.seed))
         folder.write(folders.TASK, content)
         return _run(program, folder, content, manner)
     except KeyboardInterrupt as error:
@@ -165,14 +163,21 @@ def _run(program: Program, folder: RunFolder, content: bytes, manner: _Manner) -
     history = log.history()
     if simulated.by_signal:
         simulated = simulated.as_logged(history, program.context.period)
-    outcome, judged = simulated.outcome, _judge(program, history)
+    outcome, judged = simulated.outcome, judge_run(program, history)
     summary = folders.plain(summarise(program, simulated, history, judged, manner.seed))
-    folder.write_json(folders.SUMMARY, summary)
+    text = folders.json_text(summary)
+    digests = {
+        **folder.manifest["sha256"],
+        folders.LOG: log.sha256,
+        folders.SUMMARY: hashlib.sha256(text.encode()).hexdigest(),
+    }
+    # Before the summary is there: whoever reads it knows whether it is the one that was judged.
+    folder.note(sha256=digests, log=log.facts)
+    folder.write(folders.SUMMARY, text)
     _close(
         folder,
         outcome.status,
         outcome.reason,
-        log.sha256,
         exit_code=summary["exit_code"],
         wall_seconds=wall,
         real_time_factor=outcome.clock / wall,
@@ -195,7 +200,7 @@ def _run(program: Program, folder: RunFolder, content: bytes, manner: _Manner) -
 
 def _simulate(program: Program, folder: RunFolder, manner: _Manner) -> tuple[Simulated, Log]:
     context = program.context
-    parts, log = assemble(program), Log(folder.log)
+    parts, log = assemble(program), Log(folder.log, run=manifest.run_mark(folder.manifest))
     machine, recorder = parts.machine, parts.recorder(log)
     rows: TickSink = recorder
     if manner.telemetry is not None:
@@ -236,18 +241,12 @@ def _glimpse(machine: Machine, clock: float, wall: float) -> Glimpse:
     return Glimpse(clock, machine.stage.name, axis, force, reference, clock / wall)
 
 
-def _judge(program: Program, history: History) -> tuple[Judged, ...]:
-    context = program.context
-    replay = Replay(context.robot, context.frames, program.stages, history, context.moving_bases)
-    return judge(context.loaded.task, history, replay.signal)
-
-
-def _close(
-    folder: RunFolder, status: str, reason: str, log: str | None = None, **entries: Any
-) -> None:
-    """Notes how a run ended; `log` is the SHA-256 of its log, None to read that."""
-    if log is None:
-        digests = {name: folder.digest(name) for name in (folders.TASK, folders.LOG)}
-    else:
-        digests = {**folder.manifest["sha256"], folders.LOG: log}
-    folder.note(status=status, reason=reason, finished=manifest.now(), sha256=digests, **entries)
+def _close(folder: RunFolder, status: str, reason: str, **entries: Any) -> None:
+    """Notes how a run ended; of one that was not judged, what its log came to."""
+    digests = folder.manifest["sha256"]
+    if digests[folders.LOG] is None:
+        digests = {**digests, folders.LOG: folder.digest(folders.LOG)}
+    folder.note(sha256=digests, status=status, reason=reason, finished=manifest.now(), **entries)
+    if status in ENDED:
+        # All of its ticks are in the log, which the manifest says now.
+        folder.block.unlink(missing_ok=True)

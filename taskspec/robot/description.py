@@ -6,6 +6,7 @@ import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import mujoco
@@ -36,6 +37,7 @@ class Description:
         velocity: Velocity limits by joint id [rad/s or m/s].
         mimics: Joints that follow another one, which none of an arm's may.
         notes: What could not be read as it is written.
+        files: SHA-256 of every file that was read, by its path; of a built-in robot none.
     """
 
     name: str
@@ -44,6 +46,7 @@ class Description:
     velocity: Mapping[int, float] = field(default_factory=dict)
     mimics: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
+    files: Mapping[Path, str] = field(default_factory=dict)
 
 
 @contextmanager

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import re
 import stat
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass
+from hashlib import sha256
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -33,6 +36,20 @@ _NAN = re.compile(r"(?:^|\s)[+-]?nan(?:\s|$)", re.IGNORECASE)
 _NAMES = frozenset(
     {"name", "class", "childclass", "link", "joint", "body", "site", "file", "filename"}
 )
+
+
+_READ: ContextVar[dict[Path, str] | None] = ContextVar("read", default=None)
+
+
+@contextmanager
+def noting_files() -> Iterator[dict[Path, str]]:
+    """Gives the SHA-256 of every file of a robot that is read meanwhile, by its path."""
+    files: dict[Path, str] = {}
+    token = _READ.set(files)
+    try:
+        yield files
+    finally:
+        _READ.reset(token)
 
 
 @dataclass(frozen=True, slots=True)
@@ -212,7 +229,10 @@ def _read(path: Path, shown: str, limit: int) -> bytes | None:
                 f"'{shown}' has {status.st_size / 2**20:.1f} MiB, more than {limit // 2**20} MiB",
                 "leave the arm alone in it",
             )
-        return path.read_bytes()
+        content = path.read_bytes()
+        if (files := _READ.get()) is not None:
+            files[path.absolute()] = sha256(content).hexdigest()
+        return content
     except FileNotFoundError:
         return None
     except (OSError, ValueError) as error:

@@ -91,6 +91,7 @@ def load_robot(robot: RobotLike, base_dir: Path | None = None) -> RobotModel:
         tip_body=tip_body,
         source=description.source,
         flange=chain.label,
+        files=description.files,
         notes=description.notes + arm.notes + _short_of(axes, m, chain),
     )
 

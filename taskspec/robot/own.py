@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import mujoco
@@ -17,7 +18,7 @@ from taskspec.robot.description import (
     velocity_limits,
 )
 from taskspec.robot.errors import RobotError
-from taskspec.robot.files import Roots, parse_xml, read_model
+from taskspec.robot.files import Roots, noting_files, parse_xml, read_model
 from taskspec.robot.mjcf import mjcf_spec, mjcf_text
 from taskspec.robot.urdf import check_urdf, urdf_mimics, urdf_spec, urdf_velocities
 from taskspec.text.confines import confines
@@ -35,6 +36,11 @@ def read_own(shown: str, folder: Path) -> Description:
     Raises:
         RobotError: TS401 to TS405, TS409.
     """
+    with noting_files() as files:
+        return replace(_read_own(shown, folder), files=files)
+
+
+def _read_own(shown: str, folder: Path) -> Description:
     path = folder / shown
     roots = Roots(path.parent, confines(folder))
     text = read_model(path, shown, roots.confines)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
@@ -104,6 +105,7 @@ class RobotModel:
         flange: The body, site or frame of the robot's file on which the tool is mounted.
         source: Where the numbers come from.
         notes: What was left out of the robot's file, or changed, one sentence each.
+        files: SHA-256 of every file that was read for it, by its path; of a built-in robot none.
     """
 
     name: str
@@ -125,6 +127,7 @@ class RobotModel:
     source: str
     flange: str = ""
     notes: tuple[str, ...] = ()
+    files: Mapping[Path, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)

@@ -218,12 +218,11 @@ def test_exit_codes():
 
 
 def test_run_folder():
-    files = (folder.TASK, folder.MANIFEST, folder.LOG)
+    files = (folder.TASK, folder.MANIFEST, folder.LOG, folder.BLOCK)
     later = (folder.SUMMARY, folder.REPORT, folder.CRASH)
     assert tuple(first_words(CONVENTIONS, "table: folder")) == files + later
     text = CONVENTIONS.read_text(encoding="utf-8")
     assert f"batches of {BATCH} rows" in text
-    assert f"at most the last {BATCH - 1} rows are lost" in text
 
 
 def test_topics_of_an_export():

@@ -320,14 +320,14 @@ def test_internal_error_under_one_law_spares_the_others(
 ) -> None:
     from taskspec_runner import session
 
-    usual = session.judge
+    usual = session.judge_run
 
-    def broken(task: Any, *args: Any) -> Any:
-        if task.law.kind == "pd":
+    def broken(program: Any, *args: Any) -> Any:
+        if program.context.loaded.task.law.kind == "pd":
             raise ZeroDivisionError("as a test")
-        return usual(task, *args)
+        return usual(program, *args)
 
-    monkeypatch.setattr("taskspec_runner.session.judge", broken)
+    monkeypatch.setattr("taskspec_runner.session.judge_run", broken)
     code, data = compare(tap, *laws("pd", "hybrid", "parallel"))
     assert code == 3
     outcomes = {law["law"]: law["outcome"] for law in data["laws"]}

@@ -5,12 +5,14 @@ from __future__ import annotations
 import json
 import re
 import shutil
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pyarrow as pa
 import pytest
+from sealed import seal_folder
 from short_tasks import TAP
 from typer.testing import CliRunner, Result
 
@@ -20,7 +22,7 @@ from taskspec_runner.diff import diff_runs
 from taskspec_runner.diff.logs import diff_logs
 from taskspec_runner.record.folder import plain
 from taskspec_runner.record.history import History
-from taskspec_runner.record.log import read_log
+from taskspec_runner.record.log import Log, read_log
 from taskspec_runner.runs import Run
 from taskspec_runner.session import execute
 
@@ -50,8 +52,7 @@ def data(a: Path, b: Path) -> tuple[int, Any]:
 def changed(folder: Path, to: Path, **entries: Any) -> Path:
     """A copy of a run with other entries in its manifest."""
     shutil.copytree(folder, to)
-    manifest = json.loads((to / "manifest.json").read_text())
-    (to / "manifest.json").write_text(json.dumps(manifest | entries))
+    seal_folder(to, **entries)
     return to
 
 
@@ -155,13 +156,13 @@ def test_page_escapes_what_comes_from_outside(runs: Path, tmp_path: Path) -> Non
 
 
 def test_partial_run_is_taken_as_far_as_it_goes(runs: Path, tmp_path: Path) -> None:
-    killed = changed(runs / "a", tmp_path / "killed", status="running", sha256={})
+    killed = changed(runs / "a", tmp_path / "killed", status="running")
     (killed / "summary.json").unlink()
     log = (killed / "log.arrow").read_bytes()
-    with (killed / "log.arrow").open("wb") as file:
-        batches = pa.ipc.open_stream(log)
-        with pa.ipc.new_stream(file, batches.schema) as writer:
-            writer.write_batch(batches.read_next_batch().slice(0, 150))
+    (killed / "log.arrow").unlink()
+    with closing(Log(killed / "log.arrow", keep=False)) as writer:
+        writer.write(pa.ipc.open_stream(log).read_next_batch().slice(0, 150))
+    seal_folder(killed)
     result = call("diff", runs / "a", killed, "--html", tmp_path / "d.html")
     assert result.exit_code == 1
     assert "taskspec: B: the run is partial" in result.stderr
@@ -169,7 +170,9 @@ def test_partial_run_is_taken_as_far_as_it_goes(runs: Path, tmp_path: Path) -> N
     assert (
         f"The logs are the same for 150 ticks; then A goes on for {ticks - 150}." in result.stdout
     )
-    assert "not judged" in result.stdout
+    # Judged on the ticks that there are.
+    assert "B  " in result.stdout
+    assert "So far: " in result.stdout
 
 
 def test_run_without_a_tick(runs: Path, tmp_path: Path) -> None:

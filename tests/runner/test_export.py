@@ -7,6 +7,7 @@ import json
 import subprocess
 import sys
 from collections import defaultdict
+from contextlib import closing
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -27,7 +28,7 @@ from taskspec_runner.export import MissingLibraryError, export_run
 from taskspec_runner.export.cdr import Layout
 from taskspec_runner.export.poses import PoseStream
 from taskspec_runner.record.history import history_of
-from taskspec_runner.record.log import read_log
+from taskspec_runner.record.log import Log, read_log
 from taskspec_runner.runs import Run
 from taskspec_runner.session import execute
 from taskspec_runner.verdict.replay import Replay
@@ -148,14 +149,11 @@ def _write_log(folder: Path, batches: int) -> None:
     schema = pa.schema([*fields, pa.field("stage", pa.dictionary(pa.int32(), pa.string()))])
     random = np.random.default_rng(0)
     stages = pa.DictionaryArray.from_arrays(pa.array(np.zeros(500, dtype=np.int32)), ["only"])
-    with (
-        (folder / "log.arrow").open("wb") as file,
-        pa.ipc.new_stream(file, schema) as writer,
-    ):
+    with closing(Log(folder / "log.arrow", keep=False)) as writer:
         for number in range(batches):
             clock = 1e-3 * (500 * number + np.arange(500))
             columns = [clock, clock, *(random.random(500) for _ in names[2:])]
-            writer.write_batch(pa.record_batch([*columns, stages], schema=schema))
+            writer.write(pa.record_batch([*columns, stages], schema=schema))
 
 
 # MCAP
@@ -271,7 +269,8 @@ def test_run_whose_task_is_gone_is_exported_without_poses(folder: Path, tmp_path
     for name in ("log.arrow", "manifest.json"):
         (copy / name).write_bytes((folder / name).read_bytes())
     result = call("export", copy, "--mcap")
-    assert result.exit_code == 0
+    assert result.exit_code == 1
+    assert "task.yaml is missing" in result.stderr
     assert "without the poses of tool and task frame" in result.stderr
     assert "/tf" not in messages(copy / "log.mcap")
 

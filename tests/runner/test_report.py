@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import json
 import re
+from contextlib import closing
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -16,7 +17,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from sealed import seal_folder
 
+from taskspec_runner.record.log import Log
 from taskspec_runner.report import Picture, overview_svg, write_report
 from taskspec_runner.report.decimate import POINTS, broken, decimate, encode, simplify
 from taskspec_runner.report.figures import differs
@@ -52,10 +55,11 @@ def log(folder: Path, stages: list[str], columns: dict[str, tuple[Vector, str]])
     arrays.append(pa.DictionaryArray.from_arrays(codes, names))
     schema = pa.schema(fields)
     path = folder / "log.arrow"
-    with path.open("wb") as file, pa.ipc.new_stream(file, schema) as writer:
+    path.unlink(missing_ok=True)
+    with closing(Log(path, keep=False)) as writer:
         batch = pa.record_batch(arrays, schema=schema)
         for start in range(0, rows, 100):
-            writer.write_batch(batch.slice(start, 100))
+            writer.write(batch.slice(start, 100))
     return path
 
 
@@ -128,13 +132,14 @@ def tiny_summary() -> dict[str, Any]:
 def folder(tmp_path: Path) -> Path:
     log(tmp_path, ["touch"] * 200 + ["press"] * 200, tiny_columns())
     (tmp_path / "task.yaml").write_text(f"name: tiny # {NASTY}\n", encoding="utf-8")
-    (tmp_path / "manifest.json").write_text(json.dumps({"versions": {"mujoco": NASTY}}))
+    seal_folder(tmp_path, versions={"mujoco": NASTY})
     rewrite(tmp_path, tiny_summary())
     return tmp_path
 
 
 def rewrite(folder: Path, summary: dict[str, Any]) -> None:
     (folder / "summary.json").write_text(json.dumps(summary), encoding="utf-8")
+    seal_folder(folder, status=summary["status"] or "running")
 
 
 def page(folder: Path) -> str:
@@ -257,7 +262,7 @@ class TestCharts:
 class TestPatience:
     def test_empty_folder(self, tmp_path: Path) -> None:
         text = page(tmp_path)
-        assert "unfinished" in text
+        assert "manifest.json is missing" in text
         assert "nothing to draw" in text
 
     def test_log_alone(self, tmp_path: Path) -> None:
@@ -314,7 +319,7 @@ class TestVerdict:
 
     def test_crash_names_its_reason(self, tmp_path: Path) -> None:
         told = {"status": "crashed", "reason": "disk full"}
-        (tmp_path / "manifest.json").write_text(json.dumps(told))
+        seal_folder(tmp_path, **told)
         assert "The run crashed: disk full." in verdict(Run(tmp_path)).sentence
 
 

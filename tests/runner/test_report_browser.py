@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from sealed import seal_folder
 from short_tasks import TAP
 from typer.testing import CliRunner
 
@@ -61,10 +62,10 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     killed = folder / "killed"
     killed.mkdir()
     shutil.copy(folder / "good" / "task.yaml", killed)
-    (killed / "manifest.json").write_text(json.dumps({"status": "running", "task": "tap"}))
     whole = (folder / "good" / "log.arrow").read_bytes()
     # Without the mark of the end, which a killed run does not write.
     (killed / "log.arrow").write_bytes(whole[:-8])
+    seal_folder(killed, status="running", task="tap")
     found["killed"] = write_report(Run(killed))
     empty = folder / "empty"
     empty.mkdir()

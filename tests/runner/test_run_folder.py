@@ -13,6 +13,7 @@ import sys
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 from short_tasks import TAP
 from typer.testing import CliRunner, Result
@@ -22,7 +23,10 @@ from taskspec_runner.errors import OutputError
 from taskspec_runner.record import whole as wholes
 from taskspec_runner.record.folder import RunFolder
 from taskspec_runner.record.lock import LOCK, FolderLock, holder
+from taskspec_runner.record.log import read_log
+from taskspec_runner.record.recorder import BATCH
 from taskspec_runner.record.whole import PARTIAL, open_regular, whole, write_whole
+from taskspec_runner.runs import Run
 
 #: Goes on until it is ended.
 LONG = TAP.replace("time: 0.3 s", "time: 600 s")
@@ -236,8 +240,9 @@ def limited(*args: str | Path, size: int) -> subprocess.CompletedProcess[str]:
 
 
 def test_manifest_of_a_run_on_a_full_disk_names_the_log(tap: Path, tmp_path: Path) -> None:
-    out = tmp_path / "run"
-    said = limited("run", tap, "--out", out, size=60_000)
+    out, task = tmp_path / "run", tmp_path / "long.yaml"
+    task.write_text(LONG, encoding="utf-8")
+    said = limited("run", task, "--out", out, size=1_000_000)
     assert said.returncode == 2
     told = f"cannot write {out / 'log.arrow'}: File too large"
     assert said.stderr.endswith(f"taskspec: {told}\n")
@@ -245,6 +250,12 @@ def test_manifest_of_a_run_on_a_full_disk_names_the_log(tap: Path, tmp_path: Pat
     assert (manifest["status"], manifest["reason"]) == ("crashed", told)
     assert manifest["unwritten"] == {"file": "log.arrow", "reason": "File too large"}
     assert not (out / LOCK).exists()
+    # The batch that had no room is still in its block.
+    run, logged = Run.load(out), read_log(out / "log.arrow")
+    assert len(run) == len(logged) + BATCH > 2000
+    assert np.array_equal(run.columns["clock"], 1e-3 * np.arange(len(run)))
+    assert run.verdict == "unfinished"
+    assert run.reason.startswith(f"The run crashed: {told}.")
     # It is a run folder like another.
     assert call("run", tap, "--out", out, "--quiet").exit_code == 0
     assert "unwritten" not in json.loads((out / "manifest.json").read_text())
@@ -293,7 +304,7 @@ def test_manifest_has_room_on_a_full_disk(tmp_path: Path, monkeypatch: pytest.Mo
 
     monkeypatch.setattr(wholes.os, "fsync", full)
     folder.note(status="crashed")
-    assert json.loads((tmp_path / "manifest.json").read_text()) == {"status": "crashed"}
+    assert json.loads((tmp_path / "manifest.json").read_text())["status"] == "crashed"
     with pytest.raises(OutputError):
         FolderLock(tmp_path)
     folder.close()

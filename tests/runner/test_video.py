@@ -286,7 +286,8 @@ def test_killed_runs_are_drawn_to_the_end_of_their_log(drum: Path, tmp_path: Pat
     assert len(whole) > 500
     cut = tmp_path / "killed"
     cut.mkdir()
-    (cut / "task.yaml").write_bytes((drum / "task.yaml").read_bytes())
+    for name in ("task.yaml", "manifest.json"):
+        (cut / name).write_bytes((drum / name).read_bytes())
     log = (drum / "log.arrow").read_bytes()
     # A little less than the last batch, which is all that a killed run loses.
     (cut / "log.arrow").write_bytes(log[: int(0.9 * len(log))])

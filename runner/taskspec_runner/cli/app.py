@@ -224,6 +224,18 @@ def report(
 
 @app.command()
 @guarded
+def judge(
+    folder: Annotated[Path, typer.Argument(metavar="RUN", help="The folder of a run.")],
+    form: Annotated[RunFormat, typer.Option("--format", help="Of the judgement.")] = RunFormat.TEXT,
+) -> int:
+    """Judge a run again from its log, and say whether its summary says the same."""
+    from taskspec_runner.cli.judge import judge_folder
+
+    return judge_folder(folder, form)
+
+
+@app.command()
+@guarded
 def export(
     folder: Annotated[Path, typer.Argument(metavar="RUN", help="The folder of a run.")],
     path: Annotated[

@@ -124,11 +124,11 @@ def _run(
         return progress_line(shown=shown, before=f"{law} ({number} of {total})  ")
 
     # Written at once, so that a folder that was left half done is known for what it is.
-    folder.write_json(COMPARISON, opened)
+    folder.write_sealed(COMPARISON, opened)
     with folder, Termination():
         done = run_attempts(attempts, folder, opened["seed"], watching)
         summary = summarise(done, opened)
-        folder.write_json(COMPARISON, summary)
+        folder.write_sealed(COMPARISON, summary)
         runs = {each.law: each.run for each in done if each.run}
         write_comparison(comparison(folders.plain(summary), runs), folder.path)
     return done

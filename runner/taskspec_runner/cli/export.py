@@ -7,6 +7,7 @@ from pathlib import Path
 
 import typer
 
+from taskspec_runner.cli.told import tell
 from taskspec_runner.errors import InputError
 
 
@@ -26,9 +27,4 @@ def export_log(folder: Path, path: Path | None, forms: Sequence[str]) -> int:
         typer.echo(str(done.path))
         if done.note:
             typer.echo(f"taskspec: {done.path} is {done.note}", err=True)
-    if done.extent.partial:
-        typer.echo(f"taskspec: {done.extent.told}", err=True)
-    if run.damage:
-        typer.echo(f"taskspec: {run.damage}; what was exported is no evidence of the run", err=True)
-        return 1
-    return 0
+    return tell(run, "what was exported")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import typer
@@ -32,7 +32,7 @@ def show_outcome(run: Run, *, quiet: bool) -> None:
     missed = [e for e in run.summary["expectations"] if not e["passed"]]
     expectations = missed if quiet else run.summary["expectations"]
     if expectations:
-        show(_expectations(expectations, whole=run.summary["status"] == "done"))
+        show(expectations_table(expectations, whole=run.summary["status"] == "done"))
     if run.summary["metrics"] and not quiet:
         show(*[""] * bool(expectations), _metrics(run.summary), "")
     if not quiet:
@@ -70,7 +70,8 @@ def ending(run: Run) -> str:
     return f"{text}; {run.manifest['real_time_factor']:.3g} x real time"
 
 
-def _expectations(expectations: list[Mapping[str, Any]], *, whole: bool) -> Table:
+def expectations_table(expectations: Sequence[Mapping[str, Any]], *, whole: bool) -> Table:
+    """Expectations and what was measured; of a run that broke off, so far."""
     from rich.text import Text
 
     made = table("", "expected", "measured", indent=0)

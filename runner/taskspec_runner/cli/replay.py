@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import typer
 
+from taskspec_runner.cli.told import tell
 from taskspec_runner.errors import InputError
 from taskspec_runner.runs import Run
 
@@ -33,13 +34,13 @@ def replay_run(folder: Path, video: Path | None, asked: Asked, *, view: bool, qu
     if video is not None:
         film(run, video, cut, quiet=quiet)
         typer.echo(str(video))
-        return 0
+        return tell(run, "the video")
     from taskspec_runner.video import viewer
     from taskspec_runner.video.recording import Recording
 
     viewer.check_display()
     viewer.view(Recording.of(run), cut)
-    return 0
+    return tell(run)
 
 
 def film(run: Run, video: Path, cut: Cut | None = None, *, quiet: bool = False) -> None:

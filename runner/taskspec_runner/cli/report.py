@@ -6,6 +6,7 @@ from pathlib import Path
 
 import typer
 
+from taskspec_runner.cli.told import tell
 from taskspec_runner.compare.folder import COMPARISON
 from taskspec_runner.errors import InputError
 
@@ -19,12 +20,7 @@ def render_report(folder: Path) -> int:
 
     run = Run.load(folder)
     typer.echo(str(write_report(run)))
-    if run.damage:
-        typer.echo(f"taskspec: {run.damage}; the report is no evidence of the run", err=True)
-        return 1
-    if run.extent.partial:
-        typer.echo(f"taskspec: {run.extent.told}", err=True)
-    return 0
+    return tell(run, "the report")
 
 
 def _render_comparison(folder: Path) -> int:
@@ -32,7 +28,8 @@ def _render_comparison(folder: Path) -> int:
     from taskspec_runner.compare.page import write_comparison
 
     try:
-        typer.echo(str(write_comparison(read_comparison(folder), folder)))
-    except (OSError, ValueError, KeyError, TypeError) as error:
+        read = read_comparison(folder)
+    except (OSError, ValueError, RecursionError) as error:
         raise InputError(f"cannot read {folder / COMPARISON}: {error}") from error
-    return 0
+    typer.echo(str(write_comparison(read, folder)))
+    return max((tell(run, "the page", name=law) for law, run in read.runs.items()), default=0)

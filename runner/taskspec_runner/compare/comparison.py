@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from taskspec_runner.compare.folder import COMPARISON
+from taskspec_runner.record.folder import LARGEST, parse_json
+from taskspec_runner.record.manifest import SEAL, seal
+from taskspec_runner.record.whole import open_regular
 from taskspec_runner.runs import Run
 
 Json = Mapping[str, Any]
@@ -50,9 +52,15 @@ def read_comparison(folder: Path) -> Comparison:
 
     Raises:
         OSError: it has no `compare.json`.
-        ValueError: what it has is none.
+        ValueError: what it has is none, or not as it was written.
+        RecursionError: it is nested too deeply.
     """
-    summary = json.loads((folder / COMPARISON).read_text(encoding="utf-8"))
+    with open_regular(folder / COMPARISON) as file:
+        summary = parse_json(file.read(LARGEST))
+    if summary.get(SEAL) != seal(summary):
+        raise ValueError("it was altered, or an earlier taskspec wrote it")
+    if "about" not in summary:
+        raise ValueError("the comparison did not come to its end")
     runs = {law["law"]: Run(folder / law["folder"]) for law in summary["laws"] if law["folder"]}
     return comparison(summary, runs)
 

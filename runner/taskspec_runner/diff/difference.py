@@ -59,7 +59,9 @@ def diff_runs(a: Run, b: Run) -> Difference:
     rows = [*inputs, *outcome, *expectations, *metrics]
     data = {
         "format": FORMAT,
-        "equal": logs.equal and not task and all(row["same"] for row in rows),
+        "equal": logs.equal
+        and not (task or a.damage or b.damage)
+        and all(row["same"] for row in rows),
         "runs": {name: _about(run) for name, run in zip(NAMES, runs, strict=True)},
         "inputs": inputs,
         "outcome": outcome,

@@ -70,6 +70,9 @@ def render(difference: Difference) -> str:
 def headline(difference: Difference) -> str:
     """What differs, in one line."""
     data = difference.data
+    for name, run in zip(NAMES, difference.runs, strict=True):
+        if run.damage:
+            return f"{name} is damaged: {run.damage}. What is left of it is compared."
     if difference.equal:
         text = (
             "The runs are equal: inputs, outcome, expectations, metrics and every tick of the log"

@@ -19,7 +19,7 @@ from taskspec_runner.export.messages import SIGNALS, definition, signals_message
 from taskspec_runner.export.missing import library
 from taskspec_runner.export.poses import Poses
 from taskspec_runner.export.stream import LogStream
-from taskspec_runner.record.folder import SUMMARY, TASK, mapping
+from taskspec_runner.record.folder import SUMMARY, TASK, json_text, mapping
 from taskspec_runner.record.history import History, history_of
 
 WORLD, TOOL, TASK_FRAME = "world", "tool", "task"
@@ -66,9 +66,11 @@ def write_mcap(log: LogStream, path: Path) -> None:
             for topic, time, data in encoder.encode(history_of(batch)):
                 writer.add_message(channels[topic], time, data, time)
         writer.add_metadata("taskspec", log.metadata)
-        for name, kind in ((TASK, "application/yaml"), (SUMMARY, "application/json")):
-            if (log.run.folder / name).is_file():
-                writer.add_attachment(0, 0, name, kind, (log.run.folder / name).read_bytes())
+        if log.run.content and not log.run.damage:
+            writer.add_attachment(0, 0, TASK, "application/yaml", log.run.content)
+        if log.run.summary:
+            summary = json_text(log.run.summary).encode()
+            writer.add_attachment(0, 0, SUMMARY, "application/json", summary)
         writer.finish()
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import pyarrow as pa
 
 from taskspec_runner.export.poses import PoseStream
-from taskspec_runner.record.extent import Extent, status_of
+from taskspec_runner.record.extent import Extent
 from taskspec_runner.record.history import units_of
 from taskspec_runner.runs import Run
 
@@ -54,7 +54,7 @@ class LogStream:
     def extent(self) -> Extent:
         """How much of the run went by."""
         until = self._ends[-1] + float(np.sum(np.diff(self._ends))) if self._ends else 0.0
-        return Extent(status_of(self.run.manifest, self.run.summary), self.ticks, until)
+        return self.run.extent_of(self.ticks, until)
 
     @property
     def metadata(self) -> dict[str, str]:

@@ -11,7 +11,7 @@ from taskspec_runner.record.manifest import RUNNING
 #: Statuses of a run whose log is complete.
 ENDED = ("done", "failed", "stopped")
 _WHY = {
-    RUNNING: f"its manifest says {RUNNING}, so it was killed or still goes on",
+    RUNNING: "it was killed",
     "crashed": "it crashed",
     "": "its manifest is missing or says nothing",
 }
@@ -25,11 +25,15 @@ class Extent:
         status: of the run, as its manifest says; empty without one.
         ticks: rows of the log.
         until: run time at the end of the last one [s].
+        writer: the process that writes it now, in words; empty if none does.
+        lost: ticks that are there and cannot be read, and why; empty if there are none.
     """
 
     status: str
     ticks: int
     until: float
+    writer: str = ""
+    lost: str = ""
 
     @property
     def partial(self) -> bool:
@@ -39,6 +43,8 @@ class Extent:
     @property
     def why(self) -> str:
         """What is known of why a run is partial."""
+        if self.status == RUNNING and self.writer:
+            return f"it still goes on, in {self.writer}"
         return _WHY.get(self.status, f"its manifest says {self.status}")
 
     @property
@@ -50,8 +56,9 @@ class Extent:
     def holds(self) -> str:
         """How far the log goes."""
         if not self.ticks:
-            return "its log holds no tick"
-        return f"its log holds {self.ticks} ticks, until {self.until:.3f} s"
+            return f"its log holds no tick{self.lost and '; '}{self.lost}"
+        told = f"its log holds {self.ticks} ticks, until {self.until:.3f} s"
+        return f"{told}; {self.lost}" if self.lost else told
 
 
 def status_of(manifest: Mapping[str, Any], summary: Mapping[str, Any]) -> str:

@@ -13,21 +13,23 @@ from pathlib import Path
 from typing import Any, Self
 
 from taskspec_runner.errors import OutputError
+from taskspec_runner.record.block import BLOCK
 from taskspec_runner.record.lock import LOCK, FolderLock, holder
+from taskspec_runner.record.manifest import SEAL, seal
 from taskspec_runner.record.whole import PARTIAL, open_regular, write_whole
 
 Json = Mapping[str, Any]
 
 TASK, MANIFEST, LOG = "task.yaml", "manifest.json", "log.arrow"
 SUMMARY, REPORT, CRASH = "summary.json", "report.html", "crash.txt"
-_OWN = (TASK, MANIFEST, LOG, SUMMARY, REPORT, CRASH)
+_OWN = (TASK, MANIFEST, LOG, BLOCK, SUMMARY, REPORT, CRASH)
 #: What `export` puts beside them.
 EXPORTS = ("log.csv", "log.parquet", "log.mcap", "log.rrd")
 
 #: Where runs go that are not told where to go.
 RUNS = Path("runs")
 #: What a JSON file of a folder has at the most [bytes]; those of long runs have some 100 kB.
-_LARGEST = 1 << 26
+LARGEST = 1 << 26
 
 
 @dataclass(slots=True)
@@ -61,6 +63,11 @@ class RunFolder:
         """The log."""
         return self.path / LOG
 
+    @property
+    def block(self) -> Path:
+        """What the next batch of the log is filled in."""
+        return self.path / BLOCK
+
     def write(self, name: str, content: bytes | str) -> Path:
         """Writes a file whole or not at all.
 
@@ -75,8 +82,16 @@ class RunFolder:
         Raises:
             OutputError: it cannot be written.
         """
-        text = json.dumps(plain(content), indent=2, ensure_ascii=False, allow_nan=False)
-        return self.write(name, text + "\n")
+        return self.write(name, json_text(content))
+
+    def write_sealed(self, name: str, content: Mapping[str, Any]) -> Path:
+        """Writes a mapping as JSON, with a checksum of itself.
+
+        Raises:
+            OutputError: it cannot be written.
+        """
+        said = plain(content)
+        return self.write_json(name, {**said, SEAL: seal(said)})
 
     def note(self, **entries: Any) -> None:
         """Puts entries into the manifest and writes it.
@@ -84,7 +99,8 @@ class RunFolder:
         Raises:
             OutputError: it cannot be written.
         """
-        self.manifest |= entries
+        self.manifest = plain(self.manifest | entries)
+        self.manifest[SEAL] = seal(self.manifest)
         try:
             self.write_json(MANIFEST, self.manifest)
         except OutputError:
@@ -237,7 +253,7 @@ def check_own(path: Path, what: str, own: bool, names: tuple[str, ...]) -> None:
 
 def is_evidence(path: Path) -> bool:
     """Whether a path is that of a file from which the outcome of a run follows."""
-    evidence = (TASK, MANIFEST, LOG, SUMMARY)
+    evidence = (TASK, MANIFEST, LOG, BLOCK, SUMMARY)
     return path.resolve().name in evidence and is_manifest(path.resolve().parent / MANIFEST)
 
 
@@ -268,6 +284,11 @@ def remove(path: Path, names: tuple[str, ...]) -> None:
             entry.unlink(missing_ok=True)
 
 
+def json_text(content: Mapping[str, Any]) -> str:
+    """A mapping as the text of a JSON file; numbers that are not finite become null."""
+    return json.dumps(plain(content), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+
+
 def plain(value: Any) -> Any:
     """A value as it is read back from JSON: what is not finite is None, what is a tuple a list."""
     if isinstance(value, Mapping):
@@ -282,7 +303,7 @@ def plain(value: Any) -> Any:
 def read_json(path: Path) -> Json:
     """The mapping of a JSON file; empty where there is none, or something else."""
     with contextlib.suppress(OSError, ValueError, RecursionError), open_regular(path) as file:
-        return parse_json(file.read(_LARGEST))
+        return parse_json(file.read(LARGEST))
     return {}
 
 

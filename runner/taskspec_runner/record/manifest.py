@@ -2,17 +2,24 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
+import json
 import platform
+from collections.abc import Mapping
 from datetime import UTC, datetime
 from importlib import metadata
+from pathlib import Path
 from typing import Any
 
 from taskspec import __version__
+from taskspec.program.program import Program
 from taskspec.spec import LoadedTask
 from taskspec.text.characters import normal
 
-FORMAT = 1
+#: 2 has checksums of the summary, of the files that a task draws on, and of itself.
+FORMAT = 2
+SEAL = "seal"
 #: Status of a run that has not come to its end.
 RUNNING = "running"
 _DISTRIBUTIONS = ("mujoco", "pin", "casadi", "numpy", "pyarrow")
@@ -34,8 +41,15 @@ def task_bytes(loaded: LoadedTask) -> bytes:
     return text.encode()
 
 
-def opening(loaded: LoadedTask, content: bytes, seed: int) -> dict[str, Any]:
-    """The manifest of a run that begins now."""
+def opening(program: Program, content: bytes, seed: int) -> dict[str, Any]:
+    """The manifest of a run that begins now.
+
+    Args:
+        program: that is run.
+        content: of the task file.
+        seed: of everything random.
+    """
+    loaded = program.context.loaded
     return {
         "format": FORMAT,
         "status": RUNNING,
@@ -44,6 +58,7 @@ def opening(loaded: LoadedTask, content: bytes, seed: int) -> dict[str, Any]:
         "file": None if loaded.path is None else str(loaded.path.absolute()),
         "overrides": dict(loaded.overrides),
         "seed": seed,
+        "inputs": inputs(program),
         "versions": versions(),
         "platform": {
             "system": platform.platform(),
@@ -55,8 +70,45 @@ def opening(loaded: LoadedTask, content: bytes, seed: int) -> dict[str, Any]:
         "wall_seconds": None,
         "real_time_factor": None,
         "exit_code": None,
-        "sha256": {"task.yaml": hashlib.sha256(content).hexdigest(), "log.arrow": None},
+        "sha256": {
+            "task.yaml": hashlib.sha256(content).hexdigest(),
+            "log.arrow": None,
+            "summary.json": None,
+        },
     }
+
+
+def inputs(program: Program) -> dict[str, str]:
+    """SHA-256 of every file that a task draws on: its robot's, with meshes, and tables of points.
+
+    Names are relative to the task file where they lie below its folder.
+    """
+    context = program.context
+    base = (context.loaded.base or Path()).absolute()
+    files = dict(context.robot.files)
+    for stage in context.loaded.task.stages.values():
+        if stage.path is not None and stage.path.file is not None:
+            path = base / stage.path.file
+            with contextlib.suppress(OSError):
+                files[path] = hashlib.sha256(path.read_bytes()).hexdigest()
+    return {
+        path.relative_to(base).as_posix() if path.is_relative_to(base) else str(path): digest
+        for path, digest in sorted(files.items())
+    }
+
+
+def seal(content: Mapping[str, Any]) -> str:
+    """SHA-256 of a JSON mapping but for its seal, whatever the order of its keys."""
+    rest = {key: value for key, value in content.items() if key != SEAL}
+    return hashlib.sha256(json.dumps(rest, sort_keys=True).encode()).hexdigest()
+
+
+def run_mark(manifest: Mapping[str, Any]) -> str:
+    """What batches of a log say of their run: the same for the same task, overrides and seed."""
+    sums = manifest.get("sha256")
+    task = sums.get("task.yaml") if isinstance(sums, Mapping) else None
+    said = json.dumps([task, manifest.get("overrides"), manifest.get("seed")], sort_keys=True)
+    return hashlib.sha256(said.encode()).hexdigest()[:16]
 
 
 def versions() -> dict[str, str]:

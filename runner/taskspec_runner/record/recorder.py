@@ -2,54 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+import zlib
 
 import numpy as np
-import pyarrow as pa
 from numpy.typing import NDArray
 
-from taskspec.geometry.axis import AXES
-from taskspec.program import ports
 from taskspec.program.stages.stage import CompiledStage
 from taskspec.robot import RobotModel
-from taskspec.signals import JOINT, OBJECT, SCALARS, VECTORS
-from taskspec.signals.table import MEASURED
 from taskspec.spec import Task
-from taskspec.text.units import si_unit
+from taskspec_runner.record.block import Block
 from taskspec_runner.record.bus import Bus
-from taskspec_runner.record.history import column_field
+from taskspec_runner.record.layout import LogLayout
 from taskspec_runner.record.log import Log
-from taskspec_runner.record.truth import Truth
 
 Vector = NDArray[np.float64]
 
-#: Rows of one batch: what a killed run loses at most.
+#: Rows of one batch.
 BATCH = 500
-
-
-@dataclass(frozen=True, slots=True)
-class Column:
-    """A column of the log.
-
-    Attributes:
-        name: its own.
-        unit: of its values, empty for plain numbers.
-        field: of the bus; empty for a true signal.
-        row: in that field.
-    """
-
-    name: str
-    unit: str
-    field: str
-    row: int = 0
+_WORD = (1 << 32) - 1
 
 
 class Recorder:
     """Collects the bus tick by tick and writes it as named columns in SI units.
 
-    Signals are the truth: the wrench is that of the tick's own step, and every `gap` is taken to
-    the true objects. What the controller measured stands beside it as `force.*.measured`.
+    The ticks of the batch that is being filled lie in a file that is mapped into memory: a
+    process that is killed loses the tick under way, and no other.
     """
 
     def __init__(
@@ -60,107 +37,66 @@ class Recorder:
         stages: tuple[CompiledStage, ...],
         task: Task,
     ) -> None:
-        self._bus, self._stages = bus, stages
-        self._rows: Vector = np.zeros((BATCH, len(bus.array)))
-        self._filled = 0
-        self._array = bus.array
-        self._layout = tuple(_columns(robot, stages, task))
-        true = [column.name for column in self._layout if not column.field]
-        self._truth = Truth(robot, task, stages, bus.slices, true)
-        self._schema = pa.schema([column_field(each.name, each.unit) for each in self._layout])
-        self._log = log
+        """Begins a log.
+
+        Args:
+            log: to write; None for one that keeps nothing.
+            bus: to record.
+            robot, stages: of the program.
+            task: with the true world.
+
+        Raises:
+            OutputError: there is no room for the batch that is being filled.
+        """
+        self._stages, self._array, self._log = stages, bus.array, log
+        self._layout = LogLayout(bus.slices, robot, stages, task)
+        self._bytes, fields = bus.array.data, len(bus.array)
+        self._block = Block.memory(BATCH, fields) if log is None else log.block(BATCH, fields)
+        self._rows, self._fields = self._block.rows, fields
+        # A slice of memory is copied in a third of the time that a row of an array takes.
+        self._flat, self._sums = self._block.rows.reshape(-1).data, self._block.sums.data
+        self._filled = self._ticks = 0
 
     def add(self) -> None:
         """Records the bus as it is now."""
-        filled = self._filled
-        self._rows[filled] = self._array
-        self._filled = filled = filled + 1
-        if filled == BATCH:
+        filled, ticks, fields = self._filled, self._ticks, self._fields
+        numbers, start = self._bytes, filled * fields
+        self._flat[start : start + fields] = numbers
+        # With its checksum the tick is there, whatever happens to this process.
+        self._sums[filled] = zlib.crc32(numbers, ticks & _WORD)
+        self._filled, self._ticks = filled + 1, ticks + 1
+        if filled + 1 == BATCH:
             self.flush()
 
     def latest(self) -> dict[str, float | str]:
         """The bus as it is now, by column name."""
-        columns = self._columns(self._array[np.newaxis])
+        columns = self._layout.columns(self._array[np.newaxis])
         return {
             name: float(values[0]) if unit != "stage" else self._stages[int(values[0])].name
             for name, (values, unit) in columns.items()
         }
 
     def flush(self) -> None:
-        """Writes the rows collected so far as one batch."""
-        if self._filled == 0 or self._log is None:
-            self._filled = 0
-            return
-        columns = self._columns(self._rows[: self._filled])
-        arrays = [
-            pa.array(values) if unit != "stage" else _stage_array(values, self._stages)
-            for values, unit in columns.values()
-        ]
-        self._log.write(pa.record_batch(arrays, schema=self._schema))
+        """Writes the rows collected so far as one batch.
+
+        Raises:
+            OutputError: they cannot be written; they stay in the block.
+        """
+        if self._filled and self._log is not None:
+            self._log.write(self._layout.batch(self._rows[: self._filled]))
+            self._block.advance(self._ticks, bytes.fromhex(self._log.sha256))
         self._filled = 0
 
     def close(self) -> None:
-        """Writes what is left and ends the stream."""
+        """Writes what is left and ends the stream.
+
+        Raises:
+            OutputError: it cannot be written.
+        """
+        if self._log is None:
+            return
         try:
             self.flush()
         finally:
-            if self._log is not None:
-                self._log.close()
-                self._log = None
-
-    def _columns(self, rows: Vector) -> dict[str, tuple[Vector, str]]:
-        """Column name to values and unit; `rows` are (ticks, fields)."""
-        # Transposed, every column is contiguous, which is how Arrow wants it.
-        true = iter(np.ascontiguousarray(self._truth(rows).T))
-        fields = np.ascontiguousarray(rows.T)
-
-        def field(name: str) -> Vector:
-            return fields[self._bus.slices[name]]
-
-        columns = {}
-        for column in self._layout:
-            values = field(column.field)[column.row] if column.field else next(true)
-            columns[column.name] = (values, column.unit)
-        return columns
-
-
-def _columns(robot: RobotModel, stages: tuple[CompiledStage, ...], task: Task) -> Iterator[Column]:
-    """The columns of a log, in their order."""
-    yield Column("clock", "s", "clock")
-    yield Column("t", "s", "t")
-    yield Column("stage", "stage", "stage")
-    axes = [axis for axis in AXES if any(axis in stage.plan.axes for stage in stages)]
-    for group, beside in ports.groups().items():
-        members = [
-            (axis, f"{signal.name}.{axis}", si_unit(signal.dimensions[axis]), signal.sensed)
-            for signal in VECTORS.values()
-            for axis in signal.axes
-            if signal.group == group and axis in axes
-        ]
-        for axis, name, unit, sensed in members:
-            yield Column(name, unit, "" if sensed else group, axis.row)
-        for suffix in beside:
-            field = group if suffix == MEASURED else f"{group}_{suffix}"
-            for axis, name, unit, _ in members:
-                yield Column(f"{name}.{suffix}", unit, field, axis.row)
-    for name, signal in SCALARS.items():
-        yield Column(name, si_unit(signal.dimension), name if signal.port else "")
-    if any(stage.resolution is not None for stage in stages):
-        yield Column("limits", "", "limits")
-        yield Column("residual", "", "residual")
-    for i in range(robot.pin.nv):
-        for name, signal in JOINT.items():
-            yield Column(f"joint.{i + 1}.{name}", si_unit(signal.dimension), "")
-    for owner, declared in task.world.items():
-        for name, signal in OBJECT[declared.kind].items():
-            yield Column(f"{owner}.{name}", si_unit(signal.dimensions[declared.kind]), "")
-    for i, (owner, equation) in enumerate(task.equations.items()):
-        ((name, signal),) = ((n, s) for n, s in OBJECT[equation.kind].items() if s.beside)
-        unit = si_unit(signal.dimensions[equation.kind])
-        yield Column(f"{owner}.{name}.ref", unit, "reaction_ref", i)
-        yield Column(f"{owner}.{name}.measured", unit, "reaction", i)
-
-
-def _stage_array(values: Vector, stages: tuple[CompiledStage, ...]) -> pa.Array:
-    names = pa.array([s.name for s in stages])
-    return pa.DictionaryArray.from_arrays(pa.array(values.astype(np.int32)), names)
+            log, self._log = self._log, None
+            log.close()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from taskspec.program.program import Program
 from taskspec.spec import Expectation, Task
 from taskspec.text.expression import Expression, evaluate, tree
 from taskspec.text.expression.series import Series, SeriesAlgebra
@@ -10,6 +11,7 @@ from taskspec_runner.verdict.diagnosed import line_of
 from taskspec_runner.verdict.extents import Extents
 from taskspec_runner.verdict.judged import Broken, Judged, Margin, MeasuredValue
 from taskspec_runner.verdict.lookup import Elsewhere, Lookup, column_of, scope_of
+from taskspec_runner.verdict.replay import Replay
 from taskspec_runner.verdict.wording import Said, Sides, Wording
 
 
@@ -23,6 +25,13 @@ def judge(task: Task, history: History, elsewhere: Elsewhere) -> tuple[Judged, .
     """
     lookup = Lookup(task, history, elsewhere)
     return tuple(_judge(expectation, task, history, lookup) for expectation in task.expect)
+
+
+def judge_run(program: Program, history: History) -> tuple[Judged, ...]:
+    """Judges every expectation of a program's task on the ticks of its run."""
+    context = program.context
+    replay = Replay(context.robot, context.frames, program.stages, history, context.moving_bases)
+    return judge(context.loaded.task, history, replay.signal)
 
 
 def _judge(expectation: Expectation, task: Task, history: History, lookup: Lookup) -> Judged:

@@ -37,8 +37,9 @@ def verdict(run: Run) -> Verdict:
     """The verdict on a run, from its summary; without one, the run did not finish."""
     status = run.extent.status
     if run.damage:
-        told = f"{run.damage}. What this page shows is not evidence of the run"
-        return Verdict("damaged", f"{told}, which said of itself that it was {status}.")
+        told = f"{run.damage}. What is shown is not evidence of the run"
+        said = f", which said of itself that it was {status}" if status else ""
+        return Verdict("damaged", f"{told}{said}.")
     if not run.summary or status in ("", "running", "crashed"):
         return Verdict("unfinished", _unfinished(run, status))
     ending = run.summary.get("ending")
@@ -59,16 +60,21 @@ def _unfinished(run: Run, status: str) -> str:
     holds = f"{holds[0].upper()}{holds[1:]}."
     if status == "crashed":
         reason = run.manifest.get("reason")
-        return f"The run crashed{f': {reason}' if reason else ''}. {holds}"
-    return f"The run did not finish: {run.extent.why}. {holds} Its expectations were not judged."
+        return f"The run crashed{f': {reason}' if reason else ''}. {holds} {so_far(run)}".rstrip()
+    so = so_far(run)
+    if not so and run.not_judged:
+        so = f"Its expectations were not judged: {run.not_judged}."
+    return f"The run did not finish: {run.extent.why}. {holds} {so}".rstrip()
 
 
 def so_far(run: Run) -> str:
     """How many expectations a run met that broke off; empty if it did not, or had none."""
     status, total = run.summary.get("status"), len(run.expectations)
+    met = sum(e.passed for e in run.expectations)
+    if run.not_judged == "" and total:
+        return f"So far: {met} of {total} expectations met on the ticks that there are."
     if status not in ("stopped", "failed") or not total:
         return ""
-    met = sum(e.passed for e in run.expectations)
     return f"So far: {met} of {total} expectations met until it {status}."
 
 

@@ -1,0 +1,87 @@
+"""`taskspec judge`: what the log of a run comes to, and whether its summary says the same."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import typer
+
+from taskspec_runner.cli.console import show
+from taskspec_runner.cli.formats import RunFormat
+from taskspec_runner.cli.outcome import expectations_table
+from taskspec_runner.cli.told import tell
+from taskspec_runner.errors import InputError
+from taskspec_runner.record.folder import SUMMARY, Json, mappings, plain, read_json
+from taskspec_runner.runs import RebuildError, Run
+from taskspec_runner.verdict.findings import findings
+from taskspec_runner.verdict.judge import judge_run
+
+_GOOD, _WRONG = 0, 1
+
+
+def judge_folder(folder: Path, form: RunFormat) -> int:
+    """Judges the log of a run again.
+
+    Returns:
+        0 if the run came to its end, met every expectation without a finding against it, and its
+        summary says the same of each; else 1.
+    """
+    run = Run.load(folder)
+    wrong = run.evidence.log_damage
+    if wrong or not len(run):
+        raise InputError(f"cannot judge {folder}: {wrong or 'its log holds no tick'}")
+    try:
+        program = run.program
+    except RebuildError as error:
+        raise InputError(f"cannot judge {folder}: its task: {error}") from error
+    judged = [plain(each.as_data()) for each in judge_run(program, run.history)]
+    found = [plain(each.as_data()) for each in findings(program, run.history)]
+    # What is there, also if it is not what the run wrote: that is what is to be found out.
+    said = run.summary or read_json(folder / SUMMARY)
+    apart = list(_apart(judged, found, said)) if said else []
+    whole = not run.extent.partial and run.extent.status == "done"
+    held = all(each["passed"] for each in judged) and all(each["allowed"] for each in found)
+    code = _GOOD if held and whole and not apart else _WRONG
+    if form is RunFormat.JSON:
+        data = {"expectations": judged, "findings": found, "apart": apart, "damage": run.damage}
+        typer.echo(json.dumps({"exit_code": code, **data}, indent=2, ensure_ascii=False))
+    else:
+        _show(run, judged, found, apart, whole=whole, said=bool(said))
+    return max(code, tell(run))
+
+
+def _show(
+    run: Run,
+    judged: Sequence[Json],
+    found: Sequence[Json],
+    apart: Sequence[str],
+    *,
+    whole: bool,
+    said: bool,
+) -> None:
+    if judged:
+        show(expectations_table(judged, whole=whole))
+    for each in found:
+        typer.echo(f"{each['stage']}: {each['text']}")
+    met = sum(each["passed"] for each in judged)
+    typer.echo(f"{run.name}: {met} of {len(judged)} expectations met, from {len(run)} ticks")
+    for line in apart:
+        typer.echo(f"not so in {SUMMARY}: {line}")
+    if said and not apart:
+        typer.echo(f"{SUMMARY} says the same")
+
+
+def _apart(judged: Sequence[Json], found: Sequence[Json], said: Json) -> Iterator[str]:
+    """What a summary says otherwise, a line each."""
+    theirs = mappings(said.get("expectations"))
+    for number, each in enumerate(judged):
+        entry = theirs[number] if number < len(theirs) else {}
+        if any(entry.get(key) != each[key] for key in ("text", "passed", "measured")):
+            word = "met" if each["passed"] else "missed"
+            yield f"`{each['text']}` was {word}: {each['explanation']}"
+    for entry in theirs[len(judged) :]:
+        yield f"`{entry.get('text')}` is not in the task"
+    if mappings(said.get("findings")) != list(found):
+        yield f"findings are {', '.join(each['text'] for each in found) or 'none'}"

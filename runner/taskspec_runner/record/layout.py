@@ -1,0 +1,147 @@
+"""The columns of a log, and how rows of the bus become a batch of them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import pyarrow as pa
+from numpy.typing import NDArray
+
+from taskspec.geometry.axis import AXES
+from taskspec.program import ports
+from taskspec.program.program import Program
+from taskspec.program.stages.stage import CompiledStage
+from taskspec.robot import RobotModel
+from taskspec.signals import JOINT, OBJECT, SCALARS, VECTORS
+from taskspec.signals.table import MEASURED
+from taskspec.spec import Task
+from taskspec.text.units import si_unit
+from taskspec_runner.record.bus import Bus
+from taskspec_runner.record.history import column_field
+from taskspec_runner.record.truth import Truth
+
+Vector = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Column:
+    """A column of the log.
+
+    Attributes:
+        name: its own.
+        unit: of its values, empty for plain numbers.
+        field: of the bus; empty for a true signal.
+        row: in that field.
+    """
+
+    name: str
+    unit: str
+    field: str
+    row: int = 0
+
+
+class LogLayout:
+    """What the columns of a log are, and what each of them takes from the bus.
+
+    Signals are the truth: the wrench is that of the tick's own step, and every `gap` is taken to
+    the true objects. What the controller measured stands beside it as `force.*.measured`.
+
+    Attributes:
+        fields: how many numbers a tick has.
+    """
+
+    def __init__(
+        self,
+        slices: Mapping[str, slice],
+        robot: RobotModel,
+        stages: tuple[CompiledStage, ...],
+        task: Task,
+    ) -> None:
+        """Compiles the true signals.
+
+        Args:
+            slices: where the bus has each of its fields.
+            robot, stages: of the program.
+            task: with the true world.
+        """
+        self._slices, self._stages = slices, stages
+        self.fields = max(each.stop for each in slices.values())
+        self._layout = tuple(_columns(robot, stages, task))
+        true = [column.name for column in self._layout if not column.field]
+        self._truth = Truth(robot, task, stages, slices, true)
+        self._schema = pa.schema([column_field(each.name, each.unit) for each in self._layout])
+
+    @classmethod
+    def of(cls, program: Program) -> LogLayout:
+        """Of a run of a program, with the nominal world as the true one."""
+        context = program.context
+        task = context.loaded.task
+        slices = Bus(context.robot.pin.nv, task).slices
+        return cls(slices, context.robot, program.stages, task)
+
+    def batch(self, rows: Vector) -> pa.RecordBatch:
+        """Rows of the bus, (ticks, fields), as a batch of a log."""
+        arrays = [
+            pa.array(values) if unit != "stage" else _stage_array(values, self._stages)
+            for values, unit in self.columns(rows).values()
+        ]
+        return pa.record_batch(arrays, schema=self._schema)
+
+    def columns(self, rows: Vector) -> dict[str, tuple[Vector, str]]:
+        """Column name to values and unit; `rows` are (ticks, fields)."""
+        # Transposed, every column is contiguous, which is how Arrow wants it.
+        true = iter(np.ascontiguousarray(self._truth(rows).T))
+        fields = np.ascontiguousarray(rows.T)
+
+        def field(name: str) -> Vector:
+            return fields[self._slices[name]]
+
+        columns = {}
+        for column in self._layout:
+            values = field(column.field)[column.row] if column.field else next(true)
+            columns[column.name] = (values, column.unit)
+        return columns
+
+
+def _columns(robot: RobotModel, stages: tuple[CompiledStage, ...], task: Task) -> Iterator[Column]:
+    """The columns of a log, in their order."""
+    yield Column("clock", "s", "clock")
+    yield Column("t", "s", "t")
+    yield Column("stage", "stage", "stage")
+    axes = [axis for axis in AXES if any(axis in stage.plan.axes for stage in stages)]
+    for group, beside in ports.groups().items():
+        members = [
+            (axis, f"{signal.name}.{axis}", si_unit(signal.dimensions[axis]), signal.sensed)
+            for signal in VECTORS.values()
+            for axis in signal.axes
+            if signal.group == group and axis in axes
+        ]
+        for axis, name, unit, sensed in members:
+            yield Column(name, unit, "" if sensed else group, axis.row)
+        for suffix in beside:
+            field = group if suffix == MEASURED else f"{group}_{suffix}"
+            for axis, name, unit, _ in members:
+                yield Column(f"{name}.{suffix}", unit, field, axis.row)
+    for name, signal in SCALARS.items():
+        yield Column(name, si_unit(signal.dimension), name if signal.port else "")
+    if any(stage.resolution is not None for stage in stages):
+        yield Column("limits", "", "limits")
+        yield Column("residual", "", "residual")
+    for i in range(robot.pin.nv):
+        for name, signal in JOINT.items():
+            yield Column(f"joint.{i + 1}.{name}", si_unit(signal.dimension), "")
+    for owner, declared in task.world.items():
+        for name, signal in OBJECT[declared.kind].items():
+            yield Column(f"{owner}.{name}", si_unit(signal.dimensions[declared.kind]), "")
+    for i, (owner, equation) in enumerate(task.equations.items()):
+        ((name, signal),) = ((n, s) for n, s in OBJECT[equation.kind].items() if s.beside)
+        unit = si_unit(signal.dimensions[equation.kind])
+        yield Column(f"{owner}.{name}.ref", unit, "reaction_ref", i)
+        yield Column(f"{owner}.{name}.measured", unit, "reaction", i)
+
+
+def _stage_array(values: Vector, stages: tuple[CompiledStage, ...]) -> pa.Array:
+    names = pa.array([s.name for s in stages])
+    return pa.DictionaryArray.from_arrays(pa.array(values.astype(np.int32)), names)

@@ -1,0 +1,301 @@
+"""Spoiled run folders: what is done to one, and what a command makes of it.
+
+A corruption is its number: the same number spoils the same folder in the same way.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import random
+import shutil
+import signal
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from typer.testing import CliRunner
+
+from taskspec_runner.cli import app
+from taskspec_runner.runs import Run
+
+EVIDENCE = ("log.arrow", "summary.json", "manifest.json", "task.yaml", "log.block")
+#: Commands that read a run; `{run}` is its folder, `{good}` that of one which is whole.
+COMMANDS = (
+    ("report", "{run}"),
+    ("export", "{run}", "--csv"),
+    ("export", "{run}", "--parquet"),
+    ("export", "{run}", "--mcap"),
+    ("diff", "{run}", "{good}"),
+    ("diff", "{good}", "{run}", "--format", "json"),
+    ("judge", "{run}"),
+    ("judge", "{run}", "--format", "json"),
+)
+#: Seconds after which a command hangs.
+PATIENCE = 60
+#: What a reader may answer: all is well, the run is damaged or missed, it cannot be read.
+ANSWERS = (0, 1, 2)
+
+
+class HangError(BaseException):
+    """A command takes longer than it may."""
+
+
+@dataclass(frozen=True)
+class Spoiled:
+    """A corruption.
+
+    Attributes:
+        number: of it.
+        kind: what was done.
+        name: of the file.
+        same: whether the file is as it was before, by chance.
+    """
+
+    number: int
+    kind: str
+    name: str
+    same: bool
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What a command made of a spoiled folder.
+
+    Attributes:
+        spoiled: the folder.
+        command: its arguments.
+        code: its exit code, -1 if it did not end.
+        output: both streams.
+        true: whether, where nothing is told, ticks and verdict are still those of the run.
+    """
+
+    spoiled: Spoiled
+    command: tuple[str, ...]
+    code: int
+    output: str
+    true: bool = True
+
+    @property
+    def noticed(self) -> bool:
+        """Whether it was told that something is wrong, if something is."""
+        return self.spoiled.same or self.code != 0
+
+    @property
+    def survived(self) -> bool:
+        """Whether the answer is one that a reader may give, with a message."""
+        told = bool(self.output.strip()) and "Traceback" not in self.output
+        return self.code in ANSWERS and told and "internal error" not in self.output and self.true
+
+
+def _flip(content: bytes, dice: random.Random) -> bytes:
+    found = bytearray(content)
+    for _ in range(dice.choice((1, 1, 1, 2, 8, 64))):
+        found[dice.randrange(len(found))] ^= 1 << dice.randrange(8)
+    return bytes(found)
+
+
+def _cut(content: bytes, dice: random.Random) -> bytes:
+    return content[: dice.randrange(len(content))]
+
+
+def _inner(content: bytes, dice: random.Random) -> bytes:
+    a, b = sorted(dice.randrange(len(content)) for _ in range(2))
+    return content[:a] + content[b:]
+
+
+def _noise(content: bytes, dice: random.Random) -> bytes:
+    a = dice.randrange(len(content))
+    length = min(dice.choice((4, 64, 4096)), len(content) - a)
+    return content[:a] + dice.randbytes(length) + content[a + length :]
+
+
+def _twice(content: bytes, dice: random.Random) -> bytes:
+    a = dice.randrange(len(content))
+    return content[:a] + content[a // 2 :]
+
+
+def _longer(content: bytes, dice: random.Random) -> bytes:
+    return content + dice.choice((b"\0", b"\n", b"{}", dice.randbytes(100), content))
+
+
+def _other(_content: bytes, dice: random.Random) -> bytes:
+    return dice.choice(_NONE)
+
+
+_NONE = (
+    b"",
+    b"\0" * 1000,
+    b"[" * 100_000,
+    b'{"a":' * 100_000,
+    b"[]",
+    b"null",
+    b"{}",
+    b'"\\ud800"',
+    b'{"task": "\\ud800", "format": 2}',
+    b"\xff\xfe\xfd",
+    b"ARROW1\0\0",
+    b"\xff\xff\xff\xff\x10\x00\x00\x00",
+    b"\xff\xff\xff\xff\xff\xff\xff\x7f",
+)
+_VALUES = (None, 5, -1e308, "x", [], {}, [[1]], {"a": {}}, True, "\ud800", 10**400, "../..")
+
+
+def _json(content: bytes, dice: random.Random) -> bytes:
+    """Another value somewhere in a JSON file."""
+    try:
+        said = json.loads(content)
+    except ValueError:
+        return _flip(content, dice)
+    holder, keys = said, list(said)
+    while True:
+        key = dice.choice(keys)
+        inner = holder[key]
+        keys = list(inner) if isinstance(inner, dict) else list(range(_length(inner)))
+        if not keys or dice.random() < 0.4:
+            break
+        holder = inner
+    holder[key] = dice.choice(_VALUES)
+    return json.dumps(said).encode()
+
+
+def _length(value: object) -> int:
+    return len(value) if isinstance(value, list) else 0
+
+
+BYTES: dict[str, Callable[[bytes, random.Random], bytes]] = {
+    "bits flipped": _flip,
+    "cut short": _cut,
+    "a part taken out": _inner,
+    "noise written over": _noise,
+    "a part there twice": _twice,
+    "made longer": _longer,
+    "something else": _other,
+    "a value exchanged": _json,
+}
+
+
+def _missing(path: Path) -> None:
+    path.unlink()
+
+
+def _pipe(path: Path) -> None:
+    path.unlink()
+    os.mkfifo(path)
+
+
+def _folder(path: Path) -> None:
+    path.unlink()
+    path.mkdir()
+
+
+def _loop(path: Path) -> None:
+    path.unlink()
+    path.symlink_to(path.name)
+
+
+def _endless(path: Path) -> None:
+    path.unlink()
+    path.symlink_to("/dev/zero")
+
+
+def _huge(path: Path) -> None:
+    os.truncate(path, 1 << 33)
+
+
+PLACES: dict[str, Callable[[Path], None]] = {
+    "missing": _missing,
+    "a pipe": _pipe,
+    "a folder": _folder,
+    "a link to itself": _loop,
+    "a link to /dev/zero": _endless,
+    "8 GiB of holes behind it": _huge,
+}
+#: Corruptions of bytes are more often, as there are more of them.
+_WEIGHTS = {**dict.fromkeys(BYTES, 6), "bits flipped": 24, **dict.fromkeys(PLACES, 1)}
+
+
+def spoil(folder: Path, number: int) -> Spoiled:
+    """Spoils one file of a run's folder."""
+    dice = random.Random(number)
+    names = [name for name in EVIDENCE if (folder / name).is_file()]
+    name = dice.choice([*names, names[0]])
+    kinds = [*BYTES, *PLACES]
+    kind = dice.choices(kinds, [_WEIGHTS[each] for each in kinds])[0]
+    path = folder / name
+    if kind in PLACES:
+        PLACES[kind](path)
+        return Spoiled(number, kind, name, same=False)
+    before = path.read_bytes()
+    after = BYTES[kind](before, dice) if before else b"x"
+    path.write_bytes(after)
+    return Spoiled(number, kind, name, same=after == before)
+
+
+@contextmanager
+def _watched(seconds: int) -> Iterator[None]:
+    def over(*_: object) -> None:
+        raise HangError
+
+    usual = signal.signal(signal.SIGALRM, over)
+    signal.alarm(seconds)
+    try:
+        yield
+    finally:
+        signal.alarm(0)
+        signal.signal(signal.SIGALRM, usual)
+
+
+def answer(source: Path, good: Path, work: Path, number: int) -> Answer:
+    """Spoils a copy of a run's folder and has a command read it.
+
+    Args:
+        source: the folder.
+        good: one that is whole.
+        work: a folder to work in.
+        number: of the corruption.
+    """
+    run = work / "run"
+    _remove(run)
+    shutil.copytree(source, run)
+    spoiled = spoil(run, number)
+    template = random.Random(f"command {number}").choice(COMMANDS)
+    command = tuple(part.format(run=run, good=good) for part in template)
+    try:
+        with _watched(PATIENCE):
+            result = CliRunner().invoke(app, list(command))
+            true = result.exit_code != 0 or _same(Run(run), Run(source))
+    except HangError:
+        return Answer(spoiled, command, -1, "hangs")
+    finally:
+        _remove(run)
+    return Answer(spoiled, command, result.exit_code, result.output, true)
+
+
+def _same(spoiled: Run, run: Run) -> bool:
+    """Whether ticks are the first ones of another run, bit by bit, and the verdict is the same."""
+    found, whole = spoiled.history, run.history
+    ticks = len(found)
+    return (
+        spoiled.verdict == run.verdict
+        and ticks <= len(whole)
+        and bool((found.stages == whole.stages[:ticks]).all())
+        and all(
+            values.tobytes() == whole.columns[name][:ticks].tobytes()
+            for name, values in found.columns.items()
+        )
+    )
+
+
+def _remove(folder: Path) -> None:
+    if folder.exists():
+        shutil.rmtree(folder)
+
+
+if __name__ == "__main__":
+    # One by one, to look at.
+    source, good, work = map(Path, sys.argv[1:4])
+    for text in sys.argv[4:]:
+        sys.stdout.write(f"{answer(source, good, work, int(text))}\n")

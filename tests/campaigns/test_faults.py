@@ -1,0 +1,36 @@
+"""A small, fixed part of `make corruptions`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import faults
+import pytest
+
+
+@pytest.fixture(scope="module")
+def folders(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    """Of a run that came to its end, and of one that was killed."""
+    return faults.made(tmp_path_factory.mktemp("faults"))
+
+
+@pytest.mark.parametrize("first", [0, 40])
+def test_spoiled_folders_are_told(folders: tuple[Path, Path], first: int) -> None:
+    found = faults.spoiled(*folders, first, 40)
+    assert [each for each in found if not each.survived] == []
+    assert len({each.spoiled.kind for each in found}) > 7
+
+
+def test_a_killed_run_loses_at_most_the_tick_under_way(tmp_path: Path) -> None:
+    tally = faults.kills(4, tmp_path, seed=1)
+    assert (tally.tried, tally.failures) == (4, [])
+
+
+def test_a_folder_has_one_writer(tmp_path: Path) -> None:
+    tally = faults.locks(2, tmp_path)
+    assert (tally.tried, tally.failures) == (2, [])
+
+
+def test_full_disks_lose_no_tick(tmp_path: Path) -> None:
+    for tally in faults.disks(4, tmp_path):
+        assert tally.failures == []
