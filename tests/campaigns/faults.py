@@ -243,6 +243,8 @@ def disks(number: int, work: Path, seed: int = 0) -> tuple[Tally, Tally]:
         counted, folder = Counted(), work / f"limit{i}"
 
         def limited(counted: Counted = counted, folder: Path = folder, size: int = size) -> object:
+            # Python would leave half a file of what it compiles, too.
+            sys.dont_write_bytecode = True
             signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
             resource.setrlimit(resource.RLIMIT_FSIZE, (size, size))
             return counted.run(SHORT, folder)

@@ -232,7 +232,7 @@ def test_internal_error_is_linein_two_lines(tap: Path, monkeypatch: pytest.Monke
     def broken(*_: object, **__: object) -> None:
         raise ZeroDivisionError("as a test")
 
-    monkeypatch.setattr("taskspec_runner.session.judge", broken)
+    monkeypatch.setattr("taskspec_runner.session.judge_run", broken)
     result = call("run", tap, "--out", "out")
     assert result.exit_code == 3
     assert "internal error: ZeroDivisionError: as a test" in result.stderr
@@ -286,7 +286,7 @@ def test_interrupted_run_is_readable_and_judged(
 
 def test_termination_outside_the_simulation(tap: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(
-        "taskspec_runner.session.judge", lambda *_: os.kill(os.getpid(), signal.SIGTERM)
+        "taskspec_runner.session.judge_run", lambda *_: os.kill(os.getpid(), signal.SIGTERM)
     )
     usual = signal.getsignal(signal.SIGTERM)
     result = call("run", tap, "--out", "out")
@@ -744,7 +744,7 @@ def test_report_of_a_damaged_log(tap: Path, harm: str) -> None:
         log.write_bytes(log.read_bytes()[:-100])
     result = call("report", "out")
     assert result.exit_code == 1
-    said = "log.arrow is missing" if harm == "missing" else "log.arrow is not what the run wrote"
+    said = "log.arrow is missing" if harm == "missing" else "log.arrow was cut short"
     assert said in result.stderr
     page = Path("out/report.html").read_text()
     assert 'class="verdict damaged"' in page

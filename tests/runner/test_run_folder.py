@@ -235,7 +235,12 @@ def limited(*args: str | Path, size: int) -> subprocess.CompletedProcess[str]:
         resource.setrlimit(resource.RLIMIT_FSIZE, (size, size))
 
     return subprocess.run(
-        [*COMMAND, *args], capture_output=True, text=True, check=False, preexec_fn=limit
+        # Python would leave half a file of what it compiles, too.
+        [sys.executable, "-B", *COMMAND[1:], *args],
+        capture_output=True,
+        text=True,
+        check=False,
+        preexec_fn=limit,
     )
 
 

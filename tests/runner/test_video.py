@@ -19,6 +19,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from PIL import Image
+from sealed import seal_folder
 from short_tasks import DRUM, TAP
 from typer.testing import CliRunner, Result
 
@@ -291,6 +292,7 @@ def test_killed_runs_are_drawn_to_the_end_of_their_log(drum: Path, tmp_path: Pat
     log = (drum / "log.arrow").read_bytes()
     # A little less than the last batch, which is all that a killed run loses.
     (cut / "log.arrow").write_bytes(log[: int(0.9 * len(log))])
+    seal_folder(cut, status="running")
     recording = Recording.of(Run(cut))
     assert len(recording) == 500
     with Film(recording, SMALL) as film:
@@ -343,7 +345,8 @@ def test_encoder_that_fails_is_an_error_and_leaves_the_old_video(
         signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
         resource.setrlimit(resource.RLIMIT_FSIZE, (room, room))
 
-    command = [sys.executable, "-m", "taskspec_runner", "replay", wall, "--video", out]
+    # Without -B, Python would leave half a file of what it compiles, too.
+    command = [sys.executable, "-B", "-m", "taskspec_runner", "replay", wall, "--video", out]
     said = subprocess.run(
         [*command, "--size", "640x360", "--fps", "10"],
         capture_output=True,

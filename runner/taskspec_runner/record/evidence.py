@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from functools import cached_property
 from pathlib import Path
 
+from taskspec.text.yaml import MAX_BYTES
 from taskspec_runner.errors import InputError
 from taskspec_runner.record.block import BLOCK, LeftTicks, read_block
 from taskspec_runner.record.extent import ENDED
@@ -76,8 +77,8 @@ class Evidence:
 
     @cached_property
     def task(self) -> bytes:
-        """The task file, also an altered one; empty where it is missing."""
-        return self._read(TASK)[0] or b""
+        """The task file, also an altered one as far as a task may be long; empty without one."""
+        return (self._read(TASK)[0] or b"")[:MAX_BYTES]
 
     @cached_property
     def task_damage(self) -> str:
