@@ -9,11 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.control.qp.certificate import Certificate, contradiction, feasible
-from taskspec.foresight.course import moving_axes
+from taskspec.foresight.course import course_of, moving_axes
 from taskspec.foresight.force_profile import at, force_profiles
 from taskspec.foresight.rates import VELOCITY, motion
 from taskspec.foresight.rows import Cause, RowSystem
 from taskspec.foresight.statics import TORQUE, statics
+from taskspec.geometry.axis import AXES
 from taskspec.program.passage import End
 from taskspec.program.plan import StagePlan
 from taskspec.program.trajectory import Place
@@ -34,6 +35,8 @@ _MET = 1e-9
 _HALVINGS = 20
 _NONE = 1e-3
 _FEW = 2
+#: Instants at which a motion is looked at.
+_LOOKS = 201
 
 
 @rule("TS420", "lines that contradict each other")
@@ -54,6 +57,7 @@ def contradictions(stage: StagePlan) -> Iterator[Finding]:
     yield from _profiles(stage)
     yield from _fast_joints(stage)
     yield from _fast_tip(stage)
+    yield from _fast_references(stage)
 
 
 def _profiles(stage: StagePlan) -> Iterator[Finding]:
@@ -118,6 +122,33 @@ def _fast_tip(stage: StagePlan) -> Iterator[Finding]:
                 "turn slower, or raise the limit",
             )
             return
+
+
+def _fast_references(stage: StagePlan) -> Iterator[Finding]:
+    """Motions beyond `limits.speed` of stages that begin where nobody knows."""
+    nominal, most = stage.nominal, stage.limits.speed
+    modes = [entry.mode for entry in stage.spec.axes.values()]
+    placed = any(mode.placed for mode in modes) or (stage.path is not None)
+    if nominal.passage or nominal.course or most is None or placed or stage.law.solve == "qp":
+        return
+    course = course_of(stage, dict.fromkeys(AXES, 0.0), {})
+    if course is None:
+        return
+    times = np.linspace(0.0, course.duration, _LOOKS)
+    ways = [[way(t) for t in times] for a, way in course.ways.items() if not a.is_rotation]
+    if not ways or not np.isfinite(ways).all():
+        return
+    speeds = np.linalg.norm(np.diff(ways, axis=1), axis=0) / (times[1] - times[0])
+    fastest = int(np.argmax(speeds))
+    if speeds[fastest] > most:
+        yield warning(
+            "TS420",
+            f"in stage {stage.name!r}, at t = {show(float(times[fastest]), 's', 3)}, the tip goes "
+            f"at {show(float(speeds[fastest]), 'mm/s', 3)}, and the limit on speed is "
+            f"{show(most, 'mm/s')}: the run stops there",
+            motion_of(stage),
+            "move slower, or raise the limit, for this stage by its own `limits`",
+        )
 
 
 @rule("TS421", "a motion that leads out of reach")
