@@ -192,10 +192,9 @@ class TruthDraft(Draft):
         angle = round(self.between(10, 60))
         time = angle / rate * 1.5 + 1
         if self.chance(0.6):
-            self.frame = "part.handle"
             speed = np.radians(rate) * radius
-            self.frames["lever"] = {"parent": "part.handle", "rpy": ["0", "0", f"{about:g} deg"]}
-            self.frame = "lever"
+            # x of the handle's frame is along its lever.
+            self.frame = "part.handle"
             rz: Value = {"hold": "world"} if knob == "free" else {"follows": "part"}
             driven: dict[str, Value] = {"y": {"velocity": f"{speed:.3g} mm/s"}, "rz": rz}
         else:
