@@ -180,7 +180,7 @@ def locks(number: int, work: Path, seed: int = 0) -> Tally:
                 tally.failures.append(f"lock {i}: {error}")
         ticks = counted.ticks
         wait_until(lambda counted=counted, ticks=ticks: counted.ticks > ticks)
-        stop = signal.SIGKILL if i % 2 else signal.SIGINT
+        stop = signal.SIGKILL if i % 2 else signal.SIGTERM
         os.kill(first, stop)
         os.waitpid(first, 0)
         if stop != signal.SIGKILL and Run.load(folder).extent.status != "stopped":

@@ -228,3 +228,14 @@ def test_file_that_a_task_draws_on_and_that_has_changed_is_told(own: Path) -> No
     assert result.exit_code == 0
     assert result.stderr == "taskspec: arm.xml is no longer as the run read it\n"
     assert "arm.xml is no longer as the run read it" in call("judge", own).stderr
+
+
+def test_length_that_says_more_than_there_is_makes_no_room_for_it(folder: Path) -> None:
+    """Of the schema's description, and of a batch: their high bits."""
+    log = folder / "log.arrow"
+    content = log.read_bytes()
+    first = 8 + int.from_bytes(content[4:8], "little")
+    for at in (7, first + 7):
+        log.write_bytes(content[:at] + bytes([content[at] ^ 0x40]) + content[at + 1 :])
+        assert read(folder).damage.startswith("log.arrow was ")
+        assert call("report", folder).exit_code == 1

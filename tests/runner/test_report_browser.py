@@ -61,11 +61,12 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
         found[name] = write_report(Run(found[name]))
     killed = folder / "killed"
     killed.mkdir()
-    shutil.copy(folder / "good" / "task.yaml", killed)
+    for name in ("task.yaml", "manifest.json"):
+        shutil.copy(folder / "good" / name, killed)
     whole = (folder / "good" / "log.arrow").read_bytes()
     # Without the mark of the end, which a killed run does not write.
     (killed / "log.arrow").write_bytes(whole[:-8])
-    seal_folder(killed, status="running", task="tap")
+    seal_folder(killed, status="running")
     found["killed"] = write_report(Run(killed))
     empty = folder / "empty"
     empty.mkdir()

@@ -84,7 +84,9 @@ class Evidence:
     def task_damage(self) -> str:
         """What is wrong with the task file; empty if nothing is."""
         content, wrong = self._read(TASK)
-        if content is None and not self._sum(TASK):
+        unwritten = mapping(self.manifest.get("unwritten")).get("file")
+        if content is None and (unwritten == TASK or not self._sum(TASK)):
+            # There was no room for it, which the manifest says.
             return ""
         return self._held(TASK, content, wrong)
 

@@ -183,7 +183,7 @@ class LogReader:
             self.damage = f"{self._name} was altered: {error}"
             return
         # Arrow has errors of its own, and those of Python, for what it cannot read.
-        except (pa.ArrowException, OSError, ValueError, LookupError, TypeError):
+        except (pa.ArrowException, OSError, ValueError, LookupError, TypeError, MemoryError):
             self.cut = not self._file.read(1)
             place = _place(self.batches + (held is not None), self.ticks + _rows(held))
             how = "ends within" if self.cut else "was altered: it cannot be read from"
@@ -246,7 +246,9 @@ class _HashedFile:
 
     def read(self, size: int = -1) -> bytes:
         """Some bytes, fewer at the end."""
-        content = self._file.read(size)
+        # No more than there are, as room is made before they are looked for.
+        left = max(os.fstat(self._file.fileno()).st_size - self._file.tell(), 0)
+        content = self._file.read(left if size < 0 else min(size, left))
         if self._used:
             self._sha256.update(content)
         return content
