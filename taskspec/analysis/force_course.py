@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from taskspec.analysis.loop import UnfitError
 from taskspec.analysis.sampled_stage import SampledStage, loop_like
-from taskspec.foresight.approach import approach, ends_by_touch
+from taskspec.foresight.approach import approach
 from taskspec.foresight.conditions import bounds_of, names
 from taskspec.foresight.flow import good_end
 from taskspec.foresight.interval import IntervalAlgebra
@@ -63,9 +63,9 @@ class ForceCourses:
     def of(self, name: str, axis: Axis) -> ForceCourse | None:
         """The force of an axis while its stage lasts, by its sampled loop at the start pose.
 
-        None where it is not known how long the stage lasts, what it begins with or what its set
-        point is; where the loop cannot be followed; and where the tool would leave what it presses
-        on.
+        That of a stage with a guard goes on to its bound, as if the guard never held. None where
+        it is not known how long the stage lasts, what it begins with or what its set point is;
+        where the loop cannot be followed; and where the tool would leave what it presses on.
 
         Args:
             name: of the stage.
@@ -122,8 +122,6 @@ class ForceCourses:
             held = self._at_end(previous, axis)
             if held is not None:
                 return held, rest
-        if not ends_by_touch(previous):
-            return None
         way = approach(previous, previous.nominal.gap)
         if way is None or way.contact != stage.contact_of(axis):
             return None
@@ -143,15 +141,15 @@ class ForceCourses:
         force = stage.spec.axes[axis].set_point
         if force is None:
             return None
-        course = self.of(stage.name, axis)
+        course = None if stage.spec.until is not None else self.of(stage.name, axis)
         value = stage.known(force.wanted) if course is None else float(course.applied[-1])
         return value if value is not None and math.isfinite(value) else None
 
 
 def _lasts(stage: StagePlan) -> float | None:
-    """How long a stage lasts that no guard ends [s]; None of another."""
+    """How long a stage lasts [s], at most where a guard may end it; None where nothing tells it."""
     if stage.spec.until is not None:
-        return None
+        return stage.longest if math.isfinite(stage.longest) else None
     passage, course = stage.nominal.passage, stage.nominal.course
     known = [
         stage.spec.time,
@@ -177,7 +175,7 @@ def _dwell(stage: StagePlan) -> float:
 
 
 def _felt_at_end(stage: StagePlan) -> float:
-    """The force from which on the guard of a stage that ends by a touch holds [N]."""
+    """The force from which on the guard of a stage that comes to a surface holds [N]."""
     assert stage.spec.until is not None
     guard = stage.spec.until.tree
     guard = guard.x if isinstance(guard, Held) else guard

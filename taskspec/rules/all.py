@@ -29,7 +29,7 @@ from taskspec.rules import (
     signals,
     singularity,
     stability,
-    foreseen_expectations,
+    foreseen_forces,
     variations,
     contacts,
 )
@@ -42,7 +42,7 @@ __all__ = [
     "equations",
     "expectations",
     "feasibility",
-    "foreseen_expectations",
+    "foreseen_forces",
     "frames",
     "guards",
     "held_mechanism",

@@ -1,4 +1,4 @@
-"""Expectations that the foreseen course of a stage misses."""
+"""Expectations and guards that the foreseen course of a stage misses."""
 
 from __future__ import annotations
 
@@ -13,8 +13,9 @@ from taskspec.foresight.conditions import names, parts
 from taskspec.foresight.interval import ANY, IntervalAlgebra
 from taskspec.foresight.ranges import constant
 from taskspec.geometry.axis import Axis, as_axis
-from taskspec.program.plan import TaskPlan
+from taskspec.program.plan import StagePlan, TaskPlan
 from taskspec.rules import Finding, Phase, rule, warning
+from taskspec.spec import FILE
 from taskspec.text.expression import Expression, evaluate
 from taskspec.text.expression.series import Series, SeriesAlgebra
 from taskspec.text.expression.tree import Compare, Held, Name, Node, Reduce
@@ -47,6 +48,61 @@ def slow_forces(task: TaskPlan) -> Iterator[Finding]:
                 yield looks[0].finding()
 
 
+@rule({}, also=("TS611",), phase=Phase.STABILITY)
+def guards_beyond_forces(task: TaskPlan) -> Iterator[Finding]:
+    """Guards that wait for more than their axis' force ever comes to."""
+    ways = ForceCourses(task), ForceCourses(task, deepens=False)
+    for name, stage in task.framed.items():
+        axis = _waits_for(stage)
+        courses = [way.of(name, axis) for way in ways] if axis is not None else []
+        if axis is None or stage.spec.until is None or not all(courses):
+            continue
+        tree = stage.spec.until.tree
+        node = tree.x if isinstance(tree, Held) else tree
+        applied = [c.applied for c in courses if c is not None]
+        if any(_ever(task, node, (1 + more) * f) for f in applied for more in (0.0, _DOUBT)):
+            continue
+        most = max(applied[0], key=abs)
+        yield warning(
+            "TS611",
+            f"this never holds: until {show(stage.longest, 's', 3)} have passed, "
+            f"{axis.effort}.{axis} is foreseen to come to {show(float(most), axis.of(FORCE), 3)}",
+            FILE.stages[name].until,
+            "let it wait for less than the set point, or raise that",
+            unless=("TS501", "TS612", "TS617"),
+        )
+
+
+def _waits_for(stage: StagePlan) -> Axis | None:
+    """The one axis whose force alone the guard of a stage waits for."""
+    if stage.spec.until is None:
+        return None
+    paths = {
+        n.path
+        for n in names(stage.spec.until.tree)
+        if constant(stage.context, n) is None or n.frame is not None
+    }
+    if len(paths) != 1:
+        return None
+    (path,) = paths
+    axis = as_axis(path[-1])
+    if len(path) != 2 or axis is None or path[0] != axis.effort or not _is_set(stage, axis):
+        return None
+    return axis
+
+
+def _ever(task: TaskPlan, node: Node, applied: Vector) -> bool:
+    """Whether a condition on one force ever holds while that goes its way."""
+    window = np.ones(len(applied), dtype=bool)
+
+    def find(name: Name) -> Series:
+        known = constant(task.context, name)
+        return Series(applied, window) if known is None else Series.one(known.low)
+
+    worth = evaluate(node, _SERIES, find)
+    return not worth.known or bool((worth.inside() == 1).any())
+
+
 @rule("TS727", "an expectation that a guard ends short of", phase=Phase.RUN)
 def short_ends(task: TaskPlan) -> Iterator[Finding]:
     """Last values beyond those at which the stage's own guard ends it."""
@@ -69,10 +125,15 @@ def _force_of(task: TaskPlan, condition: Node) -> tuple[str, str, str] | None:
         return None
     name, effort, last = path
     stage, axis = task.framed.get(name), as_axis(last)
-    if stage is None or axis is None or axis.effort != effort:
+    if stage is None or axis is None or axis.effort != effort or stage.spec.until is not None:
         return None
+    return path if _is_set(stage, axis) else None
+
+
+def _is_set(stage: StagePlan, axis: Axis) -> bool:
+    """Whether a loop brings the force of an axis to its set point."""
     plan = stage.plans.get(axis)
-    return path if plan is not None and plan.force and stage.law.control_law.force_loop else None
+    return plan is not None and plan.force and stage.law.control_law.force_loop
 
 
 class _Look:
