@@ -172,6 +172,8 @@ def _short(stage: StagePlan, way: Approach) -> Iterator[Finding]:
             f"{comes} after {show(need, Within.dimension_of(key), 3)}: this bound ends it before",
             FILE.stages[stage.name].within[key],
             f"raise it, or begin nearer to {way.contact!r}",
+            unless=("TS611",),
+            unless_at=FILE.stages[stage.name].until,
         )
         return
 
