@@ -13,11 +13,15 @@ from taskspec.foresight.interval import Interval, IntervalAlgebra, point
 from taskspec.foresight.nominal import AT_SURFACE
 from taskspec.foresight.ranges import Ranges
 from taskspec.geometry.axis import TRANSLATIONS, Axis
+from taskspec.laws.gains import on_axis
 from taskspec.program.axes import MOSTLY
 from taskspec.program.plan import StagePlan
 from taskspec.text.expression.tree import Held
 
 Vector = NDArray[np.float64]
+
+#: Steps towards a fixed point, which is come to from below.
+_NARROWINGS = 30
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,3 +124,28 @@ def striking_mass(stage: StagePlan, axis: Axis) -> float:
     """Mass that strikes [kg]: the arm's own along an axis, or the apparent one of its law."""
     own = {name: by_axis[axis] for name, by_axis in stage.gains.items() if axis in by_axis}
     return float(stage.law.control_law.strikes_with(own, stage.plants[axis].h))
+
+
+def dragged(stage: StagePlan, axis: Axis, time: float) -> float:
+    """By how much later an axis that goes at a constant rate comes to a place than its reference.
+
+    A damper on the velocity itself pulls at the spring: d x' = k (x_d - x), with the mass left out,
+    lets x be where x_d was tau (1 - exp(-t / tau)) ago, tau = d / k.
+
+    Args:
+        stage: the stage.
+        axis: a translation.
+        time: at which the reference comes there, since it set off [s].
+
+    Returns:
+        [s]; 0 where the law's damper acts on the error, or on the joints.
+    """
+    law, gains = stage.law.control_law, on_axis(stage.gains, axis)
+    drag = law.drag(gains) or 0.0
+    own = law.spring(gains, stage.plants[axis].h) if drag else 0.0
+    if own <= 0:
+        return 0.0
+    tau, later = drag / own, 0.0
+    for _ in range(_NARROWINGS):
+        later = tau * -math.expm1(-(time + later) / tau)
+    return later

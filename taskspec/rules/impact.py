@@ -10,6 +10,7 @@ import numpy as np
 from taskspec.foresight.approach import (
     Approach,
     approach,
+    dragged,
     moved,
     rates_of,
     striking_mass,
@@ -156,7 +157,7 @@ def _short(stage: StagePlan, way: Approach) -> Iterator[Finding]:
     time, lasts = gap / way.closing, _lasts(stage)
     rises = 0.0 if any(stage.nominal.carried.values()) else BLEND_TIME / 2
     needs = {
-        "time": time + rises + lasts,
+        "time": time + rises + dragged(stage, way.axis, time) + lasts,
         "travel": time * float(np.linalg.norm(way.rates)),
     }
     for key, need in needs.items():

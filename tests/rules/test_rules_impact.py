@@ -112,3 +112,20 @@ def test_the_tool_goes_there_as_fast_as_said(simulate, law):
     run = simulate(task)
     # Twice f/d once the integral is full, which it is to 2 % before the tool arrives; two digits.
     assert np.max(run["speed"]) == pytest.approx(speed, rel=0.07)
+
+
+@pytest.mark.parametrize("speed", ["-30 mm/s", "-60 mm/s"])
+def test_a_tool_that_is_dragged_comes_there_later(simulate, speed):
+    """Under parallel-pid the tool is tau = d_m / k_m behind its reference, 0.17 s.
+
+    The arm's mass and the force that the guard waits for come on top of that.
+    """
+    task = text(LAW="parallel-pid", SPEED=f"{speed}, force: 0").replace("200 kN/m", "2 kN/m")
+    arrives = simulate(task).transitions[0].clock
+    short = f"time: {arrives - 0.15:.3f} s"
+    (found,) = findings(task.replace("time: 3 s", short))
+    foreseen = float(re.search(r"after ([\d.]+) s", found.message)[1])
+    assert found.code == "TS617"
+    assert arrives - 0.1 < foreseen < arrives
+    assert simulate(task.replace("time: 3 s", short)).transitions[0].kind == "within"
+    assert not findings(task.replace("time: 3 s", f"time: {arrives + 0.01:.3f} s"))
