@@ -141,15 +141,19 @@ def response(
         driven_step(controller, plant, sensor, drive, samples=first)
         for first in (True, False)[: min(sensor.hold_ticks, 2)]
     ]
-    x, wrenches = np.zeros(len(steps[0].F)), np.zeros((len(inputs), 6))
+    x = np.zeros((len(inputs) + 1, len(steps[0].F)))
     if rates is not None:
-        x[plant.size : plant.size + plant.n] = rates
-    for k, u in enumerate(inputs):
-        step = steps[0] if k % sensor.hold_ticks == 0 else steps[-1]
-        wrenches[k] = step.C @ x + step.D @ u
-        if not np.abs(wrenches[k]).max() <= _WITHOUT_BOUNDS:
-            raise UnfitError("numbers without bounds")
-        x = step.F @ x + step.E @ u
+        x[0, plant.size : plant.size + plant.n] = rates
+    pushes = [inputs @ step.E.T for step in steps]
+    for k in range(len(inputs)):
+        i = min(k % sensor.hold_ticks, 1)
+        np.dot(steps[i].F, x[k], out=x[k + 1])
+        x[k + 1] += pushes[i][k]
+    wrenches = x[:-1] @ steps[-1].C.T + inputs @ steps[-1].D.T
+    taken = slice(None, None, sensor.hold_ticks)
+    wrenches[taken] = x[:-1][taken] @ steps[0].C.T + inputs[taken] @ steps[0].D.T
+    if not np.abs(wrenches).max(initial=0.0) <= _WITHOUT_BOUNDS:
+        raise UnfitError("numbers without bounds")
     return wrenches
 
 

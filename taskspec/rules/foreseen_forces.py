@@ -41,10 +41,15 @@ def slow_forces(task: TaskPlan) -> Iterator[Finding]:
             signal = _force_of(task, condition)
             if signal is None:
                 continue
-            name, _, axis = signal
-            courses = [way.of(name, Axis(axis)) for way in ways]
-            looks = [_Look(task, expression, condition, signal, c) for c in courses if c]
-            if len(looks) == len(ways) and all(look.misses for look in looks):
+            looks = []
+            for way in ways:
+                course = way.of(signal[0], Axis(signal[2]))
+                if course is None:
+                    break
+                looks.append(_Look(task, expression, condition, signal, course))
+                if not looks[-1].misses:
+                    break
+            else:
                 yield looks[0].finding()
 
 
