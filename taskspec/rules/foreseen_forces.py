@@ -18,7 +18,7 @@ from taskspec.rules import Finding, Phase, rule, warning
 from taskspec.spec import FILE
 from taskspec.text.expression import Expression, evaluate
 from taskspec.text.expression.series import Series, SeriesAlgebra
-from taskspec.text.expression.tree import Compare, Held, Name, Node, Reduce
+from taskspec.text.expression.tree import Compare, Held, Name, Node, Reduce, walk
 from taskspec.text.units import FORCE, show
 
 Vector = NDArray[np.float64]
@@ -170,6 +170,8 @@ class _Look:
         else:
             why = f"the set point of {axis!r} in stage {name!r} itself goes there"
             hint = "widen this by what the set point changes, or expect its mean"
+        if not any(isinstance(node, Held | Reduce) for node in walk(self._condition)):
+            hint = "say in how much of the stage it has to hold, as in 'for 90 %'"
         return warning(
             "TS726",
             f"{self._foreseen()}: {why}",

@@ -129,7 +129,7 @@ def test_an_open_loop_force_is_bounded_by_the_corners():
     depth = 20 / 1000 + 20 / 10_000
     worst = (depth + 1e-3) * 1000 * 20_000 / 21_000
     least = (depth - 1e-3) * 1000 * 5_000 / 6_000
-    assert f"{-worst:.3g} to {-least:.3g} N" in found.message
+    assert f"{-worst:.3g} N to {-least:.3g} N" in found.message
 
 
 def test_what_is_held_is_not_touched():

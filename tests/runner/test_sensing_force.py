@@ -7,6 +7,7 @@ import pinocchio as pin
 import pytest
 
 from taskspec.spec import load_text
+from taskspec_runner import read
 from taskspec_runner.session import execute
 
 PRESS = """
@@ -96,9 +97,13 @@ def test_a_run_keeps_its_seed(tmp_path):
 
     assert left("a", 7) == left("b", 7)
     assert left("c", 8)[0] != left("d", 7)[0]
-    # With a sensor that draws nothing, only the summary tells the seeds apart.
+    # With a sensor that draws nothing, seeds make no other ticks; the log says whose it is.
     loaded = load_text(press("{}"), "press.yaml")
-    assert left("e", 7)[0] == left("f", 8)[0]
+    assert left("e", 7)[0] != left("f", 8)[0]
+    e, f = (read(tmp_path / name).history for name in "ef")
+    assert {n: c.tobytes() for n, c in e.columns.items()} == {
+        n: c.tobytes() for n, c in f.columns.items()
+    }
 
 
 WRIST = """
