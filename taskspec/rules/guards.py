@@ -6,7 +6,10 @@ import math
 import re
 from collections.abc import Iterator
 
+import numpy as np
+
 from taskspec.foresight.conditions import names, parts, value_of
+from taskspec.foresight.held_part import HeldPart
 from taskspec.foresight.interval import Interval, IntervalAlgebra, point
 from taskspec.foresight.nominal import AT_SURFACE
 from taskspec.foresight.ranges import Ranges
@@ -23,6 +26,8 @@ from taskspec.text.units import show
 
 #: Of the time for which a guard is to hold, what is left once the set points are there.
 _SETTLED = 2.0
+#: By this share what is carried may weigh more or less, as the arm sets off or gives way.
+_SWAYS = 0.1
 #: Another object may push the other way from this share of its normal on.
 _SLIGHTLY = 0.1
 
@@ -69,6 +74,15 @@ def useless_guards(stage: StagePlan) -> Iterator[Finding]:
                 f"this holds as soon as stage {name!r} begins, when nothing is touched yet",
                 guard.span,
                 "turn the relation round, or the sign of what it compares with",
+            )
+        elif (part := _hanging(stage)) and _holds_carrying(stage, guard, algebra, part):
+            weight = show(float(np.linalg.norm(part.weight)), "N", 3)
+            yield warning(
+                "TS613",
+                f"this holds as soon as stage {name!r} begins: {part.name!r} weighs {weight}, "
+                "which the robot applies from the first tick on",
+                guard.span,
+                "wait for more than the weight, or tare the sensor in a stage before this one",
             )
 
 
@@ -212,3 +226,26 @@ def _holds_untouched(stage: StagePlan, guard: Expression, algebra: IntervalAlgeb
     }
     inner = guard.tree.x if isinstance(guard.tree, Held) else guard.tree
     return evaluate(inner, algebra, Ranges(stage, felt)).always
+
+
+def _hanging(stage: StagePlan) -> HeldPart | None:
+    """The loose body whose weight the tool bears as the run begins with this stage."""
+    task = stage.context.loaded.task
+    if stage.name != next(iter(task.stages)) or task.equations or stage.spec.tare:
+        return None
+    part = HeldPart.of(stage.context)
+    return part if part is not None and part.hangs else None
+
+
+def _holds_carrying(
+    stage: StagePlan, guard: Expression, algebra: IntervalAlgebra, part: HeldPart
+) -> bool:
+    """Whether a guard holds with the weight of what is held, whatever the other signals are."""
+    known = {}
+    for axis, force in zip("xyz", stage.rotation.T @ part.weight, strict=True):
+        ends = sorted(((1 - _SWAYS) * float(force), (1 + _SWAYS) * float(force)))
+        known[f"force.{axis}"] = Interval(*ends)
+    inner = guard.tree.x if isinstance(guard.tree, Held) else guard.tree
+    if any(n.frame is not None for n in names(inner)):
+        return False
+    return evaluate(inner, algebra, Ranges(stage, known)).always

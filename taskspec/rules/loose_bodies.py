@@ -4,14 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-import casadi as ca
-import numpy as np
-from numpy.typing import NDArray
-
-from taskspec.program.context import Context
+from taskspec.foresight.held_part import distance
 from taskspec.program.plan import TaskPlan
 from taskspec.rules import Finding, Phase, rule, warning
-from taskspec.shapes import BoundedSurface, Surface
 from taskspec.spec import FILE, key_of
 from taskspec.text.units import show
 
@@ -28,12 +23,11 @@ def thrown_bodies(task: TaskPlan) -> Iterator[Finding]:
     for name, body in shapes.items():
         if not body.free or body.mass is None:
             continue
-        points, radius = _points(context.surfaces[name])
         for other in shapes:
             pair = frozenset((name, other))
             if other == name or pair in reported:
                 continue
-            depth = radius - min(_distance(context, other, point) for point in points)
+            depth = -distance(context, name, other)
             stiffness = context.compliances[other].stiffness
             if shapes[other].free:
                 stiffness = min(stiffness, context.compliances[name].stiffness)
@@ -46,19 +40,3 @@ def thrown_bodies(task: TaskPlan) -> Iterator[Finding]:
                     key_of(FILE.world[name]),
                     "let the body lie on it: the contact gives way by weight / stiffness",
                 )
-
-
-def _points(body: Surface) -> tuple[NDArray[np.float64], float]:
-    """World points (k, 3) that a body reaches furthest with [m], and a radius about them."""
-    assert isinstance(body, BoundedSurface)
-    own, radius = body.extremes()
-    return body.origin + own @ body.rotation.T, radius
-
-
-def _distance(context: Context, name: str, point: NDArray[np.float64]) -> float:
-    """Signed distance [m] of a world point (3,) from an object as the run begins."""
-    base = context.moving_bases.get(name)
-    if base is not None:
-        A, a = base.pose(0.0)
-        point = A.T @ (point - a)
-    return float(ca.evalf(context.surfaces[name].distance(ca.SX(point))))

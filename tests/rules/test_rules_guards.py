@@ -99,3 +99,41 @@ def test_the_sign_is_told_with_what_would_be_right():
         )
     )
     assert "did you mean 'force.z <= -(1.5*2 N)'?" in found.hint
+
+
+CARRIED = """
+taskspec: 1
+robot: {model: ur5e, grasp: part}
+world:
+  part: {shape: box, size: [74 mm, 74 mm, 74 mm], free: true, mass: 170 g, stiffness: 1.1 kN/m,
+    damping: 13 N*s/m, xyz: [490 mm, 158 mm, 240 mm]}
+  table: {shape: plane, xyz: [0, 0, 163 mm], stiffness: 1.1 kN/m, damping: 13 N*s/m}
+frame: world
+law: pd
+stages:
+  go: {axes: {z: {velocity: -14 mm/s}}, until: UNTIL, within: {time: 3.9 s, travel: 60 mm}}
+"""
+
+
+@pytest.mark.parametrize(
+    ("until", "expected"),
+    [
+        ("norm(force) > 1.1 N for 5 ms", ["TS613"]),
+        ("force.z > 1.1 N", ["TS613"]),
+        ("norm(force) > 2.4 N for 5 ms", []),
+        ("force.z < -1.1 N", []),
+    ],
+)
+def test_the_weight_of_what_is_held_ends_a_stage_at_once(simulate, until, expected):
+    """170 g weigh 1.67 N. The part is 40 mm off its table, 2.9 s away."""
+    text = CARRIED.replace("UNTIL", until)
+    assert [d.code for d in check_task(load_text(text, "t"))] == expected
+    ended = simulate(text).transitions[0]
+    assert (ended.clock < 0.1) == bool(expected)
+    assert ended.kind == "until"
+
+
+def test_a_sensor_that_is_tared_takes_the_weight_off():
+    text = CARRIED.replace("UNTIL", "norm(force) > 1.1 N for 5 ms")
+    tared = text.replace("stages:\n", "stages:\n  zero: {axes: {}, tare: true, time: 0.3 s}\n")
+    assert not check_task(load_text(tared, "t"))
