@@ -18,8 +18,11 @@ from taskspec.foresight.approach import (
 )
 from taskspec.foresight.conditions import names, parts, value_of
 from taskspec.foresight.flow import good_end
+from taskspec.foresight.held_part import HeldPart
 from taskspec.foresight.interval import ANY, Interval, IntervalAlgebra, point
 from taskspec.foresight.nominal import AT_SURFACE
+from taskspec.geometry.axis import Axis
+from taskspec.laws.gains import on_axis
 from taskspec.motion.blend import BLEND_TIME
 from taskspec.program.axes import MOSTLY
 from taskspec.program.context import Context
@@ -151,6 +154,15 @@ def _short(stage: StagePlan, way: Approach) -> Iterator[Finding]:
     context, frame, gap = stage.context, stage.frame, way.gap
     named = way.contact in (frame.surface_name, frame.owner)
     nothing_else = len(context.start_gaps) == 1 or named
+    part = HeldPart.of(context) if stage.name == next(iter(context.loaded.task.stages)) else None
+    begins = f"stage {stage.name!r} begins"
+    if part is not None and context.loaded.task.shapes[way.contact].shape == "plane":
+        # It comes there before the tool does; of a plane, its farthest points are the nearest.
+        gap, nothing_else = (
+            part.gaps[way.contact] - _sags(stage, way.axis, part),
+            len(part.gaps) == 1,
+        )
+        begins += f" with {part.name!r}"
     within = stage.spec.within
     if gap is None or within is None or not nothing_else or context.loaded.task.equations:
         return
@@ -169,7 +181,7 @@ def _short(stage: StagePlan, way: Approach) -> Iterator[Finding]:
             comes = f"has touched it for {show(lasts, 's', 3)}"
         yield warning(
             "TS617",
-            f"stage {stage.name!r} begins {show(gap, 'mm', 3)} away from {way.contact!r} and "
+            f"{begins} {show(gap, 'mm', 3)} away from {way.contact!r} and "
             f"{comes} after {show(need, Within.dimension_of(key), 3)}: this bound ends it before",
             FILE.stages[stage.name].within[key],
             f"raise it, or begin nearer to {way.contact!r}",
@@ -177,6 +189,12 @@ def _short(stage: StagePlan, way: Approach) -> Iterator[Finding]:
             unless_at=FILE.stages[stage.name].until,
         )
         return
+
+
+def _sags(stage: StagePlan, axis: Axis, part: HeldPart) -> float:
+    """By how much the spring of an axis gives way to the weight of what is held, at most [m]."""
+    own = stage.law.control_law.spring(on_axis(stage.gains, axis), stage.plants[axis].h)
+    return float(np.linalg.norm(part.weight)) / own if own > 0 else 0.0
 
 
 def _lasts(stage: StagePlan) -> float:

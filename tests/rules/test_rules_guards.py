@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import re
+
+import numpy as np
 import pytest
 
 from taskspec.examination import check_task
@@ -137,3 +140,17 @@ def test_a_sensor_that_is_tared_takes_the_weight_off():
     text = CARRIED.replace("UNTIL", "norm(force) > 1.1 N for 5 ms")
     tared = text.replace("stages:\n", "stages:\n  zero: {axes: {}, tare: true, time: 0.3 s}\n")
     assert not check_task(load_text(tared, "t"))
+
+
+def test_a_part_that_is_held_comes_to_its_table_before_the_tool_does(simulate):
+    """The part begins 40 mm off; the force that the guard waits for comes a little later."""
+    text = CARRIED.replace("UNTIL", "force.z < -1.1 N")
+    short = text.replace("time: 3.9 s", "time: 2.6 s")
+    (found,) = check_task(load_text(short, "t"))
+    foreseen = float(re.search(r"after ([\d.]+) s", found.message)[1])
+    assert found.code == "TS617"
+    assert simulate(short).transitions[0].kind == "within"
+    touches = simulate(text)
+    arrives = touches["t"][np.argmax(touches["force.z"] < 0.5 * 0.17 * 9.81)]
+    assert foreseen == pytest.approx(arrives, abs=0.15)
+    assert foreseen < touches.transitions[0].clock
