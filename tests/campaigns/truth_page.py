@@ -32,6 +32,13 @@ contacts are 4 % softer: errors begin 2 % inside the boundary, and 2 % beyond it
 **Announced** is a bad run if there was an error or warning whose code announces its end; which code
 announces which is in `tests/campaigns/announcements.yaml`.
 """
+#: Of a seed whose disagreements were looked into.
+TRACED = (
+    "The causes of disagreements were traced on this seed, rules were mended by them, and the rows",
+    "of files that a change concerns were made anew: its shares flatter. A seed that nobody has",
+    "looked at tells what other files are to expect.",
+    "",
+)
 SEVERITIES = ("silent", "warning", "error")
 
 
@@ -67,6 +74,7 @@ def page(seed: int, rows: Sequence[Judged], reasons: Mapping[int, str]) -> str:
         f"Seed {seed}, {len(rows)} files, {len(ran)} of them run, commit {made};",
         f"{cpu:.2f} s of processor time to validate one.",
         "",
+        *(TRACED if reasons else ()),
         *table(
             ("what", "count", "of", "share", "promised"),
             (
