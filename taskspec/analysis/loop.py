@@ -145,13 +145,15 @@ def response(
     if rates is not None:
         x[0, plant.size : plant.size + plant.n] = rates
     pushes = [inputs @ step.E.T for step in steps]
-    for k in range(len(inputs)):
-        i = min(k % sensor.hold_ticks, 1)
-        np.dot(steps[i].F, x[k], out=x[k + 1])
-        x[k + 1] += pushes[i][k]
-    wrenches = x[:-1] @ steps[-1].C.T + inputs @ steps[-1].D.T
-    taken = slice(None, None, sensor.hold_ticks)
-    wrenches[taken] = x[:-1][taken] @ steps[0].C.T + inputs[taken] @ steps[0].D.T
+    # What grows without bounds overflows, and is refused below.
+    with np.errstate(over="ignore", invalid="ignore"):
+        for k in range(len(inputs)):
+            i = min(k % sensor.hold_ticks, 1)
+            np.dot(steps[i].F, x[k], out=x[k + 1])
+            x[k + 1] += pushes[i][k]
+        wrenches = x[:-1] @ steps[-1].C.T + inputs @ steps[-1].D.T
+        taken = slice(None, None, sensor.hold_ticks)
+        wrenches[taken] = x[:-1][taken] @ steps[0].C.T + inputs[taken] @ steps[0].D.T
     if not np.abs(wrenches).max(initial=0.0) <= _WITHOUT_BOUNDS:
         raise UnfitError("numbers without bounds")
     return wrenches
