@@ -13,6 +13,7 @@ from taskspec.analysis.sampled_stage import SampledStage, loop_like
 from taskspec.foresight.approach import approach
 from taskspec.foresight.conditions import bounds_of, names
 from taskspec.foresight.flow import good_end
+from taskspec.foresight.force_profile import set_points_at
 from taskspec.foresight.interval import IntervalAlgebra
 from taskspec.foresight.ranges import Ranges
 from taskspec.geometry.axis import Axis
@@ -207,9 +208,8 @@ def _wanted(stage: StagePlan, axis: Axis, times: Vector) -> Vector | None:
     if constant is not None:
         return np.full(len(times), constant) if math.isfinite(constant) else None
     looks = np.linspace(0.0, float(times[-1]), min(_LOOKS, len(times)))
-    values = [stage.known(force.wanted, {"t": float(t)}) for t in looks]
-    known = [v for v in values if v is not None and math.isfinite(v)]
-    return np.interp(times, looks, known) if len(known) == len(values) else None
+    values = set_points_at(stage, force.wanted, looks.tolist())
+    return None if values is None else np.interp(times, looks, values)
 
 
 def _leaves(stage: StagePlan, axis: Axis, applied: Vector) -> bool:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from taskspec.geometry.axis import Axis
 from taskspec.program.plan import StagePlan
+from taskspec.text.expression import Expression
 
 #: Instants at which a profile is looked at.
 _LOOKS = 121
@@ -43,11 +45,25 @@ def force_profiles(stage: StagePlan) -> list[ForceProfile]:
         force = entry.set_point if axis in stage.axes else None
         if force is None or stage.known(force.wanted) is not None:
             continue
-        values = [stage.known(force.wanted, {"t": t}) for t in times]
-        told = [v for v in values if v is not None and math.isfinite(v)]
-        if len(told) == len(times):
-            found.append(ForceProfile(axis, times, tuple(told)))
+        values = set_points_at(stage, force.wanted, times)
+        if values is not None:
+            found.append(ForceProfile(axis, times, values))
     return found
+
+
+def set_points_at(
+    stage: StagePlan, wanted: Expression, times: Sequence[float]
+) -> tuple[float, ...] | None:
+    """(k,) a set point at times of its stage [N, N m]; None where it depends on more than that.
+
+    Args:
+        stage: the stage.
+        wanted: the set point.
+        times: (k,) since it began [s].
+    """
+    values = [stage.known(wanted, {"t": float(t)}) for t in times]
+    known = tuple(v for v in values if v is not None and math.isfinite(v))
+    return known if len(known) == len(values) else None
 
 
 def at(profiles: list[ForceProfile], i: int) -> dict[Axis, float]:

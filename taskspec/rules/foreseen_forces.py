@@ -98,14 +98,21 @@ def _waits_for(stage: StagePlan) -> Axis | None:
 
 def _ever(task: TaskPlan, node: Node, applied: Vector) -> bool:
     """Whether a condition on one force ever holds while that goes its way."""
+    worth = _over(task, node, applied, applied)
+    return not worth.known or bool((worth.inside() == 1).any())
+
+
+def _over(task: TaskPlan, node: Node, applied: Vector, reference: Vector) -> Series:
+    """What an expression of one force, and of its `ref`, is worth over the force's course."""
     window = np.ones(len(applied), dtype=bool)
 
     def find(name: Name) -> Series:
         known = constant(task.context, name)
-        return Series(applied, window) if known is None else Series.one(known.low)
+        if known is not None:
+            return Series.one(known.low)
+        return Series(reference if name.path[-1] == "ref" else applied, window)
 
-    worth = evaluate(node, _SERIES, find)
-    return not worth.known or bool((worth.inside() == 1).any())
+    return evaluate(node, _SERIES, find)
 
 
 @rule("TS727", "an expectation that a guard ends short of", phase=Phase.RUN)
@@ -203,15 +210,7 @@ class _Look:
         return not worth.known or bool((worth.inside() == 1).all())
 
     def _value(self, node: Node, applied: Vector) -> Series:
-        window = np.ones(len(applied), dtype=bool)
-
-        def find(name: Name) -> Series:
-            known = constant(self._task.context, name)
-            if known is not None:
-                return Series.one(known.low)
-            return Series(self._course.reference if name.path[3:] else applied, window)
-
-        return evaluate(node, _SERIES, find)
+        return _over(self._task, node, applied, self._course.reference)
 
 
 def _short_of(task: TaskPlan, expression: Expression, condition: Node) -> Finding | None:
