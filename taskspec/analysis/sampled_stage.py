@@ -279,6 +279,17 @@ def analyse(plan: StagePlan, *, in_contact: bool = True) -> SampledStage | None:
     return SampledStage(context, stage, rotation, pressed, meets, at, controller, plant)
 
 
+def _along_equation(context: Context, name: str, applied: Matrix) -> float:
+    """What the robot applies along an equation's unit gradient with a force (3,) on the tip [N]."""
+    gradient = context.start_equations[name].gradient
+    assert gradient is not None
+    along, relation = float(gradient @ applied), context.equations[name].constraint.relation
+    # One that lets pass on a side is pressed on from that side.
+    if relation == "=":
+        return along
+    return max(along, LEAST_PRESS) if relation == "<=" else min(along, -LEAST_PRESS)
+
+
 def _pressed(
     context: Context, stage: CompiledStage, rotation: Matrix, at: Operating
 ) -> tuple[dict[str, float], bool]:
@@ -295,6 +306,8 @@ def _pressed(
     for name in stage.plan.touched:
         if name in stage.plan.pressed:
             found[name] = max(-float(context.start_normals[name] @ applied), LEAST_PRESS)
+    for name in stage.plan.bearers.values():
+        found[name] = _along_equation(context, name, applied)
     if found or stage.plan.held:
         return found, False
     if stage.plan.met:

@@ -335,7 +335,30 @@ class StagePlan:
 
     def stiffness_of(self, axis: Axis) -> float:
         """Nominal stiffness [N/m] of what a force on an axis acts on, 0 without any."""
-        return self._stiffness(self.contact_of(axis))
+        return self._stiffness(self.contact_of(axis) or self.bearers.get(axis))
+
+    @cached_property
+    def bearers(self) -> dict[Axis, str]:
+        """The equation on the tip that returns the force of an axis, where no object does.
+
+        An equation that constrains the stage is none: its force is a set point of its own.
+        """
+        if self.gripped or not self.context.equations:
+            return {}
+        found = {}
+        for axis in self.forces:
+            if self.contact_of(axis) is None:
+                found |= {axis: name for name in self.context.equations if self._bears(name, axis)}
+        return found
+
+    def _bears(self, equation: str, axis: Axis) -> bool:
+        gradient = self.context.start_equations[equation].gradient
+        if gradient is None or equation in self.active:
+            return False
+        along = self.along(axis, gradient)
+        # What the robot applies along the gradient is negative where >= is to hold, (4.125).
+        side = {">=": -1, "<=": 1}.get(self.context.equations[equation].constraint.relation, 0)
+        return abs(along) > MOSTLY and side * along * (self.set_point_of(axis) or 0.0) >= 0
 
     def _stiffness(self, contact: str | None) -> float:
         if contact is not None:

@@ -266,3 +266,55 @@ def test_what_is_not_damped_is_not_unstable():
     assert modes
     assert all(abs(abs(mode.z) - 1) < 1e-9 for mode in modes)
     assert "TS501" not in [d.code for d in findings(text)]
+
+
+SHELF = """
+taskspec: 1
+name: shelf
+robot: {{model: panda, start: {{xyz: [500 mm, 0, 303 mm]}}}}
+world: {{shelf: {{equation: {side}, stiffness: 4 kN/m}}}}
+law: {law}
+stages:
+  approach: {{axes: {{z: {{velocity: -15 mm/s}}}}, until: force.z < -2 N, within: 2 s}}
+  press: {{axes: {{z: {{force: -8 N}}}}, time: 1.6 s}}
+"""
+
+
+@pytest.mark.parametrize("side", ["z >= 300 mm", "300 mm <= z", "2*z >= 600 mm"])
+@pytest.mark.parametrize("law", ["hybrid", "hybrid-multipliers", "parallel"])
+def test_a_force_on_an_equation_is_designed_for_its_stiffness(side, law, simulate):
+    """An axis that only an equation bears has that for its environment: it settles, within 2 %.
+
+    Designed for nothing it would have no damper of its own, and sway until it flies off.
+    """
+    text = SHELF.format(side=side, law=law)
+    assert findings(text) == []
+    stage = plan_task(load_text(text, "task.yaml")).stages["press"]
+    assert stage.plants["z"].k == 4000.0
+    assert analyse(stage).pressed == pytest.approx({"shelf": 8.0 if side[0] == "3" else -8.0})
+    run = simulate(text)
+    assert run.outcome.status == "done"
+    assert run.during("press", "force.z", 1.5) == pytest.approx(-8.0, abs=0.16)
+
+
+def test_an_equation_that_does_not_return_a_force_is_left_out():
+    """Pulled from its free side, or across, an equation bears nothing; one with `force: 0` may."""
+    text = SHELF.format(side="z >= 300 mm", law="hybrid")
+
+    def bears(old, new):
+        return plan_task(load_text(text.replace(old, new), "task.yaml")).stages["press"].bearers
+
+    assert bears("z: {force: -8 N}", "z: {force: 8 N}") == {}
+    assert bears("z: {force: -8 N}", "x: {force: -8 N}") == {}
+    assert bears("z: {force: -8 N}", "z: {force: 0}") == {"z": "shelf"}
+
+
+def test_too_much_gain_on_an_equation_is_an_error():
+    """h s^3 + d s^2 + k (1 + P) s + k I = 0 grows from I = d (1 + P)/h on, (4.86): 15.7 1/s.
+
+    With the damper of 50 N s/m, no P, and 3.2 kg of the arm along z.
+    """
+    law = "{{kind: hybrid, force: {{proportional: 0, integral: {} /s, damping: 50 N*s/m}}}}"
+    for integral, codes in ((7, []), (30, ["TS501"])):
+        text = SHELF.format(side="z >= 300 mm", law=law.format(integral))
+        assert [d.code for d in findings(text)] == codes

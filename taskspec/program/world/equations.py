@@ -148,11 +148,13 @@ class StartEquation:
         distance: r / |r_x| [m, rad].
         normal: (n,) unit normal on the joints' rates.
         scale: |r_x|.
+        gradient: (3,) unit gradient at the tip, world axes; None of an equation on joints.
     """
 
     distance: float
     normal: NDArray[np.float64]
     scale: float
+    gradient: NDArray[np.float64] | None
 
 
 def at_start(model: EquationModel, start: Vector, p: Vector, J: Vector) -> StartEquation:
@@ -164,4 +166,5 @@ def at_start(model: EquationModel, start: Vector, p: Vector, J: Vector) -> Start
         distance=float(ca.evalf(terms.distance)),
         normal=normal if model.joints else normal @ J[:3],
         scale=float(ca.evalf(terms.scale)),
+        gradient=None if model.joints else normal,
     )
