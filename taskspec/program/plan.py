@@ -345,11 +345,8 @@ class StagePlan:
         """
         if self.gripped or not self.context.equations:
             return {}
-        found = {}
-        for axis in self.forces:
-            if self.contact_of(axis) is None:
-                found |= {axis: name for name in self.context.equations if self._bears(name, axis)}
-        return found
+        alone = (axis for axis in self.forces if self.contact_of(axis) is None)
+        return {a: name for a in alone for name in self.context.equations if self._bears(name, a)}
 
     def _bears(self, equation: str, axis: Axis) -> bool:
         gradient = self.context.start_equations[equation].gradient
