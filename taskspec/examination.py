@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import taskspec.rules.all  # noqa: F401  (it registers the rules)
 from taskspec.foresight.nominal import plan_task
 from taskspec.program.plan import TaskPlan
-from taskspec.rules import Phase, ask
+from taskspec.rules import Phase, apply_rules
 from taskspec.spec import LoadedTask
 from taskspec.text.diagnostic import Diagnostic, Diagnostics, SpecError
 
@@ -49,7 +49,7 @@ def examine(loaded: LoadedTask, *, stability: bool = True) -> Examination:
     else:
         _examine_stages(task, diagnostics)
         if stability and not diagnostics.has_errors:
-            ask(Phase.STABILITY, task, loaded, diagnostics)
+            apply_rules(Phase.STABILITY, task, loaded, diagnostics)
     return Examination(loaded, task, diagnostics.sorted())
 
 
@@ -61,13 +61,15 @@ def check_task(loaded: LoadedTask) -> tuple[Diagnostic, ...]:
 def _examine_stages(task: TaskPlan, diagnostics: Diagnostics) -> None:
     """Asks the rules of all phases but the last about a task whose robot and start are sound."""
     loaded = task.context.loaded
-    if not ask(Phase.VARIATIONS, task, loaded, diagnostics):
+    if not apply_rules(Phase.VARIATIONS, task, loaded, diagnostics):
         task = task.unvaried()
-    ask(Phase.TASK, task, loaded, diagnostics)
+    apply_rules(Phase.TASK, task, loaded, diagnostics)
     for name, stage in task.stages.items():
-        if not ask(Phase.FRAME, stage, loaded, diagnostics):
+        if not apply_rules(Phase.FRAME, stage, loaded, diagnostics):
             continue
         task.framed[name] = stage
-        if all(ask(phase, stage, loaded, diagnostics) for phase in (Phase.AXES, Phase.PATH)):
-            ask(Phase.MOTION, task.follow(name), loaded, diagnostics)
-    ask(Phase.RUN, task, loaded, diagnostics)
+        if all(
+            apply_rules(phase, stage, loaded, diagnostics) for phase in (Phase.AXES, Phase.PATH)
+        ):
+            apply_rules(Phase.MOTION, task.follow(name), loaded, diagnostics)
+    apply_rules(Phase.RUN, task, loaded, diagnostics)

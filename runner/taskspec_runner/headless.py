@@ -20,6 +20,6 @@ def set_aside() -> None:
         os.environ[_THEIRS] = "disable"
 
 
-def asked() -> str:
+def wanted_library() -> str:
     """What the user has asked for; empty for nothing."""
     return os.environ.get(_OURS, os.environ.get(_THEIRS, "")).lower().strip()

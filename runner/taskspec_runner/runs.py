@@ -348,7 +348,7 @@ class Run(Window):
     def _writer(self) -> str:
         """The process that writes the run now, in words; empty if none does."""
         writer = holder(self.folder)
-        return writer.told if writer is not None else ""
+        return writer.text if writer is not None else ""
 
     _lost = ""
 

@@ -29,7 +29,7 @@ from taskspec_runner.record.folder import RunFolder, open_folder
 from taskspec_runner.record.log import Log
 from taskspec_runner.runs import Run
 from taskspec_runner.verdict.judge import judge_run
-from taskspec_runner.verdict.performance import accounts
+from taskspec_runner.verdict.performance import solver_counts
 from taskspec_runner.verdict.summary import Simulated, reason_of, summarise
 
 
@@ -216,7 +216,7 @@ def _simulate(program: Program, folder: RunFolder, manner: _Manner) -> tuple[Sim
             by_signal = signal_of(error)
             text, reason = str(error) or "interrupted by the user", reason_of(by_signal)
             outcome = Outcome(STOPPED, reason, text, machine.stage.name, 0.0, 0)
-    return Simulated(outcome, machine.transitions, accounts(machine), by_signal), log
+    return Simulated(outcome, machine.transitions, solver_counts(machine), by_signal), log
 
 
 def _watch(interrupt: Interrupt, progress: Progress | None) -> Callable[[Machine, float], None]:

@@ -182,7 +182,7 @@ class Operating:
         columns += [along(self._seed(None), unit) for unit in np.eye(size)]
         whole = np.column_stack(columns)
         torque, memory = whole[:n], whole[n:]
-        slots = _felt_slots(torque[:, count:], memory[:, count:])
+        slots = _feedback_slots(torque[:, count:], memory[:, count:])
         kept = [*range(count), *(count + s for s in slots)]
         return LinearController(torque[:, kept], memory[np.ix_(slots, kept)], tuple(slots))
 
@@ -239,7 +239,7 @@ class Operating:
         return seeds
 
 
-def _felt_slots(torque: Matrix, memory: Matrix) -> list[int]:
+def _feedback_slots(torque: Matrix, memory: Matrix) -> list[int]:
     """Slots of the memory on which this torque depends, or a later one through other slots."""
     found = {int(i) for i in np.flatnonzero(_any(torque))}
     waiting = list(found)

@@ -127,12 +127,12 @@ class ForceCourses:
         if way is None or way.contact != stage.contact_of(axis):
             return None
         down = np.concatenate([-way.closing * stage.normal_of(way.contact), np.zeros(3)])
-        felt = _felt_at_end(previous)
+        pressed_force = _force_at_end(previous)
         if self._deepens:
             stiffness = stage.context.compliances[way.contact].stiffness
-            felt += way.closing * _dwell(previous) * stiffness
+            pressed_force += way.closing * _dwell(previous) * stiffness
         # It is along the normal.
-        return -stage.facing(axis) * felt, down
+        return -stage.facing(axis) * pressed_force, down
 
     def _at_end(self, stage: StagePlan, axis: Axis) -> float | None:
         """The force of an axis as its stage ends [N, N m]; None where it is not known.
@@ -175,16 +175,16 @@ def _dwell(stage: StagePlan) -> float:
     return guard.amount.value_si if isinstance(guard, Held) else 0.0
 
 
-def _felt_at_end(stage: StagePlan) -> float:
+def _force_at_end(stage: StagePlan) -> float:
     """The force from which on the guard of a stage that comes to a surface holds [N]."""
     assert stage.spec.until is not None
     guard = stage.spec.until.tree
     guard = guard.x if isinstance(guard, Held) else guard
     ranges = Ranges(stage, {})
-    asked = bounds_of([guard], IntervalAlgebra(), ranges)
+    bounds = bounds_of([guard], IntervalAlgebra(), ranges)
     forces = [
         min(abs(interval.low), abs(interval.high))
-        for quantity, interval in asked.items()
+        for quantity, interval in bounds.items()
         if any(name.path[0] == "force" for name in names(quantity))
         and not interval.low <= 0 <= interval.high
     ]

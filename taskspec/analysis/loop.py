@@ -194,13 +194,13 @@ def driven_step(
     measured = np.zeros((r, size))
     measured[:, at_s:at_m], measured[:, at_w:at_e] = reading[:, :kept], reading[:, kept:]
 
-    seen = np.zeros((2 * n + 6 + e + m, size))
-    seen[:n, :n], seen[n : 2 * n, c : c + n] = np.eye(n), np.eye(n)
-    seen[2 * n : 2 * n + 6] = basis @ measured
-    seen[2 * n + 6 : 2 * n + 6 + e, at_e:at_s] = np.eye(e)
-    seen[2 * n + 6 + e :, at_m:] = np.eye(m)
+    measured_rows = np.zeros((2 * n + 6 + e + m, size))
+    measured_rows[:n, :n], measured_rows[n : 2 * n, c : c + n] = np.eye(n), np.eye(n)
+    measured_rows[2 * n : 2 * n + 6] = basis @ measured
+    measured_rows[2 * n + 6 : 2 * n + 6 + e, at_e:at_s] = np.eye(e)
+    measured_rows[2 * n + 6 + e :, at_m:] = np.eye(m)
 
-    torque = controller.torque @ seen
+    torque = controller.torque @ measured_rows
     out = B @ torque
     out[:, : 2 * c] += A
     control = np.zeros((n + m, 0)) if drive.control is None else drive.control
@@ -210,7 +210,7 @@ def driven_step(
     step[at_w:at_e] = basis.T @ driven[2 * c : 2 * c + 6]
     step[at_e:at_s] = driven[2 * c + 6 :]
     step[at_s:at_m, at_s:at_m], step[at_s:at_m, at_w:at_e] = update[:, :kept], update[:, kept:]
-    step[at_m:, :size] = controller.memory @ seen
+    step[at_m:, :size] = controller.memory @ measured_rows
     step[at_m:, size + moved.shape[1] :] = control[n:]
     F, E = step[:, :size], step[:, size:]
     if not E.shape[1]:

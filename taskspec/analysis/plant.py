@@ -110,7 +110,7 @@ class LinearPlant:
         position, rate, torque = now[:c], now[c : 2 * c], now[2 * c : 2 * c + n]
         where, speed = now[-2:-1], now[-1:]
         on_joints = np.vstack([torque, np.zeros((c - self.n, now.shape[1]))])
-        felt = self.H + G.T @ M @ G
+        inertia = self.H + G.T @ M @ G
         implicit = self.H + h * np.diag(self.damping)
         y, v = position, rate
         for i in range(self.steps):
@@ -118,7 +118,7 @@ class LinearPlant:
             if moves:
                 spring = spring - K @ nearer @ (where + i * h * speed) - B @ nearer @ speed
             free = on_joints - self.damping[:, None] * v + bending @ y
-            a = np.linalg.solve(felt, free - G.T @ spring)
+            a = np.linalg.solve(inertia, free - G.T @ spring)
             f = -(spring + M @ G @ a)
             wrench = turning @ y
             a = np.linalg.solve(implicit, self.H @ a)

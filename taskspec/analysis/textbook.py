@@ -39,14 +39,14 @@ def _at(sampled: SampledStage, name: str, axis: Axis) -> AxisContact:
         normal=plan.yields,
         gains=on_axis(sampled.stage.plan.gains, axis),
         stiffness=contact.stiffness,
-        mass=_felt_mass(sampled, axis),
+        mass=_arm_mass(sampled, axis),
         rigid=contact.phase > _RIGID_PHASE and sensor.direct,
         period=sampled.context.period,
         largest_mass=lambda: _largest_mass(sampled),
     )
 
 
-def _felt_mass(sampled: SampledStage, axis: Axis) -> float:
+def _arm_mass(sampled: SampledStage, axis: Axis) -> float:
     """Lambda_n = 1/(a^T J H^-1 J^T a) along a translation of the stage's frame [kg]."""
     row = sampled.rotation[:, AXES.index(axis)] @ sampled.context.start_jacobian[:3]
     return float(1.0 / (row @ np.linalg.solve(sampled.context.start_inertia, row)))

@@ -89,12 +89,12 @@ def waits_for_contact(stage: StagePlan) -> bool:
     until = stage.spec.until
     if until is None:
         return False
-    felt: dict[str, Interval] = {
+    contact_signals: dict[str, Interval] = {
         str(n): point(0.0) for n in names(until.tree) if n.path[0] in ("force", "torque")
     }
-    felt["touching"] = point(0.0)
+    contact_signals["touching"] = point(0.0)
     inner = until.tree.x if isinstance(until.tree, Held) else until.tree
-    ranges = Ranges(stage, felt)
+    ranges = Ranges(stage, contact_signals)
     return value_of(inner, IntervalAlgebra(), ranges).never
 
 

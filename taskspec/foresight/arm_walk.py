@@ -336,12 +336,12 @@ class _Guard:
         self._stage, self._motion, self._start, self._first = stage, motion, start, first
         self._context = stage.context
         #: What looks back on what has been is not followed.
-        self._told = not any(isinstance(part, Held | Reduce) for part in walk(self._node))
+        self._pointwise = not any(isinstance(part, Held | Reduce) for part in walk(self._node))
         self._algebra = IntervalAlgebra()
 
     def at(self, here: Instant, carrier: Carrier) -> Interval:
         """Whether it holds at an instant, as far as that can be told there."""
-        if not self._told:
+        if not self._pointwise:
             return Interval(0.0, 1.0)
         known = self._signals(here) | self._effort(here, carrier)
         return self._worth(known)

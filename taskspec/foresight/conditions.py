@@ -81,18 +81,18 @@ def value_of(
     That it always holds is not to be told from the answer: parts are taken to hold for others.
     """
     inner = node.x if isinstance(node, Held) else node
-    asked = bounds_of([inner], algebra, lookup)
+    wanted = bounds_of([inner], algebra, lookup)
     known = dict(bounds or {})
     # What holds now says nothing of what a reducer has seen.
     past = {n for reduced in tree.walk(node) if isinstance(reduced, Reduce) for n in names(reduced)}
-    now = {name: interval for name, interval in asked.items() if name not in past}
+    now = {name: interval for name, interval in wanted.items() if name not in past}
 
     def narrowed(name: Name) -> Interval:
         return lookup(name).meet(known.get(name, ANY)).meet(now.get(name, ANY))
 
     if any(narrowed(name).empty for name in names(node)):
         return NEVER
-    for quantity, interval in asked.items():
+    for quantity, interval in wanted.items():
         within = evaluate(quantity, algebra, narrowed).meet(known.get(quantity, ANY))
         if within.meet(interval).empty:
             return NEVER

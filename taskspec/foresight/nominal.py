@@ -104,12 +104,12 @@ class NominalWalk:
         """What the arm goes through in a stage."""
         arm = self._arm
         p, R = (self._p, self._R) if self._known and not self._held else (arm.p, arm.R)
-        felt = self._until_felt(stage, rotation)
+        to_contact = self._until_contact(stage, rotation)
         lasts = None
-        if felt is not None and self._known and any(felt.values()):
+        if to_contact is not None and self._known and any(to_contact.values()):
             rates = {a: m.constant_rate(stage.known) for a, m in moving_axes(stage.spec).items()}
-            axis = max(felt, key=lambda a: abs(felt[a]))
-            lasts = felt[axis] / (rates[axis] or math.inf) + BLEND_TIME / 2
+            axis = max(to_contact, key=lambda a: abs(to_contact[a]))
+            lasts = to_contact[axis] / (rates[axis] or math.inf) + BLEND_TIME / 2
         return arm.stage(stage, p, R, lasts)
 
     def _remarkable(self, stage: StagePlan, passage: Passage) -> Iterator[Place]:
@@ -258,7 +258,7 @@ class NominalWalk:
         """Goes to the end of a stage, or forgets where the tool is."""
         moved: dict[Axis, float] | None = {}
         if stage.path is not None or moving_axes(stage.spec):
-            moved = self._until_felt(stage, rotation)
+            moved = self._until_contact(stage, rotation)
             if course is not None and stage.spec.until is None:
                 moved = course.moved(course.duration)
         self._twist = np.zeros(6)
@@ -276,7 +276,7 @@ class NominalWalk:
         after = following[following.index(stage.name) + 1 :][:1]
         return stage.spec.next is not None and [stage.spec.next] != after
 
-    def _until_felt(self, stage: StagePlan, rotation: Vector) -> dict[Axis, float] | None:
+    def _until_contact(self, stage: StagePlan, rotation: Vector) -> dict[Axis, float] | None:
         """Displacement of a stage that moves towards its surface until a guard ends it."""
         contact = stage.approached
         if contact is None or stage.spec.until is None or not self._to_surface(stage):

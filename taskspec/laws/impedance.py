@@ -48,7 +48,7 @@ class Impedance(ControlLaw):
         pull = damping * velocity_error + stiffness * reference.error + state.f
         return Command(acceleration=reference.acceleration + pull / mass, wrench=-state.f)
 
-    def strikes_with(self, gains: Mapping[str, Gain], felt: float) -> float:  # noqa: ARG002
+    def strikes_with(self, gains: Mapping[str, Gain], arm_mass: float) -> float:  # noqa: ARG002
         """The apparent mass h_m."""
         return gains["mass"].value
 

@@ -149,14 +149,14 @@ class ControlLaw(ABC):
         """
         return 0.0
 
-    def strikes_with(self, gains: Mapping[str, Gain], felt: float) -> float:  # noqa: ARG002
+    def strikes_with(self, gains: Mapping[str, Gain], arm_mass: float) -> float:  # noqa: ARG002
         """Mass that meets a surface along an axis [kg].
 
         Args:
             gains: on the axis, by name.
-            felt: the arm's own mass along it [kg].
+            arm_mass: the arm's own mass along it [kg].
         """
-        return felt
+        return arm_mass
 
     def drag(self, gains: Mapping[str, float]) -> float | None:  # noqa: ARG002
         """Damping of an axis against its velocity itself, not its error [N s/m]; None if on joints.

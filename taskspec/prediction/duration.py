@@ -24,7 +24,7 @@ _HORIZON = 600.0
 #: What a mechanism bears at its stop, beyond any number that a guard compares it with.
 _STOPPED = 1e9
 #: Signals that a sensor may show late.
-_FELT = ("force", "torque", "touching")
+_CONTACT_SIGNALS = ("force", "torque", "touching")
 _ENDS = {False: "ends", True: "end"}
 
 
@@ -93,7 +93,7 @@ def guarded(here: StageAtStart, known: Known) -> Duration:
 
 def _measured(guard: Expression) -> bool:
     """Whether a guard waits for a force, which a sensor may show late."""
-    return any(isinstance(n, Name) and n.path[0] in _FELT for n in walk(guard.tree))
+    return any(isinstance(n, Name) and n.path[0] in _CONTACT_SIGNALS for n in walk(guard.tree))
 
 
 def _signals(here: StageAtStart, known: Known) -> dict[str, Signal]:

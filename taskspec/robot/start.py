@@ -159,12 +159,12 @@ def _turned(solver: InverseKinematics, target: Target, q: Array, *, given: bool)
     """The error of a point that is reached, at `q` (n,), but not with the tool as asked."""
     q, _ = solver.descend(q, replace(target, weight=_POSITION_FIRST))
     short = np.degrees(np.linalg.norm(solver.error(q, target)[3:]))
-    asked = "as rpy asks" if given else "straight down"
+    orientation = "as rpy asks" if given else "straight down"
     choice = "give another rpy" if given else "give an rpy"
     place = _place_for(solver, target, q)
     return RobotError(
         "TS413",
-        f"the arm reaches {_point(target.position)}, but not with the tool {asked}: "
+        f"the arm reaches {_point(target.position)}, but not with the tool {orientation}: "
         f"it misses that by {short:.1f} deg",
         choice if place is None else f"{choice}, or start at {_point(place)}, where it can",
         ("start", "rpy" if given else "xyz"),
@@ -192,14 +192,14 @@ def _out_of_reach(
     """The error of a point that is not reached with any orientation."""
     base = model.pin.jointPlacements[1].translation
     nearest = solver.pose(closest).translation
-    reach, asked = math.dist(nearest, base), math.dist(wanted, base)
-    side = "reaches" if asked > reach else "comes no nearer than"
+    reach, wanted_distance = math.dist(nearest, base), math.dist(wanted, base)
+    side = "reaches" if wanted_distance > reach else "comes no nearer than"
     return RobotError(
         "TS412",
         f"the tool tip cannot get to the start: it misses it by "
         f"{_length(math.dist(wanted, nearest))}",
         f"that way the arm {side} {reach:.3f} m from its first joint, and the start is "
-        f"{_metres(asked)} m from it; the nearest point is {_point(nearest)}",
+        f"{_metres(wanted_distance)} m from it; the nearest point is {_point(nearest)}",
         ("start", "xyz"),
     )
 

@@ -1,7 +1,7 @@
 """Rules: registered functions that find what is wrong with a plan before anything moves."""
 
 from taskspec.rules.finding import Finding, Place, error, info, warning
-from taskspec.rules.registry import RULES, Phase, Rule, ask, rule, rule_of
+from taskspec.rules.registry import RULES, Phase, Rule, apply_rules, rule, rule_of
 
 __all__ = [
     "RULES",
@@ -9,7 +9,7 @@ __all__ = [
     "Phase",
     "Place",
     "Rule",
-    "ask",
+    "apply_rules",
     "error",
     "info",
     "rule",

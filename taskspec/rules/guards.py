@@ -219,13 +219,13 @@ def _apart(stage: StagePlan) -> bool:
 def _holds_untouched(stage: StagePlan, guard: Expression, algebra: IntervalAlgebra) -> bool:
     """Whether a guard holds whatever its signals are, if nothing is felt."""
     task = stage.context.loaded.task
-    felt = {
+    contact_signals = {
         str(n): point(0.0)
         for n in names(guard.tree)
         if (entry := entry_of(task, n.path)) is not None and entry.signal.sensed == WRENCH
     }
     inner = guard.tree.x if isinstance(guard.tree, Held) else guard.tree
-    return evaluate(inner, algebra, Ranges(stage, felt)).always
+    return evaluate(inner, algebra, Ranges(stage, contact_signals)).always
 
 
 def _hanging(stage: StagePlan) -> HeldPart | None:

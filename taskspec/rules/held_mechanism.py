@@ -152,8 +152,8 @@ def stops_not_reached(stage: StagePlan) -> Iterator[Finding]:
         return
     stop, last = stage.context.loaded.task.mechanisms[held].stop, passage.last.coordinate
     first = passage.instants[0].coordinate
-    felt = any(n.path in ((held, "force"), (held, "torque")) for n in names(until.tree))
-    if stop is None or last is None or first is None or not felt or last == first:
+    by_force = any(n.path in ((held, "force"), (held, "torque")) for n in names(until.tree))
+    if stop is None or last is None or first is None or not by_force or last == first:
         return
     away = stop[1] - last if last > first else last - stop[0]
     if away <= 0.02 * (stop[1] - stop[0]):

@@ -83,8 +83,8 @@ def _signal(quantity: Node) -> Name | None:
         parts = (quantity,)
     if not all(isinstance(part, Name | Number) for part in parts):
         return None
-    felt = [p for p in parts if isinstance(p, Name) and p.path[0] in ("force", "torque")]
-    return felt[0] if felt else None
+    measured = [p for p in parts if isinstance(p, Name) and p.path[0] in ("force", "torque")]
+    return measured[0] if measured else None
 
 
 def _spread(context: Context, signal: Name) -> float:

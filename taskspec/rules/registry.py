@@ -148,7 +148,7 @@ def rule_of(code: str) -> Rule | None:
     return next((each for each in RULES if code in each.titles), None)
 
 
-def ask(phase: Phase, plan: object, loaded: LoadedTask, diagnostics: Diagnostics) -> bool:
+def apply_rules(phase: Phase, plan: object, loaded: LoadedTask, diagnostics: Diagnostics) -> bool:
     """Asks all rules of a phase about a plan, and reports what they find.
 
     Where a rule needs something of the plan that raises a `SpecError`, that is what is reported,

@@ -34,12 +34,12 @@ def near_singularities(stage: StagePlan) -> Iterator[Finding]:
     if pivot >= NEAR_SINGULAR:
         return
     sizes = _singular_values(stage, place)
-    felt = "nothing moves it" if pivot <= 0 else f"an axis feels {show(1 / pivot, 'kg', 2)}"
+    effect = "nothing moves it" if pivot <= 0 else f"an axis feels {show(1 / pivot, 'kg', 2)}"
     stops = "stops the run" if pivot < SINGULAR else f"{show(1 / SINGULAR, 'kg')} stop the run"
     own = FILE.stages[stage.name]
     yield warning(
         "TS422",
-        f"in stage {stage.name!r}, {place.words}, the arm is close to a singularity: {felt}, and "
+        f"in stage {stage.name!r}, {place.words}, the arm is close to a singularity: {effect}, and "
         f"{stops} (singular values {number(sizes[-1], 2)} to {number(sizes[0], 2)} m)",
         key_of(own if stage.spec.path is None else own.path),
         "keep the arm bent, start elsewhere, or leave an axis to it that it need not control",

@@ -42,7 +42,7 @@ class Plane(Surface):
         """A block below the plane."""
         return Geom("box", (_BLOCK, _BLOCK, _BLOCK_THICKNESS), (0.0, 0.0, -_BLOCK_THICKNESS))
 
-    def seen_geom(self, center: Vector, half: Vector) -> Geom | None:
+    def visible_geom(self, center: Vector, half: Vector) -> Geom | None:
         """A slab of the plane."""
         middle = (float(center[0]), float(center[1]), -_SLAB)
         return Geom("box", (float(half[0]), float(half[1]), _SLAB), middle)

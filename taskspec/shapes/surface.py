@@ -138,7 +138,7 @@ class Surface(ABC):
         """The geom of the shape where it moves."""
         return self.geom()
 
-    def seen_geom(self, center: Vector, half: Vector) -> Geom | None:  # noqa: ARG002
+    def visible_geom(self, center: Vector, half: Vector) -> Geom | None:  # noqa: ARG002
         """What is seen of a shape that is endless; None where its own geom is seen.
 
         Args:

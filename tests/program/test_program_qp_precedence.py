@@ -121,7 +121,7 @@ def test_torque_rate_beats_a_joint_limit():
     machine.v[3] = 1.5
     last = states.context.start_gravity.copy()
     torque = solved(states, last)
-    assert states.solver.account.relaxed == 1
+    assert states.solver.counts.relaxed == 1
     assert np.max(abs(torque - last)) <= 0.2 + 1e-6
     # Braking takes all there is.
     assert torque[3] == pytest.approx(last[3] - 0.2, abs=1e-3)
@@ -135,10 +135,10 @@ def widened(states: States) -> dict[str, float]:
     states.machine.update_terms()
     states.solver.remember(states.torque)
     states.evaluate()
-    problem, account = states.solver._problem, states.solver.account
-    low, high, collisions = problem.lower.copy(), problem.upper.copy(), account.relaxed
+    problem, counts = states.solver._problem, states.solver.counts
+    low, high, collisions = problem.lower.copy(), problem.upper.copy(), counts.relaxed
     assert states.solver.resolve()
-    assert account.relaxed == collisions + 1
+    assert counts.relaxed == collisions + 1
     at = problem.A @ states.solver._x
     assert np.all(at <= problem.upper + 1e-6 * (1 + abs(at)))
     assert np.all(at >= problem.lower - 1e-6 * (1 + abs(at)))
@@ -196,10 +196,10 @@ def test_a_joint_limit_beats_a_force_cap():
         machine.wrench[0] = -9.8
         machine.update_terms()
         states.evaluate()
-        before = states.solver.account.relaxed
+        before = states.solver.counts.relaxed
         if states.violation <= 1e-12 or not states.solver.resolve():
             continue
-        if states.solver.account.relaxed == before:
+        if states.solver.counts.relaxed == before:
             continue
         found = widened(states)
         assert found["torque"] == 0.0
@@ -294,7 +294,7 @@ class Stepped:
     def until_limited(self) -> SimpleNamespace:
         for _ in range(100):
             before = self.tick()
-            if self.solver.account.solved > 3:
+            if self.solver.counts.solved > 3:
                 return before
         raise AssertionError("the stage never came to its limits")
 
@@ -314,7 +314,7 @@ def test_without_an_answer_the_torque_fades_to_gravity_and_the_run_stops():
         now = run.tick()
         share = 1 - k / HELD_TICKS
         expected = now.gravity + share * (last.torque - now.gravity)
-        if run.solver.account.held < k:
+        if run.solver.counts.held < k:
             pytest.fail("the closed form kept its limits by itself")
         # `gravity` is that of each tick, from which the arm hardly moves. The torque that is held
         # comes out of a program of its own, to rounding.
@@ -353,7 +353,7 @@ def test_an_answer_that_comes_back_in_time_goes_on():
     for _ in range(50):
         run.tick()
     assert run.machine.ended == ""
-    assert run.solver.account.held == HELD_TICKS
+    assert run.solver.counts.held == HELD_TICKS
     # The count begins anew.
     broken.broken = True
     run.tick()
@@ -368,14 +368,14 @@ def test_three_ticks_of_nan_from_the_sensor_are_survived(when):
     for _ in range(3):
         now = run.tick(np.full(6, np.nan))
         assert np.all(np.isfinite(now.torque))
-    assert run.solver.account.held == 3
+    assert run.solver.counts.held == 3
     assert run.solver.status is Status.NOT_FINITE
     for _ in range(100):
         now = run.tick()
         assert np.all(np.isfinite(now.torque))
         assert np.all(np.isfinite(run.memory))
     assert run.machine.ended == ""
-    assert run.solver.account.held == 3
+    assert run.solver.counts.held == 3
     force = -run.plant.arm.wrench[2]
     assert abs(force) < 60
 

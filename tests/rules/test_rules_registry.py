@@ -7,7 +7,18 @@ from collections.abc import Iterator
 import pytest
 
 import taskspec.examination  # noqa: F401  (it registers all rules)
-from taskspec.rules import RULES, Finding, Phase, ask, error, info, registry, rule, rule_of, warning
+from taskspec.rules import (
+    RULES,
+    Finding,
+    Phase,
+    apply_rules,
+    error,
+    info,
+    registry,
+    rule,
+    rule_of,
+    warning,
+)
 from taskspec.spec import FILE, LoadedTask, key_of, load_text
 from taskspec.text.codes import CODES
 from taskspec.text.diagnostic import Diagnostics, Severity, SpecError
@@ -59,9 +70,9 @@ def test_a_rule_is_asked_in_its_phase_and_its_findings_are_reported(
         yield warning("TS991", "two", key_of(FILE.stages["press"].time))
         yield info("TS001", "three", None, notes=(("note", FILE.robot.model),))
 
-    assert ask(Phase.PATH, "a", loaded, own)
+    assert apply_rules(Phase.PATH, "a", loaded, own)
     assert len(own) == 0
-    assert ask(Phase.AXES, "a", loaded, own)
+    assert apply_rules(Phase.AXES, "a", loaded, own)
     three, two, one = own.sorted()
     assert (one.code, one.message, one.hint) == ("TS990", "of a", "a hint")
     assert one.span is not None
@@ -82,7 +93,7 @@ def test_a_rule_may_only_report_its_codes(own: Diagnostics, loaded: LoadedTask) 
         yield error("TS001", "x", None)
 
     with pytest.raises(AssertionError, match="other does not declare TS001"):
-        ask(Phase.MOTION, "a", loaded, own)
+        apply_rules(Phase.MOTION, "a", loaded, own)
 
 
 def test_what_stops_keeps_later_rules_from_being_asked(
@@ -99,10 +110,10 @@ def test_what_stops_keeps_later_rules_from_being_asked(
     def second(_: str) -> Iterator[Finding]:
         yield error("TS991", "c", None)
 
-    assert not ask(Phase.MOTION, "bad", loaded, own)
-    assert not ask(Phase.MOTION, "worse", loaded, own)
+    assert not apply_rules(Phase.MOTION, "bad", loaded, own)
+    assert not apply_rules(Phase.MOTION, "worse", loaded, own)
     assert [d.message for d in own.sorted()] == ["a", "b"]
-    assert ask(Phase.MOTION, "good", loaded, own)
+    assert apply_rules(Phase.MOTION, "good", loaded, own)
     assert [d.message for d in own.sorted()] == ["a", "b", "c"]
 
 
@@ -116,5 +127,5 @@ def test_what_is_said_already_is_left_out(own: Diagnostics, loaded: LoadedTask) 
         yield error("TS991", "d", press.axes, unless=("TS990",), unless_at=press.time)
         yield error("TS991", "e", press.axes, unless=("TS990",))
 
-    ask(Phase.MOTION, "a", loaded, own)
+    apply_rules(Phase.MOTION, "a", loaded, own)
     assert [d.message for d in own.sorted()] == ["a", "e"]

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from taskspec.compiler import compile_unchecked
 from taskspec.laws import LAWS
-from taskspec.program.execution.stage_solver import Account
+from taskspec.program.execution.stage_solver import SolverCounts
 from taskspec.program.prepare import prepare
 from taskspec.program.program import Program
 from taskspec.robot import RobotModel
@@ -265,35 +265,35 @@ class Traces:
     outcome: loop.Outcome
     fields: Mapping[str, Vector]
     relaxed: Vector
-    account: Mapping[str, float]
+    counts: Mapping[str, float]
 
 
 class Keeper:
     """A recorder that keeps the bus."""
 
-    def __init__(self, array: Vector, accounts: list[Account]) -> None:
-        self._array, self._accounts = array, accounts
+    def __init__(self, array: Vector, solver_counts: list[SolverCounts]) -> None:
+        self._array, self._counts = array, solver_counts
         self.rows: list[Vector] = []
         self.relaxed: list[int] = []
 
     def add(self) -> None:
         self.rows.append(self._array.copy())
-        self.relaxed.append(sum(account.relaxed for account in self._accounts))
+        self.relaxed.append(sum(counts.relaxed for counts in self._counts))
 
 
 def run_program(program: Program) -> Traces:
     """Runs a task and keeps every number of its bus."""
     parts = assemble(program)
     runners = parts.machine.runners
-    accounts = [r.solver.account for r in runners if r.solver is not None]
-    keeper = Keeper(parts.bus.array, accounts)
+    solver_counts = [r.solver.counts for r in runners if r.solver is not None]
+    keeper = Keeper(parts.bus.array, solver_counts)
     outcome = loop.run(parts.machine, parts.plant, parts.bus, keeper, program.context.period)
     rows = np.array(keeper.rows)
     fields = {name: rows[:, where] for name, where in parts.bus.slices.items()}
     names = ("solved", "relaxed", "held")
-    account = {name: float(sum(getattr(a, name) for a in accounts)) for name in names}
-    account["limited"] = float(np.sum(fields["limited"]))
-    return Traces(program, outcome, fields, np.array(keeper.relaxed), account)
+    counts = {name: float(sum(getattr(a, name) for a in solver_counts)) for name in names}
+    counts["limited"] = float(np.sum(fields["limited"]))
+    return Traces(program, outcome, fields, np.array(keeper.relaxed), counts)
 
 
 def joint_excess(traces: Traces) -> dict[str, float]:

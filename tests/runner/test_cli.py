@@ -27,7 +27,7 @@ from taskspec.spec import load_task
 from taskspec.spec.schema import FILE_NAME, schema_text
 from taskspec_runner.cli import app
 from taskspec_runner.cli import new as template_command
-from taskspec_runner.verdict.summary import told
+from taskspec_runner.verdict.summary import transition_text
 
 SHIPPED = Path(__file__).resolve().parent.parent.parent / "tasks"
 COMMAND = [sys.executable, "-c", "from taskspec_runner.cli import main; main()"]
@@ -217,8 +217,10 @@ def test_joint_limit_is_linewith_its_numbers(tap: Path) -> None:
     program = compiled(tap)
     end = Transition(0.1, "approach", "limit", "joint_position", "position limit of joint 1 (a)",
                      4.0, "")  # fmt: skip
-    assert "deg to " in told(end, program.stages[0], program.context.robot)
-    assert told(end, program.stages[0], program.context.robot).endswith(", measured 229.18 deg")
+    assert "deg to " in transition_text(end, program.stages[0], program.context.robot)
+    assert transition_text(end, program.stages[0], program.context.robot).endswith(
+        ", measured 229.18 deg"
+    )
 
 
 def test_run_that_cannot_be_written(tap: Path) -> None:

@@ -14,7 +14,7 @@ from taskspec.compiler import compile_unchecked
 from taskspec.spec import load_text
 from taskspec_runner.cli.app import app
 from taskspec_runner.cli.sheet.limits import joined
-from taskspec_runner.verdict.given_up import told
+from taskspec_runner.verdict.given_up import sentences
 
 TASKS = Path(__file__).resolve().parents[2] / "tasks"
 
@@ -102,6 +102,6 @@ def test_no_tick_exceeds_the_torque_rate_whatever_the_solver_answers(solver, rat
 
 def test_ticks_without_an_answer_are_told():
     summary = {"solver": {"press": {"ticks": 800, "held": 6}, "lift": {"ticks": 10, "held": 0}}}
-    assert list(told(summary)) == [
+    assert list(sentences(summary)) == [
         "press: the solver had no answer on 6 of 800 ticks, and a torque within the limits was held"
     ]

@@ -496,7 +496,7 @@ def test_what_is_set_aside_is_asked_for(monkeypatch: pytest.MonkeyPatch) -> None
     for _ in range(2):
         headless.set_aside()
         assert os.environ["MUJOCO_GL"] == "disable"
-        assert headless.asked() == "egl"
+        assert headless.wanted_library() == "egl"
     assert canvases.backends()[-1] in ("egl", "")
 
 

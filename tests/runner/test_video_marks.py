@@ -111,7 +111,7 @@ def test_forces_shown_are_those_with_set_points(record: Record, tapped: Recordin
     assert hold.name == "force.x"
     row = hold.visit.last
     force = tapped.history.columns["force.x"][row]
-    assert hold.told(row) == f"{force:.2f} of 5.00 N"
+    assert hold.text(row) == f"{force:.2f} of 5.00 N"
     _, press = shown_forces(record(RAIL.replace("OTHER", "")))
     assert press.name == "rim.force"
     assert press.unit == "N"

@@ -19,8 +19,8 @@ app = typer.Typer(
 )
 
 
-def _version(asked: bool) -> None:
-    if asked:
+def _version(chosen: bool) -> None:
+    if chosen:
         from taskspec import __version__
 
         typer.echo(f"taskspec {__version__}")
@@ -252,8 +252,8 @@ def export(
     """Write the log of a run for other tools; of a killed run, what there is."""
     from taskspec_runner.cli.export import export_log
 
-    asked = {"csv": csv, "parquet": parquet, "mcap": mcap, "rerun": rerun}
-    return export_log(folder, path, [form for form, wanted in asked.items() if wanted])
+    chosen = {"csv": csv, "parquet": parquet, "mcap": mcap, "rerun": rerun}
+    return export_log(folder, path, [form for form, wanted in chosen.items() if wanted])
 
 
 @app.command()

@@ -51,8 +51,10 @@ def show_comparison(summary: Mapping[str, Any], *, quiet: bool) -> None:
         show("", *(Text(f"note: {note}", style="dim") for note in summary["notes"]))
     if summary["exit_code"] == NOTHING_TO_COMPARE:
         ran = [law["law"] for law in comparison.laws if "met" in law]
-        told = f"only {ran[0]} can do this task" if ran else "none of these laws can do this task"
-        show(Text(f"{told}, so there is nothing to compare", "bold red"))
+        sentence = (
+            f"only {ran[0]} can do this task" if ran else "none of these laws can do this task"
+        )
+        show(Text(f"{sentence}, so there is nothing to compare", "bold red"))
 
 
 def _laws(laws: list[Mapping[str, Any]]) -> Table:

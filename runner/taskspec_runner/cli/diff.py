@@ -11,7 +11,7 @@ import typer
 
 from taskspec_runner.cli.console import show, table
 from taskspec_runner.cli.formats import RunFormat
-from taskspec_runner.cli.told import tell
+from taskspec_runner.cli.run_damage import warn_of_damage
 from taskspec_runner.diff.difference import NAMES, Difference, diff_runs
 from taskspec_runner.diff.page import headline, share, write_difference
 from taskspec_runner.diff.wording import largest_text, parting
@@ -46,7 +46,9 @@ def diff_folders(a: Path, b: Path, page: Path | None, form: RunFormat) -> int:
         _show(difference)
     if written is not None:
         typer.echo(f"page: {written}", err=form is RunFormat.JSON)
-    told = [tell(run, name=name) for name, run in zip(NAMES, difference.runs, strict=True)]
+    told = [
+        warn_of_damage(run, name=name) for name, run in zip(NAMES, difference.runs, strict=True)
+    ]
     return _SAME if difference.equal and not any(told) else _DIFFERENT
 
 

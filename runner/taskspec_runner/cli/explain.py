@@ -65,26 +65,26 @@ def _explain_code(code: str, *, as_json: bool) -> None:
 def _explain_file(path: Path, sets: Sequence[str], law: str | None, *, as_json: bool) -> None:
     # Poles and bounds of the sheet come from the same analysis, so that it is made once.
     program = admit(examine(load(path, sets, law), stability=False))
-    told = sheet(program)
+    shown = sheet(program)
     if as_json:
-        _print(as_data(told) | {"diagnostics": [record(d) for d in program.findings]})
+        _print(as_data(shown) | {"diagnostics": [record(d) for d in program.findings]})
         return
     show_diagnostics(program.findings, program.context.loaded.sources, err=True)
-    about = [Text(told.about)] if told.about else []
-    show(Text(told.name, style="bold"), *about, _pairs((*told.robot, ("lasts", told.duration))))
-    if told.world:
-        _section("world", _pairs(told.world))
+    about = [Text(shown.about)] if shown.about else []
+    show(Text(shown.name, style="bold"), *about, _pairs((*shown.robot, ("lasts", shown.duration))))
+    if shown.world:
+        _section("world", _pairs(shown.world))
     frames = table("frame", "is", "task frame of")
-    for frame in told.frames:
+    for frame in shown.frames:
         frames.add_row(*_cells(frame.name, frame.described, ", ".join(frame.stages)))
     _section("frames", frames)
-    for stage, stability in told.stages:
+    for stage, stability in shown.stages:
         _show_stage(stage)
         if stability is not None:
             _show_stability(stability)
-    if told.expected:
-        _section("expected", *(Text(f"  {expectation}") for expectation in told.expected))
-    _section("defaults taken", _pairs(told.defaults))
+    if shown.expected:
+        _section("expected", *(Text(f"  {expectation}") for expectation in shown.expected))
+    _section("defaults taken", _pairs(shown.defaults))
     show("", Text(LEGEND, style="dim"))
 
 

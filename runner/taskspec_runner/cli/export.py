@@ -7,7 +7,7 @@ from pathlib import Path
 
 import typer
 
-from taskspec_runner.cli.told import tell
+from taskspec_runner.cli.run_damage import warn_of_damage
 from taskspec_runner.errors import InputError
 
 
@@ -27,4 +27,4 @@ def export_log(folder: Path, path: Path | None, forms: Sequence[str]) -> int:
         typer.echo(str(done.path))
         if done.note:
             typer.echo(f"taskspec: {done.path} is {done.note}", err=True)
-    return tell(run, "what was exported")
+    return warn_of_damage(run, "what was exported")

@@ -11,7 +11,7 @@ import typer
 from taskspec_runner.cli.console import show
 from taskspec_runner.cli.formats import RunFormat
 from taskspec_runner.cli.outcome import expectations_table
-from taskspec_runner.cli.told import tell
+from taskspec_runner.cli.run_damage import warn_of_damage
 from taskspec_runner.errors import InputError
 from taskspec_runner.record.folder import SUMMARY, Json, mappings, plain, read_json
 from taskspec_runner.runs import RebuildError, Run
@@ -49,7 +49,7 @@ def judge_folder(folder: Path, form: RunFormat) -> int:
         typer.echo(json.dumps({"exit_code": code, **data}, indent=2, ensure_ascii=False))
     else:
         _show(run, judged, found, apart, whole=whole, said=bool(said))
-    return max(code, tell(run))
+    return max(code, warn_of_damage(run))
 
 
 def _show(

@@ -52,9 +52,9 @@ def load(path: Path, sets: Sequence[str] = (), law: str | None = None) -> Loaded
         except SpecError as error:
             lines = {number: key for number, key in enumerate(overrides, 1)}
             by_law = {n: key for n, key in lines.items() if key in laws and key not in given}
-            told = [_traced(_of_law(d, by_law), lines) for d in error.diagnostics]
+            traced = [_traced(_of_law(d, by_law), lines) for d in error.diagnostics]
             sources = {**error.sources, _LAW: Source(_LAW, law or "")}
-            raise SpecError(dict.fromkeys(told), sources) from error
+            raise SpecError(dict.fromkeys(traced), sources) from error
     except OSError as error:
         raise InputError(f"cannot read {path}: {error.strerror or error}") from error
     except UnicodeDecodeError as error:

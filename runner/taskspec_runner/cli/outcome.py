@@ -12,7 +12,7 @@ from taskspec.text.units import FORCE, LENGTH, MOMENT, Dimension, scaled
 from taskspec_runner.cli.console import show, table
 from taskspec_runner.runs import Run
 from taskspec_runner.verdict import torque_steps
-from taskspec_runner.verdict.given_up import told
+from taskspec_runner.verdict.given_up import sentences
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -36,8 +36,8 @@ def show_outcome(run: Run, *, quiet: bool) -> None:
     if run.summary["metrics"] and not quiet:
         show(*[""] * bool(expectations), _metrics(run.summary), "")
     if not quiet:
-        steps = torque_steps.told(run.summary)
-        for line in (*_forced(run.summary), *told(run.summary), *_lost(run.summary), *steps):
+        steps = torque_steps.sentences(run.summary)
+        for line in (*_forced(run.summary), *sentences(run.summary), *_lost(run.summary), *steps):
             show(Text(line, style="yellow"))
     for fault in run.faults:
         show(Text(fault.line, style="red"))
@@ -58,13 +58,13 @@ def ending(run: Run) -> str:
     total = len(summary["expectations"])
     if total:
         passed = sum(e["passed"] for e in summary["expectations"])
-        told = f"{passed} of {total} expectations met"
+        sentences = f"{passed} of {total} expectations met"
         broken = [e["broken"]["clock"] for e in summary["expectations"] if e["broken"]]
         if summary["status"] != "done":
-            told = f"so far: {told} until it {summary['status']}"
+            sentences = f"so far: {sentences} until it {summary['status']}"
         elif broken:
-            told += f", the first broken at {min(broken):.3f} s"
-        text += f"; {told}"
+            sentences += f", the first broken at {min(broken):.3f} s"
+        text += f"; {sentences}"
     if faults := len(run.faults):
         text += f"; {faults} finding{'s' if faults > 1 else ''} beside"
     return f"{text}; {run.manifest['real_time_factor']:.3g} x real time"
@@ -94,7 +94,7 @@ def _metrics(summary: Mapping[str, Any]) -> Table:
         cells = [
             stage,
             _worst(signals, "force.", FORCE),
-            _told(summary["peaks"][stage]["force"], FORCE),
+            _readable(summary["peaks"][stage]["force"], FORCE),
             _worst(signals, "position.", LENGTH),
         ]
         if summary["responses"]:
@@ -156,9 +156,9 @@ def _worst(signals: Mapping[str, Mapping[str, float]], kind: str, dimension: Dim
     if not errors:
         return "-"
     axis = max(errors, key=lambda name: math.inf if errors[name] is None else errors[name])
-    return f"{_told(errors[axis], dimension)} ({axis})"
+    return f"{_readable(errors[axis], dimension)} ({axis})"
 
 
-def _told(value: float | None, dimension: Dimension) -> str:
+def _readable(value: float | None, dimension: Dimension) -> str:
     """A number of a summary, in which those that are not finite are null."""
     return "not finite" if value is None else scaled(value, dimension, 3)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from taskspec_runner.cli.told import tell
+from taskspec_runner.cli.run_damage import warn_of_damage
 from taskspec_runner.errors import InputError
 from taskspec_runner.runs import Run
 
@@ -20,27 +20,29 @@ if TYPE_CHECKING:
     from taskspec_runner.video.film import Cut
 
 #: Speed, start and end, size, frames a second and camera, as the command line has them.
-Asked = tuple[float, float | None, float | None, str, float, str | None]
+CutOptions = tuple[float, float | None, float | None, str, float, str | None]
 
 _SMALLEST, _LARGEST = (320, 180), (3840, 2160)
 
 
-def replay_run(folder: Path, video: Path | None, asked: Asked, *, view: bool, quiet: bool) -> int:
+def replay_run(
+    folder: Path, video: Path | None, options: CutOptions, *, view: bool, quiet: bool
+) -> int:
     """Shows the run of a folder, as a video or else in a window."""
     if video is not None and view:
         raise InputError("give --video or --view, not both")
     run = Run.load(folder)
-    cut = read_cut(*asked)
+    cut = read_cut(*options)
     if video is not None:
         film(run, video, cut, quiet=quiet)
         typer.echo(str(video))
-        return tell(run, "the video")
+        return warn_of_damage(run, "the video")
     from taskspec_runner.video import viewer
     from taskspec_runner.video.recording import Recording
 
     viewer.check_display()
     viewer.view(Recording.of(run), cut)
-    return tell(run)
+    return warn_of_damage(run)
 
 
 def film(run: Run, video: Path, cut: Cut | None = None, *, quiet: bool = False) -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import typer
 
-from taskspec_runner.cli.told import tell
+from taskspec_runner.cli.run_damage import warn_of_damage
 from taskspec_runner.compare.folder import COMPARISON
 from taskspec_runner.errors import InputError
 
@@ -20,7 +20,7 @@ def render_report(folder: Path) -> int:
 
     run = Run.load(folder)
     typer.echo(str(write_report(run)))
-    return tell(run, "the report")
+    return warn_of_damage(run, "the report")
 
 
 def _render_comparison(folder: Path) -> int:
@@ -32,4 +32,6 @@ def _render_comparison(folder: Path) -> int:
     except (OSError, ValueError, RecursionError) as error:
         raise InputError(f"cannot read {folder / COMPARISON}: {error}") from error
     typer.echo(str(write_comparison(read, folder)))
-    return max((tell(run, "the page", name=law) for law, run in read.runs.items()), default=0)
+    return max(
+        (warn_of_damage(run, "the page", name=law) for law, run in read.runs.items()), default=0
+    )

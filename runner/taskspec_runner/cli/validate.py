@@ -157,8 +157,8 @@ def _outcome(
     except Exception as error:
         # One file must not hide what is found about the others.
         trace = keep_trace(error)
-        told = f"internal error: {type(error).__name__}: {' '.join(str(error).split())}"
-        return _Broken(f"{path}: {told}; please report this with {trace}")
+        reason = f"internal error: {type(error).__name__}: {' '.join(str(error).split())}"
+        return _Broken(f"{path}: {reason}; please report this with {trace}")
 
 
 def _attributed(found: _Found, path: Path) -> _Found:

@@ -122,12 +122,12 @@ def role(law: str) -> str:
 
 def _lead(comparison: Comparison) -> str:
     """The run that shows most of the task: the best outcome, expectations met, stages visited."""
-    told = {law["law"]: law for law in comparison.laws}
+    by_law = {law["law"]: law for law in comparison.laws}
 
     def worth(law: str) -> tuple[int, int, int]:
-        outcome = told[law]["outcome"]
+        outcome = by_law[law]["outcome"]
         rank = _RANK.index(outcome) if outcome in _RANK else len(_RANK)
-        return -rank, told[law].get("met", 0), len({v.stage for v in comparison.runs[law].visits})
+        return -rank, by_law[law].get("met", 0), len({v.stage for v in comparison.runs[law].visits})
 
     return max(comparison.runs, key=worth)
 

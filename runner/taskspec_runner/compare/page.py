@@ -146,8 +146,8 @@ def page_data(laid: Overlay, shown: list[Overlaid]) -> Json:
 def _events(laid: Overlay) -> Iterator[Json]:
     for visit, _, end in laid.visits():
         why = str(visit.ended_by.get("text") or "")
-        told = f"{laid.lead}: {visit.stage} ends{f', {why}' if why else ''}"
-        yield {"at": end, "kind": "event", "text": told}
+        sentence = f"{laid.lead}: {visit.stage} ends{f', {why}' if why else ''}"
+        yield {"at": end, "kind": "event", "text": sentence}
     for law in laid.comparison.laws:
         run = laid.runs.get(law["law"])
         if run is not None and law["outcome"] in CUT_SHORT:

@@ -106,7 +106,7 @@ def _expectations(attempts: Sequence[Attempt]) -> list[dict[str, Any]]:
     """Each expectation with what every run made of it."""
     found: dict[int, dict[str, Any]] = {}
     for each in attempts:
-        for number, told in enumerate(each.run.summary["expectations"] if each.run else ()):
-            entry = found.setdefault(number, {"text": told["text"], "laws": {}})
-            entry["laws"][each.law] = {k: told[k] for k in ("passed", "explanation")}
+        for number, verdict in enumerate(each.run.summary["expectations"] if each.run else ()):
+            entry = found.setdefault(number, {"text": verdict["text"], "laws": {}})
+            entry["laws"][each.law] = {k: verdict[k] for k in ("passed", "explanation")}
     return list(found.values())

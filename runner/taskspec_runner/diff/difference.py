@@ -75,13 +75,13 @@ def diff_runs(a: Run, b: Run) -> Difference:
 
 
 def _about(run: Run) -> Json:
-    told, extent = verdict(run), run.extent
+    judged, extent = verdict(run), run.extent
     return {
         "folder": str(run.folder),
         "task": run.name,
         "file": run.manifest.get("file"),
-        "verdict": told.kind,
-        "sentence": told.sentence,
+        "verdict": judged.kind,
+        "sentence": judged.sentence,
         "partial": extent.partial,
         "damage": run.damage,
     }
@@ -167,11 +167,11 @@ def _of_stage(run: Run, stage: str) -> Iterator[tuple[tuple[str, str, str, str],
     for statistic, found in mapping(mapping(run.summary.get("contact")).get(stage)).items():
         unit = "s" if statistic == "time" else ""
         yield (stage, "contact", f"lost_{statistic}" if unit else statistic, unit), number(found)
-    told = mapping(mapping(run.summary.get("predicted")).get(stage))
-    for signal, at in mapping(told.get("equilibrium")).items():
+    judged = mapping(mapping(run.summary.get("predicted")).get(stage))
+    for signal, at in mapping(judged.get("equilibrium")).items():
         unit = run.units.get(signal, "")
         yield (stage, signal, "predicted_rest", unit), number(mapping(at).get("value"))
-    for axis, how in mapping(told.get("settling")).items():
+    for axis, how in mapping(judged.get("settling")).items():
         found = number(mapping(how).get("time_constant"))
         yield (stage, axis, "predicted_time_constant", "s"), found
 

@@ -44,7 +44,7 @@ Messages = Iterator[tuple[str, int, bytes]]
 
 
 @dataclass(slots=True)
-class _Seen:
+class _LastPoses:
     """The stage of the last row so far."""
 
     stage: str = ""
@@ -94,7 +94,7 @@ class _Encoder:
 
     def __init__(self, log: LogStream) -> None:
         self.signals = signals_message(log.schema.names, log.units)
-        self._poses, self._last = log.poses, _Seen()
+        self._poses, self._last = log.poses, _LastPoses()
         self._joints = sum(name.endswith(".position") and name.startswith("joint.")
                            for name in log.units)  # fmt: skip
         names = list(mapping(log.run.summary.get("robot")).get("joints") or ())

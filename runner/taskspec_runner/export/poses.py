@@ -74,7 +74,7 @@ class PoseStream:
         return found[0], found[1]
 
     def _joined(self, chunk: History) -> History:
-        names = [n for n in chunk.columns if n in self._names or self._is_seen(n)]
+        names = [n for n in chunk.columns if n in self._names or self._is_measured_force(n)]
         columns = {name: chunk.columns[name] for name in names}
         if self._kept is None:
             return History(columns, chunk.stages)
@@ -82,10 +82,10 @@ class PoseStream:
         joined = {n: np.concatenate([old.columns[n], values]) for n, values in columns.items()}
         return History(joined, np.concatenate([old.stages, chunk.stages]))
 
-    def _is_seen(self, name: str) -> bool:
+    def _is_measured_force(self, name: str) -> bool:
         """Whether a column is needed to measure a frame."""
-        felt_force = name.startswith("force.") and name.endswith(".measured")
-        return bool(self._measuring) and felt_force
+        force = name.startswith("force.") and name.endswith(".measured")
+        return bool(self._measuring) and force
 
     def _keep(self, rows: History) -> None:
         visits = list(rows.visits())

@@ -77,9 +77,9 @@ class Telemetry:
         asking.start()
         asking.join(_PATIENCE)
         if not found:
-            self._tell(f"{self.address.host} has no address")
+            self._warn(f"{self.address.host} has no address")
         elif isinstance(found[0], OSError):
-            self._tell(found[0].strerror or str(found[0]))
+            self._warn(found[0].strerror or str(found[0]))
         else:
             self._open(found[0])
 
@@ -93,7 +93,7 @@ class Telemetry:
         except BlockingIOError:
             pass
         except OSError as error:
-            self._tell(error.strerror or str(error))
+            self._warn(error.strerror or str(error))
 
     def close(self) -> None:
         """Gives the socket back."""
@@ -115,9 +115,9 @@ class Telemetry:
             self._socket = socket.socket(family, kind, protocol)
             self._socket.setblocking(False)
         except OSError as error:
-            self._tell(error.strerror or str(error))
+            self._warn(error.strerror or str(error))
 
-    def _tell(self, reason: str) -> None:
+    def _warn(self, reason: str) -> None:
         if not self.trouble:
             to = f"{self.address.host}:{self.address.port}"
             self.trouble = f"telemetry to {to} does not get through: {reason}"
@@ -170,13 +170,13 @@ def message(columns: Mapping[str, float | str]) -> bytes:
 
     What has no value is left out, as JSON has no number for it.
     """
-    told: dict[str, Any] = {"timestamp": columns["clock"]}
+    packet: dict[str, Any] = {"timestamp": columns["clock"]}
     for name, value in columns.items():
         if name == "clock" or (isinstance(value, float) and not math.isfinite(value)):
             continue
         *groups, leaf = path_of(name)
-        inner = told
+        inner = packet
         for group in groups:
             inner = inner.setdefault(group, {})
         inner[leaf] = value
-    return json.dumps(told, separators=(",", ":"), allow_nan=False).encode()
+    return json.dumps(packet, separators=(",", ":"), allow_nan=False).encode()

@@ -22,7 +22,7 @@ COLORS: tuple[Color, ...] = (
     (0.50, 0.62, 0.58, 1.0),
 )
 #: How far an endless shape is seen along its x and y, about where the tool starts [m].
-_SEEN = np.array([0.22, 0.22])
+_VISIBLE = np.array([0.22, 0.22])
 
 
 def add_shape(
@@ -43,15 +43,15 @@ def add_shape(
         body = (add_loose if shape.free else add_moving_base)(spec, name, shape)
         origin, rotation = np.zeros(3), np.eye(3)
     middle = np.zeros(3) if near is None else solid.rotation.T @ (near - solid.origin)
-    seen = solid.seen_geom(middle, _SEEN)
-    if seen is not None:
-        look = {"name": seen_name(name), "rgba": list(color), "group": 1}
-        add_geom(body, seen, origin, rotation, **look, **INERT)
+    visible = solid.visible_geom(middle, _VISIBLE)
+    if visible is not None:
+        look = {"name": visible_name(name), "rgba": list(color), "group": 1}
+        add_geom(body, visible, origin, rotation, **look, **INERT)
         color = (*color[:3], 0.0)
     geom = solid.moving_geom() if moves else solid.geom()
     add_geom(body, geom, origin, rotation, name=PREFIX + name, rgba=list(color), **INERT)
 
 
-def seen_name(name: str) -> str:
+def visible_name(name: str) -> str:
     """The geom of what is seen of an endless shape."""
     return f"{PREFIX}{name}/slab"

@@ -97,8 +97,8 @@ class Evidence:
         if not self._sum(SUMMARY):
             # Of a run that was not judged; what there is was put there by somebody else.
             early = self.ended and self.manifest.get("format") == _UNSEALED
-            told = f"an earlier taskspec made it, which kept no checksum of {SUMMARY}"
-            return {}, f"{told}; taskspec judge says what its log comes to" if early else ""
+            reason = f"an earlier taskspec made it, which kept no checksum of {SUMMARY}"
+            return {}, f"{reason}; taskspec judge says what its log comes to" if early else ""
         wrong = self._held(SUMMARY, content, wrong)
         return ({}, wrong) if wrong or content is None else (parse_json(content), "")
 

@@ -48,7 +48,7 @@ class Extent:
         return _WHY.get(self.status, f"its manifest says {self.status}")
 
     @property
-    def told(self) -> str:
+    def text(self) -> str:
         """A partial run in one line."""
         return f"the run is partial: {self.why}; {self.holds}"
 
@@ -57,8 +57,8 @@ class Extent:
         """How far the log goes."""
         if not self.ticks:
             return f"its log holds no tick{self.lost and '; '}{self.lost}"
-        told = f"its log holds {self.ticks} ticks, until {self.until:.3f} s"
-        return f"{told}; {self.lost}" if self.lost else told
+        text = f"its log holds {self.ticks} ticks, until {self.until:.3f} s"
+        return f"{text}; {self.lost}" if self.lost else text
 
 
 def status_of(manifest: Mapping[str, Any], summary: Mapping[str, Any]) -> str:

@@ -222,7 +222,7 @@ def check_unlocked(path: Path) -> None:
     """
     writer = holder(path)
     if writer is not None:
-        raise OutputError(path, f"{writer.told} writes into it")
+        raise OutputError(path, f"{writer.text} writes into it")
 
 
 def check_own(path: Path, what: str, own: bool, names: tuple[str, ...]) -> None:

@@ -39,7 +39,7 @@ class Holder:
     since: str
 
     @property
-    def told(self) -> str:
+    def text(self) -> str:
         """In words."""
         if not self.pid:
             return "another process"
@@ -77,9 +77,9 @@ class FolderLock:
                 if os.path.samestat(os.fstat(descriptor), os.lstat(self._path)):
                     return descriptor
             except BlockingIOError as error:
-                told = _holder(descriptor).told
+                text = _holder(descriptor).text
                 os.close(descriptor)
-                raise OutputError(self._folder, f"{told} writes into it") from error
+                raise OutputError(self._folder, f"{text} writes into it") from error
             except FileNotFoundError:
                 pass
             except BaseException:

@@ -36,10 +36,10 @@ def decimate(values: Vector, breaks: Rows, limit: int = POINTS, keep: Rows | Non
         padded = np.full(buckets * width, np.nan)
         padded[:rows][finite] = values[finite]
         grid = padded.reshape(buckets, width)
-        seen = np.isfinite(grid)
-        filled = np.flatnonzero(seen.any(axis=1))
-        lowest = np.where(seen, grid, np.inf).argmin(axis=1)[filled]
-        highest = np.where(seen, grid, -np.inf).argmax(axis=1)[filled]
+        known = np.isfinite(grid)
+        filled = np.flatnonzero(known.any(axis=1))
+        lowest = np.where(known, grid, np.inf).argmin(axis=1)[filled]
+        highest = np.where(known, grid, -np.inf).argmax(axis=1)[filled]
         edges = np.flatnonzero(finite[1:] != finite[:-1])
         sides = [np.array([0, rows - 1]), breaks, breaks - 1, edges, edges + 1]
         parts = [filled * width + lowest, filled * width + highest, *sides]

@@ -52,7 +52,7 @@ def detail(run: Run) -> decimate.Rows:
     return np.unique(np.concatenate(near)).astype(np.int64)
 
 
-def told(run: Run) -> str:
+def density(run: Run) -> str:
     """How many ticks there are, and how many of them are drawn."""
     rows = len(run.clock)
     text = f"{rows} ticks of {figure(1e3 * run.period)} ms"

@@ -17,7 +17,7 @@ from taskspec_runner.verdict.response import stays
 ROLE = "predicted"
 #: A decay is drawn for so many time constants, and only of an error that is this share of the
 #: chart's range.
-_LASTS, _SEEN = 5.0, 0.01
+_LASTS, _VISIBLE = 5.0, 0.01
 #: The step that a force makes to where it rests is at least this share of an error of its own.
 _OWN = 0.5
 
@@ -77,10 +77,10 @@ def decay(run: Run, name: str, factor: float) -> Trace | None:
         return None
     drawn, texts = np.full(len(values), np.nan), []
     for visit in run.visits:
-        told = stage_prediction(run, visit.stage)
-        how = mapping(mapping(told.get("settling")).get(axis_of(name)))
+        prediction = stage_prediction(run, visit.stage)
+        how = mapping(mapping(prediction.get("settling")).get(axis_of(name)))
         constant = number(how.get("time_constant"))
-        target = _target(run, visit, name, told)
+        target = _target(run, visit, name, prediction)
         if constant is None or constant < 2 * run.period or target is None:
             continue
         rows = np.flatnonzero(run.rows(visit))[target[1] :]
@@ -92,7 +92,7 @@ def decay(run: Run, name: str, factor: float) -> Trace | None:
         if abs(step) < _OWN * abs(error[top]):
             continue
         shown = rows[top : top + round(_LASTS * constant / run.period)]
-        if abs(error[top]) < _SEEN * np.ptp(values[np.isfinite(values)]):
+        if abs(error[top]) < _VISIBLE * np.ptp(values[np.isfinite(values)]):
             continue
         since = run.clock[shown] - run.clock[shown[0]]
         drawn[shown] = target[0] + error[top] * np.exp(-since / constant)
@@ -103,13 +103,13 @@ def decay(run: Run, name: str, factor: float) -> Trace | None:
     return Trace(label, factor * drawn, ROLE, ROLE)
 
 
-def _target(run: Run, visit: StageVisit, name: str, told: Json) -> tuple[float, int] | None:
+def _target(run: Run, visit: StageVisit, name: str, prediction: Json) -> tuple[float, int] | None:
     """Where a force comes to rest in a visit, and the tick of it from which its reference stays."""
     rows = run.rows(visit)
     wanted = _wanted(run, f"{name}.ref", rows)
     if wanted is None:
         wanted = _wanted(run, f"position.{axis_of(name)}.ref", rows)
-    at = mapping(mapping(told.get("equilibrium")).get(name))
+    at = mapping(mapping(prediction.get("equilibrium")).get(name))
     value = number(at.get("value"))
     if wanted is None or value is None or at.get("low") != at.get("high"):
         return None

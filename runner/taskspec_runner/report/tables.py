@@ -10,7 +10,7 @@ from taskspec_runner.report.predictions import stage_prediction
 from taskspec_runner.report.quantities import figure, quantity
 from taskspec_runner.runs import Run
 from taskspec_runner.verdict import torque_steps
-from taskspec_runner.verdict.given_up import told
+from taskspec_runner.verdict.given_up import sentences
 from taskspec_runner.verdict.predicted import axis_of
 
 #: Columns of a response; see the note below the table.
@@ -135,7 +135,7 @@ def given_up(run: Run) -> list[str]:
     A summary of another version has none.
     """
     try:
-        return [*told(run.summary), *torque_steps.told(run.summary)]
+        return [*sentences(run.summary), *torque_steps.sentences(run.summary)]
     except (AttributeError, KeyError, TypeError, ValueError):
         return []
 

@@ -70,10 +70,10 @@ class Extents:
             return
         row = lost_share(bad, truth.window, node.amount.value_si)
         forgiven = f"{100 * (1 - node.amount.value_si):.4g} %"
-        told = f"more than {forgiven} of its ticks had broken it"
+        sentence = f"more than {forgiven} of its ticks had broken it"
         began = f", the first at {self._say.clock(first):.3f} s"
         worst = f": {self._at(first)}" if self._sides else ""
-        yield Broken(self._say.clock(row), f"{told}{began}{worst}", final=False)
+        yield Broken(self._say.clock(row), f"{sentence}{began}{worst}", final=False)
 
     def _at(self, row: int) -> str:
         if not self._sides:
@@ -98,10 +98,10 @@ class Extents:
         row, outside = reached(part, series[0], low, high)
         if row is None:
             return
-        told = f"it passed its bound; {said}" if outside else f"it was judged, {said}"
+        sentence = f"it passed its bound; {said}" if outside else f"it was judged, {said}"
         if reduced[0].reducer == "rms" and row != int(np.flatnonzero(windows[0])[-1]):
-            told = f"it could not be met any more, {said}"
-        yield Broken(self._say.clock(row), told, final=outside)
+            sentence = f"it could not be met any more, {said}"
+        yield Broken(self._say.clock(row), sentence, final=outside)
 
     def _numbers(self, truth: Series) -> tuple[Vector, Bounds]:
         """The measured values and their bounds at the ticks that count, of one number (1,)."""

@@ -47,7 +47,7 @@ def given_up(history: History, stages: Sequence[CompiledStage]) -> dict[str, dic
     return found
 
 
-def told(summary: Mapping[str, Any]) -> Iterator[str]:
+def sentences(summary: Mapping[str, Any]) -> Iterator[str]:
     """What limits and contacts took from each stage, a line each; nothing where it is nothing."""
     yield from _unanswered(summary)
     for stage, found in summary.get("given_up", {}).items():
@@ -65,10 +65,10 @@ def told(summary: Mapping[str, Any]) -> Iterator[str]:
 
 
 def _unanswered(summary: Mapping[str, Any]) -> Iterator[str]:
-    for stage, account in summary.get("solver", {}).items():
-        if account.get("held"):
+    for stage, counts in summary.get("solver", {}).items():
+        if counts.get("held"):
             yield (
-                f"{stage}: the solver had no answer on {account['held']:.0f} of {account['ticks']} "
+                f"{stage}: the solver had no answer on {counts['held']:.0f} of {counts['ticks']} "
                 "ticks, and a torque within the limits was held"
             )
 

@@ -93,10 +93,10 @@ class _Examiner:
         said = self._explain(node, passed, inner)
         self.measured += said.measured
         condition = node.x if isinstance(node, tree.Held) else node
-        told = Extents(self._say, self.value, condition, self._sides(condition))
-        self.margins += told.margins(node, inner)
+        extents = Extents(self._say, self.value, condition, self._sides(condition))
+        self.margins += extents.margins(node, inner)
         if not passed:
-            self._breaks += told.breaks(node, inner)
+            self._breaks += extents.breaks(node, inner)
         return passed, said.text
 
     def _explain(self, node: tree.Node, passed: bool, truth: Series) -> Said:

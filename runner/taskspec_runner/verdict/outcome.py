@@ -37,9 +37,9 @@ def verdict(run: Run) -> Verdict:
     """The verdict on a run, from its summary; without one, the run did not finish."""
     status = run.extent.status
     if run.damage:
-        told = f"{run.damage}. What is shown is not evidence of the run"
+        sentence = f"{run.damage}. What is shown is not evidence of the run"
         said = f", which said of itself that it was {status}" if status else ""
-        return Verdict("damaged", f"{told}{said}.")
+        return Verdict("damaged", f"{sentence}{said}.")
     if not run.summary or status in ("", "running", "crashed"):
         return Verdict("unfinished", _unfinished(run, status))
     ending = run.summary.get("ending")
@@ -100,8 +100,10 @@ def _missed_verdict(run: Run, missed: int) -> Verdict:
         return Verdict("missed", rest)
     stage = stage_at(run, first.broken.clock)
     where = f" in stage {stage}" if stage else ""
-    told = f"At {first.broken.clock:.3f} s{where}, `{first.text}` was broken: {first.broken.text}."
-    return Verdict("missed", f"{told} {rest}", first, stage, rest)
+    sentence = (
+        f"At {first.broken.clock:.3f} s{where}, `{first.text}` was broken: {first.broken.text}."
+    )
+    return Verdict("missed", f"{sentence} {rest}", first, stage, rest)
 
 
 def stage_at(run: Run, clock: float) -> str:

@@ -7,7 +7,7 @@ from dataclasses import asdict
 from typing import Any
 
 from taskspec.program.execution.machine import Machine
-from taskspec.program.execution.stage_solver import Account
+from taskspec.program.execution.stage_solver import SolverCounts
 from taskspec.program.program import Program
 from taskspec.program.stages.stage import CompiledStage
 from taskspec_runner.record.history import History
@@ -18,16 +18,16 @@ from taskspec_runner.verdict.predicted import predicted
 from taskspec_runner.verdict.response import contact_losses, responses
 
 
-def accounts(machine: Machine) -> dict[str, Account]:
+def solver_counts(machine: Machine) -> dict[str, SolverCounts]:
     """What the solver did, for each stage that keeps its limits by a program."""
-    return {r.stage.name: r.solver.account for r in machine.runners if r.solver is not None}
+    return {r.stage.name: r.solver.counts for r in machine.runners if r.solver is not None}
 
 
 def performance(
     program: Program,
     history: History,
     judged: Sequence[Judged],
-    solver: Mapping[str, Account],
+    solver: Mapping[str, SolverCounts],
 ) -> dict[str, Any]:
     """Tracking, responses, contact, limits and solver of each visited stage.
 
@@ -41,9 +41,12 @@ def performance(
         `metrics`, `responses`, `contact`, `given_up`, `solver`, `predicted` and `peaks`, each by
         stage [SI].
     """
-    period, told = program.context.period, predicted(program)
+    period, predictions = program.context.period, predicted(program)
     efforts = {stage.name: _efforts(stage, history) for stage in program.stages}
-    rests = {name: _foretold(told.get(name, {})) | dict.fromkeys(efforts[name]) for name in efforts}
+    rests = {
+        name: _rest_values(predictions.get(name, {})) | dict.fromkeys(efforts[name])
+        for name in efforts
+    }
     allowed = {(j.stage, j.signal): j.band for j in judged if j.stage and j.signal and j.band}
     return {
         "metrics": metrics(history, {s.name: s.plan.axes for s in program.stages}),
@@ -51,16 +54,16 @@ def performance(
         "contact": contact_losses(history, [name for name in efforts if efforts[name]], period),
         "given_up": given_up(history, program.stages),
         "solver": {
-            name: {"ticks": int(history.window(name).sum()), **asdict(account)}
-            for name, account in solver.items()
+            name: {"ticks": int(history.window(name).sum()), **asdict(counts)}
+            for name, counts in solver.items()
             if history.window(name).any()
         },
-        "predicted": told,
+        "predicted": predictions,
         "peaks": peaks(history, [s.name for s in program.stages]),
     }
 
 
-def _foretold(stage: Mapping[str, Any]) -> dict[str, float | None]:
+def _rest_values(stage: Mapping[str, Any]) -> dict[str, float | None]:
     """Efforts that are told to come to rest at a value that stays, and that value [SI]."""
     rests = stage.get("equilibrium", {}).items()
     return {name: at["value"] for name, at in rests if at["low"] == at["high"] and at["value"]}

@@ -69,17 +69,17 @@ class Replay:
         key = (name, frame_name)
         if key not in self._found:
             function, used = _in_frame(name)
-            told = self._told(frame)
+            given = self._values(frame)
             if "between" in used:
-                told["between"] = self._between(frame)
-            (found,) = over_rows(function, *(told[each] for each in used))
+                given["between"] = self._between(frame)
+            (found,) = over_rows(function, *(given[each] for each in used))
             # A frame that is not known has no axes; limits of a formula may hide that.
-            found[np.isnan(told["frame"][:, 0])] = np.nan
+            found[np.isnan(given["frame"][:, 0])] = np.nan
             self._found[key] = found
         found = self._found[key]
         return np.asarray(found[:, 0 if axis is None else Axis(axis).row % found.shape[1]])
 
-    def _told(self, frame: FrameModel) -> dict[str, Vector]:
+    def _values(self, frame: FrameModel) -> dict[str, Vector]:
         """What the formulas of framed signals are told at every tick, in world axes."""
         p, R = self._tip_rows()
         axes = self._placed_rows(frame)[1]
@@ -142,8 +142,8 @@ class Replay:
         origin, axes, foot, relative = self._placed_rows(frame)
         if frame.still:
             function, used = _in_frame("position")
-            told = {"point": self._point, "origin": origin, "frame": axes}
-            return over_rows(function, *(told[each] for each in used))[0]
+            given = {"point": self._point, "origin": origin, "frame": axes}
+            return over_rows(function, *(given[each] for each in used))[0]
         if frame.mechanism is not None:
             return self._on_handle(frame)
         here = foot if frame.kind == "following" else self._point

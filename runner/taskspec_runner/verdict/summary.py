@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from taskspec.program import events
-from taskspec.program.execution.stage_solver import Account
+from taskspec.program.execution.stage_solver import SolverCounts
 from taskspec.program.execution.transition import FAIL, Transition
 from taskspec.program.program import Program
 from taskspec.program.stages.stage import CompiledStage
@@ -62,13 +62,13 @@ class Simulated:
     Attributes:
         outcome: how it ended.
         transitions: what ended each stage.
-        accounts: what the solver did, by stage.
+        solver_counts: what the solver did, by stage.
         by_signal: number of the signal that has broken it off, or 0.
     """
 
     outcome: Outcome
     transitions: Sequence[Transition]
-    accounts: Mapping[str, Account]
+    solver_counts: Mapping[str, SolverCounts]
     by_signal: int = 0
 
     def as_logged(self, history: History, period: float) -> Simulated:
@@ -112,7 +112,7 @@ def summarise(
         "torque_step": largest_step(simulated.transitions),
         "expectations": [j.as_data() for j in judged],
         "findings": [each.as_data() for each in found],
-        **performance(program, history, judged, simulated.accounts),
+        **performance(program, history, judged, simulated.solver_counts),
         "limits": {k: v for k, v in task.limits.model_dump().items() if v is not None},
         "stage_limits": {
             s.name: {k: v for k, v in s.plan.limits.model_dump().items() if v is not None}
@@ -148,7 +148,7 @@ def _visits(program: Program, simulated: Simulated) -> list[dict[str, Any]]:
                 "ended_by": {
                     "kind": end.kind,
                     "name": end.name,
-                    "text": told(end, stage, program.context.robot),
+                    "text": transition_text(end, stage, program.context.robot),
                     "value": end.value,
                     "to": end.to,
                     "torque_step": end.torque_step,
@@ -159,7 +159,7 @@ def _visits(program: Program, simulated: Simulated) -> list[dict[str, Any]]:
     return visits
 
 
-def told(end: Transition, stage: CompiledStage, robot: RobotModel) -> str:
+def transition_text(end: Transition, stage: CompiledStage, robot: RobotModel) -> str:
     """What ended a stage, as a sentence with the numbers of the event."""
     if end.kind == events.LIMIT:
         return _limit(end, robot)

@@ -26,7 +26,7 @@ def largest_step(transitions: Sequence[Transition]) -> dict[str, Any] | None:
     }
 
 
-def told(summary: Mapping[str, Any]) -> Iterator[str]:
+def sentences(summary: Mapping[str, Any]) -> Iterator[str]:
     """The largest step in words; nothing where there is none to speak of."""
     step = summary.get("torque_step")
     if step and step["value"] >= NOTICED:

@@ -73,8 +73,8 @@ def frame_run(world: RecordedWorld, aspect: float) -> View:
 def fit(model: mujoco.MjModel, points: Vector, angles: tuple[float, float], aspect: float) -> View:
     """The nearest view under two angles that has all points (k, 3) in the picture."""
     axes = axes_of(*angles)
-    seen = points @ axes.T
-    low, high = seen.min(axis=0), seen.max(axis=0)
+    projected = points @ axes.T
+    low, high = projected.min(axis=0), projected.max(axis=0)
     tangent = np.tan(np.radians(model.vis.global_.fovy) / 2)
     half = np.maximum((high - low) / 2, 0.05)
     depth = float(high[2] - low[2])
@@ -157,7 +157,7 @@ def _score(
     visible = []
     for row, tip in zip(rows[::3], samples[::3], strict=True):
         data = world.show(int(row))
-        visible.append(_sees(world.model, data, tip + eye, tip))
+        visible.append(_unhidden(world.model, data, tip + eye, tip))
     force = recording.force[rows].mean(axis=0)
     size = float(np.linalg.norm(force))
     across = 1.0 if size < 0.2 else float(np.hypot(*(axes[:2] @ force))) / size
@@ -177,7 +177,7 @@ def _score(
     )
 
 
-def _sees(model: mujoco.MjModel, data: mujoco.MjData, eye: Vector, tip: Vector) -> bool:
+def _unhidden(model: mujoco.MjModel, data: mujoco.MjData, eye: Vector, tip: Vector) -> bool:
     """Whether nothing but the tool is between an eye and the tip."""
     hit = np.zeros(1, dtype=np.int32)
     way = tip - eye

@@ -41,12 +41,12 @@ class NoCanvasError(InputError):
 
 def backends() -> tuple[str, ...]:
     """Names of the kinds of context to try, in order; empty if MUJOCO_GL switches drawing off."""
-    asked = headless.asked()
-    if asked in _OFF:
+    wanted = headless.wanted_library()
+    if wanted in _OFF:
         return ()
     if platform.system() != "Linux":
         return ("",)
-    return (asked,) if asked in _HEADLESS else _HEADLESS
+    return (wanted,) if wanted in _HEADLESS else _HEADLESS
 
 
 def new_context(width: int, height: int) -> Any:

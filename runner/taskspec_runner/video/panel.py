@@ -57,8 +57,8 @@ class SignalPanel:
         self._text(draw, 24, 40, visit.stage, 30, _INK)
         clock = float(recording.clock[row])
         self._text(draw, 24, 82, f"{clock:.2f} s of {recording.end:.2f} s", 17, _SOFT)
-        told = f"{shown.name}  {shown.told(row)}"
-        self._text(draw, 24, 112, told, 17, dark(APPLIED))
+        line = f"{shown.name}  {shown.text(row)}"
+        self._text(draw, 24, 112, line, 17, dark(APPLIED))
         x = self._column(clock)
         draw.line([(x, pen(_CHART[1] - 24)), (x, pen(_CHART[3]))], fill=_NOW, width=max(1, pen(2)))
         return np.asarray(image)
@@ -89,8 +89,8 @@ class SignalPanel:
         for shown in self._shown:
             self._curve(draw, shown, shown.values, dark(APPLIED), max(1, pen(1.6)))
         units = sorted({shown.unit for shown in self._shown})
-        told = f"{' and '.join(units)}, over the time of the run"
-        self._text(draw, _CHART[0], _CHART[3] + 6, told, 13, _SOFT)
+        line = f"{' and '.join(units)}, over the time of the run"
+        self._text(draw, _CHART[0], _CHART[3] + 6, line, 13, _SOFT)
         self._legend(draw)
         return image
 

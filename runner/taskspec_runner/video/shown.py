@@ -37,7 +37,7 @@ class Shown:
     values: Vector
     wanted: Vector | None
 
-    def told(self, row: int) -> str:
+    def text(self, row: int) -> str:
         """The value at a row of the log, against its reference where it has one."""
         i = row - self.visit.first
         of = ""

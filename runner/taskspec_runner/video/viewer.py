@@ -121,5 +121,5 @@ class Show:
         recording = self._recording
         visit = recording.visit(row)
         shown = self._shown[recording.visits.index(visit)]
-        value = shown.told(row)
+        value = shown.text(row)
         return f"time\nstage\n{shown.name}", f"{recording.clock[row]:.2f} s\n{visit.stage}\n{value}"

@@ -15,7 +15,7 @@ from taskspec_runner.plant.moving_base import MovingBases, moving
 from taskspec_runner.plant.names import PREFIX
 from taskspec_runner.plant.plant import Plant
 from taskspec_runner.plant.scene import build_scene
-from taskspec_runner.plant.shapes import seen_name
+from taskspec_runner.plant.shapes import visible_name
 from taskspec_runner.video.recording import Recording
 
 Vector = NDArray[np.float64]
@@ -79,14 +79,14 @@ class RecordedWorld:
         R, origin = solid.rotation, solid.origin
         over = (self.recording.tip - origin) @ R
         low, high = over.min(axis=0) - _MARGIN, over.max(axis=0) + _MARGIN
-        seen = solid.seen_geom((high + low) / 2, (high - low)[:2] / 2)
-        if seen is None:
+        visible = solid.visible_geom((high + low) / 2, (high - low)[:2] / 2)
+        if visible is None:
             return
-        geom, center = self.model.geom(seen_name(name)).id, np.array(seen.center)
+        geom, center = self.model.geom(visible_name(name)).id, np.array(visible.center)
         place = center if shape.motion is not None else origin + R @ center
-        self.model.geom_size[geom] = seen.size
+        self.model.geom_size[geom] = visible.size
         self.model.geom_pos[geom] = place
-        self.model.geom_rbound[geom] = float(np.linalg.norm(seen.size))
+        self.model.geom_rbound[geom] = float(np.linalg.norm(visible.size))
 
 
 def _bare_links(model: mujoco.MjModel, tip_body: str) -> tuple[tuple[int, int], ...]:

@@ -40,9 +40,9 @@ class SensorZero:
     def correct(self, R: Vector, wrench: Vector) -> None:
         """Writes the contact wrench into `wrench` (6,), world axes, for the tip's axes R (3, 3)."""
         self._left = self.reading - self.weight(R) if self._mass else self.reading.copy()
-        seen = self._left - self.zero
-        wrench[:3] = R @ seen[:3]
-        wrench[3:] = R @ seen[3:]
+        wrench_left = self._left - self.zero
+        wrench[:3] = R @ wrench_left[:3]
+        wrench[3:] = R @ wrench_left[3:]
 
     def weight(self, R: Vector) -> Vector:
         """(6,) of the nominal tool about the tip, in the tool's axes R (3, 3) [N, N m]."""

@@ -79,8 +79,8 @@ class StageRunner:
         Returns:
             What is carried on, of the joint where that is most [N m].
         """
-        asked = np.array(self.stage.asked(*self._arguments)).ravel()
-        return carried_torque.carry(self.stage.parameters, self.parameters, torque - asked)
+        closed_form = np.array(self.stage.closed_form(*self._arguments)).ravel()
+        return carried_torque.carry(self.stage.parameters, self.parameters, torque - closed_form)
 
     def commit(self) -> None:
         """Makes the memory of the last evaluation current."""

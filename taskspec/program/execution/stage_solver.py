@@ -34,7 +34,7 @@ _ROUNDING = 1e-6
 
 
 @dataclass(slots=True)
-class Account:
+class SolverCounts:
     """What the solver did in a run.
 
     Attributes:
@@ -83,7 +83,7 @@ class StageSolver:
             outputs: of it.
         """
         n, m, r = len(torque), len(resolution.rows), len(resolution.requested)
-        self.resolution, self.account = resolution, Account()
+        self.resolution, self.counts = resolution, SolverCounts()
         self.status = Status.SOLVED
         self._torque, self._outputs = torque, outputs
         self._limited_now = outputs[slices(fields(0))["limited"]]
@@ -124,11 +124,11 @@ class StageSolver:
         outputs = self._outputs
         if outputs[_VIOLATION] <= _EXACT:
             if outputs[_CLAMPED]:
-                self._tell(self._clamped_cut, outputs[_CLAMPED])
+                self._report_cuts(self._clamped_cut, outputs[_CLAMPED])
             elif not self._clear:
                 self._cut[:], self._limited[:], self._clear = 0.0, 0.0, True
         elif not self.solve():
-            self.account.held += 1
+            self.counts.held += 1
             return False
         if outputs[_UNSETTLED] or self._paring:
             self.settle()
@@ -159,13 +159,13 @@ class StageSolver:
 
     def solve(self) -> bool:
         """Solves the program of the last tick, once, and takes its answer if it is good enough."""
-        self.account.solved += 1
+        self.counts.solved += 1
         if not math.isfinite(self._outputs[_VIOLATION]):
             return self._take(Solution(self._x, self._dual, Status.NOT_FINITE, 0))
         self._assemble.evaluate()
         solution = self._solver.solve(self._problem, finite=True)
         if solution.status is Status.INFEASIBLE:
-            self.account.relaxed += 1
+            self.counts.relaxed += 1
             kinds = [row.kind for row in self.resolution.rows]
             if relax(self._problem, kinds, self.resolution.solver):
                 solution = self._solver.solve(self._problem)
@@ -203,16 +203,16 @@ class StageSolver:
             self.status = Status.NOT_CONVERGED
             self._solver.rebuild()
             return False
-        self.account.worst = max(self.account.worst, residual)
+        self.counts.worst = max(self.counts.worst, residual)
         # A solver that iterates leaves bounds by its tolerance.
         self._torque[:] = self.resolution.torques.nearest(self._accepted, self._applied)
         self._outputs[_RESIDUAL] = residual
         # A push that was clamped and binds in the program too is told once.
         binding = int(self._binding[0]) | int(self._outputs[_CLAMPED])
-        self._tell(self._found_cut + self._clamped_cut, binding)
+        self._report_cuts(self._found_cut + self._clamped_cut, binding)
         return True
 
-    def _tell(self, cut: Vector, binding: float) -> None:
+    def _report_cuts(self, cut: Vector, binding: float) -> None:
         self._cut[:], self._limited[:], self._clear = cut, 1.0, False
         self._limited_now[:], self._outputs[_LIMITS] = 1.0, binding
 

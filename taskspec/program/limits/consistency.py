@@ -19,7 +19,7 @@ from taskspec.control import linear
 from taskspec.control.state import ARM_LENGTH
 from taskspec.program.context import Context
 from taskspec.program.limits.contacts import ContactRow
-from taskspec.program.reference.unreached import is_moment
+from taskspec.program.reference.infeasible_forces import is_moment
 from taskspec.spec import Limits
 
 #: Share of the limit on force that a set point may take; the rest is for transients.

@@ -106,8 +106,8 @@ def shape_rows(
     for name in objects:
         base = context.moving_bases.get(name)
         now = base.at(clock) if base is not None else None
-        seen = terms if now is None else now.relative(terms)
-        at = kinematics.control_point(seen, wrench, center)
+        terms_now = terms if now is None else now.relative(terms)
+        at = kinematics.control_point(terms_now, wrench, center)
         normal, turning = _normal(context.surfaces[name], at)
         found.append((at, normal, turning))
         normals.append(normal if now is None else now.A @ normal)

@@ -22,7 +22,7 @@ FORCE_SHARE = 0.97
 #: A push this far [N] beyond its bounds is within them but for rounding.
 _ROUNDING = 1e-6
 #: Square of the share of a contact's normal that the task's axes have to have.
-_UNREACHED = 1e-9
+_INFEASIBLE = 1e-9
 
 
 class Contacts:
@@ -53,7 +53,7 @@ class Contacts:
             return ca.SX.zeros(T.shape[0])
         S = linear.solve(M, T.T @ self.C).T
         # A contact that the task's axes do not reach is left to the program.
-        gram = S @ S.T + ca.diag(1 - self.active) + _UNREACHED * ca.SX.eye(len(self.contacts))
+        gram = S @ S.T + ca.diag(1 - self.active) + _INFEASIBLE * ca.SX.eye(len(self.contacts))
         along = linear.solve(linear.cholesky(gram), (self.C.T @ self.C) @ shift)
         found: ca.SX = T @ linear.solve(M, S.T @ along)
         return found

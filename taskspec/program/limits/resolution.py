@@ -74,7 +74,7 @@ class Resolved:
         return ca.densify(ca.vertcat(limits.pieces.flat(), limits.lower, limits.upper, limits.cut))
 
     @property
-    def told(self) -> tuple[ca.SX, ca.SX, ca.SX]:
+    def residuals(self) -> tuple[ca.SX, ca.SX, ca.SX]:
         """How far the torque is beyond its limits, the clamped pushes, and `unsettled`."""
         return self.limits.violation, self.limits.clamped, self.unsettled
 
@@ -87,7 +87,7 @@ class Resolved:
         """The programs as functions of the tick's inputs."""
         limits, nearest, look = self.limits, self.nearest, None
         if nearest is not None:
-            asked = (
+            inputs = (
                 nearest.P,
                 nearest.g,
                 nearest.A.T,
@@ -96,7 +96,7 @@ class Resolved:
                 nearest.effect.T,
                 self.requests.values,
             )
-            look = _flat("look", arguments, asked)
+            look = _flat("look", arguments, inputs)
         pieces = limits.pieces.symbols()
         made = matrices(limits.sources, pieces)
         handed = pieces.flat()

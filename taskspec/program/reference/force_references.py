@@ -86,7 +86,7 @@ def integrals(
         found[name] = wound(
             measurement.memory.add(f"integral.{name}"),
             force,
-            measurement.unreached.step(name, context.period * missing),
+            measurement.infeasible.step(name, context.period * missing),
             value_of(gains, "force.integral", name),
             touching,
             value_of(gains, "stiffness", name) * errors[name] if motion else ca.SX(0),

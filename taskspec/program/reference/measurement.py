@@ -14,12 +14,12 @@ from taskspec.program.clock import Clock
 from taskspec.program.context import Context
 from taskspec.program.plan import StagePlan
 from taskspec.program.reference.constraints import EquationRow, equation_rows, reactions
+from taskspec.program.reference.infeasible_forces import InfeasibleForces, infeasible_of, requested
 from taskspec.program.reference.tracked_mechanism import (
     TrackedMechanism,
     mechanism_state,
     tracked_mechanism,
 )
-from taskspec.program.reference.unreached import Unreached, requested, unreached_of
 from taskspec.program.signals import SignalTable
 from taskspec.program.slots import Slots
 from taskspec.program.world import kinematics
@@ -70,7 +70,7 @@ class Measurement:
     reactions: Mapping[str, ca.SX]
     gaps: Mapping[str, ca.SX]
     table: SignalTable
-    unreached: Unreached
+    infeasible: InfeasibleForces
 
     @property
     def world(self) -> TermSymbols:
@@ -88,7 +88,7 @@ def measure(plan: StagePlan) -> Measurement:
     robot, frame = context.robot, plan.frame
     inputs = _inputs(context)
     memory, parameters = Slots("memory"), Slots("parameters")
-    unreached = unreached_of(requested(plan.law, plan.plans, plan.active), parameters)
+    infeasible = infeasible_of(requested(plan.law, plan.plans, plan.active), parameters)
     clock = Clock(inputs.now[0], inputs.now[1])
     world, now = inputs.terms, clock.clock
 
@@ -106,7 +106,7 @@ def measure(plan: StagePlan) -> Measurement:
     task = context.loaded.task
     situation = placed.situation(plan.axes)
     situation.t = clock.t
-    situation.force_inconsistent = unreached.size()
+    situation.force_inconsistent = infeasible.size()
     situation.limited = parameters.add("limited") if plan.law.solve == "qp" else ca.SX(0)
     situation.start = parameters.add("entry", 3)
     situation.q, situation.v = inputs.q, inputs.v
@@ -151,7 +151,7 @@ def measure(plan: StagePlan) -> Measurement:
         reactions=measured,
         gaps=gaps,
         table=SignalTable(situation, _constants(context), elsewhere),
-        unreached=unreached,
+        infeasible=infeasible,
     )
 
 

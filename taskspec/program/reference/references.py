@@ -29,7 +29,7 @@ def build_references(plan: StagePlan, measurement: Measurement) -> ReferenceSet:
     coordinates = frame_coordinates(plan, measurement)
     table.situation.position = coordinates.position
     forces = {
-        name: measurement.unreached.reachable(
+        name: measurement.infeasible.reachable(
             name, force_references.set_point(name, axis, measurement)
         )
         for name, axis in plans.items()

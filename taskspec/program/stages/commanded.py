@@ -39,7 +39,7 @@ class Commanded:
     forces: EquationForces
     chosen: ConstraintSet | None
     case: Case
-    asked: ca.SX
+    closed_form: ca.SX
     torque: ca.SX
     conditions: list[Condition]
 
@@ -55,11 +55,11 @@ def command(plan: StagePlan, measurement: Measurement) -> Commanded:
     context = plan.context
     law, inputs = plan.law, measurement.inputs
     built = build_references(plan, measurement)
-    seen = measurement.state
+    measured = measurement.state
     if plan.spec.tare:  # What the sensor reads now is its own error, and moves nothing.
-        seen = replace(seen, f=ca.SX.zeros(len(seen.axes)))
+        measured = replace(measured, f=ca.SX.zeros(len(measured.axes)))
     state, references, conditions = orientation.restate(
-        law, seen, built, measurement.at.R.T @ measurement.terms.R, measurement.table
+        law, measured, built, measurement.at.R.T @ measurement.terms.R, measurement.table
     )
     forces = equation_forces(plan, measurement)
     on_path = plan.path.axes if plan.path is not None else ()
@@ -93,6 +93,8 @@ def command(plan: StagePlan, measurement: Measurement) -> Commanded:
         ways=free_ways(plan, measurement) if plan.consistent else None,
     )
     wanted, terms = law.control_law.command(case), measurement.terms
-    asked = resolution.torque(wanted, state, terms.H, terms.bias, terms.gravity, posture)
-    fading = carried_torque.fading(measurement.parameters, measurement.clock, asked.shape[0])
-    return Commanded(references, forces, chosen, case, asked, asked + fading, conditions)
+    closed_form = resolution.torque(wanted, state, terms.H, terms.bias, terms.gravity, posture)
+    fading = carried_torque.fading(measurement.parameters, measurement.clock, closed_form.shape[0])
+    return Commanded(
+        references, forces, chosen, case, closed_form, closed_form + fading, conditions
+    )

@@ -43,14 +43,14 @@ def equation_forces(plan: StagePlan, measurement: Measurement) -> EquationForces
         wanted = ca.SX(0) if point is None else measurement.translate(point.wanted)
         ramp = None if point is None else point.ramp
         rising = risen(slot, wanted, ramp, measurement.clock, measurement.parameters)
-        force = found.desired[name] = measurement.unreached.reachable(name, rising)
+        force = found.desired[name] = measurement.infeasible.reachable(name, rising)
         if "force.integral" not in gains:
             continue
         memorised = f"integral.{slot}"
         found.integrals[name] = found.updates[memorised] = wound(
             measurement.memory.add(memorised),
             force,
-            measurement.unreached.step(
+            measurement.infeasible.step(
                 name, context.period * (force - measurement.reactions[name])
             ),
             gains["force.integral"][name].value,

@@ -59,7 +59,7 @@ def outputs(
     six = references.six
     # How far the closed form is beyond its limits, which pushes have been clamped, and whether the
     # force set points have to be held against what contacts return.
-    violation, clamped, unsettled = limited.told if limited else (ca.SX(0), ca.SX(0), ca.SX(0))
+    violation, clamped, unsettled = limited.residuals if limited else (ca.SX(0), ca.SX(0), ca.SX(0))
     values = {
         "event": event[0],
         "event_value": event[1],

@@ -53,7 +53,7 @@ class CompiledStage:
     tick: ca.Function
     probe: ca.Function
     own: ca.Function
-    asked: ca.Function
+    closed_form: ca.Function
     choice: Choice | None
     resolution: Resolution | None
 
@@ -106,7 +106,7 @@ def compile_stage(plan: StagePlan, *, to_run: bool = True) -> CompiledStage:
         tick=ca.Function("tick", arguments, results, {"cse": to_run}),
         probe=probe(arguments, measurement, commanded),
         own=ca.Function("own", arguments, [references.own, references.own_rate]),
-        asked=ca.Function("asked", arguments, [commanded.asked]),
+        closed_form=ca.Function("closed_form", arguments, [commanded.closed_form]),
         choice=candidates(arguments, commanded),
         resolution=limited.compiled(arguments) if limited else None,
     )
@@ -128,7 +128,7 @@ def tunable(gains: Gains, parameters: Slots) -> Gains:
 def _limited(plan: StagePlan, measurement: Measurement, commanded: Commanded) -> Resolved:
     """The programs that keep a stage's limits and find the nearest forces that contacts return."""
     wishes = {
-        name: force + measurement.unreached.unreachable[name]
+        name: force + measurement.infeasible.unreachable[name]
         for name, force in commanded.set_points.items()
     }
     return resolve(plan, measurement, wishes, commanded.torque)

@@ -28,10 +28,10 @@ def _commands(found: Validation) -> Iterator[str]:
             severity = Severity.ERROR if found.fails(diagnostic) else diagnostic.severity
             place = _place(diagnostic.span)
             properties = {"file": _file(diagnostic.source)} | place | {"title": diagnostic.code}
-            yield _command(_COMMANDS[severity], properties, _told(diagnostic))
+            yield _command(_COMMANDS[severity], properties, _message(diagnostic))
 
 
-def _told(diagnostic: Diagnostic) -> str:
+def _message(diagnostic: Diagnostic) -> str:
     parts = [diagnostic.message, diagnostic.hint]
     parts += [f"{note.message}: line {note.span.line}" for note in diagnostic.notes]
     return "\n".join(part for part in parts if part)

@@ -43,14 +43,14 @@ def _examined(suite: ET.Element, path: str, found: Validation) -> None:
     if not diagnostics:
         _case(suite, "validate")
     for diagnostic in diagnostics:
-        told = render([diagnostic], sources)
+        rendered = render([diagnostic], sources)
         case = _case(suite, _name(diagnostic))
         if found.fails(diagnostic):
             message = _one_line(diagnostic.message)
             failure = ET.SubElement(case, "failure", type=diagnostic.code, message=message)
-            failure.text = told
+            failure.text = rendered
         else:
-            ET.SubElement(case, "system-out").text = told
+            ET.SubElement(case, "system-out").text = rendered
 
 
 def _name(diagnostic: Diagnostic) -> str:

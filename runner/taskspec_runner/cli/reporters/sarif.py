@@ -54,12 +54,12 @@ def _rule(code: str, diagnostics: list[Diagnostic]) -> dict[str, Any]:
     text = page(code)
     found = {d.severity for d in diagnostics if d.code == code}
     severities = severities_of(text) if text else sorted(found, key=list(_LEVELS).index)
-    told = {"text": f"taskspec explain {code}"} | ({"markdown": text} if text else {})
+    text_of = {"text": f"taskspec explain {code}"} | ({"markdown": text} if text else {})
     return {
         "id": code,
         "name": "".join(word.capitalize() for word in re.findall(r"[A-Za-z0-9]+", title)),
         "shortDescription": {"text": title},
-        "help": told,
+        "help": text_of,
         "defaultConfiguration": {"level": _LEVELS[severities[0]]},
     }
 
@@ -113,11 +113,11 @@ def _fingerprint(diagnostic: Diagnostic, sources: Mapping[str, Source], seen: Co
 
 def _invocation(found: Validation) -> dict[str, Any]:
     failures = (*found.unreadable, *found.broken)
-    told = {"toolExecutionNotifications": [_notification(failure) for failure in failures]}
+    text_of = {"toolExecutionNotifications": [_notification(failure) for failure in failures]}
     return {
         "executionSuccessful": not failures,
         "exitCode": found.exit_code,
-        **(told if failures else {}),
+        **(text_of if failures else {}),
     }
 
 

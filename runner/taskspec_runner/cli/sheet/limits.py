@@ -8,7 +8,7 @@ from itertools import groupby
 
 from taskspec.prediction.returned_forces import returned_at_start
 from taskspec.program.program import Program
-from taskspec.program.reference.unreached import is_moment
+from taskspec.program.reference.infeasible_forces import is_moment
 from taskspec.program.stages.stage import CompiledStage
 from taskspec.text.units import FORCE, MOMENT, scaled, show
 
@@ -22,16 +22,16 @@ def limit_rows(program: Program, stage: CompiledStage) -> Iterator[tuple[str, st
     solver = stage.resolution.solver.upper()
     kept = "; ".join(joined([row.text for row in stage.resolution.rows]))
     yield "keeps", f"by a quadratic program ({solver}): {kept}"
-    asked = returned_at_start(program, stage)
-    if asked is None or not asked.forces:
+    returned = returned_at_start(program, stage)
+    if returned is None or not returned.forces:
         return
-    lost = {name: left for name, left in asked.left.items() if left}
+    lost = {name: left for name, left in returned.left.items() if left}
     if not lost:
         yield "returned", "all that it asks for, at the start pose"
         return
-    because = ", ".join(asked.because) or "nothing there returns a force in this direction"
+    because = ", ".join(returned.because) or "nothing there returns a force in this direction"
     for name, left in lost.items():
-        wanted = asked.forces[name]
+        wanted = returned.forces[name]
         near, far = (_effort(value, turns=is_moment(name)) for value in (wanted - left, wanted))
         yield "nearest", f"{near} on {name} where {far} is asked: {because}"
 

@@ -51,9 +51,9 @@ def duration_text(duration: Duration) -> str:
     if duration.expected is None:
         bound = "" if duration.most is None else f", at most {show(duration.most, TIME, 3)}"
         return f"unknown{bound}"
-    told = show(duration.expected, TIME, 3)
+    shown = show(duration.expected, TIME, 3)
     bounded = duration.most is not None and duration.most > duration.expected + 1e-9
-    return f"{told}, at most {show(duration.most or 0.0, TIME, 3)}" if bounded else told
+    return f"{shown}, at most {show(duration.most or 0.0, TIME, 3)}" if bounded else shown
 
 
 def _impact(task: Task, met: Impact) -> PredictedRow:

@@ -65,13 +65,13 @@ def sheet(program: Program) -> Sheet:
         )
         for stage in program.stages
     )
-    told = prediction.duration
-    why = f": {told.why}" if told.expected is None else ""
+    lasting = prediction.duration
+    why = f": {lasting.why}" if lasting.expected is None else ""
     return Sheet(
         name=task.name,
         about=task.about or "",
         robot=robot_rows(program),
-        duration=duration_text(told) + why,
+        duration=duration_text(lasting) + why,
         world=tuple(object_rows(program)),
         frames=frame_rows(program),
         stages=stages,

@@ -1,4 +1,4 @@
-"""What is told of a run's folder beside the result: what is missing, altered or partial."""
+"""The damage of a run folder, reported beside the result: what is missing, altered or partial."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from taskspec_runner.runs import Run
 _WELL, _DAMAGED = 0, 1
 
 
-def tell(run: Run, what: str = "", *, name: str = "") -> int:
+def warn_of_damage(run: Run, what: str = "", *, name: str = "") -> int:
     """Says on standard error whether a run is partial or damaged; the exit code that it means.
 
     Args:
@@ -19,7 +19,7 @@ def tell(run: Run, what: str = "", *, name: str = "") -> int:
     """
     before = f"taskspec: {name}: " if name else "taskspec: "
     if run.extent.partial and run.extent.status:
-        typer.echo(before + run.extent.told, err=True)
+        typer.echo(before + run.extent.text, err=True)
     for changed in run.changed:
         typer.echo(f"{before}{changed} is no longer as the run read it", err=True)
     if not run.damage:

@@ -18,7 +18,7 @@ _NOTICED = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
-class Unreached:
+class InfeasibleForces:
     """What the last tick found, as parameters of this one, by axis or equation.
 
     Attributes:
@@ -46,13 +46,13 @@ class Unreached:
         return ca.norm_2(ca.vertcat(0, *parts))
 
 
-def unreached_of(names: Sequence[str], parameters: Slots) -> Unreached:
+def infeasible_of(names: Sequence[str], parameters: Slots) -> InfeasibleForces:
     """Makes the parameters for the force set points `names`."""
     if not names:
-        return Unreached({}, {})
+        return InfeasibleForces({}, {})
     r = len(names)
     left, cut = parameters.add("unreachable", r), parameters.add("cut", r)
-    return Unreached(
+    return InfeasibleForces(
         {name: left[i] for i, name in enumerate(names)},
         {name: cut[i] for i, name in enumerate(names)},
     )
