@@ -42,7 +42,7 @@ class LegendEntry:
     law: str
     role: str
     style: str
-    gains: str
+    ending: str
     kind: str
 
 
@@ -103,14 +103,14 @@ def _legend(comparison: Comparison) -> list[LegendEntry]:
             law["law"],
             role(law["law"]),
             ("line" if law["force_loop"] else "loopless") if law["folder"] else "",
-            _gains(law),
+            _ending(law),
             law["outcome"],
         )
         for number, law in enumerate(comparison.laws)
     ]
 
 
-def _gains(law: Mapping[str, object]) -> str:
+def _ending(law: Mapping[str, object]) -> str:
     if law["outcome"] == "refused":
         return f"refused, {str(law['reason']).partition(':')[0]}"
     if law["outcome"] in ("stopped", "failed"):
