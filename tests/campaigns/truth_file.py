@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import tempfile
 import time
 from collections.abc import Mapping, Sequence
@@ -136,7 +137,10 @@ def said(text: str, findings: Sequence[Any]) -> list[dict[str, str]]:
     for each in findings:
         line = each.span.line if each.span is not None else 0
         sentence = f"{line}: {each.message}"[:300]
-        made.append(asdict(Said(each.code, str(each.severity), stages.get(line, ""), sentence)))
+        # A gain of the file is where the loop of a stage is mended: the message names the stage.
+        named = re.search(r"stage '(\w+)'", each.message)
+        stage = stages.get(line, "" if named is None else named[1])
+        made.append(asdict(Said(each.code, str(each.severity), stage, sentence)))
     return made
 
 
@@ -153,6 +157,12 @@ def _stages_by_line(text: str) -> dict[int, str]:
     return stages
 
 
+def _ended(status: str, reason: str) -> str:
+    """How a run that did not come to its end is called; empty for one that did."""
+    word = {"stopped": "stop", "failed": "failed"}.get(status)
+    return "" if word is None else f"{word}: {reason}"
+
+
 def _judge(row: Row, run: Any) -> None:
     """Notes how a run ended."""
     summary: Mapping[str, Any] = run.summary
@@ -161,9 +171,8 @@ def _judge(row: Row, run: Any) -> None:
     row.broken = [each.text for each in run.expectations if not each.passed]
     status = summary["status"]
     ends: list[tuple[str, str, str]] = []
-    if status in ("stopped", "failed"):
-        word = "stop" if status == "stopped" else "failed"
-        ends.append((f"{word}: {ending['reason']}", ending["stage"], ending["text"]))
+    if ended := _ended(status, ending["reason"]):
+        ends.append((ended, ending["stage"], ending["text"]))
     for kind in ("oscillation", "saturation"):
         ends += [(kind, each.stage, each.line) for each in run.faults if each.kind == kind][:1]
     if row.broken:
@@ -235,8 +244,8 @@ def _watched(made: TruthDraft, stage: str, push: float, folder: Path) -> Watched
 
     period = program.context.period
     outcome = simulate(parts.machine, parts.plant, parts.bus, Nowhere(), period, watch)
-    end = WELL if outcome.status == "done" else f"{outcome.status}: {outcome.reason}"
-    return Watched(end, outcome.text, np.array(looks))
+    ended = _ended(outcome.status, outcome.reason)
+    return Watched(ended or WELL, outcome.text, np.array(looks))
 
 
 def _growth(calm: np.ndarray, pushed: np.ndarray) -> float:
