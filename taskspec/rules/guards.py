@@ -9,15 +9,16 @@ from collections.abc import Iterator
 import numpy as np
 
 from taskspec.foresight.conditions import names, parts, value_of
-from taskspec.foresight.held_part import HeldPart
 from taskspec.foresight.interval import Interval, IntervalAlgebra, point
 from taskspec.foresight.nominal import AT_SURFACE
 from taskspec.foresight.ranges import Ranges
 from taskspec.geometry.axis import Axis
 from taskspec.program.axes import MOSTLY
+from taskspec.program.held_part import HeldPart
 from taskspec.program.plan import StagePlan
 from taskspec.program.signals import entry_of
 from taskspec.rules import Finding, rule, warning
+from taskspec.signals.entries import TOUCHING
 from taskspec.signals.table import WRENCH
 from taskspec.text.diagnostic import Severity
 from taskspec.text.expression import Expression, evaluate
@@ -241,7 +242,10 @@ def _holds_carrying(
     stage: StagePlan, guard: Expression, algebra: IntervalAlgebra, part: HeldPart
 ) -> bool:
     """Whether a guard holds with the weight of what is held, whatever the other signals are."""
-    known = {}
+    weight = float(np.linalg.norm(part.weight))
+    known = {
+        "touching": Interval(*(float(s * weight > TOUCHING) for s in (1 - _SWAYS, 1 + _SWAYS)))
+    }
     for axis, force in zip("xyz", stage.rotation.T @ part.weight, strict=True):
         ends = sorted(((1 - _SWAYS) * float(force), (1 + _SWAYS) * float(force)))
         known[f"force.{axis}"] = Interval(*ends)

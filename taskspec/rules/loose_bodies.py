@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from taskspec.foresight.held_part import distance
+from taskspec.program.held_part import distance
 from taskspec.program.plan import TaskPlan
 from taskspec.rules import Finding, Phase, rule, warning
 from taskspec.spec import FILE, key_of

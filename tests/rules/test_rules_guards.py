@@ -125,6 +125,7 @@ stages:
         ("force.z > 1.1 N", ["TS613"]),
         ("norm(force) > 2.4 N for 5 ms", []),
         ("force.z < -1.1 N", []),
+        ("touching for 10 ms", ["TS613"]),
     ],
 )
 def test_the_weight_of_what_is_held_ends_a_stage_at_once(simulate, until, expected):
@@ -154,3 +155,20 @@ def test_a_part_that_is_held_comes_to_its_table_before_the_tool_does(simulate):
     arrives = touches["t"][np.argmax(touches["force.z"] < 0.5 * 0.17 * 9.81)]
     assert foreseen == pytest.approx(arrives, abs=0.15)
     assert foreseen < touches.transitions[0].clock
+
+
+@pytest.mark.parametrize("law", ["pd", "impedance-natural"])
+def test_an_open_loop_force_counts_from_what_is_held(simulate, law):
+    """The part reaches 37 mm below the tool: the spring is displaced from there.
+
+    With the set point f_d it is at f_d (1/k_m + 1/k); the robot applies f, and the table bears
+    W - f, the part's weight W with it: f = f_d + W k_m / (k_m + k). The grip, 50 kN/m, is left out.
+    """
+    text = CARRIED.replace("UNTIL", "force.z < -1.1 N").replace("law: pd", f"law: {law}")
+    press = "  press: {axes: {z: {force: -6 N}}, time: 1.5 s}\n"
+    run = simulate(text + press)
+    own = run.program.plan.stages["press"].gains["stiffness"]["z"].value
+    weight, k = 0.17 * 9.81, 1100.0
+    share = weight / k / (1 / k + 1 / own)
+    assert run.outcome.status == "done"
+    assert run.during("press", "force.z", 1.4) == pytest.approx(-6.0 + share, abs=0.1)

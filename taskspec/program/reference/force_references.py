@@ -11,6 +11,7 @@ from taskspec.laws.gains import value_of
 from taskspec.modes import DEFAULT_RAMP
 from taskspec.motion import blend
 from taskspec.program.clock import Clock
+from taskspec.program.held_part import HeldPart
 from taskspec.program.plan import StagePlan
 from taskspec.program.reference.axis_plan import AxisPlan
 from taskspec.program.reference.measurement import Measurement
@@ -54,9 +55,19 @@ def released(name: Axis, measurement: Measurement) -> ca.SX:
 
 
 def open_loop_normals(plan: StagePlan, measurement: Measurement) -> dict[Axis, ca.SX]:
-    """The nominal gap of its contact counted along each open-loop translation."""
+    """The nominal gap of its contact counted along each open-loop translation.
+
+    Of a loose body that the tool holds, as it is held when the run begins: that is what touches.
+    """
+    part = HeldPart.of(plan.context)
+    tool = plan.context.start_gaps
+
+    def gap(contact: str) -> ca.SX:
+        nearer = 0.0 if part is None else part.below(contact, tool[contact])
+        return measurement.gaps[contact] - nearer
+
     return {
-        name: measurement.gaps[contact]
+        name: gap(contact)
         * ca.dot(measurement.at.R[:, AXES.index(name)], measurement.normals[contact])
         for name, axis in plan.plans.items()
         if axis.open_loop and not name.is_rotation and (contact := plan.contact_of(name))

@@ -41,6 +41,15 @@ class HeldPart:
         gaps = {other: distance(context, name, other) for other in others}
         return cls(name, -body.mass * np.array(GRAVITY), gaps)
 
+    def below(self, contact: str, tool: float) -> float:
+        """By how much the body is nearer to an object than the tool is, as the run begins [m].
+
+        Args:
+            contact: the object; 0 for the body itself.
+            tool: distance of the tool from it [m].
+        """
+        return tool - self.gaps[contact] if contact in self.gaps else 0.0
+
     @property
     def hangs(self) -> bool:
         """Whether nothing else touches it, so that the tool bears its whole weight."""
