@@ -522,12 +522,15 @@ class Run(Window):
 
     @property
     def passed(self) -> bool:
-        """Whether the run came to its end and met every expectation."""
-        return self.verdict == "passed"
+        """Whether the run came to its end and met every expectation, if there is any."""
+        return self.verdict in ("passed", "done")
 
     @property
     def verdict(self) -> str:
-        """`passed`, `missed`, `failed`, `stopped`, `unfinished` or `damaged`."""
+        """`passed`, `done`, `missed`, `failed`, `stopped`, `unfinished` or `damaged`.
+
+        `done` is a run to its end of a task that expects nothing.
+        """
         return verdict(self).kind
 
     @property

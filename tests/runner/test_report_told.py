@@ -123,10 +123,10 @@ def test_margins_are_shown_with_what_is_left(folder: Path) -> None:
     assert cells is not None
     assert "0.500 N" in cells[0]
     assert "25 % left" in cells[0]
-    assert "width: 75%" in cells[0]
+    assert "width: 25%" in cells[0]
     assert "−2.00 N" in cells[0]
     assert "outside" in cells[0]
-    assert "width: 100%" in cells[0]
+    assert "width: 0%" in cells[0]
 
 
 def test_predictions_are_drawn_where_their_stage_is(folder: Path) -> None:

@@ -18,7 +18,7 @@ from taskspec_runner.compare.picture import CUT_SHORT, HERE, counted, picture_sv
 from taskspec_runner.compare.tracking import KINDS, best
 from taskspec_runner.record.folder import REPORT, RunFolder
 from taskspec_runner.report.chart import tints
-from taskspec_runner.report.drawn import points
+from taskspec_runner.report.drawn import Samples
 from taskspec_runner.report.highlight import highlighted
 from taskspec_runner.report.quantities import quantity
 from taskspec_runner.report.template import part, script, template
@@ -131,15 +131,17 @@ def visits_of(laid: Overlay) -> list[Json]:
 
 def page_data(laid: Overlay, shown: list[Overlaid]) -> Json:
     """What the page's script draws, as in the report of a run."""
-    visits = visits_of(laid)
+    visits, samples = visits_of(laid), Samples()
+    drawn = {chart.key: _chart(laid, chart, samples) for chart in shown}
     return {
+        "samples": samples.data(),
         "start": laid.start,
         "period": laid.leading.period,
         "end": laid.end,
         "linked": True,
         "stages": [{**v, "name": v["label"]} for v in visits],
         "events": list(_events(laid)),
-        "charts": {chart.key: _chart(laid, chart) for chart in shown},
+        "charts": drawn,
     }
 
 
@@ -155,7 +157,7 @@ def _events(laid: Overlay) -> Iterator[Json]:
             yield {"at": laid.begins[law["law"]] + run.end, "kind": "stop", "text": text}
 
 
-def _chart(laid: Overlay, chart: Overlaid) -> Json:
+def _chart(laid: Overlay, chart: Overlaid, samples: Samples) -> Json:
     begin = laid.begins[laid.lead]
     moved = [replace(b, start=b.start + begin, end=b.end + begin) for b in chart.bands]
     return {
@@ -164,22 +166,22 @@ def _chart(laid: Overlay, chart: Overlaid) -> Json:
         "levels": [],
         "moments": [],
         "always": [],
-        "traces": [_trace(laid, curve) for curve in chart.curves],
+        "traces": [_trace(laid, curve, samples) for curve in chart.curves],
         # Whether an expectation was met differs between the laws; see the table.
         "bands": [{**asdict(band), "passed": None} for band in moved],
     }
 
 
-def _trace(laid: Overlay, curve: Curve) -> Json:
+def _trace(laid: Overlay, curve: Curve, samples: Samples) -> Json:
     run = laid.runs[curve.law]
+    start = laid.begins[curve.law] + run.start
     return {
         "label": curve.label,
         "role": curve.role,
         "style": curve.style,
-        "start": laid.begins[curve.law] + run.start,
         "reference_of": "",
         "own": curve.label == REFERENCE,
-        **points(run, curve.values),
+        "sample": samples.add(run, curve.values, continuous=False, start=start),
     }
 
 

@@ -30,7 +30,8 @@ class Trace:
         label: in the legend.
         values: (rows,) in the chart's unit.
         role: what its colour means.
-        style: `line`, `reference` (dashed), `halo` (wide and pale, below the others) or `faint`.
+        style: `line`, `reference` (dashed), `halo` (wide and pale, below the others), `faint`,
+            `predicted` (dashed) or `bound`, of an expectation.
         signal: its name in the log.
         continuous: whether it runs on through a change of stage.
         reference_of: label of the trace that it is the reference of and shares a legend entry with.
@@ -66,13 +67,19 @@ class Band:
 
 @dataclass(frozen=True, slots=True)
 class Level:
-    """A value from `start` to `end` [s], in the chart's unit: a limit, or what was predicted."""
+    """A value from `start` to `end` [s], in the chart's unit: a limit, or what was predicted.
+
+    Attributes:
+        start, end, value, kind, text: see above.
+        look: what tells it apart from others of its kind: `rest` or `peak`.
+    """
 
     start: float
     end: float
     value: float
     kind: str = "limit"
     text: str = "limit"
+    look: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,6 +101,7 @@ class Chart:
         limits: levels that must not be passed, and predicted ones.
         moments: times of its own.
         always: values that always stay in view.
+        factor: from SI to the unit; 0 where each trace has a factor of its own.
     """
 
     key: str
@@ -105,6 +113,7 @@ class Chart:
     limits: tuple[Level, ...] = ()
     moments: tuple[Moment, ...] = ()
     always: tuple[float, ...] = ()
+    factor: float = 0.0
 
 
 @dataclass(slots=True)

@@ -60,14 +60,20 @@ def broken(rows: Rows, values: Vector, breaks: Rows) -> tuple[Rows, Vector]:
 
 
 def encode(rows: Rows, values: Vector) -> Mapping[str, str]:
-    """Rows as steps and values as 32 bit floats, both little-endian in base64."""
+    """Rows as steps and values as 32 bit floats, both little-endian in base64.
+
+    Rows without a gap, from 0 on, are not named.
+    """
+    packed = base64.b64encode(values.astype("<f4").tobytes()).decode()
     steps = np.diff(rows, prepend=0)
+    if len(rows) and rows[0] == 0 and rows[-1] == len(rows) - 1:
+        return {"kind": "all", "rows": "", "values": packed}
     widest = int(steps.max(initial=0))
     kind = "u1" if widest < 2**8 else "u2" if widest < 2**16 else "u4"
     return {
         "kind": kind,
         "rows": base64.b64encode(steps.astype(f"<{kind}").tobytes()).decode(),
-        "values": base64.b64encode(values.astype("<f4").tobytes()).decode(),
+        "values": packed,
     }
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Iterator
 from dataclasses import asdict
 from itertools import zip_longest
@@ -17,12 +18,17 @@ from taskspec_runner.runs import Run, StageVisit
 
 #: Every tick this long before and after a change of stage is drawn, up to so many changes [s].
 DETAIL, CHANGES = (0.1, 0.3), 12
+#: Room for values in a page, and what a value takes in it: alone, and with its row [bytes].
+POINTS_BYTES, _TICK, _POINT = 3_600_000, 6, 8
 
 
 def page_data(run: Run, charts: dict[str, Chart]) -> Json:
     """What the page of a run draws."""
-    tint = tints(run)
+    tint, samples = tints(run), Samples()
+    drawn = {key: _chart(run, chart, samples) for key, chart in charts.items()}
     return {
+        "samples": samples.data(),
+        "points": samples.limit,
         "start": run.start,
         "period": run.period,
         "end": run.end,
@@ -31,17 +37,62 @@ def page_data(run: Run, charts: dict[str, Chart]) -> Json:
             for v in run.visits
         ],
         "events": [*_endings(run), *_breaks(run)],
-        "charts": {key: _chart(run, chart) for key, chart in charts.items()},
+        "charts": drawn,
     }
 
 
-def points(run: Run, values: Vector, *, continuous: bool = False) -> Json:
-    """A signal in the form in which the script reads it, thinned, with gaps between stages."""
-    rows = decimate.decimate(values, run.breaks, keep=detail(run))
-    shown = values[rows]
-    if not continuous:
-        rows, shown = decimate.broken(rows, values, run.breaks)
-    return decimate.encode(rows, shown)
+class Samples:
+    """The values that the lines of a page are drawn through, each signal once.
+
+    Every tick is kept where all of them together are small enough for a page; else of each signal
+    as many points as there is room for, with the extremes between them.
+    """
+
+    def __init__(self) -> None:
+        self._signals: dict[bytes, tuple[int, Run, Vector, bool, float]] = {}
+
+    def add(self, run: Run, values: Vector, *, continuous: bool, start: float) -> int:
+        """Takes a signal up.
+
+        Args:
+            run: that it is from.
+            values: (rows,) of it.
+            continuous: whether its line runs on from stage to stage.
+            start: time of its first row on the page [s].
+
+        Returns:
+            Its number.
+        """
+        drawn = values.astype("<f4")
+        mark = hashlib.sha256(drawn.tobytes() + repr((continuous, start, id(run))).encode())
+        number = len(self._signals)
+        found = self._signals.setdefault(mark.digest(), (number, run, values, continuous, start))
+        return found[0]
+
+    @property
+    def limit(self) -> int:
+        """How many points of a signal there is room for."""
+        return max(POINTS_BYTES // (_POINT * max(len(self._signals), 1)), decimate.POINTS)
+
+    def data(self) -> list[Json]:
+        """All of them in order, as the script reads them."""
+        whole = sum(_TICK * len(each[2]) for each in self._signals.values()) <= POINTS_BYTES
+        limit = None if whole else self.limit
+        return [
+            {**_sample(run, values, limit, continuous=continuous), "start": start}
+            for _, run, values, continuous, start in self._signals.values()
+        ]
+
+
+def _sample(run: Run, values: Vector, limit: int | None, *, continuous: bool) -> Json:
+    """A signal with every tick, or thinned to about `limit` points; `gaps` break its line."""
+    if limit is None or len(values) <= limit:
+        rows = np.arange(len(values), dtype=np.int64)
+    else:
+        rows = decimate.decimate(values, run.breaks, limit, keep=detail(run))
+    gaps = np.searchsorted(rows, [] if continuous else run.breaks)
+    inside = np.unique(gaps[(gaps > 0) & (gaps < len(rows))])
+    return {**decimate.encode(rows, values[rows]), "gaps": inside.tolist()}
 
 
 def detail(run: Run) -> decimate.Rows:
@@ -52,35 +103,35 @@ def detail(run: Run) -> decimate.Rows:
     return np.unique(np.concatenate(near)).astype(np.int64)
 
 
-def density(run: Run) -> str:
+def density(run: Run, data: Json) -> str:
     """How many ticks there are, and how many of them are drawn."""
     rows = len(run.clock)
     text = f"{rows} ticks of {figure(1e3 * run.period)} ms"
-    if rows <= decimate.POINTS:
+    if all(sample["kind"] == "all" for sample in data["samples"]):
         return f"{text}, all of them drawn."
-    width = -(-2 * rows // decimate.POINTS)
+    width = -(-2 * rows // data["points"])
     return (
         f"{text}; of every {width} ticks the lowest and the highest value are drawn, and all of "
         "them near changes of stage."
     )
 
 
-def _chart(run: Run, chart: Chart) -> Json:
+def _chart(run: Run, chart: Chart, samples: Samples) -> Json:
     return {
         "unit": chart.unit,
         "log": False,
         "levels": [asdict(level) for level in chart.limits],
         "moments": [asdict(moment) for moment in chart.moments],
         "always": chart.always,
-        "traces": [_trace(run, t) for t in chart.traces],
+        "traces": [_trace(run, t, samples) for t in chart.traces],
         "bands": [asdict(band) for band in chart.bands],
     }
 
 
-def _trace(run: Run, trace: Trace) -> Json:
+def _trace(run: Run, trace: Trace, samples: Samples) -> Json:
     look = {"label": trace.label, "role": trace.role, "style": trace.style}
-    drawn = points(run, trace.values, continuous=trace.continuous)
-    return {**look, "reference_of": trace.reference_of, **drawn}
+    number = samples.add(run, trace.values, continuous=trace.continuous, start=run.start)
+    return {**look, "reference_of": trace.reference_of, "sample": number}
 
 
 def _endings(run: Run) -> Iterator[Json]:
@@ -88,7 +139,8 @@ def _endings(run: Run) -> Iterator[Json]:
         if following is not None or visit.ended_by:
             stopped = visit.ended_by.get("kind") in ("limit", "stop")
             kind = "stop" if stopped else "event"
-            yield {"at": visit.end, "kind": kind, "text": _ending(run, visit, following)}
+            text = _ending(run, visit, following)
+            yield {"at": visit.end, "kind": kind, "text": text}
 
 
 def _ending(run: Run, visit: StageVisit, following: StageVisit | None) -> str:
@@ -101,5 +153,10 @@ def _ending(run: Run, visit: StageVisit, following: StageVisit | None) -> str:
 def _breaks(run: Run) -> Iterator[Json]:
     for each in run.expectations:
         if each.broken is not None:
-            text = f"{each.broken.clock:.3f} s: broken, {each.text}"
-            yield {"at": each.broken.clock, "kind": "broken", "text": text}
+            yield {
+                "at": each.broken.clock,
+                "kind": "broken",
+                "text": f"{each.broken.clock:.3f} s: broken, {each.text}",
+                "short": f"{each.broken.clock:.3f} s: broken",
+                "of": each.text,
+            }

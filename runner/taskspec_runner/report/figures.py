@@ -21,6 +21,7 @@ from taskspec_runner.report.chart import (
     limit_note,
     size,
 )
+from taskspec_runner.report.expected import JUDGED, with_bounds
 from taskspec_runner.report.gaps import gap_charts
 from taskspec_runner.report.joints import joint_positions, joint_torques
 from taskspec_runner.report.mechanisms import coordinate_charts, effort_charts
@@ -59,7 +60,8 @@ def sections(run: Run) -> tuple[Section, ...]:
     arm.add(joint_positions(run))
     arm.add(_power(run))
     drawn = (contact, motion, arm)
-    return tuple(s for s in (*drawn, _judged(run, drawn)) if s.charts or s.silent)
+    shown = with_bounds(run, (*drawn, _judged(run, drawn)))
+    return tuple(s for s in shown if s.charts or s.silent)
 
 
 def _judged(run: Run, drawn: Sequence[Section]) -> Section:
@@ -68,7 +70,7 @@ def _judged(run: Run, drawn: Sequence[Section]) -> Section:
     numbers = [name for name, signal in SCALARS.items() if not signal.condition]
     bounded = {expectation.signal for expectation in run.expectations}
     names = [n for n in numbers if n in bounded - shown and run.column(n) is not None]
-    section = Section("Judged")
+    section = Section(JUDGED)
     for chart in selected(run, names):
         title = ", ".join(trace.label for trace in chart.traces)
         section.add(replace(chart, title=title[:1].upper() + title[1:]))
@@ -110,8 +112,9 @@ def _controlled(run: Run, name: str, on: str) -> Chart | None:
         *predictions.impact_levels(run, [name], factor),
     )
     return Chart(
-        f"{name}.ref", title, unit, tuple(traces), bands=bands(run, [name], factor), limits=levels_
-    )
+        f"{name}.ref", title, unit, tuple(traces), bands=bands(run, [name], factor),
+        limits=levels_, factor=factor,
+    )  # fmt: skip
 
 
 def _wrench(run: Run, kind: str, axes: Sequence[str], title: str) -> Chart | None:
@@ -120,9 +123,12 @@ def _wrench(run: Run, kind: str, axes: Sequence[str], title: str) -> Chart | Non
         return None
     total = np.sqrt(np.nansum([c**2 for _, c in found], axis=0))
     names = [wrench_name(a) for a, _ in found]
+    whole = f"norm({', '.join(map(wrench_name, axes))})"
     factor, unit = scale(run.units[names[0]], size([total]))
     traces = (
-        [Trace(f"|{kind}|", total * factor, "muted", continuous=True)] if len(found) > 1 else []
+        [Trace(f"|{kind}|", total * factor, "muted", signal=whole, continuous=True)]
+        if len(found) > 1
+        else []
     )
     for axis, values in found:
         name = wrench_name(axis)
@@ -140,7 +146,8 @@ def _wrench(run: Run, kind: str, axes: Sequence[str], title: str) -> Chart | Non
         *predictions.impact_levels(run, unbounded, factor),
     )
     traces += [t for n in unbounded if (t := predictions.decay(run, n, factor)) is not None]
-    return Chart(kind, title, unit, tuple(traces), note, bands(run, unbounded, factor), limits)
+    bounds = bands(run, unbounded, factor)
+    return Chart(kind, title, unit, tuple(traces), note, bounds, limits, factor=factor)
 
 
 def _inconsistent(run: Run) -> Chart | None:
@@ -151,7 +158,7 @@ def _inconsistent(run: Run) -> Chart | None:
     factor, unit = scale(FORCE, size([left]))
     trace = Trace("set points - nearest", left * factor, "ink", "line", "force_inconsistent")
     title, note = "Beyond what contacts return", "set points minus the nearest forces that they can"
-    return Chart("force_inconsistent", title, unit, (trace,), note, always=(0.0,))
+    return Chart("force_inconsistent", title, unit, (trace,), note, always=(0.0,), factor=factor)
 
 
 def _pose(run: Run, axes: Sequence[str], title: str) -> Chart | None:
@@ -161,7 +168,8 @@ def _pose(run: Run, axes: Sequence[str], title: str) -> Chart | None:
     factor, unit = plain_scale(run.units[names[0]], 1.0)
     traces = _tracked(run, names, factor)
     note = "counted in the frame of each stage"
-    return Chart(title.lower(), title, unit, traces, note, bands(run, names, factor))
+    bounds = bands(run, names, factor)
+    return Chart(title.lower(), title, unit, traces, note, bounds, factor=factor)
 
 
 def _errors(run: Run, axes: Sequence[str], title: str) -> Chart | None:
@@ -176,7 +184,9 @@ def _errors(run: Run, axes: Sequence[str], title: str) -> Chart | None:
     ]
     note = "reference − truth, where an axis follows a motion"
     bounds = bands(run, names, factor)
-    return Chart(title.lower(), title, unit, tuple(traces), note, bounds, always=(0.0,))
+    return Chart(
+        title.lower(), title, unit, tuple(traces), note, bounds, always=(0.0,), factor=factor
+    )
 
 
 def _velocity(run: Run) -> Chart | None:
@@ -192,7 +202,9 @@ def _velocity(run: Run) -> Chart | None:
     note = limit_note(run, "speed", "m/s", size(columns))
     bounds = bands(run, [*names, "speed"], factor)
     limits = levels(run, "speed", factor, (1,))
-    return Chart("velocity", "Tool velocity", unit, tuple(traces), note, bounds, limits)
+    return Chart(
+        "velocity", "Tool velocity", unit, tuple(traces), note, bounds, limits, factor=factor
+    )
 
 
 def _power(run: Run) -> Chart | None:
@@ -203,7 +215,8 @@ def _power(run: Run) -> Chart | None:
     energy = float(np.nansum(power) * run.period)
     note = f"into the environment; {' '.join(quantity(energy, 'J'))} in all"
     traces = (Trace("power", power * factor, "j3", "line", "power", True),)
-    return Chart("power", "Power", unit, traces, note, bands(run, ["power"], factor))
+    bounds = bands(run, ["power"], factor)
+    return Chart("power", "Power", unit, traces, note, bounds, factor=factor)
 
 
 def _tracked(run: Run, names: Sequence[str], factor: float) -> tuple[Trace, ...]:

@@ -47,4 +47,6 @@ def _chart(run: Run, key: str, names: Sequence[str]) -> Chart | None:
     bounds = bands(run, ["gap", *names] if "gap" not in names else names, factor)
     told = predictions.depth_levels(run, [n.removesuffix(_GAP) for n in names], factor)
     depths = tuple(told) if surfaces else ()
-    return Chart(key, title, unit, tuple(traces), note, bounds, depths, always=(0.0,))
+    return Chart(
+        key, title, unit, tuple(traces), note, bounds, depths, always=(0.0,), factor=factor
+    )

@@ -38,7 +38,8 @@ def _chart(run: Run, signal: str, title: str, *, plain: bool = False) -> Chart |
         Trace(name, column * factor, f"j{i % 7}", "line", name, True)
         for i, (name, column) in enumerate(zip(names, columns, strict=True))
     )
-    return Chart(f"mechanism {signal}", title, shown, traces, bands=bands(run, names, factor))
+    bounds = bands(run, names, factor)
+    return Chart(f"mechanism {signal}", title, shown, traces, bands=bounds, factor=factor)
 
 
 def _mechanisms(run: Run) -> Sequence[str]:

@@ -15,7 +15,7 @@ def notebook_html(run: Run) -> str:
     return template("notebook.html.j2").render(
         title=run.name or "run",
         verdict=verdict(run),
-        whole=not so_far(run) and verdict(run).kind in ("passed", "missed"),
+        whole=not so_far(run) and verdict(run).kind in ("passed", "done", "missed"),
         expectations=run.expectations,
         picture=Markup(overview_svg(run)) if len(run.clock) else "",
         folder=str(run.folder),

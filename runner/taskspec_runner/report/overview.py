@@ -128,7 +128,8 @@ def _borne(forces: Chart | None) -> Chart | None:
     if forces is None:
         return None
     least = _BORNE * max(size([t.values]) for t in forces.traces)
-    axes = [t for t in forces.traces if t.signal and size([t.values]) >= least]
+    single = {figures.wrench_name(axis) for axis in figures.LINEAR}
+    axes = [t for t in forces.traces if t.signal in single and size([t.values]) >= least]
     if len(axes) != 1:
         return forces
     title = f"Force {axes[0].label}"

@@ -30,8 +30,8 @@ _LIMITED = {
     "deviation": "position error",
     "joint_position": "joint positions",
 }
-#: A look shows less than this share of a run, or there is none.
-_PART = 0.8
+#: A look shows no more than this share of a run to either side.
+_PART = 0.3
 #: A look at what went wrong shows its stage so far, at least and at most so long before and after
 #: it [s].
 _AROUND = (0.25, 1.0)
@@ -54,7 +54,7 @@ def render(run: Run, still: tuple[str, float] | None = None) -> str:
     shown = figures.sections(run)
     charts = {chart.key: chart for each in shown for chart in each.charts}
     main = _main(run, list(charts.values()))
-    told = verdict(run)
+    told, data = verdict(run), drawn.page_data(run, charts)
     return template("report.html.j2").render(
         title=_text(run.summary.get("task") or run.manifest.get("task")) or "run",
         about=_text(run.summary.get("about")),
@@ -62,7 +62,7 @@ def render(run: Run, still: tuple[str, float] | None = None) -> str:
         around=_around(run),
         facts=list(_facts(run)),
         expectations=[_expectation(e) for e in sorted(run.expectations, key=_urgency)],
-        partial=told.kind not in ("passed", "missed"),
+        partial=told.kind not in ("passed", "done", "missed"),
         findings=run.findings,
         so_far="Judged on what there was until then." if so_far(run) else "",
         visits=[_visit_row(run, v) for v in run.visits],
@@ -72,8 +72,8 @@ def render(run: Run, still: tuple[str, float] | None = None) -> str:
         responses=list(tables.responses(run)),
         solver=list(tables.solver(run)),
         metrics=list(tables.tracking(run)),
-        data=drawn.page_data(run, charts),
-        drawn=drawn.density(run),
+        data=data,
+        drawn=drawn.density(run, data),
         task=annotated.task_lines(run),
         elsewhere=annotated.elsewhere(run),
         annotated=annotated.counted(run),
@@ -98,12 +98,20 @@ def _main(run: Run, charts: list[Chart]) -> Chart | None:
             if fault.signal in {trace.signal for trace in chart.traces}:
                 return chart
     for each in (*ranked, *(e for e in run.expectations if e.band is not None)):
+        for chart in charts:
+            if each.text in _bounded(chart):
+                return chart
         about = {signal.removeprefix(f"{each.stage}.") for signal in each.signals}
         about |= {each.signal} if each.signal else set()
         for chart in charts:
             if about & {trace.signal for trace in chart.traces}:
                 return chart
     return charts[0] if charts else None
+
+
+def _bounded(chart: Chart) -> set[str]:
+    """The expectations whose bounds a chart draws."""
+    return {b.text for b in chart.bands} | {t.label for t in chart.traces if t.style == "bound"}
 
 
 def _others(shown: tuple[Section, ...], main: Chart | None) -> list[Section]:
@@ -123,9 +131,8 @@ def _around(run: Run) -> tuple[float, float] | None:
     if at is None:
         return None
     begun = max((v.start for v in run.visits if v.start < at), default=run.start)
-    span = min(max(1.1 * (at - begun), _AROUND[0]), _AROUND[1])
-    window = max(at - span, run.start), min(at + span, run.end)
-    return window if window[1] - window[0] < _PART * (run.end - run.start) else None
+    span = min(max(1.1 * (at - begun), _AROUND[0]), _AROUND[1], _PART * (run.end - run.start))
+    return max(at - span, run.start), min(at + span, run.end)
 
 
 def _urgency(each: Judged) -> tuple[bool, float]:
@@ -145,14 +152,14 @@ def _expectation(each: Judged) -> Json:
 
 
 def _margin(margin: Margin) -> Json:
-    """How far inside, with a meter of what is used of what is allowed."""
+    """How far inside, with a meter of what is left of what is allowed."""
     shown = f"{figure(margin.value)} {margin.unit}".rstrip()
     if margin.name == SHARE:
         shown += " of ticks"
     if margin.left is None:
-        return {"shown": shown, "used": None, "told": ""}
+        return {"shown": shown, "left": None, "told": ""}
     told = f"{figure(100 * margin.left, 2)} % left" if margin.left >= 0 else "outside"
-    return {"shown": shown, "used": round(100 * min(max(1 - margin.left, 0.0), 1.0)), "told": told}
+    return {"shown": shown, "left": round(100 * min(max(margin.left, 0.0), 1.0)), "told": told}
 
 
 def _visit_row(run: Run, visit: StageVisit) -> Json:

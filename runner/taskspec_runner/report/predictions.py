@@ -34,7 +34,9 @@ def rest_levels(run: Run, signals: Iterable[str], factor: float) -> Iterator[Lev
             at = mapping(mapping(stage_prediction(run, visit.stage).get("equilibrium")).get(name))
             value, low, high = (number(at.get(key)) for key in ("value", "low", "high"))
             if value is not None and low == high:
-                yield Level(visit.start, visit.end, factor * value, ROLE, "predicted at rest")
+                yield Level(
+                    visit.start, visit.end, factor * value, ROLE, "predicted at rest", "rest"
+                )
 
 
 def impact_levels(run: Run, signals: Iterable[str], factor: float) -> Iterator[Level]:
@@ -51,7 +53,7 @@ def impact_levels(run: Run, signals: Iterable[str], factor: float) -> Iterator[L
                 if side == 0:
                     continue
                 text = "predicted peak of the impact"
-                yield Level(visit.start, visit.end, factor * side * peak, ROLE, text)
+                yield Level(visit.start, visit.end, factor * side * peak, ROLE, text, "peak")
 
 
 def depth_levels(run: Run, objects: Iterable[str], factor: float) -> Iterator[Level]:
@@ -62,7 +64,8 @@ def depth_levels(run: Run, objects: Iterable[str], factor: float) -> Iterator[Le
             depth = number(at.get("depth"))
             if depth is not None:
                 value = -factor * depth
-                yield Level(visit.start, visit.end, value, ROLE, "predicted depth at rest")
+                text = "predicted depth at rest"
+                yield Level(visit.start, visit.end, value, ROLE, text, "rest")
 
 
 def decay(run: Run, name: str, factor: float) -> Trace | None:

@@ -33,4 +33,4 @@ def _chart(run: Run, unit: str, names: Sequence[str]) -> Chart:
         role = "ink" if beside else f"j{number % _COLOURS}"
         style = "reference" if beside else "line"
         traces.append(Trace(name, values * factor, role, style, name))
-    return Chart(names[0], "", shown, tuple(traces), bands=bands(run, names, factor))
+    return Chart(names[0], "", shown, tuple(traces), bands=bands(run, names, factor), factor=factor)

@@ -62,5 +62,5 @@ def part(name: str, beside: Path = _HERE) -> Markup:
 
 def script() -> Markup:
     """What draws the charts of a page."""
-    parts = [part(f"script/{name}.js") for name in ("numbers", "plot", "legend", "page")]
+    parts = [part(f"script/{name}.js") for name in ("numbers", "plot", "legend", "save", "page")]
     return Markup('(() => {{\n"use strict";\n{}\n}})();').format(Markup("\n").join(parts))

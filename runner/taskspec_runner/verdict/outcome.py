@@ -19,7 +19,8 @@ class Verdict:
     """How a run came out.
 
     Attributes:
-        kind: passed, missed, stopped, failed, unfinished or damaged.
+        kind: passed, missed, stopped, failed, unfinished or damaged; done where nothing was
+            expected of a run that came to its end.
         sentence: why, and when, in one sentence.
         first: the expectation that was broken first, of a run that missed some.
         stage: then.
@@ -52,7 +53,8 @@ def verdict(run: Run) -> Verdict:
     if run.faults:
         text = f"{_faults(run.faults)} {_all_else(run)}"
         return Verdict("missed", text, stage=run.faults[0].stage)
-    return Verdict("passed", _passed(len(run.expectations)) + f" {_reached_end(run)}")
+    kind = "passed" if run.expectations else "done"
+    return Verdict(kind, _passed(len(run.expectations)) + f" {_reached_end(run)}")
 
 
 def _unfinished(run: Run, status: str) -> str:
@@ -130,7 +132,7 @@ def _missed(missed: int, total: int) -> str:
 
 def _passed(total: int) -> str:
     if total == 0:
-        return "The task states no expectations."
+        return "The task states no expectations, so nothing was judged."
     return "The expectation held." if total == 1 else f"All {total} expectations held."
 
 

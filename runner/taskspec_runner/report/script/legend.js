@@ -1,10 +1,10 @@
 /* Legends: what each line is, whether it is shown, and its value under the cursor. */
 
-function sample(paths) { return `<svg viewBox="0 0 20 10" aria-hidden="true">${paths}</svg>`; }
+function sample(paths) { return `<svg viewBox="0 0 24 10" aria-hidden="true">${paths}</svg>`; }
 
-function stroke(trace) { return `<path class="trace ${trace.style}" style="stroke:var(--${trace.role})" d="M0 5H20"/>`; }
+function stroke(trace) { return `<path class="trace ${trace.style}" style="stroke:var(--${trace.role})" d="M0 5H24"/>`; }
 
-function told(list, paths, text) {
+function entry(list, paths, text) {
   const item = document.createElement("li");
   item.className = "static";
   item.innerHTML = sample(paths);
@@ -19,6 +19,7 @@ function legend(plot) {
     trace.reference = plot.traces.find((t) => t.reference_of === trace.label);
     const item = document.createElement("li"), button = document.createElement("button");
     button.type = "button";
+    button.title = "click: this line alone, or all again; with Shift: this line off or on";
     button.setAttribute("aria-pressed", "true");
     button.innerHTML = sample((trace.reference ? stroke(trace.reference) : "") + stroke(trace));
     button.append(trace.label);
@@ -26,29 +27,56 @@ function legend(plot) {
     if (trace.reference) trace.reading.className = "pair";
     button.append(trace.reading);
     trace.button = button;
-    button.addEventListener("click", () => toggle(plot, trace));
+    button.addEventListener("click", (event) => (event.shiftKey || event.ctrlKey || event.metaKey ? toggle : isolate)(plot, trace));
     item.append(button);
     list.append(item);
   }
-  if (plot.traces.some((t) => t.reference_of)) told(list, "", "wide and pale: the reference, (in brackets)");
+  if (plot.traces.some((t) => t.reference_of)) entry(list, "", "wide and pale: the reference, (in brackets)");
   for (const band of distinct(plot.bands, (b) => b.text)) {
     const kind = judged(band), missed = kind === "bad" ? ", missed" : "";
-    told(list, `<path class="band ${kind}" d="M0 .5H20V9.5H0Z"/><path class="edge ${kind}" d="M0 .5H20M0 9.5H20"/>`, band.text + missed);
+    const drawn = kind === "bad" ? `<path class="band bad" d="M0 0H24V5H0Z"/><path class="edge bad" d="M0 5H24"/>`
+      : `<path class="band ${kind}" d="M0 .5H24V9.5H0Z"/><path class="edge ${kind}" d="M0 .5H24M0 9.5H24"/>`;
+    entry(list, drawn, band.text + missed);
   }
-  for (const level of distinct(plot.levels, (b) => b.text)) told(list, `<path class="level ${level.kind}" d="M0 5H20"/>`, level.text);
-  for (const each of distinct(plot.moments, (b) => b.text)) told(list, `<path class="upright ${each.kind}" d="M10 0V10"/>`, each.text);
+  for (const level of distinct(plot.levels, (b) => b.text)) entry(list, `<path class="level ${level.kind} ${level.look}" d="M0 5H24"/>`, level.text);
+  for (const each of distinct(plot.moments, (b) => b.text)) entry(list, `<path class="upright ${each.kind}" d="M12 0V10"/>`, each.text);
+  for (const each of distinct(run.events, (e) => e.kind)) entry(list, `<path class="upright ${each.kind}" d="M12 0V10"/>`, UPRIGHTS[each.kind]);
 }
+
+const UPRIGHTS = { event: "a stage ends", broken: "an expectation is broken", stop: "the run stops" };
 
 const distinct = (list, key) => list.filter((a, i) => list.findIndex((b) => key(a) === key(b)) === i);
 
+/** The charts that a legend's click is about, and the traces of a chart that go by a name. */
+const linked = (plot, trace) => (run.linked && !trace.own ? plots : [plot]);
+const shows = (plot, each, trace) => (each === plot && !run.linked ? (t) => t === trace : (t) => t.label === trace.label);
+
+function turn(traces, shown) {
+  for (const t of traces) {
+    t.shown = shown;
+    if (t.reference) t.reference.shown = shown;
+    t.button?.setAttribute("aria-pressed", String(shown));
+  }
+}
+
 function toggle(plot, trace) {
   const shown = !trace.shown;
-  for (const each of run.linked && !trace.own ? plots : [plot]) {
-    for (const t of each.traces.filter((t) => (each === plot ? t === trace : t.label === trace.label))) {
-      t.shown = shown;
-      if (t.reference) t.reference.shown = shown;
-      t.button?.setAttribute("aria-pressed", String(shown));
-    }
-    each.draw(view);
+  for (const each of linked(plot, trace)) turn(each.traces.filter(shows(plot, each, trace)), shown);
+  redraw();
+}
+
+/** Shows one line alone; all of them if it is alone already. A reference that several lines share stays. */
+function isolate(plot, trace) {
+  const others = (each) => each.traces.filter((t) => !t.reference_of && !t.own && !shows(plot, each, trace)(t));
+  const alone = trace.shown && !others(plot).some((t) => t.shown);
+  for (const each of linked(plot, trace)) {
+    turn(others(each), alone);
+    turn(each.traces.filter(shows(plot, each, trace)), true);
   }
+  redraw();
+}
+
+function redraw() {
+  for (const each of plots) each.draw(view);
+  aim();
 }

@@ -6,16 +6,24 @@ const STEPS = { u1: Uint8Array, u2: Uint16Array, u4: Uint32Array };
 
 const bytes = (text) => Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
 
-/** Times and values of a trace, which come as steps between rows and as 32 bit floats. */
-function decoded(trace) {
-  const steps = new STEPS[trace.kind](bytes(trace.rows).buffer);
-  const x = new Float64Array(steps.length);
-  for (let i = 0, row = 0; i < steps.length; i++) {
-    row += steps[i];
-    x[i] = (trace.start ?? run.start) + run.period * row;
+/**
+ * Times and values of a signal. Rows come as steps between them, or not at all where every tick is there; values as
+ * 32 bit floats. A line is broken before each of the rows in `gaps`.
+ */
+function decoded(sample) {
+  const values = new Float32Array(bytes(sample.values).buffer), count = values.length;
+  const steps = sample.kind === "all" ? null : new STEPS[sample.kind](bytes(sample.rows).buffer);
+  const x = new Float64Array(count + sample.gaps.length), y = new Float32Array(count + sample.gaps.length);
+  for (let i = 0, row = 0, gap = 0, at = 0; i < count; i++, at++) {
+    row += steps ? steps[i] : i > 0 ? 1 : 0;
+    x[at] = sample.start + run.period * row;
+    if (i === sample.gaps[gap]) { y[at++] = NaN; x[at] = x[at - 1]; gap++; }
+    y[at] = values[i];
   }
-  return { x, y: new Float32Array(bytes(trace.values).buffer) };
+  return { x, y };
 }
+
+const samples = run.samples.map(decoded);
 
 /** The last place of a sorted array whose value is not above a time; -1 before the first. */
 function before(x, time) {
@@ -53,13 +61,16 @@ function ticks(low, high, about) {
   return found;
 }
 
-/** Marks between two logarithms: powers of ten, with 2 and 5 between them where they are few. */
+const RAISED = { "-": "⁻", 0: "⁰", 1: "¹", 2: "²", 3: "³", 4: "⁴", 5: "⁵", 6: "⁶", 7: "⁷", 8: "⁸", 9: "⁹" };
+const power = (n) => `10${[...String(n)].map((c) => RAISED[c]).join("")}`;
+
+/** Marks between two logarithms: powers of ten, with 2 and 5 times them where they are few. */
 function decades(low, high) {
   const found = [];
   for (let n = Math.floor(low); n <= high; n++) {
     for (const m of high - low < 2.5 ? [1, 2, 5] : [1]) {
       const at = n + Math.log10(m);
-      if (at >= low && at <= high) found.push({ at, text: (m * 10 ** n).toFixed(Math.min(Math.max(-n, 0), 9)) });
+      if (at >= low && at <= high) found.push({ at, text: m === 1 ? power(n) : `${m}·${power(n)}` });
     }
   }
   return found;

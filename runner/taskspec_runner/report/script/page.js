@@ -1,6 +1,6 @@
 /* One window of time for all charts, chosen with mouse, finger, keys or buttons. */
 
-let view = whole.slice(), mark = null;
+let view = whole.slice(), mark = null, pins = [];
 const plots = [...document.querySelectorAll("[data-chart]")].map((figure) => new Plot(figure));
 const clock = document.querySelector(".bar output");
 const windows = [...document.querySelectorAll("[data-start]")];
@@ -13,7 +13,13 @@ function show(from, to) {
   view = [start, start + width];
   for (const p of plots) p.draw(view);
   for (const b of windows) b.classList.toggle("on", windowOf(b).every((v, i) => Math.abs(v - view[i]) < 1e-9));
-  point(mark);
+  aim();
+}
+
+/** Shows a window with all of its values. */
+function open(from, to) {
+  for (const p of plots) p.chosen = null;
+  show(from, to);
 }
 
 /** Makes the window so many times as wide, about the cursor or its middle; moves it by a share of itself. */
@@ -26,12 +32,27 @@ function scale(factor, share = 0) {
 /** Puts the cursor of all charts at a time; null takes it away. */
 function point(time) {
   mark = time;
-  for (const p of plots) p.point(time);
+  aim();
+}
+
+/** Sets a cursor, then a second one; a third time takes both away. */
+function pin(time) {
+  if (time === null) return;
+  pins = pins.length < 2 ? [...pins, time] : [];
+  aim();
+}
+
+/** Draws the cursors and says where they are. */
+function aim() {
+  for (const p of plots) p.point(mark, pins);
+  const time = pins[1] ?? mark ?? pins[0] ?? null;
   if (time === null) { clock.textContent = ""; return; }
   const stage = run.stages.find((s) => time >= s.start && time < s.end);
   const near = run.events.find((e) => Math.abs(e.at - time) < 0.004 * (view[1] - view[0]));
   const inStage = stage ? `${stage.name} + ${(time - stage.start).toFixed(3)} s` : "";
-  clock.textContent = near ? near.text : [`${time.toFixed(3)} s`, inStage].filter(Boolean).join(", ");
+  const apart = pins.length && time !== pins[0] ? time - pins[0] : null;
+  const since = apart === null ? "" : `Δt ${minus(apart.toFixed(3))} s, ${(1 / Math.abs(apart)).toPrecision(3)} Hz`;
+  clock.textContent = near && !since ? near.text : [`${time.toFixed(3)} s`, since || inStage].filter(Boolean).join(", ");
 }
 
 /* ---- mouse and finger ---- */
@@ -43,29 +64,48 @@ function within(plot, event) {
   return plot.timeAt(Math.min(Math.max(event.clientX, box.left + LEFT), box.left + LEFT + plot.inner.width));
 }
 
+/** Whether a drag of the mouse chooses times, values, or both. */
+function chosen(event) {
+  const x = Math.abs(event.clientX - pressed.x), y = Math.abs(event.clientY - pressed.y);
+  const mouse = event.pointerType === "mouse";
+  return { times: x > 5 && !(mouse && y > 2 * x), values: mouse && y > 8 && y > x / 2 };
+}
+
+/** Shows in all charts what is being chosen. */
+function trace(plot, event) {
+  const { times, values } = chosen(event), rows = [pressed.value, plot.valueAtRow(event.clientY)];
+  for (const p of plots) {
+    if (times || (values && p === plot)) p.choose(times ? pressed.time : view[0], times ? within(plot, event) : view[1], values && p === plot ? rows : null);
+    else p.choose(null);
+  }
+}
+
 function listen(plot) {
   const { box } = plot;
   box.addEventListener("pointerdown", (event) => {
     const time = plot.timeAt(event.clientX);
     if (time === null || event.button) return;
-    pressed = { plot, time, x: event.clientX };
+    pressed = { plot, time, value: plot.valueAtRow(event.clientY), x: event.clientX, y: event.clientY };
     if (event.pointerType === "mouse") box.setPointerCapture(event.pointerId);
   });
   box.addEventListener("pointermove", (event) => {
     point(pressed ? within(plot, event) : plot.timeAt(event.clientX));
-    if (pressed) for (const p of plots) p.choose(pressed.time, within(plot, event));
+    if (pressed) trace(plot, event);
   });
   box.addEventListener("pointerup", (event) => {
-    const from = pressed, to = within(plot, event);
+    const from = pressed, to = within(plot, event), choice = from ? chosen(event) : {};
+    const value = from ? [from.value, plot.valueAtRow(event.clientY)].sort((a, b) => a - b) : null;
     drop();
-    if (from && Math.abs(event.clientX - from.x) > 5) show(...[from.time, to].sort((a, b) => a - b));
-    else point(plot.timeAt(event.clientX));
+    if (choice.values) plot.stretch(value);
+    if (choice.times) show(...[from.time, to].sort((a, b) => a - b));
+    else if (choice.values) aim();
+    else if (from) pin(plot.timeAt(event.clientX));
   });
   // A finger that begins to scroll the page takes the pointer away.
   box.addEventListener("pointercancel", drop);
   box.addEventListener("pointerleave", (event) => { if (event.pointerType === "mouse" && !pressed) point(null); });
-  box.addEventListener("dblclick", () => show(...whole));
-  box.addEventListener("keydown", (event) => { if (!event.ctrlKey && !event.metaKey && typed(event)) event.preventDefault(); });
+  box.addEventListener("dblclick", () => { pins = []; open(...whole); });
+  box.addEventListener("keydown", (event) => { if (!event.ctrlKey && !event.metaKey && typed(event, plot)) event.preventDefault(); });
 }
 
 function drop() {
@@ -75,7 +115,7 @@ function drop() {
 
 /* ---- keys and buttons ---- */
 
-function typed(event) {
+function typed(event, plot) {
   const width = view[1] - view[0], way = { ArrowLeft: -1, ArrowRight: 1 }[event.key];
   if (way && event.shiftKey) scale(1, way / 4);
   else if (way) {
@@ -83,14 +123,29 @@ function typed(event) {
     point(Math.min(Math.max(from + (way * width) / 200, view[0]), view[1]));
   } else if (event.key === "+" || event.key === "=") scale(0.5);
   else if (event.key === "-") scale(2);
-  else if (event.key === "0" || event.key === "Escape") { show(...whole); point(null); }
+  else if (event.key === "ArrowUp" || event.key === "ArrowDown") {
+    const [low, high] = plot.values, room = ((high - low) / 4) * (event.key === "ArrowUp" ? 1 : -2);
+    plot.stretch([low + room, high - room]);
+    aim();
+  } else if (event.key === "Enter") pin(mark ?? (view[0] + view[1]) / 2);
+  else if (event.key === "0" || event.key === "Escape") { pins = []; open(...whole); point(null); }
   else return false;
   return true;
 }
 
 const ACTIONS = { "earlier": () => scale(1, -0.5), "later": () => scale(1, 0.5), "in": () => scale(0.5), "out": () => scale(2) };
 for (const b of document.querySelectorAll("[data-zoom]")) b.addEventListener("click", ACTIONS[b.dataset.zoom]);
-for (const b of windows) b.addEventListener("click", () => show(...windowOf(b)));
+for (const b of windows) b.addEventListener("click", () => open(...windowOf(b)));
+for (const b of document.querySelectorAll(".look")) b.addEventListener("click", () => bring(plots[0].figure));
+for (const b of document.querySelectorAll("[data-save]")) {
+  b.addEventListener("click", () => save(plots.find((p) => p.figure === b.closest("figure")), b.dataset.save));
+}
+
+/** Scrolls until a figure is seen below the bar, if it is not seen as a whole. */
+function bring(figure) {
+  const bar = document.querySelector(".bar").offsetHeight, box = figure.getBoundingClientRect();
+  if (box.top < bar || box.bottom > innerHeight) scrollBy({ top: box.top - bar - 8, behavior: "instant" });
+}
 
 /* ---- the page around ---- */
 
