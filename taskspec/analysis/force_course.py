@@ -19,6 +19,7 @@ from taskspec.foresight.ranges import Ranges
 from taskspec.geometry.axis import Axis
 from taskspec.motion import blend
 from taskspec.program.axes import MOSTLY
+from taskspec.program.passage import End
 from taskspec.program.plan import StagePlan, TaskPlan
 from taskspec.signals.entries import TOUCHING
 from taskspec.text.expression.tree import Held
@@ -40,12 +41,14 @@ class ForceCourse:
         wanted: (k,) the set point of the file [N, N m].
         reference: (k,) the same as it rises from the force at entry.
         applied: (k,) what the loop makes of it [N, N m].
+        sprung: whether the axis is a spring that what is held takes off its reference.
     """
 
     times: Vector
     wanted: Vector
     reference: Vector
     applied: Vector
+    sprung: bool = False
 
 
 class ForceCourses:
@@ -79,6 +82,8 @@ class ForceCourses:
         return self._known[key]
 
     def _course(self, stage: StagePlan, axis: Axis) -> ForceCourse | None:
+        if stage.held and not stage.law.control_law.force_loop:
+            return _sprung(stage, axis)
         lasts, entry = _lasts(stage), stage.spec.axes[axis].set_point
         count = 0 if lasts is None else round(lasts / stage.context.period)
         begins = self._begins(stage, axis)
@@ -158,6 +163,24 @@ def _lasts(stage: StagePlan) -> float | None:
         None if passage is None else passage.last.time,
     ]
     return max((t for t in known if t is not None and math.isfinite(t)), default=None)
+
+
+def _sprung(stage: StagePlan, axis: Axis) -> ForceCourse | None:
+    """The force of a spring whose reference the held mechanism does not follow."""
+    passage = stage.nominal.passage
+    if passage is None or passage.end not in (End.DONE, End.BOUND):
+        return None
+    on_way, period = passage.instants, stage.context.period
+    count = round(passage.last.time / period)
+    if axis not in passage.last.borne or not 0 < count <= _MOST_TICKS:
+        return None
+    times: Vector = period * np.arange(count, dtype=float)
+    wanted = _wanted(stage, axis, times)
+    if wanted is None:
+        return None
+    borne = [i.borne.get(axis, 0.0) for i in on_way]
+    applied = np.interp(times, [i.time for i in on_way], borne)
+    return ForceCourse(times, wanted, wanted, applied, sprung=True)
 
 
 def _sampled(task: TaskPlan, name: str) -> SampledStage | None:

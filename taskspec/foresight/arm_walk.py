@@ -46,6 +46,8 @@ _FEWEST, _MOST = 10, 48
 #: more; a guard that compares with more waits for the stop.
 _BEARS = 2.0
 _NARROWINGS = 12
+#: A rotation is not told from the opposite one beyond this [rad].
+_HALF_TURN = 0.95 * math.pi
 #: Added to that, for what its inertia and the arm's errors make [N, N m].
 _AT_LEAST = 1.0
 
@@ -295,9 +297,10 @@ def _instant(
     inside = carrier.frame.T
     twist = np.concatenate([inside @ (carrier.p - last.p), inside @ turn]) * (fast / lasts)
     v = (taken.q - last.q) / lasts
+    borne = carrier.borne if isinstance(carrier, WithMechanism) else {}
     return Instant(
         time, carrier.p, carrier.R, carrier.frame, taken.q, v, twist, _coordinate_of(carrier),
-        taken.pivot, dict(moved),
+        taken.pivot, dict(moved), borne,
     )  # fmt: skip
 
 
@@ -371,7 +374,7 @@ class _Guard:
             if self._model.angular:
                 found[f"{name}.angle"] = point(here.coordinate)
             found[f"{name}.travel"] = point((lead if self._model.angular else 1) * here.coordinate)
-            return found
+            return found | self._held_place(here)
         for axis, plan in self._stage.plans.items():
             if plan.motion and not plan.axis.has_force:
                 start = 0.0 if axis.is_rotation else self._start[axis]
@@ -379,6 +382,17 @@ class _Guard:
                 if not axis.is_rotation or abs(here.moved[axis]) < math.pi:
                     found[f"position.{axis}"] = point(start + here.moved[axis])
         return found
+
+    def _held_place(self, here: Instant) -> dict[str, Interval]:
+        """Where the mechanism has taken the tool, in a frame that stands still."""
+        frame, turned = self._stage.frame, pin.log3(here.R @ self._first.R.T)
+        # A rotation vector ends at half a turn.
+        if not frame.still or frame.at_origin or np.linalg.norm(turned) > _HALF_TURN:
+            return {}
+        way = here.frame.T @ (here.p - self._first.p)
+        found = {f"position.{a}": point(self._start[a] + float(way[a.row])) for a in AXES[:3]}
+        turns = here.frame.T @ turned
+        return found | {f"position.{a}": point(float(turns[a.row - 3])) for a in AXES[3:]}
 
     @property
     def _model(self) -> MechanismModel:
@@ -428,4 +442,5 @@ def mixed(last: Instant, here: Instant, share: float) -> Instant:
         q=last.q + share * (here.q - last.q),
         coordinate=coordinate,
         moved={a: mix(last.moved[a], here.moved[a]) for a in AXES},
+        borne={a: mix(last.borne.get(a, 0.0), f) for a, f in here.borne.items()},
     )

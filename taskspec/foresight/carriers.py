@@ -230,6 +230,11 @@ class WithMechanism:
         self._look(here, drivers[0] if len(drivers) == 1 else None)
         self._points = [self._points[-1], here]
 
+    @property
+    def borne(self) -> dict[Axis, float]:
+        """What the robot applies on axes that the mechanism takes off their references [N, N m]."""
+        return {a: k * self._missing[a] for a, k in self._stiffness.items()}
+
     def _carry(self, s: Vector) -> None:
         axis, model = self._model.rotation[:, 2], self._model
         self.coordinate += float(s[0])
@@ -319,7 +324,8 @@ def _weight(strain: Strain) -> float:
 def _stiffness(stage: StagePlan, axis: Axis) -> float:
     """What a motion axis presses with against the grip [N/m, N m/rad]; 0 where it gives way."""
     plan = stage.plans[axis]
-    if not plan.motion or plan.axis.has_force or plan.mode.name == "follows":
+    # A force that displaces a spring leaves the spring where it is: it holds on.
+    if not plan.motion or plan.force or plan.mode.name == "follows":
         return 0.0
     law = stage.law.control_law
     own = law.spring(on_axis(stage.gains, axis), stage.plants[axis].h)

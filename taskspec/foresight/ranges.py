@@ -104,6 +104,8 @@ class Ranges:
             return f"{head!r} is entered {task.stages[head].attempts} times at the most"
         found = entry_of(task, node.path)
         limit = "" if found is None else found.signal.limit
+        if last == "force" and head == self._context.held:
+            limit = "force"
         if found is not None and limit and getattr(limits, limit) is not None:
             text = show(getattr(limits, limit), found.signal.dimension)
             return f"the limit on {limit}, {text}, stops the run before that"
@@ -150,6 +152,8 @@ class Ranges:
         return _within(float(most[i]))
 
     def _mechanism(self, name: str, signal: str) -> Interval:
+        if signal == "force" and name == self._context.held:
+            return _within(self._limits.force)  # It is a part of the force on the tool.
         if signal not in _SLACK:
             return ANY
         driven = self._driven(name, signal)

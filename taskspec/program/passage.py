@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum
 
 import numpy as np
@@ -53,6 +53,8 @@ class Instant:
         coordinate: of the held mechanism [rad, m]; None without one, or where it is unknown.
         pivot: the least of J H^-1 J^T since the instant before [1/kg, 1/(kg m^2)].
         moved: displacement of the references since the stage began [m, rad].
+        borne: what the robot applies on axes that the held mechanism takes off their references
+            [N, N m].
     """
 
     time: float
@@ -65,6 +67,7 @@ class Instant:
     coordinate: float | None
     pivot: float
     moved: Mapping[Axis, float]
+    borne: Mapping[Axis, float] = field(default_factory=dict)
 
     @property
     def words(self) -> str:

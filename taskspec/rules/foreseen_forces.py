@@ -137,9 +137,16 @@ def _force_of(task: TaskPlan, condition: Node) -> tuple[str, str, str] | None:
         return None
     name, effort, last = path
     stage, axis = task.framed.get(name), as_axis(last)
-    if stage is None or axis is None or axis.effort != effort or stage.spec.until is not None:
+    if stage is None or axis is None or axis.effort != effort:
         return None
-    return path if _is_set(stage, axis) else None
+    looped = stage.spec.until is None and _is_set(stage, axis)
+    return path if looped or _is_sprung(stage, axis) else None
+
+
+def _is_sprung(stage: StagePlan, axis: Axis) -> bool:
+    """Whether a force of an axis displaces a spring, and a held mechanism what that is on."""
+    plan = stage.plans.get(axis)
+    return bool(stage.held) and plan is not None and plan.open_loop
 
 
 def _is_set(stage: StagePlan, axis: Axis) -> bool:
@@ -171,7 +178,13 @@ class _Look:
     def finding(self) -> Finding:
         """What is foreseen instead."""
         name, _, axis = self._signal
-        if self._holds(self._course.wanted):
+        if self._course.sprung:
+            held, law = self._task.context.held, self._task.stages[name].law.kind
+            why = f"under {law!r} {axis!r} stays a spring, and {held!r} takes the tool off its rest"
+            hint = (
+                "lay the frame on the mechanism, soften that axis, or take a law with a force loop"
+            )
+        elif self._holds(self._course.wanted):
             why = f"the loop of {axis!r} in stage {name!r} settles too slowly, or overshoots"
             hint = "let the stage last longer, raise its force gains, or widen this"
         else:

@@ -79,6 +79,10 @@ DRAWER = "drawer: {mechanism: slide, xyz: [500 mm, 0, 350 mm], rpy: [0, 90 deg, 
         (DRAWER, "z: {velocity: 50 mm/s}", "drawer.travel > 150 mm", []),
         (DRAWER, "z: {velocity: 50 mm/s}", "drawer.travel > 250 mm", ["TS611"]),
         (DRAWER, "z: {velocity: 50 mm/s}", "drawer.travel < -50 mm", ["TS611"]),
+        (DRAWER % ", stop: 0..100 mm%s", "z: {velocity: 50 mm/s}", "drawer.force > 35 N", []),
+        # It is a part of the force on the tool, which the limit of 40 N bounds.
+        (DRAWER % ", stop: 0..100 mm%s", "z: {velocity: 50 mm/s}", "drawer.force > 45 N",
+         ["TS611"]),
     ],
 )  # fmt: skip
 def test_how_far_a_mechanism_is_driven(world, rate, until, expected):
