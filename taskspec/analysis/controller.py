@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.laws.gains import Gains
 from taskspec.modes import DEFAULT_RAMP
-from taskspec.program.bound import BoundFunction
+from taskspec.program.bound import BoundFunction, evaluated
 from taskspec.program.context import Context
 from taskspec.program.execution import entry
 from taskspec.program.execution.hand_over import HandedOver
@@ -131,7 +131,7 @@ class Operating:
                 write(self.parameters, f"{slot}.{name}", value)
         if "wait" in stage.parameters:
             write(self.parameters, "wait", 0.0)
-        own = np.array(stage.own(*self._arguments, self.memory, self.parameters)[0]).ravel()
+        own, _ = evaluated(stage.own, *self._arguments, self.memory, self.parameters)
         error = self.outputs()["error"]
         for name in moving:
             i, last = AXES.index(name), f"last.{name}"
@@ -148,8 +148,8 @@ class Operating:
 
     def outputs(self) -> dict[str, Matrix]:
         """What the tick puts out, by name."""
-        found = self.stage.tick(*self._arguments, self.memory, self.parameters)
-        numbers = np.array(found[2]).ravel()
+        given = (*self._arguments, self.memory, self.parameters)
+        numbers = evaluated(self.stage.tick, *given)[2]
         return {name: numbers[where] for name, where in self._fields.items()}
 
     def set_point_drive(self, axis: Axis) -> Matrix | None:
@@ -166,7 +166,7 @@ class Operating:
         given, more = [begins, *self._arguments[1:], self.memory], self.parameters.copy()
         more[stage.parameters.slots[slot]] += 1.0
         before, after = (
-            np.concatenate([np.array(part).ravel() for part in stage.tick(*given, values)[:2]])
+            np.concatenate(evaluated(stage.tick, *given, values)[:2])
             for values in (self.parameters, more)
         )
         drive = np.asarray(after - before)
@@ -190,7 +190,7 @@ class Operating:
         """The tick's derivative along a direction of its inputs and of the memory."""
         tick = self.stage.tick
         given = [*self._arguments, self.memory, self.parameters]
-        results = [np.array(part).ravel() for part in tick(*given)]
+        results = evaluated(tick, *given)
         seeds = [np.zeros(len(argument)) for argument in given]
         found = [np.zeros(len(result)) for result in results]
         function = self._derivative

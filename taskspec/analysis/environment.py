@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from taskspec.analysis.friction import friction_rows
 from taskspec.analysis.plant import LinearPlant, Rows
-from taskspec.analysis.points import normal_at, skew
+from taskspec.analysis.points import Touched, skew
 from taskspec.program.context import Context
 from taskspec.program.world.stiffness import (
     GRIP,
@@ -77,9 +77,10 @@ def _contact(context: Context, task: Task, name: str, force: float, c: int) -> R
     centers = robot.tool.centers
     r = len(centers)
     G, W, turning = np.zeros((r, c)), np.zeros((6, r)), np.zeros((6, c))
+    touched = Touched(context, task, name)
     for i, (center, radius) in enumerate(zip(centers, robot.tool.radii, strict=True)):
         lever = context.start_R @ center
-        normal, bend = normal_at(context, task, name, context.start_p + lever, float(radius))
+        normal, bend = touched.normal_at(context.start_p + lever, float(radius))
         at = context.start_jacobian[:3] - skew(lever) @ context.start_jacobian[3:]
         turned = -skew(lever) @ context.start_jacobian[3:]
         G[i, :n] = normal @ at

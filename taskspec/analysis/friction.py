@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from taskspec.analysis.plant import Rows
-from taskspec.analysis.points import normal_at, skew
+from taskspec.analysis.points import Touched, skew
 from taskspec.program.context import Context
 from taskspec.program.world.stiffness import compliance, contact_mobility, creep
 from taskspec.spec import Task
@@ -34,9 +34,10 @@ def friction_rows(context: Context, task: Task, name: str, c: int) -> Rows:
     force, mass = creep(damping, mobility, period)
     r = 2 * points
     G, W = np.zeros((r, c)), np.zeros((6, r))
+    touched = Touched(context, task, name)
     for i, (center, radius) in enumerate(zip(robot.tool.centers, robot.tool.radii, strict=True)):
         lever = context.start_R @ center
-        normal, _ = normal_at(context, task, name, context.start_p + lever, float(radius))
+        normal, _ = touched.normal_at(context.start_p + lever, float(radius))
         lever = lever - float(radius) * normal
         at = context.start_jacobian[:3] - skew(lever) @ context.start_jacobian[3:]
         across = np.linalg.svd(normal[None, :])[2][1:]

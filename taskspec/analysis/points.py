@@ -6,6 +6,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from taskspec.program.bound import evaluated
 from taskspec.program.context import Context
 from taskspec.program.world import frames
 from taskspec.spec import Task
@@ -13,23 +14,34 @@ from taskspec.spec import Task
 Matrix = NDArray[np.float64]
 
 
-def normal_at(
-    context: Context, task: Task, name: str, center: Matrix, radius: float
-) -> tuple[Matrix, Matrix]:
-    """Outward normal (3,) at a sphere of the tool that touches, and its change (3, 3) [1/m]."""
-    surface = frames.surface(task.shapes[name])
-    x = ca.SX.sym("x", 3)
-    gradient = surface.gradient(x)
-    function = ca.Function("normal", [x], [gradient, ca.jacobian(gradient, x), surface.distance(x)])
-    A, a = np.eye(3), np.zeros(3)
-    if name in context.moving_bases:
-        A, a = context.moving_bases[name].pose(0.0)
-    local = A.T @ (center - a)
-    normal, _, distance = (np.array(part) for part in function(local))
-    # The normal's change is that of the tool brought to the surface.
-    touching = local - (float(distance[0, 0]) - radius) * normal.ravel()
-    normal, bend, _ = (np.array(part) for part in function(touching))
-    return A @ normal.ravel(), A @ bend @ A.T
+class Touched:
+    """The surface of an object where spheres of the tool touch it.
+
+    Args:
+        context: for the object's pose where it moves.
+        task: whose object is the true one.
+        name: of the object.
+    """
+
+    def __init__(self, context: Context, task: Task, name: str) -> None:
+        surface = frames.surface(task.shapes[name])
+        x = ca.SX.sym("x", 3)
+        gradient = surface.gradient(x)
+        outputs = [gradient, ca.jacobian(gradient, x), surface.distance(x)]
+        self._function = ca.Function("normal", [x], outputs)
+        self._A, self._a = np.eye(3), np.zeros(3)
+        if name in context.moving_bases:
+            self._A, self._a = context.moving_bases[name].pose(0.0)
+
+    def normal_at(self, center: Matrix, radius: float) -> tuple[Matrix, Matrix]:
+        """Outward normal (3,) at a sphere that touches, and its change (3, 3) [1/m]."""
+        A = self._A
+        local = A.T @ (center - self._a)
+        normal, _, distance = evaluated(self._function, local)
+        # The normal's change is that of the tool brought to the surface.
+        touching = local - (float(distance[0]) - radius) * normal
+        normal, bend, _ = evaluated(self._function, touching)
+        return A @ normal, A @ bend.reshape(3, 3, order="F") @ A.T
 
 
 def skew(v: Matrix) -> Matrix:

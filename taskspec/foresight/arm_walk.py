@@ -137,7 +137,7 @@ class ArmWalk:
         way: list[Instant],
     ) -> Passage:
         """Goes until something ends the stage."""
-        fine, marks, fastest = _times(motion, horizon)
+        fine, moves, marks, fastest = _times(motion, horizon)
         if guard is not None:
             held = guard.at(way[0], carrier)
             if not held.never:
@@ -149,7 +149,7 @@ class ArmWalk:
             moved = last.moved
             for i in points:
                 time = float(fine[i])
-                moved = _moved(motion, time)
+                moved = moves[i]
                 if not all(map(math.isfinite, moved.values())):
                     return _ended(way, carrier, End.OPEN)
                 carrier.advance(time, moved)
@@ -248,25 +248,20 @@ def _coordinates(stage: StagePlan, p: Vector, R: Vector) -> dict[Axis, float]:
     return found
 
 
-def _moved(motion: ReferenceMotion, time: float) -> dict[Axis, float]:
-    found = dict.fromkeys(AXES, 0.0)
-    for axis, at in motion.ways.items():
-        found[axis] = float(at(time))
-    return found
-
-
-def _times(motion: ReferenceMotion, horizon: float) -> tuple[Vector, list[int], list[float]]:
-    """Times, those of them that cut the way into pieces, and how much faster each piece gets.
+def _times(
+    motion: ReferenceMotion, horizon: float
+) -> tuple[Vector, list[dict[Axis, float]], list[int], list[float]]:
+    """Times, displacements then, those that cut the way into pieces, and how much faster each gets.
 
     Faster, that is, than its mean.
     """
     fine = np.linspace(0.0, horizon, _FINE)
+    still = dict.fromkeys(AXES, 0.0)
+    moves = [still | {a: float(way(t)) for a, way in motion.ways.items()} for t in fine.tolist()]
     if not motion.ways:
-        return fine, [0, _FINE - 1], [1.0]
+        return fine, moves, [0, _FINE - 1], [1.0]
     lengths = np.array([ARM_LENGTH if a.is_rotation else 1.0 for a in motion.ways])
-    at = lengths * np.array(
-        [[float(way(t)) for way in motion.ways.values()] for t in fine.tolist()]
-    )
+    at = lengths * np.array([[moved[a] for a in motion.ways] for moved in moves])
     at = np.where(np.isfinite(at), at, 0.0)
     steps = np.linalg.norm(np.diff(at, axis=0), axis=1)
     gone = np.concatenate([[0.0], np.cumsum(steps)])
@@ -280,7 +275,7 @@ def _times(motion: ReferenceMotion, horizon: float) -> tuple[Vector, list[int], 
         net = float(np.linalg.norm(at[b] - at[a])) / (b - a)
         peak = float(steps[a:b].max())
         faster.append(peak / net if net > 0.1 * peak > 0 else 1.0)
-    return fine, marks.tolist(), faster
+    return fine, moves, marks.tolist(), faster
 
 
 def _instant(

@@ -6,6 +6,7 @@ argument passes a knot. So a table of any length costs the tick the same.
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -36,8 +37,7 @@ class PiecewiseCubic:
 
     def index(self, x: float) -> int:
         """Number of the interval that holds x; the ends extend outwards."""
-        i = int(np.searchsorted(self.knots, x, side="right")) - 1
-        return min(max(i, 0), len(self.coefficients) - 1)
+        return min(max(bisect_right(self.knots, x) - 1, 0), len(self.coefficients) - 1)
 
     def segment(self, x: float) -> NDArray[np.float64]:
         """The (5,) parameters of the interval that holds x."""
@@ -46,9 +46,10 @@ class PiecewiseCubic:
 
     def __call__(self, x: float) -> float:
         """The value at x."""
-        start, *c = self.segment(x)
-        s = x - start
-        return float(c[0] + s * (c[1] + s * (c[2] + s * c[3])))
+        i = self.index(x)
+        c0, c1, c2, c3 = self.coefficients[i].tolist()
+        s = float(x) - float(self.knots[i])
+        return float(c0 + s * (c1 + s * (c2 + s * c3)))
 
     def first_reaching(self, value: float) -> float:
         """The earliest argument at which a non-decreasing cubic reaches `value`."""

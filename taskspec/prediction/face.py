@@ -16,7 +16,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec.analysis.points import normal_at
+from taskspec.analysis.points import Touched
 from taskspec.geometry.axis import AXES
 from taskspec.laws.gains import BANDWIDTH
 from taskspec.prediction.at_start import StageAtStart
@@ -82,10 +82,11 @@ def face(here: StageAtStart, contact: str) -> Face | None:
     if contact in context.moving_bases:
         A, a = context.moving_bases[contact].pose(0.0)
     gaps, ways = [], []
+    touched = Touched(context, task, contact)
     for center, radius in zip(tool.centers, tool.radii, strict=True):
         lever = context.start_R @ center
         point = context.start_p + lever
-        normal, _ = normal_at(context, task, contact, point, float(radius))
+        normal, _ = touched.normal_at(point, float(radius))
         arm = here.rotation.T @ (lever - here.stage.plan.lever)
         local = here.rotation.T @ normal
         ways.append(-np.concatenate([local, np.cross(arm, local)]))

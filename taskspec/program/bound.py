@@ -34,6 +34,26 @@ class BoundFunction:
             self._buffer.set_res(i, array.data)
 
 
+def evaluated(function: ca.Function, *arguments: Vector) -> list[Vector]:
+    """The results of a function of dense vectors, each (size,), column after column.
+
+    It is what a call of the function gives, without the matrices that a call makes of all arrays.
+
+    Args:
+        function: of dense arguments.
+        arguments: 1-D arrays, in the function's order.
+    """
+    given = [np.ascontiguousarray(argument, dtype=np.float64) for argument in arguments]
+    results = [np.empty(function.nnz_out(i)) for i in range(function.n_out())]
+    bound = BoundFunction(function, given, results)
+    bound.evaluate()
+    for i, nonzero in enumerate(results):
+        if nonzero.size != function.numel_out(i):
+            results[i] = np.zeros(function.numel_out(i))
+            results[i][function.sparsity_out(i).find()] = nonzero
+    return results
+
+
 class RowFunction:
     """A function of one tick, evaluated at many ticks at once."""
 

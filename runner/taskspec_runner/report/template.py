@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from functools import cache
 from itertools import zip_longest
 from pathlib import Path
 
@@ -23,6 +24,12 @@ def template(name: str, beside: Path = _HERE) -> Template:
         name: of the file.
         beside: the folder that it is in; those of the report are known to it.
     """
+    return _environment(beside).get_template(name)
+
+
+@cache
+def _environment(beside: Path) -> Environment:
+    """What reads templates beside one another; it compiles each of them once."""
     environment = Environment(
         loader=FileSystemLoader([beside, _HERE]),
         autoescape=True,
@@ -32,7 +39,7 @@ def template(name: str, beside: Path = _HERE) -> Template:
     )
     environment.filters["prose"] = prose
     environment.filters["expression"] = expression
-    return environment.get_template(name)
+    return environment
 
 
 def prose(text: str) -> Markup:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.laws.gains import value_of
 from taskspec.modes import StageStart
+from taskspec.program.bound import evaluated
 from taskspec.program.execution.choice import choose_first
 from taskspec.program.execution.hand_over import HandedOver
 from taskspec.program.execution.tracks import Tracks, plan_tracks
@@ -158,8 +159,8 @@ class _Entry:
         for _ in range(2):
             twist = self.twist
             way = twist[:3] + np.cross(twist[3:], lever)
-            found = self.stage.probe(*self.inputs, self.memory, self.parameters, way)
-            numbers = np.array(found).ravel()
+            given = (*self.inputs, self.memory, self.parameters, way)
+            (numbers,) = evaluated(self.stage.probe, *given)
             probed = {name: numbers[where] for name, where in _FIELDS.items()}
             probed["reaction"] = numbers[_FIELDS["measured"].stop :]
             lever = probed["lever"]
@@ -220,8 +221,7 @@ class _Entry:
 
     def _blend(self, going: Continuation) -> None:
         """Chooses each axis's blending so that its reference continues the one handed over."""
-        found = self.stage.own(*self.inputs, self.memory, self.parameters)
-        own, own_rate = (np.array(value).ravel() for value in found)
+        own, own_rate = evaluated(self.stage.own, *self.inputs, self.memory, self.parameters)
         wait = 0.0
         for name, plan in self.stage.plan.plans.items():
             i = AXES.index(name)

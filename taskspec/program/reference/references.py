@@ -73,6 +73,7 @@ def _motions(
     moving = {name: axis for name, axis in plan.plans.items() if axis.motion}
     # What starts from rest in a time of its own waits until it is reached.
     wait = parameters.add("wait") if plan.from_rest else ca.SX(0)
+    from_rest = blend.from_rest(measurement.clock.t - wait)
     added = blendings(list(moving), measurement.clock, parameters)
     references: dict[Axis, AxisReference] = {}
     # An axis that follows another one comes after it.
@@ -90,7 +91,7 @@ def _motions(
             forces=forces,
             tracked=measurement.tracked,
             others=references,
-            from_rest=blend.from_rest(measurement.clock.t - wait),
+            from_rest=from_rest,
         )
         references[name] = axis_reference(axis.mode, at, added[name])
     return references

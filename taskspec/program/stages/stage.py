@@ -14,6 +14,7 @@ from taskspec.laws.gains import Gains
 from taskspec.program.events import Condition, Event, code
 from taskspec.program.limits.programs import resolve
 from taskspec.program.limits.resolution import Resolution, Resolved, saturated
+from taskspec.program.operators import quick_operators
 from taskspec.program.plan import StagePlan
 from taskspec.program.reference.measurement import Measurement, measure
 from taskspec.program.slots import Slots, gain_slot
@@ -63,6 +64,7 @@ class CompiledStage:
         return self.plan.name
 
 
+@quick_operators()
 def compile_stage(plan: StagePlan, *, to_run: bool = True) -> CompiledStage:
     """Compiles one stage.
 

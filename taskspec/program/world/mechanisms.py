@@ -123,7 +123,14 @@ class MechanismModel:
 
         The first belongs to its coordinate, a second to a free knob about the handle at `tip` (3,).
         """
-        return np.array(self.twists(ca.DM(tip), ca.DM(point)))
+        axis = self.rotation[:, 2]
+        columns = [np.concatenate([axis, np.zeros(3)])]
+        if self.angular:
+            moves = np.cross(axis, point - self.origin) + self.lead * axis
+            columns = [np.concatenate([moves, axis])]
+        if self.free:
+            columns.append(np.concatenate([np.cross(axis, point - tip), axis]))
+        return np.column_stack(columns)
 
     def twists(self, tip: ca.SX, point: ca.SX) -> ca.SX:
         """The same (6, k) of expressions."""
