@@ -175,8 +175,9 @@ MEASURES = (
     ),
     Measure(
         "an angle", ANGLE, "rad", ("deg", "rad", "turn"), (),
-        (Step("deg", math.radians(5), _DEGREES), Step("mrad", 0.5e-3, _MILLI),
-         Step("µrad", 0.0, _MICRO)),
+        (Step("deg", math.radians(0.05), _DEGREES),
+         Step("mdeg", math.radians(0.05e-3), _MILLI * _DEGREES),
+         Step("µdeg", 0.0, _MICRO * _DEGREES)),
     ),
     Measure("a frequency", FREQUENCY, "Hz", ("Hz", "kHz", "1/s")),
     Measure(

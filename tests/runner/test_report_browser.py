@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
+import re
 import shutil
+import zlib
 from pathlib import Path
 
+import numpy as np
 import pytest
 from screen import DESKTOP, PHONE, shown
 from sealed import seal_folder
@@ -280,6 +284,127 @@ def test_paper_shows_the_charts_and_no_controls(browser: Browser, pages: dict[st
     pdf = browser.pdf()
     assert pdf.startswith(b"%PDF")
     assert browser.errors == []
+
+
+@pytest.mark.parametrize("name", ["good", "missed", "stopped", "diff", "compare"])
+def test_on_a_phone_tables_are_cards_and_targets_are_large(
+    browser: Browser, pages: dict[str, Path], name: str
+) -> None:
+    shown(browser, pages[name], PHONE)
+    # No table has to be pushed sideways, and every cell is in view.
+    wider = browser.run(
+        """[...document.querySelectorAll(".scroll")].filter((s) => s.scrollWidth > s.clientWidth)
+        .map((s) => s.firstElementChild.className)"""
+    )
+    assert wider == []
+    beside = browser.run(
+        """[...document.querySelectorAll("td")].filter((c) => {
+        const b = c.getBoundingClientRect();
+        return b.width && (b.left < 0 || b.right > innerWidth); }).length"""
+    )
+    assert beside == 0
+    # What a heading says of a column stands at each cell; the first is the card's title.
+    nameless = browser.run(
+        """[...document.querySelectorAll(".cards:not(.findings) td:not(:first-child)")]
+        .filter((c) => c.textContent.trim() && c.offsetHeight && !c.dataset.label
+            && !c.querySelector("a")).map((c) => c.textContent)"""
+    )
+    assert nameless == []
+    for each in browser.run(
+        """[...document.querySelectorAll("button, summary, a, [role=button]")]
+        .filter((e) => e.getClientRects().length)
+        .map((e) => [e.textContent.trim(), e.getBoundingClientRect().toJSON()])"""
+    ):
+        assert each[1]["height"] >= 44, each
+        assert each[1]["width"] >= 44, each
+
+
+@pytest.mark.parametrize("name", ["good", "missed"])
+def test_no_printed_page_is_nearly_empty(
+    browser: Browser, pages: dict[str, Path], name: str
+) -> None:
+    shown(browser, pages[name])
+    printed = [_lowest(content) for content in _contents(browser.pdf())]
+    assert len(printed) >= 3
+    # All but the last are used to two thirds, and the last is more than a remainder.
+    assert min(printed[:-1]) > 0.66, printed
+    assert printed[-1] > 0.2, printed
+
+
+def _contents(pdf: bytes) -> list[str]:
+    """What is drawn on each page of a PDF file."""
+    streams = re.findall(rb"stream\r?\n(.*?)\r?\nendstream", pdf, re.S)
+    found = []
+    for stream in streams:
+        with contextlib.suppress(zlib.error):
+            text = zlib.decompress(stream).decode("latin-1")
+            if re.search(r"\bBT\b", text):
+                found.append(text)
+    return found
+
+
+def _lowest(content: str) -> float:
+    """How far down text goes on a page of a height of 842 pt (A4), as a share of it."""
+    height, lowest = 842.0, 0.0
+    matrix, kept = np.eye(3), []
+    numbers: list[float] = []
+    for word in content.split():
+        if re.fullmatch(r"-?\d*\.?\d+", word):
+            numbers.append(float(word))
+            continue
+        if word == "q":
+            kept.append(matrix)
+        elif word == "Q":
+            matrix = kept.pop()
+        elif word in ("cm", "Tm"):
+            a, b, c, d, e, f = numbers[-6:]
+            moved = np.array([[a, b, 0], [c, d, 0], [e, f, 1]]) @ matrix
+            if word == "cm":
+                matrix = moved
+            elif moved[2, 1] > 0:
+                lowest = max(lowest, 1 - moved[2, 1] / height)
+        numbers = []
+    return lowest
+
+
+def test_axes_over_orders_are_in_powers(browser: Browser, pages: dict[str, Path]) -> None:
+    shown(browser, pages["compare"])
+    marks = browser.run(
+        """[...document.querySelectorAll('[data-chart$="error"] .plot text.end:not(.name)')]
+        .map((t) => [t.textContent, t.getBoundingClientRect().left
+            - t.closest("figure").getBoundingClientRect().left])"""
+    )
+    assert len(marks) > 3
+    for text, left in marks:
+        assert re.fullmatch(r"([25]·)?10[⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+", text), text
+        assert left >= 0
+
+
+@pytest.mark.parametrize("size", [DESKTOP, PHONE], ids=["desktop", "phone"])
+@pytest.mark.parametrize("name", ["good", "stopped", "compare"])
+def test_marks_of_axes_are_whole(
+    browser: Browser, pages: dict[str, Path], name: str, size: tuple[int, int]
+) -> None:
+    shown(browser, pages[name], size)
+    cut = browser.run(
+        """[...document.querySelectorAll(".plot > svg > text")].filter((t) => {
+        const b = t.getBoundingClientRect(), f = t.closest(".plot").getBoundingClientRect();
+        return b.left < f.left - 0.5 || b.right > f.right + 0.5; }).map((t) => t.textContent)"""
+    )
+    assert cut == []
+
+
+@pytest.mark.parametrize("name", ["good", "missed", "stopped", "compare", "diff"])
+def test_units_are_written_in_one_way(browser: Browser, pages: dict[str, Path], name: str) -> None:
+    shown(browser, pages[name])
+    # Files and expressions are code, and as their author wrote them.
+    text = browser.run(
+        """(() => { const all = document.body.cloneNode(true);
+        all.querySelectorAll("code, pre, script, .task, footer, .legend .static, .plot")
+            .forEach((e) => e.remove());
+        return all.textContent; })()"""
+    )
+    assert re.findall(r"\d ?(?:[mµ]?N\*m|N m\b|um\b|urad|mrad|Nm\b)", text) == []
 
 
 def test_a_minute_of_control_is_a_small_file_that_is_drawn(

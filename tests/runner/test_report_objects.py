@@ -71,7 +71,7 @@ def test_distances_from_equations_have_their_own_units_and_no_inside(tmp_path: P
     assert found["gap of joints"][0] == title
     assert found["gap of joints"][2] == ["bars.gap"]
     assert run.units["bars.gap"] == "rad"
-    assert found["gap of joints"][1] in ("deg", "mrad", "µrad")
+    assert found["gap of joints"][1] in ("deg", "mdeg", "µdeg")
     notes = {chart.key: chart.note for part in sections(run) for chart in part.charts}
     assert notes["gap"] == notes["gap of joints"] == ""
 

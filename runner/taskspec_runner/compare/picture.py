@@ -30,6 +30,7 @@ _LEGEND, _ROW, _COLUMNS = 62.0, 20.0, 3
 _FEW_DECADES = 2.5
 #: Outcomes that say nothing about how a law would have gone on.
 CUT_SHORT = ("failed", "stopped", "crashed", "interrupted")
+_RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 HERE = Path(__file__).parent
 
 
@@ -155,11 +156,17 @@ def _in_view(chart: Overlaid, cut: Collection[str]) -> Vector:
 
 
 def _decades(low: float, high: float) -> list[tuple[float, str]]:
-    """Marks between two logarithms: powers of ten, with 2 and 5 between them where few."""
+    """Marks between two logarithms: powers of ten, with 2 and 5 times them where few."""
     leading = (1, 2, 5) if high - low < _FEW_DECADES else (1,)
     found = [(n, m) for n in range(math.floor(low), math.ceil(high) + 1) for m in leading]
-    marks = [(n + math.log10(m), f"{m * 10.0**n:.{max(-n, 0)}f}") for n, m in found]
+    marks = [(n + math.log10(m), _power(m, n)) for n, m in found]
     return [(at, text) for at, text in marks if low <= at <= high]
+
+
+def _power(leading: int, exponent: int) -> str:
+    """Such as 10⁻³ or 2·10⁻³."""
+    power = f"10{str(exponent).translate(_RAISED)}"
+    return power if leading == 1 else f"{leading}·{power}"
 
 
 def _stages(laid: Overlay, times: Times) -> list[dict[str, object]]:

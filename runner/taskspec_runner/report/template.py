@@ -14,6 +14,8 @@ from markupsafe import Markup, escape
 _MINUS = re.compile(r"(?<![\w)])-(?=[\d.])")
 #: A sign with what it is the sign of: a browser would break the line after a hyphen.
 _SIGNED = re.compile(r"((?<!\S)[+-]+\w\S*)")
+#: A number and its unit.
+_UNIT = re.compile(r"\d [A-Za-zµ][A-Za-zµ*/^0-9]*")
 _HERE = Path(__file__).parent
 
 
@@ -43,14 +45,19 @@ def _environment(beside: Path) -> Environment:
 
 
 def prose(text: str) -> Markup:
-    """Text with what stands between backticks as code, and real minus signs before numbers."""
+    """Text as a page has it: code between backticks, real minus signs, units as on its charts."""
     parts = str(text).split("`")
     if len(parts) % 2 == 0:
         return escape(text)
-    words = (_MINUS.sub("−", part) for part in parts[::2])
+    words = (_UNIT.sub(_as_on_charts, _MINUS.sub("−", part)) for part in parts[::2])
     shown = [escape(word) for word in words]
     codes = [Markup("<code>{}</code>").format(code) for code in parts[1::2]]
     return Markup("").join(x for pair in zip_longest(shown, codes, fillvalue="") for x in pair)
+
+
+def _as_on_charts(match: re.Match[str]) -> str:
+    """A unit after a number, with real dots and micros: `N·m` and `µm`."""
+    return re.sub(r"\bu(?=m\b|rad\b)", "µ", match[0].replace("*", "·"))
 
 
 def expression(text: str) -> Markup:
