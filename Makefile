@@ -5,7 +5,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
-.PHONY: demo test theory proof stability lint types schema validate fuzz corruptions bench docs docs-shown docs-site
+.PHONY: demo test theory proof stability lint types schema validate fuzz corruptions lowest bench docs docs-shown docs-site
 .PHONY: docs-serve steps designs equivalence truth check clean
 
 demo: $(READY)  ## run the wiping task and say where its report is
@@ -57,6 +57,18 @@ FILES ?= 2000
 truth: $(READY)  ## hold what validate says of random files against their runs, keep it in docs/truth.md
 	$(BIN)/python tests/campaigns/truth.py --seed $(SEED) --files $(FILES) --page docs/truth.md
 
+LOWEST := $(VENV)-lowest
+
+lowest: $(READY)  ## a fresh environment with the lowest versions that are allowed: demo, some tests
+	rm -rf $(LOWEST)
+	$(PYTHON) -m venv $(LOWEST)
+	$(BIN)/python tests/packaging/lowest.py > $(LOWEST)/pins.txt
+	$(LOWEST)/bin/pip install --quiet --editable '.[mcap,dev]' --constraint $(LOWEST)/pins.txt
+	$(LOWEST)/bin/taskspec validate tasks/
+	$(LOWEST)/bin/taskspec run tasks/wipe-table.yaml --out $(LOWEST)/run
+	$(LOWEST)/bin/taskspec export $(LOWEST)/run --csv --parquet --mcap
+	$(LOWEST)/bin/pytest -n 2 tests/spec tests/text tests/control tests/laws tests/plant tests/runner/test_cli.py
+
 bench: $(READY)  ## what control costs, as multiples of bare mj_step
 	$(BIN)/python benchmarks/bench_loop.py
 	$(BIN)/python benchmarks/bench_limits.py
@@ -86,4 +98,4 @@ $(READY): pyproject.toml
 	touch $(READY)
 
 clean:
-	rm -rf $(VENV) runs
+	rm -rf $(VENV) $(VENV)-lowest runs

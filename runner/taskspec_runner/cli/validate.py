@@ -25,6 +25,8 @@ from taskspec_runner.loop.interrupt import Termination
 from taskspec_runner.record.folder import MANIFEST
 
 _SUFFIXES = (".yaml", ".yml")
+#: Without these a file is read, but nothing that needs a robot can be looked at.
+_NUMERICAL = ("mujoco", "pinocchio", "casadi", "numpy", "scipy", "ruckig")
 
 
 def validate_paths(
@@ -59,6 +61,8 @@ def validate_paths(
         typer.echo(f"taskspec: {failure.message}", err=True)
     for failure in found.broken:
         typer.echo(failure.message, err=True)
+    if found.unchecked:
+        typer.echo(f"taskspec: {found.unchecked}", err=True)
     reporter = REPORTERS[form]
     text = reporter.report(found)
     if text:
@@ -118,6 +122,7 @@ def examine(
     sources: dict[str, dict[str, Source]] = {}
     unreadable: list[Failure] = []
     broken: list[Failure] = []
+    unchecked = ""
     with Termination(), closing(in_order(outcome_of, files)) as outcomes:
         for path, outcome in zip(files, outcomes, strict=True):
             name = str(path)
@@ -126,9 +131,17 @@ def examine(
             elif isinstance(outcome, _Broken):
                 broken.append(Failure(name, outcome.message))
             else:
-                diagnostics[name], sources[name] = outcome
-    named = tuple(map(str, files))
-    return Validation(named, diagnostics, sources, tuple(unreadable), tuple(broken), strict)
+                diagnostics[name], sources[name] = outcome.diagnostics, outcome.sources
+                unchecked = unchecked or outcome.unchecked
+    return Validation(
+        tuple(map(str, files)),
+        diagnostics,
+        sources,
+        tuple(unreadable),
+        tuple(broken),
+        strict,
+        unchecked,
+    )
 
 
 @dataclass(frozen=True)
@@ -142,7 +155,15 @@ class _Broken:
 
 
 Named = TypeVar("Named", Diagnostic, Note)
-_Found = tuple[tuple[Diagnostic, ...], dict[str, Source]]
+
+
+@dataclass(frozen=True)
+class _Found:
+    """What is found about a file; `unchecked` says what could not be looked at, and why."""
+
+    diagnostics: tuple[Diagnostic, ...]
+    sources: dict[str, Source]
+    unchecked: str = ""
 
 
 def _outcome(
@@ -163,15 +184,15 @@ def _outcome(
 
 def _attributed(found: _Found, path: Path) -> _Found:
     """What is found, that about options under the name of the file with which they do not go."""
-    diagnostics, sources = found
     names = {option: f"{path} {option}" for option in OPTIONS}
 
     def named(place: Named) -> Named:
         return replace(place, source=names.get(place.source, place.source))
 
-    return (
-        tuple(replace(named(d), notes=tuple(map(named, d.notes))) for d in diagnostics),
-        {names.get(name, name): source for name, source in sources.items()},
+    return _Found(
+        tuple(replace(named(d), notes=tuple(map(named, d.notes))) for d in found.diagnostics),
+        {names.get(name, name): source for name, source in found.sources.items()},
+        found.unchecked,
     )
 
 
@@ -179,8 +200,22 @@ def _examine(path: Path, sets: Sequence[str], law: str | None) -> _Found:
     try:
         loaded = load(path, sets, law)
     except SpecError as error:
-        return error.diagnostics, dict(error.sources)
-    # A file that cannot even be read needs no robot.
-    from taskspec.examination import examine
+        return _Found(error.diagnostics, dict(error.sources))
+    sources = dict(loaded.sources)
+    try:
+        # A file that cannot even be read needs no robot.
+        from taskspec.examination import examine
+    except ImportError as error:
+        missing = (error.name or "").partition(".")[0]
+        if missing not in _NUMERICAL:
+            raise
+        return _Found(loaded.warnings, sources, _without(missing, error))
+    return _Found(examine(loaded).findings, sources)
 
-    return examine(loaded).findings, dict(loaded.sources)
+
+def _without(missing: str, error: ImportError) -> str:
+    """What is not checked where a library cannot be imported."""
+    return (
+        f"{missing} cannot be imported ({error}), so only text, names, units and modes were "
+        "checked; robot, start, contacts, motions and stability were not"
+    )

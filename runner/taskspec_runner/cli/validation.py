@@ -32,7 +32,8 @@ class Validation:
         sources: the texts of each file that places refer to.
         unreadable: files that could not be read.
         broken: files at which the validation itself failed.
-        strict: whether warnings count as errors.
+        strict: whether warnings count as errors, and what could not be checked too.
+        unchecked: what could not be checked here, and why; empty where all was.
     """
 
     files: tuple[str, ...] = ()
@@ -41,6 +42,7 @@ class Validation:
     unreadable: tuple[Failure, ...] = ()
     broken: tuple[Failure, ...] = ()
     strict: bool = False
+    unchecked: str = ""
 
     def only(self, chosen: Callable[[str], bool]) -> Validation:
         """The same with the diagnostics whose codes are chosen."""
@@ -66,7 +68,8 @@ class Validation:
             return 3
         if self.unreadable:
             return 2
-        return int(any(self.fails(d) for found in self.diagnostics.values() for d in found))
+        fails = any(self.fails(d) for found in self.diagnostics.values() for d in found)
+        return int(fails or (self.strict and bool(self.unchecked)))
 
     @property
     def headline(self) -> str:
@@ -90,7 +93,7 @@ class Validation:
             text += f", {len(self.unreadable)} unreadable"
         if self.broken:
             text += f", {len(self.broken)} not validated for an internal error"
-        return text
+        return f"{text}; not all was checked" if self.unchecked else text
 
 
 def _plural(number: int, what: str) -> str:

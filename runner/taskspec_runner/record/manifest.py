@@ -10,12 +10,14 @@ from collections.abc import Mapping
 from datetime import UTC, datetime
 from importlib import metadata
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from taskspec import __version__
-from taskspec.program.program import Program
 from taskspec.spec import LoadedTask
 from taskspec.text.characters import normal
+
+if TYPE_CHECKING:
+    from taskspec.program.program import Program
 
 #: 2 has checksums of the summary, of the files that a task draws on, and of itself.
 FORMAT = 2

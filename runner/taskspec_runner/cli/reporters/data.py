@@ -18,6 +18,7 @@ def report(found: Validation) -> str:
         "warnings": found.count(Severity.WARNING),
         "unreadable": [failure.message for failure in found.unreadable],
         "internal_errors": [failure.message for failure in found.broken],
+        "unchecked": found.unchecked,
         "exit_code": found.exit_code,
         "diagnostics": diagnostics,
     }

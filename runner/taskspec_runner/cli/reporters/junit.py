@@ -40,7 +40,9 @@ def _failed(suite: ET.Element, failure: Failure) -> None:
 
 def _examined(suite: ET.Element, path: str, found: Validation) -> None:
     diagnostics, sources = found.diagnostics[path], found.sources[path]
-    if not diagnostics:
+    if found.unchecked:
+        ET.SubElement(_case(suite, "unchecked"), "skipped", message=_one_line(found.unchecked))
+    elif not diagnostics:
         _case(suite, "validate")
     for diagnostic in diagnostics:
         rendered = render([diagnostic], sources)
@@ -59,7 +61,12 @@ def _name(diagnostic: Diagnostic) -> str:
 
 
 def _count(element: ET.Element) -> None:
-    for attribute, tag in (("tests", "testcase"), ("failures", "failure"), ("errors", "error")):
+    for attribute, tag in (
+        ("tests", "testcase"),
+        ("failures", "failure"),
+        ("errors", "error"),
+        ("skipped", "skipped"),
+    ):
         element.set(attribute, str(sum(1 for _ in element.iter(tag))))
 
 

@@ -113,11 +113,13 @@ def _fingerprint(diagnostic: Diagnostic, sources: Mapping[str, Source], seen: Co
 
 def _invocation(found: Validation) -> dict[str, Any]:
     failures = (*found.unreadable, *found.broken)
-    text_of = {"toolExecutionNotifications": [_notification(failure) for failure in failures]}
+    notifications = [_notification(failure) for failure in failures]
+    if found.unchecked:
+        notifications.append({"level": "warning", "message": {"text": found.unchecked}})
     return {
         "executionSuccessful": not failures,
         "exitCode": found.exit_code,
-        **(text_of if failures else {}),
+        **({"toolExecutionNotifications": notifications} if notifications else {}),
     }
 
 

@@ -1,0 +1,31 @@
+"""The lowest versions that pyproject.toml allows, as pins for pip: `python lowest.py > pins.txt`."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+PROJECT = Path(__file__).resolve().parents[2] / "pyproject.toml"
+_BOUND = re.compile(r"([A-Za-z0-9._-]+)(?:\[[^]]*\])?\s*>=\s*([0-9][0-9A-Za-z.]*)")
+
+
+def pins(requirements: Iterable[str]) -> Iterator[str]:
+    """`NAME==VERSION` of each requirement with a lower bound."""
+    for each in requirements:
+        match = _BOUND.match(each)
+        if match:
+            yield f"{match[1]}=={match[2]}"
+
+
+def all_pins(extras: Iterable[str] = ("mcap",)) -> list[str]:
+    """Pins of all that the project needs, and of some of its extras."""
+    project = tomllib.loads(PROJECT.read_text(encoding="utf-8"))["project"]
+    optional = project["optional-dependencies"]
+    wanted = [*project["dependencies"], *(r for extra in extras for r in optional[extra])]
+    return sorted(set(pins(wanted)))
+
+
+if __name__ == "__main__":
+    print("\n".join(all_pins()))
