@@ -578,7 +578,7 @@ class Run(Window):
         return export_run(self, form, None if path is None else Path(path)).path
 
     def __repr__(self) -> str:
-        met = sum(each.passed for each in self.expectations)
+        met = sum(each.passed is True for each in self.expectations)
         text = f"{met} of {len(self.expectations)} expectations met, {self.end:.3f} s"
         return f"<{self.name or 'run'}: {self.verdict}, {text}, in {self.folder}>"
 

@@ -18,7 +18,7 @@ def schema_text() -> str:
 
     It rejects nothing that `load_task` accepts; what only the compiler can know, it lets pass.
     """
-    generated = _tidy(Task.model_json_schema())
+    generated = tidy(Task.model_json_schema())
     for name, form in {"Task": generated, **generated["$defs"]}.items():
         annotate(name, form)
     head = {
@@ -37,10 +37,10 @@ def is_stale(path: Path) -> bool:
         return True
 
 
-def _tidy(value: Any) -> Any:
+def tidy(value: Any) -> Any:
     """Leaves out what is true of Python but not of a file: null, and defaults made of it."""
     if isinstance(value, list):
-        return [_tidy(entry) for entry in value]
+        return [tidy(entry) for entry in value]
     if not isinstance(value, dict):
         return value
     choices = [c for c in value.get("anyOf", []) if c != {"type": "null"}]
@@ -60,4 +60,4 @@ def _tidy(value: Any) -> Any:
             for name, entry in rest["properties"].items()
             if {k: v for k, v in entry.items() if k not in ("default", "title")} != never
         }
-    return {key: _tidy(entry) for key, entry in rest.items()}
+    return {key: tidy(entry) for key, entry in rest.items()}

@@ -44,7 +44,13 @@ from taskspec_runner.plant.plant import Plant as SimulatedPlant
 from taskspec_runner.record import folder
 from taskspec_runner.record.recorder import BATCH
 from taskspec_runner.runs import ROWS
-from taskspec_runner.verdict.summary import BY_SIGNAL, EXIT_GOOD, EXIT_MISSED, EXIT_STOPPED
+from taskspec_runner.verdict.summary import (
+    BY_SIGNAL,
+    EXIT_GOOD,
+    EXIT_MISSED,
+    EXIT_STOPPED,
+    EXIT_UNDECIDED,
+)
 
 
 def test_defaults():
@@ -214,7 +220,8 @@ def test_exit_codes():
     own = {guard.WELL, guard.WRONG, guard.USAGE, guard.INTERNAL}
     # Ctrl-C, hanging up and SIGTERM have these numbers on every POSIX system.
     signalled = {BY_SIGNAL + number for number in (2, 1, 15)}
-    assert set(documented) == own | {EXIT_GOOD, EXIT_MISSED, EXIT_STOPPED} | signalled
+    judged = {EXIT_GOOD, EXIT_MISSED, EXIT_STOPPED, EXIT_UNDECIDED}
+    assert set(documented) == own | judged | signalled
 
 
 def test_run_folder():

@@ -225,13 +225,40 @@ def report(
 @app.command()
 @guarded
 def judge(
-    folder: Annotated[Path, typer.Argument(metavar="RUN", help="The folder of a run.")],
+    what: Annotated[
+        Path, typer.Argument(metavar="RUN|FILE", help="The folder of a run; or a task file.")
+    ],
+    log: Annotated[
+        Path | None,
+        typer.Argument(
+            metavar="LOG",
+            help="What was recorded elsewhere, to be judged by the file: CSV, Parquet or MCAP.",
+            show_default="the run's own",
+        ),
+    ] = None,
+    columns: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="MAP", help="Which of its columns is which signal, in which unit (YAML)."
+        ),
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            help="The folder with summary and report; an earlier run in it is replaced.",
+            show_default="runs/NAME-measured",
+        ),
+    ] = None,
+    set_: options.Overrides = None,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Say only what failed.")] = False,
     form: Annotated[RunFormat, typer.Option("--format", help="Of the judgement.")] = RunFormat.TEXT,
 ) -> int:
-    """Judge a run again from its log, and say whether its summary says the same."""
-    from taskspec_runner.cli.judge import judge_folder
+    """Judge a run again from its log; or judge what was recorded elsewhere by a task file."""
+    from taskspec_runner.cli.judge import judge_folder, judge_log
 
-    return judge_folder(folder, form)
+    if log is None:
+        return judge_folder(what, form, recorded=bool(columns or out or set_))
+    return judge_log(what, log, columns, out, set_ or [], form, quiet=quiet)
 
 
 @app.command()

@@ -124,6 +124,8 @@ def _expectations(rows: list[Mapping[str, Any]]) -> Table:
         cells = [row["text"]]
         for told in (row["a"], row["b"]):
             mark = "" if told is None else "pass" if told["passed"] else "FAIL"
+            if told is not None and told["passed"] is None:
+                mark = "not recorded"
             cells.append("not judged" if told is None else f"{mark}  {told['explanation']}")
         made.add_row(*map(Text, cells))
     return made

@@ -10,24 +10,74 @@ import typer
 
 from taskspec_runner.cli.console import show
 from taskspec_runner.cli.formats import RunFormat
-from taskspec_runner.cli.outcome import expectations_table
+from taskspec_runner.cli.loading import load
+from taskspec_runner.cli.outcome import expectations_table, show_outcome
 from taskspec_runner.cli.run_damage import warn_of_damage
 from taskspec_runner.errors import InputError
-from taskspec_runner.record.folder import SUMMARY, Json, mappings, plain, read_json
+from taskspec_runner.record.folder import (
+    SUMMARY,
+    Json,
+    check_folder,
+    check_unlocked,
+    mappings,
+    plain,
+    read_json,
+)
 from taskspec_runner.runs import RebuildError, Run
 from taskspec_runner.verdict.findings import findings
 from taskspec_runner.verdict.judge import judge_run
+from taskspec_runner.verdict.summary import EXIT_UNDECIDED
 
 _GOOD, _WRONG = 0, 1
+_WORDS = {True: "met", False: "missed", None: "not judged"}
 
 
-def judge_folder(folder: Path, form: RunFormat) -> int:
+def judge_log(
+    file: Path,
+    log: Path,
+    columns: Path | None,
+    out: Path | None,
+    sets: Sequence[str],
+    form: RunFormat,
+    *,
+    quiet: bool,
+) -> int:
+    """Judges what was recorded elsewhere by a task file, and tells how it went.
+
+    Returns:
+        0 if every expectation was met without a finding against it; 1 if one was missed, or the log
+        ends before the task; 5 if none was missed and one needs what was not recorded.
+    """
+    from taskspec_runner.recorded.judging import judge_recording
+
+    if out is not None:
+        check_unlocked(out)
+        check_folder(out)
+    run = judge_recording(load(file, sets), log, columns, out)
+    if form is RunFormat.JSON:
+        where = {"folder": str(run.folder), "report": str(run.report)}
+        typer.echo(json.dumps({**run.summary, **where}, indent=2, ensure_ascii=False))
+    else:
+        show_outcome(run, quiet=quiet)
+    return run.exit_code
+
+
+def judge_folder(folder: Path, form: RunFormat, *, recorded: bool = False) -> int:
     """Judges the log of a run again.
+
+    Args:
+        folder: of the run.
+        form: of the judgement.
+        recorded: whether options were given that a log from elsewhere needs.
 
     Returns:
         0 if the run came to its end, met every expectation without a finding against it, and its
         summary says the same of each; else 1.
     """
+    if recorded or folder.is_file():
+        raise InputError(
+            f"to judge what was recorded elsewhere, name the log too: taskspec judge {folder} LOG"
+        )
     run = Run.load(folder)
     wrong = run.evidence.log_damage
     if wrong or not len(run):
@@ -42,8 +92,11 @@ def judge_folder(folder: Path, form: RunFormat) -> int:
     said = run.summary or read_json(folder / SUMMARY)
     apart = list(_apart(judged, found, said)) if said else []
     whole = not run.extent.partial and run.extent.status == "done"
-    held = all(each["passed"] for each in judged) and all(each["allowed"] for each in found)
+    held = not any(each["passed"] is False for each in judged)
+    held = held and all(each["allowed"] for each in found)
     code = _GOOD if held and whole and not apart else _WRONG
+    if code == _GOOD and any(each["passed"] is None for each in judged):
+        code = EXIT_UNDECIDED
     if form is RunFormat.JSON:
         data = {"expectations": judged, "findings": found, "apart": apart, "damage": run.damage}
         typer.echo(json.dumps({"exit_code": code, **data}, indent=2, ensure_ascii=False))
@@ -65,7 +118,7 @@ def _show(
         show(expectations_table(judged, whole=whole))
     for each in found:
         typer.echo(f"{each['stage']}: {each['text']}")
-    met = sum(each["passed"] for each in judged)
+    met = sum(each["passed"] is True for each in judged)
     typer.echo(f"{run.name}: {met} of {len(judged)} expectations met, from {len(run)} ticks")
     for line in apart:
         typer.echo(f"not so in {SUMMARY}: {line}")
@@ -79,7 +132,7 @@ def _apart(judged: Sequence[Json], found: Sequence[Json], said: Json) -> Iterato
     for number, each in enumerate(judged):
         entry = theirs[number] if number < len(theirs) else {}
         if any(entry.get(key) != each[key] for key in ("text", "passed", "measured")):
-            word = "met" if each["passed"] else "missed"
+            word = _WORDS[each["passed"]]
             yield f"`{each['text']}` was {word}: {each['explanation']}"
     for entry in theirs[len(judged) :]:
         yield f"`{entry.get('text')}` is not in the task"

@@ -17,11 +17,12 @@ from taskspec_runner.verdict.given_up import sentences
 if TYPE_CHECKING:
     from rich.table import Table
 
+_NOT_FINITE = "not finite"
 _STYLES = {
     0: "bold green",
     1: "bold red",
     4: "bold red",
-    **dict.fromkeys((129, 130, 143), "bold yellow"),
+    **dict.fromkeys((5, 129, 130, 143), "bold yellow"),
 }
 
 
@@ -29,7 +30,7 @@ def show_outcome(run: Run, *, quiet: bool) -> None:
     """Prints the outcome of a run; `quiet` leaves out all that went well."""
     from rich.text import Text
 
-    missed = [e for e in run.summary["expectations"] if not e["passed"]]
+    missed = [e for e in run.summary["expectations"] if e["passed"] is not True]
     expectations = missed if quiet else run.summary["expectations"]
     if expectations:
         show(expectations_table(expectations, whole=run.summary["status"] == "done"))
@@ -57,8 +58,11 @@ def ending(run: Run) -> str:
         text += f" in stage {end['stage']}: {end['text']}"
     total = len(summary["expectations"])
     if total:
-        passed = sum(e["passed"] for e in summary["expectations"])
+        passed = sum(e["passed"] is True for e in summary["expectations"])
+        unjudged = sum(e["passed"] is None for e in summary["expectations"])
         sentences = f"{passed} of {total} expectations met"
+        if unjudged:
+            sentences += f", {unjudged} cannot be judged"
         broken = [e["broken"]["clock"] for e in summary["expectations"] if e["broken"]]
         if summary["status"] != "done":
             sentences = f"so far: {sentences} until it {summary['status']}"
@@ -67,6 +71,8 @@ def ending(run: Run) -> str:
         text += f"; {sentences}"
     if faults := len(run.faults):
         text += f"; {faults} finding{'s' if faults > 1 else ''} beside"
+    if run.summary.get("recorded"):
+        return f"{text}; as measured"
     return f"{text}; {run.manifest['real_time_factor']:.3g} x real time"
 
 
@@ -78,6 +84,8 @@ def expectations_table(expectations: Sequence[Mapping[str, Any]], *, whole: bool
     for entry in expectations:
         good = Text("pass", "green") if whole else Text("so far", "dim")
         mark = good if entry["passed"] else Text("FAIL", "bold red")
+        if entry["passed"] is None:
+            mark = Text("not recorded", "yellow")
         made.add_row(mark, Text(entry["text"]), Text(entry["explanation"]))
     return made
 
@@ -90,11 +98,13 @@ def _metrics(summary: Mapping[str, Any]) -> Table:
     if summary["responses"]:
         numbers += ["overshoot", "settled after"]
     made = table("stage", *numbers, indent=0, right=tuple(numbers))
+    # Of a log from elsewhere, a peak may be of what was not recorded.
+    none = "-" if summary.get("recorded") else _NOT_FINITE
     for stage, signals in summary["metrics"].items():
         cells = [
             stage,
             _worst(signals, "force.", FORCE),
-            _readable(summary["peaks"][stage]["force"], FORCE),
+            _readable(summary["peaks"][stage]["force"], FORCE, none),
             _worst(signals, "position.", LENGTH),
         ]
         if summary["responses"]:
@@ -159,6 +169,6 @@ def _worst(signals: Mapping[str, Mapping[str, float]], kind: str, dimension: Dim
     return f"{_readable(errors[axis], dimension)} ({axis})"
 
 
-def _readable(value: float | None, dimension: Dimension) -> str:
+def _readable(value: float | None, dimension: Dimension, none: str = _NOT_FINITE) -> str:
     """A number of a summary, in which those that are not finite are null."""
-    return "not finite" if value is None else scaled(value, dimension, 3)
+    return none if value is None else scaled(value, dimension, 3)

@@ -14,6 +14,7 @@ from taskspec_runner.export.stream import LogStream
 from taskspec_runner.export.tables import write_csv, write_parquet
 from taskspec_runner.record.extent import Extent
 from taskspec_runner.record.folder import LOG, is_evidence
+from taskspec_runner.record.history import unrecorded_of
 from taskspec_runner.record.whole import whole
 from taskspec_runner.runs import RebuildError, Run
 
@@ -67,7 +68,10 @@ def export_run(run: Run, form: str, path: Path | None = None) -> Exported:
     if is_evidence(path):
         raise OutputError(path, "it is part of the evidence of a run; choose another name")
     note = ""
-    if form in _POSED:
+    joints = [name for name in unrecorded_of(log.schema) if name.startswith("joint.")]
+    if form in _POSED and any(name.endswith(".position") for name in joints):
+        note = "without the poses of tool and task frame, as joint positions were not recorded"
+    elif form in _POSED:
         try:
             log.poses = PoseStream(run.program)
         except RebuildError as error:

@@ -23,9 +23,10 @@ from taskspec_runner.record.folder import SUMMARY, TASK, json_text, mapping
 from taskspec_runner.record.history import History, history_of
 
 WORLD, TOOL, TASK_FRAME = "world", "tool", "task"
+JOINT_STATES = "/joint_states"
 #: Topic to message.
 TOPICS = {
-    "/joint_states": "sensor_msgs/msg/JointState",
+    JOINT_STATES: "sensor_msgs/msg/JointState",
     "/wrench": "geometry_msgs/msg/WrenchStamped",
     "/wrench_measured": "geometry_msgs/msg/WrenchStamped",
     "/stage": "std_msgs/msg/String",
@@ -77,7 +78,8 @@ def write_mcap(log: LogStream, path: Path) -> None:
 def _register(writer: Any, encoder: _Encoder, *, with_poses: bool) -> dict[str, int]:
     schemas: dict[str, int] = {}
     channels: dict[str, int] = {}
-    for topic, message in (TOPICS | (POSES if with_poses else {})).items():
+    topics = {t: m for t, m in TOPICS.items() if encoder.joints or t != JOINT_STATES}
+    for topic, message in (topics | (POSES if with_poses else {})).items():
         if message not in schemas:
             text = definition(message).encode()
             schemas[message] = writer.register_schema(message, "ros2msg", text)
@@ -95,11 +97,11 @@ class _Encoder:
     def __init__(self, log: LogStream) -> None:
         self.signals = signals_message(log.schema.names, log.units)
         self._poses, self._last = log.poses, _LastPoses()
-        self._joints = sum(name.endswith(".position") and name.startswith("joint.")
+        self.joints = sum(name.endswith(".position") and name.startswith("joint.")
                            for name in log.units)  # fmt: skip
         names = list(mapping(log.run.summary.get("robot")).get("joints") or ())
-        if len(names) != self._joints:
-            names = [f"joint{i + 1}" for i in range(self._joints)]
+        if len(names) != self.joints:
+            names = [f"joint{i + 1}" for i in range(self.joints)]
         self._joint_state = _joint_state(names)
         self._wrench = Layout().header(TASK_FRAME).numbers(6)
 
@@ -107,18 +109,23 @@ class _Encoder:
         """Topic, time [ns] and bytes of every message of some rows."""
         times, when = stamps(rows.columns["clock"])
         found = [
-            ("/joint_states", times, self._joint_state.messages(when, *self._joint_values(rows))),
             ("/wrench", times, self._wrench.messages(when, _wrench(rows, ""))),
             ("/wrench_measured", times, self._wrench.messages(when, _wrench(rows, ".measured"))),
             (SCALARS, times, self._scalars(rows, when)),
             *self._posed(rows, times, when),
         ]
+        if self.joints:
+            joints = self._joint_state.messages(when, *self._joint_values(rows))
+            found.insert(0, (JOINT_STATES, times, joints))
         streams = [_stream(topic, at, messages) for topic, at, messages in found]
         yield from heapq.merge(self._stages(rows, times), *streams, key=lambda entry: entry[1])
 
     def _joint_values(self, rows: History) -> list[NDArray[np.float64]]:
+        # Of a log from elsewhere some may be missing.
+        none = np.full(len(rows), np.nan)
+        names = range(1, self.joints + 1)
         return [
-            np.column_stack([rows.columns[f"joint.{i + 1}.{k}"] for i in range(self._joints)])
+            np.column_stack([rows.columns.get(f"joint.{i}.{k}", none) for i in names])
             for k in ("position", "velocity", "torque")
         ]
 
@@ -168,10 +175,16 @@ def _joint_state(names: list[str]) -> Layout:
 
 
 def _wrench(rows: History, suffix: str) -> NDArray[np.float64]:
-    """(n, 6) what the robot applies; zero along what the arm cannot feel."""
-    none = np.zeros(len(rows))
+    """(n, 6) what the robot applies; zero along what the arm cannot feel.
+
+    What was not recorded is not a number.
+    """
     names = [f"{'torque' if axis.startswith('r') else 'force'}.{axis}{suffix}" for axis in AXES]
-    return np.column_stack([rows.columns.get(name, none) for name in names])
+    nothing = [np.nan if name in rows.unrecorded else 0.0 for name in names]
+    columns = (
+        rows.columns.get(n, np.full(len(rows), x)) for n, x in zip(names, nothing, strict=True)
+    )
+    return np.column_stack([*columns])
 
 
 def _transforms(

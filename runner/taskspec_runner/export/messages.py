@@ -82,7 +82,7 @@ def signals_message(names: Sequence[str], units: Mapping[str, str]) -> Signals:
         lines.append(f"{kind} {group}\n")
         own[kind] = "".join(_fields(fields, units))
     columns = [*top.values(), *(name for fields in groups.values() for name in fields.values())]
-    paths = {".".join(filter(None, _place(name))): units.get(name, "") for name in columns}
+    paths = {field_of(name): units.get(name, "") for name in columns}
     return Signals(complete("".join([*lines, "string stage\n"]), own), tuple(columns), paths)
 
 
@@ -95,3 +95,8 @@ def _place(column: str) -> tuple[str, str]:
 def _fields(fields: Mapping[str, str], units: Mapping[str, str]) -> list[str]:
     said = {field: units.get(name, "") for field, name in fields.items()}
     return [f"float64 {field}" + (f"  # [{u}]\n" if u else "\n") for field, u in said.items()]
+
+
+def field_of(column: str) -> str:
+    """The path of a column in the message of all scalars: `force.z.ref` is `force.z_ref`."""
+    return ".".join(filter(None, _place(column)))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
@@ -14,6 +15,28 @@ Mask = NDArray[np.bool_]
 
 #: The column of the log that names the stage of each tick.
 STAGE = "stage"
+#: What the schema of a log says that was recorded elsewhere: the columns that it does not have.
+_UNRECORDED = b"not_recorded"
+
+
+class NotRecordedError(KeyError):
+    """A column that a run would have was not recorded.
+
+    Attributes:
+        column: its name.
+    """
+
+    def __init__(self, column: str) -> None:
+        super().__init__(column)
+        self.column = column
+
+
+class RecordedColumns(dict[str, Vector]):
+    """The columns of a log that was recorded elsewhere, of which any may be missing."""
+
+    def __missing__(self, name: str) -> Vector:
+        """Says which one is missing."""
+        raise NotRecordedError(name)
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,11 +61,14 @@ class History:
         columns: (n,) of every signal, by its name in the log; NaN where it has no value.
         stages: (n,) the stage of each row.
         units: of the columns, as the log states them.
+        unrecorded: columns that a run would have, and that were not recorded where this log is
+            from; empty for a run.
     """
 
     columns: Mapping[str, Vector]
     stages: NDArray[np.str_]
     units: Mapping[str, str] = field(default_factory=dict)
+    unrecorded: frozenset[str] = frozenset()
 
     def __len__(self) -> int:
         return len(self.stages)
@@ -53,7 +79,9 @@ class History:
         names = [*self.columns]
         # Where the recorder has it.
         names.insert(names.index("t") + 1 if "t" in names else 0, STAGE)
-        return pa.schema([column_field(name, self.units.get(name, "")) for name in names])
+        fields = [column_field(name, self.units.get(name, "")) for name in names]
+        said = {_UNRECORDED: json.dumps(sorted(self.unrecorded))} if self.unrecorded else None
+        return pa.schema(fields, metadata=said)
 
     def batches(self, rows: int) -> Iterator[pa.RecordBatch]:
         """The ticks in order as a log has them, up to some `rows` at a time."""
@@ -93,11 +121,13 @@ class HistoryBuilder:
         self._columns: dict[str, list[Vector]] = {}
         self._stages: list[NDArray[np.str_]] = []
         self._units: dict[str, str] = {}
+        self._unrecorded: frozenset[str] = frozenset()
 
     def add(self, batch: pa.RecordBatch) -> None:
         """Takes the ticks of a batch of a log."""
         if not self._units:
             self._units = units_of(batch.schema)
+            self._unrecorded = unrecorded_of(batch.schema)
         for name, values in zip(batch.schema.names, batch.columns, strict=True):
             if name == STAGE:
                 self._stages.append(_texts(values))
@@ -111,7 +141,7 @@ class HistoryBuilder:
         columns = {name: np.concatenate(self._columns.pop(name)) for name in [*self._columns]}
         stages = np.concatenate(self._stages) if self._stages else np.array([], dtype=np.str_)
         self._stages.clear()
-        return History(columns, stages, self._units)
+        return _history(columns, stages, self._units, self._unrecorded)
 
 
 def history_of(batch: pa.RecordBatch) -> History:
@@ -121,12 +151,32 @@ def history_of(batch: pa.RecordBatch) -> History:
         for name, values in zip(batch.schema.names, batch.columns, strict=True)
         if name != STAGE
     }
-    return History(columns, _texts(batch.column(STAGE)), units_of(batch.schema))
+    schema = batch.schema
+    return _history(columns, _texts(batch.column(STAGE)), units_of(schema), unrecorded_of(schema))
+
+
+def _history(
+    columns: dict[str, Vector],
+    stages: NDArray[np.str_],
+    units: Mapping[str, str],
+    unrecorded: frozenset[str],
+) -> History:
+    return History(RecordedColumns(columns) if unrecorded else columns, stages, units, unrecorded)
 
 
 def units_of(schema: pa.Schema) -> dict[str, str]:
     """The unit of each column, as a log states it; empty where it has none."""
     return {f.name: (f.metadata or {}).get(b"unit", b"").decode() for f in schema}
+
+
+def unrecorded_of(schema: pa.Schema) -> frozenset[str]:
+    """Columns that were not recorded, as a log says that was recorded elsewhere."""
+    said = (schema.metadata or {}).get(_UNRECORDED, b"")
+    try:
+        names = json.loads(said) if said else []
+    except ValueError:
+        names = []
+    return frozenset(map(str, names)) if isinstance(names, list) else frozenset()
 
 
 def column_field(name: str, unit: str) -> pa.Field:

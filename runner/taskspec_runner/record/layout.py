@@ -81,6 +81,11 @@ class LogLayout:
         slices = Bus(context.robot.pin.nv, task).slices
         return cls(slices, context.robot, program.stages, task)
 
+    @property
+    def units(self) -> dict[str, str]:
+        """Column to its unit, in their order; empty for plain numbers, `stage` for stages."""
+        return {each.name: each.unit for each in self._layout}
+
     def batch(self, rows: Vector) -> pa.RecordBatch:
         """Rows of the bus, (ticks, fields), as a batch of a log."""
         arrays = [

@@ -74,5 +74,5 @@ def _finding(each: Json) -> Remark:
 
 def _judged(run: Run) -> Iterator[tuple[int, Remark]]:
     for each in run.expectations:
-        if each.line is not None and not each.passed:
+        if each.line is not None and each.missed:
             yield each.line, Remark("missed", f"missed: {each.explanation}")

@@ -53,7 +53,7 @@ class Band:
     Attributes:
         start, end: run time [s].
         low, high: in the chart's unit, None on an open side.
-        passed: whether the expectation held.
+        passed: whether the expectation held; None if it cannot be judged.
         text: the expectation.
     """
 
@@ -61,7 +61,7 @@ class Band:
     end: float
     low: float | None
     high: float | None
-    passed: bool
+    passed: bool | None
     text: str
 
 

@@ -45,8 +45,8 @@ def with_bounds(run: Run, sections: Sequence[Section]) -> tuple[Section, ...]:
             _LOG.warning("the course of '%s' cannot be drawn", each.text, exc_info=True)
             continue
         for course in found:
-            bounded = any([_add(run, s, course, passed=each.passed) for s in sections])
-            if not bounded and not each.passed and np.isfinite(course.values).any():
+            bounded = any([_add(run, s, course, passed=not each.missed) for s in sections])
+            if not bounded and each.missed and np.isfinite(course.values).any():
                 judged.charts.append(_own(run, course))
     return tuple(sections) if judged in sections or not judged.charts else (*sections, judged)
 

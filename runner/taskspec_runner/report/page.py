@@ -138,13 +138,14 @@ def _around(run: Run) -> tuple[float, float] | None:
 def _urgency(each: Judged) -> tuple[bool, float]:
     """Sorts what was missed first, in the order in which it was broken."""
     never = 0.0 if each.passed else math.inf
-    return each.passed, each.broken.clock if each.broken else never
+    return each.passed is not False, each.broken.clock if each.broken else never
 
 
 def _expectation(each: Judged) -> Json:
     return {
         "text": each.text,
         "passed": each.passed,
+        "unrecorded": each.unrecorded,
         "explanation": each.explanation,
         "broken": each.broken,
         "margins": [_margin(margin) for margin in each.margins],

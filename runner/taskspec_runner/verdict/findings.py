@@ -127,7 +127,9 @@ class _Look:
         limits = self._program.context.robot.torque_limit
         shares: dict[str, float] = {}
         for i, most in enumerate(limits):
-            torque = self._columns[f"joint.{i + 1}.torque"]
+            torque = self._columns.get(f"joint.{i + 1}.torque")
+            if torque is None:
+                continue
             at = np.abs(torque[-judged(len(torque)) :]) >= AT_LIMIT * most
             if np.mean(at) > LASTS:
                 shares[f"joint.{i + 1}.torque"] = float(np.mean(at))
@@ -190,7 +192,7 @@ class _Look:
                 continue
             found += [f"position.{axis}", f"velocity.{axis}"]
             # A program replaces set points that contacts do not return.
-            if not np.any(self._columns["force_inconsistent"] > 0):
+            if not np.any(self._columns.get("force_inconsistent", 0.0) > 0):
                 found.append(f"{axis.effort}.{axis}")
         for name, point in plan.spec.constraints.items():
             if self._is_known(point.wanted):

@@ -15,6 +15,8 @@ from taskspec_runner.record.history import History
 _FEW = 3
 #: Share of a stage that is no more than a moment.
 _MOMENT = 0.05
+#: Columns that tell it.
+_NEEDED = ("limits", "limited", "force_inconsistent", "residual")
 _JOINT = re.compile(r"position and velocity of joint (\d+)\Z")
 
 
@@ -31,6 +33,9 @@ def given_up(history: History, stages: Sequence[CompiledStage]) -> dict[str, dic
     for stage in stages:
         window = history.window(stage.name)
         if stage.resolution is None or not window.any():
+            continue
+        if not history.unrecorded.isdisjoint(_NEEDED):
+            # A log that was recorded elsewhere seldom says what the solver did.
             continue
         codes = history.columns["limits"][window].astype(np.int64)
         shares = {

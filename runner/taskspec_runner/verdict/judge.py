@@ -53,8 +53,9 @@ def _judge(expectation: Expectation, task: Task, history: History, lookup: Looku
         signal=columns.pop() if len(columns) == 1 else None,
         band=examiner.band(expression.tree),
         margins=tuple(examiner.margins),
-        broken=None if passed else examiner.broken,
+        broken=examiner.broken if passed is False else None,
         line=line_of(expression.span),
+        unrecorded=lookup.unrecorded(expression.tree) if passed is None else (),
     )
 
 
@@ -79,25 +80,31 @@ class _Examiner:
     def value(self, node: tree.Node) -> Series:
         return evaluate(node, self._algebra, self._find)
 
-    def examine(self, node: tree.Node) -> tuple[bool, str]:
+    def examine(self, node: tree.Node) -> tuple[bool | None, str]:
+        """Whether a condition was met, None if what it needs was not recorded; and in words."""
         if isinstance(node, tree.Logic) and node.op == "and":
             found = [self.examine(item) for item in node.items]
-            return all(passed for passed, _ in found), "; ".join(text for _, text in found)
+            kinds = [passed for passed, _ in found]
+            passed = False if False in kinds else None if None in kinds else True
+            return passed, "; ".join(text for _, text in found)
         truth = self.value(node)
         inner = self.value(node.x) if isinstance(node, tree.Held) else truth
         if not truth.known or not inner.known:
             said = self._say.unknown(node, inner)
+            lacking = self._lookup.unrecorded(node)
+            if lacking and (inner.window is None or inner.window.any()):
+                return None, f"needs {', '.join(lacking)}, which was not recorded"
             self._breaks += self._say.unknown_since(inner, said)
             return False, said.text
-        passed = bool((truth.inside() == 1).all())
-        said = self._explain(node, passed, inner)
+        held = bool((truth.inside() == 1).all())
+        said = self._explain(node, held, inner)
         self.measured += said.measured
         condition = node.x if isinstance(node, tree.Held) else node
         extents = Extents(self._say, self.value, condition, self._sides(condition))
         self.margins += extents.margins(node, inner)
-        if not passed:
+        if not held:
             self._breaks += extents.breaks(node, inner)
-        return passed, said.text
+        return held, said.text
 
     def _explain(self, node: tree.Node, passed: bool, truth: Series) -> Said:
         if isinstance(node, tree.Held):

@@ -61,7 +61,7 @@ class Judged:
     Attributes:
         text: as written.
         passed: whether the run met it. A window without ticks, or a tick at which it cannot be
-            told, fails.
+            told, fails. None if it needs what was not recorded: neither met nor missed.
         explanation: in one line, with the measured numbers.
         measured: those numbers.
         signals: the signals that it is about, with their stages.
@@ -72,10 +72,11 @@ class Judged:
         margins: how far inside its bounds each of its conditions stayed.
         broken: when it was broken; None if it was met, or never had a tick.
         line: of the task file, from 1.
+        unrecorded: columns that it needs and that were not recorded; empty for a run.
     """
 
     text: str
-    passed: bool
+    passed: bool | None
     explanation: str
     measured: tuple[MeasuredValue, ...]
     signals: tuple[str, ...]
@@ -85,9 +86,16 @@ class Judged:
     margins: tuple[Margin, ...] = ()
     broken: Broken | None = None
     line: int | None = None
+    unrecorded: tuple[str, ...] = ()
+
+    @property
+    def missed(self) -> bool:
+        """Whether it was not met, which is more than that it could not be judged."""
+        return self.passed is False
 
     def as_data(self) -> dict[str, Any]:
-        """The entry of a summary."""
+        """The entry of a summary; one of a run has nothing that was not recorded."""
+        lacking = {"not_recorded": list(self.unrecorded)} if self.unrecorded else {}
         return {
             "text": self.text,
             "line": self.line,
@@ -100,6 +108,7 @@ class Judged:
             "band": list(self.band) if self.band else None,
             "margins": [asdict(margin) for margin in self.margins],
             "broken": asdict(self.broken) if self.broken else None,
+            **lacking,
         }
 
 
@@ -117,9 +126,11 @@ def read_judged(entry: Json, *, whole: bool = True) -> Judged:
     if isinstance(band, list) and len(band) == 2:
         sides = (number(band[0]), number(band[1]))
     stage, signal = entry.get("stage"), entry.get("signal")
+    lacking = entry.get("not_recorded")
+    unrecorded = tuple(map(str, lacking)) if isinstance(lacking, list) else ()
     return Judged(
         text=str(entry.get("text", "")),
-        passed=bool(entry.get("passed")),
+        passed=None if unrecorded and entry.get("passed") is None else bool(entry.get("passed")),
         explanation=str(entry.get("explanation") or ""),
         measured=tuple(_measured(entry)),
         stage=str(stage) if stage else None,
@@ -129,6 +140,7 @@ def read_judged(entry: Json, *, whole: bool = True) -> Judged:
         margins=tuple(_margins(entry)),
         broken=broken if broken is not None and (whole or broken.final) else None,
         line=entry["line"] if isinstance(entry.get("line"), int) else None,
+        unrecorded=unrecorded,
     )
 
 

@@ -12,7 +12,7 @@ from taskspec.spec import Task
 from taskspec.text.expression import Meaning, Scope, ScopeKind, resolve, tree
 from taskspec.text.expression.scope import CONSTANTS
 from taskspec.text.expression.series import Series
-from taskspec_runner.record.history import History
+from taskspec_runner.record.history import History, NotRecordedError
 
 Vector = NDArray[np.float64]
 
@@ -92,7 +92,7 @@ class Lookup:
         def find(name: tree.Name) -> Series:
             series = self(name)
             group = groups.get(id(name), ())
-            if not (group and series.gaps and series.inside().size):
+            if not (group and series.gaps and series.inside().size) or self._lacks(name):
                 return series
             parts = [self(part).values for part in group if isinstance(part, tree.Name)]
             nothing = np.isnan(np.stack(np.broadcast_arrays(*parts))).all(axis=0)
@@ -109,14 +109,39 @@ class Lookup:
                 if meaning.kind not in ("param", "constant"):
                     yield node, meaning
 
+    def unrecorded(self, root: tree.Node) -> tuple[str, ...]:
+        """Columns that an expression needs and that were not recorded, in its order."""
+        found = (self._lacks(node) for node in tree.walk(root) if isinstance(node, tree.Name))
+        return tuple(dict.fromkeys(column for column in found if column))
+
+    def _lacks(self, name: tree.Name) -> str:
+        """The column that a name needs and that was not recorded; empty if there is none."""
+        meaning = self.meaning(name)
+        if not self._history.unrecorded or meaning.kind in ("param", "constant", "visits"):
+            return ""
+        if name.frame is None:
+            column = column_of(meaning)
+            return column if column in self._history.unrecorded else ""
+        try:
+            self._elsewhere(meaning.name, meaning.axis, name.frame)
+        except NotRecordedError as error:
+            return error.column
+        return ""
+
     def _values(self, meaning: Meaning, frame: str | None) -> Vector | None:
-        if frame is not None:
+        if frame is None:
+            return self._history.columns.get(column_of(meaning))
+        try:
             return self._elsewhere(meaning.name, meaning.axis, frame)
-        return self._history.columns.get(column_of(meaning))
+        except NotRecordedError:
+            return None
 
     def _absent(self, name: tree.Name, meaning: Meaning) -> str:
+        if self._lacks(name):
+            return f"{name} was not recorded"
         if meaning.kind == "joint":
-            number = sum(c.startswith("joint.") for c in self._history.columns) // 3
+            columns = (*self._history.columns, *self._history.unrecorded)
+            number = sum(c.startswith("joint.") for c in columns) // 3
             return f"the arm has {number} joints, no joint {meaning.subject}"
         if meaning.axis:
             return f"{name} has no value: the arm does not move along {meaning.axis}"

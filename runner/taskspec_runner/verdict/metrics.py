@@ -47,15 +47,22 @@ def _stage(history: History, window: Mask, axes: Sequence[str]) -> Metrics:
     found: Metrics = {}
     for axis in axes:
         signal = f"{'torque' if axis.startswith('r') else 'force'}.{axis}"
-        error = columns[f"{signal}.ref"] - columns[signal]
-        found |= _signal(signal, error[window], columns[signal][window])
+        found |= _against_reference(history, window, signal)
     for axis in axes:
-        signal = f"position.{axis}"
-        found |= _signal(signal, columns[f"error.{axis}"][window], columns[signal][window])
+        signal, error = f"position.{axis}", f"error.{axis}"
+        if history.unrecorded.isdisjoint((signal, error)):
+            found |= _signal(signal, columns[error][window], columns[signal][window])
     for signal in set_points(columns):
-        error = columns[f"{signal}.ref"] - columns[signal]
-        found |= _signal(signal, error[window], columns[signal][window])
+        found |= _against_reference(history, window, signal)
     return found
+
+
+def _against_reference(history: History, window: Mask, signal: str) -> Metrics:
+    """The metrics of a signal with a reference beside it; none where one was not recorded."""
+    if not history.unrecorded.isdisjoint((signal, f"{signal}.ref")):
+        return {}
+    reference, values = (history.columns[n][window] for n in (f"{signal}.ref", signal))
+    return _signal(signal, reference - values, values)
 
 
 def set_points(columns: Iterable[str]) -> list[str]:
@@ -95,6 +102,8 @@ def peaks(history: History, stages: Sequence[str]) -> dict[str, dict[str, float]
 
 
 def _largest(history: History, window: Mask, names: Sequence[str]) -> float:
+    if not history.unrecorded.isdisjoint(names):
+        return float("nan")
     columns = [history.columns[name][window] for name in names if name in history.columns]
     # An axis that a stage does not have, on a planar arm in another frame, is not a number.
     parts = [column for column in columns if not np.isnan(column).all()]

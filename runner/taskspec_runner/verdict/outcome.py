@@ -20,7 +20,8 @@ class Verdict:
 
     Attributes:
         kind: passed, missed, stopped, failed, unfinished or damaged; done where nothing was
-            expected of a run that came to its end.
+            expected of a run that came to its end; undecided where an expectation needs what was
+            not recorded.
         sentence: why, and when, in one sentence.
         first: the expectation that was broken first, of a run that missed some.
         stage: then.
@@ -47,12 +48,14 @@ def verdict(run: Run) -> Verdict:
     ending = ending if isinstance(ending, Mapping) else {}
     if status in ("stopped", "failed"):
         return Verdict(status, f"{_broken_off(ending)} {so_far(run)}".rstrip())
-    missed = [e for e in run.expectations if not e.passed]
+    missed = [e for e in run.expectations if e.missed]
     if missed:
         return _missed_verdict(run, len(missed))
     if run.faults:
         text = f"{_faults(run.faults)} {_all_else(run)}"
         return Verdict("missed", text, stage=run.faults[0].stage)
+    if any(each.passed is None for each in run.expectations):
+        return Verdict("undecided", f"{_undecided(run)} {_reached_end(run)}")
     kind = "passed" if run.expectations else "done"
     return Verdict(kind, _passed(len(run.expectations)) + f" {_reached_end(run)}")
 
@@ -72,7 +75,7 @@ def _unfinished(run: Run, status: str) -> str:
 def so_far(run: Run) -> str:
     """How many expectations a run met that broke off; empty if it did not, or had none."""
     status, total = run.summary.get("status"), len(run.expectations)
-    met = sum(e.passed for e in run.expectations)
+    met = sum(e.passed is True for e in run.expectations)
     if run.not_judged == "" and total:
         return f"So far: {met} of {total} expectations met on the ticks that there are."
     if status not in ("stopped", "failed") or not total:
@@ -91,12 +94,22 @@ def _broken_off(ending: Mapping[str, Any]) -> str:
 
 def first_broken(run: Run) -> Judged | None:
     """The expectation that was broken before all others; None where no tick broke one."""
-    broken = [e for e in run.expectations if not e.passed and e.broken is not None]
+    broken = [e for e in run.expectations if e.missed and e.broken is not None]
     return min(broken, key=lambda e: e.broken.clock if e.broken else 0.0, default=None)
 
 
+def _undecided(run: Run) -> str:
+    """What could not be judged, and of what was that it was met."""
+    open_ = [each for each in run.expectations if each.passed is None]
+    lacking = ", ".join(dict.fromkeys(name for each in open_ for name in each.unrecorded))
+    met = len(run.expectations) - len(open_)
+    some = f"{len(open_)} of {len(run.expectations)} expectations"
+    rest = f" The other {met} held." if met else ""
+    return f"{some} cannot be judged, as {lacking} was not recorded.{rest}"
+
+
 def _missed_verdict(run: Run, missed: int) -> Verdict:
-    rest = _missed(missed, len(run.expectations))
+    rest = _missed(missed, len(run.expectations), recorded=is_recorded(run))
     first = first_broken(run)
     if first is None or first.broken is None:
         return Verdict("missed", rest)
@@ -121,13 +134,21 @@ def _faults(faults: Sequence[RunFinding]) -> str:
 
 def _all_else(run: Run) -> str:
     total = len(run.expectations)
-    return _passed(total) if total else "The run reached its end."
+    if any(each.passed is None for each in run.expectations):
+        return _undecided(run)
+    return _passed(total) if total else _reached_end(run)
 
 
-def _missed(missed: int, total: int) -> str:
+def is_recorded(run: Run) -> bool:
+    """Whether a log was judged that was recorded elsewhere."""
+    return bool(run.summary.get("recorded"))
+
+
+def _missed(missed: int, total: int, *, recorded: bool) -> str:
+    end = "As measured, the log" if recorded else "The run reached its end, but"
     if total == 1:
-        return "The run reached its end, but missed its expectation."
-    return f"The run reached its end, but missed {missed} of {total} expectations."
+        return f"{end} missed its expectation."
+    return f"{end} missed {missed} of {total} expectations."
 
 
 def _passed(total: int) -> str:
@@ -141,4 +162,6 @@ def _reached_end(run: Run) -> str:
     after = f" after {stages} stage{'s' if stages != 1 else ''}" if stages else ""
     if visits > stages:
         after = f" after {visits} visits of {stages} stage{'s' if stages != 1 else ''}"
+    if is_recorded(run):
+        return f"This is as measured; the log ends{after}."
     return f"The run reached its end{after}."

@@ -29,7 +29,7 @@ from taskspec_runner.verdict.performance import performance
 from taskspec_runner.verdict.run_finding import RunFinding
 from taskspec_runner.verdict.torque_steps import largest_step
 
-EXIT_GOOD, EXIT_MISSED, EXIT_STOPPED = 0, 1, 4
+EXIT_GOOD, EXIT_MISSED, EXIT_STOPPED, EXIT_UNDECIDED = 0, 1, 4, 5
 _JOINT = re.compile(r"\bjoint (\d+) ")
 _OF_TRAVEL, _ATTEMPTS = " of travel", "; stage "
 
@@ -45,14 +45,19 @@ def exit_code(
     by_signal: int = 0,
     found: Sequence[RunFinding] = (),
 ) -> int:
-    """0 well; 1 missed or ended in `fail`; 4 safety stop; 128 + n by signal n."""
+    """0 well; 1 missed or ended in `fail`; 4 safety stop; 128 + n by signal n.
+
+    5 if nothing was missed, and an expectation needs what was not recorded.
+    """
     if by_signal:
         return BY_SIGNAL + by_signal
     if outcome.status == "stopped":
         return EXIT_STOPPED
-    good = outcome.status == DONE and all(j.passed for j in judged)
+    good = outcome.status == DONE and not any(j.missed for j in judged)
     good = good and all(each.allowed for each in found)
-    return EXIT_GOOD if good else EXIT_MISSED
+    if not good:
+        return EXIT_MISSED
+    return EXIT_UNDECIDED if any(j.passed is None for j in judged) else EXIT_GOOD
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,0 +1,1 @@
+"""Logs that were recorded elsewhere: read, put onto a task's ticks, and judged."""

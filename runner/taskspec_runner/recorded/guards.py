@@ -1,0 +1,206 @@
+"""Stages as the file's own guards find them in a log: which tick ends which stage.
+
+The expressions of `until` and `fail_if` are evaluated over what was recorded since the stage began,
+in the order of one tick: `fail_if`, `until`, `within`, planned time. As in a run, a stage's first
+tick ends nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taskspec.geometry.axis import TRANSLATIONS
+from taskspec.program import events
+from taskspec.program.execution.transition import END, FAIL, leads_to
+from taskspec.program.program import Program
+from taskspec.program.stages.stage import CompiledStage
+from taskspec.signals.entries import TOUCHING
+from taskspec.text.expression import Expression, Meaning, Scope, evaluate, resolve, tree
+from taskspec.text.expression.scope import CONSTANTS, ScopeKind
+from taskspec.text.expression.series import Series, SeriesAlgebra
+from taskspec_runner.errors import InputError
+from taskspec_runner.recorded.ticks import Ticks, filled
+from taskspec_runner.verdict.lookup import column_of
+
+Vector = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+#: Signals that count from where a stage began, or that only a controller knows.
+_INNER = ("travel", "path_done", "error", "limited", "force_inconsistent")
+#: Visits beyond which a log is said to go round in circles.
+_MOST_VISITS = 100_000
+
+
+class _Since(SeriesAlgebra):
+    """The language over the ticks since a stage began; `for` and reducers look back to there."""
+
+    def __init__(self, period: float) -> None:
+        self._period = period
+
+    def held(self, node: tree.Held, x: Series, amount: float) -> Series:  # noqa: ARG002
+        """Whether x has held for some seconds without a break."""
+        rows = np.arange(len(x.values))
+        broken = np.where(x.values == 1, -1, rows)
+        since = rows - np.maximum.accumulate(broken) - 1
+        long = since * self._period >= amount - self._period / 2
+        return Series(np.where((x.values == 1) & long, 1.0, 0.0), x.window)
+
+    def reduce(self, node: tree.Reduce, reducer: str, x: Series) -> Series:  # noqa: ARG002
+        """The reducer over the stage so far."""
+        values = x.values
+        count = np.arange(1, len(values) + 1)
+        if reducer == "last":
+            return x
+        if reducer in ("min", "max"):
+            function = np.minimum if reducer == "min" else np.maximum
+            return Series(function.accumulate(values), x.window)
+        mean, square = np.cumsum(values) / count, np.cumsum(values**2) / count
+        if reducer == "mean":
+            return Series(mean, x.window)
+        spread = square if reducer == "rms" else np.maximum(square - mean**2, 0.0)
+        return Series(np.sqrt(spread), x.window)
+
+
+class GuardWalk:
+    """Walks a log from stage to stage."""
+
+    def __init__(
+        self, program: Program, columns: Mapping[str, Vector], ticks: Ticks, what: str
+    ) -> None:
+        """Takes what was recorded.
+
+        Args:
+            program: of the task.
+            columns: (ticks,) of every signal.
+            ticks: of the log.
+            what: the columns are of, for messages.
+        """
+        self._columns, self._what = columns, what
+        self._over, self._ticks, self._period = ticks, ticks.count, ticks.period
+        self._filled: dict[str, Vector] = {}
+        self._stages = {stage.name: stage for stage in program.stages}
+        task = program.context.loaded.task
+        objects = {name: thing.kind for name, thing in task.world.items()}
+        self._scope = Scope(ScopeKind.GUARD, task.params, frozenset(task.stages), objects)
+        self._params = task.params
+        self._visits: dict[str, int] = {}
+
+    def stages(self) -> tuple[list[tuple[int, str]], int, str]:
+        """First tick and name of each visit, the tick after the last one, and where that led.
+
+        It led to `end`, `fail`, or nowhere if the log ends before.
+
+        Raises:
+            InputError: a guard needs what was not recorded, or what a log cannot say.
+        """
+        found: list[tuple[int, str]] = []
+        names = list(self._stages)
+        start, name = 0, names[0]
+        while len(found) < _MOST_VISITS:
+            found.append((start, name))
+            self._visits[name] = self._visits.get(name, 0) + 1
+            stage = self._stages[name]
+            end, event = self._end(stage, start)
+            if event is None:
+                return found, self._ticks, ""
+            following = names[names.index(name) + 1] if name != names[-1] else END
+            to = leads_to(stage.plan.spec, event, following)
+            attempts = self._stages[to].plan.spec.attempts if to in self._stages else None
+            if attempts is not None and self._visits.get(to, 0) >= attempts:
+                to = FAIL
+            if to not in self._stages:
+                return found, end, to
+            start, name = end, to
+        raise InputError("the guards of the file go from stage to stage without an end in this log")
+
+    def _end(self, stage: CompiledStage, start: int) -> tuple[int, events.Event | None]:
+        """The tick at which a stage ends that began at one, and by what; None at the log's end."""
+        spec, rows = stage.plan.spec, slice(start, self._ticks)
+        t: Vector = np.arange(self._ticks - start, dtype=float) * self._period
+        found: list[tuple[Mask, events.Event]] = []
+        for kind, guard in ((events.FAIL_IF, spec.fail_if), (events.UNTIL, spec.until)):
+            if guard is not None:
+                holds = self._guard(stage, kind, guard, rows, t)
+                found.append((holds, events.Event(kind, kind, str(guard))))
+        if spec.within is not None and spec.within.time is not None:
+            late = t >= spec.within.time - self._period / 2
+            found.append((late, events.Event(events.WITHIN, "time", "within")))
+        if spec.until is None:
+            given = (axis.given for axis in spec.axes.values())
+            moves = any(mode is not None and mode.ends for mode in given)
+            if spec.time is None or moves or spec.path is not None:
+                raise InputError(
+                    f"stage '{stage.name}' ends when its moves are done, which no guard shows in a "
+                    "log; state the stages by a column ('stage') or by times ('stages') in the map"
+                )
+            over = t >= spec.time - self._period / 2
+            found.append((over, events.Event(events.DONE, "done", "time")))
+        first, event = self._ticks, None
+        for holds, each in found:
+            # The first tick of a stage ends nothing.
+            ends = np.flatnonzero(holds[1:])
+            if len(ends) and start + 1 + int(ends[0]) < first:
+                first, event = start + 1 + int(ends[0]), each
+        return first, event
+
+    def _guard(
+        self, stage: CompiledStage, kind: str, guard: Expression, rows: slice, t: Vector
+    ) -> Mask:
+        def find(name: tree.Name) -> Series:
+            meaning = resolve(name.path, self._scope)
+            if meaning is None or name.frame is not None or meaning.name in _INNER:
+                raise InputError(
+                    f"the {kind} of stage '{stage.name}' needs {name}, which a log does not say; "
+                    "state the stages by a column ('stage') or by times ('stages') in the map"
+                )
+            return self._value(stage, kind, name, meaning, rows, t)
+
+        truth = evaluate(guard.tree, _Since(self._period), find)
+        return np.broadcast_to(truth.values == 1, t.shape)
+
+    def _value(
+        self,
+        stage: CompiledStage,
+        kind: str,
+        name: tree.Name,
+        meaning: Meaning,
+        rows: slice,
+        t: Vector,
+    ) -> Series:
+        if meaning.kind == "param":
+            return Series.one(self._params[meaning.name].value)
+        if meaning.kind == "constant":
+            return Series.one(CONSTANTS[meaning.name][0])
+        if meaning.kind == "visits":
+            return Series.one(float(self._visits.get(str(meaning.stage), 0)))
+        if meaning.kind == "clock":
+            return Series(t if meaning.name == "t" else t + rows.start * self._period)
+        if meaning.kind == "signal" and meaning.axis and meaning.axis not in stage.plan.axes:
+            return Series.one(0.0)
+        column = column_of(meaning)
+        values = self._measured(column)
+        if values is None:
+            raise InputError(
+                f"the {kind} of stage '{stage.name}' needs {name}, which was not recorded; record "
+                "it, or state the stages by a column ('stage') or by times ('stages') in the map"
+            )
+        return Series(values[rows])
+
+    def _measured(self, column: str) -> Vector | None:
+        """What a controller would have seen: the measured value where there is one beside."""
+        if column == "touching":
+            axes = [self._measured(f"force.{axis}") for axis in TRANSLATIONS]
+            forces = [values for values in axes if values is not None]
+            if len(forces) == len(axes):
+                return np.asarray(np.linalg.norm(forces, axis=0) > TOUCHING, dtype=float)
+        name = f"{column}.measured" if f"{column}.measured" in self._columns else column
+        if name in self._columns and name not in self._filled:
+            # What has no value in whole stages is looked at where it has one.
+            values = self._columns[name]
+            what = f"{self._what}: {name}"
+            sparse = column.endswith("gap")
+            self._filled[name] = filled(values, self._over, what, sparse=sparse)
+        return self._filled.get(name)

@@ -1,0 +1,139 @@
+"""A task's expectations over a log that was recorded elsewhere, kept as the folder of a run."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+from contextlib import closing
+from pathlib import Path
+from typing import Any
+
+from taskspec.compiler import compile_unchecked
+from taskspec.program.execution.transition import END, FAIL, Transition
+from taskspec.program.program import Program
+from taskspec.spec import LoadedTask
+from taskspec_runner.errors import OutputError
+from taskspec_runner.loop.fixed_step import DONE, FAILED, Outcome
+from taskspec_runner.record import folder as folders
+from taskspec_runner.record import manifest
+from taskspec_runner.record.folder import open_folder
+from taskspec_runner.record.history import Visit
+from taskspec_runner.record.log import Log
+from taskspec_runner.recorded.column_map import read_columns
+from taskspec_runner.recorded.recording import ForeignLog, read_recording
+from taskspec_runner.runs import ROWS, Run
+from taskspec_runner.verdict.judge import judge_run
+from taskspec_runner.verdict.summary import Simulated, summarise
+
+#: What ended a stage of a log, of which no event is known.
+RECORDED = "recorded"
+
+
+def judge_recording(
+    loaded: LoadedTask, log: Path, columns: Path | None = None, out: Path | None = None
+) -> Run:
+    """Judges a log by a task, and leaves the folder of a run.
+
+    Args:
+        loaded: the task.
+        log: a CSV, Parquet or MCAP file.
+        columns: file of a column map; None where the log has the columns of a run.
+        out: the folder; None for `runs/NAME-measured`, with -2, -3, ... where that exists.
+
+    Raises:
+        SpecError: the task does not compile.
+        InputError: log or map cannot be used.
+        OutputError: the folder cannot be written.
+    """
+    program = compile_unchecked(loaded)
+    recording = read_recording(program, log, read_columns(columns))
+    if out is not None and log.resolve().is_relative_to(out.resolve()):
+        raise OutputError(out, f"{log} lies in it and would be removed; choose another folder")
+    content = manifest.task_bytes(loaded)
+    facts = {**recording.facts, "sha256": _digest(log)}
+    with open_folder(out, f"{loaded.task.name}-measured") as folder:
+        opening = manifest.opening(program, content, 0)
+        folder.note(**opening | {"seed": None, "recorded": facts})
+        folder.write(folders.TASK, content)
+        history = recording.history
+        with closing(Log(folder.log, keep=False, run=manifest.run_mark(folder.manifest))) as kept:
+            for batch in history.batches(ROWS):
+                kept.write(batch)
+        summary = folders.plain(_summary(program, recording))
+        text = folders.json_text(summary)
+        sums = {
+            **folder.manifest["sha256"],
+            folders.LOG: kept.sha256,
+            folders.SUMMARY: hashlib.sha256(text.encode()).hexdigest(),
+        }
+        folder.note(sha256=sums, log=kept.facts)
+        folder.write(folders.SUMMARY, text)
+        folder.note(
+            status=summary["status"],
+            reason=summary["ending"]["reason"],
+            finished=manifest.now(),
+            exit_code=summary["exit_code"],
+        )
+        run = Run(
+            folder.path,
+            content=content,
+            manifest=folders.plain(folder.manifest),
+            summary=summary,
+            history=history,
+            program=program,
+            damage="",
+        )
+        from taskspec_runner.report import write_report
+
+        write_report(run)
+        return run
+
+
+def _digest(log: Path) -> str:
+    with log.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def _summary(program: Program, recording: ForeignLog) -> dict[str, Any]:
+    """The summary of a run, less what only a run knows, and with where the log is from."""
+    history = recording.history
+    visits = list(history.visits())
+    outcome = _outcome(program, recording, visits)
+    simulated = Simulated(outcome, _transitions(program, visits, outcome), {})
+    judged = judge_run(program, history)
+    summary = summarise(program, simulated, history, judged, 0)
+    names = ("form", "as_measured", "not_recorded", "stages", "gap")
+    said = {name: recording.facts[name] for name in names}
+    # The name alone: where the log lay differs from machine to machine.
+    said["log"] = Path(recording.facts["log"]).name
+    return summary | {"seed": None, "torque_step": None, "recorded": said}
+
+
+def _outcome(program: Program, recording: ForeignLog, visits: Sequence[Visit]) -> Outcome:
+    """How the log ends: with the task, in a stage that leads to `fail`, or before its end."""
+    ticks, last = len(recording.history), visits[-1].stage
+    clock = ticks * program.context.period
+    names = [stage.name for stage in program.stages]
+    spec = program.stages[names.index(last)].plan.spec
+    following = names[names.index(last) + 1] if last != names[-1] else END
+    if recording.ended == FAIL:
+        text = f"the guards of stage '{last}' lead to fail"
+        return Outcome(FAILED, "guard", text, last, clock, ticks)
+    if END not in (spec.next or following, spec.on_fail):
+        text = f"the log ends, and '{spec.next or following}' would follow"
+        return Outcome(FAILED, "log_ends", text, last, clock, ticks)
+    return Outcome(DONE, END, "the log ends", last, clock, ticks)
+
+
+def _transitions(program: Program, visits: Sequence[Visit], outcome: Outcome) -> list[Transition]:
+    period = program.context.period
+    ends = []
+    for visit, after in zip(visits, [*visits[1:], None], strict=True):
+        to = END if after is None and outcome.status == DONE else FAIL
+        text, name = outcome.text, outcome.reason
+        if after is not None:
+            to, name = after.stage, RECORDED
+            text = f"the log goes on with stage '{to}'"
+        clock = (visit.last + 1) * period
+        ends.append(Transition(clock, visit.stage, RECORDED, name, text, 0.0, to))
+    return ends

@@ -1,0 +1,271 @@
+"""A recorded log as the history of a task: its samples at the ticks, each in a stage."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taskspec.geometry.axis import TRANSLATIONS
+from taskspec.program.program import Program
+from taskspec.signals import SCALARS
+from taskspec.signals.entries import TOUCHING
+from taskspec.text.suggest import suggestion
+from taskspec.text.units import NUMBER, parse_unit
+from taskspec_runner.errors import InputError
+from taskspec_runner.record.history import STAGE, History, RecordedColumns
+from taskspec_runner.record.layout import LogLayout
+from taskspec_runner.recorded.assignment import Assigned, Assignment
+from taskspec_runner.recorded.column_map import Columns
+from taskspec_runner.recorded.guards import GuardWalk
+from taskspec_runner.recorded.source import LogSource, open_source
+from taskspec_runner.recorded.ticks import BRIDGED, NEAR, Ticks, check_rate, check_times, filled
+
+Vector = NDArray[np.float64]
+
+BY_COLUMN, BY_TIMES, BY_GUARDS = "column", "times", "guards"
+
+
+@dataclass(frozen=True, slots=True)
+class ForeignLog:
+    """What was recorded, at the ticks of a task.
+
+    Attributes:
+        history: with the columns that there are.
+        ended: where the guards of the file led at last: `end`, `fail`; empty if they were not
+            asked, or none of them held.
+        facts: of the log, its columns and how stages were found, for a manifest.
+    """
+
+    history: History
+    ended: str
+    facts: dict[str, Any]
+
+
+def read_recording(program: Program, log: Path, columns: Columns) -> ForeignLog:
+    """A log at the ticks of a task.
+
+    Args:
+        program: of the task.
+        log: a CSV, Parquet or MCAP file.
+        columns: which of its columns is which signal.
+
+    Raises:
+        InputError: log or map cannot be used; the message says what, where and what to do.
+    """
+    return _Reading(program, open_source(log), columns).recording()
+
+
+class _Reading:
+    def __init__(self, program: Program, source: LogSource, columns: Columns) -> None:
+        self._program, self._source, self._columns = program, source, columns
+        self._period = program.context.period
+        layout = LogLayout.of(program)
+        self._units = {name: unit for name, unit in layout.units.items() if name != STAGE}
+        dimensions = {
+            name: parse_unit(unit).dimension if unit else NUMBER
+            for name, unit in self._units.items()
+        }
+        self._assignment = Assignment(source, columns, dimensions)
+        self._gap = columns.map.gap or BRIDGED * self._period
+
+    def recording(self) -> ForeignLog:
+        signals, staged = self._assignment.signals(), self._assignment.stages()
+        start, ticks = self._ticks(signals, staged)
+        values = {each.name: self._at(each, start, ticks) for each in signals}
+        measured = self._as_measured(values)
+        ended = ""
+        if staged is not None:
+            way, visits = BY_COLUMN, self._by_column(staged, start, ticks)
+        elif self._columns.map.stages is not None:
+            way, visits = BY_TIMES, self._by_times(ticks)
+        else:
+            way = BY_GUARDS
+            walk = GuardWalk(self._program, values, ticks, str(self._source.path))
+            visits, end, ended = walk.stages()
+            # What comes after the end of the task is no part of it.
+            ticks = Ticks(ticks.period, end, ticks.gap)
+            values = {name: column[:end] for name, column in values.items()}
+        history = self._history(values, visits, ticks)
+        facts = {
+            "log": str(self._source.path.absolute()),
+            "form": self._source.form,
+            "columns": {each.name: each.as_data() for each in signals},
+            "map": self._columns.name or None,
+            "as_measured": measured,
+            "not_recorded": sorted(history.unrecorded),
+            "stages": way,
+            "start": start,
+            "gap": self._gap,
+        }
+        return ForeignLog(history, ended, facts)
+
+    # Time.
+
+    def _ticks(
+        self, signals: Sequence[Assigned], staged: tuple[str, Vector, Sequence[str]] | None
+    ) -> tuple[float, Ticks]:
+        """Time of the log at which the task began [s], and the ticks from there on."""
+        columns = [(each.column, each.times) for each in signals]
+        if staged is not None and not self._source.timed:
+            columns.append(staged[:2])
+        checked: dict[int, None] = {}
+        first, last = -np.inf, np.inf
+        for column, times in columns:
+            if id(times) in checked:
+                continue
+            checked[id(times)] = None
+            what = f"{self._source.path}" + (f", {column}" if self._source.timed else "")
+            check_times(times, lambda row, c=column: self._assignment.place(c, row), what)
+            first, last = max(first, float(times[0])), min(last, float(times[-1]))
+            check_rate(times, self._period, self._gap, self._columns.map.rate, what)
+        if staged is not None:
+            first, last = self._within_stages(staged, first, last)
+        stated = self._columns.map.time
+        if stated is not None and stated.start is not None:
+            if not first - NEAR * self._period <= stated.start < last:
+                message = f"the log has samples from {first:.6g} s to {last:.6g} s"
+                raise self._columns.wrong(message, "time", "start")
+            first = stated.start
+        if last < first:
+            raise InputError(f"{self._source.path}: its signals have no time in common")
+        count = int(np.floor((last - first) / self._period + NEAR)) + 1
+        return first, Ticks(self._period, count, self._gap)
+
+    def _within_stages(
+        self, staged: tuple[str, Vector, Sequence[str]], first: float, last: float
+    ) -> tuple[float, float]:
+        """The time in which there is a stage; before and after it the column may say nothing."""
+        column, times, words = staged
+        named = np.array([bool(word) for word in words])
+        if not named.any():
+            raise InputError(f"{self._source.path}: column '{column}' names no stage")
+        rows = np.flatnonzero(named)
+        empty = np.flatnonzero(~named[rows[0] : rows[-1]])
+        if len(empty):
+            place = self._assignment.place(column, int(rows[0] + empty[0]))
+            raise InputError(
+                f"{self._source.path}: column '{column}' names no stage in {place}, between stages"
+            )
+        if rows[-1] < len(words) - 1:
+            # A message holds until the next one; a row of a table is one sample.
+            after = float(times[rows[-1] + 1]) - 2 * NEAR * self._period
+            last = min(last, after if self._source.timed else float(times[rows[-1]]))
+        return max(first, float(times[rows[0]])), last
+
+    def _at(self, signal: Assigned, start: float, ticks: Ticks) -> Vector:
+        """(ticks,) values of a signal at the ticks."""
+        held = signal.name in _HELD or _is_condition(signal.name)
+        return ticks.values(signal.times - start, signal.values, held=held)
+
+    def _as_measured(self, values: dict[str, Vector]) -> list[str]:
+        """Puts measured values in the place of true ones that nobody has; returns their names."""
+        taken = []
+        for name in self._units:
+            if name not in values and f"{name}.measured" in values:
+                values[name] = values[f"{name}.measured"]
+                taken.append(name)
+        forces = [values.get(f"force.{axis}") for axis in TRANSLATIONS]
+        if "touching" not in values and all(force is not None for force in forces):
+            size = np.sqrt(sum(force**2 for force in forces if force is not None))
+            values["touching"] = np.where(np.isnan(size), np.nan, size > TOUCHING)
+        return taken
+
+    # Stages.
+
+    def _by_column(
+        self, staged: tuple[str, Vector, Sequence[str]], start: float, ticks: Ticks
+    ) -> list[tuple[int, str]]:
+        column, times, words = staged
+        known = self._program.context.loaded.task.stages
+        for row, word in enumerate(words):
+            if word and word not in known:
+                place = self._assignment.place(column, row)
+                hint = suggestion(word, known, "stages")
+                raise InputError(
+                    f"{self._source.path}: '{word}' in column '{column}', {place}, is no stage of "
+                    f"the task; {hint}; a map has names for that (stage: {{column: {column}, "
+                    f"names: {{{word}: ...}}}})"
+                )
+        stages = [words[row] for row in ticks.last(times - start).tolist()]
+        since = self._assignment.since()
+        found: list[tuple[int, str]] = []
+        # A stage that follows itself shows where a run's own log counts its time anew.
+        t = None if since is None else ticks.values(since.times - start, since.values, held=True)
+        anew = np.zeros(ticks.count, dtype=bool)
+        if t is not None:
+            anew[1:] = np.diff(t) < -self._period / 2
+        for tick, name in enumerate(stages):
+            if not found or found[-1][1] != name or anew[tick]:
+                found.append((tick, name))
+        return found
+
+    def _by_times(self, ticks: Ticks) -> list[tuple[int, str]]:
+        starts = self._columns.map.stages or []
+        known = self._program.context.loaded.task.stages
+        for number, each in enumerate(starts):
+            if each.stage not in known:
+                hint = suggestion(each.stage, known, "stages")
+                message = f"the task has no stage '{each.stage}'; {hint}"
+                raise self._columns.wrong(message, "stages", number, "stage")
+        times = [each.at for each in starts]
+        for number, (before, after) in enumerate(pairwise(times), 1):
+            if after <= before:
+                message = "a stage begins after the one before it"
+                raise self._columns.wrong(message, "stages", number, "at")
+        if times[0] > NEAR * self._period:
+            message = "the first stage begins with the log, at 0 s; time.start leaves out the rest"
+            raise self._columns.wrong(message, "stages", 0, "at")
+        firsts = [int(np.ceil(time / self._period - NEAR)) for time in times]
+        for number, first in enumerate(firsts):
+            if first >= ticks.count:
+                message = f"the log ends at {ticks.count * self._period:.6g} s"
+                raise self._columns.wrong(message, "stages", number, "at")
+        return [(first, each.stage) for first, each in zip(firsts, starts, strict=True)]
+
+    # Both together.
+
+    def _history(
+        self, values: dict[str, Vector], visits: Sequence[tuple[int, str]], ticks: Ticks
+    ) -> History:
+        """What there is, tick by tick; `t` counts from where each visit of a stage begins."""
+        stages = np.empty(ticks.count, dtype=f"<U{max(len(name) for _, name in visits)}")
+        t = np.empty(ticks.count)
+        firsts = [first for first, _ in visits]
+        spans = list(zip(firsts, [*firsts[1:], ticks.count], visits, strict=True))
+        for first, end, (_, name) in spans:
+            stages[first:end] = name
+            t[first:end] = np.arange(end - first) * self._period
+        columns = {"clock": ticks.clock, "t": t}
+        path = self._source.path
+        for name in self._units:
+            if name not in values:
+                continue
+            columns[name] = values[name].copy()
+            for first, end, (_, stage) in spans:
+                what = f"{path}: {name} in stage '{stage}'"
+                part = values[name][first:end]
+                columns[name][first:end] = filled(part, ticks, what, sparse=_is_sparse(name))
+        missing = frozenset(self._units) - columns.keys() - {"t"}
+        return History(RecordedColumns(columns), stages, self._stated(columns), missing)
+
+    def _stated(self, columns: dict[str, Vector]) -> dict[str, str]:
+        return {name: self._units[name] for name in columns}
+
+
+#: What stays between two samples: it is counted, or one of a few.
+_HELD = ("limits", "residual")
+
+
+def _is_sparse(name: str) -> bool:
+    """Whether a signal may have no value for some time."""
+    return name.endswith((".ref", "gap")) or name.startswith("error.")
+
+
+def _is_condition(name: str) -> bool:
+    return name in SCALARS and SCALARS[name].condition

@@ -1,0 +1,163 @@
+"""The resampling rule: what a log's samples come to at the ticks of a task.
+
+A sample that is nearer to a tick than a hundredth of its period is the value of that tick. Between
+samples a number is interpolated linearly, a condition or a stage is that of the last sample.
+Nothing is filtered. Two samples that are further apart than a bound are not bridged.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taskspec_runner.errors import InputError
+
+Vector = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+#: A sample so near to a tick, as a share of the period, is the value of the tick.
+NEAR = 0.01
+#: Periods between two samples that are bridged where a map states no other bound.
+BRIDGED = 10
+#: Samples a tick beyond which a time in a wrong unit is more likely than such a log.
+_MOST_PER_TICK = 100.0
+
+
+@dataclass(frozen=True, slots=True)
+class Ticks:
+    """The ticks of a task over a log.
+
+    Attributes:
+        period: of the task [s].
+        count: how many there are.
+        gap: longest time between two samples that is bridged [s].
+    """
+
+    period: float
+    count: int
+    gap: float
+
+    @property
+    def clock(self) -> Vector:
+        """(count,) run time of each tick [s]."""
+        return np.asarray(np.arange(self.count) * self.period, dtype=float)
+
+    def last(self, times: Vector) -> NDArray[np.int64]:
+        """(count,) the last sample at or before each tick.
+
+        Args:
+            times: (n,) of samples [s]; the first is not after the first tick.
+        """
+        after = np.searchsorted(times, self.clock + NEAR * self.period, side="right")
+        return np.maximum(after - 1, 0)
+
+    def values(self, times: Vector, values: Vector, *, held: bool) -> Vector:
+        """(count,) values at the ticks; NaN next to a sample that is NaN.
+
+        Args:
+            times, values: (n,) samples, times rising [s].
+            held: whether a value stays until the next sample.
+        """
+        before, clock = self.last(times), self.clock
+        found = values[before]
+        if held:
+            return np.asarray(found)
+        between = np.abs(times[before] - clock) > NEAR * self.period
+        first = before[between]
+        second = np.minimum(first + 1, len(times) - 1)
+        width = np.maximum(times[second] - times[first], 1e-300)
+        share = np.clip((clock[between] - times[first]) / width, 0.0, 1.0)
+        found = found.copy()
+        found[between] = values[first] + share * (values[second] - values[first])
+        return np.asarray(found)
+
+
+def check_times(times: Vector, place: Mask | object, what: str) -> None:
+    """Finds out whether times rise.
+
+    Args:
+        times: (n,) [s].
+        place: row -> where it stands, in words.
+        what: they are the times of.
+
+    Raises:
+        InputError: one is missing or is not later than the one before.
+    """
+    assert callable(place)
+    if not np.isfinite(times).all():
+        row = int(np.flatnonzero(~np.isfinite(times))[0])
+        raise InputError(f"{what}: there is no time in {place(row)}")
+    late = np.flatnonzero(np.diff(times) <= 0)
+    if len(late):
+        row = int(late[0]) + 1
+        told = f"{times[row]:.9g} s after {times[row - 1]:.9g} s"
+        raise InputError(f"{what}: time does not rise in {place(row)}: {told}")
+
+
+def check_rate(times: Vector, period: float, gap: float, rate: float | None, what: str) -> None:
+    """Finds out whether the samples of a log make up the ticks of a task.
+
+    Args:
+        times: (n,) of samples, rising [s].
+        period: of the task [s].
+        gap: longest time between two of them that is bridged [s].
+        rate: that they are to have [Hz]; None for any.
+        what: they are the times of.
+
+    Raises:
+        InputError: they are too far apart, far too close, or have another rate.
+    """
+    steps = np.diff(times)
+    if not len(steps):
+        raise InputError(f"{what}: there is one sample, of which no course can be judged")
+    usual = float(np.median(steps))
+    if rate is not None and not 0.9 <= usual * rate <= 1.1:
+        raise InputError(
+            f"{what}: it has {1 / usual:.4g} samples a second, and the map says {rate:.4g} Hz"
+        )
+    if usual * _MOST_PER_TICK < period:
+        raise InputError(
+            f"{what}: it has {1 / usual:.4g} samples a second, where the task has "
+            f"{1 / period:.4g} ticks; state the unit of the time"
+        )
+    wide = np.flatnonzero(steps > gap * (1 + 1e-9))
+    if len(wide):
+        row = int(wide[0])
+        often = f" and {len(wide) - 1} more times" if len(wide) > 1 else ""
+        raise InputError(
+            f"{what}: there is no sample for {1e3 * steps[row]:.6g} ms from {times[row]:.6g} s "
+            f"on{often}, and up to {1e3 * gap:.6g} ms are bridged ({1 / period:.4g} ticks a "
+            f"second, {1 / usual:.4g} samples); state the unit of the time, or the bound: "
+            f"gap: {np.ceil(1e3 * float(steps.max()) - 1e-6):.0f} ms"
+        )
+
+
+def filled(values: Vector, ticks: Ticks, what: str, *, sparse: bool = False) -> Vector:
+    """Values of one stay in a stage, with short gaps closed as between samples.
+
+    Args:
+        values: (n,) NaN where there is none; nothing is closed where there is none at all.
+        ticks: for the bound.
+        what: they are, and where, for the message.
+        sparse: whether there may be none for some time, as there is no reference, or no surface.
+
+    Raises:
+        InputError: a gap is longer than what is bridged.
+    """
+    missing = np.isnan(values)
+    if not missing.any() or missing.all():
+        return values
+    known = np.flatnonzero(~missing)
+    edges = np.concatenate([[-1], known, [len(values)]])
+    widest = int(np.max(np.diff(edges))) - 1
+    if (widest + 1) * ticks.period > ticks.gap * (1 + 1e-9):
+        if sparse:
+            return values
+        row = int(edges[int(np.argmax(np.diff(edges)))]) + 1
+        raise InputError(
+            f"{what} has no value for {1e3 * widest * ticks.period:.6g} ms, from tick {row} of it "
+            f"on, and up to {1e3 * ticks.gap:.6g} ms are bridged"
+        )
+    return np.interp(np.arange(len(values)), known, values[known])
