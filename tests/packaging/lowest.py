@@ -1,8 +1,9 @@
-"""The lowest versions that pyproject.toml allows, as pins for pip: `python lowest.py > pins.txt`."""
+"""The lowest versions that pyproject.toml allows, as pins for pip."""
 
 from __future__ import annotations
 
 import re
+import sys
 import tomllib
 from collections.abc import Iterable, Iterator
 from pathlib import Path
@@ -28,4 +29,4 @@ def all_pins(extras: Iterable[str] = ("mcap",)) -> list[str]:
 
 
 if __name__ == "__main__":
-    print("\n".join(all_pins()))
+    sys.stdout.write("\n".join(all_pins()) + "\n")
