@@ -9,14 +9,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.analysis.loop import UnfitError
-from taskspec.analysis.sampled_stage import SampledStage, loop_like
+from taskspec.analysis.sampled_stage import ReferenceDrive, SampledStage, SetPointDrive, loop_like
 from taskspec.foresight.approach import approach
 from taskspec.foresight.conditions import bounds_of, names
 from taskspec.foresight.flow import good_end
 from taskspec.foresight.force_profile import set_points_at
 from taskspec.foresight.interval import IntervalAlgebra
 from taskspec.foresight.ranges import Ranges
-from taskspec.geometry.axis import Axis
+from taskspec.foresight.reference_motion import reference_motion
+from taskspec.geometry.axis import AXES, Axis
+from taskspec.laws.gains import on_axis
+from taskspec.modes import Way
 from taskspec.motion import blend
 from taskspec.program.axes import MOSTLY
 from taskspec.program.passage import End
@@ -30,6 +33,8 @@ Vector = NDArray[np.float64]
 _MOST_TICKS = 20000
 #: Instants at which a set point that changes is looked at.
 _LOOKS = 400
+#: A rate takes so many instants.
+_FEW = 2
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,41 +83,83 @@ class ForceCourses:
         key = name, axis
         if key not in self._known:
             self._known[key] = None  # A stage that follows itself begins with what is not known.
-            self._known[key] = self._course(self._task.stages[name], axis)
+            try:
+                self._known[key] = self._course(self._task.stages[name], axis)
+            except (UnfitError, np.linalg.LinAlgError):
+                self._known[key] = None
         return self._known[key]
 
     def _course(self, stage: StagePlan, axis: Axis) -> ForceCourse | None:
         if stage.held and not stage.law.control_law.force_loop:
             return _sprung(stage, axis)
-        lasts, entry = _lasts(stage), stage.spec.axes[axis].set_point
+        return self._pressed(stage, axis) if stage.plans[axis].set_point else self._displaced(stage, axis)
+
+    def _times(self, stage: StagePlan, axis: Axis) -> Vector | None:
+        """(k,) the ticks of a stage [s]; None where its force along an axis cannot be followed."""
+        lasts = _lasts(stage)
         count = 0 if lasts is None else round(lasts / stage.context.period)
-        begins = self._begins(stage, axis)
-        if begins is None or entry is None or not 0 < count <= _MOST_TICKS:
-            return None
         # Across a normal, friction is what returns a force, which the loop knows nothing of.
-        if not stage.gripped and abs(stage.facing(axis)) < MOSTLY:
+        across = not stage.gripped and abs(stage.facing(axis)) < MOSTLY
+        if across or not _FEW <= count <= _MOST_TICKS:
+            return None
+        return stage.context.period * np.arange(count, dtype=float)
+
+    def _pressed(self, stage: StagePlan, axis: Axis) -> ForceCourse | None:
+        """The force of an axis with a set point."""
+        times, entry = self._times(stage, axis), stage.spec.axes[axis].set_point
+        begins = None if times is None else self._begins(stage, axis)
+        if times is None or begins is None or entry is None:
             return None
         force, twist = begins
-        times: Vector = stage.context.period * np.arange(count, dtype=float)
         wanted = _wanted(stage, axis, times)
         sampled = None if wanted is None else _sampled(self._task, stage.name)
-        if wanted is None or sampled is None:
+        if wanted is None or sampled is None or sampled.meets:
             return None
         rise = entry.rise
-        risen = np.ones(count)
+        risen = np.ones(len(times))
         early = times < rise
         risen[early] = [blend.ramp_shape(float(t) / rise) for t in times[early]]
         rises = risen * (wanted - force)
-        try:
-            moved = sampled.follows(axis, rises, twist)
-        except (UnfitError, np.linalg.LinAlgError):
-            return None
+        own = SetPointDrive(axis, rises[:, None])
+        moved = sampled.follows(axis, [own, *_others(stage, axis, times)], twist)
         if moved is None:
             return None
         applied = force + moved
         if not stage.gripped and _leaves(stage, axis, applied):
             return None
         return ForceCourse(times, wanted, force + rises, applied)
+
+    def _displaced(self, stage: StagePlan, axis: Axis) -> ForceCourse | None:
+        """The force of an axis whose spring is held by a surface while its reference goes on.
+
+        At rest it is the way of the reference behind the surface over 1/k_m + 1/k, (4.26).
+        """
+        times = self._times(stage, axis)
+        begins = None if times is None else self._begins(stage, axis)
+        if times is None or begins is None:
+            return None
+        force, twist = begins
+        # What comes there from free space begins at the surface, wherever that is met.
+        gap = stage.nominal.gap if stage.nominal.gap is not None or not twist.any() else 0.0
+        coming = float(stage.rotation[:, axis.column] @ twist[:3])
+        behind = None if gap is None else _behind(stage, axis, times, (gap, coming))
+        if behind is None:
+            return None
+        sampled = _sampled(self._task, stage.name)
+        if sampled is None:
+            return None
+        own = stage.law.control_law.spring(on_axis(stage.gains, axis), stage.plants[axis].h)
+        gives = 1 / own + 1 / stage.stiffness_of(axis)
+        own_way = ReferenceDrive(axis, _with_rates(behind - gives * force, times))
+        moved = sampled.follows(axis, [own_way, *_others(stage, axis, times)], twist)
+        if moved is None:
+            return None
+        applied, wanted = force + moved, behind / gives
+        # A tool that bounces as it comes there is brought back by its spring, and goes on.
+        if _leaves(stage, axis, applied[len(applied) // 2 :]):
+            return None
+        applied = np.where(applied * stage.facing(axis) > 0, 0.0, applied)
+        return ForceCourse(times, wanted, wanted, applied)
 
     def _begins(self, stage: StagePlan, axis: Axis) -> tuple[float, Vector] | None:
         """Force on an axis [N, N m] and twist of the tip (6,) at first; None if unknown."""
@@ -145,11 +192,71 @@ class ForceCourses:
         A guard may end it at any time, which is taken to be once it has settled.
         """
         force = stage.spec.axes[axis].set_point
-        if force is None:
-            return None
         course = None if stage.spec.until is not None else self.of(stage.name, axis)
+        if force is None:
+            return None if course is None else float(course.applied[-1])
         value = stage.known(force.wanted) if course is None else float(course.applied[-1])
         return value if value is not None and math.isfinite(value) else None
+
+
+def _behind(
+    stage: StagePlan, axis: Axis, times: Vector, begins: tuple[float, float]
+) -> Vector | None:
+    """(k,) where the reference of a motion axis is at each time, its contact's surface at 0 [m].
+
+    Along the axis. None where that is not known, where no spring of the law follows it, and where
+    it does not end behind the surface.
+
+    Args:
+        stage: the stage.
+        axis: a motion axis along a normal.
+        times: (k,) since it began [s].
+        begins: distance from its contact as it begins [m], and rate of the reference along the
+            axis that is handed over [m/s].
+    """
+    gap, coming = begins
+    law, contact = stage.law.control_law, stage.contact_of(axis)
+    if law.force_loop or stage.falls or contact is None:
+        return None
+    if contact != stage.contact or contact in stage.context.moving_bases:
+        return None
+    if law.spring(on_axis(stage.gains, axis), stage.plants[axis].h) <= 0:
+        return None
+    # A frame that follows a curved surface has no coordinates but the distance from it.
+    start = stage.nominal.coordinates or {**dict.fromkeys(AXES, 0.0), Axis.Z: gap}
+    motion = reference_motion(stage, start, {**stage.nominal.carried, axis: coming})
+    way = None if motion is None else motion.ways.get(axis)
+    if way is None:
+        return None
+    behind: Vector = _along(way, times) + gap / stage.facing(axis)
+    deepest = float(behind[-1]) * math.copysign(1.0, -stage.facing(axis))
+    return behind if np.isfinite(behind).all() and deepest > 0 else None
+
+
+def _others(stage: StagePlan, axis: Axis, times: Vector) -> list[ReferenceDrive]:
+    """The other references of a law whose springs hold each other, and that move.
+
+    A law with a loop for the force keeps that what it is to be. On a curved surface references go
+    along it, which a loop about one place knows nothing of.
+    """
+    start = stage.nominal.coordinates
+    if stage.law.control_law.force_loop or stage.path is not None or start is None:
+        return []
+    motion = reference_motion(stage, start, stage.nominal.carried)
+    ways = {} if motion is None else {a: _along(w, times) for a, w in motion.ways.items()}
+    moving = {a: way for a, way in ways.items() if a is not axis and np.isfinite(way).all()}
+    return [ReferenceDrive(a, _with_rates(way, times)) for a, way in moving.items() if way.any()]
+
+
+def _along(way: Way, times: Vector) -> Vector:
+    """(k,) a way at each time."""
+    looks = np.linspace(0.0, float(times[-1]), min(_LOOKS, len(times)))
+    return np.interp(times, looks, [float(way(t)) for t in looks.tolist()])
+
+
+def _with_rates(moved: Vector, times: Vector) -> Vector:
+    """(k, 2) a displacement at each time, and its rate."""
+    return np.column_stack([moved, np.gradient(moved, times)])
 
 
 def _lasts(stage: StagePlan) -> float | None:
@@ -188,7 +295,7 @@ def _sampled(task: TaskPlan, name: str) -> SampledStage | None:
         found = loop_like(task, name)
     except (UnfitError, np.linalg.LinAlgError):
         return None
-    return None if found is None or found.meets or not found.pressed else found
+    return None if found is None or not found.pressed else found
 
 
 def _dwell(stage: StagePlan) -> float:
@@ -212,15 +319,6 @@ def _force_at_end(stage: StagePlan) -> float:
         and not interval.low <= 0 <= interval.high
     ]
     return max((f for f in forces if math.isfinite(f)), default=0.0)
-
-
-def _held_at_end(stage: StagePlan, axis: Axis) -> float | None:
-    """The set point of an axis as its stage ends; None where it is not known."""
-    force = stage.spec.axes[axis].set_point
-    assert force is not None
-    ends = stage.spec.time if stage.spec.until is None else None
-    value = stage.known(force.wanted, None if ends is None else {"t": ends})
-    return value if value is not None and math.isfinite(value) else None
 
 
 def _wanted(stage: StagePlan, axis: Axis, times: Vector) -> Vector | None:

@@ -29,6 +29,41 @@ LEAST_PRESS = 1.0
 
 
 @dataclass(frozen=True, slots=True)
+class SetPointDrive:
+    """A set point that changes.
+
+    Attributes:
+        axis: a force axis.
+        inputs: (N, 1) by how much it is more at each tick [N, N m].
+    """
+
+    axis: Axis
+    inputs: Matrix
+
+    def column(self, at: Operating) -> Matrix | None:
+        """(n + s, 1) what 1 more adds to torque and whole memory; None where that is nothing."""
+        found = at.set_point_drive(self.axis)
+        return None if found is None else found[:, None]
+
+
+@dataclass(frozen=True, slots=True)
+class ReferenceDrive:
+    """A motion reference that moves.
+
+    Attributes:
+        axis: a motion axis.
+        inputs: (N, 2) where it has moved to at each tick [m, rad], and its rate [m/s, rad/s].
+    """
+
+    axis: Axis
+    inputs: Matrix
+
+    def column(self, at: Operating) -> Matrix | None:
+        """(n + s, 2) what 1 more adds to torque and whole memory; None where that is nothing."""
+        return at.reference_drive(self.axis)
+
+
+@dataclass(frozen=True, slots=True)
 class SampledStage:
     """A stage as a sampled linear system.
 
@@ -101,31 +136,35 @@ class SampledStage:
         wrench = response(controller, plant, sensor, Drive(moves=name), inputs)
         return np.asarray(wrench[:, :3] @ self.context.start_normals[name])
 
-    def follows(self, axis: Axis, wanted: Matrix, twist: Matrix) -> Matrix | None:
-        """(N,) force that is applied on an axis while its set point changes [N, N m].
+    def follows(
+        self, axis: Axis, drives: Sequence[SetPointDrive | ReferenceDrive], twist: Matrix
+    ) -> Matrix | None:
+        """(N,) force that is applied on an axis while its set point or references change [N, N m].
 
         The stage is at its equilibrium before the first tick, and forces count from there. None
-        where the set point drives nothing.
+        where the first of the drives drives nothing.
 
         Args:
-            axis: a force axis.
-            wanted: (N,) the set point at each tick.
+            axis: an axis.
+            drives: what changes, that of the axis itself first.
             twist: (6,) of the tip before the first tick, world axes [m/s, rad/s].
 
         Raises:
             UnfitError: the loop has too many states, or grows without bounds.
         """
-        drive = self.at.set_point_drive(axis)
-        if drive is None:
+        columns = [each.column(self.at) for each in drives]
+        if columns[0] is None:
             return None
+        driven = [(d, c) for d, c in zip(drives, columns, strict=True) if c is not None]
         controller, plant, sensor, _ = self._loop(None, None)
         heeded = [*range(plant.n), *(plant.n + slot for slot in controller.slots)]
         # The joints' rates that give the tip its twist with the least energy.
         J, H = self.context.start_jacobian, self.context.start_inertia
         W = np.linalg.solve(H, J.T)
         rates = W @ np.linalg.lstsq(J @ W, twist, rcond=_ALIKE)[0]
-        control = Drive(control=drive[heeded, None])
-        wrench = response(controller, plant, sensor, control, wanted[:, None], rates)
+        control = Drive(control=np.hstack([c for _, c in driven])[heeded])
+        inputs = np.hstack([d.inputs for d, _ in driven])
+        wrench = response(controller, plant, sensor, control, inputs, rates)
         part = slice(3, 6) if axis.is_rotation else slice(0, 3)
         # The robot applies the opposite of what acts on the tool.
         return np.asarray(-wrench[:, part] @ self.rotation[:, axis.column])

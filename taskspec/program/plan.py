@@ -225,13 +225,13 @@ class StagePlan:
 
     @cached_property
     def approached(self) -> str | None:
-        """The first object on the way of its constant velocities; None where there is none."""
+        """The first object on the way of its steady velocities; None where there is none."""
         if self.surface is not None or self.spec.contact is not None or self.gripped:
             return self.contact
         rates = np.zeros(3)
         for axis, entry in self.spec.axes.items():
             if axis in self.contacts:
-                rates[axis.row] = entry.mode.constant_rate(self.known) or 0.0
+                rates[axis.row] = entry.mode.settled_rate(self.known) or 0.0
         if not np.isfinite(rates).all() or not rates.any():
             return None
         p, R = self.tool

@@ -78,20 +78,49 @@ def guards_beyond_forces(task: TaskPlan) -> Iterator[Finding]:
         )
 
 
+@rule({}, also=("TS618",), phase=Phase.STABILITY)
+def failures_by_forces(task: TaskPlan) -> Iterator[Finding]:
+    """Failures that the force of an axis brings about on its way, or where a spring ends."""
+    ways = ForceCourses(task), ForceCourses(task, deepens=False)
+    for name, stage in task.framed.items():
+        guard = stage.spec.fail_if
+        axis = None if guard is None else _about(stage, guard)
+        courses = [way.of(name, axis) for way in ways] if axis is not None else []
+        if guard is None or axis is None or not courses or not all(courses):
+            continue
+        looks = [force for c in courses if c for force in (c.applied, _nearer(c))]
+        since = [_holds_since(task, guard.tree, force) for force in looks]
+        course, i = courses[0], since[0]
+        if course is None or i is None or None in since:
+            continue
+        force, time = float(course.applied[i]), float(course.times[i])
+        yield warning(
+            "TS618",
+            f"stage {name!r} fails: {axis.effort}.{axis} is foreseen to be "
+            f"{show(force, axis.of(FORCE), 3)} at t = {show(time, 's', 3)}, and this holds",
+            guard.span,
+            "let it begin beyond what is foreseen, or press less",
+            unless=("TS501", "TS612", "TS613", "TS618"),
+        )
+
+
 def _waits_for(stage: StagePlan) -> Axis | None:
     """The one axis whose force alone the guard of a stage waits for."""
-    if stage.spec.until is None:
-        return None
+    return None if stage.spec.until is None else _about(stage, stage.spec.until)
+
+
+def _about(stage: StagePlan, guard: Expression) -> Axis | None:
+    """The one axis whose force alone a guard is about, if that is foreseen."""
     paths = {
         n.path
-        for n in names(stage.spec.until.tree)
+        for n in names(guard.tree)
         if constant(stage.context, n) is None or n.frame is not None
     }
     if len(paths) != 1:
         return None
     (path,) = paths
     axis = as_axis(path[-1])
-    if len(path) != 2 or axis is None or path[0] != axis.effort or not _is_set(stage, axis):
+    if len(path) != 2 or axis is None or path[0] != axis.effort or not _is_foreseen(stage, axis):
         return None
     return axis
 
@@ -100,6 +129,23 @@ def _ever(task: TaskPlan, node: Node, applied: Vector) -> bool:
     """Whether a condition on one force ever holds while that goes its way."""
     worth = _over(task, node, applied, applied)
     return not worth.known or bool((worth.inside() == 1).any())
+
+
+def _holds_since(task: TaskPlan, guard: Node, applied: Vector) -> int | None:
+    """The tick from which on a condition on one force holds for as long as it is to."""
+    node = guard.x if isinstance(guard, Held) else guard
+    lasts = guard.amount.value_si if isinstance(guard, Held) else 0.0
+    ticks = max(round(lasts / task.context.period), 1)
+    worth = _over(task, node, applied, applied)
+    if not worth.known:
+        return None
+    holds = worth.inside() == 1
+    run = 0
+    for i in range(len(holds)):
+        run = run + 1 if holds[i] else 0
+        if run == ticks:
+            return i
+    return None
 
 
 def _over(task: TaskPlan, node: Node, applied: Vector, reference: Vector) -> Series:
@@ -139,8 +185,13 @@ def _force_of(task: TaskPlan, condition: Node) -> tuple[str, str, str] | None:
     stage, axis = task.framed.get(name), as_axis(last)
     if stage is None or axis is None or axis.effort != effort:
         return None
-    looped = stage.spec.until is None and _is_set(stage, axis)
-    return path if looped or _is_sprung(stage, axis) else None
+    if _is_sprung(stage, axis):
+        return path
+    if stage.spec.until is not None or not _is_foreseen(stage, axis):
+        return None
+    if any(n.path[3:] for n in signals) and not stage.plans[axis].set_point:
+        return None
+    return path
 
 
 def _is_sprung(stage: StagePlan, axis: Axis) -> bool:
@@ -149,10 +200,18 @@ def _is_sprung(stage: StagePlan, axis: Axis) -> bool:
     return bool(stage.held) and plan is not None and plan.open_loop
 
 
-def _is_set(stage: StagePlan, axis: Axis) -> bool:
-    """Whether a loop brings the force of an axis to its set point."""
+def _is_foreseen(stage: StagePlan, axis: Axis) -> bool:
+    """Whether an axis has a set point, or a spring whose force its reference tells."""
     plan = stage.plans.get(axis)
-    return plan is not None and plan.force and stage.law.control_law.force_loop
+    loop = stage.law.control_law.force_loop
+    if plan is None or (stage.held and not loop):
+        return False
+    return plan.set_point or not (axis.is_rotation or loop)
+
+
+def _nearer(course: ForceCourse) -> Vector:
+    """(k,) what is applied, nearer to the set point by `_DOUBT`."""
+    return np.asarray(course.wanted + (1 - _DOUBT) * (course.applied - course.wanted))
 
 
 class _Look:
@@ -172,8 +231,7 @@ class _Look:
     @property
     def misses(self) -> bool:
         """Whether it is broken, even if the force came nearer to its set point by `_DOUBT`."""
-        wanted, applied = self._course.wanted, self._course.applied
-        return not (self._holds(applied) or self._holds(wanted + (1 - _DOUBT) * (applied - wanted)))
+        return not (self._holds(self._course.applied) or self._holds(_nearer(self._course)))
 
     def finding(self) -> Finding:
         """What is foreseen instead."""
@@ -185,8 +243,10 @@ class _Look:
                 "lay the frame on the mechanism, soften that axis, or take a law with a force loop"
             )
         elif self._holds(self._course.wanted):
-            why = f"the loop of {axis!r} in stage {name!r} settles too slowly, or overshoots"
-            hint = "let the stage last longer, raise its force gains, or widen this"
+            loop = "spring" if self._is_spring else "loop"
+            why = f"the {loop} of {axis!r} in stage {name!r} settles too slowly, or overshoots"
+            gains = "damping" if self._is_spring else "force gains"
+            hint = f"let the stage last longer, raise its {gains}, or widen this"
         else:
             why = f"the set point of {axis!r} in stage {name!r} itself goes there"
             hint = "widen this by what the set point changes, or expect its mean"
@@ -199,6 +259,11 @@ class _Look:
             hint,
             unless=("TS501", "TS723", "TS308"),
         )
+
+    @property
+    def _is_spring(self) -> bool:
+        """Whether the law has no loop that brings the force to its set point."""
+        return not self._task.stages[self._signal[0]].law.control_law.force_loop
 
     def _foreseen(self) -> str:
         condition, times = self._condition, self._course.times
