@@ -92,7 +92,11 @@ class ForceCourses:
     def _course(self, stage: StagePlan, axis: Axis) -> ForceCourse | None:
         if stage.held and not stage.law.control_law.force_loop:
             return _sprung(stage, axis)
-        return self._pressed(stage, axis) if stage.plans[axis].set_point else self._displaced(stage, axis)
+        return (
+            self._pressed(stage, axis)
+            if stage.plans[axis].set_point
+            else self._displaced(stage, axis)
+        )
 
     def _times(self, stage: StagePlan, axis: Axis) -> Vector | None:
         """(k,) the ticks of a stage [s]; None where its force along an axis cannot be followed."""
