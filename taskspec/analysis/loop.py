@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -147,10 +148,10 @@ def response(
     pushes = [inputs @ step.E.T for step in steps]
     # What grows without bounds overflows, and is refused below.
     with np.errstate(over="ignore", invalid="ignore"):
-        for k in range(len(inputs)):
+        for k, (here, after) in enumerate(itertools.pairwise(x)):
             i = min(k % sensor.hold_ticks, 1)
-            np.dot(steps[i].F, x[k], out=x[k + 1])
-            x[k + 1] += pushes[i][k]
+            np.dot(steps[i].F, here, out=after)
+            after += pushes[i][k]
         wrenches = x[:-1] @ steps[-1].C.T + inputs @ steps[-1].D.T
         taken = slice(None, None, sensor.hold_ticks)
         wrenches[taken] = x[:-1][taken] @ steps[0].C.T + inputs[taken] @ steps[0].D.T

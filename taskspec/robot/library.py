@@ -17,6 +17,7 @@ _PLANAR = {"planar2": (Axis.X, Axis.Y), "planar3": (Axis.X, Axis.Y, Axis.RZ)}
 
 
 @cache
+@cache
 def builtin_names() -> tuple[str, ...]:
     """The names that `robot.model` may say, sorted by number of joints."""
     found = {path.stem: path for path in _MODELS.glob("*.xml")}

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import difflib
+from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -33,6 +35,8 @@ if TYPE_CHECKING:
     Array = npt.NDArray[np.float64]
 
 _LEAST_INERTIA = 1e-8
+#: Of so many robots that are built in the models are kept: many tasks have the same.
+_KEPT = 8
 
 
 def load_robot(robot: RobotLike, base_dir: Path | None = None) -> RobotModel:
@@ -45,7 +49,62 @@ def load_robot(robot: RobotLike, base_dir: Path | None = None) -> RobotModel:
     Raises:
         RobotError: TS401 to TS408; see `taskspec.text.codes`.
     """
-    description = _describe(robot.model, base_dir)
+    if robot.model in builtin_names():
+        return _built_in(_Section.of(robot))
+    return _made(robot, _describe(robot.model, base_dir))
+
+
+@dataclass(frozen=True, slots=True)
+class _Placed:
+    """A `PoseLike` that can be looked up."""
+
+    xyz: tuple[float, ...]
+    rpy: tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class _Mounted:
+    """A `ToolLike` that can be looked up."""
+
+    shape: str
+    radius: float | None
+    size: tuple[float, ...] | None
+    length: float | None
+    mass: float
+
+
+@dataclass(frozen=True, slots=True)
+class _Section:
+    """A `RobotLike` that can be looked up."""
+
+    model: str
+    flange: str | None
+    base: _Placed
+    tool: _Mounted
+    balanced: bool
+
+    @staticmethod
+    def of(robot: RobotLike) -> _Section:
+        """What the models of a robot are made from."""
+        tool, base = robot.tool, robot.base
+        size = None if tool.size is None else tuple(tool.size)
+        return _Section(
+            robot.model,
+            robot.flange,
+            _Placed(tuple(base.xyz), tuple(base.rpy)),
+            _Mounted(tool.shape, tool.radius, size, tool.length, tool.mass),
+            robot.balanced,
+        )
+
+
+@lru_cache(maxsize=_KEPT)
+def _built_in(robot: _Section) -> RobotModel:
+    """The models of a robot that no file changes; nobody changes them either."""
+    return _made(robot, read_builtin(robot.model))
+
+
+def _made(robot: RobotLike, description: Description) -> RobotModel:
+    """The models of a robot that a description tells."""
     m = description.model
     chain = find_chain(m, robot.flange)
     joints = list(chain.joints)
@@ -154,8 +213,6 @@ def _check_inertia(twin: pin.Model, home: Array) -> None:
 
 
 def _describe(name: str, base_dir: Path | None) -> Description:
-    if name in builtin_names():
-        return read_builtin(name)
     if looks_like_path(name):
         return read_own(name, base_dir or Path.cwd())
     close = difflib.get_close_matches(name, builtin_names(), 1)
