@@ -22,7 +22,7 @@ from taskspec_runner.cli.diagnostics import record, show_diagnostics
 from taskspec_runner.cli.formats import RunFormat
 from taskspec_runner.cli.loading import load
 from taskspec_runner.cli.progress import progress_line
-from taskspec_runner.compare.attempt import Attempt, attempt
+from taskspec_runner.compare.attempt import AS_WRITTEN, Attempt, attempt
 from taskspec_runner.compare.comparison import comparison
 from taskspec_runner.compare.folder import (
     COMPARISON,
@@ -54,7 +54,7 @@ def compare_laws(
     """Runs a task file under several laws and tells how they compare."""
     from taskspec_runner.cli.comparison import show_comparison
 
-    names = chosen(laws)
+    names = [AS_WRITTEN, *chosen(laws)]
     if out is not None:
         # Before anything is compiled.
         check_unlocked(out)
@@ -108,7 +108,7 @@ def chosen(laws: Sequence[str] | None) -> list[str]:
 
 
 def _loaded(file: Path, sets: Sequence[str], law: str) -> LoadedTask:
-    return load(file, sets, law)
+    return load(file, sets, None if law == AS_WRITTEN else law)
 
 
 def _everywhere(attempts: Sequence[Attempt]) -> list[Diagnostic]:
@@ -144,14 +144,15 @@ def _notes(file: Path, sets: Sequence[str], loaded: LoadedTask | None) -> list[s
     gains = {gain.partition(".")[0] for facts in LAWS.values() for gain in facts.gain_names}
     if own is not None and own.model_dump(include={*gains, "joint_damping"}, exclude_none=True):
         notes.append(
-            f"every law has designed gains; those that the file gives {own.kind} are left out"
+            f"every law has designed gains; those that the file gives {own.kind} are in the row "
+            f"'{AS_WRITTEN}' alone"
         )
     stages = [n for n, s in loaded.task.stages.items() if s.law is not None] if loaded else []
     if stages:
         several = len(stages) > 1
         which = f"{'s' if several else ''} {', '.join(stages)}"
         verb = "have laws of their own, which are" if several else "has a law of its own, which is"
-        notes.append(f"stage{which} {verb} replaced too")
+        notes.append(f"stage{which} {verb} replaced too, but not '{AS_WRITTEN}'")
     return notes
 
 

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 from taskspec.text.units import FORCE, LENGTH, MOMENT, scaled
 from taskspec.text.units import show as show_in
 from taskspec_runner.cli.console import show, table
+from taskspec_runner.compare.attempt import AS_WRITTEN
 from taskspec_runner.compare.comparison import Comparison
-from taskspec_runner.compare.summary import NOTHING_TO_COMPARE
 from taskspec_runner.compare.tracking import best
 
 if TYPE_CHECKING:
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 _STYLES = {
     "passed": "bold green",
+    "done": "bold",
     "missed": "yellow",
     "interrupted": "bold yellow",
     "not run": "dim",
@@ -42,15 +43,15 @@ def show_comparison(summary: Mapping[str, Any], *, quiet: bool) -> None:
     from rich.text import Text
 
     comparison = Comparison(summary, {})
-    laws = [law for law in comparison.laws if not quiet or law["outcome"] != "passed"]
+    laws = [law for law in comparison.laws if not quiet or law["outcome"] not in ("passed", "done")]
     if laws:
         show(_laws(laws))
     if not quiet:
         for stage in comparison.stages:
             show("", Text(f"stage {stage}: errors", style="bold"), _stage(comparison, stage))
         show("", *(Text(f"note: {note}", style="dim") for note in summary["notes"]))
-    if summary["exit_code"] == NOTHING_TO_COMPARE:
-        ran = [law["law"] for law in comparison.laws if "met" in law]
+    if not summary["comparable"]:
+        ran = [law["law"] for law in comparison.laws if "met" in law and law["law"] != AS_WRITTEN]
         sentence = (
             f"only {ran[0]} can do this task" if ran else "none of these laws can do this task"
         )
@@ -60,12 +61,13 @@ def show_comparison(summary: Mapping[str, Any], *, quiet: bool) -> None:
 def _laws(laws: list[Mapping[str, Any]]) -> Table:
     from rich.text import Text
 
-    made = table("law", "outcome", "met", "lasted", "peak force", "why", indent=0,
-                 right=("lasted", "peak force"))  # fmt: skip
+    made = table("law", "rank", "outcome", "met", "lasted", "peak force", "why", indent=0,
+                 right=("rank", "lasted", "peak force"))  # fmt: skip
     for law in laws:
         ran = "met" in law
         made.add_row(
-            Text(law["law"]),
+            Text(law["law"], "bold" if law["law"] == AS_WRITTEN else ""),
+            Text(str(law["rank"] or "-")),
             Text(law["outcome"], _STYLES.get(law["outcome"], "bold red")),
             Text(f"{law['met']} of {law['expected']}" if ran else "-"),
             Text(f"{law['duration']:.3f} s" if ran else "-"),

@@ -17,6 +17,10 @@ from taskspec_runner.runs import Run
 #: Outcomes, besides `failed` and `stopped`, which are those of a run.
 PASSED, MISSED, REFUSED, CRASHED, SKIPPED = "passed", "missed", "refused", "crashed", "not run"
 INTERRUPTED = "interrupted"
+#: Of a run to its end of a task that expects nothing.
+DONE = "done"
+#: What stands for the law of a task as its file has it, with the gains of the file.
+AS_WRITTEN = "as written"
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,7 +28,7 @@ class Attempt:
     """One law's try at a task.
 
     Attributes:
-        law: its name.
+        law: its name, or `AS_WRITTEN`.
         program: the compiled task, None where the law is refused.
         diagnostics: what was found about the task under this law.
         sources: the texts they are in.
@@ -38,6 +42,23 @@ class Attempt:
     sources: Mapping[str, Source]
     run: Run | None = None
     crash: str = ""
+
+    @property
+    def folder(self) -> str:
+        """Name of the folder of its run, below that of the comparison."""
+        return folder_of(self.law)
+
+    @property
+    def kind(self) -> str:
+        """The law itself, also of a task as written; empty where that is not known."""
+        if self.law != AS_WRITTEN:
+            return self.law
+        return self.program.context.loaded.task.law.kind if self.program else ""
+
+    @property
+    def good(self) -> bool:
+        """Whether it came to its end and did all that was expected."""
+        return self.outcome in (PASSED, DONE)
 
     @property
     def errors(self) -> tuple[Diagnostic, ...]:
@@ -63,7 +84,9 @@ class Attempt:
             return INTERRUPTED
         if self.run.summary["status"] != "done":
             return str(self.run.summary["status"])
-        return MISSED if self.run.exit_code else PASSED
+        if self.run.exit_code:
+            return MISSED
+        return PASSED if self.run.summary["expectations"] else DONE
 
     @property
     def reason(self) -> str:
@@ -74,12 +97,17 @@ class Attempt:
             return _refusal(self.errors)
         if self.run is None:
             return "the comparison was interrupted before"
-        if self.outcome == PASSED:
+        if self.good:
             return ""
         if self.outcome == MISSED:
             return _missed(self.run)
         end = self.run.summary["ending"]
         return f"in stage {end['stage']} at {end['clock']:.3f} s: {end['text']}"
+
+
+def folder_of(law: str) -> str:
+    """Name of the folder of a law's run."""
+    return law.replace(" ", "-")
 
 
 def attempt(law: str, load: Callable[[str], LoadedTask]) -> Attempt:
@@ -88,7 +116,7 @@ def attempt(law: str, load: Callable[[str], LoadedTask]) -> Attempt:
     A law that is predicted to be unstable is compiled all the same: its run shows what comes of it.
 
     Args:
-        law: a law that the language knows.
+        law: a law that the language knows, or `AS_WRITTEN`.
         load: gives the task under a law; may raise `SpecError`.
     """
     try:

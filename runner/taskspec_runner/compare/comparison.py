@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from taskspec_runner.compare.attempt import AS_WRITTEN
 from taskspec_runner.compare.folder import COMPARISON
 from taskspec_runner.record.folder import LARGEST, parse_json
 from taskspec_runner.record.manifest import SEAL, seal
@@ -30,9 +31,10 @@ class Comparison:
 
     @property
     def laws(self) -> Sequence[Json]:
-        """What each law came to, in the order asked for."""
+        """What each law came to: the task as written, then by rank, then those without one."""
         laws: Sequence[Json] = self.summary["laws"]
-        return laws
+        last = len(laws)
+        return sorted(laws, key=lambda law: (law["law"] != AS_WRITTEN, law.get("rank") or last))
 
     @property
     def stages(self) -> list[str]:

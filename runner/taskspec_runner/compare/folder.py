@@ -5,12 +5,15 @@ from __future__ import annotations
 from pathlib import Path
 
 from taskspec.laws import LAWS
+from taskspec_runner.compare.attempt import AS_WRITTEN, folder_of
 from taskspec_runner.record import folder as folders
 from taskspec_runner.record.folder import MANIFEST, RUNS, RunFolder
 
 COMPARISON, PAGE, PICTURE = "compare.json", "compare.html", "compare.svg"
 #: What the folder's name adds to that of the task.
 _SUFFIX = "-compare"
+#: The folders that runs of a comparison have.
+_RUNS = (folder_of(AS_WRITTEN), *LAWS)
 
 
 def open_comparison(out: Path | None, name: str) -> RunFolder:
@@ -37,14 +40,14 @@ def check_comparison(path: Path) -> None:
     said = folders.read_json(path / COMPARISON)
     own = isinstance(said.get("format"), int) and isinstance(said.get("laws"), list)
     folders.check_own(path, "comparison", own, (COMPARISON, PAGE, PICTURE))
-    for law in LAWS:
+    for law in _RUNS:
         folders.check_folder(path / law)
         folders.check_unlocked(path / law)
 
 
 def _clear(path: Path) -> None:
     folders.remove(path, (COMPARISON, PAGE, PICTURE))
-    for law in LAWS:
+    for law in _RUNS:
         run = path / law
         if (run / MANIFEST).is_file():
             folders.clear(run)

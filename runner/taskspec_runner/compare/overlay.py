@@ -13,7 +13,9 @@ import numpy as np
 
 from taskspec.geometry.axis import Axis
 from taskspec.laws import LAWS
+from taskspec_runner.compare.attempt import AS_WRITTEN
 from taskspec_runner.compare.comparison import Comparison
+from taskspec_runner.compare.ranking import ORDER
 from taskspec_runner.record.history import Vector
 from taskspec_runner.report.figures import ANGULAR, LINEAR
 from taskspec_runner.runs import Run, StageVisit
@@ -22,8 +24,6 @@ from taskspec_runner.runs import Run, StageVisit
 COLOURS = 10
 #: Runs that are compared by other names than that of a law, and their colours.
 RUN_ROLES = {"A": "law0", "B": "law2"}
-#: Outcomes, from the one that is most worth leading.
-_RANK = ("passed", "missed", "failed", "stopped")
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,6 +115,8 @@ def overlay(comparison: Comparison) -> Overlay | None:
 def role(law: str) -> str:
     """The colour of a law; it has the same in every picture."""
     names = list(LAWS)
+    if law == AS_WRITTEN:
+        return "ink"
     if law in RUN_ROLES:
         return RUN_ROLES[law]
     return f"law{names.index(law) % COLOURS if law in names else 0}"
@@ -126,7 +128,7 @@ def _lead(comparison: Comparison) -> str:
 
     def worth(law: str) -> tuple[int, int, int]:
         outcome = by_law[law]["outcome"]
-        rank = _RANK.index(outcome) if outcome in _RANK else len(_RANK)
+        rank = ORDER.index(outcome) if outcome in ORDER else len(ORDER)
         return -rank, by_law[law].get("met", 0), len({v.stage for v in comparison.runs[law].visits})
 
     return max(comparison.runs, key=worth)

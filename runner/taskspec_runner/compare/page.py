@@ -10,6 +10,7 @@ from typing import Any
 from markupsafe import Markup
 
 from taskspec.text.units import FORCE
+from taskspec_runner.compare.attempt import AS_WRITTEN
 from taskspec_runner.compare.charts import REFERENCE, Curve, Overlaid, charts
 from taskspec_runner.compare.comparison import Comparison
 from taskspec_runner.compare.folder import PAGE, PICTURE
@@ -25,6 +26,8 @@ from taskspec_runner.report.template import part, script, template
 
 Json = Mapping[str, Any]
 
+#: Ranks that the headline names.
+_PODIUM = 3
 _WORDS = {"rms_error": "RMS", "max_error": "peak", "final_error": "final"}
 
 
@@ -58,6 +61,8 @@ def render(comparison: Comparison) -> str:
         laws=[_law(law) for law in comparison.laws],
         report=REPORT,
         expectations=summary["expectations"],
+        ranking=_ranking(comparison),
+        gains=[_gains(comparison, stage) for stage in comparison.stages],
         ran=[law for law in comparison.laws if "met" in law],
         cut_short=CUT_SHORT,
         stages=[_stage(comparison, stage) for stage in comparison.stages],
@@ -75,11 +80,46 @@ def render(comparison: Comparison) -> str:
     )
 
 
+def _ranking(comparison: Comparison) -> list[tuple[int, str]]:
+    """The laws that came first, second and third, with their ranks."""
+    ranked = [(law["rank"], law["law"]) for law in comparison.laws if law.get("rank")]
+    return [each for each in sorted(ranked, key=lambda each: each[0]) if each[0] <= _PODIUM]
+
+
+def _gains(comparison: Comparison, stage: str) -> Json:
+    """The gains of a stage beside what came of them; other values than those as written marked."""
+    rows = comparison.rows(stage)
+    gains = {law["law"]: law["gains"].get(stage, ()) for law in comparison.laws if law.get("gains")}
+    own = {(g["name"], axis): g["value"] for g in gains.get(AS_WRITTEN, ()) for axis in g["axes"]}
+    kind = next((k for k in KINDS if any(row and row[k] for row in rows.values())), "force")
+    return {
+        "name": stage,
+        "kind": kind,
+        "rows": [
+            {
+                "law": law,
+                "role": role(law),
+                "result": _cell(rows.get(law), (kind, "rms_error"), least=False),
+                "gains": [
+                    {
+                        **gain,
+                        "file": gain["origin"] == "file",
+                        "differs": law != AS_WRITTEN
+                        and any(own.get((gain["name"], a)) != gain["value"] for a in gain["axes"]),
+                    }
+                    for gain in found
+                ],
+            }
+            for law, found in gains.items()
+        ],
+    }
+
+
 def _law(law: Json) -> Json:
     return {
         **law,
         "role": role(law["law"]),
-        "bad": law["outcome"] not in ("passed", "missed"),
+        "bad": law["outcome"] not in ("passed", "done", "missed"),
         "peak": quantity(law.get("peak_force"), FORCE),
     }
 
@@ -106,14 +146,14 @@ def _stage(comparison: Comparison, stage: str) -> Json:
                 "role": role(law),
                 "planned": bool(row and row["planned"]),
                 "duration": f"{row['duration']:.3f}" if row else "",
-                "cells": [_cell(row, column, law in leaders[column]) for column in columns],
+                "cells": [_cell(row, column, least=law in leaders[column]) for column in columns],
             }
             for law, row in rows.items()
         ],
     }
 
 
-def _cell(row: Json | None, column: tuple[str, str], least: bool) -> Json:
+def _cell(row: Json | None, column: tuple[str, str], *, least: bool) -> Json:
     kind, statistic = column
     found = row[kind] if row else None
     value, unit = quantity(found[statistic] if found else None, KINDS[kind].dimension)

@@ -22,7 +22,7 @@ def run_attempts(
 
     Args:
         attempts: one for each law.
-        folder: of the comparison; each run goes into a folder below it that has the law's name.
+        folder: of the comparison; each run goes into a folder of its own below it.
         seed: of everything random.
         watching: shows progress.
 
@@ -49,7 +49,7 @@ def run_attempts(
 def _run(each: Attempt, folder: RunFolder, seed: int, progress: Progress | None) -> Attempt:
     assert each.program is not None
     try:
-        run = execute_program(each.program, folder.path / each.law, seed=seed, progress=progress)
+        run = execute_program(each.program, folder.path / each.folder, seed=seed, progress=progress)
     except RunCrashedError as error:
         return replace(
             each, crash=f"internal error: {error}; please report this with {error.trace}"

@@ -6,29 +6,37 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from taskspec.laws import LAWS
-from taskspec_runner.compare.attempt import CRASHED, Attempt
+from taskspec_runner.compare.attempt import AS_WRITTEN, CRASHED, Attempt
+from taskspec_runner.compare.gains import stage_gains
+from taskspec_runner.compare.ranking import ranks
 from taskspec_runner.compare.tracking import Json, force_axes, tracking
 
 FORMAT = 1
 #: Runs that make a comparison.
 _ENOUGH = 2
-_GOOD, _INTERNAL = 0, 3
-#: Exit code where fewer laws could be run than make a comparison.
-NOTHING_TO_COMPARE = 1
+_GOOD, _MISSED, _INTERNAL = 0, 1, 3
 
 
 def exit_code(attempts: Sequence[Attempt]) -> int:
     """0 well; 1 too few laws could be run; 3 an internal error; 128 + n ended by signal n.
 
-    A run that misses what it expects, fails or is stopped is a result like another.
+    1, too, where the task as written does not do what its file expects. That another law misses
+    it, fails or is stopped is a result like another.
     """
     signals = [each.broken_off for each in attempts if each.broken_off]
     if signals:
         return signals[0]
     if any(each.outcome == CRASHED for each in attempts):
         return _INTERNAL
-    ran = sum(each.run is not None for each in attempts)
-    return _GOOD if ran >= min(_ENOUGH, len(attempts)) else NOTHING_TO_COMPARE
+    if not comparable(attempts) or any(e.law == AS_WRITTEN and not e.good for e in attempts):
+        return _MISSED
+    return _GOOD
+
+
+def comparable(attempts: Sequence[Attempt]) -> bool:
+    """Whether enough laws could be run, besides the task as written."""
+    runs = [each.run is not None for each in attempts if each.law != AS_WRITTEN]
+    return sum(runs) >= min(_ENOUGH, len(runs))
 
 
 def opening(
@@ -59,27 +67,33 @@ def summarise(attempts: Sequence[Attempt], opened: Mapping[str, Any]) -> dict[st
     """The content of `compare.json`; the same file and seed give the same bytes."""
     summaries = [each.run.summary for each in attempts if each.run]
     forces = force_axes(summaries)
+    laws = [_law(each, forces) for each in attempts]
     return {
         **opened,
         "about": next((s["about"] for s in summaries), None),
         "robot": next((s["robot"]["name"] for s in summaries), None),
         "exit_code": exit_code(attempts),
         "force_axes": forces,
-        "laws": [_law(each, forces) for each in attempts],
+        "comparable": comparable(attempts),
+        "laws": [
+            {**law, "rank": rank} for law, rank in zip(laws, ranks(laws, forces), strict=True)
+        ],
         "expectations": _expectations(attempts),
     }
 
 
 def _law(each: Attempt, forces: Mapping[str, Sequence[str]]) -> dict[str, Any]:
-    facts, summary = LAWS.get(each.law), each.run.summary if each.run else None
+    facts, summary = LAWS.get(each.kind), each.run.summary if each.run else None
     return {
         "law": each.law,
+        "kind": each.kind,
         "equations": facts.equations if facts else "",
         "force_loop": bool(facts and facts.force_loop),
         "outcome": each.outcome,
         "reason": each.reason,
         "codes": [d.code for d in each.diagnostics],
-        "folder": each.law if summary or each.crash else None,
+        "folder": each.folder if summary or each.crash else None,
+        "gains": stage_gains(each.program) if each.program and summary else {},
         **(_run(summary, forces) if summary else {}),
     }
 
