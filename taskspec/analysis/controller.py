@@ -93,6 +93,12 @@ class Operating:
         other.press(self._wrench, self._reactions)
         return other
 
+    def there(self, context: Context) -> Operating:
+        """The same stage, pressing alike, with the arm where another context begins."""
+        other = Operating(context, self.stage, self._derivative)
+        other.press(self._wrench, self._reactions)
+        return other
+
     def press(self, wrench: Matrix, reactions: Matrix) -> None:
         """What is measured at the equilibrium; long after the entry it changes nothing else."""
         self._wrench[:], self._reactions[:] = wrench, reactions

@@ -15,7 +15,9 @@ from taskspec.analysis.plant import LinearPlant
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.program.axes import MOSTLY
 from taskspec.program.context import Context
+from taskspec.program.passage import Instant
 from taskspec.program.plan import StagePlan, TaskPlan
+from taskspec.program.prepare import arm_at
 from taskspec.program.sensor import SensorModel
 from taskspec.program.stages.stage import CompiledStage, compile_stage
 from taskspec.spec import AxisEntry, Task
@@ -173,6 +175,16 @@ class SampledStage:
         """The same stage before it meets its contact."""
         plant = linear_plant(self.context, self.context.loaded.task, {})
         return replace(self, pressed={}, meets=False, nominal=plant)
+
+    def there(self, here: Instant) -> SampledStage:
+        """The same stage, with its gains, where its way leads the arm and the held mechanism."""
+        context = replace(self.context, **arm_at(self.context.robot, here.q))
+        if context.held and here.coordinate:
+            moved = context.mechanisms[context.held].moved(here.coordinate)
+            context = replace(context, mechanisms={**context.mechanisms, context.held: moved})
+        at = self.at.there(context)
+        plant = linear_plant(context, context.loaded.task, self.pressed, sticking=self.sticking)
+        return replace(self, context=context, at=at, controller=at.linear(), nominal=plant)
 
     def stuck(self) -> SampledStage | None:
         """The same stage while friction holds the tool; None where there is none."""

@@ -45,10 +45,12 @@ _FEWEST, _MOST = 10, 48
 #: What a mechanism bears while it moves is friction, damping and what starts it, up to this share
 #: more; a guard that compares with more waits for the stop.
 _BEARS = 2.0
+#: A rate is blended in with up to this share of it more than evenly: 6 s (1 - s) at its middle.
+_STEEPEST = 1.5
 _NARROWINGS = 12
 #: A rotation is not told from the opposite one beyond this [rad].
 _HALF_TURN = 0.95 * math.pi
-#: Added to that, for what its inertia and the arm's errors make [N, N m].
+#: Added to that, for what the arm's errors make [N]: of a moment, at the lever of handle or grip.
 _AT_LEAST = 1.0
 
 
@@ -404,8 +406,11 @@ class _Guard:
             return {}
         bears = 0.0
         if here.time > 0:
-            rate = (here.coordinate - self._first.coordinate) / here.time
-            bears = _BEARS * (declared.friction + declared.damping * abs(rate)) + _AT_LEAST
+            rate = abs(here.coordinate - self._first.coordinate) / here.time
+            lever = max(GRIP.lever, self._model.radius) if declared.angular else 1.0
+            begins = _STEEPEST * inertia_of(declared) * rate / BLEND_TIME
+            bears = _BEARS * (declared.friction + declared.damping * rate)
+            bears += max(_AT_LEAST * lever, begins)
         effort = "torque" if declared.angular else "force"
         return {f"{self._context.held}.{effort}": Interval(-bears, bears)}
 

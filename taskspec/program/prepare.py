@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -48,16 +49,8 @@ def prepare(
     models = mechanism_models(task)
     if robot is None or start is None:
         robot, start = _robot(loaded, models)
-    terms = ModelTerms(robot)
-    terms.update(start, np.zeros(robot.pin.nv))
-    H, _, gravity, J_world, p, R, _ = terms.arrays
-    Rj = R.reshape(3, 3, order="F")
-    tip_p = p + Rj @ robot.tip.translation
-    tip_R = Rj @ robot.tip.rotation
-    n = robot.pin.nv
-    J = J_world.reshape(6, n, order="F").copy()
-    J[:3] -= pin.skew(tip_p) @ J[3:]
-    inertia = np.triu(H.reshape(n, n, order="F"))
+    arm = arm_at(robot, start)
+    tip_p, tip_R, J = arm["start_p"], arm["start_R"], arm["start_jacobian"]
     surfaces = {name: frame_models.surface(shape) for name, shape in task.shapes.items()}
     bases = moving_bases(task)
     check_motions(loaded, bases)
@@ -82,7 +75,7 @@ def prepare(
     return Context(
         loaded=loaded,
         robot=robot,
-        start=start,
+        **arm,
         posture=start if posture is None else np.array(posture),
         frames=estimated_frames.with_nominal(
             frames, _expected_normal(robot, gap_at_start, normals), tip_p
@@ -95,11 +88,6 @@ def prepare(
         start_equations={
             name: at_start(model, start, tip_p, J) for name, model in equations.items()
         },
-        start_jacobian=J,
-        start_inertia=inertia + np.triu(inertia, 1).T,
-        start_gravity=gravity.copy(),
-        start_p=tip_p,
-        start_R=tip_R,
         start_gaps=gap_at_start,
         start_normals=normals,
         obstacles=Obstacles(
@@ -107,6 +95,27 @@ def prepare(
         ),
         period=1.0 / task.control.rate,
     )
+
+
+def arm_at(robot: RobotModel, q: Vector) -> dict[str, Any]:
+    """What a task knows of its arm in a configuration (n,), as attributes of a `Context`."""
+    terms = ModelTerms(robot)
+    terms.update(q, np.zeros(robot.pin.nv))
+    H, _, gravity, J_world, p, R, _ = terms.arrays
+    Rj = R.reshape(3, 3, order="F")
+    tip_p = p + Rj @ robot.tip.translation
+    n = robot.pin.nv
+    J = J_world.reshape(6, n, order="F").copy()
+    J[:3] -= pin.skew(tip_p) @ J[3:]
+    inertia = np.triu(H.reshape(n, n, order="F"))
+    return {
+        "start": q,
+        "start_jacobian": J,
+        "start_inertia": inertia + np.triu(inertia, 1).T,
+        "start_gravity": gravity.copy(),
+        "start_p": tip_p,
+        "start_R": Rj @ robot.tip.rotation,
+    }
 
 
 def _expected_normal(

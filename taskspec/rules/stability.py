@@ -41,6 +41,8 @@ _MOST_SEARCHED = 12
 _MOST_WORLDS = 400
 #: A varied value is left out of a message if without it a mode grows, or is damped, as much.
 _AS_MUCH = 0.95
+#: An arm of which no joint has moved by more than this acts as at its start [rad, m].
+_FAR = 0.3
 #: How much more a force across the normal counts than one along it.
 _ALONG = 1e6
 #: From this part of the sampling rate on, a swing is a flip from tick to tick.
@@ -129,8 +131,31 @@ def _of_stage(task: TaskPlan, stage: StagePlan, shared: Shared) -> Iterator[Find
     here = _in_the_world_of_the_file(analysed, stuck, shared)
     if here is not None:
         yield from here
-    else:
-        yield from _in_other_worlds(analysed, shared)
+        return
+    there = _where_it_leads(stage, analysed, shared)
+    yield from _in_other_worlds(analysed, shared) if there is None else there
+
+
+def _where_it_leads(
+    stage: StagePlan, analysed: SampledStage, shared: Shared
+) -> Iterator[Finding] | None:
+    """What is unstable where the way of a stage leads, if that is far; None where nothing is."""
+    passage = stage.nominal.passage if stage.followed else None
+    if passage is None or not (analysed.pressed or stage.held):
+        return None
+    on_way, looked = passage.instants, [stage.context.start]
+    for here in (on_way[0], on_way[-1], on_way[len(on_way) // 2]):
+        if min(float(np.abs(here.q - q).max()) for q in looked) < _FAR:
+            continue
+        looked.append(here.q)
+        moved = analysed.there(here)
+        modes = moved.modes()
+        worst = worst_of(modes)
+        if moved.controller.finite and worst is not None and grows(worst):
+            where = "where it begins" if here is on_way[0] else here.words
+            text = f"stage {stage.name!r} is unstable {where}, as far as the arm has gone by then"
+            return _findings(moved, modes, worst, shared, "TS501", Severity.WARNING, text)
+    return None
 
 
 def _stays_off(stage: StagePlan, analysed: SampledStage) -> bool:

@@ -216,3 +216,16 @@ def _tip(run, row):
     pin.forwardKinematics(robot.pin, data, q)
     pose = data.oMi[robot.tip_joint] * robot.tip
     return pose.translation, pose.rotation
+
+
+@pytest.mark.parametrize(("kind", "lead"), [("hinge", 0.0), ("screw", 0.004), ("slide", 0.0)])
+def test_a_mechanism_that_has_moved_has_its_handle_there(kind, lead):
+    model = mechanism(kind, lead=lead)
+    place, turned = pose_at(model, 0.7)
+    moved = model.moved(0.7)
+    np.testing.assert_allclose(moved.grip, place, atol=1e-12)
+    np.testing.assert_allclose(moved.rotation, turned @ model.rotation, atol=1e-12)
+    for mine, own in zip(
+        moved.open_ways(place), model.open_ways(place), strict=True
+    ):  # Its axis stays where it is.
+        np.testing.assert_allclose(mine, own, atol=1e-12)

@@ -9,11 +9,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import taskspec_runner
 from taskspec.analysis.family import scaled
 from taskspec.analysis.sampled_stage import analyse
 from taskspec.examination import check_task
 from taskspec.foresight.nominal import plan_task
+from taskspec.geometry.axis import AXES
 from taskspec.laws import LAWS
+from taskspec.program.passage import Instant
 from taskspec.program.plan import StagePlan
 from taskspec.program.prepare import prepare
 from taskspec.spec import load_task, load_text
@@ -42,6 +45,10 @@ SOFT = "stiffness: 5 kN/m, damping: 20 N*s/m"
 
 def findings(text, code="TS5"):
     return [d for d in check_task(load_text(text, "task.yaml")) if d.code.startswith(code)]
+
+
+def plan_of(text, name):
+    return StagePlan(prepare(load_text(text, "task.yaml")), name)
 
 
 def press(law, *, contact=STIFF, robot="", rest=""):
@@ -318,3 +325,46 @@ def test_too_much_gain_on_an_equation_is_an_error():
     for integral, codes in ((7, []), (30, ["TS501"])):
         text = SHELF.format(side="z >= 300 mm", law=law.format(integral))
         assert [d.code for d in findings(text)] == codes
+
+
+TURNED = """
+taskspec: 1
+robot: {{model: ur5e, grasp: part.handle, start: {{rpy: [150 deg, 0, 0]}}}}
+world:
+  part: {{mechanism: hinge, xyz: [535 mm, 23 mm, 383 mm], handle: [0, -110 mm, 0],
+    inertia: 0.11 kg*m^2, damping: 0.92 N*m*s/rad, friction: 0.075 N*m, knob: free}}
+frames: {{axis: {{parent: part, point: origin}}}}
+frame: axis
+law: hybrid-multipliers
+stages:
+  go: {{axes: {{{rest}, rz: {{velocity: 32.6 deg/s}}}}, time: {time} s}}
+  ease: {{axes: {{{rest}, rz: {{torque: 0}}}}, time: 0.3 s}}
+"""
+REST = "x: {force: 0}, y: {force: 0}, z: {force: 0}, rx: {torque: 0}, ry: {torque: 0}"
+
+
+@pytest.mark.parametrize(("time", "unstable"), [(0.3, False), (1.9, True)])
+def test_stability_is_looked_at_where_the_way_leads(time, unstable, tmp_path):
+    """The hand turns by 62 deg: the loop that is stable at the start is not so there."""
+    text = TURNED.format(rest=REST, time=time)
+    told = [(d.severity, "where it begins" in d.message) for d in findings(text, "TS501")]
+    assert told == ([(Severity.WARNING, True)] if unstable else [])
+    run = taskspec_runner.run(load_text(text, "t.yaml"), tmp_path / "run", report=False)
+    assert (run.summary["status"] == "stopped") == unstable
+
+
+def test_a_loop_elsewhere_is_that_of_a_task_that_begins_there():
+    """With the gains of the first: the joints' numbers are all that differs."""
+    text = press(PARALLEL.format(3), contact=SOFT)
+    first = analyse(plan_of(text, "press"))
+    q = first.context.start + np.array([0.1, -0.25])
+    here = Instant(
+        0.0, *[np.zeros(3)] * 3, q, np.zeros(2), np.zeros(6), None, 1.0, dict.fromkeys(AXES, 0.0)
+    )
+    there = first.there(here)
+    joints = ", ".join(f"{x:.17g} rad" for x in q)
+    second = analyse(plan_of(text.replace("90 deg, -90 deg", joints), "press"))
+    gains = second.at.under(first.stage.plan.gains).linear()
+    np.testing.assert_allclose(there.controller.torque, gains.torque, rtol=1e-9, atol=1e-9)
+    for mine, own in zip(there.nominal.step(), second.nominal.step(), strict=True):
+        np.testing.assert_allclose(mine, own, rtol=1e-9, atol=1e-9)

@@ -7,7 +7,7 @@ s from its own joints: from where the tip is, or, on the axis, from how the tool
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import casadi as ca
 import numpy as np
@@ -61,6 +61,16 @@ class MechanismModel:
     def grip(self) -> Matrix:
         """(3,) the handle in the world at coordinate 0 [m]."""
         return np.asarray(self.origin + self.rotation @ self.handle)
+
+    def moved(self, coordinate: float) -> MechanismModel:
+        """The mechanism with its handle where a coordinate [rad, m] takes it."""
+        axis = self.rotation[:, 2]
+        if not self.angular:
+            return replace(self, origin=self.origin + coordinate * axis)
+        c, s = np.cos(coordinate), np.sin(coordinate)
+        turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+        origin = self.origin + self.lead * coordinate * axis
+        return replace(self, rotation=self.rotation @ turn, origin=origin)
 
     def local(self, p: ca.SX) -> ca.SX:
         """A world point (3,) in the mechanism's own axes [m]."""
