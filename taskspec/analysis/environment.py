@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from taskspec.analysis.friction import friction_rows
+from taskspec.analysis.friction import friction_rows, sliding_rows
 from taskspec.analysis.plant import LinearPlant, Rows
 from taskspec.analysis.points import Touched, skew
 from taskspec.program.context import Context
@@ -26,7 +26,12 @@ Matrix = NDArray[np.float64]
 
 
 def linear_plant(
-    context: Context, task: Task, pressed: Mapping[str, float], *, sticking: bool = False
+    context: Context,
+    task: Task,
+    pressed: Mapping[str, float],
+    *,
+    sticking: bool = False,
+    sliding: Matrix | None = None,
 ) -> LinearPlant:
     """The plant at the start pose.
 
@@ -35,7 +40,9 @@ def linear_plant(
         task: whose world and robot are the true ones.
         pressed: what the robot applies to each contact that is there [N]: into a shape, along the
             unit gradient of an equation.
-        sticking: whether friction is below its limit, and holds the tool; else there is none.
+        sticking: whether friction is below its limit, and holds the tool.
+        sliding: (3,) else the velocity with which the tool slides, world axes [m/s]; None where it
+            is not known, so that friction is left out.
     """
     n = context.robot.pin.nv
     held = task.mechanisms.get(context.held)
@@ -50,10 +57,12 @@ def linear_plant(
             rows.append(_equation(context, task, name, force, c))
         elif name in context.surfaces:
             rows.append(_contact(context, task, name, force, c))
-            if sticking and task.shapes[name].friction > 0:
+            if task.shapes[name].friction > 0 and sticking:
                 rows.append(friction_rows(context, task, name, c))
+            elif task.shapes[name].friction > 0 and sliding is not None:
+                rows.append(sliding_rows(context, task, name, force, c, sliding))
     if held is not None:
-        H[n, n], damping[n] = _inertia(held), held.damping
+        H[n, n], damping[n] = held.coordinate_inertia, held.damping
         rows.append(_grip(context, task, held))
     control = task.control
     return LinearPlant(
@@ -164,13 +173,6 @@ def _grip(context: Context, task: Task, held: Mechanism) -> Rows:
         turning=np.zeros((6, n + 1)),
         bending=np.zeros((n + 1, n + 1)),
     )
-
-
-def _inertia(held: Mechanism) -> float:
-    """Of a mechanism along its coordinate [kg m^2, kg]."""
-    if not held.angular:
-        return float(getattr(held, "mass", 1.0))
-    return float(getattr(held, "inertia", 0.0)) + float(getattr(held, "mass", 0.0)) * held.lead**2
 
 
 def _tool(context: Context) -> Matrix:

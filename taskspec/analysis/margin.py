@@ -117,7 +117,7 @@ class Quality:
 
 def rings(mode: Mode) -> bool:
     """Whether a mode that dies away takes many swings, and long, to do so."""
-    return bool(_ring(np.array([mode.s]))[0])
+    return abs(mode.s.imag) > _SWINGS and bool(_ring(np.array([mode.s]))[0])
 
 
 def _ring(s: Poles) -> NDArray[np.bool_]:

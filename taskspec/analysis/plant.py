@@ -37,6 +37,7 @@ class Rows:
         turning: (6, n + c) how the wrench at the equilibrium turns with the pose.
         bending: (n + c, n + c) the same for what it does to the coordinates.
         equation: number of the equation that they are, whose reaction is measured; else None.
+        rubs: they are friction, which damps as much as the force on the contact is large.
     """
 
     name: str
@@ -48,6 +49,7 @@ class Rows:
     turning: Matrix
     bending: Matrix
     equation: int | None = None
+    rubs: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,7 +101,7 @@ class LinearPlant:
                 through the period; empty for none.
         """
         c, h, n = self.size, self.period, self.n
-        mask = [np.full(len(r.G), float(r.name == moves)) for r in self.rows]
+        mask = [np.full(len(r.G), float(r.name == moves and not r.rubs)) for r in self.rows]
         nearer = np.concatenate([np.zeros(0), *mask])[:, None]
         inputs = 2 if moves else 0
         G = np.vstack([np.zeros((0, c)), *(r.G for r in self.rows)])
@@ -152,7 +154,13 @@ def pressing(plant: LinearPlant, forces: Mapping[str, float]) -> LinearPlant:
         forces: what the robot applies to them.
     """
     rows = tuple(
-        replace(row, turning=forces[row.name] * row.turning, bending=forces[row.name] * row.bending)
+        replace(
+            row,
+            turning=forces[row.name] * row.turning,
+            bending=forces[row.name] * row.bending,
+            B=forces[row.name] * row.B if row.rubs else row.B,
+            M=forces[row.name] * row.M if row.rubs else row.M,
+        )
         if row.name in forces
         else row
         for row in plant.rows

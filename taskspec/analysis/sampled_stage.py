@@ -28,6 +28,8 @@ Matrix = NDArray[np.float64]
 _ALIKE = 1e-6
 #: A contact that a stage meets, or presses on without force, is looked at under this force [N].
 LEAST_PRESS = 1.0
+#: Slower than this is the creep of a tool that friction holds [m/s].
+_SLIDES = 1e-5
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,6 +81,7 @@ class SampledStage:
         controller: its law there.
         nominal: what it drives in the world of the file.
         sticking: friction holds the tool; else it slides.
+        sliding: (3,) as fast as this, world axes [m/s]; None where that is not known.
     """
 
     context: Context
@@ -90,12 +93,18 @@ class SampledStage:
     controller: LinearController
     nominal: LinearPlant
     sticking: bool = False
+    sliding: Matrix | None = None
 
     def plant(self, task: Task | None = None) -> LinearPlant:
         """What it drives; `task` is the one whose world and robot are true."""
         if task is None or task is self.context.loaded.task:
             return self.nominal
-        return linear_plant(self.context, task, self.pressed, sticking=self.sticking)
+        return self._plant(self.context, task)
+
+    def _plant(self, context: Context, task: Task) -> LinearPlant:
+        return linear_plant(
+            context, task, self.pressed, sticking=self.sticking, sliding=self.sliding
+        )
 
     def modes(self, task: Task | None = None, plant: LinearPlant | None = None) -> tuple[Mode, ...]:
         """Modes of the closed loop, the least stable first.
@@ -174,7 +183,7 @@ class SampledStage:
     def free(self) -> SampledStage:
         """The same stage before it meets its contact."""
         plant = linear_plant(self.context, self.context.loaded.task, {})
-        return replace(self, pressed={}, meets=False, nominal=plant)
+        return replace(self, pressed={}, meets=False, nominal=plant, sliding=None)
 
     def there(self, here: Instant) -> SampledStage:
         """The same stage, with its gains, where its way leads the arm and the held mechanism."""
@@ -183,7 +192,7 @@ class SampledStage:
             moved = context.mechanisms[context.held].moved(here.coordinate)
             context = replace(context, mechanisms={**context.mechanisms, context.held: moved})
         at = self.at.there(context)
-        plant = linear_plant(context, context.loaded.task, self.pressed, sticking=self.sticking)
+        plant = self._plant(context, context.loaded.task)
         return replace(self, context=context, at=at, controller=at.linear(), nominal=plant)
 
     def stuck(self) -> SampledStage | None:
@@ -316,18 +325,39 @@ def analyse(plan: StagePlan, *, in_contact: bool = True) -> SampledStage | None:
     at = Operating(context, stage)
     pressed, meets = _pressed(context, stage, rotation, at) if in_contact else ({}, False)
     wrench, reactions = np.zeros(6), np.zeros(len(context.equations))
-    plant = linear_plant(context, context.loaded.task, pressed)
+    sliding = None if meets else _slides(reduced, pressed)
+    plant = linear_plant(context, context.loaded.task, pressed, sliding=sliding)
     for row in plant.rows:
         if row.equation is not None:
             reactions[row.equation] = pressed[row.name]
             wrench += row.W @ [-pressed[row.name]]
-        elif row.name in pressed:
+        elif row.name in pressed and not row.rubs:
             wrench += row.W @ np.full(len(row.G), pressed[row.name] / len(row.G))
     at.press(wrench, reactions)
     controller = at.linear()
     if not controller.finite:
         return None
-    return SampledStage(context, stage, rotation, pressed, meets, at, controller, plant)
+    return SampledStage(
+        context, stage, rotation, pressed, meets, at, controller, plant, sliding=sliding
+    )
+
+
+def _slides(stage: StagePlan, pressed: Mapping[str, float]) -> Matrix | None:
+    """(3,) how fast the tool slides on the one object that it presses on; None if not known."""
+    if len(pressed) != 1 or stage.path is not None:
+        return None
+    [name], rates = pressed, np.zeros(3)
+    if name not in stage.context.surfaces or name in stage.context.moving_bases:
+        return None
+    for axis, plan in stage.plans.items():
+        rate = plan.mode.constant_rate(stage.known) if plan.mode.moves else 0.0
+        if rate is None or (axis.is_rotation and rate):
+            return None
+        if not axis.is_rotation:
+            rates[axis.row] = rate
+    normal, velocity = stage.normal_of(name), stage.rotation @ rates
+    velocity = velocity - normal * float(normal @ velocity)
+    return velocity if float(np.linalg.norm(velocity)) > _SLIDES else None
 
 
 def _along_equation(context: Context, name: str, applied: Matrix) -> float:

@@ -23,11 +23,13 @@ from taskspec.foresight.pose_follower import PoseFollower, Taken
 from taskspec.foresight.ranges import constant, natural
 from taskspec.foresight.reference_motion import ReferenceMotion, reference_motion
 from taskspec.geometry.axis import AXES, Axis
+from taskspec.motion.blend import BLEND_TIME
 from taskspec.program.context import Context
 from taskspec.program.passage import End, Instant, Passage
 from taskspec.program.plan import StagePlan
 from taskspec.program.signals import entry_of
 from taskspec.program.world.mechanisms import MechanismModel
+from taskspec.program.world.stiffness import GRIP
 from taskspec.robot import RobotModel
 from taskspec.text.expression import evaluate
 from taskspec.text.expression.tree import Held, Name, Reduce, walk
@@ -408,7 +410,9 @@ class _Guard:
         if here.time > 0:
             rate = abs(here.coordinate - self._first.coordinate) / here.time
             lever = max(GRIP.lever, self._model.radius) if declared.angular else 1.0
-            begins = _STEEPEST * inertia_of(declared) * rate / BLEND_TIME
+            begins = 0.0
+            if here.time <= BLEND_TIME:
+                begins = _STEEPEST * declared.coordinate_inertia * rate / BLEND_TIME
             bears = _BEARS * (declared.friction + declared.damping * rate)
             bears += max(_AT_LEAST * lever, begins)
         effort = "torque" if declared.angular else "force"

@@ -306,10 +306,7 @@ class WithMechanism:
         rate_before = (last.coordinate - before.coordinate) / span_before
         grows = 2 * (rate - rate_before) / (span + span_before)
         lever = rate * span / (here.moved[driver] - last.moved[driver])
-        inertia = getattr(self._declared, "inertia", 0.0)
-        inertia += getattr(self._declared, "mass", 0.0) * (
-            self._model.lead**2 if self._model.angular else 1.0
-        )
+        inertia = self._declared.coordinate_inertia
         effort = inertia * grows + self._declared.damping * rate
         effort += math.copysign(self._declared.friction, rate)
         return Strain(driver, 0.0, abs(effort * lever), here.time, drives=True)
@@ -317,8 +314,7 @@ class WithMechanism:
 
 def _weight(strain: Strain) -> float:
     """A force that weighs as much: a moment presses as a force at the grip's own lever does."""
-    lever = math.sqrt(GRIP.angular_stiffness / GRIP.stiffness)
-    return strain.force / (lever if strain.axis.is_rotation else 1.0)
+    return strain.force / (GRIP.lever if strain.axis.is_rotation else 1.0)
 
 
 def _stiffness(stage: StagePlan, axis: Axis) -> float:

@@ -25,6 +25,7 @@ from taskspec.analysis.plant import LinearPlant, pressing
 from taskspec.analysis.sampled_stage import SampledStage, control_of, loop_of
 from taskspec.geometry.axis import Axis
 from taskspec.program.context import Context
+from taskspec.program.passage import End
 from taskspec.program.plan import StagePlan, TaskPlan
 from taskspec.program.world.stiffness import RESOLVED_PHASE
 from taskspec.rules import Finding, Phase, rule
@@ -43,6 +44,8 @@ _MOST_WORLDS = 400
 _AS_MUCH = 0.95
 #: An arm of which no joint has moved by more than this acts as at its start [rad, m].
 _FAR = 0.3
+#: Ends of a way on which a stage comes to where it leads.
+_GOES_THERE = (End.DONE, End.BOUND, End.STOP)
 #: How much more a force across the normal counts than one along it.
 _ALONG = 1e6
 #: From this part of the sampling rate on, a swing is a flip from tick to tick.
@@ -61,11 +64,16 @@ class Plants:
 
     def under(self, sampled: SampledStage, corner: Corner) -> LinearPlant:
         """The plant that a stage drives in a world."""
-        key = (tuple(sampled.pressed), sampled.sticking, corner.plant)
+        sliding = None if sampled.sliding is None else tuple(sampled.sliding)
+        key = (tuple(sampled.pressed), sampled.sticking, sliding, corner.plant)
         if key not in self._known:
             ones = dict.fromkeys(sampled.pressed, 1.0)
             self._known[key] = linear_plant(
-                sampled.context, corner.task, ones, sticking=sampled.sticking
+                sampled.context,
+                corner.task,
+                ones,
+                sticking=sampled.sticking,
+                sliding=sampled.sliding,
             )
         return pressing(self._known[key], sampled.pressed)
 
@@ -143,6 +151,8 @@ def _where_it_leads(
     passage = stage.nominal.passage if stage.followed else None
     if passage is None or not (analysed.pressed or stage.held):
         return None
+    if passage.end not in _GOES_THERE:
+        return None  # What stops the run on its way is told by itself.
     on_way, looked = passage.instants, [stage.context.start]
     for here in (on_way[0], on_way[-1], on_way[len(on_way) // 2]):
         if min(float(np.abs(here.q - q).max()) for q in looked) < _FAR:

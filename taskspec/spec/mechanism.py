@@ -137,6 +137,12 @@ class Mechanism(Model):
         """Whether its coordinate is an angle."""
         return self.mechanism != "slide"
 
+    @property
+    def coordinate_inertia(self) -> float:
+        """What resists to its coordinate [kg m^2, kg]."""
+        inertia, mass = getattr(self, "inertia", 0.0), getattr(self, "mass", 0.0)
+        return float(inertia + mass * (self.lead**2 if self.angular else 1.0))
+
 
 class _Turning(Mechanism):
     damping: Annotated[float, Constant(ANGULAR_DAMPING, least=0)] = Field(0.0, title="Damping")

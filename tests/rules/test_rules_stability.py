@@ -368,3 +368,44 @@ def test_a_loop_elsewhere_is_that_of_a_task_that_begins_there():
     np.testing.assert_allclose(there.controller.torque, gains.torque, rtol=1e-9, atol=1e-9)
     for mine, own in zip(there.nominal.step(), second.nominal.step(), strict=True):
         np.testing.assert_allclose(mine, own, rtol=1e-9, atol=1e-9)
+
+
+RIDGE = """
+taskspec: 1
+robot: {{model: ur5e, start: {{xyz: [437 mm, 158.85 mm, 225.56 mm], rpy: [180 deg, 0, 0]}},
+  tool: {{shape: sphere, radius: 9 mm, length: 140 mm, mass: 390 g}}}}
+world:
+  work: {{shape: cylinder, radius: 200 mm, length: 350 mm, xyz: [437 mm, 109.67 mm, 23.2 mm],
+    rpy: [0, 90 deg, 0], stiffness: 3.9 kN/m, damping: 13 N*s/m, friction: {friction}}}
+frame: work
+law: {{kind: hybrid, bandwidth: 5.6 Hz, force: {{integral: 1.84 /s}}}}
+stages:
+  slide: {{frame: top, axes: {{z: {{force: -8.5 N}}, x: {{velocity: {rate}}}, y: {{force: 0}}}},
+    time: 1 s}}
+frames: {{top: {{surface: work}}}}
+"""
+
+
+def test_friction_damps_a_sliding_tool_across_its_way():
+    """On the side of a ridge nothing but that keeps the tool from running down."""
+    told = {
+        (friction, rate): [
+            d.code for d in findings(RIDGE.format(friction=friction, rate=rate)) if d.code[2] == "5"
+        ]
+        for friction in (0, 0.48)
+        for rate in ("2.5 mm/s", "smooth(t/(1 s)) * 2.5 mm/s")
+    }
+    assert told[0, "2.5 mm/s"] == told[0, "smooth(t/(1 s)) * 2.5 mm/s"] == ["TS501"]
+    assert told[0.48, "2.5 mm/s"] == []
+    # How fast it slides is not known there: friction is left out.
+    assert told[0.48, "smooth(t/(1 s)) * 2.5 mm/s"] == ["TS501"]
+
+
+def test_the_damper_of_a_sliding_tool_is_its_friction_over_its_speed():
+    """mu f/|v| across the way and the normal, whatever the number of its spheres."""
+    slides = analyse(plan_of(RIDGE.format(friction=0.48, rate="2.5 mm/s"), "slide"))
+    row = next(row for row in slides.nominal.rows if row.rubs)
+    assert row.B.sum() == pytest.approx(0.48 * slides.pressed["work"] / 2.5e-3, rel=1e-12)
+    way = slides.rotation[:, 0]
+    np.testing.assert_allclose(row.W[:3].T @ way, 0.0, atol=1e-12)
+    np.testing.assert_allclose(np.linalg.norm(row.W[:3], axis=0), 1.0, atol=1e-12)

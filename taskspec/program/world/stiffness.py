@@ -63,6 +63,11 @@ class GripCompliance:
     angular_stiffness: float
     angular_damping: float
 
+    @property
+    def lever(self) -> float:
+        """Where a force strains it as much as its moment does [m]."""
+        return math.sqrt(self.angular_stiffness / self.stiffness)
+
 
 #: Every grasp's.
 GRIP = GripCompliance(stiffness=50e3, damping=300.0, angular_stiffness=500.0, angular_damping=1.5)
