@@ -10,12 +10,9 @@ from numpy.typing import NDArray
 
 from taskspec.analysis.loop import UnfitError
 from taskspec.analysis.sampled_stage import ReferenceDrive, SampledStage, SetPointDrive, loop_like
-from taskspec.foresight.approach import approach
-from taskspec.foresight.conditions import bounds_of, names
+from taskspec.foresight.approach import approach, force_at_end
 from taskspec.foresight.flow import good_end
 from taskspec.foresight.force_profile import set_points_at
-from taskspec.foresight.interval import IntervalAlgebra
-from taskspec.foresight.ranges import Ranges
 from taskspec.foresight.reference_motion import reference_motion
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.laws.gains import on_axis
@@ -183,7 +180,7 @@ class ForceCourses:
         if way is None or way.contact != stage.contact_of(axis):
             return None
         down = np.concatenate([-way.closing * stage.normal_of(way.contact), np.zeros(3)])
-        pressed_force = _force_at_end(previous)
+        pressed_force = force_at_end(previous)
         if self._deepens:
             stiffness = stage.context.compliances[way.contact].stiffness
             pressed_force += way.closing * _dwell(previous) * stiffness
@@ -307,22 +304,6 @@ def _dwell(stage: StagePlan) -> float:
     assert stage.spec.until is not None
     guard = stage.spec.until.tree
     return guard.amount.value_si if isinstance(guard, Held) else 0.0
-
-
-def _force_at_end(stage: StagePlan) -> float:
-    """The force from which on the guard of a stage that comes to a surface holds [N]."""
-    assert stage.spec.until is not None
-    guard = stage.spec.until.tree
-    guard = guard.x if isinstance(guard, Held) else guard
-    ranges = Ranges(stage, {})
-    bounds = bounds_of([guard], IntervalAlgebra(), ranges)
-    forces = [
-        min(abs(interval.low), abs(interval.high))
-        for quantity, interval in bounds.items()
-        if any(name.path[0] == "force" for name in names(quantity))
-        and not interval.low <= 0 <= interval.high
-    ]
-    return max((f for f in forces if math.isfinite(f)), default=0.0)
 
 
 def _wanted(stage: StagePlan, axis: Axis, times: Vector) -> Vector | None:

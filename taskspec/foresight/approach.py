@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec.foresight.conditions import names, value_of
+from taskspec.foresight.conditions import bounds_of, names, value_of
 from taskspec.foresight.interval import Interval, IntervalAlgebra, point
 from taskspec.foresight.nominal import AT_SURFACE
 from taskspec.foresight.ranges import Ranges
@@ -22,6 +22,8 @@ Vector = NDArray[np.float64]
 
 #: Steps towards a fixed point, which is come to from below.
 _NARROWINGS = 30
+#: From here on the arm can hardly move along some axis.
+_SINGULAR = 1e8
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,6 +43,11 @@ class Approach:
     rates: Vector
     closing: float
     gap: float | None
+
+    @property
+    def speed(self) -> float:
+        """Of the tool [m/s]."""
+        return float(np.linalg.norm(self.rates))
 
 
 def approach(stage: StagePlan, gap: float | None) -> Approach | None:
@@ -138,10 +145,12 @@ def dragged(stage: StagePlan, axis: Axis, time: float) -> float:
         time: at which the reference comes there, since it set off [s].
 
     Returns:
-        [s]; 0 where the law's damper acts on the error, or on the joints.
+        [s]; 0 where the law's damper acts on the error.
     """
     law, gains = stage.law.control_law, on_axis(stage.gains, axis)
-    drag = law.drag(gains) or 0.0
+    drag = law.drag(gains)
+    if drag is None:
+        drag = _joint_drag(stage, axis)
     own = law.spring(gains, stage.plants[axis].h) if drag else 0.0
     if own <= 0:
         return 0.0
@@ -149,3 +158,53 @@ def dragged(stage: StagePlan, axis: Axis, time: float) -> float:
     for _ in range(_NARROWINGS):
         later = tau * -math.expm1(-(time + later) / tau)
     return later
+
+
+def damping_of(stage: StagePlan, axis: Axis, mass: float) -> float:
+    """Damper of a motion axis, on its error or on its velocity [N s/m].
+
+    Args:
+        stage: the stage.
+        axis: a translation.
+        mass: that strikes [kg].
+    """
+    gains = on_axis(stage.gains, axis)
+    if stage.law.control_law.drag(gains) is None:
+        return _joint_drag(stage, axis)
+    return gains.get("damping", mass * gains.get("K_D", 0.0))
+
+
+def _joint_drag(stage: StagePlan, axis: Axis) -> float:
+    """Damping along an axis of what brakes the joints, the law's damper and their own [N s/m].
+
+    ((J D^-1 J^T)^-1)_aa at the start pose, the other axes held: of the rates of the joints that
+    move the tip so, the ones that lose least.
+    """
+    n = stage.context.robot.pin.nv
+    damping = np.zeros(n) + np.array(stage.context.loaded.task.robot.joint_damping, dtype=float)
+    by_joint = stage.gains.get("joint_damping", {})
+    damping += [gain.value for gain in by_joint.values()] or np.zeros(n)
+    if not (damping > 0).all():
+        return 0.0
+    J = stage.jacobian[[a.row for a in stage.axes]]
+    mobility = J / damping @ J.T
+    if np.linalg.cond(mobility) > _SINGULAR:
+        return 0.0
+    i = stage.axes.index(axis)
+    return float(np.linalg.inv(mobility)[i, i])
+
+
+def force_at_end(stage: StagePlan) -> float:
+    """The force from which on the guard of a stage that comes to a surface holds [N]."""
+    assert stage.spec.until is not None
+    guard = stage.spec.until.tree
+    guard = guard.x if isinstance(guard, Held) else guard
+    ranges = Ranges(stage, {})
+    bounds = bounds_of([guard], IntervalAlgebra(), ranges)
+    forces = [
+        min(abs(interval.low), abs(interval.high))
+        for quantity, interval in bounds.items()
+        if any(name.path[0] == "force" for name in names(quantity))
+        and not interval.low <= 0 <= interval.high
+    ]
+    return max((f for f in forces if math.isfinite(f)), default=0.0)

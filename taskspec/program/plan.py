@@ -489,7 +489,7 @@ class StagePlan:
     @property
     def _mobility(self) -> Vector:
         """(m, m) J H^-1 J^T of its axes at the start pose."""
-        J = self._jacobian[self._rows]
+        J = self.jacobian[self._rows]
         return np.asarray(J @ np.linalg.solve(self.context.start_inertia, J.T))
 
     @property
@@ -520,7 +520,7 @@ class StagePlan:
         return [a.row for a in self.axes]
 
     @property
-    def _jacobian(self) -> Vector:
+    def jacobian(self) -> Vector:
         """(6, n) of the control point at the start pose, its rows those of the law."""
         J = self.context.start_jacobian.copy()
         J[:3] += np.cross(J[3:], self.lever, axis=0)

@@ -129,3 +129,20 @@ def test_a_tool_that_is_dragged_comes_there_later(simulate, speed):
     assert arrives - 0.1 < foreseen < arrives
     assert simulate(task.replace("time: 3 s", short)).transitions[0].kind == "within"
     assert not findings(task.replace("time: 3 s", f"time: {arrives + 0.01:.3f} s"))
+
+
+@pytest.mark.parametrize("law", ["hybrid", "hybrid-multipliers"])
+def test_a_force_takes_its_time_on_a_soft_surface(law, simulate):
+    """2 kN/m and the axis' own spring bear 6 N once the reference is far enough behind.
+
+    The arm's other axes and the bandwidth's blending come on top of that: within 25 %.
+    """
+    task = text(LAW=law, SPEED="-10 mm/s").replace("200 kN/m", "2 kN/m")
+    task = task.replace("force.z < -2 N", "force.z < -6 N").replace("320 mm", "304 mm")
+    arrives = simulate(task).transitions[0].clock
+    short = f"time: {0.6 * arrives:.3f} s"
+    (found,) = findings(task.replace("time: 3 s", short))
+    foreseen = float(re.search(r"after ([\d.]+) s", found.message)[1])
+    assert found.code == "TS617"
+    assert foreseen == pytest.approx(arrives, rel=0.25)
+    assert not findings(task.replace("time: 3 s", f"time: {1.3 * arrives:.3f} s"))
