@@ -260,6 +260,14 @@ def _with_rates(moved: Vector, times: Vector) -> Vector:
     return np.column_stack([moved, np.gradient(moved, times)])
 
 
+def force_courses(task: TaskPlan) -> tuple[ForceCourses, ForceCourses]:
+    """Both courses between which the truth is, for all who ask about a task."""
+    if not task.courses:
+        task.courses = ForceCourses(task), ForceCourses(task, deepens=False)
+    deepens, stays = task.courses
+    return deepens, stays
+
+
 def _lasts(stage: StagePlan) -> float | None:
     """How long a stage lasts [s], at most where a guard may end it; None where nothing tells it."""
     if stage.spec.until is not None:

@@ -665,6 +665,7 @@ class TaskPlan:
         framed: those of them whose frame is known to have axes as the run begins; they are entered
             as the task is examined.
         loops: the sampled loops of stages that were analysed, by name.
+        courses: of their forces, once they were asked for.
     """
 
     def __init__(
@@ -688,6 +689,7 @@ class TaskPlan:
         }
         self.framed: dict[str, StagePlan] = {}
         self.loops: dict[str, Any] = {}
+        self.courses: tuple[Any, ...] = ()
 
     def unvaried(self) -> TaskPlan:
         """The plan of the same task with nothing that varies."""

@@ -50,14 +50,21 @@ class Course:
         """Displacement along and about each axis since the stage began."""
         return {axis: way(time) for axis, way in self.ways.items()}
 
-    def instants(self) -> list[float]:
-        """Times at which the arm is looked at [s]: some, and when the tip is fastest."""
+    def fastest(self) -> tuple[float, float] | None:
+        """When the tip is fastest along the frame's axes [s], and how fast [m/s]; None at rest."""
         times = np.linspace(0.0, self.duration, _LOOKS)
         ways = [[way(t) for t in times] for a, way in self.ways.items() if not a.is_rotation]
-        found = {share * self.duration for share in SAMPLES}
-        steps = np.linalg.norm(np.diff(np.array(ways), axis=1), axis=0) if ways else np.zeros(0)
-        if steps.any() and np.isfinite(steps).all():
-            found.add(float(times[int(np.argmax(steps)) + 1]))
+        if not ways or not self.duration > 0 or not np.isfinite(ways).all():
+            return None
+        steps = np.linalg.norm(np.diff(np.array(ways), axis=1), axis=0)
+        i = int(np.argmax(steps))
+        return (float(times[i + 1]), float(steps[i] / times[1])) if steps[i] else None
+
+    def instants(self) -> list[float]:
+        """Times at which the arm is looked at [s]: some, and when the tip is fastest."""
+        found, fastest = {share * self.duration for share in SAMPLES}, self.fastest()
+        if fastest is not None:
+            found.add(fastest[0])
         return sorted(found)
 
 

@@ -35,8 +35,6 @@ _MET = 1e-9
 _HALVINGS = 20
 _NONE = 1e-3
 _FEW = 2
-#: Instants at which a motion is looked at.
-_LOOKS = 201
 
 
 @rule("TS420", "lines that contradict each other")
@@ -57,7 +55,6 @@ def contradictions(stage: StagePlan) -> Iterator[Finding]:
     yield from _profiles(stage)
     yield from _fast_joints(stage)
     yield from _fast_tip(stage)
-    yield from _fast_references(stage)
 
 
 def _profiles(stage: StagePlan) -> Iterator[Finding]:
@@ -106,49 +103,43 @@ def _fast_joints(stage: StagePlan) -> Iterator[Finding]:
 
 
 def _fast_tip(stage: StagePlan) -> Iterator[Finding]:
-    """A tip that a turn about a point away from it takes along faster than `limits.speed`."""
-    passage, most = stage.nominal.passage, stage.limits.speed
-    moving = [a for a in moving_axes(stage.spec) if not a.is_rotation]
-    if passage is None or most is None or moving or stage.spec.path or stage.law.solve == "qp":
+    """Motions of which nothing else tells that they take the tip beyond `limits.speed`."""
+    most = stage.limits.speed
+    if most is None or stage.law.solve == "qp":
         return
-    for here in passage.instants[1:]:
-        speed = float(np.linalg.norm(here.twist[:3]))
-        if speed > most:
-            yield warning(
-                "TS420",
-                f"in stage {stage.name!r}, {here.words}, the turn takes the tip along with "
-                f"{show(speed, 'mm/s', 3)}, and limits.speed is {show(most, 'mm/s', 3)}",
-                motion_of(stage),
-                "turn slower, or raise the limit",
-            )
-            return
-
-
-def _fast_references(stage: StagePlan) -> Iterator[Finding]:
-    """Motions beyond `limits.speed` of stages that begin where nobody knows."""
-    nominal, most = stage.nominal, stage.limits.speed
-    modes = [entry.mode for entry in stage.spec.axes.values()]
-    placed = any(mode.placed for mode in modes) or (stage.path is not None)
-    if nominal.passage or nominal.course or most is None or placed or stage.law.solve == "qp":
-        return
-    course = course_of(stage, dict.fromkeys(AXES, 0.0), {})
-    if course is None:
-        return
-    times = np.linspace(0.0, course.duration, _LOOKS)
-    ways = [[way(t) for t in times] for a, way in course.ways.items() if not a.is_rotation]
-    if not ways or not np.isfinite(ways).all():
-        return
-    speeds = np.linalg.norm(np.diff(ways, axis=1), axis=0) / (times[1] - times[0])
-    fastest = int(np.argmax(speeds))
-    if speeds[fastest] > most:
+    found, does, hint = _turned(stage, most), "the turn takes the tip along with", "turn slower"
+    if stage.nominal.passage is None:
+        found, does, hint = _unplaced(stage), "the tip goes at", "move slower"
+    if found is not None and found[1] > most:
+        when, speed = found
         yield warning(
             "TS420",
-            f"in stage {stage.name!r}, at t = {show(float(times[fastest]), 's', 3)}, the tip goes "
-            f"at {show(float(speeds[fastest]), 'mm/s', 3)}, and the limit on speed is "
-            f"{show(most, 'mm/s')}: the run stops there",
+            f"in stage {stage.name!r}, at t = {show(when, 's', 3)}, {does} "
+            f"{show(speed, 'mm/s', 3)}, and the limit on speed is {show(most, 'mm/s')}: the run "
+            "stops there",
             motion_of(stage),
-            "move slower, or raise the limit, for this stage by its own `limits`",
+            f"{hint}, or raise the limit, for this stage by its own `limits`",
         )
+
+
+def _turned(stage: StagePlan, most: float) -> tuple[float, float] | None:
+    """When [s] a turn about a point away from the tip first takes that along too fast [m/s]."""
+    passage = stage.nominal.passage
+    moving = [a for a in moving_axes(stage.spec) if not a.is_rotation]
+    if passage is None or moving or stage.spec.path:
+        return None
+    speeds = ((i.time, float(np.linalg.norm(i.twist[:3]))) for i in passage.instants[1:])
+    return next((each for each in speeds if each[1] > most), None)
+
+
+def _unplaced(stage: StagePlan) -> tuple[float, float] | None:
+    """When [s] and how fast [m/s] a stage is fastest that begins where nobody knows."""
+    modes = [entry.mode for entry in stage.spec.axes.values()]
+    placed = any(mode.placed for mode in modes) or stage.path is not None
+    if stage.nominal.course is not None or placed:
+        return None
+    course = course_of(stage, dict.fromkeys(AXES, 0.0), {})
+    return None if course is None else course.fastest()
 
 
 @rule("TS421", "a motion that leads out of reach")

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec.analysis.force_course import ForceCourse, ForceCourses
+from taskspec.analysis.force_course import ForceCourse, force_courses
 from taskspec.foresight.conditions import names, parts
 from taskspec.foresight.interval import ANY, IntervalAlgebra
 from taskspec.foresight.ranges import constant
@@ -34,7 +34,7 @@ _DOUBT = 0.1
 @rule("TS726", "an expectation that a force misses on its way", phase=Phase.STABILITY)
 def slow_forces(task: TaskPlan) -> Iterator[Finding]:
     """Expectations of forces that their loops do not bring there in time, or bring beyond."""
-    ways = ForceCourses(task), ForceCourses(task, deepens=False)
+    ways = force_courses(task)
     for expectation in task.context.loaded.task.expect:
         expression = expectation.expression
         for condition in parts(expression.tree):
@@ -56,7 +56,7 @@ def slow_forces(task: TaskPlan) -> Iterator[Finding]:
 @rule({}, also=("TS611",), phase=Phase.STABILITY)
 def guards_beyond_forces(task: TaskPlan) -> Iterator[Finding]:
     """Guards that wait for more than their axis' force ever comes to."""
-    ways = ForceCourses(task), ForceCourses(task, deepens=False)
+    ways = force_courses(task)
     for name, stage in task.framed.items():
         axis = _waits_for(stage)
         courses = [way.of(name, axis) for way in ways] if axis is not None else []
@@ -81,7 +81,7 @@ def guards_beyond_forces(task: TaskPlan) -> Iterator[Finding]:
 @rule({}, also=("TS618",), phase=Phase.STABILITY)
 def failures_by_forces(task: TaskPlan) -> Iterator[Finding]:
     """Failures that the force of an axis brings about on its way, or where a spring ends."""
-    ways = ForceCourses(task), ForceCourses(task, deepens=False)
+    ways = force_courses(task)
     for name, stage in task.framed.items():
         guard = stage.spec.fail_if
         axis = None if guard is None else _about(stage, guard)
