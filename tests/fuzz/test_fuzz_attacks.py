@@ -211,12 +211,14 @@ def test_nothing_executes_what_a_file_says() -> None:
     forbidden = re.compile(
         r"(?<![.\w])(eval|exec|compile)\(|yaml\.load\(|sympify|pickle|allow_pickle=True|os\.system"
     )
+    # Looking for words is quick, and few lines have one of these.
+    words = ("eval(", "exec(", "compile(", "yaml.load(", "sympify", "pickle", "os.system")
     packages = (ROOT / "taskspec", ROOT / "runner" / "taskspec_runner")
     found = [
         f"{path.relative_to(ROOT)}: {line.strip()}"
         for package in packages
         for path in sorted(package.rglob("*.py"))
         for line in path.read_text("utf-8").splitlines()
-        if forbidden.search(line)
+        if any(word in line for word in words) and forbidden.search(line)
     ]
     assert found == []
