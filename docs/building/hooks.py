@@ -7,6 +7,7 @@ from typing import Any
 import collected
 import commands
 from fences import dressed
+from fitting import fitted
 from formulas import as_mathml
 from links import within_site
 from mkdocs.config.defaults import MkDocsConfig
@@ -52,3 +53,8 @@ def on_page_markdown(markdown: str, page: Page, **_: Any) -> str:
     if page.is_homepage:
         page.meta["hide"] = ["navigation", "toc"]
     return as_mathml(dressed(within_site(markdown, page.file.src_uri, _PLACES)))
+
+
+def on_page_content(content: str, **_: Any) -> str:
+    """Says of every block how wide it is."""
+    return fitted(content)

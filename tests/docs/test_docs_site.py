@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import importlib
 import inspect
+import json
 import re
+import subprocess
+import sys
 from pathlib import Path
 from types import ModuleType
 
@@ -12,6 +15,7 @@ import pytest
 import yaml
 from documents import CONVENTIONS, DOCUMENTS, ROOT, first_words, text_of
 
+from browser import Browser, browser_path
 from taskspec_runner.cli.app import app
 
 DOCS = ROOT / "docs"
@@ -160,9 +164,12 @@ def test_formulas_are_drawn_with_their_numbers(monkeypatch):
     pytest.importorskip("latex2mathml", reason="the extra 'docs' is not installed")
     formulas = module("formulas", monkeypatch)
     drawn = formulas.as_mathml("$$u = J^T (K_m e - D_m \\dot x) + g \\qquad (4.21)$$\n")
-    assert drawn.startswith('<div class="formula"><math')
+    assert drawn.startswith('<div class="formula"><div class="formula-parts"><math')
     assert '<span class="formula-number">(4.21)</span>' in drawn
-    assert "4.21" not in drawn.partition("</math>")[0]
+    assert "4.21" not in drawn.rpartition("</math>")[0]
+    # A line may end before each term.
+    assert formulas.pieces("u = J^T (K_m e - D_m v) + g") == ["u ", "= J^T (K_m e - D_m v) ", "+ g"]
+    assert drawn.count("<math") == 3
     block = "```text\n$$x$$\n```\n"
     assert formulas.as_mathml(block) == block
     found = 0
@@ -172,4 +179,38 @@ def test_formulas_are_drawn_with_their_numbers(monkeypatch):
         assert "$$" not in text
         # A command that the converter does not know is left as it is written.
         assert not re.search(r"<m[ion][^>]*>\\", text), path.name
-    assert found >= 5
+    assert found >= 13
+
+
+#: Parts of a page that are wider than what holds them, or than the page.
+CUT_OFF = """JSON.stringify([...document.querySelectorAll(
+  'article pre code, article .formula, article table, article img, article h1, article h2')]
+  .filter((e) => (e.clientWidth > 0 && e.scrollWidth > e.clientWidth + 1)
+    || e.getBoundingClientRect().right > document.documentElement.clientWidth + 1)
+  .map((e) => e.tagName + ': ' + e.textContent.slice(0, 40)))"""
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory):
+    pytest.importorskip("mkdocs", reason="the extra 'docs' is not installed")
+    if browser_path() is None:
+        pytest.skip("there is no browser")
+    folder = tmp_path_factory.mktemp("site")
+    command = [sys.executable, "-m", "mkdocs", "build", "--quiet", "--site-dir", str(folder)]
+    subprocess.run(command, check=True, cwd=ROOT, capture_output=True)
+    return folder
+
+
+@pytest.mark.parametrize("width", [1280, 390])
+def test_nothing_of_a_page_is_cut_off(site, width):
+    pages = ["index", "language", "conventions", "truth", "theory", "signals", "how-to/compare"]
+    pages += [f"laws/{path.stem}" for path in sorted((DOCS / "laws").glob("[!R]*.md"))]
+    cut = {}
+    with Browser(browser_path()) as browser:
+        browser.size(width, 900, phone=width < 500)
+        for page in pages:
+            browser.open(site / f"{page}.html")
+            found = json.loads(browser.run(CUT_OFF))
+            if found:
+                cut[page] = found
+    assert cut == {}
