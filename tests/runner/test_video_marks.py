@@ -27,7 +27,7 @@ from taskspec_runner.video.marks import Marks
 from taskspec_runner.video.recording import Recording
 from taskspec_runner.video.shown import shown_forces
 from taskspec_runner.video.viewer import Show
-from taskspec_runner.video.world import RecordedWorld
+from taskspec_runner.video.world import RecordedWorld, bare_links
 
 RAIL = """\
 taskspec: 1
@@ -197,6 +197,42 @@ def test_the_camera_has_the_action_in_its_picture(record: Record, text: str) -> 
     for row in rows:
         away = np.linalg.norm(np.array(near.at(row).lookat) - world.recording.point[row])
         assert away < 0.1
+
+
+def test_the_close_view_goes_where_nothing_hides_the_tool(record: Record) -> None:
+    world = RecordedWorld(record(DRUM))
+    view = frame_run(world, 1.3)
+    usual = close_view(world, view, 0.9)
+    model, tip = world.model, world.recording.point.mean(axis=0)
+    assert (usual.view.azimuth, usual.view.elevation) == (view.azimuth, view.elevation)
+    # The drum is put between the camera and the tool, as a part of an arm would be.
+    drum = model.geom("world/drum").id
+    back = axes_of(view.azimuth, view.elevation)[2]
+    model.geom_pos[drum] = tip + 0.5 * usual.view.distance * back
+    model.geom_size[drum] = [0.06, 0.06, 0.06]
+    model.geom_rbound[drum] = 0.11
+    moved = close_view(world, view, 0.9)
+    assert (moved.view.azimuth, moved.view.elevation) != (view.azimuth, view.elevation)
+    # From there the drum is beside the line of sight.
+    sight = axes_of(moved.view.azimuth, moved.view.elevation)[2]
+    off = model.geom_pos[drum] - tip
+    assert np.linalg.norm(off - (off @ sight) * sight) > 0.06
+
+
+def test_what_is_drawn_for_bare_links_does_not_cover_the_tool() -> None:
+    chain = """
+    <mujoco><worldbody><body name="upper"><geom size="0.02"/>
+      <body name="wrist" pos="0 0 .1"><body name="flange" pos="0 0 .1">TIP</body></body>
+    </body></worldbody></mujoco>"""
+    tool = '<body name="tip" pos="0 0 .12"><geom size="0.01"/></body>'
+    links = {}
+    for name, tip in (("with", tool), ("without", tool.replace('<geom size="0.01"/>', ""))):
+        model = mujoco.MjModel.from_xml_string(chain.replace("TIP", tip))
+        pairs = bare_links(model, "tip")
+        links[name] = [tuple(model.body(b).name for b in pair) for pair in pairs]
+    assert links["with"] == [("wrist", "flange")]
+    # A tip that nothing shows is joined to its flange.
+    assert links["without"] == [("flange", "tip"), ("wrist", "flange")]
 
 
 # the window

@@ -17,8 +17,8 @@ _AZIMUTHS = range(0, 360, 15)
 _ELEVATIONS = (-14.0, -24.0, -36.0)
 _FAVOURITE = 125.0
 _LOOKS = 12
-#: Nearer to the tip than this [m], what hides it is the tool itself.
-_TOOL = 0.035
+#: Nearer to the tip than this [m], what hides it is what it touches.
+_TOUCHED = 0.035
 _FAR = 2.5
 #: Share of a picture that what is shown fills.
 _FILL = 0.92
@@ -27,6 +27,9 @@ _GIRTH = 0.07 * np.vstack([np.eye(3), -np.eye(3)])
 #: Of the close view: what it shows around the tool's way [m], how far away it may be [m], and over
 #: how long its way is smoothed [s].
 _AROUND, _FARTHEST, _SMOOTH = 0.07, 0.5, 1.0
+#: At how many rows it is looked whether the tool is seen, how far up the tool, and the share of
+#: looks that is enough.
+_NEAR_LOOKS, _UP, _ENOUGH = 5, 0.4, 0.85
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,20 +113,56 @@ class CloseView:
 
 
 def close_view(world: RecordedWorld, view: View, aspect: float) -> CloseView:
-    """A view of the control point, from where `view` looks.
+    """A view of the control point, from where `view` looks if nothing hides the tool there.
 
-    It stands still over a way that fits in, otherwise it follows the mean over `_SMOOTH` seconds.
+    Else it is from where most of the tool is seen over the run. It stands still over a
+    way that fits in, otherwise it follows the mean over `_SMOOTH` seconds.
     """
     recording = world.recording
     point = recording.point
     room = np.vstack([point - _AROUND, point + _AROUND])
-    fitted = fit(world.model, room, (view.azimuth, view.elevation), aspect)
+    fitted = _open_to(world, room, view, aspect)
     if fitted.distance <= _FARTHEST:
         return CloseView(fitted, np.broadcast_to(np.array(fitted.lookat), point.shape))
     width = 2 * (round(_SMOOTH / recording.period) // 2) + 1
     padded = np.pad(point, ((width // 2, width // 2), (0, 0)), mode="edge")
     sums = np.cumsum(np.vstack([np.zeros((1, 3)), padded]), axis=0)
     return CloseView(replace(fitted, distance=_FARTHEST), (sums[width:] - sums[:-width]) / width)
+
+
+def _open_to(world: RecordedWorld, room: Vector, view: View, aspect: float) -> View:
+    """The view of some points (k, 3) from nearest to that of `view` that sees the tool."""
+    recording, model = world.recording, world.model
+    tip_body = model.body(recording.program.context.robot.tip_body).id
+    rows = np.unique(np.linspace(0, len(recording) - 1, _NEAR_LOOKS).astype(int))
+
+    def fitted(angles: tuple[float, float]) -> View:
+        return fit(model, room, angles, aspect)
+
+    def seen(angles: tuple[float, float]) -> float:
+        back = min(fitted(angles).distance, _FARTHEST) * axes_of(*angles)[2]
+        sights = []
+        for row in rows:
+            data = world.show(int(row))
+            tip, flange = data.xpos[tip_body], data.xpos[model.body_parentid[tip_body]]
+            for point in (recording.point[row], tip + _UP * (flange - tip)):
+                eye = recording.point[row] + back
+                # Both ways: from inside of a link's mesh its faces are not met.
+                sights.append(
+                    _unhidden(model, data, eye, point, tip_body)
+                    and _unhidden(model, data, point, eye, tip_body, near=_TOUCHED)
+                )
+        return float(np.mean(sights))
+
+    usual = view.azimuth, view.elevation
+    if seen(usual) > _ENOUGH:
+        return fitted(usual)
+
+    def worth(angles: tuple[float, float]) -> float:
+        turned = abs((angles[0] - usual[0] + 180.0) % 360.0 - 180.0) / 180.0
+        return seen(angles) - 0.2 * turned - 0.2 * abs(angles[1] - usual[1]) / 90.0
+
+    return fitted(max(((float(a), e) for e in _ELEVATIONS for a in _AZIMUTHS), key=worth))
 
 
 def _looked_at(world: RecordedWorld) -> tuple[NDArray[np.int64], Vector, Vector]:
@@ -154,10 +193,11 @@ def _score(
     recording = world.recording
     axes = axes_of(*angles)
     eye = _FAR * axes[2]
+    tool = world.model.body(recording.program.context.robot.tip_body).id
     visible = []
     for row, tip in zip(rows[::3], samples[::3], strict=True):
         data = world.show(int(row))
-        visible.append(_unhidden(world.model, data, tip + eye, tip))
+        visible.append(_unhidden(world.model, data, tip + eye, tip, tool))
     force = recording.force[rows].mean(axis=0)
     size = float(np.linalg.norm(force))
     across = 1.0 if size < 0.2 else float(np.hypot(*(axes[:2] @ force))) / size
@@ -177,11 +217,26 @@ def _score(
     )
 
 
-def _unhidden(model: mujoco.MjModel, data: mujoco.MjData, eye: Vector, tip: Vector) -> bool:
-    """Whether nothing but the tool is between an eye and the tip."""
+def _unhidden(
+    model: mujoco.MjModel,
+    data: mujoco.MjData,
+    start: Vector,
+    end: Vector,
+    tool: int = -1,
+    near: float = 0.0,
+) -> bool:
+    """Whether nothing is between two places.
+
+    Args:
+        model, data: of the world.
+        start, end: (3,) where the ray begins, and the place that should be met [m].
+        tool: the body that hides nothing.
+        near: what is nearer to the start than this hides nothing either [m].
+    """
     hit = np.zeros(1, dtype=np.int32)
-    way = tip - eye
+    way = end - start
     length = float(np.linalg.norm(way))
+    along = way / length
     shown = np.array([1, 1, 1, 0, 0, 0], dtype=np.uint8)
-    at = mujoco.mj_ray(model, data, eye, way / length, shown, 1, -1, hit, None)
-    return bool(at < 0 or at > length - _TOOL)
+    at = mujoco.mj_ray(model, data, start + near * along, along, shown, 1, tool, hit, None)
+    return bool(at < 0 or near + at > length - _TOUCHED)

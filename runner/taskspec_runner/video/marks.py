@@ -121,10 +121,10 @@ class Marks:
         for upper, lower in self._world.links:
             geom = _new(scene, _LINK)
             if geom is not None:
-                capsule = mujoco.mjtGeom.mjGEOM_CAPSULE.value
-                mujoco.mjv_connector(
-                    geom, capsule, _LINK_RADIUS, data.xpos[upper], data.xpos[lower]
-                )
+                # It ends where the link does: a rounded end would reach over the tool.
+                kind = mujoco.mjtGeom.mjGEOM_CYLINDER.value
+                ends = data.xpos[upper], data.xpos[lower]
+                mujoco.mjv_connector(geom, kind, _LINK_RADIUS, *ends)
         for surface in self._surfaces:
             place = surface.size, surface.center, surface.rotation
             _new(scene, _SURFACE, surface.kind, *place)

@@ -48,7 +48,7 @@ class RecordedWorld:
         model.vis.quality.shadowsize = _SHADOW
         for name, shape in task.shapes.items():
             self._show_endless(name, shape)
-        self.links = _bare_links(model, context.robot.tip_body)
+        self.links = bare_links(model, context.robot.tip_body)
         self._joints = scene.arm.places(model).positions
         self._moving_bases = MovingBases(model, self.data, task) if moving(task) else None
         self._coordinates = _coordinates(model, task, recording)
@@ -89,10 +89,15 @@ class RecordedWorld:
         self.model.geom_rbound[geom] = float(np.linalg.norm(visible.size))
 
 
-def _bare_links(model: mujoco.MjModel, tip_body: str) -> tuple[tuple[int, int], ...]:
-    """Bodies from the tip to the base of which the upper one has no shape of its own."""
+def bare_links(model: mujoco.MjModel, tip_body: str) -> tuple[tuple[int, int], ...]:
+    """Bodies from the tip to the base of which the upper one has no shape of its own.
+
+    A tool that has a shape is seen as it is: nothing is drawn between it and its flange.
+    """
     found = []
     body = model.body(tip_body).id
+    if model.body_geomnum[body] > 0:
+        body = int(model.body_parentid[body])
     while body > 0:
         parent = int(model.body_parentid[body])
         if parent > 0 and model.body_geomnum[parent] == 0:
