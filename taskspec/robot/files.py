@@ -13,6 +13,7 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 from taskspec.robot.bounds import MOST_DEPTH, MOST_ELEMENTS, check_text, too_large
+from taskspec.robot.collada import as_obj
 from taskspec.robot.errors import RobotError
 from taskspec.text.codes import register
 from taskspec.text.confines import REMEDY, Confines
@@ -26,7 +27,7 @@ register(
 )
 
 SUFFIXES = (".xml", ".mjcf", ".urdf")
-MESH_SUFFIXES = (".stl", ".obj", ".msh")
+MESH_SUFFIXES = (".stl", ".obj", ".msh", ".dae")
 
 _MODEL_BYTES = 8 * 2**20
 _MESH_BYTES = 64 * 2**20
@@ -127,6 +128,8 @@ def _real_suffix(path: Path) -> str:
 def read_mesh(path: Path, others: Mapping[str, bytes]) -> bytes | None:
     """The bytes of a mesh; None where it is absent, too large or of a kind that is not drawn.
 
+    Those of a COLLADA file are given as OBJ; see `mesh_token`.
+
     Args:
         path: Where it is.
         others: What has been read before, with which it may not come to too much.
@@ -135,9 +138,16 @@ def read_mesh(path: Path, others: Mapping[str, bytes]) -> bytes | None:
         return None
     try:
         room = _ALL_MESHES - sum(map(len, others.values()))
-        return _read(path, path.name, min(_MESH_BYTES, room))
+        data = _read(path, path.name, min(_MESH_BYTES, room))
     except RobotError:
         return None
+    return as_obj(data) if data and path.suffix.lower() == ".dae" else data
+
+
+def mesh_token(number: int, path: Path) -> str:
+    """A name for the bytes of a mesh, with the ending of what they are."""
+    suffix = path.suffix.lower()
+    return f"mesh{number}{'.obj' if suffix == '.dae' else suffix}"
 
 
 def find_mesh(uri: str, folder: Path, roots: Roots) -> Path | None:

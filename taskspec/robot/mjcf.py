@@ -15,6 +15,7 @@ from taskspec.robot.files import (
     check_size,
     find_mesh,
     is_regular,
+    mesh_token,
     on_one_line,
     parse_xml,
     read_mesh,
@@ -136,7 +137,7 @@ def _take_meshes(spec: mujoco.MjSpec, roots: Roots, keep: bool) -> dict[str, str
             absent[mesh.name] = Path(mesh.file).name
             spec.delete(mesh)
         else:
-            token = f"mesh{i}{path.suffix.lower()}"
+            token = mesh_token(i, path)
             mesh.file, assets[token] = token, data
     spec.meshdir = ""
     spec.assets = assets

@@ -12,7 +12,7 @@ import numpy as np
 
 from taskspec.robot.description import BOUND_INERTIA
 from taskspec.robot.errors import RobotError
-from taskspec.robot.files import Roots, find_mesh, on_one_line, read_mesh
+from taskspec.robot.files import Roots, find_mesh, mesh_token, on_one_line, read_mesh
 
 _MOMENTS = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
 
@@ -144,7 +144,7 @@ def _drawable(
                 if path is None or data is None:
                     absent.add(Path(uri).name)
                     continue
-                token = f"mesh{len(assets)}{path.suffix.lower()}"
+                token = mesh_token(len(assets), path)
                 mesh.set("filename", token)
                 assets[token] = data
             _drop_textures(shape)
