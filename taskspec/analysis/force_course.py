@@ -237,11 +237,12 @@ def _behind(
 def _others(stage: StagePlan, axis: Axis, times: Vector) -> list[ReferenceDrive]:
     """The other references of a law whose springs hold each other, and that move.
 
-    A law with a loop for the force keeps that what it is to be. On a curved surface references go
-    along it, which a loop about one place knows nothing of.
+    A law with a loop for the force keeps that what it is to be, and one that feeds accelerations
+    forward keeps motions apart. On a curved surface references go along it, which a loop about one
+    place knows nothing of.
     """
-    start = stage.nominal.coordinates
-    if stage.law.control_law.force_loop or stage.path is not None or start is None:
+    start, law = stage.nominal.coordinates, stage.law.control_law
+    if law.force_loop or law.feeds_forward or stage.path is not None or start is None:
         return []
     motion = reference_motion(stage, start, stage.nominal.carried)
     ways = {} if motion is None else {a: _along(w, times) for a, w in motion.ways.items()}

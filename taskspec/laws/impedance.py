@@ -28,6 +28,7 @@ class Impedance(ControlLaw):
     equations = "(4.16), (4.17)"
     gains = (MASS, STIFFNESS, DAMPING)
     mechanism_form = True
+    feeds_forward = True
     rest = "(4.15), (4.24)"
 
     def design(self, axis: AxisDesign) -> dict[str, Gain]:

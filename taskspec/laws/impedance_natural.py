@@ -24,6 +24,7 @@ class ImpedanceNatural(ControlLaw):
     equations = "(4.18)-(4.20)"
     gains = (STIFFNESS, DAMPING)
     natural = True
+    feeds_forward = True
     rest = "(4.18), (4.24)"
 
     def command(self, case: Case) -> Command:

@@ -35,6 +35,8 @@ class ControlLaw(ABC):
             bandwidth instead of a spring.
         axis_springs: a motion axis may have a stiffness and damping of its own.
         natural: it leaves the arm its own inertia, and the springs of the axes hold each other.
+        feeds_forward: without a force loop, it feeds the acceleration of its references through the
+            arm's inertia, so that what moves along one axis does not disturb the others.
         damps_joints: its damping is one of the joints.
         bare: it compensates nothing, not even gravity, and follows no goal in the null space.
         multipliers: its forces are multipliers of constraints: force axes and equations alike.
@@ -53,6 +55,7 @@ class ControlLaw(ABC):
     selects: ClassVar[bool] = False
     axis_springs: ClassVar[bool] = True
     natural: ClassVar[bool] = False
+    feeds_forward: ClassVar[bool] = False
     damps_joints: ClassVar[bool] = False
     bare: ClassVar[bool] = False
     multipliers: ClassVar[bool] = False

@@ -12,7 +12,7 @@ import taskspec_runner
 from taskspec.analysis.force_course import ForceCourses
 from taskspec.examination import examine
 from taskspec.geometry.axis import Axis
-from taskspec.spec import load_text
+from taskspec.spec import load_task, load_text
 
 PRESS = """
 taskspec: 1
@@ -218,3 +218,13 @@ def test_guards_are_held_against_what_a_spring_comes_to(guard, code, simulate):
     found = [d.code for d in examine(load_text(text, "t.yaml")).findings if d.code != "TS130"]
     assert found == ([code] if code else [])
     assert (simulate(text).outcome.status == "done") == (code is None)
+
+
+def test_what_is_fed_forward_along_one_axis_does_not_disturb_another():
+    """x swings with 0.3 m/s^2, which would be 1 N along z: the run keeps it to 4 mN."""
+    task = Path(__file__).resolve().parents[2] / "tasks" / "press-impedance-natural.yaml"
+    examined = examine(load_task(task))
+    course = ForceCourses(examined.plan).of("slide", Axis.Z)
+    assert course is not None
+    np.testing.assert_allclose(course.applied, -20.0, atol=0.01)
+    assert "TS726" not in {each.code for each in examined.findings}
