@@ -275,12 +275,14 @@ def export(
         bool, typer.Option("--mcap", help="ROS 2 messages for Foxglove and PlotJuggler.")
     ] = False,
     rerun: Annotated[bool, typer.Option("--rerun", help="A Rerun recording.")] = False,
+    start: options.From = None,
+    end: options.To = None,
 ) -> int:
     """Write the log of a run for other tools; of a killed run, what there is."""
     from taskspec_runner.cli.export import export_log
 
     chosen = {"csv": csv, "parquet": parquet, "mcap": mcap, "rerun": rerun}
-    return export_log(folder, path, [form for form, wanted in chosen.items() if wanted])
+    return export_log(folder, path, [form for form, wanted in chosen.items() if wanted], start, end)
 
 
 @app.command()

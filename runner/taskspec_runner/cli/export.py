@@ -11,7 +11,13 @@ from taskspec_runner.cli.run_damage import warn_of_damage
 from taskspec_runner.errors import InputError
 
 
-def export_log(folder: Path, path: Path | None, forms: Sequence[str]) -> int:
+def export_log(
+    folder: Path,
+    path: Path | None,
+    forms: Sequence[str],
+    start: float | None = None,
+    end: float | None = None,
+) -> int:
     """Writes the log of a run in some formats and says where, and whether the run is partial."""
     if not forms:
         raise InputError("name a format to export to: --csv, --parquet, --mcap or --rerun")
@@ -23,7 +29,7 @@ def export_log(folder: Path, path: Path | None, forms: Sequence[str]) -> int:
     run = Run.load(folder)
 
     for form in forms:
-        done = export_run(run, form, path)
+        done = export_run(run, form, path, start, end)
         typer.echo(str(done.path))
         if done.note:
             typer.echo(f"taskspec: {done.path} is {done.note}", err=True)

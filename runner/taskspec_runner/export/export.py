@@ -44,13 +44,20 @@ class Exported:
     note: str = ""
 
 
-def export_run(run: Run, form: str, path: Path | None = None) -> Exported:
+def export_run(
+    run: Run,
+    form: str,
+    path: Path | None = None,
+    start: float | None = None,
+    end: float | None = None,
+) -> Exported:
     """Writes the log of a run in one of `FORMATS`; of a partial run, what there is.
 
     Args:
         run: to write.
         form: the format.
         path: of the file; None for `log` with the format's suffix in the run's folder.
+        start, end: run times between which ticks are written, `end` left out [s]; None for all.
 
     Raises:
         InputError: there is no log, or a log without a tick.
@@ -58,8 +65,11 @@ def export_run(run: Run, form: str, path: Path | None = None) -> Exported:
         OutputError: the file cannot be written.
     """
     source = run.folder / LOG
+    if form in _POSED and (start is not None or end is not None):
+        # Where a frame is may follow from ticks before the window.
+        raise InputError(f"--from and --to are for --csv and --parquet, not for --{form}")
     try:
-        log = LogStream(run)
+        log = LogStream(run, start, end)
     except OSError as error:
         raise InputError(f"cannot read {source}: {error.strerror or error}") from error
     if not log.schema.names:
@@ -79,4 +89,6 @@ def export_run(run: Run, form: str, path: Path | None = None) -> Exported:
             note = f"{missing}, as the task cannot be read: {error}"
     with whole(path) as partial:
         _WRITERS[form](log, partial)
+        if not log.ticks:
+            raise InputError(f"{source} has no tick from {start or 0:g} s to {end or run.end:g} s")
     return Exported(path, log.extent, note)

@@ -14,6 +14,9 @@ from taskspec_runner.record.extent import Extent
 from taskspec_runner.record.history import units_of
 from taskspec_runner.runs import Run
 
+#: Two run times that differ by less are the same [s].
+_ROUNDING = 1e-9
+
 
 class LogStream:
     """The log of a run in batches, which are counted as they go by.
@@ -25,8 +28,12 @@ class LogStream:
         ticks: that went by.
     """
 
-    def __init__(self, run: Run) -> None:
+    def __init__(self, run: Run, start: float | None = None, end: float | None = None) -> None:
         """Opens the log of a run.
+
+        Args:
+            run: whose log it is.
+            start, end: run times between which ticks go by, `end` left out [s]; None for all.
 
         Raises:
             OSError: there is none.
@@ -34,16 +41,31 @@ class LogStream:
         batches = run.batches()
         first = next(batches, None)
         self.run, self.ticks, self._ends = run, 0, list[float]()
+        self._window = (start, end)
         self.schema = pa.schema([]) if first is None else first.schema
         self.poses: PoseStream | None = None
         self._batches = batches if first is None else chain([first], batches)
 
     def __iter__(self) -> Iterator[pa.RecordBatch]:
-        for batch in self._batches:
+        for whole in self._batches:
+            batch = self._within(whole)
+            if not batch.num_rows:
+                continue
             self.ticks += batch.num_rows
             clock = batch.column("clock").slice(max(batch.num_rows - 2, 0))
             self._ends = [*self._ends, *clock.to_pylist()][-2:]
             yield batch
+
+    def _within(self, batch: pa.RecordBatch) -> pa.RecordBatch:
+        """The ticks of a batch that lie in the window."""
+        start, end = self._window
+        if start is None and end is None:
+            return batch
+        clock = batch.column("clock").to_numpy()
+        # A tick is at a multiple of the period, to within rounding.
+        low = 0 if start is None else int(np.searchsorted(clock, start - _ROUNDING))
+        high = len(clock) if end is None else int(np.searchsorted(clock, end - _ROUNDING))
+        return batch.slice(low, max(high - low, 0))
 
     @property
     def units(self) -> dict[str, str]:

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
+
+from taskspec_runner.record import mapped
+from taskspec_runner.record.mapped import ColumnFile
 
 Vector = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -102,6 +105,19 @@ class History:
             return np.ones(len(self), dtype=bool)
         return np.asarray(self.stages == stage)
 
+    def thinned(self, most: int) -> History:
+        """Every tick of a short history; of a longer one every so many-th, some `most` in all.
+
+        First and last tick of each visit are among them.
+        """
+        step = -(-len(self) // most)
+        if step <= 1:
+            return self
+        ends = [row for visit in self.visits() for row in (visit.first, visit.last)]
+        rows = np.unique(np.concatenate([np.arange(0, len(self), step), ends]))
+        columns = {name: values[rows] for name, values in self.columns.items()}
+        return replace(self, columns=columns, stages=self.stages[rows])
+
     def visits(self) -> Iterator[Visit]:
         """Each visit of a stage, in order; a stage that follows itself is visited anew."""
         if not len(self):
@@ -115,13 +131,17 @@ class History:
 
 
 class HistoryBuilder:
-    """Ticks as they come, batch by batch."""
+    """Ticks as they come, batch by batch; those of a long run go to a file that is mapped."""
 
     def __init__(self) -> None:
         self._columns: dict[str, list[Vector]] = {}
-        self._stages: list[NDArray[np.str_]] = []
+        self._stages: list[NDArray[np.int32]] = []
+        self._names: dict[str, int] = {}
         self._units: dict[str, str] = {}
         self._unrecorded: frozenset[str] = frozenset()
+        self._waiting, self._file, self._spills = 0, None, True
+
+    _file: ColumnFile | None
 
     def add(self, batch: pa.RecordBatch) -> None:
         """Takes the ticks of a batch of a log."""
@@ -130,18 +150,60 @@ class HistoryBuilder:
             self._unrecorded = unrecorded_of(batch.schema)
         for name, values in zip(batch.schema.names, batch.columns, strict=True):
             if name == STAGE:
-                self._stages.append(_texts(values))
+                self._stages.append(self._codes(values))
             else:
                 # A copy, as a batch may lie in memory that is written anew.
                 copied = values.to_numpy(zero_copy_only=False).copy()
                 self._columns.setdefault(name, []).append(copied)
+        self._waiting += batch.num_rows
+        if self._spills and self._waiting >= mapped.SPILL_ROWS:
+            self._spill()
+
+    def _codes(self, values: pa.Array) -> NDArray[np.int32]:
+        """(n,) the number of each tick's stage, in the order in which stages come."""
+        if not pa.types.is_dictionary(values.type):
+            values = values.dictionary_encode()
+        names = [str(name) for name in values.dictionary.to_pylist()]
+        numbers = [self._names.setdefault(name, len(self._names)) for name in names]
+        return np.asarray(np.array(numbers, dtype=np.int32)[values.indices.to_numpy()])
+
+    def _spill(self) -> None:
+        """Brings the columns that wait to the file; where there is no room, they stay here."""
+        try:
+            if self._file is None:
+                self._file = ColumnFile(tuple(self._columns))
+            self._file.append({n: np.concatenate(parts) for n, parts in self._columns.items()})
+        except OSError:
+            self._spills = False
+            return
+        self._waiting = 0
+        for parts in self._columns.values():
+            parts.clear()
 
     def build(self) -> History:
         """All ticks so far. It takes them out column by column, so that none is there twice."""
-        columns = {name: np.concatenate(self._columns.pop(name)) for name in [*self._columns]}
-        stages = np.concatenate(self._stages) if self._stages else np.array([], dtype=np.str_)
+        if self._file is not None and self._spills and self._waiting:
+            self._spill()
+        kept = self._file.columns() if self._file is not None else {}
+        columns = {}
+        for name in [*self._columns]:
+            parts = self._columns.pop(name)
+            before = [kept[name]] if name in kept else []
+            whole = before + parts
+            columns[name] = whole[0] if len(whole) == 1 and before else np.concatenate(whole)
+        names = np.array([*self._names], dtype=np.str_)
+        codes = np.concatenate(self._stages) if self._stages else np.array([], dtype=np.int32)
         self._stages.clear()
+        stages = _stage_names(names, codes)
         return _history(columns, stages, self._units, self._unrecorded)
+
+
+def _stage_names(names: NDArray[np.str_], codes: NDArray[np.int32]) -> NDArray[np.str_]:
+    """(n,) names of stages by their numbers; of a long run in a file that is mapped."""
+    if len(codes) * max(names.itemsize, 1) <= mapped.LARGE:
+        return names[codes] if len(names) else np.array([], dtype=np.str_)
+    parts = (names[part] for part in np.array_split(codes, 1 + len(codes) // mapped.SPILL_ROWS))
+    return np.asarray(mapped.gathered(parts, len(codes), names.dtype))
 
 
 def history_of(batch: pa.RecordBatch) -> History:

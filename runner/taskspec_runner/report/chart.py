@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from taskspec_runner.record.history import Vector
+from taskspec_runner.record.mapped import mapped
 from taskspec_runner.report.quantities import figure, quantity
 from taskspec_runner.runs import Run
 from taskspec_runner.verdict.judged import Judged
@@ -44,6 +45,10 @@ class Trace:
     signal: str = ""
     continuous: bool = False
     reference_of: str = ""
+
+    def __post_init__(self) -> None:
+        # A page has dozens of them, each of every tick.
+        object.__setattr__(self, "values", mapped(self.values))
 
 
 @dataclass(frozen=True, slots=True)

@@ -110,9 +110,11 @@ def density(run: Run, data: Json) -> str:
     if all(sample["kind"] == "all" for sample in data["samples"]):
         return f"{text}, all of them drawn."
     width = -(-2 * rows // data["points"])
+    start = float(np.floor((run.start + run.end) / 2))
     return (
         f"{text}; of every {width} ticks the lowest and the highest value are drawn, and all of "
-        "them near changes of stage."
+        "them near changes of stage. Every tick of a window: taskspec export "
+        f"{run.folder.name} --csv --from {start:g} --to {start + 1:g}"
     )
 
 

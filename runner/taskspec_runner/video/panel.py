@@ -73,6 +73,8 @@ class SignalPanel:
             b = self._column(float(self._recording.clock[visit.last]) + self._recording.period)
             tint = self._tints[visit.stage]
             washed = tuple(round(255 - (255 - c) * _WASH) for c in tint)
+            # A stage that is short in a long run has a column of its own.
+            b = max(b, a + 1)
             draw.rectangle([a, top, b - 1, bottom], fill=washed)
             draw.rectangle([a, top - pen(24), b - 1, top - pen(4)], fill=tint)
             letters = font(pen(14))

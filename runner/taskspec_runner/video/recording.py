@@ -16,13 +16,15 @@ from taskspec_runner.verdict.replay import Replay
 
 Vector = NDArray[np.float64]
 
+#: A longer run is drawn by every so many-th tick: of an hour at 1 kHz by every 30th.
+MOST_TICKS = 120_000
 #: A smaller force is no contact [N]; a share of the largest that is as good as it.
 _TOUCHING, _NEARLY = 0.5, 0.9
 
 
 @dataclass(frozen=True, slots=True)
 class Recording:
-    """Where everything of a run was, tick by tick.
+    """Where everything of a run was, tick by tick; of a long run, at so many of its ticks.
 
     Attributes:
         program: the task of the folder, compiled.
@@ -57,7 +59,7 @@ class Recording:
             message = "its log holds no complete batch of ticks"
             raise InputError(f"cannot draw {run.folder}: {message}")
         try:
-            return _recording(run.program, run.history)
+            return _recording(run.program, run.history.thinned(MOST_TICKS))
         except RebuildError as error:
             raise InputError(f"cannot draw {run.folder}: its task: {error}") from error
         except KeyError as error:
@@ -137,7 +139,8 @@ def steadiest_contact(recording: Recording, span: float = 0.2) -> int:
         contact, the row where the tool has gone half of its way.
     """
     size = np.linalg.norm(recording.force, axis=1)
-    width = max(1, min(len(size), round(span / recording.period)))
+    between = float(np.median(np.diff(recording.clock))) if len(size) > 1 else recording.period
+    width = max(1, min(len(size), round(span / between)))
 
     def mean(values: Vector) -> Vector:
         sums = np.cumsum(np.concatenate([[0.0], values]))
