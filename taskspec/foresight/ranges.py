@@ -121,7 +121,8 @@ class Ranges:
         moved = self._moved(Axis(last)) if head == "position" and node.frame is None else None
         if moved is None:
             return ""
-        lasts, way = show(moved.lasts, TIME, 3), show(moved.way, LENGTH, 3)
+        unit = Axis(last).of(LENGTH)
+        lasts, way = show(moved.lasts, TIME, 3), show(moved.way, unit, 3)
         return f"in {lasts} this stage moves {last!r} by {way}"
 
     def _why_held(self, name: str, signal: str) -> str:
@@ -188,16 +189,27 @@ class Ranges:
         return _gone(passage, lambda i: factor * (i.coordinate or 0.0), _SLACK[signal])
 
     def _moved(self, axis: Axis) -> Gone | None:
-        """How far a translation goes whose motion is controlled."""
+        """How far an axis goes whose motion is controlled."""
         passage, plan = self._passage, self._plan.plans.get(axis)
-        if passage is None or plan is None or axis.is_rotation or self._context.held:
+        if passage is None or plan is None or not plan.motion or plan.axis.has_force:
             return None
-        if not plan.motion or plan.axis.has_force:
+        frame = self._plan.frame
+        if (axis.is_rotation or self._context.held) and (not frame.still or frame.at_origin):
             return None
+        if axis.is_rotation:
+            return self._turned(passage, axis)
         start = self._start(axis)
         if start is None:
             return None
         return _gone(passage, lambda i: start + i.moved[axis], _SLACK["travel"])
+
+    def _turned(self, passage: Passage, axis: Axis) -> Gone | None:
+        """How far a rotation goes; None where it is not the only one, or more than half a turn."""
+        for instant in passage.instants:
+            turned = {a: x for a, x in instant.moved.items() if a.is_rotation and x}
+            if turned.keys() - {axis} or abs(instant.moved[axis]) >= math.pi:
+                return None
+        return _gone(passage, lambda i: i.moved[axis], _SLACK["angle"])
 
     def _start(self, axis: Axis) -> float | None:
         """Coordinate of a translation as the stage starts [m]."""

@@ -176,3 +176,29 @@ def test_an_open_loop_force_counts_from_what_is_held(simulate, law):
     share = weight / k / (1 / k + 1 / own)
     assert run.outcome.status == "done"
     assert run.during("press", "force.z", 1.4) == pytest.approx(-6.0 + share, abs=0.1)
+
+
+VALVE = """
+taskspec: 1
+robot: {model: panda, grasp: valve.handle, start: {rpy: [180 deg, 0, 90 deg]}}
+world:
+  valve: {mechanism: hinge, xyz: [490 mm, 0, 350 mm], inertia: 0.01 kg*m^2,
+    damping: 0.2 N*m*s/rad, friction: 0.5 N*m}
+frames: {believed: {parent: valve, rpy: [2 deg, 0, 0]}}
+frame: believed
+law: hybrid
+stages:
+  close:
+    axes: {x: {force: 0}, y: {force: 0}, z: {force: 0}, rx: {torque: 0}, ry: {torque: 0},
+      rz: {velocity: -30 deg/s}}
+    until: position.rz < ANGLE
+    within: 1 s
+"""
+
+
+@pytest.mark.parametrize(("angle", "expected"), [("-20 deg", []), ("-50 deg", ["TS611"])])
+def test_a_turn_that_its_bound_ends_first_is_announced(simulate, angle, expected):
+    """In 1 s the reference turns by 28.5 deg; 10 % and 2 deg more are let go."""
+    text = VALVE.replace("ANGLE", angle)
+    assert [d.code for d in check_task(load_text(text, "t"))] == expected
+    assert simulate(text).transitions[0].kind == ("within" if expected else "until")
