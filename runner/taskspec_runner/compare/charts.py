@@ -94,7 +94,7 @@ def _against_reference(laid: Overlay, axis: str) -> Overlaid:
     curves = _curves(laid, factor, lambda run: run.column(name))
     reference = _reference(laid, name, factor)
     wanted = bands(laid.leading, [name], factor)
-    note = f"dashed: the reference under {laid.lead}" if reference else ""
+    note = f"dashed: the reference {laid.under}" if reference else ""
     title = f"{what} {axis} against its reference"
     return Overlaid(f"{name}.ref", title, unit, (*curves, *reference), note, wanted)
 
@@ -170,7 +170,7 @@ def _position(laid: Overlay, axis: str) -> Overlaid:
         return Overlaid(name, "", "", ())
     factor, unit = plain_scale(LENGTH, 1.0)
     curves = _curves(laid, factor, lambda run: run.column(name))
-    note = f"counted in the frame of each stage; dashed: the reference under {laid.lead}"
+    note = f"counted in the frame of each stage; dashed: the reference {laid.under}"
     reference = _reference(laid, name, factor)
     return Overlaid(name, f"Position {axis}", unit, (*curves, *reference), note)
 

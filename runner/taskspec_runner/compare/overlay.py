@@ -53,6 +53,11 @@ class Overlay:
         return self.runs[self.lead]
 
     @property
+    def under(self) -> str:
+        """Which run leads, in words: `under LAW`, or `as written`."""
+        return self.lead if self.lead == AS_WRITTEN else f"under {self.lead}"
+
+    @property
     def start(self) -> float:
         """Common time at which the first run begins [s]."""
         return min(self.begins[law] + run.start for law, run in self.runs.items())

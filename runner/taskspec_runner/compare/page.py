@@ -67,7 +67,7 @@ def render(comparison: Comparison) -> str:
         cut_short=CUT_SHORT,
         stages=[_stage(comparison, stage) for stage in comparison.stages],
         notes=summary["notes"],
-        lead=laid.lead if laid else "",
+        under=laid.under if laid else "",
         time=time_of(laid) if laid else "",
         visits=visits_of(laid) if laid else [],
         charts=shown,

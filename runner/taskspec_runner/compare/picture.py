@@ -84,9 +84,12 @@ def time_of(laid: Overlay) -> str:
 
 def _subtitle(comparison: Comparison, laid: Overlay | None) -> str:
     outcomes = [law["outcome"] for law in comparison.laws]
-    parts = [comparison.summary["robot"], f"{len(outcomes)} laws: {counted(outcomes)}"]
+    parts = [
+        comparison.summary["robot"],
+        f"as written and {len(outcomes) - 1} laws: {counted(outcomes)}",
+    ]
     if laid is not None:
-        parts.append(f"stages as under {laid.lead}")
+        parts.append(f"stages {laid.under}")
     return ", ".join(p for p in parts if p)
 
 
