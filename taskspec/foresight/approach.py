@@ -182,8 +182,10 @@ def _joint_drag(stage: StagePlan, axis: Axis) -> float:
     """
     n = stage.context.robot.pin.nv
     damping = np.zeros(n) + np.array(stage.context.loaded.task.robot.joint_damping, dtype=float)
-    by_joint = stage.gains.get("joint_damping", {})
-    damping += [gain.value for gain in by_joint.values()] or np.zeros(n)
+    by_joint = [gain.value for gain in stage.gains.get("joint_damping", {}).values()]
+    if by_joint and len(by_joint) != n:
+        return 0.0  # There is a finding about that.
+    damping += by_joint or np.zeros(n)
     if not (damping > 0).all():
         return 0.0
     J = stage.jacobian[[a.row for a in stage.axes]]

@@ -85,13 +85,26 @@ def told(axes, friction):
 
 
 def test_a_tool_that_friction_holds_is_warned_of():
-    """Sliding the integral may be 48.9 /s, sticking 111 /s: an error where the tool slides.
+    """Sliding the integral may be 48.9 /s, sticking 111 /s: an error where nothing damps the tool.
 
     Across the ramp the motion axes bear what friction does not: the press alone does not slip.
+    Drawn at 10 mm/s, friction is a damper across the way, mu 15 N / (10 mm/s): 750 N s/m are
+    enough, 150 are not.
     """
     assert told(STILL, 0.5) == ["TS507"]
     assert told(STILL, 0) == ["TS501"]
-    assert told(DRAWN, 0.5) == ["TS501"]
+    assert told(DRAWN, 0.5) == ["TS502"]
+    assert told(DRAWN, 0.1) == ["TS501"]
+
+
+def test_a_tool_that_friction_damps_across_its_way_comes_to_rest(simulate):
+    """In the third second nothing moves under much friction; under little the tool bounces."""
+    much, little = (
+        np.ptp(simulate(HELD.format(axes=DRAWN, friction=mu))["force.z"][-1000:])
+        for mu in (0.5, 0.1)
+    )
+    assert much < 0.01
+    assert little > 15
 
 
 def test_a_tool_that_friction_holds_comes_to_rest(simulate):
