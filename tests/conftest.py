@@ -6,7 +6,7 @@ import os
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache, lru_cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -59,16 +59,20 @@ Simulate = Callable[..., SimulatedTask]
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Tests of a module that share its fixtures or runs go to one process: they are made once."""
+    """Tests of a module that share its fixtures or runs go to one process: they are made once.
+
+    So do those of the group `shipped`, which share runs of shipped tasks as they are.
+    """
     for item in items:
+        if item.get_closest_marker("xdist_group"):
+            continue
         fixtures: Mapping[str, Sequence[pytest.FixtureDef[object]]]
         fixtures = item._fixtureinfo.name2fixturedefs  # type: ignore[attr-defined]
         if "simulate" in fixtures or any(f[-1].scope == "module" for f in fixtures.values()):
             item.add_marker(pytest.mark.xdist_group(item.path.stem))
 
 
-@lru_cache(maxsize=16)
-def _simulated(task: str, overrides: tuple[tuple[str, str], ...], seed: int) -> SimulatedTask:
+def _simulation(task: str, overrides: tuple[tuple[str, str], ...], seed: int) -> SimulatedTask:
     loaded = (
         load_text(task, "task.yaml", dict(overrides))
         if "\n" in task
@@ -89,6 +93,11 @@ def _simulated(task: str, overrides: tuple[tuple[str, str], ...], seed: int) -> 
     return SimulatedTask(program, outcome, parts.machine.transitions, history)
 
 
+_simulated = lru_cache(maxsize=16)(_simulation)
+#: Runs of shipped tasks as they are, which tests of several modules look at.
+_shipped = cache(_simulation)
+
+
 @pytest.fixture
 def simulate() -> Simulate:
     """Simulate a task: `simulate("wipe-table")` for a shipped one, or its text; `set` overrides.
@@ -97,6 +106,7 @@ def simulate() -> Simulate:
     """
 
     def run(task: str, set: Mapping[str, str] | None = None, seed: int = 0) -> SimulatedTask:
-        return _simulated(task, tuple((set or {}).items()), seed)
+        kept = _simulated if "\n" in task or set or seed else _shipped
+        return kept(task, tuple((set or {}).items()), seed)
 
     return run

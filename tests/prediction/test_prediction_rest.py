@@ -91,6 +91,7 @@ def test_forces_and_depth_at_rest(simulate, changes):
     assert -run["table.gap"][-1] == pytest.approx(depth.depth, abs=deep)
 
 
+@pytest.mark.xdist_group("shipped")
 def test_two_contacts_bear_their_own(simulate):
     """The lines and the bound are those of the press; the wall adds no more than its own lag."""
     run = simulate("corner")

@@ -17,6 +17,7 @@ from taskspec.spec import load_text
 CLOSE = 4e-3
 
 
+@pytest.mark.xdist_group("shipped")
 @pytest.mark.parametrize(
     "task",
     ["wipe-table", "conveyor", "vibrating-table", "guarded-approach", "press-parallel-pid",

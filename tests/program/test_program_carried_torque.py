@@ -133,6 +133,7 @@ def test_what_failed_is_not_carried_on():
     assert all(np.array_equal(t.torque, t.asked) for t in ticks[k + 1 :])
 
 
+@pytest.mark.xdist_group("shipped")
 @pytest.mark.parametrize("task", ["conveyor", "corner", "drawer", "press-qp", "trace-points"])
 def test_no_change_of_a_shipped_task_steps_the_torque(simulate, task):
     """docs/torque-steps.md has all; without the hand-over these step by 1.7 to 20 N m."""

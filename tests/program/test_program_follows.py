@@ -187,6 +187,7 @@ def test_the_count_of_turns_survives_stages(simulate):
     assert run.during("second", "position.y")[0] == pytest.approx(0.0, abs=1e-3)
 
 
+@pytest.mark.xdist_group("shipped")
 def test_the_way_down_a_thread_keeps_step_with_the_turn_that_is_commanded(simulate):
     """Both references come from one: z - lead rz stays what it was at the stage's start."""
     run = simulate("screw")
