@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import sys
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass
@@ -29,6 +30,9 @@ from taskspec_runner.loop import fixed_step as loop
 from taskspec_runner.loop.assembly import assemble
 from taskspec_runner.record.history import History
 from taskspec_runner.record.log import Log
+
+# Nor does this process rewrite the assertions of all files anew: that is half of collecting them.
+sys.dont_write_bytecode = False
 
 TASKS = Path(__file__).resolve().parent.parent / "tasks"
 
