@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from taskspec.analysis.loop import UnfitError
 from taskspec.analysis.sampled_stage import ReferenceDrive, SampledStage, SetPointDrive, loop_like
-from taskspec.foresight.approach import approach, force_at_end
+from taskspec.foresight.approach import approach, deepened, dwell, force_at_end
 from taskspec.foresight.flow import good_end
 from taskspec.foresight.force_profile import set_points_at
 from taskspec.foresight.reference_motion import reference_motion
@@ -22,7 +22,6 @@ from taskspec.program.axes import MOSTLY
 from taskspec.program.passage import End
 from taskspec.program.plan import StagePlan, TaskPlan
 from taskspec.signals.entries import TOUCHING
-from taskspec.text.expression.tree import Held
 
 Vector = NDArray[np.float64]
 
@@ -180,10 +179,12 @@ class ForceCourses:
         if way is None or way.contact != stage.contact_of(axis):
             return None
         down = np.concatenate([-way.closing * stage.normal_of(way.contact), np.zeros(3)])
-        pressed_force = force_at_end(previous)
+        pressed_force, deep = force_at_end(previous), deepened(previous, way)
+        if deep is not None:
+            return -stage.facing(axis) * max(deep, pressed_force), rest
         if self._deepens:
             stiffness = stage.context.compliances[way.contact].stiffness
-            pressed_force += way.closing * _dwell(previous) * stiffness
+            pressed_force += way.closing * dwell(previous) * stiffness
         # It is along the normal.
         return -stage.facing(axis) * pressed_force, down
 
@@ -306,13 +307,6 @@ def _sampled(task: TaskPlan, name: str) -> SampledStage | None:
     except (UnfitError, np.linalg.LinAlgError):
         return None
     return None if found is None or not found.pressed else found
-
-
-def _dwell(stage: StagePlan) -> float:
-    """How long the guard of a stage has to hold [s]."""
-    assert stage.spec.until is not None
-    guard = stage.spec.until.tree
-    return guard.amount.value_si if isinstance(guard, Held) else 0.0
 
 
 def _wanted(stage: StagePlan, axis: Axis, times: Vector) -> Vector | None:

@@ -174,6 +174,38 @@ def damping_of(stage: StagePlan, axis: Axis, mass: float) -> float:
     return gains.get("damping", mass * gains.get("K_D", 0.0))
 
 
+def deepened(stage: StagePlan, way: Approach) -> float | None:
+    """The force to which a touch that has to last comes while its reference goes on [N].
+
+    h x'' = k_m (v t - x) + d_m (v - x') - k x - b x' once the blow is over: x' = v k_m / (k + k_m)
+    and (k + k_m) x = k_m v t + d_m (v - x').
+
+    Args:
+        stage: whose guard has to hold for some time.
+        way: how it comes to its surface.
+
+    Returns:
+        None where that time is not longer than the blow, where a force shares the axis, where no
+        spring follows the reference, and where the program may give way.
+    """
+    t, contact = dwell(stage), stage.context.compliances[way.contact]
+    h, k, b = striking_mass(stage, way.axis), contact.stiffness, contact.damping
+    own = stage.law.control_law.spring(on_axis(stage.gains, way.axis), h)
+    if stage.spec.axes[way.axis].has_force or stage.law.solve == "qp" or own <= 0:
+        return None
+    if t < math.pi * math.sqrt(h / k) or not math.isfinite(k):
+        return None
+    damper, v = damping_of(stage, way.axis, h), way.closing
+    rate = v * own / (k + own)
+    return k * (own * v * t + damper * (v - rate)) / (k + own) + b * rate
+
+
+def dwell(stage: StagePlan) -> float:
+    """How long the guard of a stage has to hold [s]."""
+    until = stage.spec.until
+    return until.tree.amount.value_si if until and isinstance(until.tree, Held) else 0.0
+
+
 def _joint_drag(stage: StagePlan, axis: Axis) -> float:
     """Damping along an axis of what brakes the joints, the law's damper and their own [N s/m].
 

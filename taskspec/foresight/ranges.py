@@ -25,9 +25,10 @@ from taskspec.text.units import LENGTH, TIME, show
 _BEYOND_STOP = 0.1
 #: Faster than any arm's tip [m/s]: by as much a stage may go beyond `within.travel` in a period.
 _FASTEST = 10.0
-#: A mechanism may be driven farther than its velocity says, by this share and by play [m, rad].
-_DRIVEN = 1.1
-_SLACK = {"angle": math.radians(2.0), "travel": 2e-3}
+#: A mechanism may be driven farther than its velocity says, by this share and by play [m, rad]: it
+#: leads by 2 % and 0.8 mm at most (measured with random files of every law).
+_DRIVEN = 1.04
+_SLACK = {"angle": math.radians(1.0), "travel": 1e-3}
 
 
 class Ranges:

@@ -11,7 +11,9 @@ from taskspec.foresight.approach import (
     Approach,
     approach,
     damping_of,
+    deepened,
     dragged,
+    dwell,
     force_at_end,
     moved,
     rates_of,
@@ -32,12 +34,14 @@ from taskspec.program.plan import StagePlan
 from taskspec.rules import Finding, rule, warning
 from taskspec.spec import FILE, Within
 from taskspec.text.diagnostic import Severity
-from taskspec.text.expression.tree import Call, Held, Node, Reduce, walk
+from taskspec.text.expression.tree import Call, Node, Reduce, walk
 from taskspec.text.units import inside, show
 
 #: The peak of a critically damped impact against that of an undamped one: the least that the
 #: stage that follows can make of it. Measured with designed gains: 0.42 to 0.62.
 _LEAST_SHARE = math.exp(-1.0)
+#: By this share less a reference that goes on may press than its spring says.
+_DOUBT = 0.1
 #: A press is not followed any longer.
 _MOST_STEPS = 5000
 
@@ -58,6 +62,7 @@ def hard_impacts(stage: StagePlan) -> Iterator[Finding]:
     way = approach(stage, stage.nominal.gap)
     if way is None or any(_short(stage, way)):
         return
+    yield from _goes_on(stage, way)
     after = good_end(stages, stage.name)
     limits = [stage.limits.force]
     if after is not None:
@@ -82,6 +87,21 @@ def hard_impacts(stage: StagePlan) -> Iterator[Finding]:
         FILE.stages[stage.name].axes[way.axis].velocity,
         f"approach with {slower} or less, or raise the limit",
         severity=Severity.ERROR if stops else Severity.WARNING,
+    )
+
+
+def _goes_on(stage: StagePlan, way: Approach) -> Iterator[Finding]:
+    """A touch that has to last, while the reference goes on to more than the limit on force."""
+    most, force = stage.limits.force, deepened(stage, way)
+    if most is None or force is None or (1 - _DOUBT) * force <= most:
+        return
+    yield warning(
+        "TS616",
+        f"the guard of stage {stage.name!r} has to hold for {show(dwell(stage), 's', 3)}: "
+        f"meanwhile {way.axis!r} goes on with {show(way.closing, 'mm/s', 3)} and presses with "
+        f"about {show(force, 'N', 3)}, and the limit on force is {show(most, 'N')}",
+        FILE.stages[stage.name].until,
+        "let it hold for less time, approach more slowly, or raise the limit",
     )
 
 
@@ -172,7 +192,7 @@ def _short(stage: StagePlan, way: Approach) -> Iterator[Finding]:
     within = stage.spec.within
     if gap is None or within is None or not nothing_else or context.loaded.task.equations:
         return
-    time, lasts = gap / way.closing, _lasts(stage)
+    time, lasts = gap / way.closing, dwell(stage)
     rises = 0.0 if any(stage.nominal.carried.values()) else BLEND_TIME / 2
     needs = {
         "time": time + rises + dragged(stage, way.axis, time) + _presses(stage, way) + lasts,
@@ -229,12 +249,6 @@ def _presses(stage: StagePlan, way: Approach) -> float:
             return i * period
         state = step @ state
     return 0.0
-
-
-def _lasts(stage: StagePlan) -> float:
-    """How long the guard of a stage wants the touch to last [s]."""
-    until = stage.spec.until
-    return until.tree.amount.value_si if until and isinstance(until.tree, Held) else 0.0
 
 
 def _stiffnesses(context: Context, contact: str) -> list[float]:

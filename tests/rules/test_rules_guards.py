@@ -196,9 +196,9 @@ stages:
 """
 
 
-@pytest.mark.parametrize(("angle", "expected"), [("-20 deg", []), ("-50 deg", ["TS611"])])
+@pytest.mark.parametrize(("angle", "expected"), [("-20 deg", []), ("-31 deg", ["TS611"])])
 def test_a_turn_that_its_bound_ends_first_is_announced(simulate, angle, expected):
-    """In 1 s the reference turns by 28.5 deg; 10 % and 2 deg more are let go."""
+    """In 1 s the reference turns by 28.5 deg; 4 % and 1 deg more are let go."""
     text = VALVE.replace("ANGLE", angle)
     assert [d.code for d in check_task(load_text(text, "t"))] == expected
     assert simulate(text).transitions[0].kind == ("within" if expected else "until")

@@ -146,3 +146,25 @@ def test_a_force_takes_its_time_on_a_soft_surface(law, simulate):
     assert found.code == "TS617"
     assert foreseen == pytest.approx(arrives, rel=0.25)
     assert not findings(task.replace("time: 3 s", f"time: {1.3 * arrives:.3f} s"))
+
+
+@pytest.mark.parametrize("law", ["hybrid", "impedance", "pd"])
+def test_a_touch_that_has_to_last_presses_on(simulate, law):
+    """The reference goes on for 0.3 s: the springs of law and contact share its way."""
+    task = text(LAW=law, LIMIT="2 N").replace("for 10 ms", "for 0.3 s").replace("200 k", "5 k")
+    said = next(d.message for d in findings(task) if "goes on" in d.message)
+    deep = float(re.search(r"presses with about ([\d.]+) N", said)[1])
+    run = simulate(task.replace("force: 2 N", "force: 500 N"))
+    # The guard begins to count when the force is 2 N, and the run is one of the whole arm.
+    assert -np.min(run["force.z"]) == pytest.approx(deep, rel=0.15)
+    enough = task.replace("force: 2 N", f"force: {1.1 * deep:.3g} N")
+    assert not [d for d in findings(enough) if "goes on" in d.message]
+
+
+def test_a_touch_that_has_pressed_on_fails_what_comes_next(simulate):
+    """The next stage begins with what the touch came to, and fails before that is taken back."""
+    task = text().replace("for 10 ms", "for 0.3 s").replace("200 k", "50 k")
+    task = task.replace("time: 0.2 s}", "time: 0.2 s, fail_if: abs(force.z) > 8 N for 10 ms}")
+    assert [d.code for d in findings(task)] == ["TS618"]
+    assert simulate(task).transitions[-1].kind == "fail_if"
+    assert not findings(task.replace("for 0.3 s", "for 10 ms"))
