@@ -22,6 +22,8 @@ Vector = NDArray[np.float64]
 
 #: Steps towards a fixed point, which is come to from below.
 _NARROWINGS = 30
+#: Half periods of a mass on its contact after which the blow is over.
+_BLOWS = 3.0
 #: From here on the arm can hardly move along some axis.
 _SINGULAR = 1e8
 
@@ -185,7 +187,7 @@ def deepened(stage: StagePlan, way: Approach) -> float | None:
         way: how it comes to its surface.
 
     Returns:
-        None where that time is not longer than the blow, where a force shares the axis, where no
+        None where the blow is not over by then, where a force shares the axis, where no
         spring follows the reference, and where the program may give way.
     """
     t, contact = dwell(stage), stage.context.compliances[way.contact]
@@ -193,7 +195,7 @@ def deepened(stage: StagePlan, way: Approach) -> float | None:
     own = stage.law.control_law.spring(on_axis(stage.gains, way.axis), h)
     if stage.spec.axes[way.axis].has_force or stage.law.solve == "qp" or own <= 0:
         return None
-    if t < math.pi * math.sqrt(h / k) or not math.isfinite(k):
+    if t < _BLOWS * math.pi * math.sqrt(h / k) or not math.isfinite(k):
         return None
     damper, v = damping_of(stage, way.axis, h), way.closing
     rate = v * own / (k + own)
