@@ -9,6 +9,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from taskspec.foresight.conditions import names, parts, value_of
+from taskspec.foresight.flow import good_end
 from taskspec.foresight.interval import Interval, IntervalAlgebra, point
 from taskspec.foresight.nominal import AT_SURFACE
 from taskspec.foresight.ranges import Ranges
@@ -75,6 +76,14 @@ def useless_guards(stage: StagePlan) -> Iterator[Finding]:
                 f"this holds as soon as stage {name!r} begins, when nothing is touched yet",
                 guard.span,
                 "turn the relation round, or the sign of what it compares with",
+            )
+        elif key == "until" and (before := _pressed_before(stage, guard, algebra)):
+            yield warning(
+                "TS613",
+                f"this holds as soon as stage {name!r} begins: {before!r} before it presses with "
+                "the same forces already",
+                guard.span,
+                f"wait for more than {before!r} presses with, or for something else",
             )
         elif (part := _hanging(stage)) and _holds_carrying(stage, guard, algebra, part):
             weight = show(float(np.linalg.norm(part.weight)), "N", 3)
@@ -227,6 +236,31 @@ def _holds_untouched(stage: StagePlan, guard: Expression, algebra: IntervalAlgeb
     }
     inner = guard.tree.x if isinstance(guard.tree, Held) else guard.tree
     return evaluate(inner, algebra, Ranges(stage, contact_signals)).always
+
+
+def _pressed_before(stage: StagePlan, guard: Expression, algebra: IntervalAlgebra) -> str:
+    """The stage before one whose set points make its guard hold as it begins; empty for none.
+
+    It has the same set points on the same axes, so that the force is there when they are handed
+    over.
+    """
+    task, node = stage.context.loaded.task, guard.tree
+    if isinstance(node, Held) or not stage.law.control_law.force_loop or stage.spec.tare:
+        return ""
+    before = [n for n in task.stages if good_end(task.stages, n) == stage.name]
+    if len(before) != 1 or any(each.on_fail == stage.name for each in task.stages.values()):
+        return ""
+    previous = StagePlan(stage.context, before[0])
+    if previous.frame.name != stage.frame.name or previous.law.kind != stage.law.kind:
+        return ""
+    kept = {
+        f"{a.effort}.{a}": point(value)
+        for a, value in stage.set_points.items()
+        if previous.set_points.get(a) == value
+    }
+    used = {str(n) for n in names(node)}
+    holds = bool(used & kept.keys()) and evaluate(node, algebra, Ranges(stage, kept)).always
+    return before[0] if holds else ""
 
 
 def _hanging(stage: StagePlan) -> HeldPart | None:

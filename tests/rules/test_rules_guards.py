@@ -202,3 +202,33 @@ def test_a_turn_that_its_bound_ends_first_is_announced(simulate, angle, expected
     text = VALVE.replace("ANGLE", angle)
     assert [d.code for d in check_task(load_text(text, "t"))] == expected
     assert simulate(text).transitions[0].kind == ("within" if expected else "until")
+
+
+HANDED = """
+taskspec: 1
+robot: {model: panda, start: {xyz: [500 mm, 0, 300 mm]}}
+world: {table: {shape: plane, xyz: [0, 0, 300 mm], stiffness: 10 kN/m}}
+frame: table
+law: hybrid
+stages:
+  settle: {axes: {z: {force: BEFORE}}, time: 0.6 s}
+  press: {axes: {z: {force: -16 N}}, until: UNTIL, within: {time: 0.8 s}}
+"""
+
+
+@pytest.mark.parametrize(
+    ("before", "until", "expected"),
+    [
+        ("-16 N", "abs(force.z) > 10 N", ["TS613"]),
+        ("-16 N", "force.z < -10 N", ["TS613"]),
+        ("-5 N", "abs(force.z) > 10 N", []),
+        ("-16 N", "abs(force.z) > 10 N for 0.3 s", []),
+        ("-16 N", "abs(force.z) > 10 N and t > 0.3 s", []),
+    ],
+)
+def test_a_force_that_is_handed_over_ends_a_stage_at_once(simulate, before, until, expected):
+    text = HANDED.replace("BEFORE", before).replace("UNTIL", until)
+    assert [d.code for d in check_task(load_text(text, "t"))] == expected
+    run = simulate(text)
+    lasted = run.transitions[-1].clock - run.transitions[0].clock
+    assert (lasted < 5e-3) == bool(expected)
