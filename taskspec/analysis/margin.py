@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from taskspec.analysis.budget import Budget
 from taskspec.analysis.controller import LinearController
 from taskspec.analysis.family import Family
-from taskspec.analysis.given import together
+from taskspec.analysis.gain_paths import together
 from taskspec.analysis.loop import FARTHEST, Mode, Poles, modes, poles, states
 from taskspec.analysis.plant import LinearPlant
 from taskspec.analysis.sampled_stage import SampledStage

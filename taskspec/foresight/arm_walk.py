@@ -17,11 +17,11 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from taskspec.control.state import ARM_LENGTH
-from taskspec.foresight.carriers import Carrier, OnSurface, Straight, WithMechanism
 from taskspec.foresight.interval import ANY, Interval, IntervalAlgebra, point
 from taskspec.foresight.pose_follower import PoseFollower, Taken
 from taskspec.foresight.ranges import constant, natural
 from taskspec.foresight.reference_motion import ReferenceMotion, reference_motion
+from taskspec.foresight.tool_motion import OnSurface, Straight, ToolMotion, WithMechanism
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.motion.blend import BLEND_TIME
 from taskspec.program.context import Context
@@ -94,11 +94,11 @@ class ArmWalk:
     def _passage(
         self, stage: StagePlan, p: Vector, R: Vector, lasts: float | None
     ) -> Passage | None:
-        carrier = self._carrier(stage, p, R)
-        if carrier is None:
+        tool_motion = self._tool_motion(stage, p, R)
+        if tool_motion is None:
             return None
         arm = PoseFollower(self._context, stage)
-        begun = arm.take(self.q, p, R, carrier.frame, 1.0)
+        begun = arm.take(self.q, p, R, tool_motion.frame, 1.0)
         if begun.missed is not None:
             return None
         start = _coordinates(stage, p, R)
@@ -107,8 +107,8 @@ class ArmWalk:
             return None
         none = np.zeros(6)
         first = Instant(
-            0.0, p, R, carrier.frame, begun.q, np.zeros(len(begun.q)), none,
-            _coordinate_of(carrier), math.inf, dict.fromkeys(AXES, 0.0),
+            0.0, p, R, tool_motion.frame, begun.q, np.zeros(len(begun.q)), none,
+            _coordinate_of(tool_motion), math.inf, dict.fromkeys(AXES, 0.0),
         )  # fmt: skip
         way = [first]
         guard = None
@@ -117,9 +117,9 @@ class ArmWalk:
         if not motion.ways and guard is None:
             return Passage((first,), End.DONE)
         horizon = _horizon(stage, motion, lasts)
-        return self._go(stage, carrier, arm, motion, guard, horizon, way)
+        return self._go(stage, tool_motion, arm, motion, guard, horizon, way)
 
-    def _carrier(self, stage: StagePlan, p: Vector, R: Vector) -> Carrier | None:
+    def _tool_motion(self, stage: StagePlan, p: Vector, R: Vector) -> ToolMotion | None:
         """What carries the tool; None where that cannot be told."""
         if self._context.loaded.task.robot.grasp is not None:
             if not self._context.held or _driven_by_force(stage):
@@ -133,7 +133,7 @@ class ArmWalk:
     def _go(
         self,
         stage: StagePlan,
-        carrier: Carrier,
+        tool_motion: ToolMotion,
         arm: PoseFollower,
         motion: ReferenceMotion,
         guard: _Guard | None,
@@ -143,9 +143,9 @@ class ArmWalk:
         """Goes until something ends the stage."""
         fine, moves, marks, fastest = _times(motion, horizon)
         if guard is not None:
-            held = guard.at(way[0], carrier)
+            held = guard.at(way[0], tool_motion)
             if not held.never:
-                return _ended(way, carrier, End.DONE if held.always else End.OPEN)
+                return _ended(way, tool_motion, End.DONE if held.always else End.OPEN)
         for before, mark, fast in zip(marks[:-1], marks[1:], fastest, strict=True):
             # A mechanism is followed more finely: it may turn away from what moves it.
             points = range(before + 1, mark + 1) if self._context.held else (mark,)
@@ -155,58 +155,58 @@ class ArmWalk:
                 time = float(fine[i])
                 moved = moves[i]
                 if not all(map(math.isfinite, moved.values())):
-                    return _ended(way, carrier, End.OPEN)
-                carrier.advance(time, moved)
-                if _strained(carrier):
+                    return _ended(way, tool_motion, End.OPEN)
+                tool_motion.advance(time, moved)
+                if _strained(tool_motion):
                     break
-            if carrier.left:
-                return _ended(way, carrier, End.EDGE, edge=carrier.left)
+            if tool_motion.left:
+                return _ended(way, tool_motion, End.EDGE, edge=tool_motion.left)
             lasts = time - last.time
-            taken = arm.take(last.q, carrier.p, carrier.R, carrier.frame, lasts)
+            taken = arm.take(last.q, tool_motion.p, tool_motion.R, tool_motion.frame, lasts)
             if taken.missed is not None:
-                return _ended(way, carrier, End.REACH, missed=taken.missed)
-            way.append(_instant(time, last, carrier, taken, moved, fast))
-            found = self._end(stage, carrier, guard, way)
+                return _ended(way, tool_motion, End.REACH, missed=taken.missed)
+            way.append(_instant(time, last, tool_motion, taken, moved, fast))
+            found = self._end(stage, tool_motion, guard, way)
             if found is not None:
                 return found
         if guard is None:
-            return _ended(way, carrier, End.DONE)
+            return _ended(way, tool_motion, End.DONE)
         bounded = math.isfinite(stage.longest)
-        return _ended(way, carrier, End.BOUND if bounded else End.OPEN)
+        return _ended(way, tool_motion, End.BOUND if bounded else End.OPEN)
 
     def _end(
-        self, stage: StagePlan, carrier: Carrier, guard: _Guard | None, way: list[Instant]
+        self, stage: StagePlan, tool_motion: ToolMotion, guard: _Guard | None, way: list[Instant]
     ) -> Passage | None:
         """What ends the stage between its last two instants; None where it goes on."""
         robot, last, here = self._context.robot, way[-2], way[-1]
         if ((here.q > robot.upper) | (here.q < robot.lower)).any():
             joint, share = _crossed(robot, last.q, here.q)
             way[-1] = mixed(last, here, share)
-            return _ended(way, carrier, End.JOINT, joint=joint)
-        if _strained(carrier):
-            return _ended(way, carrier, End.STRAIN)
+            return _ended(way, tool_motion, End.JOINT, joint=joint)
+        if _strained(tool_motion):
+            return _ended(way, tool_motion, End.STRAIN)
         if guard is not None:
-            holds = guard.at(here, carrier)
+            holds = guard.at(here, tool_motion)
             if holds.always:
                 way[-1] = guard.between(last, here)
-                return _ended(way, carrier, End.DONE)
+                return _ended(way, tool_motion, End.DONE)
             if not holds.never:
-                stops = isinstance(carrier, WithMechanism) and carrier.stopped is not None
-                return _ended(way, carrier, End.STOP if stops else End.OPEN)
+                stops = isinstance(tool_motion, WithMechanism) and tool_motion.stopped is not None
+                return _ended(way, tool_motion, End.STOP if stops else End.OPEN)
         passed = _travelled(stage, way)
         if passed is None:
             return None
         way[-1] = mixed(last, here, passed)
-        return _ended(way, carrier, End.BOUND)
+        return _ended(way, tool_motion, End.BOUND)
 
 
-def _strained(carrier: Carrier) -> bool:
-    return isinstance(carrier, WithMechanism) and carrier.strained
+def _strained(tool_motion: ToolMotion) -> bool:
+    return isinstance(tool_motion, WithMechanism) and tool_motion.strained
 
 
 def _ended(
     way: list[Instant],
-    carrier: Carrier,
+    tool_motion: ToolMotion,
     end: End,
     *,
     joint: int | None = None,
@@ -214,8 +214,8 @@ def _ended(
     edge: str = "",
 ) -> Passage:
     strain, stopped = None, None
-    if isinstance(carrier, WithMechanism):
-        strain, stopped = carrier.strain, carrier.stopped
+    if isinstance(tool_motion, WithMechanism):
+        strain, stopped = tool_motion.strain, tool_motion.stopped
     return Passage(tuple(way), end, joint, missed, strain, stopped, edge)
 
 
@@ -227,8 +227,8 @@ def _driven_by_force(stage: StagePlan) -> bool:
     return False
 
 
-def _coordinate_of(carrier: Carrier) -> float | None:
-    return carrier.coordinate if isinstance(carrier, WithMechanism) else None
+def _coordinate_of(tool_motion: ToolMotion) -> float | None:
+    return tool_motion.coordinate if isinstance(tool_motion, WithMechanism) else None
 
 
 def _horizon(stage: StagePlan, motion: ReferenceMotion, lasts: float | None) -> float:
@@ -285,21 +285,21 @@ def _times(
 def _instant(
     time: float,
     last: Instant,
-    carrier: Carrier,
+    tool_motion: ToolMotion,
     taken: Taken,
     moved: Mapping[Axis, float],
     fast: float,
 ) -> Instant:
     """The instant after the last, the references `fast` times as fast as their mean at most."""
     lasts = time - last.time
-    turn = pin.log3(carrier.R @ last.R.T)
-    inside = carrier.frame.T
-    twist = np.concatenate([inside @ (carrier.p - last.p), inside @ turn]) * (fast / lasts)
+    turn = pin.log3(tool_motion.R @ last.R.T)
+    inside = tool_motion.frame.T
+    twist = np.concatenate([inside @ (tool_motion.p - last.p), inside @ turn]) * (fast / lasts)
     v = (taken.q - last.q) / lasts
-    borne = carrier.borne if isinstance(carrier, WithMechanism) else {}
+    borne = tool_motion.borne if isinstance(tool_motion, WithMechanism) else {}
     return Instant(
-        time, carrier.p, carrier.R, carrier.frame, taken.q, v, twist, _coordinate_of(carrier),
-        taken.pivot, dict(moved), borne,
+        time, tool_motion.p, tool_motion.R, tool_motion.frame, taken.q, v, twist,
+        _coordinate_of(tool_motion), taken.pivot, dict(moved), borne,
     )  # fmt: skip
 
 
@@ -341,11 +341,11 @@ class _Guard:
         self._pointwise = not any(isinstance(part, Held | Reduce) for part in walk(self._node))
         self._algebra = IntervalAlgebra()
 
-    def at(self, here: Instant, carrier: Carrier) -> Interval:
+    def at(self, here: Instant, tool_motion: ToolMotion) -> Interval:
         """Whether it holds at an instant, as far as that can be told there."""
         if not self._pointwise:
             return Interval(0.0, 1.0)
-        known = self._signals(here) | self._effort(here, carrier)
+        known = self._signals(here) | self._effort(here, tool_motion)
         return self._worth(known)
 
     def _worth(self, known: Mapping[str, Interval]) -> Interval:
@@ -397,9 +397,9 @@ class _Guard:
     def _model(self) -> MechanismModel:
         return self._context.mechanisms[self._context.held]
 
-    def _effort(self, here: Instant, carrier: Carrier) -> dict[str, Interval]:
+    def _effort(self, here: Instant, tool_motion: ToolMotion) -> dict[str, Interval]:
         """What the held mechanism bears before it comes to its stop."""
-        if not isinstance(carrier, WithMechanism) or carrier.stopped is not None:
+        if not isinstance(tool_motion, WithMechanism) or tool_motion.stopped is not None:
             return {}
         declared = self._context.loaded.task.mechanisms[self._context.held]
         assert here.coordinate is not None

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from taskspec.analysis.held_design import best_design
 from taskspec.foresight.arm_walk import ArmWalk
-from taskspec.foresight.carried import rates_at_end, rates_of, twist_of
 from taskspec.foresight.course import course_of, moving_axes
+from taskspec.foresight.handed_rates import rates_at_end, rates_of, twist_of
 from taskspec.foresight.starts import roomiest
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.motion.blend import BLEND_TIME

@@ -13,7 +13,7 @@ from taskspec.laws.gains import on_axis
 from taskspec.prediction.at_start import StageAtStart
 from taskspec.prediction.reach import Bearing
 from taskspec.program.context import Context
-from taskspec.program.known import known_value
+from taskspec.program.known_value import known_value
 from taskspec.text.expression import Expression
 
 Vector = NDArray[np.float64]

@@ -16,7 +16,7 @@ from taskspec.laws.gains import BANDWIDTH, on_axis, value_of
 from taskspec.prediction.at_start import StageAtStart
 from taskspec.prediction.reach import along, moment_arms
 from taskspec.prediction.worlds import World
-from taskspec.program.known import known_value
+from taskspec.program.known_value import known_value
 
 Vector = NDArray[np.float64]
 

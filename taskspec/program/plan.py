@@ -20,7 +20,7 @@ from taskspec.motion.path import PathShape
 from taskspec.program.axes import MOSTLY, existing_axes
 from taskspec.program.contacts import Encounter, directions
 from taskspec.program.context import Context
-from taskspec.program.known import known_value
+from taskspec.program.known_value import known_value
 from taskspec.program.prepare import frame_at_start
 from taskspec.program.reference import orientation
 from taskspec.program.reference.axis_plan import AxisPlan, plan_axes

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from taskspec.program.known import known_value
+from taskspec.program.known_value import known_value
 from taskspec.program.plan import StagePlan
 from taskspec.rules import Finding, rule, warning
 from taskspec.spec import FILE

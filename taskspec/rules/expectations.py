@@ -13,7 +13,7 @@ from taskspec.foresight.ranges import constant, natural
 from taskspec.geometry.axis import as_axis
 from taskspec.program.axes import MOSTLY
 from taskspec.program.context import Context
-from taskspec.program.known import known_value
+from taskspec.program.known_value import known_value
 from taskspec.program.plan import TaskPlan
 from taskspec.program.signals import entry_of
 from taskspec.rules import Finding, Phase, error, rule, warning

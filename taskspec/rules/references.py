@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.program.algebra import CasadiAlgebra
 from taskspec.program.context import Context
-from taskspec.program.known import known_value
+from taskspec.program.known_value import known_value
 from taskspec.program.plan import StagePlan, TaskPlan
 from taskspec.rules import Finding, Phase, error, rule, warning
 from taskspec.spec import FILE, KeyPath

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 from taskspec.analysis.budget import Budget
-from taskspec.analysis.given import gain_path, law_path, together, turns
+from taskspec.analysis.gain_paths import gain_path, law_path, together, turns
 from taskspec.analysis.margin import PROPOSED, QUIET, STABLE, Limit, Search
 from taskspec.analysis.sampled_stage import SampledStage
 from taskspec.laws.law import gain_named

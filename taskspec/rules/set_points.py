@@ -10,7 +10,7 @@ from taskspec.foresight.rows import shares_of
 from taskspec.geometry.axis import Axis
 from taskspec.laws.gains import on_axis
 from taskspec.program.axes import MOSTLY
-from taskspec.program.known import known_value
+from taskspec.program.known_value import known_value
 from taskspec.program.limits.consistency import SET_POINT_SHARE
 from taskspec.program.plan import StagePlan
 from taskspec.rules import Finding, Phase, rule, warning

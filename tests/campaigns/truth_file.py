@@ -27,7 +27,7 @@ WELL, REFUSED, CRASHED = "well", "refused", "crashed"
 
 
 @dataclass
-class Said:
+class Explanation:
     """A finding of `validate`.
 
     Attributes:
@@ -140,7 +140,7 @@ def said(text: str, findings: Sequence[Any]) -> list[dict[str, str]]:
         # A gain of the file is where the loop of a stage is mended: the message names the stage.
         named = re.search(r"stage '(\w+)'", each.message)
         stage = stages.get(line, "" if named is None else named[1])
-        made.append(asdict(Said(each.code, str(each.severity), stage, sentence)))
+        made.append(asdict(Explanation(each.code, str(each.severity), stage, sentence)))
     return made
 
 

@@ -14,7 +14,7 @@ from taskspec.compiler import compile_unchecked
 from taskspec.spec import load_text
 from taskspec_runner.cli.app import app
 from taskspec_runner.cli.sheet.limits import joined
-from taskspec_runner.verdict.given_up import sentences
+from taskspec_runner.verdict.limit_effects import sentences
 
 TASKS = Path(__file__).resolve().parents[2] / "tasks"
 

@@ -24,8 +24,8 @@ from taskspec_runner.video.camera import axes_of, close_view, frame_run
 from taskspec_runner.video.equations import DrawnSurface, equation_surfaces
 from taskspec_runner.video.film import Cut
 from taskspec_runner.video.marks import Marks
+from taskspec_runner.video.panel_force import panel_forces
 from taskspec_runner.video.recording import Recording
-from taskspec_runner.video.shown import shown_forces
 from taskspec_runner.video.viewer import Show
 from taskspec_runner.video.world import RecordedWorld, bare_links
 
@@ -106,19 +106,19 @@ def test_other_equations_are_left_out(equation: str, kind: str | None) -> None:
 
 
 def test_forces_shown_are_those_with_set_points(record: Record, tapped: Recording) -> None:
-    approach, hold = shown_forces(tapped)
+    approach, hold = panel_forces(tapped)
     assert (approach.name, approach.wanted) == ("force.x", None)
     assert hold.name == "force.x"
     row = hold.visit.last
     force = tapped.history.columns["force.x"][row]
     assert hold.text(row) == f"{force:.2f} of 5.00 N"
-    _, press = shown_forces(record(RAIL.replace("OTHER", "")))
+    _, press = panel_forces(record(RAIL.replace("OTHER", "")))
     assert press.name == "rim.force"
     assert press.unit == "N"
 
 
 def test_a_set_point_of_zero_is_nothing_to_look_at(record: Record) -> None:
-    shown = shown_forces(record(TAP.replace("force: press, ramp", "force: 0 N, ramp")))
+    shown = panel_forces(record(TAP.replace("force: press, ramp", "force: 0 N, ramp")))
     assert [each.name for each in shown] == ["norm(force)", "norm(force)"]
 
 
@@ -131,7 +131,7 @@ world: {crank: {mechanism: hinge, xyz: [500 mm, 0, 350 mm], handle: [120 mm, 0, 
 frame: crank.handle
 stages: {rotate: {axes: {y: {velocity: 50 mm/s}, rz: {follows: crank}}, time: 0.1 s}}
 """
-    (shown,) = shown_forces(record(text))
+    (shown,) = panel_forces(record(text))
     assert (shown.name, shown.unit, shown.wanted) == ("crank.torque", "N m", None)
 
 

@@ -14,7 +14,7 @@ from taskspec_runner.cli.formats import RunFormat
 from taskspec_runner.cli.run_damage import warn_of_damage
 from taskspec_runner.diff.difference import NAMES, Difference, diff_runs
 from taskspec_runner.diff.page import headline, share, write_difference
-from taskspec_runner.diff.wording import largest_text, parting
+from taskspec_runner.diff.sentences import largest_text, parting
 from taskspec_runner.errors import InputError
 from taskspec_runner.record.folder import plain
 from taskspec_runner.report.quantities import quantity

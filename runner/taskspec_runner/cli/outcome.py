@@ -12,7 +12,7 @@ from taskspec.text.units import FORCE, LENGTH, MOMENT, Dimension, scaled
 from taskspec_runner.cli.console import show, table
 from taskspec_runner.runs import Run
 from taskspec_runner.verdict import torque_steps
-from taskspec_runner.verdict.given_up import sentences
+from taskspec_runner.verdict.limit_effects import sentences
 
 if TYPE_CHECKING:
     from rich.table import Table

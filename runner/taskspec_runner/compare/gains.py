@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from taskspec.analysis.given import turns
+from taskspec.analysis.gain_paths import turns
 from taskspec.laws.law import gain_named
 from taskspec.program.program import Program
 

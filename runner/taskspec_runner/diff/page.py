@@ -14,7 +14,7 @@ from taskspec_runner.compare.page import page_data, visits_of
 from taskspec_runner.compare.picture import HERE as COMPARE
 from taskspec_runner.compare.tracking import force_axes
 from taskspec_runner.diff.difference import NAMES, Difference
-from taskspec_runner.diff.wording import largest_text, parting
+from taskspec_runner.diff.sentences import largest_text, parting
 from taskspec_runner.record.folder import plain
 from taskspec_runner.record.whole import write_whole
 from taskspec_runner.report.quantities import quantity

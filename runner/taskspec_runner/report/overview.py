@@ -16,7 +16,7 @@ from taskspec_runner.report.drawing import Panel, Stroke, Tick, path_data, tick_
 from taskspec_runner.report.plane import PlotPlane, Times
 from taskspec_runner.report.template import template
 from taskspec_runner.runs import Run, StageVisit
-from taskspec_runner.verdict.given_up import held_joints
+from taskspec_runner.verdict.limit_effects import held_joints
 from taskspec_runner.verdict.outcome import verdict
 
 WIDTH = 860

@@ -10,7 +10,7 @@ from taskspec_runner.report.predictions import stage_prediction
 from taskspec_runner.report.quantities import figure, quantity
 from taskspec_runner.runs import Run
 from taskspec_runner.verdict import torque_steps
-from taskspec_runner.verdict.given_up import sentences
+from taskspec_runner.verdict.limit_effects import sentences
 from taskspec_runner.verdict.predicted import axis_of
 
 #: Columns of a response; see the note below the table.

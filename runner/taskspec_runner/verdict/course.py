@@ -22,9 +22,9 @@ from taskspec.text.expression import Expression, evaluate, tree
 from taskspec.text.expression.series import Series, SeriesAlgebra
 from taskspec.text.units import in_unit
 from taskspec_runner.record.history import History, Mask, Vector
+from taskspec_runner.verdict.explanation import Explainer, Sides
 from taskspec_runner.verdict.lookup import Lookup, column_of, scope_of
 from taskspec_runner.verdict.replay import Replay
-from taskspec_runner.verdict.wording import Sides, Wording
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,7 +75,7 @@ class Courses:
         for expectation in self._task.expect:
             if expectation.text == text:
                 clock = self._history.columns.get("clock")
-                say = Wording(expectation.expression, scope_of(self._task), clock)
+                say = Explainer(expectation.expression, scope_of(self._task), clock)
                 walked = _Walk(text, expectation.expression, self._lookup, len(self._history), say)
                 return tuple(walked.of(expectation.expression.tree))
         return ()
@@ -85,7 +85,7 @@ class _Walk:
     """Walks the conditions of one expectation."""
 
     def __init__(
-        self, text: str, expression: Expression, lookup: Lookup, ticks: int, say: Wording
+        self, text: str, expression: Expression, lookup: Lookup, ticks: int, say: Explainer
     ) -> None:
         self._text, self._lookup, self._ticks, self._say = text, lookup, ticks, say
         self._value = _running(lookup.within(expression.tree))

@@ -7,12 +7,12 @@ from taskspec.spec import Expectation, Task
 from taskspec.text.expression import Expression, evaluate, tree
 from taskspec.text.expression.series import Series, SeriesAlgebra
 from taskspec_runner.record.history import History
+from taskspec_runner.verdict.condition_margins import ConditionMargins
 from taskspec_runner.verdict.diagnosed import line_of
-from taskspec_runner.verdict.extents import Extents
+from taskspec_runner.verdict.explanation import Explainer, Explanation, Sides
 from taskspec_runner.verdict.judged import Broken, Judged, Margin, MeasuredValue
 from taskspec_runner.verdict.lookup import Elsewhere, Lookup, column_of, scope_of
 from taskspec_runner.verdict.replay import Replay
-from taskspec_runner.verdict.wording import Said, Sides, Wording
 
 
 def judge(task: Task, history: History, elsewhere: Elsewhere) -> tuple[Judged, ...]:
@@ -67,7 +67,7 @@ class _Examiner:
     ) -> None:
         self._lookup, self._find = lookup, lookup.within(expression.tree)
         self._algebra = SeriesAlgebra()
-        self._say = Wording(expression, scope_of(task), history.columns.get("clock"))
+        self._say = Explainer(expression, scope_of(task), history.columns.get("clock"))
         self.measured: list[MeasuredValue] = []
         self.margins: list[Margin] = []
         self._breaks: list[Broken] = []
@@ -100,13 +100,13 @@ class _Examiner:
         said = self._explain(node, held, inner)
         self.measured += said.measured
         condition = node.x if isinstance(node, tree.Held) else node
-        extents = Extents(self._say, self.value, condition, self._sides(condition))
+        extents = ConditionMargins(self._say, self.value, condition, self._sides(condition))
         self.margins += extents.margins(node, inner)
         if not held:
             self._breaks += extents.breaks(node, inner)
         return held, said.text
 
-    def _explain(self, node: tree.Node, passed: bool, truth: Series) -> Said:
+    def _explain(self, node: tree.Node, passed: bool, truth: Series) -> Explanation:
         if isinstance(node, tree.Held):
             return self._say.share(node, truth, self._sides(node.x))
         if truth.window is None:

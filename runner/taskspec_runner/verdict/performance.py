@@ -11,8 +11,8 @@ from taskspec.program.execution.stage_solver import SolverCounts
 from taskspec.program.program import Program
 from taskspec.program.stages.stage import CompiledStage
 from taskspec_runner.record.history import History
-from taskspec_runner.verdict.given_up import given_up
 from taskspec_runner.verdict.judged import Judged
+from taskspec_runner.verdict.limit_effects import limit_effects
 from taskspec_runner.verdict.metrics import metrics, peaks, set_points
 from taskspec_runner.verdict.predicted import predicted
 from taskspec_runner.verdict.response import contact_losses, responses
@@ -52,7 +52,7 @@ def performance(
         "metrics": metrics(history, {s.name: s.plan.axes for s in program.stages}),
         "responses": responses(history, rests, period, allowed),
         "contact": contact_losses(history, [name for name in efforts if efforts[name]], period),
-        "given_up": given_up(history, program.stages),
+        "given_up": limit_effects(history, program.stages),
         "solver": {
             name: {"ticks": int(history.window(name).sum()), **asdict(counts)}
             for name, counts in solver.items()

@@ -13,8 +13,8 @@ from PIL import ImageDraw
 from taskspec_runner.video.canvas import Image
 from taskspec_runner.video.lettering import Color, Pen, dark, font, rgb
 from taskspec_runner.video.marks import APPLIED, FORCE, FREE, MOTION, TRACE, WANTED
+from taskspec_runner.video.panel_force import PanelForce, panel_forces
 from taskspec_runner.video.recording import Recording
-from taskspec_runner.video.shown import Shown, shown_forces
 
 Vector = NDArray[np.float64]
 
@@ -40,7 +40,7 @@ class SignalPanel:
         self._recording = recording
         self._pen = Pen(min(width / WIDTH, height / HEIGHT))
         self._size = width, height
-        self._shown = shown_forces(recording)
+        self._shown = panel_forces(recording)
         self._low, self._high = _range(self._shown)
         names = dict.fromkeys(visit.stage for visit in recording.visits)
         self._tints = {name: _TINTS[i % len(_TINTS)] for i, name in enumerate(names)}
@@ -114,7 +114,7 @@ class SignalPanel:
             draw.text(where, text, font=font(pen(15)), fill=_INK, anchor="lm")
 
     def _curve(
-        self, draw: ImageDraw.ImageDraw, shown: Shown, values: Vector, color: Color, width: int
+        self, draw: ImageDraw.ImageDraw, shown: PanelForce, values: Vector, color: Color, width: int
     ) -> None:
         """Lines over time, that take in the lowest and highest value of every pixel column."""
         clock = self._recording.clock[shown.visit.rows]
@@ -149,7 +149,7 @@ class SignalPanel:
         draw.text((pen(x), pen(y)), text, font=letters, fill=color, anchor="la")
 
 
-def _range(shown: tuple[Shown, ...]) -> tuple[float, float]:
+def _range(shown: tuple[PanelForce, ...]) -> tuple[float, float]:
     """Lowest and highest value that a chart shows: all references, and forces without impacts."""
     values = np.concatenate([s.values[np.isfinite(s.values)] for s in shown])
     wanted = [s.wanted[np.isfinite(s.wanted)] for s in shown if s.wanted is not None]

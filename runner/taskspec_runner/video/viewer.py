@@ -15,8 +15,8 @@ from taskspec_runner.errors import InputError
 from taskspec_runner.video.camera import frame_run, seen_from
 from taskspec_runner.video.film import Cut
 from taskspec_runner.video.marks import Marks
+from taskspec_runner.video.panel_force import panel_forces
 from taskspec_runner.video.recording import Recording
-from taskspec_runner.video.shown import shown_forces
 from taskspec_runner.video.world import RecordedWorld
 
 #: Of a window, about.
@@ -90,7 +90,7 @@ class Show:
 
     def __init__(self, recording: Recording, cut: Cut) -> None:
         self.world, self._recording, self._cut = RecordedWorld(recording), recording, cut
-        self._marks, self._shown = Marks(self.world), shown_forces(recording)
+        self._marks, self._shown = Marks(self.world), panel_forces(recording)
         self._clocks = cut.clocks(recording)
         # A window cannot let hidden marks shine through, as pictures do.
         model = self.world.model

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from taskspec.analysis.given import turns
+from taskspec.analysis.gain_paths import turns
 from taskspec.analysis.loop import Mode, UnfitError
 from taskspec.analysis.margin import MOTION, Limit, Search, grows, rings
 from taskspec.analysis.sampled_stage import SampledStage

@@ -20,7 +20,7 @@ _NEEDED = ("limits", "limited", "force_inconsistent", "residual")
 _JOINT = re.compile(r"position and velocity of joint (\d+)\Z")
 
 
-def given_up(history: History, stages: Sequence[CompiledStage]) -> dict[str, dict[str, Any]]:
+def limit_effects(history: History, stages: Sequence[CompiledStage]) -> dict[str, dict[str, Any]]:
     """Of every visited stage that keeps its limits by a program.
 
     Returns:

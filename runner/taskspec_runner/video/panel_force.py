@@ -20,7 +20,7 @@ _LEAST = 1e-3
 
 
 @dataclass(frozen=True, slots=True)
-class Shown:
+class PanelForce:
     """One signal over a visit.
 
     Attributes:
@@ -46,7 +46,7 @@ class Shown:
         return f"{self.values[i]:.2f}{of} {self.unit}"
 
 
-def shown_forces(recording: Recording) -> tuple[Shown, ...]:
+def panel_forces(recording: Recording) -> tuple[PanelForce, ...]:
     """For each visit the force with the largest set point that is not zero.
 
     A visit without one shows that of the next visit with one in the same frame, or of the last;
@@ -64,13 +64,15 @@ def shown_forces(recording: Recording) -> tuple[Shown, ...]:
     return tuple(found)
 
 
-def _shown(recording: Recording, visit: Visit, name: str, *, has_reference: bool) -> Shown:
+def _shown(recording: Recording, visit: Visit, name: str, *, has_reference: bool) -> PanelForce:
     columns, rows = recording.history.columns, visit.rows
     if name and np.isfinite(columns[name][rows]).any():
         unit = recording.history.units.get(name, "N").replace("*", " ")
         wanted = columns[f"{name}.ref"][rows] if has_reference else None
-        return Shown(visit, name, unit, columns[name][rows], wanted)
-    return Shown(visit, "norm(force)", "N", np.linalg.norm(recording.force[rows], axis=1), None)
+        return PanelForce(visit, name, unit, columns[name][rows], wanted)
+    return PanelForce(
+        visit, "norm(force)", "N", np.linalg.norm(recording.force[rows], axis=1), None
+    )
 
 
 def _held(recording: Recording) -> str:

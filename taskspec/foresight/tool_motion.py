@@ -36,7 +36,7 @@ _LOST = 20e-3
 _STEADY = 0.02
 
 
-class Carrier(Protocol):
+class ToolMotion(Protocol):
     """What the references of a stage take the tool along.
 
     Attributes:

@@ -9,15 +9,15 @@ import numpy as np
 from taskspec.text.expression import tree
 from taskspec.text.expression.series import Series
 from taskspec.text.units import in_unit
+from taskspec_runner.verdict.explanation import Explainer, Sides
 from taskspec_runner.verdict.judged import SHARE, Broken, Margin
 from taskspec_runner.verdict.margin import Vector, left, lost_share, reached, room
-from taskspec_runner.verdict.wording import Sides, Wording
 
 Bounds = tuple[Vector | None, Vector | None]
 _ONE = Series.one(np.nan)
 
 
-class Extents:
+class ConditionMargins:
     """One condition, without the `for` that it may have.
 
     Args:
@@ -28,7 +28,11 @@ class Extents:
     """
 
     def __init__(
-        self, say: Wording, value: Callable[[tree.Node], Series], condition: tree.Node, sides: Sides
+        self,
+        say: Explainer,
+        value: Callable[[tree.Node], Series],
+        condition: tree.Node,
+        sides: Sides,
     ) -> None:
         self._say, self._value, self._condition, self._sides = say, value, condition, sides
 

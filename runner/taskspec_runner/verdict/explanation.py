@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from taskspec.text.expression import Expression, Scope, infer, tree
 from taskspec.text.expression.series import NO_TICK, Series
 from taskspec.text.units import NUMBER, fitting, in_unit, show, to_si
-from taskspec_runner.verdict.amounts import DIGITS, digits_of, readable_unit
 from taskspec_runner.verdict.judged import Broken, MeasuredValue
+from taskspec_runner.verdict.quantities import DIGITS, digits_of, readable_unit
 
 Vector = NDArray[np.float64]
 
@@ -25,14 +25,14 @@ _GAPS_SHOWN = 3
 
 
 @dataclass(frozen=True, slots=True)
-class Said:
+class Explanation:
     """An explanation and the numbers in it."""
 
     text: str
     measured: tuple[MeasuredValue, ...] = ()
 
 
-class Wording:
+class Explainer:
     """Explains the conditions of one expectation.
 
     Args:
@@ -49,25 +49,25 @@ class Wording:
         """A part of the expectation as it is written."""
         return " ".join(self._expression.text[node.start : node.end].split())
 
-    def unknown(self, node: tree.Node, truth: Series) -> Said:
+    def unknown(self, node: tree.Node, truth: Series) -> Explanation:
         """Why it cannot be told whether a condition holds."""
         if truth.gaps:
             more = len(truth.gaps) - _GAPS_SHOWN
             rest = f"; and {more} more" if more > 0 else ""
-            return Said("; ".join(truth.gaps[:_GAPS_SHOWN]) + rest)
+            return Explanation("; ".join(truth.gaps[:_GAPS_SHOWN]) + rest)
         inside = truth.inside()
         if not len(inside):
             several = len({n.path[0] for n in tree.walk(node) if isinstance(n, tree.Name)}) > 1
-            return Said("its stages have no tick in common" if several else NO_TICK)
+            return Explanation("its stages have no tick in common" if several else NO_TICK)
         missing = int(np.count_nonzero(np.isnan(inside)))
         at = self._first(truth, np.isnan(truth.values))
-        return Said(
+        return Explanation(
             f"'{self.text(node)}' has no value at {missing} of {len(inside)} ticks{at}"
             if truth.window is not None
             else f"'{self.text(node)}' has no value"
         )
 
-    def unknown_since(self, truth: Series, said: Said) -> tuple[Broken, ...]:
+    def unknown_since(self, truth: Series, said: Explanation) -> tuple[Broken, ...]:
         """When it could first not be told whether a condition holds, if at some tick at all."""
         if truth.window is None:
             return ()
@@ -78,7 +78,7 @@ class Wording:
         """The run time of a row [s]."""
         return float(self._clock[row])
 
-    def share(self, node: tree.Held, truth: Series, sides: Sides) -> Said:
+    def share(self, node: tree.Held, truth: Series, sides: Sides) -> Explanation:
         """How often a condition holds, against how often it has to."""
         inside = truth.inside()
         share, needed = float(np.mean(inside)), node.amount.value_si
@@ -87,30 +87,32 @@ class Wording:
         text = f"{percent:.4g} % of ticks (needs {100 * needed:.4g} %)"
         if share < needed and sides and truth.window is not None:
             text += f"; at worst {self._worst(node.x, truth, sides)}"
-        return Said(text, (MeasuredValue(f"{self.text(node.x)}: share of ticks", percent, "%"),))
+        return Explanation(
+            text, (MeasuredValue(f"{self.text(node.x)}: share of ticks", percent, "%"),)
+        )
 
-    def number(self, node: tree.Node, passed: bool, sides: Sides) -> Said:
+    def number(self, node: tree.Node, passed: bool, sides: Sides) -> Explanation:
         """One number against its bounds."""
         if not sides:
-            return Said("true" if passed else f"'{self.text(node)}' is false")
+            return Explanation("true" if passed else f"'{self.text(node)}' is false")
         part, series = sides[0]
         unit = self.unit(node, sides)
         name = self.text(part)
         measured = MeasuredValue(name, in_unit(series.number, unit), unit)
         digits = digits_of(series.number, [bound.number for _, bound in sides[1:]], unit)
         bounds = self._needs(node, sides, unit, 0, digits)
-        return Said(f"{name} = {show(series.number, unit, digits)} ({bounds})", (measured,))
+        return Explanation(f"{name} = {show(series.number, unit, digits)} ({bounds})", (measured,))
 
-    def every_tick(self, node: tree.Node, truth: Series, sides: Sides) -> Said:
+    def every_tick(self, node: tree.Node, truth: Series, sides: Sides) -> Explanation:
         """A condition that has to hold at every tick."""
         inside = truth.inside()
         held, ticks = int(np.count_nonzero(inside)), len(inside)
         passed = held == ticks
         if not sides:
             if passed:
-                return Said("holds at every tick")
+                return Explanation("holds at every tick")
             broken = self._first(truth, truth.values != 1)
-            return Said(f"does not hold at {ticks - held} of {ticks} ticks{broken}")
+            return Explanation(f"does not hold at {ticks - held} of {ticks} ticks{broken}")
         part, series = sides[0]
         unit = self.unit(node, sides)
         if not passed:
@@ -122,7 +124,7 @@ class Wording:
             text += f" ({self._needs(node, sides, unit, None)})"
         values = np.broadcast_to(series.values, truth.values.shape)[truth.window]
         name = self.text(part)
-        return Said(
+        return Explanation(
             text,
             tuple(
                 MeasuredValue(f"{which} {name}", in_unit(float(value), unit), unit)
