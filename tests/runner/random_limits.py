@@ -258,7 +258,7 @@ class Traces:
 
     Attributes:
         program: that was run. outcome: how it ended. fields: name to (ticks, size).
-        relaxed: (ticks,) how often limits had collided until then. account: what the solver did.
+        relaxed: (ticks,) how often limits had collided until then. counts: what the solver did.
     """
 
     program: Program

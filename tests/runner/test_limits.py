@@ -93,8 +93,8 @@ def test_no_tick_exceeds_the_torque_rate_whatever_the_solver_answers(solver, rat
     assert np.max(steps) <= rate * 1e-3 + 1e-12
     assert np.max(steps) > 0.99 * rate * 1e-3
     # The slower rates are those at which OSQP has ticks without an answer.
-    assert traces.account["held"] > 0 or solver == "daqp" or rate > 100
-    assert traces.account["held"] == 0 or solver == "osqp"
+    assert traces.counts["held"] > 0 or solver == "daqp" or rate > 100
+    assert traces.counts["held"] == 0 or solver == "osqp"
     # A run that its limits cannot carry ends by the name of one.
     stopped = traces.outcome.status == "stopped"
     assert not stopped or traces.outcome.reason in ("speed", "force", "joint_velocity", "solver")

@@ -202,7 +202,7 @@ _NOISE = "\n  sensor: {noise: 0.5 N}"
 def test_runs_that_settle_have_no_finding(tmp_path, parts):
     run = made(tmp_path, **parts)
     assert run.findings == ()
-    assert run.verdict == "passed"
+    assert run.verdict == "done"
     assert run.exit_code == 0
 
 
@@ -257,13 +257,13 @@ def test_a_program_that_clamps_each_tick_chatters_and_saturates(tmp_path):
         tmp_path / "both", law="hybrid, solve: qp, bandwidth: 160 Hz", time="1 s", allow=allow
     )
     assert all(each.allowed for each in both.findings)
-    assert (both.verdict, both.exit_code) == ("passed", 0)
+    assert (both.verdict, both.exit_code) == ("done", 0)
 
 
 def test_a_stage_that_allows_it_passes(tmp_path):
     run = made(tmp_path, law=_CHATTERS, allow=", allow: [oscillation]")
     assert [each.allowed for each in run.findings] == [True]
-    assert (run.verdict, run.exit_code) == ("passed", 0)
+    assert (run.verdict, run.exit_code) == ("done", 0)
 
 
 def test_a_run_that_breaks_off_is_judged_as_far_as_it_came(tmp_path):

@@ -42,9 +42,9 @@ class Tally:
 
     def add(self, number: int, traces: Traces) -> None:
         self.ended[f"{traces.outcome.status}: {traces.outcome.reason}"] += 1
-        self.account += Counter({**traces.account, "runs": 1, "ticks": traces.outcome.ticks})
+        self.account += Counter({**traces.counts, "runs": 1, "ticks": traces.outcome.ticks})
         self.see("KKT residual", float(np.max(traces.fields["residual"])), number, 1e-8)
-        self.see("ticks without an answer", traces.account["held"], number, 0.0)
+        self.see("ticks without an answer", traces.counts["held"], number, 0.0)
         for what, beyond in joint_excess(traces).items():
             self.see(what, beyond, number, ROUNDING)
         for what, found in (("force", force_excess(traces)), ("speed", speed_excess(traces))):
