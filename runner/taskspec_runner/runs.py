@@ -178,6 +178,34 @@ class Run(Window):
         self.__dict__ |= {name: part for name, part in parts.items() if part is not None}
 
     @classmethod
+    def written(
+        cls,
+        folder: RunFolder,
+        program: Program,
+        content: bytes,
+        summary: Json,
+        history: History,
+    ) -> Run:
+        """The run that a folder was just written with; nothing of it is read back.
+
+        Args:
+            folder: of the run.
+            program: the compiled task.
+            content: of the task file.
+            summary: as it was written.
+            history: of the log.
+        """
+        return cls(
+            folder.path,
+            content=content,
+            manifest=plain(folder.manifest),
+            summary=summary,
+            history=history,
+            program=program,
+            damage="",
+        )
+
+    @classmethod
     def load(cls, folder: Path) -> Run:
         """The run of a folder; of one that was killed, what there is.
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import hashlib
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -164,16 +163,7 @@ def _run(program: Program, folder: RunFolder, content: bytes, manner: _Manner) -
     if simulated.by_signal:
         simulated = simulated.as_logged(history, program.context.period)
     outcome, judged = simulated.outcome, judge_run(program, history)
-    summary = folders.plain(summarise(program, simulated, history, judged, manner.seed))
-    text = folders.json_text(summary)
-    digests = {
-        **folder.manifest["sha256"],
-        folders.LOG: log.sha256,
-        folders.SUMMARY: hashlib.sha256(text.encode()).hexdigest(),
-    }
-    # Before the summary is there: whoever reads it knows whether it is the one that was judged.
-    folder.note(sha256=digests, log=log.facts)
-    folder.write(folders.SUMMARY, text)
+    summary = folder.keep_summary(summarise(program, simulated, history, judged, manner.seed), log)
     _close(
         folder,
         outcome.status,
@@ -182,15 +172,7 @@ def _run(program: Program, folder: RunFolder, content: bytes, manner: _Manner) -
         wall_seconds=wall,
         real_time_factor=outcome.clock / wall,
     )
-    run = Run(
-        folder.path,
-        content=content,
-        manifest=folders.plain(folder.manifest),
-        summary=summary,
-        history=history,
-        program=program,
-        damage="",
-    )
+    run = Run.written(folder, program, content, summary, history)
     if manner.report:  # It needs jinja2, which a run does not.
         from taskspec_runner.report import write_report
 

@@ -15,7 +15,6 @@ from taskspec.foresight.flow import good_end
 from taskspec.foresight.force_profile import set_points_at
 from taskspec.foresight.reference_motion import reference_motion
 from taskspec.geometry.axis import AXES, Axis
-from taskspec.laws.gains import on_axis
 from taskspec.modes import Way
 from taskspec.motion import blend
 from taskspec.program.axes import MOSTLY
@@ -148,7 +147,7 @@ class ForceCourses:
         sampled = _sampled(self._task, stage.name)
         if sampled is None:
             return None
-        own = stage.law.control_law.spring(on_axis(stage.gains, axis), stage.plants[axis].h)
+        own = stage.spring_of(axis)
         gives = 1 / own + 1 / stage.stiffness_of(axis)
         own_way = ReferenceDrive(axis, _with_rates(behind - gives * force, times))
         moved = sampled.follows(axis, [own_way, *_others(stage, axis, times)], twist)
@@ -222,7 +221,7 @@ def _behind(
         return None
     if contact != stage.contact or contact in stage.context.moving_bases:
         return None
-    if law.spring(on_axis(stage.gains, axis), stage.plants[axis].h) <= 0:
+    if stage.spring_of(axis) <= 0:
         return None
     # A frame that follows a curved surface has no coordinates but the distance from it.
     start = stage.nominal.coordinates or {**dict.fromkeys(AXES, 0.0), Axis.Z: gap}

@@ -149,11 +149,10 @@ def dragged(stage: StagePlan, axis: Axis, time: float) -> float:
     Returns:
         [s]; 0 where the law's damper acts on the error.
     """
-    law, gains = stage.law.control_law, on_axis(stage.gains, axis)
-    drag = law.drag(gains)
+    drag = stage.law.control_law.drag(on_axis(stage.gains, axis))
     if drag is None:
         drag = _joint_drag(stage, axis)
-    own = law.spring(gains, stage.plants[axis].h) if drag else 0.0
+    own = stage.spring_of(axis) if drag else 0.0
     if own <= 0:
         return 0.0
     tau, later = drag / own, 0.0
@@ -192,7 +191,7 @@ def deepened(stage: StagePlan, way: Approach) -> float | None:
     """
     t, contact = dwell(stage), stage.context.compliances[way.contact]
     h, k, b = striking_mass(stage, way.axis), contact.stiffness, contact.damping
-    own = stage.law.control_law.spring(on_axis(stage.gains, way.axis), h)
+    own = stage.spring_of(way.axis, h)
     if stage.spec.axes[way.axis].has_force or stage.law.solve == "qp" or own <= 0:
         return None
     if t < _BLOWS * math.pi * math.sqrt(h / k) or not math.isfinite(k):

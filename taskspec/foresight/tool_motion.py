@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 
 from taskspec.foresight.held_motion import resolved_twists
 from taskspec.geometry.axis import AXES, Axis
-from taskspec.laws.gains import on_axis
 from taskspec.program.axes import MOSTLY
 from taskspec.program.bound import BoundFunction
 from taskspec.program.passage import Stopped, Strain
@@ -324,7 +323,7 @@ def _stiffness(stage: StagePlan, axis: Axis) -> float:
     if not plan.motion or plan.force or plan.mode.name == "follows":
         return 0.0
     law = stage.law.control_law
-    own = law.spring(on_axis(stage.gains, axis), stage.plants[axis].h)
+    own = stage.spring_of(axis)
     if law.selects:
         # It cancels what it measures there: the motion goes on whatever the grip bears.
         own = math.inf if plan.axis.stiffness is None else own

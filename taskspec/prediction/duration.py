@@ -12,7 +12,6 @@ from taskspec.foresight.interval import ANY, Interval, point
 from taskspec.geometry.axis import AXES, TRANSLATIONS, Axis
 from taskspec.prediction.at_start import StageAtStart
 from taskspec.prediction.forecast import Forecast, Signal, coming, moved, touching
-from taskspec.prediction.springs import spring_behind
 from taskspec.prediction.types import Duration, Equilibrium, Impact, StagePrediction
 from taskspec.program.sensor import SensorModel
 from taskspec.spec import Stage
@@ -105,7 +104,7 @@ def _signals(here: StageAtStart, known: Known) -> dict[str, Signal]:
     found |= coming(rates, here.coordinates)
     met = known.met
     if met is not None and here.gap is not None and met.drag is not None:
-        own = spring_behind(here, met.axis, met.mass)
+        own = here.stage.plan.spring_of(met.axis, met.mass)
         if own > 0:
             found |= touching(here, met, own)
         # Where it is stopped by what it meets, the reference goes on alone.

@@ -8,7 +8,6 @@ from taskspec.foresight.approach import approach, striking_mass
 from taskspec.laws.gains import on_axis
 from taskspec.prediction.at_start import StageAtStart
 from taskspec.prediction.forecast import arrival
-from taskspec.prediction.springs import spring_behind
 from taskspec.prediction.types import Impact
 from taskspec.prediction.worlds import extreme
 
@@ -25,7 +24,7 @@ def cut_short(here: StageAtStart, met: Impact, lasts: float | None) -> Impact:
         lasts: when its guard first holds [s]; None where that is not known.
     """
     context = here.context
-    own = spring_behind(here, met.axis, met.mass)
+    own = here.stage.plan.spring_of(met.axis, met.mass)
     if lasts is None or here.gap is None or met.drag is None or own <= 0:
         return met
     # A guard is looked at once a tick.

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.geometry.axis import AXES, Axis
-from taskspec.laws.gains import BANDWIDTH, on_axis, value_of
+from taskspec.laws.gains import BANDWIDTH, value_of
 from taskspec.prediction.at_start import StageAtStart
 from taskspec.prediction.reach import along, moment_arms
 from taskspec.prediction.worlds import World
@@ -84,14 +84,3 @@ def push(depth: float, own: float, world: World) -> float:
         world: where the surface is.
     """
     return max(depth - world.farther, 0.0) / (1 / world.stiffness + own)
-
-
-def spring_behind(here: StageAtStart, axis: Axis, mass: float) -> float:
-    """Stiffness with which a motion axis holds on to its reference [N/m].
-
-    Args:
-        here: the stage.
-        axis: a translation.
-        mass: felt along it [kg].
-    """
-    return here.stage.plan.law.control_law.spring(on_axis(here.stage.plan.gains, axis), mass)

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.geometry.axis import Axis
-from taskspec.laws.gains import AxisPlant, Gains, value_of
+from taskspec.laws.gains import AxisPlant, Gains, on_axis, value_of
 from taskspec.laws.mechanism_form import damping_rate
 from taskspec.modes import Coupling
 from taskspec.motion.path import PathShape
@@ -336,6 +336,16 @@ class StagePlan:
     def stiffness_of(self, axis: Axis) -> float:
         """Nominal stiffness [N/m] of what a force on an axis acts on, 0 without any."""
         return self._stiffness(self.contact_of(axis) or self.bearers.get(axis))
+
+    def spring_of(self, axis: Axis, mass: float | None = None) -> float:
+        """Stiffness with which the law holds a motion axis to its reference [N/m, N m/rad].
+
+        Args:
+            axis: of the stage.
+            mass: the law's inertia there [kg, kg m^2]; by default that of the arm along the axis.
+        """
+        h = self.plants[axis].h if mass is None else mass
+        return self.law.control_law.spring(on_axis(self.gains, axis), h)
 
     @cached_property
     def bearers(self) -> dict[Axis, str]:

@@ -8,7 +8,6 @@ from collections.abc import Iterator
 from taskspec.foresight.approach import striking_mass
 from taskspec.foresight.conditions import names
 from taskspec.foresight.held_motion import held_motion
-from taskspec.laws.gains import on_axis
 from taskspec.program.passage import End
 from taskspec.program.plan import StagePlan
 from taskspec.program.world.stiffness import GRIP
@@ -122,7 +121,7 @@ def beyond_a_stop(stage: StagePlan) -> Iterator[Finding]:
     if passage.end is End.STOP:
         return
     per = abs(stopped.speed / stopped.rate) if stopped.rate else 1.0
-    own = stage.law.control_law.spring(on_axis(stage.gains, axis), mass)
+    own = stage.spring_of(axis, mass)
     if not stage.law.control_law.selects:
         k = k * own / (k + own) if own > 0 else 0.0
     way = stopped.beyond * per

@@ -25,7 +25,6 @@ from taskspec.foresight.flow import good_end
 from taskspec.foresight.interval import ANY, Interval, IntervalAlgebra, point
 from taskspec.foresight.nominal import AT_SURFACE
 from taskspec.geometry.axis import Axis
-from taskspec.laws.gains import on_axis
 from taskspec.motion.blend import BLEND_TIME
 from taskspec.program.axes import MOSTLY
 from taskspec.program.context import Context
@@ -219,7 +218,7 @@ def _short(stage: StagePlan, way: Approach) -> Iterator[Finding]:
 
 def _sags(stage: StagePlan, axis: Axis, part: HeldPart) -> float:
     """By how much the spring of an axis gives way to the weight of what is held, at most [m]."""
-    own = stage.law.control_law.spring(on_axis(stage.gains, axis), stage.plants[axis].h)
+    own = stage.spring_of(axis)
     return float(np.linalg.norm(part.weight)) / own if own > 0 else 0.0
 
 
@@ -232,8 +231,7 @@ def _presses(stage: StagePlan, way: Approach) -> float:
     """
     force, v, axis = force_at_end(stage), way.closing, way.axis
     contact, h = stage.context.compliances[way.contact], striking_mass(stage, way.axis)
-    law, gains = stage.law.control_law, on_axis(stage.gains, axis)
-    own, damper = law.spring(gains, h), damping_of(stage, axis, h)
+    own, damper = stage.spring_of(axis, h), damping_of(stage, axis, h)
     if force <= contact.damping * v or own <= 0:
         return 0.0
     k, b = contact.stiffness, contact.damping

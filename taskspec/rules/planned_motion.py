@@ -8,7 +8,6 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec.laws.gains import on_axis
 from taskspec.program.axes import MOSTLY
 from taskspec.program.plan import StagePlan
 from taskspec.program.world.equations import EquationModel
@@ -46,7 +45,7 @@ def motions_into_a_surface(stage: StagePlan) -> Iterator[Finding]:
     depth, begun = max(depths), -walked.gap
     if depth <= max(0.0, begun) or (entry is not None and entry.stiffness is not None):
         return
-    own = stage.law.control_law.spring(on_axis(stage.gains, axis), stage.plants[axis].h)
+    own = stage.spring_of(axis)
     k = stage.stiffness
     force = depth * own * k / (own + k)
     if force > TOUCHING:

@@ -9,13 +9,12 @@ from pathlib import Path
 import numpy as np
 import pyarrow as pa
 import pytest
+from command_line import call
 from sealed import seal_folder
 from short_tasks import TAP
-from typer.testing import CliRunner, Result
 
 from taskspec.spec import load_task, load_text
 from taskspec_runner import read
-from taskspec_runner.cli import app
 from taskspec_runner.errors import InputError
 from taskspec_runner.record.log import LogReader
 from taskspec_runner.session import execute
@@ -23,13 +22,6 @@ from taskspec_runner.session import execute
 #: Three batches.
 TASK = TAP.replace("time: 0.3 s", "time: 1.2 s")
 READERS = (("report",), ("export", "--csv"), ("judge",))
-
-
-def call(*args: str | Path) -> Result:
-    result = CliRunner().invoke(app, [str(arg) for arg in args])
-    assert "Traceback" not in result.output
-    assert "internal error" not in result.output
-    return result
 
 
 @pytest.fixture(scope="module")

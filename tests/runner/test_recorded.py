@@ -15,13 +15,13 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
+from command_line import call
 from short_tasks import TAP
-from typer.testing import CliRunner, Result
+from typer.testing import Result
 
 from taskspec.compiler import compile_unchecked
 from taskspec.spec import load_task, load_text
 from taskspec_runner import read
-from taskspec_runner.cli import app
 from taskspec_runner.export import export_run
 from taskspec_runner.record.history import History
 from taskspec_runner.recorded.column_map import SCHEMA_FILE, read_columns, schema_text
@@ -37,13 +37,6 @@ SHIPPED = ROOT / "tasks" / "wipe-table.yaml"
 OF_A_RUN = ("seed", "torque_step", "ending", "stages", "solver", "diagnostics", "forced")
 #: Sums of a thousand numbers that differ in their last digit do so in the last three.
 ROUNDING = 1e-12
-
-
-def call(*args: str | Path) -> Result:
-    result = CliRunner().invoke(app, [str(arg) for arg in args])
-    assert "Traceback" not in result.output
-    assert "internal error" not in result.output
-    return result
 
 
 @pytest.fixture(scope="module")

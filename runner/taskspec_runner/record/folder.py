@@ -10,13 +10,16 @@ import traceback
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 from taskspec_runner.errors import OutputError
 from taskspec_runner.record.block import BLOCK
 from taskspec_runner.record.lock import LOCK, FolderLock, holder
 from taskspec_runner.record.manifest import SEAL, seal
 from taskspec_runner.record.whole import PARTIAL, open_regular, write_whole
+
+if TYPE_CHECKING:
+    from taskspec_runner.record.log import Log
 
 Json = Mapping[str, Any]
 
@@ -109,6 +112,22 @@ class RunFolder:
             # The disk is full, which the manifest is to say.
             self.lock.make_room()
             self.write_json(MANIFEST, self.manifest)
+
+    def keep_summary(self, summary: Mapping[str, Any], log: Log) -> Json:
+        """Writes the summary of a log that is closed; returns it as it is written.
+
+        The manifest has the checksums of both before: whoever reads the summary knows whether it is
+        the one that was judged.
+
+        Raises:
+            OutputError: it cannot be written.
+        """
+        said: Json = plain(summary)
+        text = json_text(said)
+        sums = {LOG: log.sha256, SUMMARY: hashlib.sha256(text.encode()).hexdigest()}
+        self.note(sha256={**self.manifest["sha256"], **sums}, log=log.facts)
+        self.write(SUMMARY, text)
+        return said
 
     def crash(self, error: BaseException) -> Path:
         """Keeps the traceback of an internal error; returns where.

@@ -59,30 +59,14 @@ def judge_recording(
         with closing(Log(folder.log, keep=False, run=manifest.run_mark(folder.manifest))) as kept:
             for batch in history.batches(ROWS):
                 kept.write(batch)
-        summary = folders.plain(_summary(program, recording))
-        text = folders.json_text(summary)
-        sums = {
-            **folder.manifest["sha256"],
-            folders.LOG: kept.sha256,
-            folders.SUMMARY: hashlib.sha256(text.encode()).hexdigest(),
-        }
-        folder.note(sha256=sums, log=kept.facts)
-        folder.write(folders.SUMMARY, text)
+        summary = folder.keep_summary(_summary(program, recording), kept)
         folder.note(
             status=summary["status"],
             reason=summary["ending"]["reason"],
             finished=manifest.now(),
             exit_code=summary["exit_code"],
         )
-        run = Run(
-            folder.path,
-            content=content,
-            manifest=folders.plain(folder.manifest),
-            summary=summary,
-            history=history,
-            program=program,
-            damage="",
-        )
+        run = Run.written(folder, program, content, summary, history)
         from taskspec_runner.report import write_report
 
         write_report(run)

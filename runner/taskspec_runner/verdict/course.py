@@ -22,7 +22,7 @@ from taskspec.text.expression import Expression, evaluate, tree
 from taskspec.text.expression.series import Series, SeriesAlgebra
 from taskspec.text.units import in_unit
 from taskspec_runner.record.history import History, Mask, Vector
-from taskspec_runner.verdict.explanation import Explainer, Sides
+from taskspec_runner.verdict.explanation import Explainer
 from taskspec_runner.verdict.lookup import Lookup, column_of, scope_of
 from taskspec_runner.verdict.replay import Replay
 
@@ -110,7 +110,7 @@ class _Walk:
         return MeasuredCourse(self._text, label, label, self._seen(truth), one, None, "", 1.0)
 
     def _conditions(self, node: tree.Node) -> MeasuredCourse | None:
-        sides = self._sides(node)
+        sides = [(part, self._value(part)) for part in self._lookup.compared(node)]
         (part, series), *bounds = sides
         if series.window is None:
             return None
@@ -149,15 +149,6 @@ class _Walk:
             parts = [self._signal(arg) for arg in node.args]
             return f"norm({', '.join(parts)})" if all(parts) else ""
         return ""
-
-    def _sides(self, node: tree.Node) -> Sides:
-        if isinstance(node, tree.WithinNode):
-            return [(part, self._value(part)) for part in (node.x, node.low, node.high)]
-        assert isinstance(node, tree.Compare)
-        parts = [node.left, node.right]
-        if not any(True for _ in self._lookup.names(node.left)):
-            parts.reverse()
-        return [(part, self._value(part)) for part in parts]
 
     def _last(self, window: Mask) -> Mask:
         """The one tick at which a last value is held against its bounds."""

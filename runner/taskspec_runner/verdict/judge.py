@@ -114,18 +114,7 @@ class _Examiner:
         return self._say.every_tick(node, truth, self._sides(node))
 
     def _sides(self, node: tree.Node) -> Sides:
-        if isinstance(node, tree.Compare):
-            parts: tuple[tree.Node, ...] = (node.left, node.right)
-            if not self._is_measured(node.left):
-                parts = (node.right, node.left)
-        elif isinstance(node, tree.WithinNode):
-            parts = (node.x, node.low, node.high)
-        else:
-            return ()
-        return [(part, self.value(part)) for part in parts]
-
-    def _is_measured(self, node: tree.Node) -> bool:
-        return any(True for _ in self._lookup.names(node))
+        return [(part, self.value(part)) for part in self._lookup.compared(node)]
 
     def band(self, node: tree.Node) -> tuple[float | None, float | None] | None:
         """The bounds of one plain signal, with or without `for`; None on an open side.
@@ -134,7 +123,7 @@ class _Examiner:
         """
         inner = node.x if isinstance(node, tree.Held) else node
         sides = self._sides(inner)
-        if not sides or any(self._is_measured(part) for part, _ in sides[1:]):
+        if not sides or any(self._lookup.measures(part) for part, _ in sides[1:]):
             return None
         signal, bounds = sides[0][0], [series.number for _, series in sides[1:]]
         reducer = signal.reducer if isinstance(signal, tree.Reduce) else ""

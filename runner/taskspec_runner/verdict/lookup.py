@@ -109,6 +109,22 @@ class Lookup:
                 if meaning.kind not in ("param", "constant"):
                     yield node, meaning
 
+    def measures(self, root: tree.Node) -> bool:
+        """Whether an expression has a measured name."""
+        return any(True for _ in self.names(root))
+
+    def compared(self, condition: tree.Node) -> tuple[tree.Node, ...]:
+        """What a condition compares, the measured part first; nothing of one that compares none."""
+        match condition:
+            case tree.WithinNode():
+                return condition.x, condition.low, condition.high
+            case tree.Compare() if self.measures(condition.left):
+                return condition.left, condition.right
+            case tree.Compare():
+                return condition.right, condition.left
+            case _:
+                return ()
+
     def unrecorded(self, root: tree.Node) -> tuple[str, ...]:
         """Columns that an expression needs and that were not recorded, in its order."""
         found = (self._lacks(node) for node in tree.walk(root) if isinstance(node, tree.Name))
