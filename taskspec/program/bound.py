@@ -18,6 +18,8 @@ class BoundFunction:
     """Evaluates a function on arrays that are given once.
 
     Attributes:
+        function: what is evaluated.
+        arguments, results: 1-D arrays, in the function's order.
         evaluate: reads the arguments, writes the results.
     """
 
@@ -27,11 +29,35 @@ class BoundFunction:
         """Binds 1-D contiguous arrays, in the function's order."""
         self._buffer, self.evaluate = function.buffer()
         # The buffer keeps addresses, not references: everything it sees must outlive it.
-        self._kept = [*arguments, *results]
+        self.function, self.arguments, self.results = function, (*arguments,), (*results,)
         for i, array in enumerate(arguments):
             self._buffer.set_arg(i, array.data)
         for i, array in enumerate(results):
             self._buffer.set_res(i, array.data)
+
+
+class Wiring:
+    """A function while it is put together, each argument and result with its memory."""
+
+    def __init__(self) -> None:
+        self._arguments: list[tuple[ca.SX, Vector]] = []
+        self._results: list[tuple[ca.SX, Vector]] = []
+
+    def reads(self, name: str, array: Vector) -> ca.SX:
+        """(size,) symbol of what lies in a 1-D contiguous `array` whenever it is evaluated."""
+        symbol = ca.SX.sym(name, array.size)
+        self._arguments.append((symbol, array))
+        return symbol
+
+    def writes(self, value: ca.SX, array: Vector) -> None:
+        """Has the function write `value` (size,) into a 1-D contiguous `array`."""
+        self._results.append((ca.densify(value), array))
+
+    def bound(self, name: str) -> BoundFunction:
+        """The function, on its memory."""
+        symbols, given = zip(*self._arguments, strict=True)
+        values, results = zip(*self._results, strict=True)
+        return BoundFunction(ca.Function(name, symbols, values, {"cse": True}), given, results)
 
 
 def evaluated(function: ca.Function, *arguments: Vector) -> list[Vector]:

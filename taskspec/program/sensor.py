@@ -11,12 +11,8 @@ import math
 from dataclasses import dataclass
 
 import casadi as ca
-import numpy as np
-from numpy.typing import NDArray
 
 from taskspec.spec import Sensor
-
-Vector = NDArray[np.float64]
 
 #: Ticks by which a delay or a sampling period may exceed a whole number and still count as it.
 _ROUNDING = 1e-6
@@ -98,35 +94,6 @@ class SensorModel:
             kept += [*line[1:], value]
             value = line[0]
         return ca.horzcat(ca.SX(wrench.shape[0], 0), *kept), value
-
-
-class RunningSensor:
-    """The same equations on arrays, tick by tick."""
-
-    def __init__(self, model: SensorModel, rest: Vector) -> None:
-        """A sensor that has seen the wrench `rest` (m,) for long."""
-        self._model = model
-        self._low, self._held = rest.copy(), rest.copy()
-        self._line = np.tile(rest, (model.delay_ticks, 1))
-        self._tick = 0
-
-    def step(self, wrench: Vector) -> Vector:
-        """y[k] (m,) for w[k] (m,), k = 0, 1, ..."""
-        model, k = self._model, self._tick
-        self._tick = k + 1
-        value = wrench
-        if model.pole:
-            self._low = value = model.pole * self._low + (1 - model.pole) * wrench
-        if model.hold_ticks > 1:
-            if k % model.hold_ticks == 0:
-                self._held = value
-            value = self._held
-        if model.delay_ticks:
-            oldest = k % model.delay_ticks
-            late: Vector = self._line[oldest].copy()
-            self._line[oldest] = value
-            return late
-        return value
 
 
 def _ceil(ticks: float) -> int:

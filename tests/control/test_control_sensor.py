@@ -8,7 +8,8 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from taskspec.program.sensor import RunningSensor, SensorModel
+from sensors import RunningSensor
+from taskspec.program.sensor import SensorModel
 from taskspec.spec import Sensor
 
 PERIOD = 1e-3

@@ -14,12 +14,13 @@ import pytest
 import sampled
 from presses import ARMS, PANDA, SQUARE
 
+from sensors import RunningSensor
 from taskspec.analysis.controller import Operating
 from taskspec.analysis.loop import one_step
 from taskspec.analysis.sampled_stage import analyse, bare
 from taskspec.program.plan import StagePlan
 from taskspec.program.prepare import prepare
-from taskspec.program.sensor import RunningSensor, SensorModel
+from taskspec.program.sensor import SensorModel
 from taskspec.program.stages.stage import compile_stage
 from taskspec.spec import load_text
 

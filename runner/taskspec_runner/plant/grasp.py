@@ -9,11 +9,13 @@ the damping at the step's end comes to, so that the lightest knob is held withou
 
 from __future__ import annotations
 
+import casadi as ca
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.control.reference import opposite
+from taskspec.program.bound import Wiring
 from taskspec.program.world.stiffness import GRIP
 from taskspec.spec import Mechanism, Task
 from taskspec_runner.plant.arm import SceneArm
@@ -90,66 +92,67 @@ def _set(model: mujoco.MjModel, number: int, k: float, b: float, mass: float, A:
 
 
 class Grip:
-    """What the coupling of an arm's tool exerts.
+    """What the coupling of an arm's tool exerts, of the numbers that MuJoCo has left of a step.
 
     Attributes:
-        wrench: (6,) by what is held on the tool, moment about the tip, world axes [N, N m].
+        rows: (9,) forces of the coupling's rows among the constraints', copied by `read`.
+        first: the first of these rows.
+        wrench: (6,) expression of what the held thing exerts on the tool, at the pose where the
+            step began, moment about the tip, world axes [N, N m].
     """
 
     def __init__(
-        self, model: mujoco.MjModel, data: mujoco.MjData, arm: SceneArm, task: Task
+        self, model: mujoco.MjModel, data: mujoco.MjData, arm: SceneArm, task: Task, wiring: Wiring
     ) -> None:
-        self._data = data
-        held = task.world[arm.held]
-        self.wrench = np.zeros(6)
+        self._data, self.rows = data, np.zeros(_CONNECT_ROWS + _WELD_ROWS)
+        self._held = task.world[arm.held]
         tip, handle = (model.site(arm.element(name)).id for name in (_TIP, _HELD))
-        self._tip_quat = data.xquat[model.site_bodyid[tip]]
-        self._held_quat = data.xquat[model.site_bodyid[handle]]
-        self._mount = np.array(model.site_quat[handle])
-        self._point = data.site_xpos[handle]
         weld = model.equality(arm.element(_WELD)).id
         # Nothing but grips comes before a grip among the equalities, two of them each.
-        first = (weld - 1) // 2 * (_CONNECT_ROWS + _WELD_ROWS)
-        self._rows = slice(first, first + _CONNECT_ROWS + _WELD_ROWS)
-        self._half_scale = 0.5 * float(model.eq_data[weld, 10])
-        self._mechanism = held if isinstance(held, Mechanism) else None
-        self._axis = data.xmat[model.body(PREFIX + arm.held).id].reshape(3, 3)[:, 2]
-        self._center = data.xpos[model.body(PREFIX + arm.held).id]
-        self._quats = [np.zeros(4) for _ in range(3)]
-
-    def read(self) -> None:
-        """Reads the wrench of the last step, at the pose where that began."""
-        rows = self._data.efc_force[self._rows]
-        self.wrench[:3] = rows[:3] + rows[3:6]
-        product, other, force = self._quats
-        force[1:] = rows[6:9]
+        self.first = (weld - 1) // 2 * len(self.rows)
+        rows = wiring.reads("rows", self.rows)
+        tip_axes = wiring.reads("tip_axes", data.xquat[model.site_bodyid[tip]])
+        body_axes = wiring.reads("body_axes", data.xquat[model.site_bodyid[handle]])
+        mount = ca.DM(np.array(model.site_quat[handle]))
         # The rows are s/2 times the vector part of conj(held) * rate * tip, rate the relative
         # angular velocity: the moment is the transposed map of their forces.
-        mujoco.mju_mulQuat(other, self._held_quat, self._mount)
-        mujoco.mju_mulQuat(product, other, force)
-        mujoco.mju_negQuat(other, self._tip_quat)
-        mujoco.mju_mulQuat(force, product, other)
-        self.wrench[3:] = self._half_scale * force[1:]
-        force[0] = 0.0
+        moved = _product(_product(body_axes, mount), ca.vertcat(0, rows[6:9]))
+        moment = _product(moved, ca.vertcat(tip_axes[0], -tip_axes[1:]))[1:]
+        half_scale = 0.5 * float(model.eq_data[weld, 10])
+        self.wrench = ca.vertcat(rows[:3] + rows[3:6], half_scale * moment)
+        held = model.body(PREFIX + arm.held).id
+        axis = wiring.reads("held_axes", data.xmat[held])[2::3]
+        point = wiring.reads("point", data.site_xpos[handle])
+        self._effort = self._on_coordinate(axis, point - wiring.reads("center", data.xpos[held]))
+
+    def read(self) -> None:
+        """Takes the forces of the last step."""
+        first = self.first
+        self.rows[:] = self._data.efc_force[first : first + len(self.rows)]
 
     @property
-    def effort(self) -> float:
-        """What the robot applies to the held mechanism's coordinate [N m, N], 0 to a loose body.
+    def effort(self) -> ca.SX:
+        """What the robot applies to the held mechanism's coordinate [N m, N].
 
         The moment about the axis of the handle's force, of a fixed knob its own moment too, and of
-        a screw its axial force times the lead.
+        a screw its axial force times the lead. Of a loose body it is the force's magnitude [N].
         """
-        held = self._mechanism
-        if held is None:
-            return 0.0
-        # Scalars: at this size they cost a third of the same in array operations.
-        fx, fy, fz, mx, my, mz = opposite(self.wrench).tolist()
-        x, y, z = self._axis.tolist()
-        along = x * fx + y * fy + z * fz
+        return self._effort
+
+    def _on_coordinate(self, axis: ca.SX, lever: ca.SX) -> ca.SX:
+        held, applied = self._held, opposite(self.wrench)
+        if not isinstance(held, Mechanism):
+            return ca.norm_2(self.wrench[:3])
+        along = ca.dot(axis, applied[:3])
         if not held.angular:
-            return float(along)
-        rx, ry, rz = (self._point - self._center).tolist()
-        about = x * (ry * fz - rz * fy) + y * (rz * fx - rx * fz) + z * (rx * fy - ry * fx)
+            return along
+        about = ca.dot(axis, ca.cross(lever, applied[:3]))
         if held.knob == "fixed":
-            about += x * mx + y * my + z * mz
-        return float(about + held.lead * along)
+            about += ca.dot(axis, applied[3:])
+        return about + held.lead * along
+
+
+def _product(a: ca.SX, b: ca.SX) -> ca.SX:
+    """Product of two quaternions (4,), w x y z."""
+    w = a[0] * b[0] - ca.dot(a[1:], b[1:])
+    return ca.vertcat(w, a[0] * b[1:] + b[0] * a[1:] + ca.cross(a[1:], b[1:]))

@@ -9,11 +9,14 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
+import casadi as ca
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from taskspec.program.bound import Wiring
 from taskspec.spec import Mechanism
+from taskspec.spec.mechanism import Detent
 from taskspec_runner.plant.looks import draw_mechanism
 from taskspec_runner.plant.names import KNOB, PREFIX, placed, weightless
 
@@ -96,7 +99,10 @@ class Mechanisms:
     """Coordinates of all mechanisms of a scene, and the detents that act on them.
 
     Attributes:
-        detents: whether any mechanism has one.
+        positions, dofs: where each coordinate is in `qpos`, its rate in `qvel`.
+        detents: writes the forces of the detents; None where there are none.
+        detent_forces: (detents,) [N m, N].
+        detent_dofs: where each of them acts among the degrees of freedom.
     """
 
     def __init__(
@@ -104,21 +110,34 @@ class Mechanisms:
     ) -> None:
         joints = [model.joint(coordinate_joint(n, m)).id for n, m in declared.items()]
         self._qpos, self._qvel = data.qpos, data.qvel
-        self._at = np.array(model.jnt_qposadr[joints], dtype=int)
-        self._dof = np.array(model.jnt_dofadr[joints], dtype=int)
+        self.positions = np.array(model.jnt_qposadr[joints], dtype=int)
+        self.dofs = np.array(model.jnt_dofadr[joints], dtype=int)
         self._applied = data.qfrc_applied
-        pairs = zip(self._at.tolist(), self._dof.tolist(), declared.values(), strict=True)
-        self._detents = [(at, dof, m.detent) for at, dof, m in pairs if m.detent is not None]
-        self.detents = bool(self._detents)
+        with_detent = [i for i, m in enumerate(declared.values()) if m.detent is not None]
+        self.detent_dofs = self.dofs[with_detent]
+        self.detent_forces: Vector = np.zeros(len(with_detent))
+        self.detents = None
+        if with_detent:
+            wiring = Wiring()
+            places = wiring.reads("qpos", data.qpos)[self.positions[with_detent].tolist()]
+            found = [m.detent for m in declared.values() if m.detent is not None]
+            forces = [detent_force(detent, places[i]) for i, detent in enumerate(found)]
+            wiring.writes(ca.vertcat(*forces), self.detent_forces)
+            self.detents = wiring.bound("detents")
 
     def read(self, positions: Vector, rates: Vector) -> None:
         """Writes all coordinates [rad, m] and their rates, in the order of the file."""
-        positions[:] = self._qpos[self._at]
-        rates[:] = self._qvel[self._dof]
+        positions[:] = self._qpos[self.positions]
+        rates[:] = self._qvel[self.dofs]
 
     def apply(self) -> None:
-        """Adds the forces of the detents: F sin(pi (s - at) / width) within its width."""
-        for at, dof, detent in self._detents:
-            away = (float(self._qpos[at]) - detent.at) / detent.width
-            if -1.0 < away < 1.0:
-                self._applied[dof] += detent.force * math.sin(math.pi * away)
+        """Adds the forces of the detents."""
+        if self.detents is not None:
+            self.detents.evaluate()
+            self._applied[self.detent_dofs] += self.detent_forces
+
+
+def detent_force(detent: Detent, place: ca.SX) -> ca.SX:
+    """F sin(pi (s - at) / width) at the coordinate s = `place`, within the detent's width."""
+    away = (place - detent.at) / detent.width
+    return ca.if_else(ca.fabs(away) < 1, detent.force * ca.sin(math.pi * away), 0)

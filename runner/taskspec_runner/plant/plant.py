@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import casadi as ca
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from taskspec.program.bound import Wiring
 from taskspec.robot import RobotModel
 from taskspec.spec import Task
 from taskspec_runner.plant.arm import SceneArm
@@ -16,7 +18,7 @@ from taskspec_runner.plant.mechanisms import Mechanisms
 from taskspec_runner.plant.moving_base import MovingBases, moving
 from taskspec_runner.plant.scene import Scene, build_scene
 from taskspec_runner.plant.views import PlantViews
-from taskspec_runner.plant.wrist import Wrist
+from taskspec_runner.plant.wrist import wrist_wrench
 
 Vector = NDArray[np.float64]
 
@@ -38,6 +40,9 @@ class PlantArm:
         object_forces: (shapes,) magnitude of the contact force with each shape [N].
         wrist: (6,) the wrench as a sensor between flange and tool feels it, with the tool's weight
             and inertia; None unless the sensor is at the wrist.
+        grip: what it holds something with; None where it holds nothing.
+        equations: the constraints on it; None where there are none.
+        forces: writes the wrenches and forces.
         sensor: the true one.
         tip_rotation: (9,) the tip's axes in the last step, row by row.
         rests: whether it rests on brakes before the first step, as it feels its tool.
@@ -54,55 +59,40 @@ class PlantArm:
         self.sensor = arm.declared.sensor
         self.tip_rotation = data.xmat[places.tip]
         self.diverged = False
-        self._model, self._data, self._views = model, data, views
-        self._tip = data.xpos[places.tip]
-        self._contacts, self._sensors = data.sensordata, scene.sensors
+        self._model, self._data = model, data
         self.equations = (
             Equations(model, data, arm, task, views.equations) if task.equations else None
         )
-        self._grip = Grip(model, data, arm, task) if arm.held else None
-        self._wrist = Wrist(model, data, arm) if self.sensor.at == "wrist" else None
-        self.wrist = self._wrist.wrench if self._wrist is not None else None
-        self.rests = self._grip is not None or self._wrist is not None
-        self._untouched = self.equations is None and not self.rests
-        self._held_mechanism = _index(arm.held, list(task.mechanisms))
-        self._held_shape = _index(arm.held, list(task.shapes))
+        wiring = Wiring()
+        self.grip = Grip(model, data, arm, task, wiring) if arm.held else None
+        self.wrist = np.zeros(6) if self.sensor.at == "wrist" else None
+        self.rests = self.grip is not None or self.wrist is not None
+        tip = wiring.reads("tip", data.xpos[places.tip])
+        on_tip, objects = _contacts(scene, wiring.reads("contacts", data.sensordata), tip)
+        if self.equations is not None:
+            on_tip[:3] += wiring.reads("equations", self.equations.on_tip)
+        if self.grip is not None:
+            on_tip += self.grip.wrench
+            if arm.held in task.mechanisms:
+                held = list(task.mechanisms).index(arm.held)
+                wiring.writes(self.grip.effort, views.mechanism_efforts[held : held + 1])
+            else:
+                objects[list(task.shapes).index(arm.held)] = self.grip.effort
+        if self.wrist is not None:
+            wiring.writes(wrist_wrench(model, data, arm, on_tip, wiring), self.wrist)
+        wiring.writes(on_tip, self.wrench)
+        wiring.writes(ca.vertcat(ca.SX(0, 1), *objects), self.object_forces)
+        #: All that acts on the tool, of what MuJoCo has left of a step.
+        self.forces = wiring.bound("forces")
 
     def read_forces(self) -> None:
         """Reads the forces of the last step."""
-        self._read_contact()
-        if self._untouched:
-            return
-        if self.equations is not None:
-            self.wrench[:3] += self.equations.on_tip
-        if self._grip is not None:
-            self._read_grip(self._grip)
-        if self._wrist is not None:
-            self._wrist.read(self.wrench)
-        self.diverged = not float(self.wrench[:3] @ self.wrench[:3]) < FORCE_BOUND**2
-
-    def _read_grip(self, grip: Grip) -> None:
-        grip.read()
-        self.wrench += grip.wrench
-        if self._held_mechanism is not None:
-            self._views.mechanism_efforts[self._held_mechanism] = grip.effort
-        elif self._held_shape is not None:
-            self.object_forces[self._held_shape] = np.linalg.norm(grip.wrench[:3])
-
-    def _read_contact(self) -> None:
-        # Scalar arithmetic: at this size it costs a third of the same in array operations.
-        fx = fy = fz = mx = my = mz = 0.0
-        px, py, pz = self._tip.tolist()
-        for number, where in enumerate(self._sensors):
-            x, y, z, a, b, c, ax, ay, az = self._contacts[where].tolist()
-            self.object_forces[number] = (x * x + y * y + z * z) ** 0.5
-            ax, ay, az = ax - px, ay - py, az - pz
-            fx, fy, fz = fx + x, fy + y, fz + z
-            mx += a + ay * z - az * y
-            my += b + az * x - ax * z
-            mz += c + ax * y - ay * x
-        self.wrench[:] = fx, fy, fz, mx, my, mz
-        self.diverged = not fx * fx + fy * fy + fz * fz < FORCE_BOUND**2
+        if self.grip is not None:
+            self.grip.read()
+        self.forces.evaluate()
+        # Scalars: at this size they cost a third of the same in array operations.
+        x, y, z = self.wrench[:3].tolist()
+        self.diverged = not x * x + y * y + z * z < FORCE_BOUND**2
 
     def kinetic_energy(self) -> float:
         """Kinetic energy of the arm [J]."""
@@ -141,8 +131,8 @@ class Plant:
         self._mechanisms = Mechanisms(model, data, task.mechanisms) if task.mechanisms else None
         self._moving_bases = MovingBases(model, data, task) if moving(task) else None
         self._loose = LooseBodies(model, data, task) if loose(task) else None
-        has_detents = self._mechanisms is not None and self._mechanisms.detents
-        self._simple = arm.equations is None and self._moving_bases is None and not has_detents
+        detents = None if self._mechanisms is None else self._mechanisms.detents
+        self._simple = arm.equations is None and self._moving_bases is None and detents is None
         self._still = self._mechanisms is None and self._loose is None
         self._settle()
         self._read_state()
@@ -217,5 +207,17 @@ class Plant:
         return None
 
 
-def _index(name: str, names: list[str]) -> int | None:
-    return names.index(name) if name in names else None
+def _contacts(scene: Scene, sensed: ca.SX, tip: ca.SX) -> tuple[ca.SX, list[ca.SX]]:
+    """(6,) sum of the tool's contacts about the tip, and the magnitude of each one's force [N].
+
+    Args:
+        scene: for where the contact sensors are.
+        sensed: all sensor data.
+        tip: (3,) in the world.
+    """
+    total, magnitudes = ca.SX.zeros(6), []
+    for where in scene.sensors:
+        force, torque, point = (sensed[where.start + 3 * i :][:3] for i in range(3))
+        magnitudes.append(ca.norm_2(force))
+        total += ca.vertcat(force, torque + ca.cross(point - tip, force))
+    return total, magnitudes

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from taskspec.program.bound import Wiring
 from taskspec.robot import RobotModel
 from taskspec.robot.rebuild import GRAVITY
 from taskspec.spec import Sensor, Task
 
 Vector = NDArray[np.float64]
 
-_GRAVITY = np.array(GRAVITY)
+_GRAVITY = list(GRAVITY)
 
 
 class SensorZero:
@@ -24,7 +26,13 @@ class SensorZero:
     Attributes:
         reading: (6,) the newest one, in the tool's axes about the tip, by the environment [N, N m];
             written from outside.
+        turned: (9,) the tip's axes of now, column after column; written by `correct`.
+        left: (6,) of the reading without the weight.
         zero: (6,) subtracted from what is left, in the same axes.
+        wrench: (6,) of the contact, world axes [N, N m].
+        function: reading, axes, zero -> left, wrench.
+        total: (6,) sum of what has been left since a stage began.
+        count: (1,) ticks of it.
     """
 
     def __init__(self, robot: RobotModel, *, weighs: bool) -> None:
@@ -32,36 +40,41 @@ class SensorZero:
         body = robot.model.body(robot.tip_body)
         self._mass = float(body.mass[0]) if weighs else 0.0
         self._lever = np.array(body.ipos)
-        self.reading, self.zero = np.zeros(6), np.zeros(6)
-        self._left: Vector = np.zeros(6)
-        self._sum: Vector = np.zeros(6)
-        self._count = 0
+        self.reading, self.zero, self.turned = np.zeros(6), np.zeros(6), np.zeros(9)
+        self.left, self.wrench = np.zeros(6), np.zeros(6)
+        self.total, self.count = np.zeros(6), np.zeros(1)
+        wiring = Wiring()
+        R = ca.reshape(wiring.reads("turned", self.turned), 3, 3)
+        left = wiring.reads("reading", self.reading) - self.weight(R)
+        contact = left - wiring.reads("zero", self.zero)
+        wiring.writes(left, self.left)
+        wiring.writes(ca.vertcat(R @ contact[:3], R @ contact[3:]), self.wrench)
+        self.function = wiring.bound("zeroed")
 
     def correct(self, R: Vector, wrench: Vector) -> None:
         """Writes the contact wrench into `wrench` (6,), world axes, for the tip's axes R (3, 3)."""
-        self._left = self.reading - self.weight(R) if self._mass else self.reading.copy()
-        wrench_left = self._left - self.zero
-        wrench[:3] = R @ wrench_left[:3]
-        wrench[3:] = R @ wrench_left[3:]
+        self.turned[:] = R.ravel(order="F")
+        self.function.evaluate()
+        wrench[:] = self.wrench
 
-    def weight(self, R: Vector) -> Vector:
+    def weight(self, R: ca.SX) -> ca.SX:
         """(6,) of the nominal tool about the tip, in the tool's axes R (3, 3) [N, N m]."""
-        force = self._mass * (R.T @ _GRAVITY)
-        return np.concatenate([force, np.cross(self._lever, force)])
+        force = self._mass * (R.T @ ca.DM(_GRAVITY))
+        return ca.vertcat(force, ca.cross(ca.DM(self._lever), force))
 
     def begin(self) -> None:
         """Forgets what has been collected."""
-        self._sum, self._count = np.zeros(6), 0
+        self.total[:], self.count[:] = 0.0, 0.0
 
     def collect(self) -> None:
         """Takes the newest reading into the mean."""
-        self._sum = self._sum + self._left
-        self._count += 1
+        self.total += self.left
+        self.count += 1.0
 
     def tare(self) -> None:
         """The mean of what has been collected is the zero from now on."""
-        if self._count:
-            self.zero = self._sum / self._count
+        if self.count[0]:
+            self.zero[:] = self.total / self.count
 
 
 def sensor_zero(task: Task, sensor: Sensor, robot: RobotModel) -> SensorZero | None:
