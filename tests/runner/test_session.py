@@ -17,8 +17,7 @@ import pytest
 from taskspec.spec import load_task, load_text
 from taskspec.text.diagnostic import SpecError
 from taskspec_runner.errors import OutputError, RunCrashedError
-from taskspec_runner.record.log import read_log
-from taskspec_runner.record.recorder import Recorder
+from taskspec_runner.record.log import Log, read_log
 from taskspec_runner.runs import Run
 from taskspec_runner.session import Glimpse, execute
 
@@ -156,15 +155,10 @@ def test_folder_that_cannot_be_made(tap: Path, tmp_path: Path) -> None:
 
 
 def test_disk_that_is_full(tap: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    flush, calls = Recorder.flush, []
+    def full(*_: object) -> None:
+        raise OSError(28, "No space left on device")
 
-    def full(recorder: Recorder) -> None:
-        calls.append(recorder)
-        if len(calls) == 1:
-            raise OSError(28, "No space left on device")
-        flush(recorder)
-
-    monkeypatch.setattr(Recorder, "flush", full)
+    monkeypatch.setattr(Log, "write", full)
     with pytest.raises(OutputError, match="No space left on device"):
         run(tap, tmp_path / "run", stages__hold__time="0.6 s")
     assert manifest(tmp_path / "run")["status"] == "crashed"

@@ -1,8 +1,9 @@
-"""What the log takes of every tick, collected in batches."""
+"""What the log takes of every tick, collected in batches, which another thread writes."""
 
 from __future__ import annotations
 
-import zlib
+from collections import deque
+from concurrent.futures import Future, ThreadPoolExecutor
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +11,7 @@ from numpy.typing import NDArray
 from taskspec.program.stages.stage import CompiledStage
 from taskspec.robot import RobotModel
 from taskspec.spec import Task
-from taskspec_runner.record.block import Block
+from taskspec_runner.record.block import TICK_WEIGHT, Block, weights
 from taskspec_runner.record.bus import Bus
 from taskspec_runner.record.layout import LogLayout
 from taskspec_runner.record.log import Log
@@ -19,14 +20,22 @@ Vector = NDArray[np.float64]
 
 #: Rows of one batch.
 BATCH = 500
-_WORD = (1 << 32) - 1
+#: Batches for which there is room: one that is being filled, the others until they are written.
+_BATCHES = 4
+#: Rows for which there is room.
+ROOM = _BATCHES * BATCH
 
 
 class Recorder:
     """Collects the bus tick by tick and writes it as named columns in SI units.
 
-    The ticks of the batch that is being filled lie in a file that is mapped into memory: a
-    process that is killed loses the tick under way, and no other.
+    The newest ticks lie in a file that is mapped into memory: a process that is killed loses the
+    tick under way, and no other. Complete batches are formatted and written by a thread of their
+    own, so that the loop waits for it only where a disk does not keep up.
+
+    Attributes:
+        block: the newest ticks.
+        ticks: so far.
     """
 
     def __init__(
@@ -46,46 +55,59 @@ class Recorder:
             task: with the true world.
 
         Raises:
-            OutputError: there is no room for the batch that is being filled.
+            OutputError: there is no room for the newest ticks.
         """
         self._stages, self._array, self._log = stages, bus.array, log
         self._layout = LogLayout(bus.slices, robot, stages, task)
-        self._bytes, fields = bus.array.data, len(bus.array)
-        self._block = Block.memory(BATCH, fields) if log is None else log.block(BATCH, fields)
-        self._rows, self._fields = self._block.rows, fields
+        fields = len(bus.array)
+        self.block = Block.memory(ROOM, fields) if log is None else log.block(ROOM, fields)
         # A slice of memory is copied in a third of the time that a row of an array takes.
-        self._flat, self._sums = self._block.rows.reshape(-1).data, self._block.sums.data
-        self._filled = self._ticks = 0
+        self._bytes, self._flat = bus.array.data, self.block.rows.reshape(-1).data
+        self._words, self._weights = bus.array.view(np.int64), weights(fields)
+        self._sums, self._fields = self.block.sums, fields
+        self.ticks = 0
+        self._handed = self._written = 0
+        self._writer: ThreadPoolExecutor | None = None
+        self._under_way: deque[Future[None]] = deque()
 
     def add(self) -> None:
-        """Records the bus as it is now."""
-        filled, ticks, fields = self._filled, self._ticks, self._fields
-        numbers, start = self._bytes, filled * fields
-        self._flat[start : start + fields] = numbers
+        """Records the bus as it is now.
+
+        Raises:
+            OutputError: a batch before could not be written.
+        """
+        ticks, fields = self.ticks, self._fields
+        row = ticks % ROOM
+        start = row * fields
+        self._flat[start : start + fields] = self._bytes
         # With its checksum the tick is there, whatever happens to this process.
-        self._sums[filled] = zlib.crc32(numbers, ticks & _WORD)
-        self._filled, self._ticks = filled + 1, ticks + 1
-        if filled + 1 == BATCH:
-            self.flush()
+        total = int(self._words.dot(self._weights)) + (ticks + 1) * TICK_WEIGHT
+        self._sums[row] = _wrapped(total)
+        self.advance(1)
+
+    def advance(self, ticks: int) -> None:
+        """Takes note of ticks that are in the block, no more than `left_in_batch` of them.
+
+        Raises:
+            OutputError: a batch before could not be written.
+        """
+        self.ticks += ticks
+        if self.ticks % BATCH == 0:
+            self._hand_over()
+
+    @property
+    def left_in_batch(self) -> int:
+        """Ticks up to the end of the batch, for which there is room."""
+        return BATCH - self.ticks % BATCH
 
     def latest(self) -> dict[str, float | str]:
         """The bus as it is now, by column name."""
+        # The thread that writes evaluates other row counts, in memory of their own.
         columns = self._layout.columns(self._array[np.newaxis])
         return {
             name: float(values[0]) if unit != "stage" else self._stages[int(values[0])].name
             for name, (values, unit) in columns.items()
         }
-
-    def flush(self) -> None:
-        """Writes the rows collected so far as one batch.
-
-        Raises:
-            OutputError: they cannot be written; they stay in the block.
-        """
-        if self._filled and self._log is not None:
-            self._log.write(self._layout.batch(self._rows[: self._filled]))
-            self._block.advance(self._ticks, bytes.fromhex(self._log.sha256))
-        self._filled = 0
 
     def close(self) -> None:
         """Writes what is left and ends the stream.
@@ -96,7 +118,41 @@ class Recorder:
         if self._log is None:
             return
         try:
-            self.flush()
+            self._hand_over()
+            self._wait(0)
         finally:
+            if self._writer is not None:
+                self._writer.shutdown(cancel_futures=True)
             log, self._log = self._log, None
             log.close()
+
+    def _hand_over(self) -> None:
+        """Has the ticks since the last batch written; waits until there is room for another."""
+        first, n = self._handed, self.ticks - self._handed
+        if not n or self._log is None:
+            return
+        if self._writer is None:
+            self._writer = ThreadPoolExecutor(1, "log")
+        self._handed = self.ticks
+        self._under_way.append(self._writer.submit(self._write, self._log, first, n))
+        self._wait(_BATCHES - 1)
+
+    def _wait(self, most: int) -> None:
+        """Waits until no more than `most` batches are under way."""
+        while len(self._under_way) > most:
+            self._under_way.popleft().result()
+
+    def _write(self, log: Log, first: int, n: int) -> None:
+        """Writes `n` ticks from `first` on as one batch; none of them is across the ring's end."""
+        if first != self._written:
+            # The batch before could not be written, which `_wait` raises.
+            return
+        row = first % ROOM
+        log.write(self._layout.batch(self.block.rows[row : row + n]))
+        self._written = first + n
+        self.block.advance(self._written, bytes.fromhex(log.sha256))
+
+
+def _wrapped(number: int) -> int:
+    """A number modulo 2^64, as one of 64 bit with a sign."""
+    return ((number + (1 << 63)) & ((1 << 64) - 1)) - (1 << 63)
