@@ -1,0 +1,137 @@
+"""What can be made anew, kept under the user's cache folder by the key of what it is made of."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import stat
+import sys
+from contextlib import suppress
+from pathlib import Path
+from tempfile import NamedTemporaryFile
+
+VARIABLE = "TASKSPEC_CACHE"
+
+_MAGIC = b"taskspec store 1\n"
+_DIGEST = hashlib.sha256().digest_size
+_LIMIT = 256 * 1024 * 1024
+
+
+def cache_folder() -> Path | None:
+    """Where taskspec keeps what it can make anew, None where nothing is to be kept.
+
+    `TASKSPEC_CACHE` names the folder, and empty says that nothing is kept. Without it this is
+    `taskspec` in the folder that the system has for caches: `$XDG_CACHE_HOME` or `~/.cache`,
+    `~/Library/Caches`, `%LOCALAPPDATA%`.
+    """
+    named = os.environ.get(VARIABLE)
+    if named is not None:
+        return Path(named).expanduser().absolute() if named.strip() else None
+    try:
+        home = Path.home()
+    except RuntimeError:
+        return None
+    if sys.platform == "win32":
+        local = os.environ.get("LOCALAPPDATA", "")
+        return (Path(local) if local else home / "AppData" / "Local") / "taskspec" / "cache"
+    if sys.platform == "darwin":
+        return home / "Library" / "Caches" / "taskspec"
+    # The rule of XDG: a path that is not absolute counts as none.
+    given = Path(os.environ.get("XDG_CACHE_HOME", ""))
+    return (given if given.is_absolute() else home / ".cache") / "taskspec"
+
+
+class Store:
+    """Bytes by key. Whatever goes wrong with its files, `get` gives what was put, or nothing.
+
+    A file begins with a checksum over its key and its bytes, so that one which is cut, damaged or
+    of another key counts as none. It is written under another name and renamed, so that processes
+    may share a folder. A folder that cannot be read or written is a store that keeps nothing.
+
+    The bytes may be machine code. A folder that belongs to another user, or that others may write
+    to, is left alone.
+    """
+
+    def __init__(self, folder: Path | None, *, limit: int = _LIMIT) -> None:
+        """Takes the folder, None for a store that keeps nothing, and its largest size in bytes.
+
+        Beyond that size the files that were not used for longest are removed.
+        """
+        self._folder, self._limit = folder, limit
+
+    def get(self, key: str) -> bytes | None:
+        """What was put under a key, None where there is nothing or nothing sound."""
+        if self._folder is None or not _is_ours(self._folder):
+            return None
+        path = self._path(self._folder, key)
+        try:
+            whole = path.read_bytes()
+        except OSError:
+            return None
+        start = len(_MAGIC) + _DIGEST
+        data = whole[start:]
+        if not whole.startswith(_MAGIC) or whole[len(_MAGIC) : start] != _checksum(key, data):
+            return None
+        with suppress(OSError):
+            os.utime(path)
+        return data
+
+    def put(self, key: str, data: bytes) -> None:
+        """Keeps bytes under a key, where the folder lets it."""
+        folder = self._folder
+        if folder is None or len(data) > self._limit:
+            return
+        # A full disk, a folder that is read-only: the next process makes the bytes anew.
+        with suppress(OSError):
+            folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+            if _is_ours(folder):
+                _write(self._path(folder, key), _MAGIC + _checksum(key, data) + data)
+                self._shrink(folder)
+
+    def _path(self, folder: Path, key: str) -> Path:
+        return folder / hashlib.sha256(key.encode()).hexdigest()
+
+    def _shrink(self, folder: Path) -> None:
+        """Removes what was not used for longest, until the limit is kept."""
+        entries = []
+        for entry in os.scandir(folder):
+            # Another process may remove a file first.
+            with suppress(OSError):
+                if entry.is_file(follow_symlinks=False):
+                    facts = entry.stat(follow_symlinks=False)
+                    entries.append((facts.st_mtime_ns, facts.st_size, entry.path))
+        size = sum(entry[1] for entry in entries)
+        for _, length, path in sorted(entries):
+            if size <= self._limit:
+                return
+            with suppress(OSError):
+                Path(path).unlink()
+            size -= length
+
+
+def _checksum(key: str, data: bytes) -> bytes:
+    return hashlib.sha256(hashlib.sha256(key.encode()).digest() + data).digest()
+
+
+def _is_ours(folder: Path) -> bool:
+    """Whether the folder is this user's, and no other may write to it; Windows has no such bits."""
+    if sys.platform == "win32":
+        return True
+    try:
+        facts = folder.stat()
+    except OSError:
+        return False
+    return facts.st_uid == os.getuid() and not facts.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
+
+
+def _write(path: Path, data: bytes) -> None:
+    """Writes a file whole or not at all."""
+    with NamedTemporaryFile(dir=path.parent, prefix="new-", delete=False) as file:
+        try:
+            file.write(data)
+            file.close()
+            Path(file.name).replace(path)
+        except BaseException:
+            file.close()
+            Path(file.name).unlink(missing_ok=True)
+            raise
