@@ -63,7 +63,8 @@ class Engine:
             store: where code is kept; by default under `cache_folder()`.
 
         Raises:
-            EngineError: llvmlite is missing, a text is not LLVM IR, or it calls what is nowhere.
+            EngineError: llvmlite is missing; a text is not LLVM IR, calls what is nowhere, or
+                defines a function that LLVM calls by itself, such as `floor`.
         """
         refused = missing()
         if refused is not None:
@@ -198,6 +199,9 @@ def _compiled(texts: tuple[str, ...], level: int) -> _Built:
     nowhere = sorted(set(called) - libm.NAMES)
     if nowhere:
         raise EngineError(f"no text defines {', '.join(nowhere)}, which the code calls")
+    taken = sorted(libm.NAMES.intersection(exports))
+    if taken:
+        raise EngineError(f"a text defines {', '.join(taken)}, which LLVM calls by itself")
     return tuple(exports), tuple({*called, *libm.IMPLIED}), data
 
 

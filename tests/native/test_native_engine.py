@@ -188,6 +188,7 @@ def test_a_function_keeps_its_code(store) -> None:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
+        (HALF.replace("half", "floor"), "a text defines floor, which LLVM calls by itself"),
         ("define double @f(", "LLVM refuses the code"),
         (
             "define i64 @f() {\n %x = call i64 @nowhere()\n ret i64 %x\n}\ndeclare i64 @nowhere()",

@@ -85,7 +85,8 @@ def opcodes(function: ca.Function) -> set[int]:
 @pytest.fixture(scope="module")
 def code() -> Engine:
     return Engine(
-        [expression_ir(function_of(e), name) for name, e in OPERATIONS.items()], store=NOTHING
+        [expression_ir(function_of(e), f"op.{name}") for name, e in OPERATIONS.items()],
+        store=NOTHING,
     )
 
 
@@ -97,7 +98,7 @@ def test_operation_has_the_bits_of_the_virtual_machine(name, code) -> None:
     buffer.set_arg(0, memoryview(x))
     buffer.set_arg(1, memoryview(y))
     buffer.set_res(0, memoryview(theirs))
-    run = buffers.EVALUATE(code.address(name))
+    run = buffers.EVALUATE(code.address(f"op.{name}"))
     arg, res = buffers.pointers([x, y]), buffers.pointers([ours])
     for x[0], y[0] in PAIRS:
         evaluate()
