@@ -56,7 +56,7 @@ class States:
         self.n = self.robot.pin.nv
         self.machine.q[:] = self.context.start
         self.machine.start()
-        self.runner = self.machine._runner
+        self.runner = self.machine.runner
         self.solver = self.runner.solver
         self._entered = (self.runner.memory.copy(), self.runner.parameters.copy())
 
@@ -71,8 +71,8 @@ class States:
         machine.q[:] = self.context.start + rng.uniform(-turned, turned, self.n)
         machine.v[:] = rng.normal(size=self.n) * fast
         machine.wrench[:3], machine.wrench[3:] = rng.normal(size=3) * force, rng.normal(size=3)
-        machine._now[0] = rng.uniform(0, 1)
-        machine._now[1] = rng.uniform(0, 10)
+        machine.now[0] = rng.uniform(0, 1)
+        machine.now[1] = rng.uniform(0, 10)
         memory, parameters = self._entered
         self.runner.memory[:] = memory + rng.normal(size=len(memory)) * 1e-2
         self.runner.parameters[:] = parameters

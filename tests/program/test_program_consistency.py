@@ -40,7 +40,7 @@ class Asked(States):
 
     def ask(self) -> tuple[np.ndarray, np.ndarray]:
         """(r,) what is asked for, and what cannot be returned of it."""
-        self.machine._now[:2] = 5.0, self.rng.uniform(0, 100)
+        self.machine.now[:2] = 5.0, self.rng.uniform(0, 100)
         self.machine.update_terms()
         nearest = self.solver._nearest
         left = nearest.left_over()

@@ -273,7 +273,7 @@ class Stepped:
 
     @property
     def memory(self):
-        return self.machine._runner.memory
+        return self.machine.runner.memory
 
     def breaks(self, status: Status = Status.NOT_CONVERGED) -> Broken:
         broken = Broken(self.solver._solver, status)
@@ -285,7 +285,7 @@ class Stepped:
         if wrench is not None:
             self.machine.wrench[:] = wrench
         self.machine.tick(self.clock)
-        gravity = self.machine._terms.gravity.copy()
+        gravity = self.machine.terms.gravity.copy()
         torque = self.machine.torque.copy()
         self.plant.step(self.machine.torque)
         self.clock += T

@@ -11,6 +11,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from taskspec.program.bound import BoundFunction
 from taskspec.program.world.equations import equation_models, reaction
 from taskspec.program.world.stiffness import equation_compliance
 from taskspec.robot import RobotModel
@@ -18,7 +19,7 @@ from taskspec.spec import Task
 from taskspec_runner.plant.arm import SceneArm
 
 Vector = NDArray[np.float64]
-_XBODY = mujoco.mjtObj.mjOBJ_XBODY
+XBODY = mujoco.mjtObj.mjOBJ_XBODY
 
 
 class Equations:
@@ -26,7 +27,12 @@ class Equations:
 
     Attributes:
         on_tip: (3,) what the Cartesian ones exert on the tool tip, world axes [N].
+        on_joints: (n,) what those on joints exert [N m, N]; `joints` is where that acts.
         applied: (equations,) what the robot applies along each unit gradient [N, N m].
+        function: tip, its velocity, q, q', clock -> these three.
+        clock: (1,) of the simulator [s].
+        twist: (6,) of the tip, its angular part first; `body` is the tip's, `tip` its place.
+        cartesian: whether any acts on the tip.
     """
 
     def __init__(
@@ -39,37 +45,34 @@ class Equations:
     ) -> None:
         self._model, self._data = model, data
         places = arm.places(model)
-        self._body = places.tip
+        self.body, self.tip = places.tip, data.xpos[places.tip]
         self.applied, self.on_tip = applied, np.zeros(3)
-        function = reaction_function(arm.robot, task, arm.start)
-        self._clock, self._velocity = np.zeros(1), np.zeros(6)
-        self._on_joints = np.zeros(arm.robot.pin.nv)
-        self._q, self._v = data.qpos[places.positions], data.qvel[places.velocities]
-        self._tip = data.xpos[self._body]
-        self._torque = data.qfrc_applied[places.velocities]
-        self._buffer, self._evaluate = function.buffer()
-        # The buffer keeps addresses, not references: what it sees must outlive it.
-        self._arguments = [self._tip, self._velocity[3:], self._q, self._v, self._clock]
-        self._results = [self.on_tip, self._on_joints, self.applied]
-        for i, array in enumerate(self._arguments):
-            self._buffer.set_arg(i, array.data)
-        for i, array in enumerate(self._results):
-            self._buffer.set_res(i, array.data)
-        self._cartesian = any(not e.equation.joints for e in task.equations.values())
-        self._nothing = np.zeros(3)
+        self.clock, self.twist = np.zeros(1), np.zeros(6)
+        self.on_joints, self.joints = (
+            np.zeros(arm.robot.pin.nv),
+            data.qfrc_applied[places.velocities],
+        )
+        q, v = data.qpos[places.positions], data.qvel[places.velocities]
+        self.function = BoundFunction(
+            reaction_function(arm.robot, task, arm.start),
+            [self.tip, self.twist[3:], q, v, self.clock],
+            [self.on_tip, self.on_joints, self.applied],
+        )
+        self.cartesian = any(not e.equation.joints for e in task.equations.values())
+        self.nothing = np.zeros(3)
 
     def apply(self) -> None:
         """Adds the generalised forces at the pose and velocity that `mj_step1` has left."""
         model, data = self._model, self._data
-        self._clock[0] = data.time
-        if self._cartesian:
-            mujoco.mj_objectVelocity(model, data, _XBODY, self._body, self._velocity, 0)
-        self._evaluate()
-        if self._cartesian:
+        self.clock[0] = data.time
+        if self.cartesian:
+            mujoco.mj_objectVelocity(model, data, XBODY, self.body, self.twist, 0)
+        self.function.evaluate()
+        if self.cartesian:
             mujoco.mj_applyFT(
-                model, data, self.on_tip, self._nothing, self._tip, self._body, data.qfrc_applied
+                model, data, self.on_tip, self.nothing, self.tip, self.body, data.qfrc_applied
             )
-        self._torque += self._on_joints
+        self.joints += self.on_joints
 
 
 def reaction_function(robot: RobotModel, task: Task, start: Vector) -> ca.Function:

@@ -62,13 +62,17 @@ def point_name(name: str, number: int) -> str:
 
 
 class LooseBodies:
-    """Poses of all loose bodies of a scene."""
+    """Poses of all loose bodies of a scene.
+
+    Attributes:
+        positions: (7 bodies,) where they are in `qpos`.
+    """
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, task: Task) -> None:
         starts = [int(model.joint(PREFIX + name).qposadr[0]) for name in loose(task)]
-        self._at = np.concatenate([np.arange(at, at + 7) for at in starts])
+        self.positions = np.concatenate([np.arange(at, at + 7) for at in starts])
         self._qpos = data.qpos
 
     def read(self, poses: Vector) -> None:
         """Writes position [m] and quaternion (w x y z) of each, (7 bodies,)."""
-        poses[:] = self._qpos[self._at]
+        poses[:] = self._qpos[self.positions]

@@ -12,6 +12,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from taskspec.program.bound import BoundFunction
 from taskspec.program.world.moving_base import displacements
 from taskspec.spec import Shape, Task
 from taskspec.spec.world import MOTION
@@ -46,10 +47,17 @@ def add_moving_base(spec: mujoco.MjSpec, name: str, shape: Shape) -> mujoco.MjsB
 
 
 class MovingBases:
-    """Drives all moving shapes of a scene."""
+    """Drives all moving shapes of a scene.
+
+    Attributes:
+        positions, dofs: where each driven coordinate is in `qpos`, its rate in `qvel`.
+        clock: (1,) of the simulator [s].
+        place, rate, bend: of each coordinate at the clock, with its rate and acceleration.
+        function: clock -> these three.
+    """
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, task: Task) -> None:
-        self._data, self._clock = data, np.zeros(1)
+        self._data, self.clock = data, np.zeros(1)
         joints, places = [], []
         clock = ca.SX.sym("clock")
         for name, shape in moving(task).items():
@@ -63,19 +71,16 @@ class MovingBases:
         function = ca.Function(
             "motion", [clock], [ca.densify(x) for x in (place, rate, ca.jacobian(rate, clock))]
         )
-        self._at = np.array(model.jnt_qposadr[joints], dtype=int)
-        self._dof = np.array(model.jnt_dofadr[joints], dtype=int)
-        self._place, self._rate, self._bend = (np.zeros(len(joints)) for _ in range(3))
-        self._buffer, self._evaluate = function.buffer()
-        self._buffer.set_arg(0, self._clock.data)
-        for i, array in enumerate((self._place, self._rate, self._bend)):
-            self._buffer.set_res(i, array.data)
+        self.positions = np.array(model.jnt_qposadr[joints], dtype=int)
+        self.dofs = np.array(model.jnt_dofadr[joints], dtype=int)
+        self.place, self.rate, self.bend = (np.zeros(len(joints)) for _ in range(3))
+        self.function = BoundFunction(function, [self.clock], [self.place, self.rate, self.bend])
 
     def drive(self) -> None:
         """Puts all driven coordinates where they are at the clock, with rate and acceleration."""
         data = self._data
-        self._clock[0] = data.time
-        self._evaluate()
-        data.qpos[self._at] = self._place
-        data.qvel[self._dof] = self._rate
-        data.qfrc_applied[self._dof] = INERTIA * self._bend
+        self.clock[0] = data.time
+        self.function.evaluate()
+        data.qpos[self.positions] = self.place
+        data.qvel[self.dofs] = self.rate
+        data.qfrc_applied[self.dofs] = INERTIA * self.bend

@@ -111,6 +111,10 @@ class Plant:
         data: MuJoCo's.
         views: what is true, tick by tick; the vectors are filled in place.
         arm: the one that it steps.
+        substeps: of MuJoCo in a control period.
+        simple: whether MuJoCo's step is all there is to a step.
+        mechanisms, moving_bases, loose: what else there is in the world; None where there is none.
+        last_time: of the simulator at the last look at its alarms [s].
     """
 
     def __init__(
@@ -126,14 +130,14 @@ class Plant:
         self.views = views = PlantViews.new(task) if views is None else views
         arm = self.arm = PlantArm(self.scene, data, task, views)
         arm.q[:] = start
-        self._substeps = round(task.control.plant_rate / task.control.rate)
-        self._last_time = data.time
-        self._mechanisms = Mechanisms(model, data, task.mechanisms) if task.mechanisms else None
-        self._moving_bases = MovingBases(model, data, task) if moving(task) else None
-        self._loose = LooseBodies(model, data, task) if loose(task) else None
-        detents = None if self._mechanisms is None else self._mechanisms.detents
-        self._simple = arm.equations is None and self._moving_bases is None and detents is None
-        self._still = self._mechanisms is None and self._loose is None
+        self.substeps = round(task.control.plant_rate / task.control.rate)
+        self.last_time = data.time
+        self.mechanisms = Mechanisms(model, data, task.mechanisms) if task.mechanisms else None
+        self.moving_bases = MovingBases(model, data, task) if moving(task) else None
+        self.loose = LooseBodies(model, data, task) if loose(task) else None
+        detents = None if self.mechanisms is None else self.mechanisms.detents
+        self.simple = arm.equations is None and self.moving_bases is None and detents is None
+        self._still = self.mechanisms is None and self.loose is None
         self._settle()
         self._read_state()
         arm.read_forces()
@@ -141,15 +145,15 @@ class Plant:
     def _settle(self) -> None:
         """Finds the forces before the first step; an arm that feels its tool rests on brakes."""
         model, data, arm = self.model, self.data, self.arm
-        if self._moving_bases is not None:
-            self._moving_bases.drive()
+        if self.moving_bases is not None:
+            self.moving_bases.drive()
         mujoco.mj_forward(model, data)
         if arm.rests:
             joints = arm.velocities
             data.qfrc_applied[joints] = data.qfrc_bias[joints] - data.qfrc_passive[joints]
-        if not self._simple:
+        if not self.simple:
             self._apply()
-        if arm.rests or not self._simple:
+        if arm.rests or not self.simple:
             mujoco.mj_forward(model, data)
             data.qfrc_applied[:] = 0.0
 
@@ -157,26 +161,26 @@ class Plant:
         """Adds the forces that depend on the pose of this instant."""
         if self.arm.equations is not None:
             self.arm.equations.apply()
-        if self._mechanisms is not None:
-            self._mechanisms.apply()
+        if self.mechanisms is not None:
+            self.mechanisms.apply()
 
     def step(self, torque: Vector) -> None:
         """Holds joint torques (n,) [N m] for one control period."""
         if not self._still:
             self._read_state()
         self.arm.torque[:] = torque
-        if self._simple:
-            mujoco.mj_step(self.model, self.data, self._substeps)
+        if self.simple:
+            mujoco.mj_step(self.model, self.data, self.substeps)
         else:
-            for _ in range(self._substeps):
+            for _ in range(self.substeps):
                 self._step_once()
         self.arm.read_forces()
 
     def _step_once(self) -> None:
         model, data = self.model, self.data
         data.qfrc_applied[:] = 0.0
-        if self._moving_bases is not None:
-            self._moving_bases.drive()
+        if self.moving_bases is not None:
+            self.moving_bases.drive()
         mujoco.mj_step1(model, data)
         self._apply()
         mujoco.mj_step2(model, data)
@@ -184,10 +188,10 @@ class Plant:
     def _read_state(self) -> None:
         """The world's state of this instant."""
         views = self.views
-        if self._mechanisms is not None:
-            self._mechanisms.read(views.mechanism_positions, views.mechanism_rates)
-        if self._loose is not None:
-            self._loose.read(views.loose)
+        if self.mechanisms is not None:
+            self.mechanisms.read(views.mechanism_positions, views.mechanism_rates)
+        if self.loose is not None:
+            self.loose.read(views.loose)
 
     def alarm(self) -> tuple[str, str] | None:
         """The simulator's own alarm as (name, text), if any."""
@@ -195,9 +199,9 @@ class Plant:
         if number.any():
             kind = mujoco.mjtWarning(int(np.argmax(number > 0))).name.removeprefix("mjWARN_")
             return "simulator_warning", f"MuJoCo warned of {kind} at {self.data.time:.4g} s"
-        if not self.data.time > self._last_time:
+        if not self.data.time > self.last_time:
             return "clock", f"the simulator's clock stands at {self.data.time:.4g} s"
-        self._last_time = self.data.time
+        self.last_time = self.data.time
         if self.arm.diverged:
             force = float(np.linalg.norm(self.arm.wrench[:3]))
             return "force_bound", f"the contact exerts {force:.3g} N; the simulation has diverged"

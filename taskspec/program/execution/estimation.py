@@ -19,36 +19,37 @@ class Estimation:
 
     Attributes:
         on: whether the current stage estimates anything.
+        estimates: the frames; None where none is estimated.
     """
 
     def __init__(self, sensor: SensorZero | None, estimates: Estimates | None) -> None:
         self.on = False
-        self._sensor, self._estimates = sensor, estimates
+        self._sensor, self.estimates = sensor, estimates
 
     @property
     def poses(self) -> Mapping[str, Vector]:
         """(12,) of the estimated frames, by stage parameter."""
-        return {} if self._estimates is None else self._estimates.poses
+        return {} if self.estimates is None else self.estimates.poses
 
     def missing(self, stage: CompiledStage) -> str:
         """Why a stage cannot be entered, as a sentence; empty if it can."""
-        return "" if self._estimates is None else self._estimates.missing(stage.parameters)
+        return "" if self.estimates is None else self.estimates.missing(stage.parameters)
 
     def begin(self, stage: CompiledStage) -> None:
         """Forgets what the last stage was measured by."""
         self.on = stage.plan.spec.tare
         if self._sensor is not None:
             self._sensor.begin()
-        if self._estimates is not None:
-            self.on |= stage.name in self._estimates.stages
-            self._estimates.begin()
+        if self.estimates is not None:
+            self.on |= stage.name in self.estimates.stages
+            self.estimates.begin()
 
     def collect(self, wrench: Vector) -> None:
         """Keeps what a tick of the stage measured (6,), for its end."""
         if self._sensor is not None:
             self._sensor.collect()
-        if self._estimates is not None:
-            self._estimates.collect(wrench[:3])
+        if self.estimates is not None:
+            self.estimates.collect(wrench[:3])
 
     def end(self, stage: CompiledStage, tip: tuple[Vector, Vector], wrench: Vector) -> None:
         """Takes what a stage has estimated, and corrects the measured `wrench` (6,) by it.
@@ -58,8 +59,8 @@ class Estimation:
             tip: (3,), (3, 3) pose of the tip.
             wrench: of now.
         """
-        if self._estimates is not None:
-            self._estimates.end(stage.name, tip[0])
+        if self.estimates is not None:
+            self.estimates.end(stage.name, tip[0])
         if self._sensor is not None and stage.plan.spec.tare:
             self._sensor.tare()
             self._sensor.correct(tip[1], wrench)

@@ -47,11 +47,15 @@ class Machine:
             gradient [N, N m]; those on the tip are told from the wrench instead.
         sensor: makes the wrench from readings; None where the wrench is written itself.
         period: of control [s].
-        runners: of the stages, in their order.
+        runners: of the stages, in their order; `runner` is that of the current one.
+        terms: the model terms.
+        now: stage time, run time [s], and how often each stage has been entered.
+        estimation: what is measured for later stages.
         torque: (n,) the command [N m].
         outputs: the numbers of `ports.fields`.
         index: number of the current stage.
         t: [s] since it began.
+        stage_ticks: since it began.
         ended: `end` or `fail` once the task is over, else empty.
         transitions: so far.
     """
@@ -66,42 +70,42 @@ class Machine:
         estimates: Estimates | None = None,
     ) -> None:
         self._robot, self.period = robot, period
-        self.sensor, self._estimation = sensor, Estimation(sensor, estimates)
-        self._terms = ModelTerms(robot)
+        self.sensor, self.estimation = sensor, Estimation(sensor, estimates)
+        self.terms = ModelTerms(robot)
         self.q, self.v, self.wrench, self.reactions, self.torque, self.outputs = views
-        self._now = np.zeros(2 + len(stages))
-        self._inputs = (self._now, self.q, self.v, *self._terms.arrays, self.wrench, self.reactions)
+        self.now = np.zeros(2 + len(stages))
+        self._inputs = (self.now, self.q, self.v, *self.terms.arrays, self.wrench, self.reactions)
         self.runners = tuple(
             StageRunner(s, self._inputs, self.torque, self.outputs) for s in stages
         )
         self._names = [s.name for s in stages]
         self.index, self.t = 0, 0.0
-        self._ticks = 0
+        self.stage_ticks = 0
         self._applied, self._fading = np.zeros(len(self.torque)), FadeOut(len(self.torque))
-        self._runner = self.runners[0]
+        self.runner = self.runners[0]
         self.ended = ""
         self.transitions: list[Transition] = []
 
     @property
     def stage(self) -> CompiledStage:
         """The current stage."""
-        return self._runner.stage
+        return self.runner.stage
 
     @property
     def solver(self) -> StageSolver | None:
         """What keeps the limits of the current stage; None without a program."""
-        return self._runner.solver
+        return self.runner.solver
 
     @property
     def visits(self) -> Mapping[str, int]:
         """How often each stage has been entered."""
-        return {name: int(self._now[2 + i]) for i, name in enumerate(self._names)}
+        return {name: int(self.now[2 + i]) for i, name in enumerate(self._names)}
 
     def start(self) -> None:
         """Enters the first stage from rest at the measured pose."""
         self.update_terms()
-        self.torque[:] = self._terms.gravity
-        self._enter(0, HandedOver(*self._terms.tip(), np.zeros(6)), 0.0)
+        self.torque[:] = self.terms.gravity
+        self._enter(0, HandedOver(*self.terms.tip(), np.zeros(6)), 0.0)
 
     def returned_forces(self, index: int, t: float) -> ReturnedForces | None:
         """What stage `index` asks of contacts at its time t [s], were it entered at rest here.
@@ -110,19 +114,19 @@ class Machine:
         yet to be estimated.
         """
         runner = self.runners[index]
-        if runner.solver is None or self._estimation.missing(runner.stage):
+        if runner.solver is None or self.estimation.missing(runner.stage):
             return None
         self.update_terms()
-        self._enter(index, HandedOver(*self._terms.tip(), np.zeros(6)), 0.0)
-        self._now[0] = t
+        self._enter(index, HandedOver(*self.terms.tip(), np.zeros(6)), 0.0)
+        self.now[0] = t
         runner.evaluate()
         return runner.solver.returned_forces()
 
     def update_terms(self) -> None:
         """Evaluates the model terms and the contact wrench at the measured joint state."""
-        self._terms.update(self.q, self.v)
+        self.terms.update(self.q, self.v)
         if self.sensor is not None:
-            self.sensor.correct(self._terms.tip()[1], self.wrench)
+            self.sensor.correct(self.terms.tip()[1], self.wrench)
 
     def tick(self, clock: float) -> float:
         """One control period at run time `clock` [s].
@@ -132,26 +136,32 @@ class Machine:
             the machine has moved to another stage (and computed its first torque) or has ended.
         """
         self.update_terms()
-        now, runner = self._now, self._runner
+        now, runner = self.now, self.runner
         self._applied[:] = self.torque
-        now[0] = t = self.t = self._ticks * self.period
+        now[0] = t = self.t = self.stage_ticks * self.period
         now[1] = clock
         if t >= runner.next_knot:
             runner.refresh(t)
         if self.outputs[_CONDITIONING] < runner.least_conditioning:
             choose_again(runner.stage, self._inputs, runner.memory, runner.parameters, t)
         fresh = self._evaluate(runner)
-        self._ticks += 1
+        self.stage_ticks += 1
         event = self.outputs[0]
         if not fresh:
             stopped = self._hold(runner, clock)
             if stopped or not (event and self._is_limit(event)):
                 return stopped
-        if event and (self._ticks > 1 or self._is_limit(event)):
+        if event and (self.stage_ticks > 1 or self._is_limit(event)):
             self._change(clock, runner.stage.events[int(event) - 1])
         else:
             self._commit()
         return float(event)
+
+    def has_run(self, ticks: int) -> None:
+        """Takes note of ticks of the current stage that were made on this machine's arrays."""
+        self.stage_ticks += ticks
+        self.t = (self.stage_ticks - 1) * self.period
+        self._fading.reset()
 
     def _evaluate(self, runner: StageRunner) -> bool:
         """Evaluates a tick and keeps its limits; whether there is a torque that may be used."""
@@ -162,9 +172,9 @@ class Machine:
 
     def _commit(self) -> None:
         """Makes a tick one that happened."""
-        self._runner.commit()
-        if self._estimation.on:
-            self._estimation.collect(self.wrench)
+        self.runner.commit()
+        if self.estimation.on:
+            self.estimation.collect(self.wrench)
 
     def _hold(self, runner: StageRunner, clock: float) -> float:
         """Lets the last torque that kept its limits fade to what carries the arm, then stops.
@@ -173,7 +183,7 @@ class Machine:
         not committed: the tick did not happen. Returns the number of an event.
         """
         assert runner.solver is not None
-        runner.solver.hold(self._fading.step(self._applied, self._terms.gravity))
+        runner.solver.hold(self._fading.step(self._applied, self.terms.gravity))
         if self._fading.over:
             self._end(clock, unanswered(runner.solver.status), 0.0, "")
             return 1.0
@@ -195,7 +205,7 @@ class Machine:
             return
         index = self._names.index(to)
         attempts = self.runners[index].stage.plan.spec.attempts
-        if attempts is not None and self._now[2 + index] >= attempts:
+        if attempts is not None and self.now[2 + index] >= attempts:
             text = f"{event.text}; stage {to!r} has had its {attempts} attempts"
             self._end(clock, events.Event(event.kind, "attempts", text), value, FAIL)
             return
@@ -203,9 +213,9 @@ class Machine:
         # What failed is not carried on: a law that presses too hard ends with the stage.
         goes_on = None if event.kind == events.FAIL_IF else last
         handed_over = leave(stage, self.named_outputs(), clock, goes_on)
-        if self._estimation.on:
-            self._estimation.end(stage, self._terms.tip(), self.wrench)
-        unknown = self._estimation.missing(self.runners[index].stage)
+        if self.estimation.on:
+            self.estimation.end(stage, self.terms.tip(), self.wrench)
+        unknown = self.estimation.missing(self.runners[index].stage)
         if unknown:
             text = f"stage {to!r} cannot begin: {unknown}"
             self._end(clock, events.Event(events.LIMIT, "frame_not_felt", text), 0.0, "")
@@ -223,11 +233,11 @@ class Machine:
             carried: the most that is carried on of it [N m].
         """
         self.torque[:] = self._applied
-        fresh = self._evaluate(self._runner)
-        self._ticks = 1
+        fresh = self._evaluate(self.runner)
+        self.stage_ticks = 1
         event = self.outputs[0]
         if not fresh:
-            self._hold(self._runner, clock)
+            self._hold(self.runner, clock)
         step = float(np.max(np.abs(self.torque - last)))
         self.transitions[-1] = replace(
             self.transitions[-1], torque_step=step, torque_carried=carried
@@ -248,19 +258,19 @@ class Machine:
 
     def _enter(self, index: int, handed_over: HandedOver, clock: float) -> float:
         """Begins a stage; returns the most that is carried on of the last one's torque [N m]."""
-        self.index, self._runner = index, self.runners[index]
-        self._ticks, self.t = 0, 0.0
+        self.index, self.runner = index, self.runners[index]
+        self.stage_ticks, self.t = 0, 0.0
         self.outputs[_CONDITIONING] = 1.0
-        self._now[0], self._now[1] = 0.0, clock
-        self._now[2 + index] += 1
-        stage = self._runner.stage
-        self._estimation.begin(stage)
-        poses = self._estimation.poses
-        self._runner.load(
-            entry.enter(stage, self._robot, handed_over, self._terms.tip(), self._inputs, poses)
+        self.now[0], self.now[1] = 0.0, clock
+        self.now[2 + index] += 1
+        stage = self.runner.stage
+        self.estimation.begin(stage)
+        poses = self.estimation.poses
+        self.runner.load(
+            entry.enter(stage, self._robot, handed_over, self.terms.tip(), self._inputs, poses)
         )
-        self._runner.settle()
-        return 0.0 if handed_over.torque is None else self._runner.carry(handed_over.torque)
+        self.runner.settle()
+        return 0.0 if handed_over.torque is None else self.runner.carry(handed_over.torque)
 
     def not_finite(self) -> str:
         """Which reference of the last tick is not a number; empty where none is to blame."""

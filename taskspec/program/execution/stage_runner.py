@@ -16,7 +16,16 @@ Vector = NDArray[np.float64]
 
 
 class StageRunner:
-    """One stage's function bound to its arrays; CasADi reads and writes them in place."""
+    """One stage's function bound to its arrays; CasADi reads and writes them in place.
+
+    Attributes:
+        stage: which.
+        tick: its function, on its arrays; `evaluate` evaluates it.
+        memory, parameters: of the stage.
+        tracks: its moves and path; `next_knot` is the stage time at which one changes [s].
+        least_conditioning: below it the coordinates of constraints are chosen again.
+        solver: what keeps its limits; None without a program.
+    """
 
     def __init__(
         self, stage: CompiledStage, inputs: tuple[Vector, ...], torque: Vector, outputs: Vector
@@ -33,9 +42,9 @@ class StageRunner:
         arguments = [*inputs, memory, parameters]
         handed_over = np.zeros(stage.tick.numel_out(3))
         results = [torque, next_memory, outputs, handed_over]
-        self._tick = BoundFunction(stage.tick, arguments, results)
+        self.tick = BoundFunction(stage.tick, arguments, results)
         self._arguments = arguments
-        self.evaluate = self._tick.evaluate
+        self.evaluate = self.tick.evaluate
         self.solver: StageSolver | None = None
         if stage.resolution is not None:
             slots = stage.parameters.slots

@@ -58,7 +58,12 @@ class StageSolver:
 
     Attributes:
         status: of the last solve.
-        account: of all of them.
+        counts: of all of them.
+        limited, cut, last_torque: slots of the stage's parameters that are written for the next
+            tick; `last_torque` is None where torques may change at any rate.
+        clamped_cut: (r,) what the tick itself has taken from pushes.
+        clear: whether no limit was in the way of the last tick.
+        paring: whether the last tick asked for forces that contacts do not return.
     """
 
     def __init__(
@@ -88,14 +93,14 @@ class StageSolver:
         self._torque, self._outputs = torque, outputs
         self._limited_now = outputs[slices(fields(0))["limited"]]
         nothing = np.zeros(0)
-        self._limited = parameters[slots["limited"]]
-        self._cut = parameters[slots["cut"]] if r else nothing
+        self.limited = parameters[slots["limited"]]
+        self.cut = parameters[slots["cut"]] if r else nothing
         self._unreachable = parameters[slots["unreachable"]] if r else nothing
-        self._last_torque = parameters[slots["last_torque"]] if "last_torque" in slots else None
+        self.last_torque = parameters[slots["last_torque"]] if "last_torque" in slots else None
         self._applied = np.zeros(n)
-        self._clear, self._paring = True, False
+        self.clear, self.paring = True, False
         pieces, bounds = np.split(handed_over, [resolution.handed])
-        lower, upper, self._clamped_cut = np.split(bounds, [m, 2 * m])
+        lower, upper, self.clamped_cut = np.split(bounds, [m, 2 * m])
         self._problem = problem = QuadraticProgram(
             np.eye(n), np.zeros(n), np.zeros((m, n)), lower, upper
         )
@@ -116,21 +121,21 @@ class StageSolver:
     def remember(self, applied: Vector) -> None:
         """Has the next tick change its torque from (n,) `applied` at the limited rate."""
         self._applied[:] = applied
-        if self._last_torque is not None:
-            self._last_torque[:] = applied
+        if self.last_torque is not None:
+            self.last_torque[:] = applied
 
     def resolve(self) -> bool:
         """Replaces the torque where it breaks a limit; whether there is one that may be used."""
         outputs = self._outputs
         if outputs[_VIOLATION] <= _EXACT:
             if outputs[_CLAMPED]:
-                self._report_cuts(self._clamped_cut, outputs[_CLAMPED])
-            elif not self._clear:
-                self._cut[:], self._limited[:], self._clear = 0.0, 0.0, True
+                self._report_cuts(self.clamped_cut, outputs[_CLAMPED])
+            elif not self.clear:
+                self.cut[:], self.limited[:], self.clear = 0.0, 0.0, True
         elif not self.solve():
             self.counts.held += 1
             return False
-        if outputs[_UNSETTLED] or self._paring:
+        if outputs[_UNSETTLED] or self.paring:
             self.settle()
         return True
 
@@ -138,8 +143,8 @@ class StageSolver:
         """Has the next tick take from the set points what contacts cannot return of them."""
         if self._nearest is None:
             return
-        self._paring = bool(self._outputs[_UNSETTLED])
-        left = self._nearest.left_over() if self._paring else 0.0
+        self.paring = bool(self._outputs[_UNSETTLED])
+        left = self._nearest.left_over() if self.paring else 0.0
         if left is not None:
             self._unreachable[:] = left
 
@@ -209,11 +214,11 @@ class StageSolver:
         self._outputs[_RESIDUAL] = residual
         # A push that was clamped and binds in the program too is told once.
         binding = int(self._binding[0]) | int(self._outputs[_CLAMPED])
-        self._report_cuts(self._found_cut + self._clamped_cut, binding)
+        self._report_cuts(self._found_cut + self.clamped_cut, binding)
         return True
 
     def _report_cuts(self, cut: Vector, binding: float) -> None:
-        self._cut[:], self._limited[:], self._clear = cut, 1.0, False
+        self.cut[:], self.limited[:], self.clear = cut, 1.0, False
         self._limited_now[:], self._outputs[_LIMITS] = 1.0, binding
 
 

@@ -6,7 +6,6 @@ While a stage is on they do not move. Later stages get them as parameters, writt
 from __future__ import annotations
 
 import math
-from collections import deque
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
@@ -130,7 +129,13 @@ class Estimate:
 
 
 class Estimates:
-    """The estimated frames of a run, as they are gained."""
+    """The estimated frames of a run, as they are gained.
+
+    Attributes:
+        recent: (window, 3) ring of the measured forces of the stage's last ticks, by the
+            environment, world axes [N].
+        collected: ticks of the stage; tick k is row k modulo the window.
+    """
 
     def __init__(self, frames: Iterable[FrameModel], period: float) -> None:
         """For the measured ones among `frames`; `period` is that of control [s]."""
@@ -139,7 +144,8 @@ class Estimates:
             slot(f): Estimate(np.zeros(SIZE), f"stage {f.estimate!r} has not been visited")
             for f in self._frames
         }
-        self._recent: deque[Vector] = deque(maxlen=window(period))
+        self.recent: Vector = np.zeros((window(period), 3))
+        self.collected = 0
 
     @property
     def stages(self) -> frozenset[str]:
@@ -153,11 +159,12 @@ class Estimates:
 
     def begin(self) -> None:
         """Forgets the forces of the last stage."""
-        self._recent.clear()
+        self.collected = 0
 
     def collect(self, force: Vector) -> None:
         """Takes the measured force (3,) of a tick, by the environment, world axes."""
-        self._recent.append(force.copy())
+        self.recent[self.collected % len(self.recent)] = force
+        self.collected += 1
 
     def end(self, stage: str, tip: Vector) -> None:
         """Measures the frames of a stage that has just ended with the tip at (3,)."""
@@ -165,12 +172,19 @@ class Estimates:
             if frame.estimate != stage:
                 continue
             try:
-                R, origin = measure(frame, np.mean(self._recent, axis=0), tip)
+                R, origin = measure(frame, self.mean(), tip)
             except NotEstimatedError as error:
                 estimate = Estimate(np.zeros(SIZE), str(error))
             else:
                 estimate = Estimate(np.concatenate([R.ravel(order="F"), origin]))
             self._estimates[slot(frame)] = estimate
+
+    def mean(self) -> Vector:
+        """(3,) mean of the forces in the window, the oldest first."""
+        room = len(self.recent)
+        if self.collected <= room:
+            return np.asarray(np.mean(self.recent[: self.collected], axis=0))
+        return np.asarray(np.mean(np.roll(self.recent, -(self.collected % room), axis=0), axis=0))
 
     def missing(self, parameters: Slots) -> str:
         """Why a stage with these parameters cannot be entered, as a sentence; empty if it can."""
