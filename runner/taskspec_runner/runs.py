@@ -22,6 +22,7 @@ from taskspec_runner.errors import InputError
 from taskspec_runner.record.block import BLOCK, LeftTicks
 from taskspec_runner.record.evidence import Evidence
 from taskspec_runner.record.extent import Extent, status_of
+from taskspec_runner.record.file_array import full
 from taskspec_runner.record.folder import (
     LOG,
     REPORT,
@@ -382,7 +383,7 @@ class Run(Window):
 
     @cached_property
     def _ticks(self) -> Mask:
-        return np.ones(len(self.history), dtype=bool)
+        return full(len(self.history), True)
 
     def batches(self) -> Iterator[pa.RecordBatch]:
         """The log in order, up to some `ROWS` rows at a time; not all of it comes into memory.
@@ -420,12 +421,16 @@ class Run(Window):
     @cached_property
     def clock(self) -> LoggedSignal:
         """(rows,) run time [s]."""
-        return LoggedSignal(self.columns.get("clock", np.zeros(0)), "clock", "s")
+        return LoggedSignal(self._clock, "clock", "s")
+
+    @property
+    def _clock(self) -> Vector:
+        return self.columns.get("clock", np.zeros(0))
 
     @cached_property
     def period(self) -> float:
         """Time between two rows of the log [s]."""
-        steps = np.diff(np.asarray(self.clock))
+        steps = np.diff(self._clock)
         return float(np.median(steps)) if len(steps) else 1e-3
 
     @property
@@ -456,8 +461,8 @@ class Run(Window):
 
     def rows(self, visit: StageVisit) -> Mask:
         """(rows,) the rows of a visit."""
-        half, clock = self.period / 2, np.asarray(self.clock)
-        return np.asarray((clock > visit.start - half) & (clock < visit.end - half))
+        half, clock = self.period / 2, self._clock
+        return np.asanyarray((clock > visit.start - half) & (clock < visit.end - half))
 
     def label(self, visit: StageVisit) -> str:
         """Name of a visit; numbered where its stage was visited more than once."""

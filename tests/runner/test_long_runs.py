@@ -19,7 +19,7 @@ from typer.testing import CliRunner
 
 from taskspec.spec import load_task, load_text
 from taskspec_runner.cli import app
-from taskspec_runner.record import mapped
+from taskspec_runner.record import file_array, mapped
 from taskspec_runner.record.history import HistoryBuilder, column_field
 from taskspec_runner.report import decimate, drawn
 from taskspec_runner.report.page import render
@@ -33,11 +33,12 @@ TASKS = Path(__file__).resolve().parents[2] / "tasks"
 def spilled(monkeypatch: pytest.MonkeyPatch) -> None:
     """Everything is long: blocks are of 700 ticks, and files begin with room for 1024."""
     monkeypatch.setattr(mapped, "SPILL_ROWS", 700)
-    monkeypatch.setattr(mapped, "LARGE", 1000)
+    monkeypatch.setattr(file_array, "LARGE", 1000)
+    monkeypatch.setattr(file_array, "BLOCK_ROWS", 300)
     monkeypatch.setattr(mapped, "_ROOM", 1024)
 
 
-@pytest.mark.parametrize("name", ["wipe-table", "crank", "unknown-normal", "press-qp"])
+@pytest.mark.parametrize("name", ["wipe-table", "crank", "unknown-normal", "press-qp", "conveyor"])
 def test_numbers_are_those_of_a_run_in_memory(
     name: str, tmp_path: Path, request: pytest.FixtureRequest
 ) -> None:

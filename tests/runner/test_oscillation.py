@@ -15,6 +15,7 @@ from taskspec_runner.cli.app import app
 from taskspec_runner.report.page import render
 from taskspec_runner.runs import Run
 from taskspec_runner.session import execute_program
+from taskspec_runner.verdict import oscillation as oscillations
 from taskspec_runner.verdict.oscillation import LEAST_TICKS, oscillation
 from taskspec_runner.verdict.run_finding import read_finding
 
@@ -51,6 +52,32 @@ def test_a_signal_that_alternates_is_found_at_half_the_rate():
 def test_an_amplitude_below_the_bound_is_let_pass():
     assert oscillation(sine(20.0, 0.99), T, 1.0) is None
     assert oscillation(sine(20.0, 1.01), T, 1.0) is not None
+
+
+@pytest.mark.parametrize("frequency", [0.5, 2.5, 40.0, 123.4, 333.3, 480.0])
+def test_of_a_long_half_its_end_and_its_means_are_looked_at(frequency, monkeypatch):
+    """20 s by spectra of 2048 ticks: the last 2 s, and means of 10 ms. A mean of k ticks has of a
+    sine of f the share sin(pi f k T) / (k sin(pi f T)): 0.4 % less at 5 Hz, below which it is
+    what finds a sine."""
+    monkeypatch.setattr(oscillations, "MOST_TICKS", 2048)
+    long = np.arange(40_000) * T
+    values = 2.0 * np.sin(2 * math.pi * frequency * long + 0.4) - 15.0
+    found = oscillation(values, T, 1.0)
+    assert found is not None
+    assert found.frequency == pytest.approx(frequency, abs=0.1)
+    assert found.amplitude == pytest.approx(2.0, rel=1e-2)
+    assert oscillation(values, T, 1.0, [values + 3.0]) is None
+    # What has died away before the end, and was fast, is none.
+    gone = values * (np.arange(40_000) < 25_000)
+    assert oscillation(gone, T, 1.0) is None
+
+
+def test_noise_over_a_long_half_is_no_oscillation(monkeypatch):
+    monkeypatch.setattr(oscillations, "MOST_TICKS", 2048)
+    rng = np.random.default_rng(5)
+    for _ in range(20):
+        # In a band of 2048 ticks it has 0.1 s.
+        assert oscillation(rng.normal(size=40_000), T, 0.05, noisy=True) is None
 
 
 def test_a_sine_under_noise_is_found_and_noise_alone_is_not():

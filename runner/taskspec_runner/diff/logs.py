@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from taskspec_runner.record.file_array import blocks
 from taskspec_runner.record.history import STAGE, History, Vector
 
 
@@ -95,21 +96,24 @@ def _apart(
     name: str, unit: str, sides: tuple[NDArray[Any], NDArray[Any]], clock: Vector
 ) -> Apart | None:
     """How a column differs; None where it does not."""
-    x, y = sides
-    differs = x != y
-    numbers = x.dtype.kind == "f"
-    if numbers:
-        differs &= ~(np.isnan(x) & np.isnan(y))
-    rows = np.flatnonzero(differs)
-    if not len(rows):
-        return None
-    first = int(rows[0])
-    found = Apart(name, unit, first, float(clock[first]), (_plain(x[first]), _plain(y[first])))
-    if numbers:
-        sizes = np.abs(x[rows] - y[rows])
+    found: Apart | None = None
+    for part in blocks(len(clock)):
+        x, y = (np.asarray(side[part]) for side in sides)
+        differs = x != y
+        numbers = x.dtype.kind == "f"
+        if numbers:
+            differs &= ~(np.isnan(x) & np.isnan(y))
+        rows = np.flatnonzero(differs)
+        if not len(rows):
+            continue
+        if found is None:
+            one, at = int(rows[0]), float(clock[part][rows[0]])
+            found = Apart(name, unit, part.start + one, at, (_plain(x[one]), _plain(y[one])))
+        sizes = np.abs(x[rows] - y[rows]) if numbers else np.zeros(0)
         if not np.isnan(sizes).all():
             most = int(np.nanargmax(sizes))
-            found.largest, found.at = float(sizes[most]), float(clock[rows[most]])
+            if not found.largest >= sizes[most]:
+                found.largest, found.at = float(sizes[most]), float(clock[part][rows[most]])
     return found
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -11,6 +11,7 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from taskspec_runner.record import mapped
+from taskspec_runner.record.file_array import blocks, empty
 from taskspec_runner.record.mapped import ColumnFile
 
 Vector = NDArray[np.float64]
@@ -89,10 +90,11 @@ class History:
     def batches(self, rows: int) -> Iterator[pa.RecordBatch]:
         """The ticks in order as a log has them, up to some `rows` at a time."""
         schema = self.schema
-        names, codes = np.unique(self.stages, return_inverse=True)
+        names = np.unique([visit.stage for visit in self.visits()])
         for start in range(0, len(self), rows):
             part = slice(start, start + rows)
-            stages = pa.DictionaryArray.from_arrays(codes[part].astype(np.int32), names.tolist())
+            codes = np.searchsorted(names, np.asarray(self.stages[part])).astype(np.int32)
+            stages = pa.DictionaryArray.from_arrays(codes, names.tolist())
             arrays = [
                 stages if name == STAGE else pa.array(self.columns[name][part])
                 for name in schema.names
@@ -101,9 +103,10 @@ class History:
 
     def window(self, stage: str | None) -> Mask:
         """(n,) The rows of all visits of a stage, or every row for None."""
-        if stage is None:
-            return np.ones(len(self), dtype=bool)
-        return np.asarray(self.stages == stage)
+        window = empty(len(self), np.bool_)
+        for part in blocks(len(self)):
+            window[part] = True if stage is None else self.stages[part] == stage
+        return window
 
     def thinned(self, most: int) -> History:
         """Every tick of a short history; of a longer one every so many-th, some `most` in all.
@@ -115,7 +118,10 @@ class History:
             return self
         ends = [row for visit in self.visits() for row in (visit.first, visit.last)]
         rows = np.unique(np.concatenate([np.arange(0, len(self), step), ends]))
-        columns = {name: values[rows] for name, values in self.columns.items()}
+        kept = empty((len(self.columns), len(rows)), np.float64)
+        for row, values in zip(kept, self.columns.values(), strict=True):
+            row[:] = values[rows]
+        columns = dict(zip(self.columns, kept, strict=True))
         return replace(self, columns=columns, stages=self.stages[rows])
 
     def visits(self) -> Iterator[Visit]:
@@ -123,11 +129,11 @@ class History:
         if not len(self):
             return
         t = self.columns["t"]
-        new = (self.stages[1:] != self.stages[:-1]) | (t[1:] <= t[:-1])
-        starts = np.flatnonzero(np.concatenate([[True], new]))
-        ends = np.append(starts[1:], len(self)) - 1
-        for first, last in zip(starts.tolist(), ends.tolist(), strict=True):
-            yield Visit(str(self.stages[first]), first, last)
+        first = 0
+        for after in np.flatnonzero((self.stages[1:] != self.stages[:-1]) | (t[1:] <= t[:-1])) + 1:
+            yield Visit(str(self.stages[first]), first, int(after) - 1)
+            first = int(after)
+        yield Visit(str(self.stages[first]), first, len(self) - 1)
 
 
 class HistoryBuilder:
@@ -135,8 +141,8 @@ class HistoryBuilder:
 
     def __init__(self) -> None:
         self._columns: dict[str, list[Vector]] = {}
-        self._stages: list[NDArray[np.int32]] = []
-        self._names: dict[str, int] = {}
+        #: Names of stages, each with the number of ticks that follow each other in it.
+        self._stages: list[tuple[str, int]] = []
         self._units: dict[str, str] = {}
         self._unrecorded: frozenset[str] = frozenset()
         self._waiting, self._file, self._spills = 0, None, True
@@ -150,7 +156,7 @@ class HistoryBuilder:
             self._unrecorded = unrecorded_of(batch.schema)
         for name, values in zip(batch.schema.names, batch.columns, strict=True):
             if name == STAGE:
-                self._stages.append(self._codes(values))
+                self._stages += _stretches(values)
             else:
                 # A copy, as a batch may lie in memory that is written anew.
                 copied = values.to_numpy(zero_copy_only=False).copy()
@@ -159,20 +165,12 @@ class HistoryBuilder:
         if self._spills and self._waiting >= mapped.SPILL_ROWS:
             self._spill()
 
-    def _codes(self, values: pa.Array) -> NDArray[np.int32]:
-        """(n,) the number of each tick's stage, in the order in which stages come."""
-        if not pa.types.is_dictionary(values.type):
-            values = values.dictionary_encode()
-        names = [str(name) for name in values.dictionary.to_pylist()]
-        numbers = [self._names.setdefault(name, len(self._names)) for name in names]
-        return np.asarray(np.array(numbers, dtype=np.int32)[values.indices.to_numpy()])
-
     def _spill(self) -> None:
         """Brings the columns that wait to the file; where there is no room, they stay here."""
         try:
             if self._file is None:
                 self._file = ColumnFile(tuple(self._columns))
-            self._file.append({n: np.concatenate(parts) for n, parts in self._columns.items()})
+            self._file.append(self._columns)
         except OSError:
             self._spills = False
             return
@@ -191,19 +189,31 @@ class HistoryBuilder:
             before = [kept[name]] if name in kept else []
             whole = before + parts
             columns[name] = whole[0] if len(whole) == 1 and before else np.concatenate(whole)
-        names = np.array([*self._names], dtype=np.str_)
-        codes = np.concatenate(self._stages) if self._stages else np.array([], dtype=np.int32)
-        self._stages.clear()
-        stages = _stage_names(names, codes)
-        return _history(columns, stages, self._units, self._unrecorded)
+        stages, self._stages = self._stages, []
+        return _history(columns, _stage_names(stages), self._units, self._unrecorded)
 
 
-def _stage_names(names: NDArray[np.str_], codes: NDArray[np.int32]) -> NDArray[np.str_]:
-    """(n,) names of stages by their numbers; of a long run in a file that is mapped."""
-    if len(codes) * max(names.itemsize, 1) <= mapped.LARGE:
-        return names[codes] if len(names) else np.array([], dtype=np.str_)
-    parts = (names[part] for part in np.array_split(codes, 1 + len(codes) // mapped.SPILL_ROWS))
-    return np.asarray(mapped.gathered(parts, len(codes), names.dtype))
+def _stretches(values: pa.Array) -> Iterator[tuple[str, int]]:
+    """Names of the stages of some ticks, each with how many ticks follow each other in it."""
+    if not pa.types.is_dictionary(values.type):
+        values = values.dictionary_encode()
+    names = [str(name) for name in values.dictionary.to_pylist()]
+    codes = values.indices.to_numpy()
+    ends = [*(np.flatnonzero(codes[1:] != codes[:-1]) + 1).tolist(), len(codes)]
+    first = 0
+    for after in ends if len(codes) else ():
+        yield names[codes[first]], after - first
+        first = after
+
+
+def _stage_names(stretches: Sequence[tuple[str, int]]) -> NDArray[np.str_]:
+    """(n,) names of stages, not to be written; of a long run in a file that is mapped."""
+    kind = np.array([*dict.fromkeys(name for name, _ in stretches)], dtype=np.str_).dtype
+    stages, at = empty(sum(ticks for _, ticks in stretches), kind), 0
+    for name, ticks in stretches:
+        stages[at : at + ticks] = name
+        at += ticks
+    return stages
 
 
 def history_of(batch: pa.RecordBatch) -> History:

@@ -1,71 +1,38 @@
-"""Long columns in files that are mapped into memory, so that a long run needs no more of it.
-
-The files have no name: they are gone with the process, however that ends. They lie in TMPDIR, else
-in /var/tmp, which is on a disk where /tmp may not be. Without room there, columns stay in memory.
-"""
+"""The columns of a long run in a file that is mapped into memory."""
 
 from __future__ import annotations
 
 import mmap
 import os
-import tempfile
-from collections.abc import Iterable, Mapping
-from pathlib import Path
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from taskspec_runner.record.file_array import FileArray, empty, unnamed_file
+
 #: Rows of a log that are in memory before they go to a file.
 SPILL_ROWS = 1 << 15
-#: Arrays of more bytes than this go to a file.
-LARGE = 1 << 20
 #: Rows that a file has room for at first; the room is made of holes.
 _ROOM = 1 << 20
 _CHUNK = 1 << 22
-_ELSEWHERE = Path("/var/tmp")
-
-
-def _file() -> int:
-    """A file without a name, open to be written and mapped.
-
-    Raises:
-        OSError: it cannot be made.
-    """
-    folder = os.environ.get("TMPDIR")
-    if not folder and os.access(_ELSEWHERE, os.W_OK):
-        folder = str(_ELSEWHERE)
-    with tempfile.TemporaryFile(dir=folder or None) as file:
-        return os.dup(file.fileno())
 
 
 def gathered(parts: Iterable[NDArray[Any]], rows: int, dtype: np.dtype[Any]) -> NDArray[Any]:
-    """Parts (n,) one after the other, in a file; in memory where there is no room for one.
+    """Parts (n,) one after the other, in a file if they are many; not to be written.
 
     Args:
         parts: of any length, made one by one.
         rows: of all of them.
         dtype: of each.
     """
-    parts = iter(parts)
-    try:
-        descriptor = _file()
-    except OSError:
-        return np.concatenate([*parts])
-    done: list[NDArray[Any]] = []
-    at = 0
-    try:
-        for part in parts:
-            done = [part]
-            _write(descriptor, part, at)
-            at, done = at + part.nbytes, []
-        memory = mmap.mmap(descriptor, rows * dtype.itemsize, access=mmap.ACCESS_READ)
-        return np.frombuffer(memory, dtype=dtype)
-    except OSError:
-        held = np.frombuffer(os.pread(descriptor, at, 0), dtype=dtype)
-        return np.concatenate([held, *done, *parts])
-    finally:
-        os.close(descriptor)
+    made, at = empty(rows, dtype), 0
+    for part in parts:
+        made[at : at + len(part)] = part
+        at += len(part)
+    made.flags.writeable = False
+    return made
 
 
 def _write(descriptor: int, content: NDArray[Any], at: int) -> None:
@@ -73,28 +40,6 @@ def _write(descriptor: int, content: NDArray[Any], at: int) -> None:
     while len(rest):
         done = os.pwrite(descriptor, rest[:_CHUNK], at)
         rest, at = rest[done:], at + done
-
-
-def mapped(values: NDArray[Any]) -> NDArray[Any]:
-    """The same values, in a file if they are many; they are not to be written then.
-
-    Args:
-        values: of any shape.
-    """
-    if values.nbytes <= LARGE or not values.flags.writeable:
-        return values
-    try:
-        descriptor = _file()
-    except OSError:
-        return values
-    try:
-        _write(descriptor, values, 0)
-        memory = mmap.mmap(descriptor, values.nbytes, access=mmap.ACCESS_READ)
-    except (OSError, ValueError):
-        return values
-    finally:
-        os.close(descriptor)
-    return np.frombuffer(memory, dtype=values.dtype).reshape(values.shape)
 
 
 class ColumnFile:
@@ -107,24 +52,30 @@ class ColumnFile:
             OSError: it cannot be made.
         """
         self._names, self._rows, self._room = names, 0, _ROOM
-        self._descriptor = _file()
+        self._descriptor = unnamed_file()
 
-    def append(self, columns: Mapping[str, NDArray[np.float64]]) -> None:
+    def append(self, columns: Mapping[str, Sequence[NDArray[np.float64]]]) -> None:
         """Puts some rows behind those that there are; all of them or none count.
+
+        Args:
+            columns: parts (n,) of each, one after the other.
 
         Raises:
             OSError: there is no room.
         """
-        more = len(next(iter(columns.values())))
+        more = sum(map(len, next(iter(columns.values()))))
         while self._rows + more > self._room:
             self._widen()
         for number, name in enumerate(self._names):
-            _write(self._descriptor, columns[name], 8 * (number * self._room + self._rows))
+            at = 8 * (number * self._room + self._rows)
+            for part in columns[name]:
+                _write(self._descriptor, part, at)
+                at += part.nbytes
         self._rows += more
 
     def _widen(self) -> None:
         """Gives every column four times the room."""
-        wider, room = _file(), 4 * self._room
+        wider, room = unnamed_file(), 4 * self._room
         try:
             for number in range(len(self._names)):
                 done, size = 0, 8 * self._rows
@@ -146,6 +97,8 @@ class ColumnFile:
         os.close(self._descriptor)
         self._descriptor = -1
         return {
-            name: np.frombuffer(memory, np.float64, self._rows, 8 * number * self._room)
+            name: np.frombuffer(memory, np.float64, self._rows, 8 * number * self._room).view(
+                FileArray
+            )
             for number, name in enumerate(self._names)
         }

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from taskspec_runner.record.file_array import in_file
 from taskspec_runner.record.history import Vector
-from taskspec_runner.record.mapped import mapped
 from taskspec_runner.report.quantities import figure, quantity
 from taskspec_runner.runs import Run
 from taskspec_runner.verdict.judged import Judged
@@ -48,7 +48,7 @@ class Trace:
 
     def __post_init__(self) -> None:
         # A page has dozens of them, each of every tick.
-        object.__setattr__(self, "values", mapped(self.values))
+        object.__setattr__(self, "values", in_file(self.values))
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
+
+from taskspec_runner.record.file_array import BLOCK_ROWS
 
 Vector = NDArray[np.float64]
 Rows = NDArray[np.int64]
@@ -29,26 +31,32 @@ def decimate(values: Vector, breaks: Rows, limit: int = POINTS, keep: Rows | Non
     """
     rows = len(values)
     finite = np.isfinite(values)
-    chosen: Rows = np.arange(rows, dtype=np.int64)
-    if rows > limit:
-        width = -(-2 * rows // limit)
-        buckets = -(-rows // width)
-        padded = np.full(buckets * width, np.nan)
-        padded[:rows][finite] = values[finite]
-        grid = padded.reshape(buckets, width)
-        known = np.isfinite(grid)
-        filled = np.flatnonzero(known.any(axis=1))
-        lowest = np.where(known, grid, np.inf).argmin(axis=1)[filled]
-        highest = np.where(known, grid, -np.inf).argmax(axis=1)[filled]
+    if rows <= limit:
+        chosen: Rows = np.arange(rows, dtype=np.int64)
+    else:
         edges = np.flatnonzero(finite[1:] != finite[:-1])
         sides = [np.array([0, rows - 1]), breaks, breaks - 1, edges, edges + 1]
-        parts = [filled * width + lowest, filled * width + highest, *sides]
+        parts = [*_extremes(values, -(-2 * rows // limit)), *sides]
         parts += [] if keep is None else [keep]
         chosen = np.unique(np.concatenate(parts)).astype(np.int64)
     kept = finite[chosen]
     inside = np.zeros(len(chosen), dtype=bool)
     inside[1:] = ~kept[1:] & ~kept[:-1]
     return chosen[~inside]
+
+
+def _extremes(values: Vector, width: int) -> Iterator[Rows]:
+    """Rows of the lowest and the highest value of each bucket of so many rows, some at a time."""
+    step = width * max(BLOCK_ROWS // width, 1)
+    for first in range(0, len(values), step):
+        part = values[first : first + step]
+        grid = np.full((-(-len(part) // width), width), np.nan)
+        grid.reshape(-1)[: len(part)] = part
+        known = np.isfinite(grid)
+        filled = np.flatnonzero(known.any(axis=1))
+        begin = first + filled * width
+        yield begin + np.where(known, grid, np.inf).argmin(axis=1)[filled]
+        yield begin + np.where(known, grid, -np.inf).argmax(axis=1)[filled]
 
 
 def broken(rows: Rows, values: Vector, breaks: Rows) -> tuple[Rows, Vector]:

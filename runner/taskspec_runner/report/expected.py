@@ -9,6 +9,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from functools import reduce
 
 import numpy as np
 
@@ -97,6 +98,7 @@ def _bounds(
 
 def _spans(sides: Sequence[Vector | None]) -> Iterator[tuple[int, int]]:
     """First and last rows of the stretches in which there are bounds."""
-    known = np.logical_or.reduce([np.isfinite(s) for s in sides if s is not None])
-    edges = np.flatnonzero(np.diff(known.astype(int), prepend=0, append=0))
+    known = reduce(np.logical_or, (np.isfinite(s) for s in sides if s is not None))
+    inside = (np.flatnonzero(known[1:] != known[:-1]) + 1).tolist()
+    edges = [*([0] if known[0] else []), *inside, *([len(known)] if known[-1] else [])]
     yield from ((int(a), int(b) - 1) for a, b in zip(edges[::2], edges[1::2], strict=True))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import reduce
 
 import numpy as np
 
@@ -121,7 +122,7 @@ def _wrench(run: Run, kind: str, axes: Sequence[str], title: str) -> Chart | Non
     found = [(a, c) for a in axes if (c := run.column(wrench_name(a))) is not None]
     if not found:
         return None
-    total = np.sqrt(np.nansum([c**2 for _, c in found], axis=0))
+    total = np.sqrt(reduce(np.add, (np.where(np.isnan(c), 0.0, c**2) for _, c in found)))
     names = [wrench_name(a) for a, _ in found]
     whole = f"norm({', '.join(map(wrench_name, axes))})"
     factor, unit = scale(run.units[names[0]], size([total]))

@@ -25,6 +25,8 @@ _LEFT, _RIGHT, _TOP, _BOTTOM = 58.0, 24.0, 92.0, 44.0
 _PANEL, _TITLE = 138.0, 40.0
 #: Edge of the square that shows the path [px]; both directions must span this much [mm].
 _SQUARE, _LEAST_SPAN = 240.0, 5.0
+#: Ticks from which on a path is drawn through every second one, and so on.
+_PATH_TICKS = 100_000
 #: Room above and below the values of a panel, as a share of their range.
 _ROOM = 0.07
 #: Share of the largest force from which on an axis is worth a line.
@@ -139,7 +141,8 @@ def _borne(forces: Chart | None) -> Chart | None:
 def _panel(run: Run, chart: Chart, y: float, times: Times) -> Panel:
     # What was predicted is in the report; the picture shows what was.
     traces = [t for t in chart.traces if t.style != predictions.ROLE]
-    values = np.concatenate([t.values[np.isfinite(t.values)] for t in traces])
+    finite = (t.values[np.isfinite(t.values)] for t in traces)
+    values = np.array([end(part) for part in finite if len(part) for end in (np.min, np.max)])
     sides = [v for b in chart.bands for v in (b.low, b.high) if v is not None]
     plane = PlotPlane.around(times, values, y, _PANEL, _ROOM, sides)
     lines = []
@@ -176,12 +179,14 @@ def _path_square(run: Run) -> Panel | None:
         return None
     rows = run.rows(widest)
     x, y = x[rows], y[rows]
+    some = slice(None, None, 1 + len(x) // _PATH_TICKS)
     span = 1.12 * max(float(np.ptp(x)), float(np.ptp(y)))
     low_x = (float(x.min()) + float(x.max()) - span) / 2
     low_y = (float(y.min()) + float(y.max()) - span) / 2
     left, top, scale = WIDTH - _RIGHT - _SQUARE, _TOP, _SQUARE / span
 
     def drawn(u: Vector, v: Vector) -> str:
+        u, v = u[some], v[some]
         points = [left + (u - low_x) * scale, top + _SQUARE - (v - low_y) * scale]
         return path_data(np.column_stack(points))
 

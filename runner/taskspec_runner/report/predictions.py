@@ -6,6 +6,7 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 
+from taskspec_runner.record.file_array import full
 from taskspec_runner.record.folder import Json, mapping, number
 from taskspec_runner.record.history import Mask, Vector
 from taskspec_runner.report.chart import Level, Trace
@@ -78,7 +79,7 @@ def decay(run: Run, name: str, factor: float) -> Trace | None:
     values = run.column(name)
     if values is None:
         return None
-    drawn, texts = np.full(len(values), np.nan), []
+    drawn, texts = full(len(values), np.nan), []
     for visit in run.visits:
         prediction = stage_prediction(run, visit.stage)
         how = mapping(mapping(prediction.get("settling")).get(axis_of(name)))

@@ -65,7 +65,7 @@ class ConditionMargins:
         if truth.window is None:
             yield from self._number()
             return
-        bad = np.asarray((truth.values != 1) & truth.window)
+        bad = (truth.values != 1) & truth.window
         if not bad.any():
             return
         first = int(np.flatnonzero(bad)[0])

@@ -21,6 +21,7 @@ from taskspec.program.program import Program
 from taskspec.text.expression import Expression, evaluate, tree
 from taskspec.text.expression.series import Series, SeriesAlgebra
 from taskspec.text.units import in_unit
+from taskspec_runner.record.file_array import counted, full
 from taskspec_runner.record.history import History, Mask, Vector
 from taskspec_runner.verdict.explanation import Explainer
 from taskspec_runner.verdict.lookup import Lookup, column_of, scope_of
@@ -106,7 +107,7 @@ class _Walk:
         if truth.window is None:
             return None
         label = self._say.text(node)
-        one = np.ones(self._ticks)
+        one = full(self._ticks, 1.0)
         return MeasuredCourse(self._text, label, label, self._seen(truth), one, None, "", 1.0)
 
     def _conditions(self, node: tree.Node) -> MeasuredCourse | None:
@@ -153,14 +154,16 @@ class _Walk:
     def _last(self, window: Mask) -> Mask:
         """The one tick at which a last value is held against its bounds."""
         rows = np.flatnonzero(window)
-        return np.asarray(np.arange(self._ticks) == (rows[-1] if len(rows) else -1))
+        last = full(self._ticks, False)
+        last[rows[-1:]] = True
+        return last
 
     def _seen(self, series: Series) -> Vector:
         assert series.window is not None
         return np.where(series.window, self._wide(series), np.nan)
 
     def _wide(self, series: Series) -> Vector:
-        return np.asarray(np.broadcast_to(series.values, (self._ticks,)))
+        return np.broadcast_to(series.values, (self._ticks,))
 
 
 _SO_FAR = ", so far"
@@ -196,14 +199,14 @@ class _RunningAlgebra(SeriesAlgebra):
         if x.window is None:
             return x
         inside = x.inside()
-        values = np.full(x.values.shape, np.nan)
+        values = full(len(x.values), np.nan)
         if len(inside):
             values[x.window] = _RUNNING[reducer](inside)
         return Series(values, x.window, x.gaps)
 
 
 def _mean(x: Vector) -> Vector:
-    return np.asarray(np.cumsum(x) / np.arange(1, len(x) + 1))
+    return np.cumsum(x) / counted(len(x), 1)
 
 
 def _deviation(x: Vector) -> Vector:
@@ -216,7 +219,7 @@ _RUNNING: dict[str, Callable[[Vector], Vector]] = {
     "max": np.maximum.accumulate,
     "min": np.minimum.accumulate,
     "mean": _mean,
-    "rms": lambda x: np.asarray(np.sqrt(np.cumsum(x**2) / len(x))),
+    "rms": lambda x: np.sqrt(np.cumsum(x**2) / len(x)),
     "std": _deviation,
     "last": lambda x: x,
 }

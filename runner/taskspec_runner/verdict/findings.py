@@ -14,9 +14,10 @@ from taskspec.program.stages.stage import CompiledStage
 from taskspec.spec.stage import OSCILLATION, SATURATION
 from taskspec.text.expression import Expression, tree
 from taskspec.text.units import FORCE, MOMENT, VELOCITY, Dimension, show
+from taskspec_runner.record.file_array import blocks, empty
 from taskspec_runner.record.history import History, Visit
 from taskspec_runner.verdict.metrics import set_points
-from taskspec_runner.verdict.oscillation import Oscillation, judged, oscillation
+from taskspec_runner.verdict.oscillation import MOST_TICKS, Oscillation, judged, oscillation
 from taskspec_runner.verdict.run_finding import RunFinding
 
 Vector = NDArray[np.float64]
@@ -154,7 +155,7 @@ class _Look:
         )
 
     def _watched(self) -> Iterator[_Watched]:
-        n = judged(len(self._clock))
+        n = min(judged(len(self._clock)), MOST_TICKS)
         noise = self._noise
         # Noise of deviation s has in a band of 2 LOBE + 1 of n/2 bins the amplitude s sqrt(20/n).
         of_noise = OF_NOISE * float(np.sqrt(20.0 * self._hold / n))
@@ -207,10 +208,17 @@ class _Look:
 
     def _moving(self) -> Iterator[Vector]:
         """(n,) each: the numbers of objects that move by themselves."""
+        ticks = len(self._clock)
         for base in self._program.context.moving_bases.values():
-            mapped = base.numbers.map(len(self._clock))(self._clock[np.newaxis])
-            for values in mapped[:2]:
-                yield from np.array(values).reshape(-1, len(self._clock), order="F")
+            for number in range(2):
+                rows: Vector | None = None
+                for part in blocks(ticks):
+                    clock = np.asarray(self._clock[part])
+                    values = base.numbers.map(len(clock))(clock[np.newaxis])[number]
+                    found = np.array(values).reshape(-1, len(clock), order="F")
+                    rows = empty((len(found), ticks), float) if rows is None else rows
+                    rows[:, part] = found
+                yield from () if rows is None else rows
 
 
 def _oscillates(watched: _Watched, made: Oscillation, beside: Sequence[str]) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from functools import reduce
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,7 @@ from taskspec.spec import Task
 from taskspec.text.expression import Meaning, Scope, ScopeKind, resolve, tree
 from taskspec.text.expression.scope import CONSTANTS
 from taskspec.text.expression.series import Series
+from taskspec_runner.record.file_array import full
 from taskspec_runner.record.history import History, NotRecordedError
 
 Vector = NDArray[np.float64]
@@ -67,10 +69,10 @@ class Lookup:
         if not window.any():
             gap = f"stage '{meaning.stage}' was never visited" if meaning.stage else (
                 "the run has no ticks")  # fmt: skip
-            return Series(np.full(len(window), np.nan), window, (gap,))
+            return Series(full(len(window), np.nan), window, (gap,))
         values = self._values(meaning, name.frame)
         if values is None:
-            return Series(np.full(len(window), np.nan), window, (self._absent(name, meaning),))
+            return Series(full(len(window), np.nan), window, (self._absent(name, meaning),))
         missing = window & np.isnan(values)
         gaps = (self._missing(name, meaning, missing),) if missing.any() else ()
         return Series(values, window, gaps)
@@ -95,7 +97,7 @@ class Lookup:
             if not (group and series.gaps and series.inside().size) or self._lacks(name):
                 return series
             parts = [self(part).values for part in group if isinstance(part, tree.Name)]
-            nothing = np.isnan(np.stack(np.broadcast_arrays(*parts))).all(axis=0)
+            nothing = reduce(np.logical_and, map(np.isnan, parts))
             left_out = np.isnan(series.values) & ~nothing
             return replace(series, values=np.where(left_out, 0.0, series.values))
 
@@ -164,7 +166,8 @@ class Lookup:
         return f"{name} is not in the log"
 
     def _missing(self, name: tree.Name, meaning: Meaning, missing: NDArray[np.bool_]) -> str:
-        where = list(dict.fromkeys(self._history.stages[missing].tolist()))
+        visits = (visit for visit in self._history.visits() if missing[visit.rows].any())
+        where = list(dict.fromkeys(visit.stage for visit in visits))
         stages = "stage " + ", ".join(f"'{stage}'" for stage in where)
         absent = meaning.signal.absent if meaning.signal is not None else ""
         absent = "nothing refers it to a set point there" if meaning.beside else absent

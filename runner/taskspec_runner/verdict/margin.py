@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import reduce
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -24,7 +26,7 @@ def room(value: Vector, low: Vector | None, high: Vector | None) -> Vector:
         sides.append(value - low)
     if high is not None:
         sides.append(high - value)
-    return np.asarray(np.minimum.reduce(sides))
+    return reduce(np.minimum, sides)
 
 
 def left(distance: float, low: float | None, high: float | None) -> float | None:
@@ -70,14 +72,13 @@ def reached(
     if not len(rows):
         return None, False
     inside, reducer = values.inside(), node.reducer if isinstance(node, tree.Reduce) else ""
-    over = np.zeros(len(rows), dtype=bool)
+    over: Mask | None = None
     if reducer == "max" and high is not None:
         over = inside >= high
     elif reducer == "min" and low is not None:
         over = inside <= low
     elif reducer == "rms" and high is not None:
         over = np.cumsum(inside**2) >= len(inside) * high**2
-    found = np.flatnonzero(over)
-    if len(found):
-        return int(rows[found[0]]), reducer != "rms"
+    if over is not None and over.any():
+        return int(rows[np.argmax(over)]), reducer != "rms"
     return int(rows[-1]), False

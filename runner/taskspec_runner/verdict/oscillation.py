@@ -6,6 +6,10 @@ Hann window w the spectrum X has, by Parseval, in a band of bins the variance
     sum of |X|^2 over the band and its mirror image / (n sum of w^2),
 
 and a sine of amplitude A, whose main lobe is two bins to either side, has there A^2/2.
+
+A half that is longer than MOST_TICKS is looked at twice: its last MOST_TICKS, for what is fast, and
+the whole of it in means of k ticks each, for what is slow. White noise of deviation s has s/sqrt(k)
+in n/k means, and so the same amplitude in a band as in all n ticks.
 """
 
 from __future__ import annotations
@@ -21,6 +25,8 @@ Mask = NDArray[np.bool_]
 
 #: Ticks of a half visit below which nothing can be told.
 LEAST_TICKS = 64
+#: Ticks, or means of ticks, that a spectrum is made of at most.
+MOST_TICKS = 1 << 17
 #: Cycles that the half visit holds at least; slower is a drift.
 LEAST_CYCLES = 4
 #: The main lobe of a Hann window, to either side [bins].
@@ -88,10 +94,29 @@ def oscillation(
         references: (n,) each, what makes the signal move by intention, in whatever unit.
         noisy: whether noise is among what moves it.
     """
-    n = judged(len(values))
-    if not n:
+    half = judged(len(values))
+    if not half:
         return None
-    x = values[-n:]
+    last, *ends = (each[-min(half, MOST_TICKS) :] for each in (values, *references))
+    found = [_of_half(last, period, least, ends, noisy=noisy)]
+    if half > MOST_TICKS:
+        k = -(-half // MOST_TICKS)
+        slow, *means = (_means(each[-half:], k) for each in (values, *references))
+        found.append(_of_half(slow, k * period, least, means, noisy=noisy))
+    return max(filter(None, found), key=lambda each: each.amplitude, default=None)
+
+
+def _means(values: Vector, k: int) -> Vector:
+    """(n // k,) means of k ticks each; the first n % k of them (n,) are left out."""
+    rows = len(values) // k
+    return np.asarray(np.mean(values[len(values) - k * rows :].reshape(rows, k), axis=1))
+
+
+def _of_half(
+    x: Vector, period: float, least: float, references: Sequence[Vector], *, noisy: bool
+) -> Oscillation | None:
+    """The largest oscillation of ticks, or means of ticks, that are looked at as a whole."""
+    n = len(x)
     # A sine of amplitude A spans 2 A, and on the last frequency counts as sqrt(2) A.
     if not np.isfinite(x).all() or float(np.ptp(x)) < np.sqrt(2.0) * least:
         return None
@@ -103,8 +128,8 @@ def oscillation(
     free = bins >= LEAST_CYCLES
     wanted = np.full(len(power), least)
     for reference in references:
-        own = np.sqrt(2.0 * _band(_power(_level(reference[-n:]))))
-        if not np.isfinite(own).all() or not own.max() > _rounding(reference[-n:]):
+        own = np.sqrt(2.0 * _band(_power(_level(reference))))
+        if not np.isfinite(own).all() or not own.max() > _rounding(reference):
             continue
         free &= own < OF_REFERENCE * own.max()
         first = max(int(np.argmax(own)), 1)

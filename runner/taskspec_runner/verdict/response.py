@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from taskspec_runner.record.file_array import full
 from taskspec_runner.record.history import History
 from taskspec_runner.record.history import Visit as Stay
 
@@ -31,6 +32,8 @@ _SAME = 1e-6
 _DECAYED, _ABOVE_REST = 0.02, 2.0
 #: Ticks that a decay must last, and the factor by which it must fall, to be one.
 _LEAST_TICKS, _LEAST_FALL = 10, np.e
+#: Ticks of a longer decay that its line is fitted to, evenly spread.
+_FITTED = 1 << 17
 
 Responses = dict[str, dict[str, dict[str, float | str | None]]]
 #: Lowest and highest value that an expectation allows, by stage and signal.
@@ -143,7 +146,8 @@ def time_constant(error: Vector, period: float) -> float | None:
     rows = int(np.argmax(hull <= floor)) if (hull <= floor).any() else 0
     if rows < _LEAST_TICKS or floor * _LEAST_FALL > hull[0]:
         return None
-    slope = np.polyfit(np.arange(rows) * period, np.log(hull[:rows]), 1)[0]
+    at = np.arange(0, rows, -(-rows // _FITTED))
+    slope = np.polyfit(at * period, np.log(hull[at]), 1)[0]
     return float(-1.0 / slope) if slope < 0 else None
 
 
@@ -184,7 +188,7 @@ def _of_visit(
 ) -> dict[str, float | str | None] | None:
     values, reference = (history.columns.get(column) for column in (name, f"{name}.ref"))
     if target is not None and values is not None:
-        reference = np.full(len(values), target)
+        reference = full(len(values), target)
     if values is None or reference is None:
         return None
     band = allowed.get((visit.stage, name), (None, None))

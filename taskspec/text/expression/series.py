@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import reduce
 from typing import Literal
 
 import numpy as np
@@ -59,9 +60,10 @@ class Series:
 def combine(function: Callable[..., Vector], *parts: Series) -> Series:
     """A function of several series, tick by tick, over the ticks that they have in common."""
     with np.errstate(all="ignore"):
-        values = np.asarray(function(*(p.values for p in parts)), dtype=float)
+        # Of a long run these are arrays in files, of a class of their own, which stay so.
+        values = np.asanyarray(function(*(p.values for p in parts)), dtype=float)
     windows = [p.window for p in parts if p.window is not None]
-    window = np.logical_and.reduce(windows) if windows else None
+    window = reduce(np.logical_and, windows) if windows else None
     gaps = tuple(dict.fromkeys(gap for p in parts for gap in p.gaps))
     return Series(np.where(np.isfinite(values), values, np.nan), window, gaps)
 
@@ -120,9 +122,8 @@ class SeriesAlgebra:
 
 
 def _all(*items: Vector) -> Vector:
-    stack = np.stack(np.broadcast_arrays(*items))
-    unknown = np.where(np.isnan(stack).any(axis=0), np.nan, 1.0)
-    return np.where((stack == 0).any(axis=0), 0.0, unknown)
+    unknown = np.where(reduce(np.logical_or, map(np.isnan, items)), np.nan, 1.0)
+    return np.where(reduce(np.logical_or, (each == 0 for each in items)), 0.0, unknown)
 
 
 def _any(*items: Vector) -> Vector:
@@ -167,8 +168,8 @@ _FUNCTIONS: dict[str, Callable[..., Vector]] = {
     "log": np.log,
     "abs": np.abs,
     "sign": np.sign,
-    "min": lambda *x: np.minimum.reduce(np.broadcast_arrays(*x)),
-    "max": lambda *x: np.maximum.reduce(np.broadcast_arrays(*x)),
+    "min": lambda *x: reduce(np.minimum, x),
+    "max": lambda *x: reduce(np.maximum, x),
     "clamp": lambda x, low, high: np.minimum(np.maximum(x, low), high),
     "smooth": _smooth,
     "norm": lambda *x: np.sqrt(sum(v**2 for v in x)),
