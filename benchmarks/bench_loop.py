@@ -73,7 +73,7 @@ def main(task: Path, stage: str) -> None:
         for _ in range(ROUNDS):
             for name, function, steps in (
                 ("bare mj_step in contact", bare, 200),
-                ("model terms (Pinocchio)", terms, STEPS),
+                ("model terms", terms, STEPS),
                 ("tick, model terms included", tick, 200),
                 ("closed loop with recording", whole, STEPS),
             ):

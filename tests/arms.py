@@ -8,6 +8,7 @@ import casadi as ca
 import numpy as np
 
 from taskspec.program.clock import Clock
+from taskspec.program.execution.compiled_terms import CompiledTerms
 from taskspec.robot import load_robot, model_terms
 
 _POSE = SimpleNamespace(xyz=(0.0, 0.0, 0.0), rpy=(0.0, 0.0, 0.0))
@@ -26,7 +27,7 @@ class MovingArm:
         self.q, self.v = ca.SX.sym("q", n), ca.SX.sym("v", n)
         self.clock = Clock(ca.SX.sym("t"), ca.SX.sym("clock"))
         self.terms = model_terms.symbols(self.robot, self.v)
-        self._numeric = model_terms.ModelTerms(self.robot)
+        self._numeric = CompiledTerms(self.robot)
         self._rng = np.random.default_rng(seed)
 
     def random(self):
@@ -38,7 +39,7 @@ class MovingArm:
         q, v, t = state
         clocks = [self.clock.t, self.clock.clock]
         function = ca.Function("f", [*clocks, self.q, self.v, *self.terms.inputs], expressions)
-        self._numeric.update(q, v)
+        self._numeric.at(q, v)
         found = function(t, t, q, v, *self._numeric.arrays)
         found = found if isinstance(found, (tuple, list)) else (found,)
         return [np.array(x).squeeze() for x in found]

@@ -1,8 +1,8 @@
 """A stage's tick about an equilibrium: the compiled function itself, differentiated by CasADi.
 
 The derivative is taken along directions of the joints, the measured wrench, the measured reactions
-and the memory. A direction of the joints moves what Pinocchio hands the tick as it moves in truth
-to first order at rest, but for H, C q' + g, g and the tip's Jacobian, which stay as they are.
+and the memory. A direction of the joints moves the tip's pose as it moves in truth to first order;
+H, C q' + g, g and the tip's Jacobian stay as they are, and J' q' is 0 at rest.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from taskspec.program.execution.hand_over import HandedOver
 from taskspec.program.ports import fields, slices
 from taskspec.program.stages.stage import CompiledStage
 from taskspec.program.world import estimated_frames
-from taskspec.robot.model_terms import ModelTerms
+from taskspec.robot.model_terms import PinocchioTerms
 
 Matrix = NDArray[np.float64]
 
@@ -66,11 +66,11 @@ class Operating:
         self.context, self.stage = context, stage
         self._derivative = stage.tick.forward(1) if derivative is None else derivative
         n = context.robot.pin.nv
-        self._terms = ModelTerms(context.robot)
+        self._terms = PinocchioTerms(context.robot)
         self._now = np.zeros(2 + len(context.loaded.task.stages))
         self._now[2 + list(context.loaded.task.stages).index(stage.name)] = 1.0
         self._wrench, self._reactions = np.zeros(6), np.zeros(len(context.equations))
-        self._terms.update(context.start, np.zeros(n))
+        self._terms.at(context.start, np.zeros(n))
         self._arguments = [
             self._now,
             context.start,
@@ -237,28 +237,18 @@ class Operating:
 
     def _joint_seeds(self) -> list[list[Matrix]]:
         """Directions of q, then of q'."""
-        context, n = self.context, self.context.robot.pin.nv
-        J, tip = context.start_jacobian, context.robot.tip
-        p_joint, R_joint = self._arguments[7], self._arguments[8].reshape(3, 3, order="F")
-        gravity = context.robot.pin.gravity.linear
+        n, J = self.context.robot.pin.nv, self.context.start_jacobian
         seeds = []
         for i in range(n):
             seed = self._seed(None)
-            turn = pin.skew(J[3:, i])
             seed[1][i] = 1.0
-            # The tip's own Jacobian stays; Pinocchio's is of the point at the world's origin.
-            moved = np.zeros((6, n))
-            moved[:3] = pin.skew(J[:3, i]) @ J[3:]
-            seed[6] = moved.ravel(order="F")
-            seed[7] = J[:3, i] - turn @ (R_joint @ tip.translation)
-            seed[8] = (turn @ R_joint).ravel(order="F")
-            seed[9][:3] = -(turn @ R_joint).T @ gravity
+            seed[7] = J[:3, i]
+            seed[8] = (pin.skew(J[3:, i]) @ self.context.start_R).ravel(order="F")
             seeds.append(seed)
         for i in range(n):
             seed = self._seed(None)
             seed[2][i] = 1.0
             seeds.append(seed)
-        assert len(p_joint) == 3
         return seeds
 
 

@@ -24,11 +24,11 @@ def torque(
     Args:
         command: what the law wants on the m task axes.
         state: the arm on those axes.
-        H: (n, n) joint inertia, upper triangle; bias: (n,) C q' + g; gravity: (n,) g.
+        H: (n, n) joint inertia; bias: (n,) C q' + g; gravity: (n,) g.
         posture: (n,) desired null-space acceleration, None where the arm is not redundant.
     """
     if command.joint_acceleration is not None:
-        u = full_inertia(H) @ command.joint_acceleration + bias + state.J.T @ command.wrench
+        u = H @ command.joint_acceleration + bias + state.J.T @ command.wrench
         return u if command.joint is None else u + command.joint
     task = command.wrench
     through_core = ca.SX.zeros(len(state.axes))
@@ -44,13 +44,8 @@ def torque(
     if command.joint is not None:
         u = u + command.joint
     if posture is not None:
-        u = u + full_inertia(H) @ posture
+        u = u + H @ posture
     return u
-
-
-def full_inertia(H: ca.SX) -> ca.SX:
-    """The symmetric (n, n) matrix of which H holds the upper triangle."""
-    return ca.triu2symm(ca.triu(H))
 
 
 def full_acceleration(acceleration: ca.SX, state: TaskState, posture: ca.SX | None) -> ca.SX:

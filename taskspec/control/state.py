@@ -56,7 +56,7 @@ def task_state(
 
     Args:
         axes: the rows to keep, in the order of the axes.
-        H: (n, n) joint inertia, upper triangle.
+        H: (n, n) joint inertia.
         J: (6, n) Jacobian, drift: (6,) J' q', twist: (6,) J q', wrench: (6,) by the environment;
             all at the control point, in world axes.
         R: (3, 3) task frame in the world; R_rate: (3, 3) its time derivative.

@@ -29,10 +29,7 @@ class Clock:
     def total_rate(self, expression: ca.SX, terms: TermSymbols) -> ca.SX:
         """Derivative by time along the tool's actual motion, of an expression of time and pose."""
         terms = terms.world or terms
-        joint_p, joint_R = terms.inputs[4], terms.inputs[5]
-        w = terms.twist[3:]
-        R = ca.reshape(joint_R, 3, 3)
-        p_rate = terms.twist[:3] - ca.cross(w, terms.p - joint_p)
-        R_rate = ca.vec(ca.skew(w) @ R)
-        pose, motion = ca.vertcat(joint_p, joint_R), ca.vertcat(p_rate, R_rate)
+        R_rate = ca.skew(terms.twist[3:]) @ terms.R
+        pose = ca.vertcat(terms.p, ca.vec(terms.R))
+        motion = ca.vertcat(terms.twist[:3], ca.vec(R_rate))
         return self.rate(expression) + ca.jtimes(expression, pose, motion)

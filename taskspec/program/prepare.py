@@ -7,7 +7,6 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-import pinocchio as pin
 from numpy.typing import NDArray
 
 from taskspec.program.contacts import Obstacles
@@ -24,7 +23,7 @@ from taskspec.program.world.moving_base import moving_bases
 from taskspec.program.world.preconditions import check_equations, check_motions, check_parents
 from taskspec.program.world.stiffness import compliance, equation_compliance
 from taskspec.robot import RobotError, RobotModel, load_robot, solve_start
-from taskspec.robot.model_terms import ModelTerms
+from taskspec.robot.model_terms import PinocchioTerms
 from taskspec.shapes import Surface, SurfaceChart
 from taskspec.spec import FILE, LoadedTask, below
 
@@ -99,22 +98,16 @@ def prepare(
 
 def arm_at(robot: RobotModel, q: Vector) -> dict[str, Any]:
     """What a task knows of its arm in a configuration (n,), as attributes of a `Context`."""
-    terms = ModelTerms(robot)
-    terms.update(q, np.zeros(robot.pin.nv))
-    H, _, gravity, J_world, p, R, _ = terms.arrays
-    Rj = R.reshape(3, 3, order="F")
-    tip_p = p + Rj @ robot.tip.translation
-    n = robot.pin.nv
-    J = J_world.reshape(6, n, order="F").copy()
-    J[:3] -= pin.skew(tip_p) @ J[3:]
-    inertia = np.triu(H.reshape(n, n, order="F"))
+    terms = PinocchioTerms(robot)
+    terms.at(q, np.zeros(robot.pin.nv))
+    p, R = terms.tip()
     return {
         "start": q,
-        "start_jacobian": J,
-        "start_inertia": inertia + np.triu(inertia, 1).T,
-        "start_gravity": gravity.copy(),
-        "start_p": tip_p,
-        "start_R": Rj @ robot.tip.rotation,
+        "start_jacobian": terms.jacobian,
+        "start_inertia": terms.inertia,
+        "start_gravity": terms.gravity,
+        "start_p": p,
+        "start_R": R,
     }
 
 

@@ -8,12 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from taskspec.program.context import Context
+from taskspec.program.execution.compiled_terms import CompiledTerms
 from taskspec.program.execution.machine import Machine, Views
 from taskspec.program.execution.sensor_zero import sensor_zero
 from taskspec.program.plan import TaskPlan
 from taskspec.program.ports import fields
 from taskspec.program.stages.stage import CompiledStage
 from taskspec.program.world.estimated_frames import estimates
+from taskspec.robot.model_terms import ModelTerms
 from taskspec.text.diagnostic import Diagnostic, Severity
 
 #: A world that `vary` allows is not that of a run: that a stage is unstable in one of them keeps
@@ -50,8 +52,15 @@ class Program:
         """Length of a machine's `outputs`."""
         return sum(length for _, length in fields(len(self.context.equations)))
 
-    def machine(self, views: Views | None = None) -> Machine:
-        """A fresh machine; `views` are 1-D arrays for its inputs and outputs."""
+    def machine(
+        self, views: Views | None = None, terms: type[ModelTerms] = CompiledTerms
+    ) -> Machine:
+        """A fresh machine.
+
+        Args:
+            views: 1-D arrays for its inputs and outputs; it makes its own without them.
+            terms: who evaluates the model terms; Pinocchio is ready at once.
+        """
         n = self.context.robot.pin.nv
         context, task = self.context, self.context.loaded.task
         if views is None:
@@ -65,6 +74,7 @@ class Program:
             views,
             sensor_zero(task, task.robot.sensor, context.robot),
             estimates(context.frames, context.period),
+            terms,
         )
 
 

@@ -1,11 +1,13 @@
-"""The robot's model terms: Pinocchio's arrays as the controller's inputs.
+"""The robot's model terms: what a tick reads of them, and Pinocchio's numbers for it.
 
-Pinocchio keeps its results in place. `ModelTerms` hands out 1-D views of that memory, so a compiled
-tick reads H, C q' + g, g, J and the pose without a copy; `symbols` gives the matching expressions.
+`symbols` gives the tick's inputs, `ModelTerms` arrays that fill them. Pinocchio judges: starts,
+rules and tests ask `PinocchioTerms`. The loop evaluates `rigid_body.RigidBody`, the same terms as
+expressions, which a function of the loop's own can take in.
 """
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 
 import casadi as ca
@@ -18,51 +20,107 @@ from taskspec.robot import RobotModel
 Vector = NDArray[np.float64]
 
 
-class ModelTerms:
-    """H, C q' + g, g, J and the tool's pose of one robot, evaluated by Pinocchio.
+def lengths(n: int) -> tuple[int, ...]:
+    """Lengths of H, C q' + g, g, J, p, R and J' q' as vectors, of an arm with n joints.
+
+    H is packed: its upper triangle, column after column, as R and J are whole.
+    """
+    return (n * (n + 1) // 2, n, n, 6 * n, 3, 9, 6)
+
+
+class ModelTerms(ABC):
+    """H, C q' + g, g and the tip's J, pose and J' q' of one robot, in arrays that stay in place.
 
     Attributes:
-        arrays: 1-D views of Pinocchio's memory, in the order of `symbols`; valid as long as
-            this object lives, renewed by `update`.
+        q, v: (n,) where the terms are evaluated [rad or m], [rad/s or m/s].
+        arrays: 1-D arrays in the order of `lengths` and of `TermSymbols.inputs`, renewed by
+            `update`.
     """
 
-    def __init__(self, robot: RobotModel) -> None:
-        self._model, self._tip = robot.pin, robot.tip
-        self._data = robot.pin.createData()
-        data, joint = self._data, robot.tip_joint
-        self._pose, self._acceleration = data.oMi[joint], data.a_gf[joint]
-        self.arrays: tuple[Vector, ...] = (
-            data.M.reshape(-1, order="F"),
-            data.nle,
-            data.g,
-            data.J.reshape(-1, order="F"),
-            self._pose.translation,
-            self._pose.rotation.reshape(-1, order="F"),
-            self._acceleration.vector,
-        )
+    def __init__(self, robot: RobotModel, q: Vector | None = None, v: Vector | None = None) -> None:
+        """Takes the arrays to read q and v from; without them it makes its own."""
+        n = robot.pin.nv
+        self.q = np.zeros(n) if q is None else q
+        self.v = np.zeros(n) if v is None else v
+        self.arrays = tuple(np.zeros(length) for length in lengths(n))
 
-    def update(self, q: Vector, v: Vector) -> None:
+    @abstractmethod
+    def update(self) -> None:
+        """Evaluates all terms at `q` and `v`."""
+
+    def at(self, q: Vector, v: Vector) -> None:
         """Evaluates all terms at q (n,) [rad or m] and v (n,) [rad/s or m/s]."""
-        pin.computeAllTerms(self._model, self._data, q, v)
+        self.q[:], self.v[:] = q, v
+        self.update()
+
+    @property
+    def inertia(self) -> Vector:
+        """(n, n) H, both triangles, as last evaluated."""
+        n = len(self.q)
+        H = np.zeros((n, n))
+        # The rows of the lower triangle are the columns of the upper one.
+        H[np.tril_indices(n)] = self.arrays[0]
+        return np.asarray(H + np.tril(H, -1).T)
+
+    @property
+    def bias(self) -> Vector:
+        """(n,) C q' + g, as last evaluated [N m]."""
+        return self.arrays[1]
 
     @property
     def gravity(self) -> Vector:
         """(n,) torque that carries the arm where it was last evaluated [N m]."""
         return self.arrays[2]
 
+    @property
+    def jacobian(self) -> Vector:
+        """(6, n) of the tip in world axes, linear above angular, as last evaluated."""
+        return self.arrays[3].reshape(6, -1, order="F")
+
     def tip(self) -> tuple[Vector, Vector]:
         """Position (3,) and rotation (3, 3) of the tool tip in the world, as last evaluated."""
-        R = self._pose.rotation
-        return self._pose.translation + R @ self._tip.translation, R @ self._tip.rotation
+        return self.arrays[4].copy(), self.arrays[5].reshape(3, 3, order="F").copy()
+
+
+class PinocchioTerms(ModelTerms):
+    """The model terms as Pinocchio has them: ready at once, and what others are held against."""
+
+    def __init__(self, robot: RobotModel, q: Vector | None = None, v: Vector | None = None) -> None:
+        super().__init__(robot, q, v)
+        self._model, self._data = robot.pin, robot.pin.createData()
+        self._joint, self._tip = robot.tip_joint, robot.tip
+        self._upper = np.tril_indices(robot.pin.nv)[::-1]
+
+    def update(self) -> None:
+        """Evaluates all terms at `q` and `v`."""
+        data, joint = self._data, self._joint
+        pin.computeAllTerms(self._model, data, self.q, self.v)
+        H, bias, gravity, J, p, R, drift = self.arrays
+        H[:], bias[:], gravity[:] = data.M[self._upper], data.nle, data.g
+        pose = data.oMi[joint]
+        tip = pose * self._tip
+        p[:], R[:] = tip.translation, tip.rotation.ravel(order="F")
+        # Pinocchio's world Jacobian gives the velocity of the body point at the world's origin.
+        at_tip = np.array(data.J)
+        at_tip[:3] -= pin.skew(p) @ at_tip[3:]
+        J[:] = at_tip.ravel(order="F")
+        # a_gf is the joint's spatial acceleration in its own axes, in a field that falls with g.
+        a = data.a_gf[joint]
+        linear = a.linear + pose.rotation.T @ self._model.gravity.linear
+        twist = at_tip @ self.v
+        drift[:3] = pose.rotation @ (linear + np.cross(a.angular, self._tip.translation))
+        drift[:3] += np.cross(twist[3:], twist[:3])
+        drift[3:] = pose.rotation @ a.angular
 
 
 @dataclass(frozen=True, slots=True)
 class TermSymbols:
-    """The inputs that `ModelTerms.arrays` fill, and what follows from them at the tool tip.
+    """The model terms as expressions: symbols for `ModelTerms.arrays`, or of q and q'.
 
     Attributes:
-        inputs: CasADi vectors, in the order of `ModelTerms.arrays`.
-        H: (n, n) joint inertia; only the upper triangle may be read.
+        inputs: CasADi vectors, in the order of `ModelTerms.arrays`; empty for expressions of q and
+            q'.
+        H: (n, n) joint inertia.
         bias: (n,) C q' + g.
         gravity: (n,) g.
         p, R: (3,), (3, 3) tip pose in the world.
@@ -83,42 +141,37 @@ class TermSymbols:
     twist: ca.SX
     world: TermSymbols | None = None
 
+    def vectors(self) -> tuple[ca.SX, ...]:
+        """Dense vectors in the order of `ModelTerms.arrays`: what fills another one's inputs."""
+        packed = ca.densify(self.H)[_upper(self.H.shape[0])]
+        parts = (self.bias, self.gravity, ca.vec(self.J), self.p, ca.vec(self.R), self.drift)
+        return (packed, *(ca.densify(part) for part in parts))
+
+
+def _upper(n: int) -> list[int]:
+    """Where the entries of the upper triangle stand in an (n, n), column after column."""
+    return [j * n + i for j in range(n) for i in range(j + 1)]
+
 
 def symbols(robot: RobotModel, v: ca.SX) -> TermSymbols:
-    """Expressions of the tip's kinematics and the model terms, for joint velocities v (n,)."""
+    """Symbols of the model terms, for joint velocities v (n,)."""
     n = robot.pin.nv
-    H, bias, gravity = ca.SX.sym("H", n * n), ca.SX.sym("nle", n), ca.SX.sym("g", n)
-    J_world = ca.SX.sym("J", 6 * n)
-    joint_p, joint_R = ca.SX.sym("p", 3), ca.SX.sym("R", 9)
-    joint_a = ca.SX.sym("a", 6)
-
-    Rj = ca.reshape(joint_R, 3, 3)
-    r = ca.DM(np.array(robot.tip.translation))
-    p = joint_p + Rj @ r
-    R = Rj @ ca.DM(np.array(robot.tip.rotation))
-
-    # Pinocchio's world Jacobian gives the velocity of the body point at the world's origin.
-    Jw = ca.reshape(J_world, 6, n)
-    J = ca.vertcat(Jw[:3, :] - ca.skew(p) @ Jw[3:, :], Jw[3:, :])
-    twist = J @ v
-
-    # a_gf is the joint's spatial acceleration in its own axes, in a field that falls with g.
-    g_world = ca.DM(np.array(robot.pin.gravity.linear))
-    linear = joint_a[:3] + Rj.T @ g_world
-    angular = joint_a[3:]
-    drift = ca.vertcat(
-        Rj @ (linear + ca.cross(angular, r)) + ca.cross(twist[3:], twist[:3]), Rj @ angular
+    inputs = tuple(
+        ca.SX.sym(name, length)
+        for name, length in zip(("H", "nle", "g", "J", "p", "R", "a"), lengths(n), strict=True)
     )
+    H, bias, gravity, J, p, R, drift = inputs
+    J = ca.reshape(J, 6, n)
     return TermSymbols(
-        inputs=(H, bias, gravity, J_world, joint_p, joint_R, joint_a),
-        H=ca.reshape(H, n, n),
+        inputs=inputs,
+        H=ca.triu2symm(ca.SX(ca.Sparsity.upper(n), H)),
         bias=bias,
         gravity=gravity,
         p=p,
-        R=R,
+        R=ca.reshape(R, 3, 3),
         J=J,
         drift=drift,
-        twist=twist,
+        twist=J @ v,
     )
 
 

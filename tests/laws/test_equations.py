@@ -16,6 +16,7 @@ from law_cases import as_reference, command_of, gains_on
 from taskspec.control import linear, resolution, state
 from taskspec.control.command import Command
 from taskspec.program.clock import Clock
+from taskspec.program.execution.compiled_terms import CompiledTerms
 from taskspec.program.world import kinematics
 from taskspec.program.world.frames import FrameModel
 from taskspec.robot import load_robot, model_terms
@@ -41,7 +42,7 @@ class Arm:
         n = self.n = self.robot.pin.nv
         self.q, self.v, self.wrench = ca.SX.sym("q", n), ca.SX.sym("v", n), ca.SX.sym("w", 6)
         self.terms = model_terms.symbols(self.robot, self.v)
-        self.numeric = model_terms.ModelTerms(self.robot)
+        self.numeric = CompiledTerms(self.robot)
         self.data = self.robot.pin.createData()
 
     def random(self):
@@ -52,7 +53,7 @@ class Arm:
         q, v, w = values
         symbols = [self.q, self.v, *self.terms.inputs, self.wrench, *(s for s, _ in extra)]
         function = ca.Function("f", symbols, list(expressions))
-        self.numeric.update(q, v)
+        self.numeric.at(q, v)
         found = function(q, v, *self.numeric.arrays, w, *(x for _, x in extra))
         found = found if isinstance(found, (tuple, list)) else (found,)
         return [np.array(x).squeeze() for x in found]

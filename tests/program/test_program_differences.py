@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from taskspec.compiler import compile_task
+from taskspec.program.execution.compiled_terms import CompiledTerms
 from taskspec.program.reference.constraints import equation_rows
 from taskspec.robot import load_robot, model_terms
 from taskspec.spec import load_text
@@ -27,7 +28,7 @@ ROBOTS = ("planar2", "planar3", "ur5e", "panda")
 
 
 class Numbers:
-    """A function of joint state and time, evaluated with Pinocchio's terms."""
+    """A function of joint state and time, evaluated with the model terms of a loop."""
 
     def __init__(self, robot, expressions):
         n = robot.pin.nv
@@ -36,10 +37,10 @@ class Numbers:
         out = expressions(self.terms, self.q, self.v, self.t)
         arguments = [self.q, self.v, self.t, *self.terms.inputs]
         self.function = ca.Function("f", arguments, list(out))
-        self.values = model_terms.ModelTerms(robot)
+        self.values = CompiledTerms(robot)
 
     def __call__(self, q, v, t=0.0):
-        self.values.update(q, v)
+        self.values.at(q, v)
         found = self.function(q, v, t, *self.values.arrays)
         found = found if isinstance(found, tuple) else (found,)
         return [np.array(x) for x in found]
@@ -84,12 +85,11 @@ def test_dynamics(name):
             base=SimpleNamespace(xyz=(0, 0, 0), rpy=(0, 0, 0)),
         )
     )  # fmt: skip
-    terms, n = model_terms.ModelTerms(robot), robot.pin.nv
+    terms, n = CompiledTerms(robot), robot.pin.nv
 
     def numbers(q, v):
-        terms.update(q, v)
-        H = np.triu(terms.arrays[0].reshape(n, n, order="F"))
-        return H + np.triu(H, 1).T, terms.arrays[1].copy(), terms.arrays[2].copy()
+        terms.at(q, v)
+        return terms.inertia, terms.bias.copy(), terms.gravity.copy()
 
     rng, worst = np.random.default_rng(2), 0.0
     for _ in range(STATES // len(ROBOTS)):

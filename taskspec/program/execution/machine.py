@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from taskspec.program import events
 from taskspec.program.execution import entry
 from taskspec.program.execution.choice import choose_again
+from taskspec.program.execution.compiled_terms import CompiledTerms
 from taskspec.program.execution.estimation import Estimation
 from taskspec.program.execution.fade_out import FadeOut, unanswered
 from taskspec.program.execution.hand_over import HandedOver, leave
@@ -68,11 +69,12 @@ class Machine:
         views: Views,
         sensor: SensorZero | None = None,
         estimates: Estimates | None = None,
+        terms: type[ModelTerms] = CompiledTerms,
     ) -> None:
         self._robot, self.period = robot, period
         self.sensor, self.estimation = sensor, Estimation(sensor, estimates)
-        self.terms = ModelTerms(robot)
         self.q, self.v, self.wrench, self.reactions, self.torque, self.outputs = views
+        self.terms = terms(robot, self.q, self.v)
         self.now = np.zeros(2 + len(stages))
         self._inputs = (self.now, self.q, self.v, *self.terms.arrays, self.wrench, self.reactions)
         self.runners = tuple(
@@ -124,7 +126,7 @@ class Machine:
 
     def update_terms(self) -> None:
         """Evaluates the model terms and the contact wrench at the measured joint state."""
-        self.terms.update(self.q, self.v)
+        self.terms.update()
         if self.sensor is not None:
             self.sensor.correct(self.terms.tip()[1], self.wrench)
 

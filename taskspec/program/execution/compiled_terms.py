@@ -1,0 +1,26 @@
+"""The model terms of a loop: the arm's own expressions as one function, evaluated in place."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taskspec.program.bound import BoundFunction
+from taskspec.robot import RobotModel
+from taskspec.robot.model_terms import ModelTerms
+from taskspec.robot.rigid_body import RigidBody
+
+Vector = NDArray[np.float64]
+
+
+class CompiledTerms(ModelTerms):
+    """The model terms as `RigidBody` writes them down."""
+
+    def __init__(self, robot: RobotModel, q: Vector | None = None, v: Vector | None = None) -> None:
+        super().__init__(robot, q, v)
+        function = RigidBody(robot).function
+        self._bound = BoundFunction(function, (self.q, self.v), self.arrays)
+
+    def update(self) -> None:
+        """Evaluates all terms at `q` and `v`."""
+        self._bound.evaluate()
