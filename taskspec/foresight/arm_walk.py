@@ -20,7 +20,11 @@ from taskspec.control.state import ARM_LENGTH
 from taskspec.foresight.interval import ANY, Interval, IntervalAlgebra, point
 from taskspec.foresight.pose_follower import PoseFollower, Taken
 from taskspec.foresight.ranges import constant, natural
-from taskspec.foresight.reference_motion import ReferenceMotion, reference_motion
+from taskspec.foresight.reference_motion import (
+    ReferenceMotion,
+    reference_motion,
+    start_coordinates,
+)
 from taskspec.foresight.tool_motion import OnSurface, Straight, ToolMotion, WithMechanism
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.motion.blend import BLEND_TIME
@@ -101,7 +105,7 @@ class ArmWalk:
         begun = arm.take(self.q, p, R, tool_motion.frame, 1.0)
         if begun.missed is not None:
             return None
-        start = _coordinates(stage, p, R)
+        start = start_coordinates(stage, p, R)
         motion = reference_motion(stage, start, {})
         if motion is None or (stage.spec.until is None and motion.lasts is None):
             return None
@@ -213,10 +217,10 @@ def _ended(
     missed: Vector | None = None,
     edge: str = "",
 ) -> Passage:
-    strain, stopped = None, None
+    strain, stopped, drive = None, None, None
     if isinstance(tool_motion, WithMechanism):
-        strain, stopped = tool_motion.strain, tool_motion.stopped
-    return Passage(tuple(way), end, joint, missed, strain, stopped, edge)
+        strain, stopped, drive = tool_motion.strain, tool_motion.stopped, tool_motion.drive
+    return Passage(tuple(way), end, joint, missed, strain, stopped, edge, drive)
 
 
 def _driven_by_force(stage: StagePlan) -> bool:
@@ -237,19 +241,6 @@ def _horizon(stage: StagePlan, motion: ReferenceMotion, lasts: float | None) -> 
     if stage.spec.until is None:
         return motion.lasts or 0.0
     return min(stage.longest, _HORIZON)
-
-
-def _coordinates(stage: StagePlan, p: Vector, R: Vector) -> dict[Axis, float]:
-    """Coordinates of the control point in a stage's frame as it starts."""
-    found = dict.fromkeys(AXES, 0.0)
-    frame, context = stage.frame, stage.context
-    if frame.still:
-        rotation, origin = context.placed(frame)
-        control = origin if frame.at_origin else p
-        found |= dict(zip(AXES[:3], (rotation.T @ (control - origin)).tolist(), strict=True))
-    elif frame.surface_name:
-        found[Axis.Z] = context.obstacles.gap(frame.surface_name, p, R)
-    return found
 
 
 def _times(

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
+from numpy.typing import NDArray
 
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.modes import AxisMode, StageStart, Way
@@ -16,6 +17,7 @@ from taskspec.motion.path import PathShape
 from taskspec.program.plan import StagePlan
 from taskspec.program.trajectory import rate_from
 
+Vector = NDArray[np.float64]
 Coordinates = Callable[[float], dict[Axis, float]]
 
 
@@ -69,6 +71,24 @@ def reference_motion(
             ends.append(float(track.knots[-2]))
     begun = _begun(stage, own, start, rates)
     return ReferenceMotion(begun, max(ends, default=None), path_lasts)
+
+
+def start_coordinates(stage: StagePlan, p: Vector, R: Vector) -> dict[Axis, float]:
+    """Coordinates of the control point in a stage's frame as it starts [m, rad].
+
+    Args:
+        stage: the stage.
+        p, R: (3,), (3, 3) the tip, world axes.
+    """
+    found = dict.fromkeys(AXES, 0.0)
+    frame, context = stage.frame, stage.context
+    if frame.still:
+        rotation, origin = context.placed(frame)
+        control = origin if frame.at_origin else p
+        found |= dict(zip(AXES[:3], (rotation.T @ (control - origin)).tolist(), strict=True))
+    elif frame.surface_name:
+        found[Axis.Z] = context.obstacles.gap(frame.surface_name, p, R)
+    return found
 
 
 def _begun(

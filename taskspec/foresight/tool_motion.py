@@ -16,6 +16,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from taskspec.foresight.held_drive import held_drive
 from taskspec.foresight.held_motion import resolved_twists
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.program.axes import MOSTLY
@@ -184,6 +185,7 @@ class WithMechanism:
         strain: the greatest so far.
         strained: whether that is the limit on force.
         stopped: the mechanism at its stop.
+        drive: how the law takes it along from rest; None where that is not foreseen.
     """
 
     def __init__(self, stage: StagePlan, p: Vector, R: Vector, coordinate: float) -> None:
@@ -206,6 +208,9 @@ class WithMechanism:
         self._low, self._high = self._declared.stop or (-math.inf, math.inf)
         self._beyond = 0.0
         self._points = [_Point(0.0, coordinate, dict.fromkeys(AXES, 0.0))]
+        # Springs let it lag, and on a free knob the arm may turn instead of the mechanism.
+        self.drive = None if coordinate else held_drive(stage)
+        self._springs = stage.law.control_law.natural or not stage.law.control_law.force_loop
 
     def advance(self, time: float, moved: Mapping[Axis, float]) -> None:
         """Along what the mechanism leaves free."""
@@ -217,12 +222,17 @@ class WithMechanism:
         s = np.zeros(T.shape[1])
         if rows and b.any():
             s = np.linalg.lstsq(k[:, None] * A, k * b, rcond=1e-6)[0]
+        missing = b - A @ s
+        if self.drive is not None and self._springs:
+            s = (self.drive.at(time) - self.drive.at(self._points[-1].time))[: len(s)]
         wanted = self.coordinate + float(s[0])
         inside = min(max(wanted, self._low), self._high)
         self._beyond += abs(wanted - inside)
         s[0] = inside - self.coordinate
-        for a, missing in zip(self._stiffness, b - A @ s, strict=True):
-            self._missing[a] += float(missing)
+        # By what it lags behind references that move, nothing is strained.
+        missing = np.where((b == 0) | (inside != wanted), b - A @ s, missing)
+        for a, each in zip(self._stiffness, missing, strict=True):
+            self._missing[a] += float(each)
         self._carry(s)
         here = _Point(time, inside, dict(moved))
         drivers = [a for a, x in zip(self._stiffness, b, strict=True) if x]

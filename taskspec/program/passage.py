@@ -5,12 +5,16 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.geometry.axis import Axis
 from taskspec.text.units import show
+
+if TYPE_CHECKING:
+    from taskspec.foresight.held_drive import HeldDrive
 
 Vector = NDArray[np.float64]
 
@@ -127,6 +131,7 @@ class Passage:
         strain: the greatest of an axis against the held mechanism.
         stopped: the held mechanism at its stop.
         edge: name of the object that the tool leaves.
+        drive: how the law takes the held mechanism along; None where that is not foreseen.
     """
 
     instants: tuple[Instant, ...]
@@ -136,6 +141,7 @@ class Passage:
     strain: Strain | None = None
     stopped: Stopped | None = None
     edge: str = ""
+    drive: HeldDrive | None = None
 
     @property
     def last(self) -> Instant:

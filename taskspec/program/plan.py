@@ -503,6 +503,20 @@ class StagePlan:
         return np.asarray(J @ np.linalg.solve(self.context.start_inertia, J.T))
 
     @property
+    def mobility(self) -> Vector:
+        """(6, 6) J H^-1 J^T of its axes at the start pose, 0 on others [1/kg, 1/(kg m^2)]."""
+        found = np.zeros((6, 6))
+        found[np.ix_(self._rows, self._rows)] = self._mobility
+        return found
+
+    @property
+    def task_inertia(self) -> Vector:
+        """(6, 6) (J H^-1 J^T)^-1 of its axes at the start pose, 0 on others [kg, kg m^2]."""
+        found = np.zeros((6, 6))
+        found[np.ix_(self._rows, self._rows)] = np.linalg.inv(self._mobility)
+        return found
+
+    @property
     def cancels_late(self) -> float:
         """How much larger, every tick, the grip's damping makes what a law takes off too late.
 

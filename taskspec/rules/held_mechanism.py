@@ -5,14 +5,20 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
+import numpy as np
+
 from taskspec.foresight.approach import striking_mass
-from taskspec.foresight.conditions import names
+from taskspec.foresight.conditions import names, parts, value_of
 from taskspec.foresight.held_motion import held_motion
+from taskspec.foresight.interval import ANY, Interval, IntervalAlgebra
+from taskspec.foresight.ranges import Ranges
 from taskspec.program.passage import End
 from taskspec.program.plan import StagePlan
 from taskspec.program.world.stiffness import GRIP
 from taskspec.rules import Finding, rule, warning
+from taskspec.rules.impact import largest_force
 from taskspec.spec import FILE, key_of
+from taskspec.text.expression.tree import Held, Node
 from taskspec.text.units import FORCE, LENGTH, VELOCITY, inside, show
 
 #: Slower than this is the rounding of a mechanism that stands still [m/s, rad/s].
@@ -90,6 +96,77 @@ def _strained(stage: StagePlan) -> Iterator[Finding]:
         unless=("TS232",),
         unless_at=where,
     )
+
+
+@rule({}, also=("TS611",))
+def guards_behind_a_lag(stage: StagePlan) -> Iterator[Finding]:
+    """Guards on the held mechanism that its reference comes to in time, and the law does not."""
+    passage, held, until = stage.nominal.passage, stage.context.held, stage.spec.until
+    drive = None if passage is None else passage.drive
+    if drive is None or until is None or not math.isfinite(stage.longest):
+        return
+    if not {n.path for n in names(until.tree)} & {(held, "angle"), (held, "travel")}:
+        return
+    model = stage.context.mechanisms[held]
+    known = {
+        f"{held}.{signal}": Interval(*sorted((0.0, factor * drive.farthest)))
+        for signal, factor in (("angle", 1.0), ("travel", model.lead if model.angular else 1.0))
+    }
+    node = until.tree.x if isinstance(until.tree, Held) else until.tree
+    algebra = IntervalAlgebra()
+    if not value_of(node, algebra, Ranges(stage, known)).never:
+        return
+    way = show(drive.farthest, LENGTH.on(rotation=model.angular), 3)
+    yield warning(
+        "TS611",
+        f"this never holds: its springs take {held!r} along by {way} in "
+        f"{show(stage.longest, 's', 3)}, behind a reference that goes farther: they bear its "
+        "inertia, damping and friction",
+        until.span,
+        "give it more time, or make the law stiffer along that way",
+        unless=("TS611", "TS501"),
+    )
+
+
+@rule("TS329", "a mechanism that takes more force than there may be")
+def forces_of_a_drive(stage: StagePlan) -> Iterator[Finding]:
+    """Limits and expectations that the force which takes the held mechanism along goes beyond."""
+    passage, held = stage.nominal.passage, stage.context.held
+    drive = None if passage is None else passage.drive
+    if passage is None or drive is None or drive.force is None:
+        return
+    # What comes once the mechanism is at its stop, or beyond its way, is told by itself.
+    ends = passage.last.time if passage.stopped is None else passage.stopped.time
+    force = drive.force[drive.times <= ends]
+    most, peak = stage.limits.force, float(np.max(force, initial=0.0))
+    takes = f"stage {stage.name!r} takes {held!r} along with up to {show(peak, 'N', 2)}"
+    moved = next((a for a in stage.spec.axes if stage.spec.axes[a].mode.moves), None)
+    if most is not None and peak > most:
+        when = float(drive.times[np.argmax(force > most)])
+        axes = FILE.stages[stage.name].axes
+        yield warning(
+            "TS329",
+            f"{takes}: at t = {show(when, 's', 2)} it is beyond the limit on force, "
+            f"{show(most, 'N')}, and the run stops",
+            key_of(axes if moved is None else axes[moved]),
+            "move slower, or raise the limit",
+            unless=("TS322",),
+        )
+        return
+    for expectation in stage.context.loaded.task.expect:
+        for part in parts(expectation.expression.tree):
+            reduced = largest_force(part, stage.name, None)
+            if reduced is None:
+                continue
+            met: dict[Node, Interval] = {reduced: Interval(peak, math.inf)}
+            if not value_of(part, IntervalAlgebra(), lambda _: ANY, met).never:
+                continue
+            yield warning(
+                "TS329",
+                f"{takes}, which is beyond what is expected here",
+                expectation.expression.where(part),
+                "move slower, or expect that much",
+            )
 
 
 @rule("TS328", "a motion beyond a mechanism's stop", also=("TS616",))

@@ -118,7 +118,7 @@ def _unexpected(
     """Expectations of the largest force that the impact may break."""
     for expectation in stage.context.loaded.task.expect:
         for part in parts(expectation.expression.tree):
-            reduced = _largest_force(part, stage.name, after)
+            reduced = largest_force(part, stage.name, after)
             if reduced is None:
                 continue
             met: dict[Node, Interval] = {reduced: point(peak)}
@@ -135,7 +135,7 @@ def _unexpected(
             )
 
 
-def _largest_force(part: Node, stage: str, after: str | None) -> Reduce | None:
+def largest_force(part: Node, stage: str, after: str | None) -> Reduce | None:
     """The `max(norm(force))` of a condition, of the whole run or of one of two stages."""
     found = [node for node in walk(part) if isinstance(node, Reduce)]
     for node in found if len(found) == 1 else ():

@@ -57,6 +57,22 @@ stages:
       rz: {{torque: 0}}}}
     {end}
 """
+GATE = """
+taskspec: 1
+robot: {{model: ur5e, grasp: gate.handle}}
+world:
+  gate: {{mechanism: slide, xyz: [480 mm, 0, 350 mm], mass: 5.5 kg, damping: 12 N*s/m,
+    friction: {friction}}}
+frame: gate
+law: {law}
+limits: {{force: {force}}}
+stages:
+  go:
+    axes: {{x: {{force: 0}}, y: {{force: 0}}, z: {{velocity: {speed}}}, rx: {{torque: 0}},
+      ry: {{torque: 0}}, rz: {{torque: 0}}}}
+    until: gate.travel > {until}
+    within: {{time: {time}}}
+"""
 FREE = """
 taskspec: 1
 robot: {{model: panda, start: {{xyz: [400 mm, 0, 400 mm]}}}}
@@ -94,6 +110,24 @@ def drawer(z: str, end: str) -> str:
     return DRAWER.format(z=z, end=end)
 
 
+def gate(
+    *, law: str, speed: str, until: str, time: str, friction: str = "32 N", force: str = "60 N"
+) -> str:
+    return GATE.format(law=law, speed=speed, until=until, time=time, friction=friction, force=force)
+
+
+#: How far a stage takes a slide, by the law: whose reference comes there in time.
+BEHIND = {
+    name: gate(law=law, speed=speed, until=until, time=time)
+    for name, law, speed, until, time in (
+        ("a spring", "impedance", "79 mm/s", "30 mm", "1.6 s"),
+        ("a bandwidth", "{kind: hybrid, bandwidth: 0.5 Hz}", "25 mm/s", "40 mm", "3 s"),
+        ("a drag", "{kind: pd, stiffness: {linear: 600 N/m}}", "60 mm/s", "80 mm", "1.7 s"),
+        ("joints", "{kind: pd-joint, stiffness: {linear: 600 N/m}}", "25 mm/s", "50 mm", "2.5 s"),
+    )
+}
+
+
 ANNOUNCED = {
     # name: file, code, and what stops the run.
     "wrist": (screw(until="300 deg"), "TS424", "position limit of joint"),
@@ -112,6 +146,11 @@ ANNOUNCED = {
     "radial": (crank(until="1 turn", x="{velocity: 10 mm/s}"), "TS322", "limit on force"),
     "stop": (drawer("{velocity: 80 mm/s}", "time: 4 s"), "TS328", "limit on force"),
     "move": (drawer("{move: 250 mm, speed: 100 mm/s}", ""), "TS328", "limit on force"),
+    "heavy": (
+        gate(law="pd-joint", speed="110 mm/s", until="70 mm", time="4 s", force="45 N"),
+        "TS329",
+        "limit on force",
+    ),
     "swift": (
         FREE.format(axes="y: {move: 300 mm, speed: 1.5 m/s}", end=""),
         "TS420",
@@ -164,6 +203,30 @@ def test_the_run_stops_where_it_is_announced(name: str, tmp_path: Path) -> None:
     assert run.summary["status"] == "stopped"
     assert limit in run.reason
     assert visit.end - visit.start == pytest.approx(at, rel=SHARE, abs=LEAST)
+
+
+@pytest.mark.parametrize("name", BEHIND)
+def test_a_mechanism_is_taken_along_as_far_as_its_law_bears(name: str, tmp_path: Path) -> None:
+    """Friction, damping and inertia hold it back from a reference that comes there in time."""
+    task = load_text(BEHIND[name], "task.yaml")
+    examined = examine(task, stability=False)
+    assert examined.plan is not None
+    passage = examined.plan.stages["go"].nominal.passage
+    assert {d.code for d in examined.findings} == {"TS611"}
+    assert passage is not None
+    assert passage.drive is not None
+    run = taskspec_runner.run(task, tmp_path / "run", force=True)
+    assert run.summary["status"] == "failed"
+    foreseen = passage.drive.at(run.clock[-1])[0]
+    # The start pose's gains and inertia for the whole way: 4 %, and the play of the grip.
+    assert run.columns["gate.travel"][-1] == pytest.approx(foreseen, rel=0.04, abs=0.5e-3)
+
+
+def test_a_stiffer_law_takes_the_mechanism_there_in_time() -> None:
+    text = gate(
+        law="{kind: pd, stiffness: {linear: 6 kN/m}}", speed="60 mm/s", until="80 mm", time="1.7 s"
+    )
+    assert codes(text) == set()
 
 
 def test_a_start_that_is_left_open_has_room_for_the_stages(tmp_path: Path) -> None:
