@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
 .PHONY: demo test theory proof stability lint types schema validate fuzz corruptions long lowest bench docs docs-shown docs-site
-.PHONY: docs-serve steps designs equivalence truth check clean
+.PHONY: docs-serve steps foreign designs equivalence truth check clean
 
 demo: $(READY)  ## run the wiping task and say where its report is
 	$(BIN)/taskspec run tasks/wipe-table.yaml
@@ -47,6 +47,13 @@ corruptions: $(READY)  ## kills, locks, full disks, 10 000 spoiled run folders; 
 
 long: $(READY)  ## memory of runs of 1, 10 and 60 simulated minutes; table in docs/faults.md
 	$(BIN)/python tests/campaigns/long_runs.py --minutes 1 10 60 --table docs/faults.md
+
+FOREIGN := runs/foreign
+
+foreign: $(READY)  ## model terms of 24 robots of other people against Pinocchio; 1.1 GB of packages
+	$(BIN)/python tests/campaigns/foreign_robots.py --names | \
+		xargs $(BIN)/pip install --quiet --no-deps --upgrade --target $(FOREIGN)
+	$(BIN)/python tests/campaigns/foreign_robots.py --packages $(FOREIGN)
 
 BASE ?= 19f4a73
 equivalence: $(READY)  ## hold the tree against commit BASE: shipped and 200 random tasks, diagnostics
