@@ -27,7 +27,12 @@ def data_of(text: str) -> object:
     found = Diagnostics("t")
     root = read(Source("t", text), found)
     assert isinstance(root, Mapping)
-    return plain(to_data(root, found))
+    return json_of(root)
+
+
+def json_of(root: Mapping) -> object:
+    """Return what was read of a task file as JSON has it."""
+    return plain(to_data(root, Diagnostics("t")))
 
 
 def assert_place(diagnostic: Diagnostic, source: Source) -> None:

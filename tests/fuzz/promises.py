@@ -17,16 +17,15 @@ from types import FrameType
 import jsonschema
 
 from taskspec.examination import check_task
-from taskspec.spec import load_text
+from taskspec.spec import LoadedTask, load_text
 from taskspec.spec.schema import schema_text
-from taskspec.text.characters import normal
 from taskspec.text.diagnostic import Diagnostic, Severity, SpecError
 from taskspec.text.render import render
 from taskspec.text.source import Source
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "corpus"))
 
-from reading import assert_place, data_of
+from reading import assert_place, json_of
 
 TASKS = Path(__file__).parents[2] / "tasks"
 #: How many times as long as a shipped task a file may take of a processor. The slowest take 7 times
@@ -71,11 +70,18 @@ def usual() -> float:
 
 def found_in(text: str, base: Path) -> tuple[tuple[Diagnostic, ...], dict[str, Source], bool]:
     """What `validate` finds in a text, the texts it refers to, and whether the text was read."""
+    found, sources, loaded = _examined(text, base)
+    return found, sources, loaded is not None
+
+
+def _examined(
+    text: str, base: Path
+) -> tuple[tuple[Diagnostic, ...], dict[str, Source], LoadedTask | None]:
     try:
         loaded = load_text(text, "t.yaml", base=base)
     except SpecError as error:
-        return error.diagnostics, dict(error.sources), False
-    return check_task(loaded), dict(loaded.sources), True
+        return error.diagnostics, dict(error.sources), None
+    return check_task(loaded), dict(loaded.sources), loaded
 
 
 def held(text: str, base: Path, *, twice: bool = True) -> bool:
@@ -88,24 +94,24 @@ def held(text: str, base: Path, *, twice: bool = True) -> bool:
     limit = LIMIT * usual()
     with watched(10 * limit):
         began = time.process_time()
-        found, sources, deep = found_in(text, base)
+        found, sources, loaded = _examined(text, base)
         took = time.process_time() - began
     assert took < limit, f"took {took:.2f} s"
-    assert deep or any(d.severity is Severity.ERROR for d in found)
+    assert loaded or any(d.severity is Severity.ERROR for d in found)
     for diagnostic in found:
         assert_place(diagnostic, sources[diagnostic.source])
     shown = render(found, sources)
     assert all(c == "\n" or c.isprintable() for c in shown)
-    if deep:
-        assert_accepted(text)
+    if loaded:
+        assert_accepted(loaded)
     if twice:
         assert found_in(text, base)[0] == found, "other findings on the second run"
-    return deep
+    return loaded is not None
 
 
-def assert_accepted(text: str) -> None:
+def assert_accepted(loaded: LoadedTask) -> None:
     """Holds the JSON Schema to accept a text that is read without an error."""
-    errors = VALIDATOR.iter_errors(data_of(normal(text)))
+    errors = VALIDATOR.iter_errors(json_of(loaded.root))
     told = [f"{'.'.join(map(str, e.path))}: {e.message}" for e in errors]
     assert not told, told
 
