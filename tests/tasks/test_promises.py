@@ -101,8 +101,8 @@ world: {table: {shape: plane, xyz: [0, 0, 300 mm], stiffness: 10 kN/m}}
 frames: {task: {surface: table}}
 frame: task
 stages:
-  press: {axes: {z: {force: -20 N}}, time: 2 s, law: FIRST}
-  slide: {axes: {x: {velocity: 30 mm/s}, z: {force: -20 N}}, time: 1 s, law: SECOND}
+  press: {axes: {z: {force: -20 N}}, time: 1.2 s, law: FIRST}
+  slide: {axes: {x: {velocity: 30 mm/s}, z: {force: -20 N}}, time: 0.5 s, law: SECOND}
   lift: {axes: {z: {move: 20 mm}}, law: FIRST}
 """
 
