@@ -32,6 +32,7 @@ COMMANDS = (
     ("diff", "{good}", "{run}", "--format", "json"),
     ("judge", "{run}"),
     ("judge", "{run}", "--format", "json"),
+    ("replay", "{run}", "--video", "{run}/run.mp4", *"--to 0.1 --fps 10 --size 320x180".split()),
 )
 #: Seconds after which a command hangs.
 PATIENCE = 60
@@ -248,6 +249,20 @@ def _watched(seconds: int) -> Iterator[None]:
         signal.signal(signal.SIGALRM, usual)
 
 
+@contextmanager
+def _drawing(*, on: bool) -> Iterator[None]:
+    """Lets a film be drawn; the pictures of reports are left out, as they take long."""
+    usual = os.environ.pop("MUJOCO_GL", None)
+    if not on:
+        os.environ["MUJOCO_GL"] = "disable"
+    try:
+        yield
+    finally:
+        os.environ.pop("MUJOCO_GL", None)
+        if usual is not None:
+            os.environ["MUJOCO_GL"] = usual
+
+
 def answer(source: Path, good: Path, work: Path, number: int) -> Answer:
     """Spoils a copy of a run's folder and has a command read it.
 
@@ -264,7 +279,7 @@ def answer(source: Path, good: Path, work: Path, number: int) -> Answer:
     template = random.Random(f"command {number}").choice(COMMANDS)
     command = tuple(part.format(run=run, good=good) for part in template)
     try:
-        with _watched(PATIENCE):
+        with _watched(PATIENCE), _drawing(on=command[0] == "replay"):
             result = CliRunner().invoke(app, list(command))
             true = result.exit_code != 0 or _same(Run(run), Run(source))
     except HangError:
