@@ -7,7 +7,6 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from taskspec.compiler import compile_task
 from taskspec.geometry.axis import AXES
@@ -23,7 +22,6 @@ from taskspec_runner.loop.interrupt import BY_SIGNAL, Interrupt, Termination, si
 from taskspec_runner.loop.telemetry import Tap, Telemetry
 from taskspec_runner.record import folder as folders
 from taskspec_runner.record import manifest
-from taskspec_runner.record.extent import ENDED
 from taskspec_runner.record.folder import RunFolder, open_folder
 from taskspec_runner.record.log import Log
 from taskspec_runner.runs import Run
@@ -128,30 +126,23 @@ def _execute(program: Program, out: Path | None, manner: _Manner) -> Run:
 def _kept(program: Program, folder: RunFolder, content: bytes, manner: _Manner) -> Run:
     """Makes a run in its folder; whatever happens, the manifest says it."""
     try:
-        folder.note(**manifest.opening(program, content, manner.seed))
-        folder.write(folders.TASK, content)
-        return _run(program, folder, content, manner)
+        with folder.failures_noted():
+            folder.note(**manifest.opening(program, content, manner.seed))
+            folder.write(folders.TASK, content)
+            return _run(program, folder, content, manner)
     except KeyboardInterrupt as error:
         # Once a run has been judged its outcome stands, even if its report does not.
-        if folder.manifest.get("status", manifest.RUNNING) == manifest.RUNNING:
+        if folder.goes_on:
             number = signal_of(error)
-            _close(folder, STOPPED, reason_of(number), exit_code=BY_SIGNAL + number)
+            folder.end(STOPPED, reason_of(number), exit_code=BY_SIGNAL + number)
         raise
-    except (OutputError, OSError) as error:
-        said = error if isinstance(error, OutputError) else OutputError.of(folder.path, error)
-        with contextlib.suppress(OutputError):
-            if folder.manifest.get("status", manifest.RUNNING) == manifest.RUNNING:
-                _close(folder, "crashed", str(said))
-            # What was judged stands, though not all of it is there to be read.
-            folder.note(unwritten={"file": said.path.name, "reason": said.reason})
-        if said is error:
-            raise
-        raise said from error
+    except OutputError:
+        raise
     except Exception as error:
         trace, reason = folder.crash(error), f"{type(error).__name__}: {error}"
         if program.forced:
             reason = f"{reason} (run in spite of {', '.join(program.forced)})"
-        _close(folder, "crashed", reason)
+        folder.end("crashed", reason)
         raise RunCrashedError(folder.path, trace, reason) from error
 
 
@@ -164,8 +155,7 @@ def _run(program: Program, folder: RunFolder, content: bytes, manner: _Manner) -
         simulated = simulated.as_logged(history, program.context.period)
     outcome, judged = simulated.outcome, judge_run(program, history)
     summary = folder.keep_summary(summarise(program, simulated, history, judged, manner.seed), log)
-    _close(
-        folder,
+    folder.end(
         outcome.status,
         outcome.reason,
         exit_code=summary["exit_code"],
@@ -221,14 +211,3 @@ def _glimpse(machine: Machine, clock: float, wall: float) -> Glimpse:
         number = AXES.index(axis)
         force, reference = (float(outputs[k][number]) for k in ("force", "force_ref"))
     return Glimpse(clock, machine.stage.name, axis, force, reference, clock / wall)
-
-
-def _close(folder: RunFolder, status: str, reason: str, **entries: Any) -> None:
-    """Notes how a run ended; of one that was not judged, what its log came to."""
-    digests = folder.manifest["sha256"]
-    if digests[folders.LOG] is None:
-        digests = {**digests, folders.LOG: folder.digest(folders.LOG)}
-    folder.note(sha256=digests, status=status, reason=reason, finished=manifest.now(), **entries)
-    if status in ENDED:
-        # All of its ticks are in the log, which the manifest says now.
-        folder.block.unlink(missing_ok=True)

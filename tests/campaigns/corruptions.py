@@ -32,7 +32,7 @@ COMMANDS = (
     ("diff", "{good}", "{run}", "--format", "json"),
     ("judge", "{run}"),
     ("judge", "{run}", "--format", "json"),
-    ("replay", "{run}", "--video", "{run}/run.mp4", *"--to 0.1 --fps 10 --size 320x180".split()),
+    ("replay", "{run}", "--video", "{run}/run.mp4", "--to=0.1", "--fps=10", "--size=320x180"),
 )
 #: Seconds after which a command hangs.
 PATIENCE = 60

@@ -267,6 +267,29 @@ def test_manifest_of_a_run_on_a_full_disk_names_the_log(tap: Path, tmp_path: Pat
     assert "unwritten" not in json.loads((out / "manifest.json").read_text())
 
 
+@pytest.mark.parametrize(
+    ("size", "file", "status"),
+    [(100_000, "log.arrow", "crashed"), (130_000, "report.html", "done")],
+)
+def test_manifest_of_a_judged_log_on_a_full_disk_names_the_file(
+    tap: Path, tmp_path: Path, size: int, file: str, status: str
+) -> None:
+    assert call("run", tap, "--out", tmp_path / "run", "--quiet").exit_code == 0
+    assert call("export", tmp_path / "run", "--csv").exit_code == 0
+    out = tmp_path / "judged"
+    said = limited("judge", tap, tmp_path / "run" / "log.csv", "--out", out, size=size)
+    assert said.returncode == 2
+    told = f"cannot write {out / file}: File too large"
+    assert said.stderr.endswith(f"taskspec: {told}\n")
+    manifest = json.loads((out / "manifest.json").read_text())
+    assert manifest["unwritten"] == {"file": file, "reason": "File too large"}
+    assert manifest["status"] == status
+    assert not (out / LOCK).exists()
+    run = Run.load(out)
+    assert not run.damage
+    assert run.passed == (status == "done")
+
+
 def test_report_on_a_full_disk_leaves_the_old_one(tap: Path, tmp_path: Path) -> None:
     out = tmp_path / "run"
     assert call("run", tap, "--out", out, "--quiet").exit_code == 0

@@ -7,15 +7,16 @@ import hashlib
 import json
 import math
 import traceback
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
 from taskspec_runner.errors import OutputError
 from taskspec_runner.record.block import BLOCK
+from taskspec_runner.record.extent import ENDED
 from taskspec_runner.record.lock import LOCK, FolderLock, holder
-from taskspec_runner.record.manifest import SEAL, seal
+from taskspec_runner.record.manifest import RUNNING, SEAL, now, seal
 from taskspec_runner.record.whole import PARTIAL, open_regular, write_whole
 
 if TYPE_CHECKING:
@@ -128,6 +129,45 @@ class RunFolder:
         self.note(sha256={**self.manifest["sha256"], **sums}, log=log.facts)
         self.write(SUMMARY, text)
         return said
+
+    def end(self, status: str, reason: str, **entries: Any) -> None:
+        """Notes how a run ended; of one that was not judged, what its log came to.
+
+        Raises:
+            OutputError: it cannot be written.
+        """
+        sums = self.manifest["sha256"]
+        if sums[LOG] is None:
+            sums = {**sums, LOG: self.digest(LOG)}
+        self.note(sha256=sums, status=status, reason=reason, finished=now(), **entries)
+        if status in ENDED:
+            # All of its ticks are in the log, which the manifest says now.
+            self.block.unlink(missing_ok=True)
+
+    @property
+    def goes_on(self) -> bool:
+        """Whether it was not noted yet how the run ended."""
+        return bool(self.manifest.get("status", RUNNING) == RUNNING)
+
+    @contextlib.contextmanager
+    def failures_noted(self) -> Iterator[None]:
+        """Has the manifest say which file could not be written; what was judged before stands.
+
+        Raises:
+            OutputError: a file cannot be written.
+        """
+        try:
+            yield
+        except (OutputError, OSError) as error:
+            said = error if isinstance(error, OutputError) else OutputError.of(self.path, error)
+            with contextlib.suppress(OutputError):
+                if self.goes_on:
+                    self.end("crashed", str(said))
+                # What was judged stands, though not all of it is there to be read.
+                self.note(unwritten={"file": said.path.name, "reason": said.reason})
+            if said is error:
+                raise
+            raise said from error
 
     def crash(self, error: BaseException) -> Path:
         """Keeps the traceback of an internal error; returns where.

@@ -172,11 +172,12 @@ class Assignment:
             InputError: the log has no column of time.
         """
         said = self._columns.map.time or TimeColumn()
-        if self._source.timed:
+        own = self._source.times(column)
+        if own is not None:
             if said.column is not None:
                 message = "an MCAP log has the time of its messages; leave 'column' out"
                 raise self._columns.wrong(message, "time")
-            return self._source.times(column)
+            return own
         if self._times is None:
             self._times = self._read_times(said)
         return self._times

@@ -51,7 +51,10 @@ def judge_recording(
         raise OutputError(out, f"{log} lies in it and would be removed; choose another folder")
     content = manifest.task_bytes(loaded)
     facts = {**recording.facts, "sha256": _digest(log)}
-    with open_folder(out, f"{loaded.task.name}-measured") as folder:
+    with (
+        open_folder(out, f"{loaded.task.name}-measured") as folder,
+        folder.failures_noted(),
+    ):
         opening = manifest.opening(program, content, 0)
         folder.note(**opening | {"seed": None, "recorded": facts})
         folder.write(folders.TASK, content)
@@ -60,12 +63,8 @@ def judge_recording(
             for batch in history.batches(ROWS):
                 kept.write(batch)
         summary = folder.keep_summary(_summary(program, recording), kept)
-        folder.note(
-            status=summary["status"],
-            reason=summary["ending"]["reason"],
-            finished=manifest.now(),
-            exit_code=summary["exit_code"],
-        )
+        reason, code = summary["ending"]["reason"], summary["exit_code"]
+        folder.end(summary["status"], reason, exit_code=code)
         run = Run.written(folder, program, content, summary, history)
         from taskspec_runner.report import write_report
 

@@ -31,7 +31,8 @@ class LogSource(Protocol):
         path: of the file.
         form: of it, in a word.
         units: columns, and the unit that the file states of each; empty where it states none.
-        timed: whether each column has times of its own, as messages have; else a column has them.
+        timed: whether each column has times of its own, as messages have; a message holds until
+            the next one.
     """
 
     path: Path
@@ -53,8 +54,11 @@ class LogSource(Protocol):
             InputError: they cannot be read.
         """
 
-    def times(self, name: str) -> Vector:
-        """(n,) when each value of a column was recorded, since the first of the log [s]."""
+    def times(self, name: str) -> Vector | None:
+        """(n,) when each value of a column was recorded, since the first of the log [s].
+
+        None where a column of the log has the times of all others.
+        """
 
     def place(self, name: str, row: int) -> str:
         """Where a value of a column stands, in words."""
@@ -116,9 +120,8 @@ class LogTable:
         texts: Sequence[str] = column.cast(pa.string()).fill_null("").to_pylist()
         return [text.strip() for text in texts]
 
-    def times(self, name: str) -> Vector:
-        """Nothing; a table has a column for it."""
-        raise NotImplementedError
+    def times(self, name: str) -> None:
+        """None: a table has a column for the time."""
 
     def place(self, name: str, row: int) -> str:  # noqa: ARG002
         """The line of a text, or the row of a table."""
