@@ -24,7 +24,7 @@ import inspect
 import math
 import sys
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache
 from types import FunctionType
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -118,44 +118,49 @@ class Kind(enum.Enum):
 
 _IR = {Kind.INT: "i64", Kind.FLOAT: "double", Kind.BOOL: "i1", Kind.NONE: "void"}
 _ELEMENTS = {Kind.VECTOR: (Kind.FLOAT, "double"), Kind.COUNTS: (Kind.INT, "i32")}
-_FIELDS = {
-    "int": (Kind.INT, ctypes.c_int64),
-    "float": (Kind.FLOAT, ctypes.c_double),
-    "Vector": (Kind.VECTOR, ctypes.c_void_p),
-    "Counts": (Kind.COUNTS, ctypes.c_void_p),
-}
+_FIELDS = {kind.value: kind for kind in (Kind.INT, Kind.FLOAT, Kind.VECTOR, Kind.COUNTS)}
+_IN_C = {Kind.INT: ctypes.c_int64, Kind.FLOAT: ctypes.c_double}
 
 
 class Record:
-    """Base of a class of fields that kernels share with Python: `int`, `float`, `Vector`, `Counts`.
+    """Base of a class of fields that kernels share with Python.
 
-    A subclass annotates its fields, in the order in which they lie in memory. Its instances hold
-    numbers and views under Python, and `address` is where machine code has the same fields.
+    A subclass annotates its fields, in the order in which they lie in memory: `int`, `float`,
+    `Vector`, `Counts`, or another record. Its instances hold numbers and views under Python, and
+    `address` is where machine code has the same fields.
     """
 
     fields: ClassVar[dict[str, Kind]] = {}
+    records: ClassVar[dict[str, type[Record]]] = {}
     _structure: type[ctypes.Structure]
 
     def __init_subclass__(cls) -> None:
-        cls.fields, members = dict(cls.fields), []
+        cls.fields, cls.records = dict(cls.fields), dict(cls.records)
+        names = vars(sys.modules[cls.__module__])
         for name, annotation in cls.__annotations__.items():
             written = annotation if isinstance(annotation, str) else annotation.__name__
-            if written not in _FIELDS:
+            inner = names.get(written)
+            if isinstance(inner, type) and issubclass(inner, Record):
+                cls.fields[name], cls.records[name] = Kind.RECORD, inner
+                setattr(cls, name, _inner(name))
+            elif written in _FIELDS:
+                cls.fields[name] = _FIELDS[written]
+                setattr(cls, name, _scalar(name) if _FIELDS[written] in _IR else _view(name))
+            else:
                 raise KernelError(
-                    f"{cls.__name__}.{name} is {written}; a field is {', '.join(_FIELDS)}"
+                    f"{cls.__name__}.{name} is {written}; "
+                    f"a field is {', '.join(_FIELDS)}, or a record"
                 )
-            cls.fields[name] = _FIELDS[written][0]
-            setattr(cls, name, _scalar(name) if cls.fields[name] in _IR else _view(name))
-        members = [(name, _FIELDS[kind.value][1]) for name, kind in cls.fields.items()]
+        members = [(name, _IN_C.get(kind, ctypes.c_void_p)) for name, kind in cls.fields.items()]
         cls._structure = type(cls.__name__, (ctypes.Structure,), {"_fields_": members})
 
     def __init__(self, **values: Any) -> None:
-        """Takes fields by name; numbers left out are zero, vectors empty.
+        """Takes fields by name. Numbers left out are zero, vectors empty, records not there.
 
         Raises:
             TypeError: there is no such field, or it is given what it does not hold.
         """
-        self._memory, self._views = self._structure(), dict[str, Any]()
+        self._memory, self._held = self._structure(), dict[str, Any]()
         for name, value in values.items():
             if name not in self.fields:
                 raise TypeError(f"{type(self).__name__} has no field {name}")
@@ -179,10 +184,20 @@ def _view(name: str) -> property:
         view = vector(array)
         if (view.format == "d") != (self.fields[name] is Kind.VECTOR):
             raise TypeError(f"{name} is {self.fields[name]}, not memory of {view.format!r}")
-        self._views[name] = view
+        self._held[name] = view
         setattr(self._memory, name, address_of(view))
 
-    return property(lambda self: self._views.get(name, _EMPTY), put)
+    return property(lambda self: self._held.get(name, _EMPTY), put)
+
+
+def _inner(name: str) -> property:
+    def put(self: Record, record: Record) -> None:
+        if not isinstance(record, self.records[name]):
+            raise TypeError(f"{name} is a {self.records[name].__name__}, not {record!r}")
+        self._held[name] = record
+        setattr(self._memory, name, record.address)
+
+    return property(lambda self: self._held[name], put)
 
 
 _EMPTY = memoryview(b"")
@@ -472,7 +487,7 @@ class _Body:
 
     def _write(self, node: ast.AST, value: _Value, kind: Kind, stored: str, place: str) -> None:
         if kind not in (Kind.INT, Kind.FLOAT):
-            raise self._refusal(node, "the vectors of a record stay; write into them")
+            raise self._refusal(node, "the vectors and records of a record stay; write into them")
         if value.kind is not kind:
             written = "float(...) or 1.0" if kind is Kind.FLOAT else "int(...)"
             raise self._refusal(
@@ -638,9 +653,18 @@ class _Body:
         raise self._refusal(e, f"kernels do not know `{ast.unparse(e)}`")
 
     def attribute(self, e: ast.Attribute) -> _Value:
-        if isinstance(e.value, ast.Name) and e.value.id in self.signature.records:
-            return self._loaded(*self._place(e))
-        return self._number(e, self._meaning(e))
+        record = self._record(e.value)
+        if record is None:
+            return self._number(e, self._meaning(e))
+        value = self._loaded(*self._place(e))
+        return replace(value, record=record.records.get(e.attr))
+
+    def _record(self, e: ast.expr) -> type[Record] | None:
+        """The class of a record's name, or of a record in a record."""
+        if isinstance(e, ast.Name):
+            return self.signature.records.get(e.id)
+        outer = self._record(e.value) if isinstance(e, ast.Attribute) else None
+        return outer.records.get(e.attr) if outer and isinstance(e, ast.Attribute) else None
 
     def _loaded(self, kind: Kind, stored: str, place: str) -> _Value:
         text = self._new(f"load {stored}, ptr {place}")

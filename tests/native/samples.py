@@ -14,12 +14,18 @@ class Colour(enum.IntEnum):
     RED = 3
 
 
+class Motor(Record):
+    turns: int
+    heat: float
+
+
 class Plant(Record):
     n: int
     gain: float
     state: Vector
     places: Counts
     steps: int
+    motor: Motor
 
 
 def arithmetic(out: Vector, x: float, y: float, i: int, j: int) -> None:
@@ -217,9 +223,16 @@ def drive(c: Plant, step: int) -> int:
         c.places[0] = 3 - c.places[0]
         c.gain *= 1.5
         c.steps += 1
+        _turn(c.motor, c.gain)
+        c.motor.heat *= 0.75
         if not _enough(c):
             return -1
     return c.steps
+
+
+def _turn(m: Motor, by: float) -> None:
+    m.turns += int(by)
+    m.heat += by
 
 
 def _enough(c: Plant) -> bool:

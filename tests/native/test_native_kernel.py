@@ -70,7 +70,11 @@ def step(state: int, n: int, gain: float) -> None:
 
 def plant() -> samples.Plant:
     return samples.Plant(
-        n=9, gain=0.125, state=np.arange(4.0), places=np.array([1, 2, 0], dtype=np.int32)
+        n=9,
+        gain=0.125,
+        state=np.arange(4.0),
+        places=np.array([1, 2, 0], dtype=np.int32),
+        motor=samples.Motor(turns=2, heat=0.5),
     )
 
 
@@ -85,6 +89,7 @@ def test_records_and_native_functions(native, code) -> None:
         assert run(ours.address, address) == samples.drive(theirs, address) == end
         assert ours.state.tolist() == theirs.state.tolist()
         assert ours.places.tolist() == theirs.places.tolist()
+        assert (ours.motor.turns, ours.motor.heat) == (theirs.motor.turns, theirs.motor.heat)
         assert (ours.gain, ours.steps, ours.n) == (theirs.gain, theirs.steps, theirs.n)
 
 
@@ -97,6 +102,8 @@ def test_record_says_what_it_does_not_hold() -> None:
         samples.Plant(places=np.zeros(3, dtype=np.int64))
     with pytest.raises(TypeError, match="one piece"):
         samples.Plant(state=np.zeros((3, 4))[:, 0])
+    with pytest.raises(TypeError, match="motor is a Motor, not <samples"):
+        samples.Plant(motor=plant())
     with pytest.raises(KernelError, match=r"Bad.text is str; a field is int, float"):
 
         class Bad(Record):
@@ -115,8 +122,11 @@ from __future__ import annotations
 import math
 import os
 from taskspec.native.kernel import Counts, Record, Vector, call
+class D(Record):
+    y: float
 class C(Record):
     n: int
+    inner: D
     x: Vector
 WORD = "a"
 def helper(v: Vector, k: int) -> float:
@@ -175,7 +185,10 @@ REFUSED = [
     ("i: int", "return float(call(i))", "`call(i)` has no value"),
     ("i: int", "x = call(i)\n    return 1.0", "`call(i)` has no value"),
     ("c: C", "return c.y", "`c.y` is no field of a record"),
-    ("c: C", "c.x = c.x\n    return 1.0", "the vectors of a record stay"),
+    ("c: C", "c.x = c.x\n    return 1.0", "of a record stay"),
+    ("c: C", "return c.inner.z", "`c.inner.z` is no field of a record"),
+    ("c: C", "c.inner = c.inner\n    return 1.0", "of a record stay"),
+    ("c: C", "return helper(c.inner, 1)", "v of helper is a Vector"),
     ("c: C", "d = c\n    return 1.0", "a name holds a number or a vector"),
     ("i: int", "return float(i + 99999999999999999999)", "more than 64 bits"),
     ("x: float, i: int", "return x if i else i", "one part is a float, the other an int"),
