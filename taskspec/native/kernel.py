@@ -59,8 +59,10 @@ def vector(array: Any) -> Any:
         raise TypeError("a vector is doubles, or integers of 32 bits, in one piece of memory")
     if (view.format == "d") != (view.itemsize == 8):
         raise TypeError("the integers of a vector have 32 bits")
-    flat: Any = view if view.ndim == 1 else view.cast("B")
-    return flat if view.ndim == 1 else flat.cast(view.format)
+    if view.ndim == 1:
+        return view
+    whole: Any = view.cast("B") if view.nbytes else memoryview(bytearray())
+    return whole.cast(view.format)
 
 
 def address_of(view: Any) -> int:
