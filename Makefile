@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
 .PHONY: demo test theory proof stability lint types schema validate fuzz corruptions long lowest bench docs docs-shown docs-site
-.PHONY: docs-serve steps foreign designs equivalence truth check clean
+.PHONY: docs-serve steps foreign native designs equivalence truth check clean
 
 demo: $(READY)  ## run the wiping task and say where its report is
 	$(BIN)/taskspec run tasks/wipe-table.yaml
@@ -58,6 +58,9 @@ foreign: $(READY)  ## model terms of 24 robots of other people against Pinocchio
 BASE ?= 19f4a73
 equivalence: $(READY)  ## hold the tree against commit BASE: shipped and 200 random tasks, diagnostics
 	$(BIN)/python tests/campaigns/equivalence.py --base $(BASE)
+
+native: $(READY)  ## hold the loop in machine code against Python's: shipped and 200 random tasks
+	$(BIN)/python tests/campaigns/native.py
 
 designs: $(READY)  ## sampled loops of 1080 tasks with mechanisms, whose designed gains are to be stable
 	$(BIN)/python tests/campaigns/mechanism_tasks.py --tasks 1080

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 if TYPE_CHECKING:
     import os
@@ -21,6 +21,7 @@ def run(
     report: bool = True,
     telemetry: str | None = None,
     force: bool = False,
+    loop: Literal["native", "python"] | None = None,
 ) -> Run:
     """Runs a task in simulation, as `taskspec run` does.
 
@@ -32,11 +33,13 @@ def run(
         report: whether to render `report.html`.
         telemetry: where to send signals while it runs, such as `udp://127.0.0.1:9870`.
         force: whether to run it in spite of errors behind which it still compiles.
+        loop: what runs its ticks; the numbers are the same. None for machine code as soon as there
+            is some, and Python until then.
 
     Raises:
         SpecError: the task is refused, as `taskspec validate` finds it; it carries everything that
             was found.
-        InputError: `telemetry` is no address.
+        InputError: `telemetry` is no address, or there is no native loop though it is wanted.
         OutputError: the folder cannot be written.
         RunCrashedError: an internal error.
         KeyboardInterrupt: interrupted outside the simulation itself. Within it, the run ends as
@@ -49,7 +52,9 @@ def run(
 
     folder = None if out is None else Path(out)
     with sending(telemetry) as sink:
-        return execute(task, folder, seed=seed, report=report, telemetry=sink, force=force)
+        return execute(
+            task, folder, seed=seed, report=report, telemetry=sink, force=force, loop=loop
+        )
 
 
 def read(folder: str | os.PathLike[str]) -> Run:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -14,9 +15,9 @@ from taskspec.program.execution.machine import Machine
 from taskspec.program.program import Program
 from taskspec.robot.description import listening
 from taskspec.spec import LoadedTask
-from taskspec_runner.errors import OutputError, RunCrashedError
+from taskspec_runner.errors import InputError, OutputError, RunCrashedError
 from taskspec_runner.loop.assembly import assemble
-from taskspec_runner.loop.fixed_step import STOPPED, Outcome, TickSink
+from taskspec_runner.loop.fixed_step import NATIVE, PYTHON, STOPPED, Outcome, TickSink
 from taskspec_runner.loop.fixed_step import run as simulate
 from taskspec_runner.loop.interrupt import BY_SIGNAL, Interrupt, Termination, signal_of
 from taskspec_runner.loop.telemetry import Tap, Telemetry
@@ -28,6 +29,9 @@ from taskspec_runner.runs import Run
 from taskspec_runner.verdict.judge import judge_run
 from taskspec_runner.verdict.performance import solver_counts
 from taskspec_runner.verdict.summary import Simulated, reason_of, summarise
+
+#: A variable of the environment that names the loop of runs that do not name it.
+LOOP = "TASKSPEC_LOOP"
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,18 +67,20 @@ def execute(
     report: bool = True,
     telemetry: Telemetry | None = None,
     force: bool = False,
+    loop: str | None = None,
 ) -> Run:
     """Compiles a task, runs it and leaves the run's folder; see `execute_program`.
 
     Args:
         force: whether findings are lifted behind which a program still compiles.
+        loop: as in `execute_program`.
 
     Raises:
         SpecError: the task is refused; no folder is made.
     """
     program = compile_task(loaded, force=force)
     return execute_program(
-        program, out, seed=seed, progress=progress, report=report, telemetry=telemetry
+        program, out, seed=seed, progress=progress, report=report, telemetry=telemetry, loop=loop
     )
 
 
@@ -86,6 +92,7 @@ def execute_program(
     progress: Progress | None = None,
     report: bool = True,
     telemetry: Telemetry | None = None,
+    loop: str | None = None,
 ) -> Run:
     """Runs a compiled task and leaves the run's folder.
 
@@ -96,14 +103,18 @@ def execute_program(
         progress: called now and then during the simulation.
         report: whether to render `report.html`.
         telemetry: gets the signals as the run goes on.
+        loop: `native` or `python`, which give the same; None for what `TASKSPEC_LOOP` names, else
+            for machine code as soon as there is some, and Python until then.
 
     Raises:
+        InputError: there is no native loop, and no other is wanted.
         OutputError: the folder cannot be written.
         RunCrashedError: an internal error; the log holds every tick up to it.
         KeyboardInterrupt: interrupted outside the simulation itself; `Terminated` unless by SIGINT.
     """
+    wanted = _loop_wanted(loop)
     with Termination():
-        return _execute(program, out, _Manner(seed, progress, report, telemetry))
+        return _execute(program, out, _Manner(seed, progress, report, telemetry, wanted))
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,6 +125,7 @@ class _Manner:
     progress: Progress | None
     report: bool
     telemetry: Telemetry | None
+    loop: str | None
 
 
 def _execute(program: Program, out: Path | None, manner: _Manner) -> Run:
@@ -135,6 +147,9 @@ def _kept(program: Program, folder: RunFolder, content: bytes, manner: _Manner) 
         if folder.goes_on:
             number = signal_of(error)
             folder.end(STOPPED, reason_of(number), exit_code=BY_SIGNAL + number)
+        raise
+    except InputError as error:
+        folder.end("crashed", str(error))
         raise
     except OutputError:
         raise
@@ -161,6 +176,8 @@ def _run(program: Program, folder: RunFolder, content: bytes, manner: _Manner) -
         exit_code=summary["exit_code"],
         wall_seconds=wall,
         real_time_factor=outcome.clock / wall,
+        loop=outcome.loop,
+        why_python=outcome.why_python or None,
     )
     run = Run.written(folder, program, content, summary, history)
     if manner.report:  # It needs jinja2, which a run does not.
@@ -182,13 +199,38 @@ def _simulate(program: Program, folder: RunFolder, manner: _Manner) -> tuple[Sim
         watch, by_signal = _watch(interrupt, manner.progress), 0
         try:
             outcome = simulate(
-                machine, parts.plant, parts.bus, rows, context.period, watch, manner.seed
+                machine,
+                parts.plant,
+                parts.bus,
+                rows,
+                context.period,
+                watch,
+                manner.seed,
+                manner.loop,
             )
         except KeyboardInterrupt as error:
             by_signal = signal_of(error)
             text, reason = str(error) or "interrupted by the user", reason_of(by_signal)
             outcome = Outcome(STOPPED, reason, text, machine.stage.name, 0.0, 0)
     return Simulated(outcome, machine.transitions, solver_counts(machine), by_signal), log
+
+
+def _loop_wanted(loop: str | None) -> str | None:
+    """The loop that is wanted, by the caller or the environment.
+
+    Raises:
+        InputError: there is none of that name, or not here.
+    """
+    named = loop or os.environ.get(LOOP) or None
+    if named not in (None, NATIVE, PYTHON):
+        raise InputError(f"{LOOP} names {NATIVE} or {PYTHON}, not {named!r}")
+    if named == NATIVE:
+        from taskspec.native.engine import missing
+
+        why = missing()
+        if why is not None:
+            raise InputError(f"the native loop cannot be had: {why}")
+    return named
 
 
 def _watch(interrupt: Interrupt, progress: Progress | None) -> Callable[[Machine, float], None]:

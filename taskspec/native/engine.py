@@ -10,7 +10,7 @@ import ctypes
 import hashlib
 import json
 import threading
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from functools import cache
 from typing import Any
 
@@ -24,6 +24,10 @@ _LOCK = threading.Lock()
 
 class EngineError(Exception):
     """Machine code cannot be made: the message says of what, and why."""
+
+
+class NotKeptError(EngineError):
+    """No machine code is kept, and none was to be made."""
 
 
 @cache
@@ -53,32 +57,49 @@ class Engine:
         kept: the code was found in the cache.
     """
 
-    def __init__(self, texts: Iterable[str], *, level: int = 1, store: Store | None = None) -> None:
+    def __init__(
+        self,
+        texts: Iterable[str] | Callable[[], Iterable[str]],
+        *,
+        level: int = 1,
+        store: Store | None = None,
+        source: bytes | None = None,
+        compiles: bool = True,
+    ) -> None:
         """Compiles the texts, or takes what was compiled before.
 
         Args:
             texts: modules without target triple and data layout. They may call each other's
-                functions, and those of `libm` by the names that it gives them.
+                functions, and those of `libm` by the names that it gives them. A function that
+                makes them is called if they have to be compiled; it goes with a `source`.
             level: LLVM's optimisation, 0 to 3. Bits do not depend on it.
             store: where code is kept; by default under `cache_folder()`.
+            source: what the texts follow from, by which their code is found; None for the texts.
+            compiles: whether code that is not kept is compiled.
 
         Raises:
+            NotKeptError: no code is kept, and none is to be compiled.
             EngineError: llvmlite is missing; a text is not LLVM IR, calls what is nowhere, or
                 defines a function that LLVM calls by itself, such as `floor`.
         """
         refused = missing()
         if refused is not None:
             raise EngineError(refused)
-        parts = tuple(texts)
+        if source is None:
+            texts = tuple(texts() if callable(texts) else texts)
+            key = _key([text.encode() for text in texts], level)
+        else:
+            key = _key([b"source", source], level)
         if store is None:
             store = default_store()
-        key = _key(parts, level)
+        built = _loaded(store.get(key))
+        self.kept = built is not None
+        if built is None:
+            if not compiles:
+                raise NotKeptError
+            built = _compiled(tuple(texts() if callable(texts) else texts), level)
+            store.put(key, _packed(*built))
         with _LOCK:
-            built = _loaded(store.get(key))
-            self.kept = built is not None
-            if built is None:
-                built = _compiled(parts, level)
-                store.put(key, _packed(*built))
             self._code = _Code(*built)
 
     @property
@@ -155,18 +176,14 @@ def _machine_facts() -> tuple[str, str, str]:
     )
 
 
-def _key(texts: tuple[str, ...], level: int) -> str:
+def _key(parts: Iterable[bytes], level: int) -> str:
     """Of everything that the machine code depends on."""
     import llvmlite
 
     digest = hashlib.sha256()
     versions = [str(part) for part in _llvm().llvm_version_info]
-    for part in (
-        f"{_SCHEMA} {level} {llvmlite.__version__} {'.'.join(versions)}",
-        *_machine_facts(),
-        *texts,
-    ):
-        data = part.encode()
+    made = f"{_SCHEMA} {level} {llvmlite.__version__} {'.'.join(versions)}"
+    for data in (made.encode(), *(fact.encode() for fact in _machine_facts()), *parts):
         digest.update(f"{len(data)} ".encode() + data)
     return digest.hexdigest()
 

@@ -1,6 +1,7 @@
 """A small part of Python as LLVM IR: loops over numbers that a tick cannot wait for Python to do.
 
-A kernel is functions with annotations `int`, `float`, `bool`, `Vector`, `Counts`, or a `Record`:
+A kernel is functions with annotations `int`, `float`, `bool`, `Vector`, `Counts`,
+`Words`, or a `Record`:
 
 - assignments, `if`, `for` over `range`, `while`, `break`, `continue`, `return`;
 - arithmetic and comparison of numbers, `and`, `or`, `not`, `a if t else b`;
@@ -35,6 +36,7 @@ from taskspec.native.expressions import number
 if TYPE_CHECKING:
     Vector = memoryview[float]
     Counts = memoryview[int]
+    Words = memoryview[int]
 else:
 
     class Vector:
@@ -43,26 +45,38 @@ else:
     class Counts:
         """Integers of 32 bits in memory, as `Vector`."""
 
+    class Words:
+        """Integers of 64 bits in memory, as `Vector`."""
+
 
 class KernelError(Exception):
     """A function is not in the part of Python that is compiled; says where, and what to write."""
 
 
 def vector(array: Any) -> Any:
-    """A view of an array of doubles or of integers of 32 bits, as kernels take vectors.
+    """A view of an array of doubles or of integers, as kernels take vectors.
 
     Raises:
         TypeError: it holds other numbers, or does not lie in one piece.
     """
     view = memoryview(array)
-    if view.itemsize not in (4, 8) or view.format not in ("d", "i", "l") or not view.c_contiguous:
-        raise TypeError("a vector is doubles, or integers of 32 bits, in one piece of memory")
-    if (view.format == "d") != (view.itemsize == 8):
-        raise TypeError("the integers of a vector have 32 bits")
+    if _in_memory(view) is None or not view.c_contiguous:
+        raise TypeError("a vector is doubles, or integers of 32 or 64 bits, in one piece of memory")
     if view.ndim == 1:
         return view
     whole: Any = view.cast("B") if view.nbytes else memoryview(bytearray())
     return whole.cast(view.format)
+
+
+def _in_memory(view: memoryview[Any]) -> Kind | None:
+    """What a view is a vector of; None for none."""
+    # Memory of ctypes names its byte order, which is this machine's.
+    written = view.format.removeprefix("<" if sys.byteorder == "little" else ">")
+    if written == "d":
+        return Kind.VECTOR
+    if written in ("i", "l", "q"):
+        return {4: Kind.COUNTS, 8: Kind.WORDS}[view.itemsize]
+    return None
 
 
 def address_of(view: Any) -> int:
@@ -96,6 +110,7 @@ class Kind(enum.Enum):
     BOOL = "bool"
     VECTOR = "Vector"
     COUNTS = "Counts"
+    WORDS = "Words"
     RECORD = "record"
     NONE = "None"
 
@@ -119,8 +134,14 @@ class Kind(enum.Enum):
 
 
 _IR = {Kind.INT: "i64", Kind.FLOAT: "double", Kind.BOOL: "i1", Kind.NONE: "void"}
-_ELEMENTS = {Kind.VECTOR: (Kind.FLOAT, "double"), Kind.COUNTS: (Kind.INT, "i32")}
-_FIELDS = {kind.value: kind for kind in (Kind.INT, Kind.FLOAT, Kind.VECTOR, Kind.COUNTS)}
+_ELEMENTS = {
+    Kind.VECTOR: (Kind.FLOAT, "double"),
+    Kind.COUNTS: (Kind.INT, "i32"),
+    Kind.WORDS: (Kind.INT, "i64"),
+}
+_FIELDS = {
+    kind.value: kind for kind in (Kind.INT, Kind.FLOAT, Kind.VECTOR, Kind.COUNTS, Kind.WORDS)
+}
 _IN_C = {Kind.INT: ctypes.c_int64, Kind.FLOAT: ctypes.c_double}
 
 
@@ -128,7 +149,7 @@ class Record:
     """Base of a class of fields that kernels share with Python.
 
     A subclass annotates its fields, in the order in which they lie in memory: `int`, `float`,
-    `Vector`, `Counts`, or another record. Its instances hold numbers and views under Python, and
+    `Vector`, `Counts`, `Words`, or another record. Its instances hold numbers and views under Python, and
     `address` is where machine code has the same fields.
     """
 
@@ -184,7 +205,7 @@ def _scalar(name: str) -> property:
 def _view(name: str) -> property:
     def put(self: Record, array: Any) -> None:
         view = vector(array)
-        if (view.format == "d") != (self.fields[name] is Kind.VECTOR):
+        if _in_memory(view) is not self.fields[name]:
             raise TypeError(f"{name} is {self.fields[name]}, not memory of {view.format!r}")
         self._held[name] = view
         setattr(self._memory, name, address_of(view))
@@ -320,18 +341,19 @@ def _signature(source: _Source, symbol: str) -> _Signature:
 
 def _annotated(source: _Source, node: ast.AST, annotation: ast.expr | None) -> Kind | type[Record]:
     """The kind of a parameter or result, or the class of a record."""
-    kinds = {int: Kind.INT, float: Kind.FLOAT, bool: Kind.BOOL, Vector: Kind.VECTOR}
+    kinds: dict[Any, Kind] = {int: Kind.INT, float: Kind.FLOAT, bool: Kind.BOOL}
+    kinds |= {Vector: Kind.VECTOR, Counts: Kind.COUNTS, Words: Kind.WORDS}
     if isinstance(annotation, ast.Constant) and annotation.value is None:
         return Kind.NONE
     if isinstance(annotation, ast.Name):
         meant = source.meaning(annotation.id)
         if isinstance(meant, type) and issubclass(meant, Record):
             return meant
-        kind = Kind.COUNTS if meant is Counts else kinds.get(meant)
+        kind = kinds.get(meant)
         if kind is not None:
             return kind
     raise source.refusal(
-        node, "annotations are int, float, bool, Vector, Counts, a Record, or -> None"
+        node, "annotations are int, float, bool, Vector, Counts, Words, a Record, or -> None"
     )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import enum
 import math
 
-from taskspec.native.kernel import Counts, Record, Vector, call
+from taskspec.native.kernel import Counts, Record, Vector, Words, call
 
 _HALF, _MANY, _ON = 0.5, 7, True
 
@@ -24,6 +24,7 @@ class Plant(Record):
     gain: float
     state: Vector
     places: Counts
+    words: Words
     steps: int
     motor: Motor
 
@@ -221,6 +222,7 @@ def drive(c: Plant, step: int) -> int:
         k = c.places[c.steps % 3]
         c.state[k] += c.gain
         c.places[0] = 3 - c.places[0]
+        c.words[k] = (c.words[0] ^ (c.words[k] >> 7)) + 3 * k
         c.gain *= 1.5
         c.steps += 1
         _turn(c.motor, c.gain)

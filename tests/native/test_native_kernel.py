@@ -75,6 +75,7 @@ def plant() -> samples.Plant:
         state=np.arange(4.0),
         places=np.array([1, 2, 0], dtype=np.int32),
         motor=samples.Motor(turns=2, heat=0.5),
+        words=np.array([-(2**62), 5, 2**61 + 1]),
     )
 
 
@@ -90,6 +91,7 @@ def test_records_and_native_functions(native, code) -> None:
         assert ours.state.tolist() == theirs.state.tolist()
         assert ours.places.tolist() == theirs.places.tolist()
         assert (ours.motor.turns, ours.motor.heat) == (theirs.motor.turns, theirs.motor.heat)
+        assert ours.words.tolist() == theirs.words.tolist()
         assert (ours.gain, ours.steps, ours.n) == (theirs.gain, theirs.steps, theirs.n)
 
 
@@ -98,7 +100,7 @@ def test_record_says_what_it_does_not_hold() -> None:
         samples.Plant(height=1.0)
     with pytest.raises(TypeError, match="state is a Vector, not memory of 'i'"):
         samples.Plant(state=np.zeros(3, dtype=np.int32))
-    with pytest.raises(TypeError, match="integers of a vector have 32 bits"):
+    with pytest.raises(TypeError, match=r"places is a Counts, not memory of '[lq]'"):
         samples.Plant(places=np.zeros(3, dtype=np.int64))
     with pytest.raises(TypeError, match="one piece"):
         samples.Plant(state=np.zeros((3, 4))[:, 0])

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from taskspec_runner.cli import completions, options
-from taskspec_runner.cli.formats import DiagnosticFormat, RunFormat
+from taskspec_runner.cli.formats import DiagnosticFormat, LoopName, RunFormat
 from taskspec_runner.cli.guard import guarded
 
 app = typer.Typer(
@@ -54,6 +54,9 @@ def run(
     form: Annotated[RunFormat, typer.Option("--format", help="Of the outcome.")] = RunFormat.TEXT,
     video: options.RunVideo = None,
     force: options.Force = False,
+    loop: Annotated[
+        LoopName, typer.Option(help="Machine code where there is some, or one of the two.")
+    ] = LoopName.AUTO,
 ) -> int:
     """Run a task in simulation, record it and judge what it expects."""
     from taskspec_runner.cli.run import run_task
@@ -69,6 +72,7 @@ def run(
         form=form,
         video=video,
         force=force,
+        loop=None if loop is LoopName.AUTO else loop.value,
     )
 
 

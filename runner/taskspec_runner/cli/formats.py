@@ -21,3 +21,11 @@ class DiagnosticFormat(StrEnum):
     GITHUB = "github"
     SARIF = "sarif"
     JUNIT = "junit"
+
+
+class LoopName(StrEnum):
+    """What runs the ticks of a run; the numbers are the same."""
+
+    AUTO = "auto"
+    NATIVE = "native"
+    PYTHON = "python"

@@ -34,6 +34,7 @@ def run_task(
     form: RunFormat,
     video: Path | None = None,
     force: bool = False,
+    loop: str | None = None,
 ) -> int:
     """Runs a task file and tells how it went; afterwards draws it as a video."""
     from taskspec_runner.cli.outcome import show_outcome
@@ -65,7 +66,7 @@ def run_task(
         sending(telemetry, _say) as sink,
         progress_line(shown=not quiet and sys.stderr.isatty()) as progress,
     ):
-        run = execute_program(program, out, seed=seed, progress=progress, telemetry=sink)
+        run = execute_program(program, out, seed=seed, progress=progress, telemetry=sink, loop=loop)
     # Who breaks off a run does not wait for its video.
     if video is not None and run.exit_code < BY_SIGNAL:
         from taskspec_runner.cli.replay import film

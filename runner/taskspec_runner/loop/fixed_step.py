@@ -2,22 +2,36 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Protocol
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 from taskspec.program import events
 from taskspec.program.execution.machine import Machine
 from taskspec.program.execution.transition import END, Transition
+from taskspec_runner.errors import InputError
 from taskspec_runner.loop.sensing import Sensing
 from taskspec_runner.plant.plant import Plant
+from taskspec_runner.record.block import Block
 from taskspec_runner.record.bus import Bus
+
+if TYPE_CHECKING:
+    from taskspec_runner.loop.native.loop import NativeLoop
 
 #: Squared joint torques, velocities and positions of a sane run stay far below this.
 _HEALTHY = 1e12
 #: Ticks between looks at the simulator's warning counters, which are slow to read.
-_LOOK_EVERY = 20
+LOOK_EVERY = 20
 
+#: Loops by their names.
+NATIVE, PYTHON = "native", "python"
+#: A run that is shorter is over before its code is compiled.
+_WORTH = 1000
+#: Ticks from one question to the next whether machine code has been compiled.
+_ASK_EVERY = 100
+#: Ticks that machine code runs at most before Python sees to messages, progress and interrupts.
+_AT_ONCE = 400
 DONE, FAILED, STOPPED = "done", "failed", "stopped"
 
 
@@ -33,6 +47,8 @@ class Outcome:
         stage: in which it ended.
         clock: simulated time [s].
         ticks: control periods.
+        loop: what ran the ticks on which nothing happens, `native` or `python`.
+        why_python: why they were not run natively, empty where they were or that was asked for.
     """
 
     status: str
@@ -41,6 +57,8 @@ class Outcome:
     stage: str
     clock: float
     ticks: int
+    loop: str = PYTHON
+    why_python: str = ""
 
 
 class TickSink(Protocol):
@@ -48,6 +66,24 @@ class TickSink(Protocol):
 
     def add(self) -> None:
         """Takes the bus as it is now."""
+
+
+@runtime_checkable
+class BlockSink(TickSink, Protocol):
+    """What takes ticks also by the dozen, from a loop that writes them into its block.
+
+    Attributes:
+        block: where they are to be; None where they need not be kept.
+    """
+
+    block: Block | None
+
+    @property
+    def left(self) -> int:
+        """How many ticks it takes before it has to look at one, the last of them."""
+
+    def advance(self, ticks: int) -> None:
+        """Takes ticks that are in the block."""
 
 
 #: Called now and then with the machine and the simulated time.
@@ -62,22 +98,59 @@ def run(
     period: float,
     progress: Progress | None = None,
     seed: int = 0,
+    loop: str | None = None,
 ) -> Outcome:
     """Runs a task to its end; the recorder holds every tick up to there.
 
-    `seed` is that of everything random in the run: the noise of the sensor.
+    Args:
+        machine, plant, bus: of the run, at its start.
+        recorder: takes every tick; without a block, Python runs them all.
+        period: of control [s].
+        progress: called now and then.
+        seed: of everything random in the run: the noise of the sensor.
+        loop: `native`, `python`, or None for the native one where there is one.
+
+    Raises:
+        InputError: there is no native loop, and no other is wanted.
     """
-    arm = plant.arm
-    sensing = Sensing(arm, plant.views.equations, machine, seed)
+    sensing = Sensing(plant.arm, plant.views.equations, machine, seed)
+    inner = _Native(machine, plant, bus, sensing, recorder, loop)
+    outcome = _run(machine, plant, bus, recorder, period, progress or _unseen, sensing, inner)
+    return replace(outcome, loop=inner.name, why_python=inner.why)
+
+
+def _run(
+    machine: Machine,
+    plant: Plant,
+    bus: Bus,
+    recorder: TickSink,
+    period: float,
+    progress: Progress,
+    sensing: Sensing,
+    inner: _Native,
+) -> Outcome:
+    """The loop itself; `inner` runs the ticks on which nothing happens, as far as it can."""
     clock_slot, t_slot, stage_slot = (bus.slices[name].start for name in ("clock", "t", "stage"))
-    array, torque = bus.array, machine.torque
+    array, torque, arm = bus.array, machine.torque, plant.arm
     health = bus.slices["health"].start
     tick, read, step, add = machine.tick, sensing.read, plant.step, recorder.add
     read()
     machine.start()
     ticks, clock = 0, 0.0
     while True:
-        read()
+        done = inner.run(ticks)
+        if done:
+            ticks += done
+            clock = ticks * period
+            if inner.look:
+                alarm = plant.alarm()
+                if alarm is not None:
+                    return _stopped(*alarm, machine, clock, ticks)
+            progress(machine, clock)
+            if inner.goes_on:
+                continue
+        if not inner.sensed:
+            read()
         event = tick(clock)
         array[clock_slot], array[t_slot], array[stage_slot] = clock, machine.t, machine.index
         if not array[health] < _HEALTHY:
@@ -93,12 +166,83 @@ def run(
         add()
         ticks += 1
         clock = ticks * period
-        if arm.diverged or ticks % _LOOK_EVERY == 0:
+        if arm.diverged or ticks % LOOK_EVERY == 0:
             alarm = plant.alarm()
             if alarm is not None:
                 return _stopped(*alarm, machine, clock, ticks)
-            if progress is not None:
-                progress(machine, clock)
+            progress(machine, clock)
+
+
+def _unseen(machine: Machine, clock: float) -> None:
+    """Progress that nobody looks at."""
+
+
+class _Native:
+    """The native loop of a run, or why there is none.
+
+    Attributes:
+        why: why Python runs all ticks, as a sentence; empty where it does not, or is wanted to.
+        used: whether machine code has run any.
+        look: whether the plant's alarms are to be looked at after what has been run.
+        goes_on: whether the tick that follows is the native loop's own.
+        sensed: whether the tick that follows has been sensed.
+    """
+
+    def __init__(
+        self,
+        machine: Machine,
+        plant: Plant,
+        bus: Bus,
+        sensing: Sensing,
+        recorder: TickSink,
+        wanted: str | None,
+    ) -> None:
+        self.why, self.used = "", False
+        self.look = self.goes_on = self.sensed = False
+        self._of = machine, plant, bus, sensing
+        self._wanted = wanted
+        self._loop: NativeLoop | None = None
+        self._sink = recorder if isinstance(recorder, BlockSink) else None
+        self._next = 0 if wanted != PYTHON and self._sink is not None else math.inf
+
+    @property
+    def name(self) -> str:
+        """Of the loop."""
+        return NATIVE if self.used else PYTHON
+
+    def run(self, ticks: int) -> int:
+        """Runs ticks after the first `ticks` of a run; returns how many there have been."""
+        self.look = self.goes_on = self.sensed = False
+        if ticks < self._next or self._sink is None:
+            return 0
+        # With llvmlite these take a tenth of a second to import.
+        from taskspec.native.engine import EngineError
+        from taskspec.native.expressions import UnsupportedOperationError
+        from taskspec_runner.loop.native.code import Compiling, NotReadyError
+        from taskspec_runner.loop.native.loop import NativeLoop
+        from taskspec_runner.loop.native.simulator import LayoutError
+
+        try:
+            compiling = Compiling.BESIDE if ticks >= _WORTH else Compiling.NOT_YET
+            if self._wanted == NATIVE:
+                compiling = Compiling.WAIT
+            if self._loop is None:
+                self._loop = NativeLoop(*self._of, self._sink.block, LOOK_EVERY, compiling)
+            self._loop.compiling = compiling
+            done = self._loop.run(ticks, min(self._sink.left, _AT_ONCE))
+        except NotReadyError:
+            self._next = ticks + _ASK_EVERY
+            return 0
+        except (EngineError, UnsupportedOperationError, LayoutError) as error:
+            if self._wanted == NATIVE:
+                raise InputError(f"the native loop cannot be had: {error}") from error
+            self.why, self._next = str(error), math.inf
+            return 0
+        self._sink.advance(done)
+        self.used |= done > 0
+        self.look, self.sensed = self._loop.look, self._loop.sensed
+        self.goes_on = not (self.sensed or self._loop.stands)
+        return done
 
 
 def _why_not_finite(machine: Machine) -> str:

@@ -71,6 +71,8 @@ def opening(program: Program, content: bytes, seed: int) -> dict[str, Any]:
         "finished": None,
         "wall_seconds": None,
         "real_time_factor": None,
+        "loop": None,
+        "why_python": None,
         "exit_code": None,
         "sha256": {
             "task.yaml": hashlib.sha256(content).hexdigest(),

@@ -34,7 +34,7 @@ class Recorder:
     own, so that the loop waits for it only where a disk does not keep up.
 
     Attributes:
-        block: the newest ticks.
+        block: the newest ticks; None where nothing is kept.
         ticks: so far.
     """
 
@@ -60,11 +60,11 @@ class Recorder:
         self._stages, self._array, self._log = stages, bus.array, log
         self._layout = LogLayout(bus.slices, robot, stages, task)
         fields = len(bus.array)
-        self.block = Block.memory(ROOM, fields) if log is None else log.block(ROOM, fields)
+        self.block = None if log is None else log.block(ROOM, fields)
         # A slice of memory is copied in a third of the time that a row of an array takes.
-        self._bytes, self._flat = bus.array.data, self.block.rows.reshape(-1).data
+        self._bytes, self._fields = bus.array.data, fields
+        self._flat = None if self.block is None else self.block.rows.reshape(-1).data
         self._words, self._weights = bus.array.view(np.int64), weights(fields)
-        self._sums, self._fields = self.block.sums, fields
         self.ticks = 0
         self._handed = self._written = 0
         self._writer: ThreadPoolExecutor | None = None
@@ -76,17 +76,18 @@ class Recorder:
         Raises:
             OutputError: a batch before could not be written.
         """
-        ticks, fields = self.ticks, self._fields
-        row = ticks % ROOM
-        start = row * fields
-        self._flat[start : start + fields] = self._bytes
-        # With its checksum the tick is there, whatever happens to this process.
-        total = int(self._words.dot(self._weights)) + (ticks + 1) * TICK_WEIGHT
-        self._sums[row] = _wrapped(total)
+        if self._flat is not None and self.block is not None:
+            ticks, fields = self.ticks, self._fields
+            row = ticks % ROOM
+            start = row * fields
+            self._flat[start : start + fields] = self._bytes
+            # With its checksum the tick is there, whatever happens to this process.
+            total = int(self._words.dot(self._weights)) + (ticks + 1) * TICK_WEIGHT
+            self.block.sums[row] = _wrapped(total)
         self.advance(1)
 
     def advance(self, ticks: int) -> None:
-        """Takes note of ticks that are in the block, no more than `left_in_batch` of them.
+        """Takes note of ticks that are in the block, no more than `left` of them.
 
         Raises:
             OutputError: a batch before could not be written.
@@ -96,7 +97,7 @@ class Recorder:
             self._hand_over()
 
     @property
-    def left_in_batch(self) -> int:
+    def left(self) -> int:
         """Ticks up to the end of the batch, for which there is room."""
         return BATCH - self.ticks % BATCH
 
@@ -129,12 +130,12 @@ class Recorder:
     def _hand_over(self) -> None:
         """Has the ticks since the last batch written; waits until there is room for another."""
         first, n = self._handed, self.ticks - self._handed
-        if not n or self._log is None:
+        if not n or self._log is None or self.block is None:
             return
         if self._writer is None:
             self._writer = ThreadPoolExecutor(1, "log")
         self._handed = self.ticks
-        self._under_way.append(self._writer.submit(self._write, self._log, first, n))
+        self._under_way.append(self._writer.submit(self._write, self._log, self.block, first, n))
         self._wait(_BATCHES - 1)
 
     def _wait(self, most: int) -> None:
@@ -142,15 +143,15 @@ class Recorder:
         while len(self._under_way) > most:
             self._under_way.popleft().result()
 
-    def _write(self, log: Log, first: int, n: int) -> None:
+    def _write(self, log: Log, block: Block, first: int, n: int) -> None:
         """Writes `n` ticks from `first` on as one batch; none of them is across the ring's end."""
         if first != self._written:
             # The batch before could not be written, which `_wait` raises.
             return
         row = first % ROOM
-        log.write(self._layout.batch(self.block.rows[row : row + n]))
+        log.write(self._layout.batch(block.rows[row : row + n]))
         self._written = first + n
-        self.block.advance(self._written, bytes.fromhex(log.sha256))
+        block.advance(self._written, bytes.fromhex(log.sha256))
 
 
 def _wrapped(number: int) -> int:

@@ -19,8 +19,8 @@ class CompiledTerms(ModelTerms):
     def __init__(self, robot: RobotModel, q: Vector | None = None, v: Vector | None = None) -> None:
         super().__init__(robot, q, v)
         function = RigidBody(robot).function
-        self._bound = BoundFunction(function, (self.q, self.v), self.arrays)
+        self.bound = BoundFunction(function, (self.q, self.v), self.arrays)
 
     def update(self) -> None:
         """Evaluates all terms at `q` and `v`."""
-        self._bound.evaluate()
+        self.bound.evaluate()

@@ -1,0 +1,165 @@
+"""Machine code of a run's functions: made once in a process, and kept for the next one."""
+
+from __future__ import annotations
+
+import enum
+import inspect
+from collections import OrderedDict
+from collections.abc import Callable, Hashable
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from threading import Lock
+from types import ModuleType
+from typing import Any
+
+import casadi as ca
+
+from taskspec.native import expressions, kernel
+from taskspec.native.engine import Engine, NotKeptError
+from taskspec.native.expressions import expression_ir
+from taskspec.native.kernel import kernel_ir
+
+#: What a function of CasADi's is called in its engine.
+CODE = "f"
+#: Functions whose code a process finds again: those of some tasks with many stages.
+_MOST = 256
+
+
+class NotReadyError(Exception):
+    """There is no machine code yet."""
+
+
+class Compiling(enum.Enum):
+    """What becomes of code that is neither here nor kept.
+
+    Attributes:
+        WAIT: it is compiled.
+        BESIDE: it is compiled by a thread of its own, and there is none until it has been.
+        NOT_YET: there is none.
+    """
+
+    WAIT = "wait"
+    BESIDE = "beside"
+    NOT_YET = "not yet"
+
+
+@dataclass(frozen=True, slots=True)
+class _Source:
+    """What an engine is made of.
+
+    Attributes:
+        key: by which this process finds it.
+        holds: what has to live as long as the key is to mean this.
+        text: what its IR follows from.
+        ir: makes that.
+        level: LLVM's optimisation.
+    """
+
+    key: Hashable
+    holds: Any
+    text: Callable[[], bytes]
+    ir: Callable[[], str]
+    level: int
+
+    def engine(self, *, compiles: bool) -> Engine:
+        """The engine; a NotKeptError where none is kept and none is to be compiled."""
+        return Engine(lambda: [self.ir()], level=self.level, source=self.text(), compiles=compiles)
+
+
+class _Engines:
+    """The engines that this process has, and those that are being made."""
+
+    def __init__(self) -> None:
+        self._lock = Lock()
+        self._made: OrderedDict[Hashable, tuple[_Source, Engine]] = OrderedDict()
+        self._under_way: dict[Hashable, Future[Engine]] = {}
+
+    def of(self, source: _Source, compiling: Compiling) -> Engine:
+        """The engine of a source; see `expression_engine`."""
+        with self._lock:
+            if source.key in self._made:
+                self._made.move_to_end(source.key)
+                return self._made[source.key][1]
+            under_way = self._under_way.get(source.key)
+        if under_way is None:
+            try:
+                return self._keep(source, source.engine(compiles=compiling is Compiling.WAIT))
+            except NotKeptError:
+                if compiling is Compiling.NOT_YET:
+                    raise NotReadyError from None
+                under_way = _compiler().submit(source.engine, compiles=True)
+                with self._lock:
+                    self._under_way[source.key] = under_way
+        if not (compiling is Compiling.WAIT or under_way.done()):
+            raise NotReadyError
+        with self._lock:
+            self._under_way.pop(source.key, None)
+        return self._keep(source, under_way.result())
+
+    def _keep(self, source: _Source, engine: Engine) -> Engine:
+        with self._lock:
+            self._made[source.key] = source, engine
+            while len(self._made) > _MOST:
+                self._made.popitem(last=False)
+        return engine
+
+
+_ENGINES = _Engines()
+
+
+def expression_engine(function: ca.Function, compiling: Compiling) -> Engine:
+    """The machine code of a function, as `CODE`: what there is, what is kept, or a new one.
+
+    Args:
+        function: of SX.
+        compiling: whether it is compiled if there is none.
+
+    Raises:
+        EngineError: there is no machine code here.
+        UnsupportedOperationError: it has an operation that machine code lacks.
+        NotReadyError: there is none yet.
+    """
+
+    def text() -> bytes:
+        written: str = function.serialize()
+        return _written(expressions) + written.encode()
+
+    # A function's hash is where it lies.
+    source = _Source(
+        function.__hash__(), function, text, lambda: expression_ir(function, CODE), level=1
+    )
+    return _ENGINES.of(source, compiling)
+
+
+def kernel_engine(
+    function: Callable[..., Any], *modules: ModuleType, compiling: Compiling
+) -> Engine:
+    """The machine code of a kernel, by its name.
+
+    Args:
+        function: the kernel.
+        modules: all that it is written in.
+        compiling: whether it is compiled if there is none.
+
+    Raises:
+        EngineError: there is no machine code here.
+        NotReadyError: there is none yet.
+    """
+
+    def text() -> bytes:
+        return b"".join(_written(module) for module in (kernel, expressions, *modules))
+
+    source = _Source(function, None, text, lambda: kernel_ir(function), level=2)
+    return _ENGINES.of(source, compiling)
+
+
+@cache
+def _written(module: ModuleType) -> bytes:
+    return Path(inspect.getfile(module)).read_bytes()
+
+
+@cache
+def _compiler() -> ThreadPoolExecutor:
+    return ThreadPoolExecutor(1, "compiler")

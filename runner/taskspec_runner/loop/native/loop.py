@@ -1,0 +1,323 @@
+"""A run's ticks in machine code: what the code shares with machine, plant and log."""
+
+from __future__ import annotations
+
+import ctypes
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taskspec.program.execution.compiled_terms import CompiledTerms
+from taskspec.program.execution.machine import Machine
+from taskspec.program.execution.stage_runner import StageRunner
+from taskspec.program.ports import fields, slices
+from taskspec_runner.loop.native import simulator, tick_memory, ticks
+from taskspec_runner.loop.native.code import Compiling, kernel_engine
+from taskspec_runner.loop.native.tick_memory import LIBRARY, TickMemory
+from taskspec_runner.loop.sensing import Sensing
+from taskspec_runner.plant.equations import XBODY
+from taskspec_runner.plant.moving_base import INERTIA
+from taskspec_runner.plant.plant import ENERGY_BOUND, FORCE_BOUND, Plant
+from taskspec_runner.record.block import TICK_WEIGHT, Block, weights
+from taskspec_runner.record.bus import Bus
+
+Vector = NDArray[np.float64]
+
+
+class NativeLoop:
+    """Runs ticks of a run as long as nothing happens that the machine decides.
+
+    It shares the memory of bus, machine, sensor, plant and block: what it has done is done for all.
+
+    Attributes:
+        look: whether it has stopped for the plant's alarms to be looked at.
+        sensed: whether the next tick is Python's, and has been sensed.
+        stands: whether the next tick is Python's, from its beginning.
+        compiling: what becomes of machine code of stages that there is not.
+    """
+
+    def __init__(
+        self,
+        machine: Machine,
+        plant: Plant,
+        bus: Bus,
+        sensing: Sensing,
+        block: Block | None,
+        look_every: int,
+        compiling: Compiling,
+    ) -> None:
+        """Makes the code that every stage needs.
+
+        Args:
+            machine, plant, bus: of the run.
+            sensing: what the machine measures by.
+            block: the log's newest ticks; None for a run that keeps none.
+            look_every: ticks from one look at the simulator's warnings to the next.
+            compiling: what becomes of machine code that there is not; that of stages follows
+                `compiling` as it is when they are entered.
+
+        Raises:
+            EngineError: there is no machine code here.
+            UnsupportedOperationError: an expression has an operation that machine code lacks.
+            LayoutError: MuJoCo's data lie otherwise than expected.
+            NotReadyError: there is no code yet.
+        """
+        self.look = self.sensed = self.stands = False
+        self.compiling = compiling
+        self._machine, self._plant, self._sensing = machine, plant, sensing
+        self._room = 0 if block is None else len(block.rows)
+        engine = kernel_engine(ticks.run, ticks, tick_memory, compiling=compiling)
+        self._run = engine.function("run", ctypes.c_int64, ctypes.c_void_p, ctypes.c_int64)
+        self._base = base = TickMemory(None, compiling)
+        _library(base)
+        _controller(base, machine, plant)
+        _sensor(base, machine, sensing)
+        _plant(base, plant)
+        base.take(look_every=look_every, period=machine.period, bus=bus.array)
+        places = bus.slices
+        base.take(n_bus=len(bus.array), records=block is not None)
+        base.take(**{f"i_{name}": places[name].start for name in ("clock", "t", "stage")})
+        if block is not None:
+            base.take(room=len(block.rows), tick_weight=TICK_WEIGHT)
+            base.take(
+                rows=block.rows.reshape(-1),
+                sums=block.sums,
+                bus_words=bus.array.view(np.int64),
+                weights=weights(len(bus.array)),
+            )
+        self._stages: dict[int, TickMemory] = {}
+
+    def run(self, first: int, most: int) -> int:
+        """Up to `most` ticks after the `first` ones; returns how many there have been.
+
+        Raises:
+            UnsupportedOperationError: the stage has an operation that machine code lacks.
+            NotReadyError: there is no code of the stage yet.
+        """
+        c, sensor = self._record(first), self._sensing.sensor
+        while True:
+            reason = self._run(c.address, first + most - c.ticks)
+            if reason != ticks.NOISE or sensor is None:
+                break
+            sensor.draw()
+            c.noise_used = sensor.used
+        self.look = reason == ticks.LOOK
+        self.sensed, self.stands = reason == ticks.SENSED, reason == ticks.WHOLE
+        self._take_back(c)
+        done = int(c.ticks) - first
+        if done:
+            self._machine.has_run(done)
+        return done
+
+    def _record(self, first: int) -> TickMemory:
+        """The record of the current stage, with the state of all that Python has changed."""
+        machine, sensor = self._machine, self._sensing.sensor
+        index, runner, estimation = machine.index, machine.runner, machine.estimation
+        if index not in self._stages:
+            self._stages[index] = _stage(
+                TickMemory(self._base, self.compiling), machine.torque, machine.outputs, runner
+            )
+        c = self._stages[index]
+        c.ticks, c.stage_ticks, c.stage = first, machine.stage_ticks, index
+        c.next_knot, c.last_time = runner.next_knot, self._plant.last_time
+        c.tares = estimation.on and machine.sensor is not None
+        c.estimates = estimation.on and estimation.estimates is not None
+        if estimation.estimates is not None:
+            c.estimate_ticks = estimation.estimates.collected
+        if sensor is not None:
+            c.noise_used, c.sensor_ticks = sensor.used, sensor.ticks
+        if runner.solver is not None:
+            c.clear, c.paring = runner.solver.clear, runner.solver.paring
+        if self._room:
+            c.recorded, c.row = first, first % self._room
+        return c
+
+    def _take_back(self, c: TickMemory) -> None:
+        """Gives Python what the ticks have changed of its own."""
+        sensor, solver = self._sensing.sensor, self._machine.runner.solver
+        estimates = self._machine.estimation.estimates
+        if estimates is not None:
+            estimates.collected = c.estimate_ticks
+        if sensor is not None:
+            sensor.used, sensor.ticks = c.noise_used, c.sensor_ticks
+        if solver is not None:
+            solver.clear, solver.paring = bool(c.clear), bool(c.paring)
+        if self.look:
+            # Whoever looks sees the clock of the last look, and this step's force.
+            self._plant.arm.read_forces()
+        else:
+            self._plant.last_time = c.last_time
+
+
+def _library(record: TickMemory) -> None:
+    record.take(**{name: simulator.address(name) for name in LIBRARY})
+
+
+def _controller(record: TickMemory, machine: Machine, plant: Plant) -> None:
+    arm = plant.arm
+    places = slices(fields(len(machine.reactions)))
+    names = ("conditioning", "health", "violation", "clamped", "unsettled", "limits", "limited")
+    record.take(
+        n=len(machine.q),
+        n_reactions=len(machine.reactions),
+        n_outputs=len(machine.outputs),
+        **{f"i_{name}": places[name].start for name in names},
+    )
+    record.take(
+        q=machine.q,
+        v=machine.v,
+        wrench=machine.wrench,
+        reactions=machine.reactions,
+        now=machine.now,
+        true_q=arm.q,
+        true_v=arm.v,
+        true_wrench=arm.wrench,
+        true_reactions=plant.views.equations,
+        torque=machine.torque,
+        outputs=machine.outputs,
+    )
+    assert isinstance(machine.terms, CompiledTerms)
+    record.function("terms", machine.terms.bound)
+
+
+def _sensor(record: TickMemory, machine: Machine, sensing: Sensing) -> None:
+    sensor, zero = sensing.sensor, machine.sensor
+    if zero is not None:
+        record.function("zeroed", zero.function)
+        record.take(
+            tip_rotation=machine.terms.arrays[5],
+            turned=zero.turned,
+            zeroed_wrench=zero.wrench,
+            taring_total=zero.total,
+            taring_left=zero.left,
+            taring_count=zero.count,
+        )
+    if sensor is not None:
+        record.function("sensor", sensor.function)
+        record.take(
+            noisy=len(sensor.drawn) > 0,
+            noise_drawn=len(sensor.drawn),
+            hold_ticks=sensor.hold_ticks,
+            n_sensor=len(sensor.memory),
+        )
+        record.take(
+            noise_rows=sensor.drawn.reshape(-1),
+            noise=sensor.noise,
+            samples=sensor.samples,
+            sensor_memory=sensor.memory,
+            sensor_kept=sensor.kept,
+        )
+    estimates = machine.estimation.estimates
+    if estimates is not None:
+        record.take(estimate_room=len(estimates.recent))
+        record.take(recent=estimates.recent.reshape(-1))
+
+
+def _plant(record: TickMemory, plant: Plant) -> None:
+    arm, views = plant.arm, plant.views
+    model, data = plant.model, plant.data
+    layout, words = simulator.data_layout(), simulator.words(data)
+    velocity = np.zeros(model.nv)
+    warnings = simulator.warnings(data)
+    record.take(
+        model=model._address,
+        data=data._address,
+        substeps=plant.substeps,
+        simple=plant.simple,
+        n_applied=model.nv,
+        n_warnings=len(warnings),
+        at_efc_force=layout.efc_force,
+        force_bound=FORCE_BOUND,
+        energy_bound=ENERGY_BOUND,
+    )
+    record.take(
+        data_words=words,
+        time=words[layout.time : layout.time + 1].view(np.float64),
+        warnings=warnings,
+        qpos=data.qpos,
+        qvel=data.qvel,
+        motors=arm.torque,
+        applied=data.qfrc_applied,
+        velocity=velocity,
+        arm_velocity=velocity[arm.velocities],
+        momentum=np.zeros(model.nv),
+    )
+    record.function("forces", arm.forces)
+    if arm.grip is not None:
+        rows = arm.grip.rows
+        record.take(
+            grip_rows=rows.ctypes.data,
+            grip_first=rows.itemsize * arm.grip.first,
+            grip_bytes=rows.nbytes,
+        )
+    if plant.mechanisms is not None:
+        mechanisms = plant.mechanisms
+        record.take(n_mechanisms=len(mechanisms.dofs))
+        record.take(
+            mechanism_at=mechanisms.positions,
+            mechanism_dof=mechanisms.dofs,
+            mechanism_positions=views.mechanism_positions,
+            mechanism_rates=views.mechanism_rates,
+        )
+        if mechanisms.detents is not None:
+            record.function("detents", mechanisms.detents)
+            record.take(n_detents=len(mechanisms.detent_dofs))
+            record.take(detent_dof=mechanisms.detent_dofs, detent_forces=mechanisms.detent_forces)
+    if plant.loose is not None:
+        record.take(n_loose=len(plant.loose.positions))
+        record.take(loose_at=plant.loose.positions, loose=views.loose)
+    if plant.moving_bases is not None:
+        moving = plant.moving_bases
+        record.function("moving", moving.function)
+        record.take(n_moving=len(moving.dofs), moving_inertia=INERTIA)
+        record.take(
+            moving_at=moving.positions,
+            moving_dof=moving.dofs,
+            moving_clock=moving.clock,
+            moving_place=moving.place,
+            moving_rate=moving.rate,
+            moving_bend=moving.bend,
+        )
+    if arm.equations is not None:
+        equations = arm.equations
+        record.function("equations", equations.function)
+        record.take(
+            cartesian=equations.cartesian,
+            body_kind=int(XBODY),
+            tip_body=equations.body,
+            applied_at=data.qfrc_applied.ctypes.data,
+        )
+        record.take(
+            equations_clock=equations.clock,
+            tip=equations.tip,
+            tip_twist=equations.twist,
+            on_tip=equations.on_tip,
+            nothing=equations.nothing,
+            on_joints=equations.on_joints,
+            applied_joints=equations.joints,
+        )
+
+
+def _stage(record: TickMemory, torque: Vector, outputs: Vector, runner: StageRunner) -> TickMemory:
+    """What the record has of a stage."""
+    solver = runner.solver
+    new_torque, new_outputs = np.zeros_like(torque), np.zeros_like(outputs)
+    _, new_memory, _, handed_over = runner.tick.results
+    record.function("tick", runner.tick, (new_torque, new_memory, new_outputs, handed_over))
+    record.take(n_memory=runner.stage.memory.size, least_conditioning=runner.least_conditioning)
+    record.take(
+        memory=runner.memory,
+        new_memory=new_memory,
+        new_torque=new_torque,
+        new_outputs=new_outputs,
+    )
+    if solver is not None:
+        record.take(
+            has_program=True,
+            n_requests=len(solver.cut),
+            has_last_torque=solver.last_torque is not None,
+        )
+        record.take(clamped_cut=solver.clamped_cut, cut=solver.cut, limited=solver.limited)
+        if solver.last_torque is not None:
+            record.take(last_torque=solver.last_torque)
+    return record

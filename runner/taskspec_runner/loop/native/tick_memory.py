@@ -1,0 +1,257 @@
+"""What the loop in machine code reads and writes: one record of numbers and addresses."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taskspec.native.kernel import Record, Vector, Words
+from taskspec.program.bound import BoundFunction
+from taskspec_runner.loop.native.code import CODE, Compiling, expression_engine
+
+Array = NDArray[np.float64]
+
+#: MuJoCo's functions by their addresses, and C's.
+LIBRARY = (
+    "mj_step",
+    "mj_step1",
+    "mj_step2",
+    "mj_objectVelocity",
+    "mj_applyFT",
+    "mj_mulM",
+    "memcpy",
+)
+
+
+class TickMemory(Record):
+    """The memory of one stage of a run. A number that tells whether is 1 or 0."""
+
+    # Functions on memory: each has its address, 0 where a run has none of it, and the addresses of
+    # the addresses of its arguments and results.
+    terms: int
+    terms_arg: int
+    terms_res: int
+    zeroed: int
+    zeroed_arg: int
+    zeroed_res: int
+    tick: int
+    tick_arg: int
+    tick_res: int
+    sensor: int
+    sensor_arg: int
+    sensor_res: int
+    forces: int
+    forces_arg: int
+    forces_res: int
+    moving: int
+    moving_arg: int
+    moving_res: int
+    equations: int
+    equations_arg: int
+    equations_res: int
+    detents: int
+    detents_arg: int
+    detents_res: int
+
+    # functions of libraries, by their addresses
+    mj_step: int
+    mj_step1: int
+    mj_step2: int
+    mj_objectVelocity: int
+    mj_applyFT: int
+    mj_mulM: int
+    memcpy: int
+
+    # how far it is
+    ticks: int  # of the run
+    stage_ticks: int  # of the stage
+    stage: int  # its number
+
+    # the controller
+    n: int  # joints
+    n_reactions: int  # constraint equations
+    n_outputs: int  # outputs of the tick
+    n_memory: int  # numbers that the stage remembers
+    n_requests: int  # force set points of the stage
+    has_last_torque: int  # whether the tick reads the torque before
+    has_program: int  # whether limits may need a program
+    clear: int  # whether no limit was in the way
+    paring: int  # whether requests are being cut
+    tares: int  # whether the stage measures the sensor's zero
+    estimates: int  # whether the stage measures a frame
+    estimate_ticks: int  # ticks of that
+    estimate_room: int  # ticks that it looks back
+
+    # where the outputs have what the loop reads
+    i_conditioning: int
+    i_health: int
+    i_violation: int
+    i_clamped: int
+    i_unsettled: int
+    i_limits: int
+    i_limited: int
+
+    # the bus
+    n_bus: int  # numbers of a tick
+    i_clock: int
+    i_t: int
+    i_stage: int
+
+    # the sensor
+    noisy: int  # whether it has noise
+    noise_used: int  # rows of the noise
+    noise_drawn: int  # rows there are
+    sensor_ticks: int  # so far
+    hold_ticks: int  # from sample to sample
+    n_sensor: int  # numbers that it remembers
+
+    # the plant
+    model: int  # MuJoCo's
+    data: int  # MuJoCo's
+    substeps: int  # of a period
+    simple: int  # whether MuJoCo's step is all there is to a step
+    n_applied: int  # degrees of freedom
+    n_mechanisms: int
+    n_loose: int  # numbers of their poses
+    n_moving: int  # driven coordinates
+    n_detents: int
+    n_warnings: int
+    look_every: int  # ticks from look to look at the simulator
+    cartesian: int  # whether an equation acts on the tip
+    body_kind: int  # MuJoCo's number for a body's frame
+    tip_body: int
+    applied_at: int  # address of the applied forces
+    grip_rows: int  # address of the rows of a grip, 0 without one
+    grip_first: int  # bytes before them among all rows
+    grip_bytes: int  # of them
+    at_efc_force: int  # which word of MuJoCo's data has the address of all rows
+
+    # the record
+    records: int  # whether ticks are kept
+    row: int  # of the block
+    room: int  # rows of it
+    recorded: int  # ticks so far
+    tick_weight: int  # of a tick's number in its checksum
+
+    period: float  # of control [s]
+    next_knot: float  # stage time at which a path or move changes [s]
+    least_conditioning: float  # below which coordinates are chosen again
+    moving_inertia: float  # of a driven coordinate
+    last_time: float  # of the simulator at the last look [s]
+    force_bound: float  # [N]
+    energy_bound: float  # [J]
+
+    # the controller's inputs, and what they are measured from
+    q: Vector
+    v: Vector
+    wrench: Vector
+    reactions: Vector
+    now: Vector
+    true_q: Vector
+    true_v: Vector
+    true_wrench: Vector
+    true_reactions: Vector
+
+    # the tick: what holds, and what a tick makes of it
+    torque: Vector
+    outputs: Vector
+    memory: Vector
+    new_torque: Vector
+    new_outputs: Vector
+    new_memory: Vector
+    last_torque: Vector
+    clamped_cut: Vector
+    cut: Vector
+    limited: Vector
+
+    # the sensor and its zero
+    noise_rows: Vector
+    noise: Vector
+    samples: Vector
+    sensor_memory: Vector
+    sensor_kept: Vector
+    tip_rotation: Vector
+    turned: Vector
+    zeroed_wrench: Vector
+    taring_total: Vector
+    taring_left: Vector
+    taring_count: Vector
+    recent: Vector
+
+    # the plant
+    qpos: Vector
+    qvel: Vector
+    motors: Vector
+    applied: Vector
+    time: Vector
+    mechanism_positions: Vector
+    mechanism_rates: Vector
+    loose: Vector
+    moving_clock: Vector
+    moving_place: Vector
+    moving_rate: Vector
+    moving_bend: Vector
+    equations_clock: Vector
+    tip: Vector
+    tip_twist: Vector
+    on_tip: Vector
+    nothing: Vector
+    on_joints: Vector
+    applied_joints: Vector
+    detent_forces: Vector
+    velocity: Vector
+    momentum: Vector
+    arm_velocity: Vector
+
+    # the record
+    bus: Vector
+    rows: Vector
+
+    mechanism_at: Words
+    mechanism_dof: Words
+    loose_at: Words
+    moving_at: Words
+    moving_dof: Words
+    detent_dof: Words
+    warnings: Words
+    data_words: Words
+    bus_words: Words
+    weights: Words
+    sums: Words
+
+    def __init__(self, base: TickMemory | None, compiling: Compiling) -> None:
+        """An empty one, or one that begins as `base` is now.
+
+        Args:
+            base: another one.
+            compiling: what becomes of machine code that there is not.
+        """
+        super().__init__()
+        self._compiling = compiling
+        if base is not None:
+            self._memory = type(base._memory).from_buffer_copy(base._memory)
+            self._held = dict(base._held)
+
+    def take(self, **values: Any) -> None:
+        """Sets fields: numbers, and vectors to contiguous arrays, which it keeps."""
+        for name, value in values.items():
+            setattr(self, name, value)
+
+    def function(self, name: str, bound: BoundFunction, results: Sequence[Array] = ()) -> None:
+        """Sets a function on its memory, or with other arrays for its results.
+
+        Raises:
+            EngineError: there is no machine code here.
+            UnsupportedOperationError: it has an operation that machine code lacks.
+            NotReadyError: there is no code of it yet.
+        """
+        engine = expression_engine(bound.function, self._compiling)
+        for part, arrays in (("_arg", bound.arguments), ("_res", results or bound.results)):
+            places = np.array([array.ctypes.data for array in arrays], dtype=np.int64)
+            self._held[name + part] = places, arrays
+            setattr(self, name + part, places.ctypes.data)
+        self._held[name] = engine
+        setattr(self, name, engine.address(CODE))

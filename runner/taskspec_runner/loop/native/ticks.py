@@ -1,0 +1,238 @@
+"""The closed loop's ticks on which nothing happens, in the Python that becomes machine code.
+
+A tick that changes the stage, breaks a limit or cannot be computed is left to Python before it has
+had an effect: `run` returns with a reason, and the machine does that tick. So this module decides
+nothing; it is the order in which a tick's functions read and write the run's memory. What `c` has
+is listed in `tick_memory`.
+"""
+
+from __future__ import annotations
+
+import math
+
+from taskspec.native.kernel import Vector, Words, call
+from taskspec_runner.loop.native.tick_memory import TickMemory
+
+#: Why `run` has returned: all ticks are done; the next tick is Python's, from its beginning; the
+#: noise is used up; the tick that has been sensed is Python's; the plant is to be looked at.
+DONE, WHOLE, NOISE, SENSED, LOOK = 0, 1, 2, 3, 4
+_HEALTHY, _EXACT = 1e12, 1e-12
+_MASK = 0x7FFFFFFFFFFFFFFF
+#: A warning's number is the upper half of the 64 bit that MuJoCo has of it.
+_ONE_WARNING = 0x100000000
+
+
+def run(c: TickMemory, todo: int) -> int:
+    """Up to `todo` ticks; why it has returned."""
+    for _ in range(todo):
+        if float(c.stage_ticks) * c.period >= c.next_knot:
+            return WHOLE
+        if c.outputs[c.i_conditioning] < c.least_conditioning:
+            return WHOLE
+        if c.noisy and c.noise_used == c.noise_drawn:
+            return NOISE
+        _sense(c)
+        if not _tick(c):
+            return SENSED
+        _commit(c)
+        _step(c)
+        _record(c)
+        c.ticks += 1
+        c.stage_ticks += 1
+        if _alarming(c):
+            return LOOK
+    return DONE
+
+
+def _sense(c: TickMemory) -> None:
+    """Joint state of this instant, and the wrench of the step before."""
+    _copy(c.true_q, c.q, c.n)
+    _copy(c.true_v, c.v, c.n)
+    _copy(c.true_reactions, c.reactions, c.n_reactions)
+    if not c.sensor:
+        _copy(c.true_wrench, c.wrench, 6)
+        return
+    if c.noisy:
+        _copy(c.noise_rows[6 * c.noise_used :], c.noise, 6)
+        c.noise_used += 1
+    c.samples[0] = 1.0 if c.sensor_ticks % c.hold_ticks == 0 else 0.0
+    c.sensor_ticks += 1
+    call(c.sensor, c.sensor_arg, c.sensor_res, 0, 0, 0)
+    _copy(c.sensor_kept, c.sensor_memory, c.n_sensor)
+
+
+def _tick(c: TickMemory) -> bool:
+    """Evaluates the law into memory of its own; whether the tick may be done here."""
+    now, out = c.now, c.new_outputs
+    call(c.terms, c.terms_arg, c.terms_res, 0, 0, 0)
+    if c.zeroed:
+        _copy(c.tip_rotation, c.turned, 9)
+        call(c.zeroed, c.zeroed_arg, c.zeroed_res, 0, 0, 0)
+        _copy(c.zeroed_wrench, c.wrench, 6)
+    now[0] = float(c.stage_ticks) * c.period
+    now[1] = float(c.ticks) * c.period
+    if c.has_last_torque:
+        _copy(c.torque, c.last_torque, c.n)
+    call(c.tick, c.tick_arg, c.tick_res, 0, 0, 0)
+    if out[0] != 0.0 or not out[c.i_health] < _HEALTHY:
+        return False
+    return not c.has_program or _resolve(c)
+
+
+def _resolve(c: TickMemory) -> bool:
+    """Keeps the limits where the tick itself knows how."""
+    out, limited = c.new_outputs, c.limited
+    if not out[c.i_violation] <= _EXACT or out[c.i_unsettled] != 0.0 or c.paring:
+        return False
+    if out[c.i_clamped] != 0.0:
+        _copy(c.clamped_cut, c.cut, c.n_requests)
+        limited[0] = 1.0
+        c.clear = 0
+        out[c.i_limited] = 1.0
+        out[c.i_limits] = out[c.i_clamped]
+    elif not c.clear:
+        _zero(c.cut, c.n_requests)
+        limited[0] = 0.0
+        c.clear = 1
+    return True
+
+
+def _commit(c: TickMemory) -> None:
+    """Makes the tick one that happened."""
+    bus = c.bus
+    _copy(c.new_torque, c.torque, c.n)
+    _copy(c.new_outputs, c.outputs, c.n_outputs)
+    _copy(c.new_memory, c.memory, c.n_memory)
+    bus[c.i_clock] = float(c.ticks) * c.period
+    bus[c.i_t] = float(c.stage_ticks) * c.period
+    bus[c.i_stage] = float(c.stage)
+    if c.tares:
+        total, left, count = c.taring_total, c.taring_left, c.taring_count
+        for i in range(6):
+            total[i] += left[i]
+        count[0] += 1.0
+    if c.estimates:
+        recent, at, seen = c.recent, c.estimate_ticks % c.estimate_room, c.wrench
+        for i in range(3):
+            recent[3 * at + i] = seen[i]
+        c.estimate_ticks += 1
+
+
+def _step(c: TickMemory) -> None:
+    """Holds the torque for one period, and reads the forces of its last step."""
+    _gather(c.qpos, c.mechanism_at, c.mechanism_positions, c.n_mechanisms)
+    _gather(c.qvel, c.mechanism_dof, c.mechanism_rates, c.n_mechanisms)
+    _gather(c.qpos, c.loose_at, c.loose, c.n_loose)
+    _copy(c.torque, c.motors, c.n)
+    for _ in range(c.substeps):
+        if c.simple:
+            call(c.mj_step, c.model, c.data)
+        else:
+            _zero(c.applied, c.n_applied)
+            _drive(c)
+            call(c.mj_step1, c.model, c.data)
+            _apply(c)
+            call(c.mj_step2, c.model, c.data)
+    if c.grip_rows:
+        words = c.data_words
+        call(c.memcpy, c.grip_rows, words[c.at_efc_force] + c.grip_first, c.grip_bytes)
+    call(c.forces, c.forces_arg, c.forces_res, 0, 0, 0)
+
+
+def _drive(c: TickMemory) -> None:
+    """Puts what moves by itself where it is at the simulator's clock."""
+    if not c.moving:
+        return
+    clock, time = c.moving_clock, c.time
+    clock[0] = time[0]
+    call(c.moving, c.moving_arg, c.moving_res, 0, 0, 0)
+    at, dof, applied, bend = c.moving_at, c.moving_dof, c.applied, c.moving_bend
+    place, rate, qpos, qvel = c.moving_place, c.moving_rate, c.qpos, c.qvel
+    for i in range(c.n_moving):
+        qpos[at[i]] = place[i]
+        qvel[dof[i]] = rate[i]
+        applied[dof[i]] = c.moving_inertia * bend[i]
+
+
+def _apply(c: TickMemory) -> None:
+    """Adds the forces that depend on the pose of this instant."""
+    if c.equations:
+        clock, time = c.equations_clock, c.time
+        clock[0] = time[0]
+        if c.cartesian:
+            call(c.mj_objectVelocity, c.model, c.data, c.body_kind, c.tip_body, c.tip_twist, 0)
+        call(c.equations, c.equations_arg, c.equations_res, 0, 0, 0)
+        if c.cartesian:
+            call(
+                c.mj_applyFT,
+                c.model,
+                c.data,
+                c.on_tip,
+                c.nothing,
+                c.tip,
+                c.tip_body,
+                c.applied_at,
+            )
+        joints, extra = c.applied_joints, c.on_joints
+        for i in range(c.n):
+            joints[i] += extra[i]
+    if c.detents:
+        call(c.detents, c.detents_arg, c.detents_res, 0, 0, 0)
+        applied, where, forces = c.applied, c.detent_dof, c.detent_forces
+        for i in range(c.n_detents):
+            applied[where[i]] += forces[i]
+
+
+def _record(c: TickMemory) -> None:
+    """The tick into the next row of the log's block, with its checksum."""
+    if not c.records:
+        return
+    _copy(c.bus, c.rows[c.row * c.n_bus :], c.n_bus)
+    sums, words, weights = c.sums, c.bus_words, c.weights
+    total = (c.recorded + 1) * c.tick_weight
+    for i in range(c.n_bus):
+        word = words[i]
+        total += (word ^ (word >> 32)) * weights[i]
+    sums[c.row] = total & _MASK
+    c.recorded += 1
+    c.row += 1
+    if c.row == c.room:
+        c.row = 0
+
+
+def _alarming(c: TickMemory) -> bool:
+    """Whether the simulator may have an alarm: a force, a warning, a clock that stands, energy."""
+    w = c.true_wrench
+    if not w[0] * w[0] + w[1] * w[1] + w[2] * w[2] < c.force_bound * c.force_bound:
+        return True
+    if c.ticks % c.look_every != 0:
+        return False
+    warnings, time = c.warnings, c.time
+    for i in range(c.n_warnings):
+        if warnings[i] >= _ONE_WARNING:
+            return True
+    if not time[0] > c.last_time:
+        return True
+    c.last_time = time[0]
+    velocity, momentum = c.velocity, c.momentum
+    _copy(c.true_v, c.arm_velocity, c.n)
+    call(c.mj_mulM, c.model, c.data, c.momentum, c.velocity)
+    twice = 0.0
+    for i in range(c.n_applied):
+        twice += velocity[i] * momentum[i]
+    return not 0.5 * twice < c.energy_bound or not math.isfinite(twice)
+
+
+def _copy(source: Vector, target: Vector, n: int) -> None:
+    for i in range(n):
+        target[i] = source[i]
+
+
+def _gather(source: Vector, places: Words, target: Vector, n: int) -> None:
+    for i in range(n):
+        target[i] = source[places[i]]
+
+
+def _zero(target: Vector, n: int) -> None:
+    for i in range(n):
+        target[i] = 0.0

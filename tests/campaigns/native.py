@@ -1,0 +1,75 @@
+"""Holds the loop in machine code against Python's: shipped and random tasks, every byte of the log.
+
+python tests/campaigns/native.py [--tasks 200]
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import sys
+from contextlib import closing
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from random_tasks import write_tasks
+
+from taskspec.compiler import compile_task
+from taskspec.program.program import Program
+from taskspec.spec import load_task
+from taskspec.text.diagnostic import SpecError
+from taskspec_runner.loop import fixed_step
+from taskspec_runner.loop.assembly import assemble
+from taskspec_runner.record.log import Log
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def ran(program: Program, path: Path, loop: str) -> tuple[str, int, str]:
+    """How a run ended, its ticks, and the SHA-256 of its log."""
+    path.with_name("log.block").unlink(missing_ok=True)
+    parts = assemble(program)
+    with closing(parts.recorder(Log(path))) as recorder:
+        outcome = fixed_step.run(
+            parts.machine,
+            parts.plant,
+            parts.bus,
+            recorder,
+            program.context.period,
+            loop=loop,
+        )
+    digest = hashlib.sha256(path.read_bytes()).hexdigest()
+    return f"{outcome.status} {outcome.reason}", outcome.ticks, digest
+
+
+def main() -> int:
+    """Runs every task by both loops; the exit code is 1 if any differ."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--tasks", type=int, default=200, help="random ones")
+    random = parser.parse_args().tasks
+    different = refused = ticks = 0
+    with TemporaryDirectory() as folder:
+        files = [
+            *sorted((ROOT / "tasks").glob("*.yaml")),
+            *write_tasks(Path(folder), range(random)),
+        ]
+        for file in files:
+            try:
+                program = compile_task(load_task(file), force=True)
+            except SpecError:
+                refused += 1
+                continue
+            log = Path(folder) / "log.arrow"
+            native, python = (ran(program, log, loop) for loop in ("native", "python"))
+            ticks += python[1]
+            if native != python:
+                different += 1
+                sys.stdout.write(f"{file.stem}: native {native}, python {python}\n")
+    sys.stdout.write(
+        f"{len(files) - refused} tasks, {ticks} ticks, {refused} refused, {different} differ\n"
+    )
+    return int(different > 0)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

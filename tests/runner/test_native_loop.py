@@ -1,0 +1,119 @@
+"""The loop in machine code does what Python's does, to the bit, and says where it cannot."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+
+from taskspec.compiler import compile_unchecked
+from taskspec.native import engine
+from taskspec.program.program import Program
+from taskspec.spec import load_task
+from taskspec_runner import run
+from taskspec_runner.errors import InputError
+from taskspec_runner.loop import fixed_step
+from taskspec_runner.loop.assembly import assemble
+from taskspec_runner.loop.native import code
+from taskspec_runner.record.log import Log
+from taskspec_runner.runs import Run
+
+TASKS = Path(__file__).resolve().parents[2] / "tasks"
+#: One with each thing that a plant or a sensor may have. `make native` has them all.
+DIFFERENT = (
+    "conveyor",  # an object that moves by itself
+    "door-handle",  # a grip, a mechanism with a detent
+    "linkage",  # equations on the tip and on joints
+    "press-qp",  # a program of limits
+    "unknown-normal",  # a frame that is estimated
+    "wrist-sensor",  # a sensor with noise at the wrist, its zero measured
+)
+
+
+def logged(program: Program, folder: Path, loop: str, seed: int = 3) -> tuple[bytes, str]:
+    """What a run of a loop writes, and which loop ran it."""
+    folder.mkdir()
+    path = folder / "log.arrow"
+    parts = assemble(program)
+    with closing(parts.recorder(Log(path))) as recorder:
+        outcome = fixed_step.run(
+            parts.machine,
+            parts.plant,
+            parts.bus,
+            recorder,
+            program.context.period,
+            seed=seed,
+            loop=loop,
+        )
+    return path.read_bytes(), outcome.loop
+
+
+@pytest.mark.parametrize("task", DIFFERENT)
+def test_the_loops_write_the_same_bytes(task: str, tmp_path: Path) -> None:
+    program = compile_unchecked(load_task(TASKS / f"{task}.yaml"))
+    native, loop = logged(program, tmp_path / "native", "native")
+    python, _ = logged(program, tmp_path / "python", "python")
+    assert loop == "native"
+    assert native == python
+
+
+def test_threads_write_the_same_bytes(tmp_path: Path) -> None:
+    program = compile_unchecked(load_task(TASKS / "press-qp.yaml"))
+    with ThreadPoolExecutor(2) as pool:
+        paths = [tmp_path / str(i) for i in range(4)]
+        made = list(pool.map(lambda path: logged(program, path, "native")[0], paths))
+    assert made == made[:1] * 4
+
+
+@pytest.fixture
+def without_llvmlite(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(code, "_ENGINES", code._Engines())
+    monkeypatch.setattr(engine, "missing", lambda: "llvmlite is not installed")
+    monkeypatch.delenv("TASKSPEC_LOOP")
+
+
+@pytest.mark.usefixtures("without_llvmlite")
+def test_without_machine_code_python_runs_and_the_manifest_says_so(tmp_path: Path) -> None:
+    made = run(load_task(TASKS / "tilted-force.yaml"), tmp_path / "run", report=False)
+    assert made.manifest["loop"] == "python"
+    assert made.manifest["why_python"] == "llvmlite is not installed"
+    with pytest.raises(InputError, match="native loop cannot be had: llvmlite is not installed"):
+        run(load_task(TASKS / "tilted-force.yaml"), tmp_path / "run", report=False, loop="native")
+
+
+def test_the_environment_names_a_loop(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    loaded = load_task(TASKS / "tilted-force.yaml")
+    monkeypatch.setenv("TASKSPEC_LOOP", "native")
+    made = run(loaded, tmp_path / "run", report=False)
+    assert (made.manifest["loop"], made.manifest["why_python"]) == ("native", None)
+    monkeypatch.setenv("TASKSPEC_LOOP", "fast")
+    with pytest.raises(InputError, match="TASKSPEC_LOOP names native or python, not 'fast'"):
+        run(loaded, tmp_path / "run", report=False)
+
+
+def test_code_is_kept_and_what_is_damaged_is_made_anew(tmp_path: Path) -> None:
+    """In a cache that is empty, full, and spoiled, the bytes of the log are the same."""
+    cache, out = tmp_path / "cache", tmp_path / "run"
+    logs = [in_process(cache, out) for _ in range(2)]
+    kept = sorted(path for path in cache.rglob("*") if path.is_file())
+    assert len(kept) > 3
+    for path in kept:
+        data = path.read_bytes()
+        path.write_bytes(data[: len(data) // 2])
+    logs.append(in_process(cache, out))
+    assert logs == logs[:1] * 3
+
+
+def in_process(cache: Path, out: Path) -> bytes:
+    """What a run in a process of its own logs, with its machine code kept in a folder."""
+    environment = {**os.environ, "TASKSPEC_CACHE": str(cache)}
+    task = TASKS / "tilted-force.yaml"
+    command = [sys.executable, "-m", "taskspec_runner", "run", task, "--loop", "native"]
+    subprocess.run([*command, "--quiet", "--out", out], env=environment, check=True)
+    assert Run.load(out).manifest["loop"] == "native"
+    return (out / "log.arrow").read_bytes()
