@@ -149,8 +149,8 @@ class Record:
     """Base of a class of fields that kernels share with Python.
 
     A subclass annotates its fields, in the order in which they lie in memory: `int`, `float`,
-    `Vector`, `Counts`, `Words`, or another record. Its instances hold numbers and views under Python, and
-    `address` is where machine code has the same fields.
+    `Vector`, `Counts`, `Words`, or another record. Its instances hold numbers and views under
+    Python, and `address` is where machine code has the same fields.
     """
 
     fields: ClassVar[dict[str, Kind]] = {}

@@ -75,7 +75,7 @@ class NativeLoop:
         _plant(base, plant)
         base.take(look_every=look_every, period=machine.period, bus=bus.array)
         places = bus.slices
-        base.take(n_bus=len(bus.array), records=block is not None)
+        base.take(n_bus=len(bus.array), keeps=block is not None)
         base.take(**{f"i_{name}": places[name].start for name in ("clock", "t", "stage")})
         if block is not None:
             base.take(room=len(block.rows), tick_weight=TICK_WEIGHT)

@@ -130,7 +130,7 @@ class TickMemory(Record):
     at_efc_force: int  # which word of MuJoCo's data has the address of all rows
 
     # the record
-    records: int  # whether ticks are kept
+    keeps: int  # whether ticks are kept
     row: int  # of the block
     room: int  # rows of it
     recorded: int  # ticks so far

@@ -185,7 +185,7 @@ def _apply(c: TickMemory) -> None:
 
 def _record(c: TickMemory) -> None:
     """The tick into the next row of the log's block, with its checksum."""
-    if not c.records:
+    if not c.keeps:
         return
     _copy(c.bus, c.rows[c.row * c.n_bus :], c.n_bus)
     sums, words, weights = c.sums, c.bus_words, c.weights
