@@ -80,7 +80,7 @@ lowest: $(READY)  ## a fresh environment with the lowest versions that are allow
 	$(LOWEST)/bin/taskspec validate tasks/
 	$(LOWEST)/bin/taskspec run tasks/wipe-table.yaml --out $(LOWEST)/run
 	$(LOWEST)/bin/taskspec export $(LOWEST)/run --csv --parquet --mcap
-	$(LOWEST)/bin/pytest -n 2 tests/spec tests/text tests/control tests/laws tests/plant tests/runner/test_cli.py
+	$(LOWEST)/bin/pytest -n 2 tests/spec tests/text tests/control tests/laws tests/native tests/plant tests/runner/test_cli.py
 
 bench: $(READY)  ## what control costs, as multiples of bare mj_step
 	$(BIN)/python benchmarks/bench_loop.py

@@ -6,6 +6,7 @@ Nothing is contracted or reordered. NaN is NaN on both sides; its sign and paylo
 
 from __future__ import annotations
 
+import ctypes
 import enum
 import math
 import struct
@@ -19,18 +20,18 @@ from taskspec.native import libm
 
 
 class UnsupportedOperationError(Exception):
-    """A function has an operation that machine code lacks; CasADi's virtual machine has it.
+    """A function has an operation that only CasADi's virtual machine has, or has to its bits.
 
     Attributes:
         opcode: CasADi's number of it.
         operation: CasADi's name of it, such as OP_CALL.
     """
 
-    def __init__(self, function: str, opcode: int) -> None:
-        """Takes the function's name, and CasADi's number of the operation."""
+    def __init__(self, function: str, opcode: int, reason: str = "machine code lacks") -> None:
+        """Takes the function's name, CasADi's number of the operation, and what is amiss."""
         self.opcode = opcode
         self.operation = _names().get(opcode, f"opcode {opcode}")
-        super().__init__(f"function {function} uses {self.operation}, which machine code lacks")
+        super().__init__(f"function {function} uses {self.operation}, which {reason}")
 
 
 def expression_ir(function: ca.Function, name: str) -> str:
@@ -47,7 +48,8 @@ def expression_ir(function: ca.Function, name: str) -> str:
         name: what the code is called.
 
     Raises:
-        UnsupportedOperationError: it calls a function, prints, or has free variables.
+        UnsupportedOperationError: it calls a function or prints, or needs a function of libm that
+            is another one than CasADi's on this platform.
         TypeError: it is no function of SX.
     """
     if not function.is_a("SXFunction"):
@@ -105,6 +107,8 @@ class _Text:
         elif opcode == ca.OP_CONST:
             self._values[out[0]] = number(f.instruction_constant(k))
         elif opcode in _OPERATIONS:
+            if not all(_is_casadis(name) for name in _LIBM.get(opcode, ())):
+                raise UnsupportedOperationError(f.name(), opcode, "this libm has with other bits")
             operands = [self._values[i] for i in into]
             self._values[out[0]] = _OPERATIONS[opcode](self, *operands)
         else:
@@ -177,6 +181,21 @@ def _declaration(called: str) -> str:
         if called.startswith("llvm.")
         else libm.declaration(called)
     )
+
+
+@cache
+def _is_casadis(name: str) -> bool:
+    """Whether a function of libm has the bits that CasADi has: it may be linked with another."""
+    count = 1 if name in libm.UNARY else 2
+    ends = (0.0, 5e-324, 1e-9, 0.5, 1.0, 1e22, math.inf)
+    values = np.concatenate([np.linspace(-3.0, 3.0, 41), ends, np.negative(ends), [math.nan]])
+    operands = [values, np.roll(values, 5)][:count]
+    symbols = [ca.SX.sym(f"x{k}", values.size) for k in range(count)]
+    make, opcode = (ca.SX.unary, ca.SX.binary)[count - 1], getattr(ca, f"OP_{name.upper()}")
+    theirs = ca.Function("theirs", symbols, [make(opcode, *symbols)])(*operands)
+    called = ctypes.CFUNCTYPE(*[ctypes.c_double] * (count + 1))(libm.address(f"libm.{name}"))
+    ours = [called(*numbers) for numbers in zip(*operands, strict=True)]
+    return bool(np.array_equal(np.array(theirs).ravel(), ours, equal_nan=True))
 
 
 @cache
@@ -325,6 +344,11 @@ _OPERATIONS: dict[int, _Operation] = {
     ca.OP_CEIL: _called("llvm.ceil.f64"),
     ca.OP_COPYSIGN: _called("llvm.copysign.f64"),
     ca.OP_CONSTPOW: _called("pow"),
-    **{getattr(ca, f"OP_{name.upper()}"): _called(name) for name in libm.UNARY},
-    **{getattr(ca, f"OP_{name.upper()}"): _called(name) for name in libm.BINARY},
+    **{getattr(ca, f"OP_{name.upper()}"): _called(name) for name in libm.NAMED},
+}
+# What operations call.
+_LIBM: dict[int, tuple[str, ...]] = {
+    ca.OP_CONSTPOW: ("pow",),
+    ca.OP_ERFINV: ("log", "exp", "erf"),
+    **{getattr(ca, f"OP_{name.upper()}"): (name,) for name in libm.NAMED},
 }

@@ -17,10 +17,12 @@ UNARY = (
 )  # fmt: skip
 BINARY = ("pow", "atan2", "fmod", "remainder", "hypot")
 
+NAMED = (*UNARY, *BINARY)
+
 _PREFIX = "libm."
 # LLVM calls these by itself: where the processor has no instruction, and for loops that copy.
 IMPLIED = ("floor", "ceil", "trunc", "memcpy", "memmove", "memset")
-NAMES = frozenset((*(_PREFIX + name for name in (*UNARY, *BINARY)), *IMPLIED))
+NAMES = frozenset((*(_PREFIX + name for name in NAMED), *IMPLIED))
 
 
 def declaration(name: str) -> str:
