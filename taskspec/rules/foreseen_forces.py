@@ -9,10 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.analysis.force_course import ForceCourse, force_courses
+from taskspec.foresight.approach import approach, striking_mass
 from taskspec.foresight.conditions import names, parts
+from taskspec.foresight.flow import good_end
 from taskspec.foresight.interval import ANY, IntervalAlgebra
 from taskspec.foresight.ranges import constant
 from taskspec.geometry.axis import Axis, as_axis
+from taskspec.program.axes import MOSTLY
 from taskspec.program.plan import StagePlan, TaskPlan
 from taskspec.rules import Finding, Phase, rule, warning
 from taskspec.spec import FILE
@@ -29,6 +32,8 @@ _PARTS = ((), ("ref",))
 #: An expectation that would be met if the force came so much nearer to its set point is not
 #: accused: the loop is that of the start pose.
 _DOUBT = 0.1
+#: A course is followed if what it settles at and its blow would pass a limit so many times over.
+_OVERSHOOT = 2.0
 
 
 @rule("TS726", "an expectation that a force misses on its way", phase=Phase.STABILITY)
@@ -102,6 +107,62 @@ def failures_by_forces(task: TaskPlan) -> Iterator[Finding]:
             "let it begin beyond what is foreseen, or press less",
             unless=("TS501", "TS612", "TS613", "TS618"),
         )
+
+
+@rule({}, also=("TS616",), phase=Phase.STABILITY)
+def forces_beyond_limits(task: TaskPlan) -> Iterator[Finding]:
+    """Limits that a force passes on its way to where it settles, as a blow or by its overshoot."""
+    for name, stage in task.framed.items():
+        most = stage.limits.force
+        if most is None or stage.law.solve == "qp":
+            continue
+        for axis in stage.spec.axes:
+            if axis not in stage.translations or not _may_pass(task, stage, axis, most):
+                continue
+            courses = [way.of(name, axis) for way in force_courses(task)]
+            peaks = [float(np.abs(c.applied).max()) for c in courses if c is not None]
+            if len(peaks) < len(courses) or min(peaks) <= most:
+                continue
+            course = courses[0]
+            assert course is not None
+            when = float(course.times[np.argmax(np.abs(course.applied) > most)])
+            yield warning(
+                "TS616",
+                f"force.{axis} of stage {name!r} is foreseen to come to {show(peaks[0], 'N', 3)}: "
+                f"at t = {show(when, 's', 2)} it is beyond the limit on force, "
+                f"{show(most, 'N')}, and the run stops",
+                FILE.stages[name].axes[axis],
+                "approach more slowly, let the force rise, or raise the limit",
+                unless=("TS420", "TS501", "TS610", "TS616"),
+            )
+            break
+
+
+def _may_pass(task: TaskPlan, stage: StagePlan, axis: Axis, most: float) -> bool:
+    """Whether a force may pass a limit: what it settles at and the blow before, twice, do.
+
+    Following a course is dear, and the limits of most files are far away.
+    """
+    contact, facing = stage.contact_of(axis), abs(stage.facing(axis))
+    if contact is None or facing < MOSTLY:
+        return False
+    stages = task.context.loaded.task.stages
+    before = [n for n in stages if good_end(stages, n) == stage.name]
+    ways = [approach(task.stages[n], task.stages[n].nominal.gap) for n in before]
+    closing = max((way.closing for way in ways if way is not None), default=0.0)
+    k, h = stage.context.compliances[contact].stiffness, striking_mass(stage, axis)
+    if not math.isfinite(k):
+        return False
+    settles = abs(stage.set_point_of(axis) or 0.0)
+    if settles > most:
+        return False  # What cannot be had at rest is told by itself.
+    passage = stage.nominal.passage
+    if not stage.spec.axes[axis].has_force and passage is not None:
+        own = stage.spring_of(axis, h)
+        deepest = max(abs(i.moved[axis]) for i in passage.instants)
+        start = (stage.nominal.coordinates or {}).get(axis, 0.0)
+        settles = (deepest + abs(start)) * own * k / (own + k) if own > 0 else 0.0
+    return _OVERSHOOT * (settles + closing * math.sqrt(h * k)) > most
 
 
 def _waits_for(stage: StagePlan) -> Axis | None:

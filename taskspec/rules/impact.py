@@ -179,7 +179,7 @@ def _short(stage: StagePlan, way: Approach) -> Iterator[Finding]:
     goes = stage.longest * way.speed
     others = [g for name, g in context.start_gaps.items() if name != way.contact]
     nothing_else = named or all(other > goes for other in others)
-    part = HeldPart.of(context) if stage.name == next(iter(context.loaded.task.stages)) else None
+    part = HeldPart.of(context) if _first(stage) else None
     begins = f"stage {stage.name!r} begins"
     if part is not None and context.loaded.task.shapes[way.contact].shape == "plane":
         # It comes there before the tool does; of a plane, its farthest points are the nearest.
@@ -188,14 +188,17 @@ def _short(stage: StagePlan, way: Approach) -> Iterator[Finding]:
             len(part.gaps) == 1,
         )
         begins += f" with {part.name!r}"
-    within = stage.spec.within
+    within, base = stage.spec.within, None
+    if gap is None and stage.frame.surface_name == way.contact and _first(stage):
+        # A frame that follows what moves comes nearer to it at the stage's own rate.
+        gap, base = context.start_gaps.get(way.contact), context.moving_bases.get(way.contact)
     if gap is None or within is None or not nothing_else or context.loaded.task.equations:
         return
     time, lasts = gap / way.closing, dwell(stage)
     rises = 0.0 if any(stage.nominal.carried.values()) else BLEND_TIME / 2
     needs = {
         "time": time + rises + dragged(stage, way.axis, time) + _presses(stage, way) + lasts,
-        "travel": time * way.speed,
+        "travel": time * way.speed if base is None else _travels(stage, way, time),
     }
     for key, need in needs.items():
         bound = getattr(within, key)
@@ -214,6 +217,20 @@ def _short(stage: StagePlan, way: Approach) -> Iterator[Finding]:
             unless_at=FILE.stages[stage.name].until,
         )
         return
+
+
+def _first(stage: StagePlan) -> bool:
+    return stage.name == next(iter(stage.context.loaded.task.stages))
+
+
+def _travels(stage: StagePlan, way: Approach, time: float) -> float:
+    """How far a tool is from where the run began that goes with a moving surface, and to it [m]."""
+    context = stage.context
+    p, base = context.start_p, context.moving_bases[way.contact]
+    (A, a), (A0, a0) = base.pose(time), base.pose(0.0)
+    taken = A @ A0.T @ (p - a0) + a
+    own = A @ A0.T @ stage.rotation @ way.rates * time
+    return float(np.linalg.norm(taken + own - p))
 
 
 def _sags(stage: StagePlan, axis: Axis, part: HeldPart) -> float:
