@@ -11,6 +11,7 @@ from taskspec.program.context import Context
 from taskspec.program.execution.compiled_terms import CompiledTerms
 from taskspec.program.execution.machine import Machine, Views
 from taskspec.program.execution.sensor_zero import sensor_zero
+from taskspec.program.execution.stage_solver import OwnSolver, no_own_solver
 from taskspec.program.plan import TaskPlan
 from taskspec.program.ports import fields
 from taskspec.program.stages.stage import CompiledStage
@@ -53,13 +54,17 @@ class Program:
         return sum(length for _, length in fields(len(self.context.equations)))
 
     def machine(
-        self, views: Views | None = None, terms: type[ModelTerms] = CompiledTerms
+        self,
+        views: Views | None = None,
+        terms: type[ModelTerms] = CompiledTerms,
+        own: OwnSolver = no_own_solver,
     ) -> Machine:
         """A fresh machine.
 
         Args:
             views: 1-D arrays for its inputs and outputs; it makes its own without them.
             terms: who evaluates the model terms; Pinocchio is ready at once.
+            own: makes the solvers that are tried before the named one.
         """
         n = self.context.robot.pin.nv
         context, task = self.context, self.context.loaded.task
@@ -75,6 +80,7 @@ class Program:
             sensor_zero(task, task.robot.sensor, context.robot),
             estimates(context.frames, context.period),
             terms,
+            own,
         )
 
 

@@ -124,7 +124,7 @@ class States:
 
     def problem(self) -> QuadraticProgram:
         """The program around the torque of the last evaluation; the solver's own arrays."""
-        self.solver._assemble.evaluate()
+        self.solver.assemble.evaluate()
         return self.solver._problem
 
     def copy(self) -> QuadraticProgram:
@@ -136,5 +136,5 @@ class States:
         """Torque (n,) and KKT residual of an answer."""
         solver = self.solver
         solver._x[:], solver._dual[:] = x, dual
-        solver._accept.evaluate()
-        return solver._accepted.copy(), float(solver._residual[0])
+        solver.accept.evaluate()
+        return solver.accepted.copy(), float(solver.residual[0])

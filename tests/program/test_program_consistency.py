@@ -42,17 +42,17 @@ class Asked(States):
         """(r,) what is asked for, and what cannot be returned of it."""
         self.machine.now[:2] = 5.0, self.rng.uniform(0, 100)
         self.machine.update_terms()
-        nearest = self.solver._nearest
-        left = nearest.left_over()
+        nearest = self.solver.nearest
+        left = nearest.find()
         assert left is not None
         return nearest.values.copy(), left.copy()
 
     def told(self) -> float:
         """|what is taken from the set points| as the next tick takes it."""
-        self.solver._unreachable[:] = 0.0
+        self.solver.unreachable[:] = 0.0
         self.evaluate()
         self.solver.settle()
-        return float(np.linalg.norm(self.solver._unreachable))
+        return float(np.linalg.norm(self.solver.unreachable))
 
 
 def cone(f, normal, mu):

@@ -276,6 +276,7 @@ class Stepped:
         return self.machine.runner.memory
 
     def breaks(self, status: Status = Status.NOT_CONVERGED) -> Broken:
+        self.solver.own = None
         broken = Broken(self.solver._solver, status)
         self.solver._solver = broken
         return broken
@@ -335,10 +336,11 @@ def test_a_run_that_has_no_answer_is_stopped_and_says_so(monkeypatch, tmp_path):
     program = compile_unchecked(load_text(PRESS, "press.yaml"))
     parts = assemble(program)
     solver = parts.machine.runners[0].solver
+    monkeypatch.setattr(solver, "own", None)
     monkeypatch.setattr(solver, "_solver", Broken(solver._solver, Status.INFEASIBLE))
     recorder = parts.recorder(Log(tmp_path / "log.arrow"))
     with closing(recorder):
-        outcome = loop.run(parts.machine, parts.plant, parts.bus, recorder, T)
+        outcome = loop.run(parts.machine, parts.plant, parts.bus, recorder, T, loop="python")
     assert (outcome.status, outcome.reason) == ("stopped", "solver")
     assert outcome.ticks >= HELD_TICKS
 

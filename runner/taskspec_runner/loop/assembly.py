@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from taskspec.control.qp.dual import dual_solver
 from taskspec.program.execution.machine import Machine
 from taskspec.program.program import Program
 from taskspec.spec import Task
@@ -52,4 +53,4 @@ def assemble(program: Program, truth: Task | None = None) -> Assembly:
     plant = Plant(context.robot, task, context.start, bus.truth)
     measured = (np.zeros(6), np.zeros(len(context.equations)))
     views = (bus.view("q"), bus.view("v"), *measured, bus.view("torque"), bus.outputs)
-    return Assembly(program, task, bus, plant, program.machine(views))
+    return Assembly(program, task, bus, plant, program.machine(views, own=dual_solver))

@@ -17,7 +17,12 @@ from taskspec.program.execution.fade_out import FadeOut, unanswered
 from taskspec.program.execution.hand_over import HandedOver, leave
 from taskspec.program.execution.sensor_zero import SensorZero
 from taskspec.program.execution.stage_runner import StageRunner
-from taskspec.program.execution.stage_solver import ReturnedForces, StageSolver
+from taskspec.program.execution.stage_solver import (
+    OwnSolver,
+    ReturnedForces,
+    StageSolver,
+    no_own_solver,
+)
 from taskspec.program.execution.transition import END, FAIL, Transition, leads_to
 from taskspec.program.ports import INTERNAL, fields, slices
 from taskspec.program.reference.axis_plan import not_finite
@@ -70,6 +75,7 @@ class Machine:
         sensor: SensorZero | None = None,
         estimates: Estimates | None = None,
         terms: type[ModelTerms] = CompiledTerms,
+        own: OwnSolver = no_own_solver,
     ) -> None:
         self._robot, self.period = robot, period
         self.sensor, self.estimation = sensor, Estimation(sensor, estimates)
@@ -78,7 +84,7 @@ class Machine:
         self.now = np.zeros(2 + len(stages))
         self._inputs = (self.now, self.q, self.v, *self.terms.arrays, self.wrench, self.reactions)
         self.runners = tuple(
-            StageRunner(s, self._inputs, self.torque, self.outputs) for s in stages
+            StageRunner(s, self._inputs, self.torque, self.outputs, own) for s in stages
         )
         self._names = [s.name for s in stages]
         self.index, self.t = 0, 0.0

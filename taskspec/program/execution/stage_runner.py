@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from taskspec.program.bound import BoundFunction
 from taskspec.program.execution import entry
-from taskspec.program.execution.stage_solver import StageSolver
+from taskspec.program.execution.stage_solver import OwnSolver, StageSolver
 from taskspec.program.execution.tracks import Tracks
 from taskspec.program.stages import carried_torque
 from taskspec.program.stages.stage import CompiledStage
@@ -28,7 +28,12 @@ class StageRunner:
     """
 
     def __init__(
-        self, stage: CompiledStage, inputs: tuple[Vector, ...], torque: Vector, outputs: Vector
+        self,
+        stage: CompiledStage,
+        inputs: tuple[Vector, ...],
+        torque: Vector,
+        outputs: Vector,
+        own: OwnSolver,
     ) -> None:
         self.stage, self._torque = stage, torque
         self.memory = np.zeros(max(stage.memory.size, 1))
@@ -49,7 +54,7 @@ class StageRunner:
         if stage.resolution is not None:
             slots = stage.parameters.slots
             self.solver = StageSolver(
-                stage.resolution, slots, arguments, parameters, handed_over, torque, outputs
+                stage.resolution, slots, arguments, parameters, handed_over, torque, outputs, own
             )
 
     def load(self, entered: entry.Entered) -> None:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +16,9 @@ from taskspec.program.limits.bounds import JOINT, TORQUE
 from taskspec.program.limits.relaxing import relax
 from taskspec.program.limits.resolution import Resolution
 from taskspec.program.ports import INTERNAL, fields, slices
+
+if TYPE_CHECKING:
+    from taskspec.control.qp.dual import DualSolver
 
 _FIELDS = slices(INTERNAL)
 _VIOLATION, _UNSETTLED = _FIELDS["violation"].start, _FIELDS["unsettled"].start
@@ -29,8 +33,16 @@ WORST_RESIDUAL = 1e-6
 HELD_TICKS = 10
 #: A push that was clamped is at its bound but for rounding; so is a limit that just holds.
 _EXACT = 1e-12
-#: What is left of a request below this share of it is rounding.
+#: A multiplier below this share of the largest one is rounding.
 _ROUNDING = 1e-6
+
+
+#: Makes the solver that is tried first on a problem, if there is one.
+OwnSolver = Callable[[QuadraticProgram], "DualSolver | None"]
+
+
+def no_own_solver(problem: QuadraticProgram) -> None:
+    """None: the named solver is the first."""
 
 
 @dataclass(slots=True)
@@ -59,6 +71,12 @@ class StageSolver:
     Attributes:
         status: of the last solve.
         counts: of all of them.
+        own: the solver that is tried first; None where there is none.
+        assemble: writes the program; accept: judges an answer, into `accepted`, `residual`,
+            `binding` and `found_cut`.
+        applied: (n,) torque of the tick before.
+        nearest: the forces that contacts return; None where nothing is asked of them.
+        unreachable: slot of what is left of them.
         limited, cut, last_torque: slots of the stage's parameters that are written for the next
             tick; `last_torque` is None where torques may change at any rate.
         clamped_cut: (r,) what the tick itself has taken from pushes.
@@ -75,6 +93,7 @@ class StageSolver:
         handed_over: Vector,
         torque: Vector,
         outputs: Vector,
+        own: OwnSolver,
     ) -> None:
         """Binds the programs.
 
@@ -86,6 +105,7 @@ class StageSolver:
             handed_over: what the tick hands over.
             torque: (n,) that it writes.
             outputs: of it.
+            own: makes the solver that is tried first.
         """
         n, m, r = len(torque), len(resolution.rows), len(resolution.requested)
         self.resolution, self.counts = resolution, SolverCounts()
@@ -95,32 +115,43 @@ class StageSolver:
         nothing = np.zeros(0)
         self.limited = parameters[slots["limited"]]
         self.cut = parameters[slots["cut"]] if r else nothing
-        self._unreachable = parameters[slots["unreachable"]] if r else nothing
+        self.unreachable = parameters[slots["unreachable"]] if r else nothing
         self.last_torque = parameters[slots["last_torque"]] if "last_torque" in slots else None
-        self._applied = np.zeros(n)
+        self.applied = np.zeros(n)
         self.clear, self.paring = True, False
         pieces, bounds = np.split(handed_over, [resolution.handed])
         lower, upper, self.clamped_cut = np.split(bounds, [m, 2 * m])
         self._problem = problem = QuadraticProgram(
             np.eye(n), np.zeros(n), np.zeros((m, n)), lower, upper
         )
-        self._x, self._dual = np.zeros(n), np.zeros(m)
-        self._accepted, self._found_cut = np.zeros(n), np.zeros(r)
-        self._residual, self._binding = np.zeros(1), np.zeros(1)
+        # OSQP is asked for to be used.
+        self.own = own(problem) if resolution.solver == "daqp" else None
+        if self.own is None:
+            self._x, self._dual = np.zeros(n), np.zeros(m)
+        else:
+            self._x, self._dual = self.own.x, self.own.dual
+        self.accepted, self.found_cut = np.zeros(n), np.zeros(r)
+        self.residual, self.binding = np.zeros(1), np.zeros(1)
         factor, requests = np.zeros(n * n), np.zeros(r * n)
         parts = (problem.flat_P, problem.flat_A, factor, requests)
         self._factor = factor.reshape(n, n)
-        self._assemble = BoundFunction(resolution.assemble, (pieces,), parts)
-        results = (self._accepted, self._residual, self._binding, self._found_cut)
-        self._accept = BoundFunction(
-            resolution.accept, (*parts, lower, upper, torque, self._x, self._dual), results
+        self.assemble = BoundFunction(resolution.assemble, (pieces,), parts)
+        most = np.array(resolution.torques.most, dtype=np.float64)
+        step = np.full(n, resolution.torques.step)
+        results = (self.accepted, self.residual, self.binding, self.found_cut)
+        self.accept = BoundFunction(
+            resolution.accept,
+            (*parts, lower, upper, torque, self._x, self._dual, self.applied, most, step),
+            results,
         )
         self._solver = make_solver(resolution.solver, n, m)
-        self._nearest = _Nearest(resolution, arguments) if resolution.look is not None else None
+        self.nearest = (
+            NearestForces(resolution, arguments, own) if resolution.look is not None else None
+        )
 
     def remember(self, applied: Vector) -> None:
         """Has the next tick change its torque from (n,) `applied` at the limited rate."""
-        self._applied[:] = applied
+        self.applied[:] = applied
         if self.last_torque is not None:
             self.last_torque[:] = applied
 
@@ -141,25 +172,25 @@ class StageSolver:
 
     def settle(self) -> None:
         """Has the next tick take from the set points what contacts cannot return of them."""
-        if self._nearest is None:
+        if self.nearest is None:
             return
         self.paring = bool(self._outputs[_UNSETTLED])
-        left = self._nearest.left_over() if self.paring else 0.0
+        left = self.nearest.find() if self.paring else 0.0
         if left is not None:
-            self._unreachable[:] = left
+            self.unreachable[:] = left
 
     def returned_forces(self) -> ReturnedForces | None:
         """What the inputs of the last tick ask of contacts; None where nothing is, or is known."""
-        if self._nearest is None:
+        if self.nearest is None:
             return None
-        left = self._nearest.left_over()
+        left = self.nearest.find()
         if left is None:
             return None
-        names, values = self.resolution.requested, self._nearest.values
+        names, values = self.resolution.requested, self.nearest.values
         return ReturnedForces(
             dict(zip(names, values.tolist(), strict=True)),
             dict(zip(names, left.tolist(), strict=True)),
-            self._nearest.because(),
+            self.nearest.because(),
         )
 
     def solve(self) -> bool:
@@ -167,7 +198,9 @@ class StageSolver:
         self.counts.solved += 1
         if not math.isfinite(self._outputs[_VIOLATION]):
             return self._take(Solution(self._x, self._dual, Status.NOT_FINITE, 0))
-        self._assemble.evaluate()
+        self.assemble.evaluate()
+        if self.own is not None and self.own.solve() and self._good():
+            return True
         solution = self._solver.solve(self._problem, finite=True)
         if solution.status is Status.INFEASIBLE:
             self.counts.relaxed += 1
@@ -184,7 +217,7 @@ class StageSolver:
         What a joint then does beyond its limits stops the run.
         """
         torques = self.resolution.torques
-        near = torques.nearest(torque, self._applied)
+        near = torques.nearest(torque, self.applied)
         hard = [i for i, row in enumerate(self.resolution.rows) if row.kind in (TORQUE, JOINT)]
         if hard and math.isfinite(self._outputs[_VIOLATION]):
             least = QuadraticProgram.empty(len(torque), len(hard))
@@ -194,7 +227,7 @@ class StageSolver:
             solution = make_solver("daqp", len(torque), len(hard)).solve(least)
             if solution.status is Status.SOLVED:
                 near = self._torque + self._factor @ solution.x
-        self._torque[:] = torques.nearest(near, self._applied)
+        self._torque[:] = torques.nearest(near, self.applied)
 
     def _take(self, solution: Solution) -> bool:
         self.status = solution.status
@@ -202,19 +235,25 @@ class StageSolver:
             self._solver.rebuild()
             return False
         self._x[:], self._dual[:] = solution.x, solution.dual
-        self._accept.evaluate()
-        residual = float(self._residual[0])
+        if self._good():
+            return True
+        self.status = Status.NOT_CONVERGED
+        self._solver.rebuild()
+        return False
+
+    def _good(self) -> bool:
+        """Takes the answer x, dual if it is certified; whether it is."""
+        self.accept.evaluate()
+        residual = float(self.residual[0])
         if not residual <= WORST_RESIDUAL:
-            self.status = Status.NOT_CONVERGED
-            self._solver.rebuild()
             return False
+        self.status = Status.SOLVED
         self.counts.worst = max(self.counts.worst, residual)
-        # A solver that iterates leaves bounds by its tolerance.
-        self._torque[:] = self.resolution.torques.nearest(self._accepted, self._applied)
+        self._torque[:] = self.accepted
         self._outputs[_RESIDUAL] = residual
         # A push that was clamped and binds in the program too is told once.
-        binding = int(self._binding[0]) | int(self._outputs[_CLAMPED])
-        self._report_cuts(self._found_cut + self.clamped_cut, binding)
+        binding = int(self.binding[0]) | int(self._outputs[_CLAMPED])
+        self._report_cuts(self.found_cut + self.clamped_cut, binding)
         return True
 
     def _report_cuts(self, cut: Vector, binding: float) -> None:
@@ -237,39 +276,49 @@ class ReturnedForces:
     because: tuple[str, ...]
 
 
-class _Nearest:
-    """The program of the forces that contacts can return."""
+class NearestForces:
+    """The program of the forces that contacts can return.
 
-    def __init__(self, resolution: Resolution, inputs: Sequence[Vector]) -> None:
+    Attributes:
+        look: evaluates the program, and what is requested.
+        own: the solver that is tried first; None where there is none.
+        left: evaluates what is left of the requests, `left_over` (r,).
+        values: (r,) what is requested.
+    """
+
+    def __init__(self, resolution: Resolution, inputs: Sequence[Vector], own: OwnSolver) -> None:
+        assert resolution.look is not None
+        assert resolution.left is not None
         g, r = resolution.generators, len(resolution.requested)
         m = len(resolution.conditions)
-        self._problem = QuadraticProgram.empty(g, m)
-        self._effect, self.values = np.zeros((r, g)), np.zeros(r)
-        self._texts, self._dual = resolution.conditions, np.zeros(m)
-        problem = self._problem
-        parts = (
-            problem.flat_P,
-            problem.g,
-            problem.flat_A,
-            problem.lower,
-            problem.upper,
-            self._effect.reshape(-1),
-            self.values,
-        )
-        self._look = BoundFunction(resolution.look, inputs, parts)
+        self._problem = problem = QuadraticProgram.empty(g, m)
+        self.values, self.left_over = np.zeros(r), np.zeros(r)
+        effect = np.zeros(r * g)
+        self._texts = resolution.conditions
+        bounds = (problem.lower, problem.upper)
+        parts = (problem.flat_P, problem.g, problem.flat_A, *bounds, effect, self.values)
+        self.look = BoundFunction(resolution.look, inputs, parts)
         self._solver = make_solver(resolution.solver, g, m)
+        self.own = own(problem) if resolution.solver == "daqp" else None
+        if self.own is None:
+            self._x, self._dual = np.zeros(g), np.zeros(m)
+        else:
+            self._x, self._dual = self.own.x, self.own.dual
+        self.left = BoundFunction(
+            resolution.left, (effect, self.values, self._x), (self.left_over,)
+        )
 
-    def left_over(self) -> Vector | None:
-        self._look.evaluate()
-        solution = self._solver.solve(self._problem)
-        if solution.status is not Status.SOLVED:
-            self._solver.rebuild()
-            return None
-        self._dual[:] = solution.dual
-        left = self.values - self._effect @ solution.x
-        if np.linalg.norm(left) <= _ROUNDING * (1 + np.linalg.norm(self.values)):
-            left[:] = 0.0
-        return np.asarray(left)
+    def find(self) -> Vector | None:
+        """What is left of the requests (r,); None where there is no answer."""
+        self.look.evaluate()
+        if self.own is None or not self.own.solve():
+            solution = self._solver.solve(self._problem)
+            if solution.status is not Status.SOLVED:
+                self._solver.rebuild()
+                return None
+            self._x[:], self._dual[:] = solution.x, solution.dual
+        self.left.evaluate()
+        return self.left_over
 
     def because(self) -> tuple[str, ...]:
         """The conditions that bound the last answer, in words."""

@@ -13,6 +13,8 @@ from taskspec.program.limits.consistency import Consistency, Requests
 from taskspec.program.limits.limited import LimitRows, matrices
 from taskspec.robot import RobotModel
 
+#: What is left of a request below this share of it is rounding.
+_ROUNDING = 1e-6
 #: Outputs of `assemble`, in order; matrices are given by rows.
 ASSEMBLED = ("P", "A", "factor", "requests")
 #: Outputs of `look`, in order; matrices are given by rows.
@@ -30,9 +32,11 @@ class Resolution:
         requested: names of the r force set points.
         handed: length of the pieces that the tick hands over, before lower and upper.
         assemble: these pieces -> `ASSEMBLED`.
-        accept: `ASSEMBLED`, lower, upper, u* (n,), x (n,), dual (m,) -> torque (n,), KKT residual,
-            sum of 2^i over the limits i that bind, what limits take from each request (r,).
+        accept: `ASSEMBLED`, lower, upper, u* (n,), x (n,), dual (m,), the torque before (n,), the
+            most and the largest step of a torque (n,) -> torque (n,), KKT residual, sum of 2^i over
+            the limits i that bind, what limits take from each request (r,).
         look: the tick's inputs -> `LOOKED`; None where nothing is requested of a contact.
+        left: effect, values, forces x (g,) -> what contacts cannot return of each request (r,).
         generators: how many of them there are.
         conditions: on their sizes, in words.
     """
@@ -45,6 +49,7 @@ class Resolution:
     assemble: ca.Function
     accept: ca.Function
     look: ca.Function | None
+    left: ca.Function | None
     generators: int
     conditions: tuple[str, ...]
 
@@ -110,6 +115,7 @@ class Resolved:
             assemble=_flat("assemble", [handed], (made.P, made.A.T, pieces.L.T, made.requests.T)),
             accept=_accept(n, m, len(self.requests.names)),
             look=look,
+            left=None if nearest is None else _left(nearest.g.shape[0], len(self.requests.names)),
             generators=0 if nearest is None else nearest.g.shape[0],
             conditions=() if nearest is None else nearest.texts,
         )
@@ -149,12 +155,30 @@ def _accept(n: int, m: int, r: int) -> ca.Function:
     )
     binding = ca.sum1(ca.vertcat(zero, *(2**i * (y[i] != 0) for i in range(m))))
     given = (P, A_rows, factor, requests, lower, upper)
+    before, most, step = (ca.SX.sym(name, n) for name in ("before", "most", "step"))
+    # A solver that iterates leaves bounds by its tolerance.
+    lowest = ca.fmin(ca.fmax(-most, before - step), most)
+    highest = ca.fmax(ca.fmin(most, before + step), -most)
     return ca.Function(
         "accept",
-        [*(ca.vec(part) for part in given), torque, x, y],
-        [torque + factor.T @ x, residual, binding, ca.densify(requests.T @ x)],
+        [*(ca.vec(part) for part in given), torque, x, y, before, most, step],
+        [
+            ca.fmin(ca.fmax(torque + factor.T @ x, lowest), highest),
+            residual,
+            binding,
+            ca.densify(requests.T @ x),
+        ],
         {"cse": True},
     )
+
+
+@cache
+def _left(g: int, r: int) -> ca.Function:
+    """What contacts cannot return of r requests with the forces of g generators."""
+    effect, values, x = ca.SX.sym("effect", g, r), ca.SX.sym("values", r), ca.SX.sym("x", g)
+    left = values - effect.T @ x
+    rounding = ca.norm_2(left) <= _ROUNDING * (1 + ca.norm_2(values))
+    return ca.Function("left", [ca.vec(effect), values, x], [ca.if_else(rounding, 0, left)])
 
 
 def saturated(robot: RobotModel, wanted: ca.SX) -> ca.SX:

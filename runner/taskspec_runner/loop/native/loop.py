@@ -7,6 +7,7 @@ import ctypes
 import numpy as np
 from numpy.typing import NDArray
 
+from taskspec.native import quadratic
 from taskspec.program.execution.compiled_terms import CompiledTerms
 from taskspec.program.execution.machine import Machine
 from taskspec.program.execution.stage_runner import StageRunner
@@ -66,7 +67,7 @@ class NativeLoop:
         self.compiling = compiling
         self._machine, self._plant, self._sensing = machine, plant, sensing
         self._room = 0 if block is None else len(block.rows)
-        engine = kernel_engine(ticks.run, ticks, tick_memory, compiling=compiling)
+        engine = kernel_engine(ticks.run, ticks, tick_memory, quadratic, compiling=compiling)
         self._run = engine.function("run", ctypes.c_int64, ctypes.c_void_p, ctypes.c_int64)
         self._base = base = TickMemory(None, compiling)
         _library(base)
@@ -128,6 +129,7 @@ class NativeLoop:
             c.noise_used, c.sensor_ticks = sensor.used, sensor.ticks
         if runner.solver is not None:
             c.clear, c.paring = runner.solver.clear, runner.solver.paring
+            c.solved, c.worst = runner.solver.counts.solved, runner.solver.counts.worst
         if self._room:
             c.recorded, c.row = first, first % self._room
         return c
@@ -142,6 +144,7 @@ class NativeLoop:
             sensor.used, sensor.ticks = c.noise_used, c.sensor_ticks
         if solver is not None:
             solver.clear, solver.paring = bool(c.clear), bool(c.paring)
+            solver.counts.solved, solver.counts.worst = c.solved, c.worst
         if self.look:
             # Whoever looks sees the clock of the last look, and this step's force.
             self._plant.arm.read_forces()
@@ -156,7 +159,10 @@ def _library(record: TickMemory) -> None:
 def _controller(record: TickMemory, machine: Machine, plant: Plant) -> None:
     arm = plant.arm
     places = slices(fields(len(machine.reactions)))
-    names = ("conditioning", "health", "violation", "clamped", "unsettled", "limits", "limited")
+    names = (
+        *("conditioning", "health", "violation", "clamped", "unsettled"),
+        *("limits", "limited", "residual"),
+    )
     record.take(
         n=len(machine.q),
         n_reactions=len(machine.reactions),
@@ -302,8 +308,9 @@ def _stage(record: TickMemory, torque: Vector, outputs: Vector, runner: StageRun
     """What the record has of a stage."""
     solver = runner.solver
     new_torque, new_outputs = np.zeros_like(torque), np.zeros_like(outputs)
-    _, new_memory, _, handed_over = runner.tick.results
-    record.function("tick", runner.tick, (new_torque, new_memory, new_outputs, handed_over))
+    own_torque, new_memory, own_outputs, _ = runner.tick.results
+    scratch = [(own_torque, new_torque), (own_outputs, new_outputs)]
+    record.function("tick", runner.tick, scratch)
     record.take(n_memory=runner.stage.memory.size, least_conditioning=runner.least_conditioning)
     record.take(
         memory=runner.memory,
@@ -317,7 +324,31 @@ def _stage(record: TickMemory, torque: Vector, outputs: Vector, runner: StageRun
             n_requests=len(solver.cut),
             has_last_torque=solver.last_torque is not None,
         )
-        record.take(clamped_cut=solver.clamped_cut, cut=solver.cut, limited=solver.limited)
+        record.take(
+            clamped_cut=solver.clamped_cut,
+            cut=solver.cut,
+            cut_before=np.zeros_like(solver.cut),
+            limited=solver.limited,
+            unreachable=solver.unreachable,
+        )
         if solver.last_torque is not None:
             record.take(last_torque=solver.last_torque)
+        record.take(solves=solver.own is not None, asks=solver.nearest is not None)
+        if solver.own is not None:
+            record.function("assemble", solver.assemble)
+            record.function("accept", solver.accept, scratch)
+            record.take(
+                limits=solver.own.workspace,
+                solver_last=solver.applied,
+                accepted=solver.accepted,
+                residual=solver.residual,
+                binding=solver.binding,
+                found_cut=solver.found_cut,
+            )
+            if solver.nearest is not None and solver.nearest.own is not None:
+                record.function("look", solver.nearest.look)
+                record.function("left", solver.nearest.left)
+                record.take(
+                    nearest=solver.nearest.own.workspace, left_over=solver.nearest.left_over
+                )
     return record

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.native.kernel import Record, Vector, Words
+from taskspec.native.quadratic import Workspace
 from taskspec.program.bound import BoundFunction
 from taskspec_runner.loop.native.code import CODE, Compiling, expression_engine
 
@@ -52,6 +53,18 @@ class TickMemory(Record):
     equations: int
     equations_arg: int
     equations_res: int
+    assemble: int
+    assemble_arg: int
+    assemble_res: int
+    accept: int
+    accept_arg: int
+    accept_res: int
+    look: int
+    look_arg: int
+    look_res: int
+    left: int
+    left_arg: int
+    left_res: int
     detents: int
     detents_arg: int
     detents_res: int
@@ -78,6 +91,11 @@ class TickMemory(Record):
     n_requests: int  # force set points of the stage
     has_last_torque: int  # whether the tick reads the torque before
     has_program: int  # whether limits may need a program
+    solves: int  # whether the programs are solved here
+    asks: int  # whether forces are asked of contacts
+    solved: int  # programs solved
+    limits: Workspace  # the program of the limits
+    nearest: Workspace  # that of the forces that contacts return
     clear: int  # whether no limit was in the way
     paring: int  # whether requests are being cut
     tares: int  # whether the stage measures the sensor's zero
@@ -93,6 +111,7 @@ class TickMemory(Record):
     i_unsettled: int
     i_limits: int
     i_limited: int
+    i_residual: int
 
     # the bus
     n_bus: int  # numbers of a tick
@@ -142,6 +161,7 @@ class TickMemory(Record):
     moving_inertia: float  # of a driven coordinate
     last_time: float  # of the simulator at the last look [s]
     force_bound: float  # [N]
+    worst: float  # residual of an answer that was used
     energy_bound: float  # [J]
 
     # the controller's inputs, and what they are measured from
@@ -166,6 +186,14 @@ class TickMemory(Record):
     clamped_cut: Vector
     cut: Vector
     limited: Vector
+    cut_before: Vector
+    found_cut: Vector
+    accepted: Vector
+    residual: Vector
+    binding: Vector
+    unreachable: Vector
+    left_over: Vector
+    solver_last: Vector
 
     # the sensor and its zero
     noise_rows: Vector
@@ -240,8 +268,10 @@ class TickMemory(Record):
         for name, value in values.items():
             setattr(self, name, value)
 
-    def function(self, name: str, bound: BoundFunction, results: Sequence[Array] = ()) -> None:
-        """Sets a function on its memory, or with other arrays for its results.
+    def function(
+        self, name: str, bound: BoundFunction, instead: Sequence[tuple[Array, Array]] = ()
+    ) -> None:
+        """Sets a function on its memory, or with other arrays for some: pairs of theirs and ours.
 
         Raises:
             EngineError: there is no machine code here.
@@ -249,7 +279,9 @@ class TickMemory(Record):
             NotReadyError: there is no code of it yet.
         """
         engine = expression_engine(bound.function, self._compiling)
-        for part, arrays in (("_arg", bound.arguments), ("_res", results or bound.results)):
+        ours = {id(theirs): array for theirs, array in instead}
+        for part, theirs in (("_arg", bound.arguments), ("_res", bound.results)):
+            arrays = [ours.get(id(array), array) for array in theirs]
             places = np.array([array.ctypes.data for array in arrays], dtype=np.int64)
             self._held[name + part] = places, arrays
             setattr(self, name + part, places.ctypes.data)

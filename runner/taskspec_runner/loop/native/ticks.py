@@ -11,6 +11,8 @@ from __future__ import annotations
 import math
 
 from taskspec.native.kernel import Vector, Words, call
+from taskspec.native.quadratic import SOLVED, solve
+from taskspec.program.execution.stage_solver import WORST_RESIDUAL
 from taskspec_runner.loop.native.tick_memory import TickMemory
 
 #: Why `run` has returned: all ticks are done; the next tick is Python's, from its beginning; the
@@ -76,24 +78,83 @@ def _tick(c: TickMemory) -> bool:
     call(c.tick, c.tick_arg, c.tick_res, 0, 0, 0)
     if out[0] != 0.0 or not out[c.i_health] < _HEALTHY:
         return False
-    return not c.has_program or _resolve(c)
+    return c.has_program == 0 or _resolve(c)
 
 
 def _resolve(c: TickMemory) -> bool:
-    """Keeps the limits where the tick itself knows how."""
+    """Keeps the limits, and takes from set points what contacts do not return; whether it could."""
     out, limited = c.new_outputs, c.limited
-    if not out[c.i_violation] <= _EXACT or out[c.i_unsettled] != 0.0 or c.paring:
+    was_limited, was_clear = limited[0], c.clear
+    _copy(c.cut, c.cut_before, c.n_requests)
+    if not _limits_kept(c):
         return False
-    if out[c.i_clamped] != 0.0:
-        _copy(c.clamped_cut, c.cut, c.n_requests)
-        limited[0] = 1.0
-        c.clear = 0
-        out[c.i_limited] = 1.0
-        out[c.i_limits] = out[c.i_clamped]
-    elif not c.clear:
-        _zero(c.cut, c.n_requests)
-        limited[0] = 0.0
-        c.clear = 1
+    if (out[c.i_unsettled] != 0.0 or c.paring != 0) and not _settled(c):
+        # Python makes this tick, from what there was before.
+        _copy(c.cut_before, c.cut, c.n_requests)
+        limited[0] = was_limited
+        c.clear = was_clear
+        return False
+    return True
+
+
+def _limits_kept(c: TickMemory) -> bool:
+    """Keeps the limits: by clamping, which the tick has done, or by the program."""
+    out, limited = c.new_outputs, c.limited
+    if out[c.i_violation] <= _EXACT:
+        if out[c.i_clamped] != 0.0:
+            _report(c, c.clamped_cut, out[c.i_clamped])
+        elif c.clear == 0:
+            _zero(c.cut, c.n_requests)
+            limited[0] = 0.0
+            c.clear = 1
+        return True
+    if c.solves == 0 or not math.isfinite(out[c.i_violation]):
+        return False
+    call(c.assemble, c.assemble_arg, c.assemble_res, 0, 0, 0)
+    if solve(c.limits) != SOLVED:
+        return False
+    _copy(c.torque, c.solver_last, c.n)
+    call(c.accept, c.accept_arg, c.accept_res, 0, 0, 0)
+    residual, binding, found, clamped = c.residual, c.binding, c.found_cut, c.clamped_cut
+    if not residual[0] <= WORST_RESIDUAL:
+        return False
+    c.solved += 1
+    c.worst = max(c.worst, residual[0])
+    _copy(c.accepted, c.new_torque, c.n)
+    out[c.i_residual] = residual[0]
+    for i in range(c.n_requests):
+        found[i] += clamped[i]
+    _report(c, found, float(int(binding[0]) | int(out[c.i_clamped])))
+    return True
+
+
+def _report(c: TickMemory, cut: Vector, binding: float) -> None:
+    """Has the next tick know what limits have taken, and the log which."""
+    out, limited = c.new_outputs, c.limited
+    _copy(cut, c.cut, c.n_requests)
+    limited[0] = 1.0
+    c.clear = 0
+    out[c.i_limited] = 1.0
+    out[c.i_limits] = binding
+
+
+def _settled(c: TickMemory) -> bool:
+    """Has the next tick take from the set points what contacts cannot return; whether it could."""
+    out = c.new_outputs
+    if c.asks == 0:
+        return True
+    if out[c.i_unsettled] == 0.0:
+        _zero(c.unreachable, c.n_requests)
+        c.paring = 0
+        return True
+    if c.solves == 0:
+        return False
+    call(c.look, c.look_arg, c.look_res, 0, 0, 0)
+    if solve(c.nearest) != SOLVED:
+        return False
+    call(c.left, c.left_arg, c.left_res, 0, 0, 0)
+    _copy(c.left_over, c.unreachable, c.n_requests)
+    c.paring = 1
     return True
 
 
