@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from taskspec.control.qp.quadratic_program import Array, QuadraticProgram
-from taskspec.native import expressions, kernel, quadratic
+from taskspec.native import expressions, kernel, libm, quadratic
 from taskspec.native.engine import Engine, available
 from taskspec.native.kernel import kernel_ir
 from taskspec.native.quadratic import SOLVED, Workspace, workspace
@@ -52,7 +52,7 @@ def dual_solver(problem: QuadraticProgram) -> DualSolver | None:
 @cache
 def _compiled() -> Any:
     """The kernel's `solve`, compiled at once: an answer must not depend on what is kept."""
-    written = (Path(module.__file__ or "") for module in (kernel, expressions, quadratic))
+    written = (Path(module.__file__ or "") for module in (libm, expressions, kernel, quadratic))
     source = b"".join(path.read_bytes() for path in written)
     engine = Engine(lambda: [kernel_ir(quadratic.solve)], level=2, source=source)
     return engine.function("solve", ctypes.c_int64, ctypes.c_void_p)

@@ -16,7 +16,7 @@ from typing import Any
 
 import casadi as ca
 
-from taskspec.native import expressions, kernel
+from taskspec.native import expressions, kernel, libm
 from taskspec.native.engine import Engine, NotKeptError
 from taskspec.native.expressions import expression_ir
 from taskspec.native.kernel import kernel_ir
@@ -124,7 +124,8 @@ def expression_engine(function: ca.Function, compiling: Compiling) -> Engine:
 
     def text() -> bytes:
         written: str = function.serialize()
-        return _written(expressions) + written.encode()
+        made = f"{ca.CasadiMeta.version()} {written}"
+        return _written(libm) + _written(expressions) + made.encode()
 
     # A function's hash is where it lies.
     source = _Source(
@@ -149,7 +150,7 @@ def kernel_engine(
     """
 
     def text() -> bytes:
-        return b"".join(_written(module) for module in (kernel, expressions, *modules))
+        return b"".join(_written(module) for module in (libm, expressions, kernel, *modules))
 
     source = _Source(function, None, text, lambda: kernel_ir(function), level=2)
     return _ENGINES.of(source, compiling)
