@@ -9,13 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.control.qp.certificate import Certificate, contradiction, feasible
-from taskspec.foresight.approach import rates_of
+from taskspec.foresight.approach import approach, rates_of
 from taskspec.foresight.course import course_of, moving_axes
 from taskspec.foresight.force_profile import at, force_profiles
 from taskspec.foresight.rates import VELOCITY, motion
 from taskspec.foresight.rows import Cause, RowSystem
 from taskspec.foresight.statics import TORQUE, statics
 from taskspec.geometry.axis import AXES
+from taskspec.motion.blend import BLEND_TIME
 from taskspec.program.passage import End
 from taskspec.program.plan import StagePlan
 from taskspec.program.trajectory import Place
@@ -159,7 +160,11 @@ def _fastest(stage: StagePlan) -> float:
     passage = stage.nominal.passage
     instants = () if passage is None else passage.instants
     walked = max((float(np.linalg.norm(i.twist[:3])) for i in instants), default=0.0)
-    if stage.frame.at_origin:
+    ends = passage is not None and passage.end is not End.OPEN
+    way = approach(stage, stage.nominal.gap)
+    # What touches before its rate is risen never comes to it.
+    touches = way is not None and way.gap is not None and way.gap < BLEND_TIME * way.closing
+    if ends or touches or stage.frame.at_origin:
         return walked
     return max(walked, float(np.linalg.norm(rates_of(stage))))
 

@@ -32,6 +32,9 @@ _PARTS = ((), ("ref",))
 #: An expectation that would be met if the force came so much nearer to its set point is not
 #: accused: the loop is that of the start pose.
 _DOUBT = 0.1
+#: A loop that cannot be followed overshoots its set point by less than this share.
+_BEYOND = 0.15
+_LOOKS = 200
 #: A course is followed if what it settles at and its blow would pass a limit so many times over.
 _OVERSHOOT = 2.0
 
@@ -65,11 +68,15 @@ def guards_beyond_forces(task: TaskPlan) -> Iterator[Finding]:
     for name, stage in task.framed.items():
         axis = _waits_for(stage)
         courses = [way.of(name, axis) for way in ways] if axis is not None else []
-        if axis is None or stage.spec.until is None or not all(courses):
+        if axis is None or stage.spec.until is None:
             continue
         tree = stage.spec.until.tree
         node = tree.x if isinstance(tree, Held) else tree
         applied = [c.applied for c in courses if c is not None]
+        if len(applied) < len(courses):
+            applied = _unfollowed(stage, axis)
+            if not applied or not math.isfinite(stage.longest):
+                continue
         if any(_ever(task, node, (1 + more) * f) for f in applied for more in (0.0, _DOUBT)):
             continue
         most = max(applied[0], key=abs)
@@ -184,6 +191,14 @@ def _about(stage: StagePlan, guard: Expression) -> Axis | None:
     if len(path) != 2 or axis is None or path[0] != axis.effort or not _is_foreseen(stage, axis):
         return None
     return axis
+
+
+def _unfollowed(stage: StagePlan, axis: Axis) -> list[Vector]:
+    """What a loop that cannot be followed brings the force of an axis to, from nothing on."""
+    value, law = stage.set_point_of(axis), stage.law.control_law
+    if value is None or not law.force_loop or stage.spec.axes[axis].mode.moves:
+        return []
+    return [np.linspace(0.0, (1 + _BEYOND) * value, _LOOKS)]
 
 
 def _ever(task: TaskPlan, node: Node, applied: Vector) -> bool:
