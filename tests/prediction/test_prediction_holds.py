@@ -60,12 +60,18 @@ def foreseen(task, stage="go"):
     return predict(compile_unchecked(load_text(task, "t.yaml")))[stage]
 
 
+def foreseen_and_run(simulate, task, stage="go"):
+    """What is foreseen of a stage, and the run: the task is compiled once for both."""
+    run = simulate(task)
+    return predict(run.program)[stage], run
+
+
 @pytest.mark.parametrize("law", ["hybrid", "hybrid-multipliers", "parallel", "parallel-pid"])
 @pytest.mark.parametrize("frame", ["level", "task"])
 def test_a_force_on_a_moving_surface(simulate, law, frame):
     """In a fixed frame the force swings; in the surface's own it stays, of a law that can tell."""
     task = text(LAW=law, FRAME=frame, **HEAVING)
-    said, run = foreseen(task), simulate(task)
+    said, run = foreseen_and_run(simulate, task)
     # Two periods, 1 s after the force has been reached.
     force = run.during("go", "force.z", 2.0)
     if frame == "task" and law == "parallel-pid":
@@ -114,7 +120,7 @@ def test_an_open_loop_force_on_a_moving_surface_is_left_out():
 def test_a_flat_tool_that_does_not_lie_flush(simulate, law, tilt):
     """Each of its points bears an eighth; lines are taken at the start, to tilt^2 = 0.8 %."""
     task = text(LAW=f"{{kind: {law}, {SPRINGS}}}", **(FLAT | {"TILT": tilt}))
-    said, run = foreseen(task), simulate(task)
+    said, run = foreseen_and_run(simulate, task)
     for signal in ("force.z", "force.x", "torque.ry"):
         end = run.during("go", signal)[-1]
         # What springs of 2 Hz have left after 2.5 s is e^-22.
@@ -133,7 +139,7 @@ def test_a_flat_tool_on_a_drum(simulate):
     task = text(LAW=f"{{kind: impedance, {SPRINGS}}}", **flat)
     task = task.replace(plane.replace("TILT", "0"), drum)
     assert "cylinder, radius: 150" in task
-    said, run = foreseen(task), simulate(task)
+    said, run = foreseen_and_run(simulate, task)
     askew = math.asin((15 + 20) / 150) ** 2
     for signal in ("force.z", "force.x", "torque.ry"):
         end = run.during("go", signal)[-1]
@@ -144,7 +150,7 @@ def test_a_flat_tool_on_a_drum(simulate):
 
 def test_a_force_loop_presses_an_edge_as_deep_as_it_bears(simulate):
     task = text(**FLAT)
-    said, run = foreseen(task), simulate(task)
+    said, run = foreseen_and_run(simulate, task)
     assert said.equilibrium["force.z"].value == pytest.approx(-15.0)
     deep = -run.during("go", "table.gap")[-1]
     assert deep == pytest.approx(said.depths["table"].depth, rel=2 * _CONTACT)
@@ -160,8 +166,8 @@ def test_friction_at_an_edge_is_left_out():
 def test_a_law_without_an_integral_says_nothing_under_friction(simulate, friction):
     slides = "axes: {x: {velocity: 10 mm/s}, z: {force: -15 N}}, time: 2 s"
     task = text(LAW="hybrid-reaction", MU=friction, STAGE=slides)
-    said = foreseen(task)
-    force = simulate(task).during("go", "force.z")[-1]
+    said, run = foreseen_and_run(simulate, task)
+    force = run.during("go", "force.z")[-1]
     if friction == "0":
         assert force == pytest.approx(said.equilibrium["force.z"].value, rel=0.01)
     else:
@@ -184,7 +190,7 @@ def test_a_move_begins_at_the_rate_that_is_handed_over(simulate, way):
     task = text(HEIGHT="350 mm", STAGE=stage).replace(
         "axes: {z: {force: -5 N}}, time: 0.1 s", f"axes: {{x: {{move: {way}}}}}"
     )
-    said, run = foreseen(task, "press"), simulate(task)
+    said, run = foreseen_and_run(simulate, task, "press")
     lasted = len(run.during("press", "t")) * 1e-3
     assert lasted == pytest.approx(said.duration.expected, abs=1.5e-3)
 
@@ -205,7 +211,7 @@ def test_what_of_an_impact_comes_before_the_guard(simulate, law, guard, sensor):
     stage = f"axes: {{z: {{velocity: -30 mm/s}}}}, until: {guard}, within: 3 s"
     task = text(LAW=law, STAGE=stage, FRAME="task", HEIGHT="320 mm", STIFF="20 kN/m",
                 SENSOR=SENSORS[sensor])  # fmt: skip
-    said, run = foreseen(task), simulate(task)
+    said, run = foreseen_and_run(simulate, task)
     most = float(np.max(-run.during("go", "force.z")))
     assert said.impact.largest / math.e < most < 1.05 * said.impact.largest
     lasted = len(run.during("go", "t")) * 1e-3

@@ -46,6 +46,12 @@ def foreseen(task):
     return predict(compile_unchecked(load_text(task, "t.yaml")))["press"]
 
 
+def foreseen_and_run(simulate, task):
+    """What is foreseen of a task, and its run: it is compiled once for both."""
+    run = simulate(task)
+    return predict(run.program)["press"], run
+
+
 def left_over(stage, lasts):
     """Share of what its slowest axis begins with that is left after a stage, ramp and blend aside.
 
@@ -81,8 +87,7 @@ SPRINGS = "stiffness: 2 kN/m"
 )  # fmt: skip
 def test_forces_and_depth_at_rest(simulate, changes):
     task = text(**changes)
-    stage = foreseen(task)
-    run = simulate(task)
+    stage, run = foreseen_and_run(simulate, task)
     force, depth = stage.equilibrium["force.z"], stage.depths["table"]
     assert force.steady
     within = (_CONTACT + left_over(stage, 3.0)) * abs(force.value)

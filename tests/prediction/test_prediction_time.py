@@ -73,6 +73,12 @@ def foreseen(task, stage="go"):
     return predict(compile_unchecked(load_text(task, "t.yaml")), {})[stage]
 
 
+def foreseen_and_run(simulate, task, stage="go"):
+    """What is foreseen of a stage, and the run: the task is compiled once for both."""
+    run = simulate(task)
+    return predict(run.program, {})[stage], run
+
+
 @pytest.mark.parametrize("law", ["hybrid", "parallel", "impedance", "pd", "parallel-pid"])
 @pytest.mark.parametrize("speed", ["-30 mm/s", "-150 mm/s"])
 def test_impact_and_arrival(simulate, law, speed):
@@ -81,7 +87,7 @@ def test_impact_and_arrival(simulate, law, speed):
     What it goes on for, and how fast its spring is stretched, is at most 5 % in this stage.
     """
     task = text(LAW=law, SPEED=speed)
-    said, run = foreseen(task), simulate(task)
+    said, run = foreseen_and_run(simulate, task)
     peak = float(np.max(-run.during("go", "force.z")))
     assert said.impact.peak / math.e < peak < 1.05 * said.impact.peak
     late = CLOSE
@@ -137,9 +143,8 @@ def test_time_constants_are_those_of_the_poles(simulate):
     """10 mm of a force step, 20 kN/m: what is left after one time constant, two and three."""
     law = "{kind: hybrid, force: {integral: 5 /s, damping: 500 N*s/m}}"
     task = text(LAW=law).replace("time: 0.1 s", "time: 2 s").replace("-3 N}", "-10 N, ramp: 0}")
-    program = compile_unchecked(load_text(task, "t.yaml"))
-    tau = predict(program)["press"].settling["z"].time_constant
     run = simulate(task)
+    tau = predict(run.program)["press"].settling["z"].time_constant
     left = 10 + run.during("press", "force.z")
     at = [round((0.4 + i * tau) * 1000) for i in range(3)]
     shares = left[at[1:]] / left[at[:-1]]
