@@ -143,6 +143,11 @@ def test_page_has_both_runs_in_its_charts(runs: Path, tmp_path: Path) -> None:
     assert "motion error" in drawn["charts"]
     assert '<span class="plus">+params: {press: 8 N}</span>' in text
     assert "The logs part at tick" in text
+    # The main metrics are in view, the others unfold.
+    shown, _, folded = text.partition('<details class="more">')
+    assert '<td data-label="Metric">rms error</td>' in shown
+    assert '<td data-label="Metric">final error</td>' not in shown
+    assert '<td data-label="Metric">final error</td>' in folded
     assert call("diff", runs / "a", runs / "same", "--html", page).exit_code == 0
     assert "The runs are equal" in page.read_text(encoding="utf-8")
 

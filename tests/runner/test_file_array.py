@@ -54,6 +54,7 @@ NUMBERS: dict[str, Callable[[Any], Any]] = {
     "any": lambda x: np.isnan(x).any(),
     "count": lambda x: np.count_nonzero(x > 0),
     "one": lambda x: x[17],
+    "product": lambda x: np.nan_to_num(x) @ np.asarray(np.nan_to_num(x)),
 }
 
 

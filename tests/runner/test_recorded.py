@@ -124,7 +124,13 @@ def test_own_export_needs_no_map_and_is_judged_as_the_run_was(
     assert len(said["sha256"]) == 64
     assert "3 of 3 expectations met; as measured" in result.stdout
     assert call("judge", tmp_path / "out").exit_code == 0
-    assert "as measured" in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    assert "as measured" in page
+    assert "Columns of the log" in page
+    assert "recorded.columns" not in page
+    # That a log goes on with the next stage is no fault.
+    assert "the log goes on with stage" in page
+    assert '<tr class="bad">' not in page
 
 
 def test_renamed_columns_in_other_units_with_other_signs(run: Run, tmp_path: Path) -> None:

@@ -72,6 +72,12 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     told = CliRunner().invoke(app, ["compare", str(folder / "tap.yaml"), *laws])
     assert told.exit_code == 0, told.output
     found["compare"] = folder / "compare" / "compare.html"
+    log = ["--csv", str(folder / "log.csv")]
+    assert CliRunner().invoke(app, ["export", str(folder / "good"), *log]).exit_code == 0
+    to = [str(folder / "log.csv"), "--out", str(folder / "judged"), "--quiet"]
+    told = CliRunner().invoke(app, ["judge", str(folder / "tap.yaml"), *to])
+    assert told.exit_code == 0, told.output
+    found["judged"] = folder / "judged" / "report.html"
     return found
 
 
@@ -286,11 +292,12 @@ def test_paper_shows_the_charts_and_no_controls(browser: Browser, pages: dict[st
     assert browser.errors == []
 
 
-@pytest.mark.parametrize("name", ["good", "missed", "stopped", "diff", "compare"])
+@pytest.mark.parametrize("name", ["good", "missed", "stopped", "diff", "compare", "judged"])
 def test_on_a_phone_tables_are_cards_and_targets_are_large(
     browser: Browser, pages: dict[str, Path], name: str
 ) -> None:
     shown(browser, pages[name], PHONE)
+    browser.run("document.querySelectorAll('details').forEach((d) => { d.open = true; })")
     # No table has to be pushed sideways, and every cell is in view.
     wider = browser.run(
         """[...document.querySelectorAll(".scroll")].filter((s) => s.scrollWidth > s.clientWidth)
@@ -310,6 +317,21 @@ def test_on_a_phone_tables_are_cards_and_targets_are_large(
             && !c.querySelector("a")).map((c) => c.textContent)"""
     )
     assert nameless == []
+    # The headings of a card stand below each other, and none stands alone.
+    ragged = browser.run(
+        """[...document.querySelectorAll(".cards:not(.metrics):not(.findings) tbody tr")].filter(
+        (row) => new Set([...row.querySelectorAll("td[data-label]")].filter((c) => c.offsetHeight)
+            .map((c) => Math.round(c.getBoundingClientRect().left
+                + parseFloat(getComputedStyle(c).paddingLeft)))).size > 1)
+        .map((row) => row.textContent)"""
+    )
+    assert ragged == []
+    alone = browser.run(
+        """[...document.querySelectorAll(".cards td + td[data-label]")].filter(
+        (c) => c.offsetHeight && !c.textContent.trim() && !c.firstElementChild)
+        .map((c) => c.dataset.label)"""
+    )
+    assert alone == []
     for each in browser.run(
         """[...document.querySelectorAll("button, summary, a, [role=button]")]
         .filter((e) => e.getClientRects().length)

@@ -13,7 +13,7 @@ from taskspec_runner.cli.console import show, table
 from taskspec_runner.cli.formats import RunFormat
 from taskspec_runner.cli.run_damage import warn_of_damage
 from taskspec_runner.diff.difference import NAMES, Difference, diff_runs
-from taskspec_runner.diff.page import headline, share, write_difference
+from taskspec_runner.diff.page import headline, leads, share, write_difference
 from taskspec_runner.diff.sentences import largest_text, parting
 from taskspec_runner.errors import InputError
 from taskspec_runner.record.folder import plain
@@ -24,8 +24,6 @@ if TYPE_CHECKING:
     from rich.table import Table
 
 _SAME, _DIFFERENT = 0, 1
-#: Metrics that a terminal shows; the page and the data have all.
-_STATISTICS = ("rms_error", "peak")
 #: Columns that a terminal lists.
 _COLUMNS = 6
 #: What the page writes with, as a terminal of any kind shows it.
@@ -69,8 +67,7 @@ def _show(difference: Difference) -> None:
     told = [row for row in data["expectations"] if not row["same"]]
     _section("expectations", _expectations(told), len(told))
     metrics = [m for m in data["metrics"] if not m["same"]]
-    both = [m for m in metrics if m["change"] is not None]
-    main = [m for m in both if m["statistic"] in _STATISTICS]
+    main = [m for m in metrics if leads(m)]
     _section("metrics", _metrics(main), len(main))
     if len(metrics) > len(main):
         left = len(metrics) - len(main)

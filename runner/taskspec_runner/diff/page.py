@@ -24,6 +24,8 @@ HERE = Path(__file__).parent
 Json = Mapping[str, Any]
 #: Columns that are listed; the page says how many there are.
 LISTED = 12
+#: Statistics that are shown at once; the page unfolds the others.
+_MAIN = ("rms_error", "peak")
 
 
 def write_difference(difference: Difference, path: Path) -> Path:
@@ -40,6 +42,7 @@ def render(difference: Difference) -> str:
     data = difference.data
     laid = overlaid(difference)
     shown = charts(laid) if laid else []
+    differ = [row for row in data["metrics"] if not row["same"]]
     return template("diff.html.j2", HERE).render(
         names=NAMES,
         runs=data["runs"],
@@ -51,7 +54,8 @@ def render(difference: Difference) -> str:
         facts=[row for row in (*data["outcome"], *data["inputs"])],
         text=_text,
         expectations=data["expectations"],
-        metrics=[_metric(row) for row in data["metrics"] if not row["same"]],
+        metrics=[_metric(row) for row in differ if leads(row)],
+        more_metrics=[_metric(row) for row in differ if not leads(row)],
         same_metrics=sum(row["same"] for row in data["metrics"]),
         apart=[(each, largest_text(each)) for each in difference.logs.apart[:LISTED]],
         more=max(len(difference.logs.apart) - LISTED, 0),
@@ -65,6 +69,11 @@ def render(difference: Difference) -> str:
         style=part("report.css") + part("compare.css", COMPARE) + part("diff.css", HERE),
         script=script(),
     )
+
+
+def leads(metric: Json) -> bool:
+    """Whether a metric is shown at once: a main one, of a stage that both runs have."""
+    return metric["statistic"] in _MAIN and metric["change"] is not None
 
 
 def headline(difference: Difference) -> str:

@@ -103,7 +103,8 @@ class FileArray(np.ndarray[Any, np.dtype[Any]]):
         if out is not None:
             getattr(ufunc, method)(*given, out=tuple(map(_plain, out)), **options)
             return out[0] if len(out) == 1 else out
-        if method in ("__call__", "accumulate") and ufunc.nout == 1 and not options:
+        by_element = ufunc.signature is None and ufunc.nout == 1
+        if method in ("__call__", "accumulate") and by_element and not options:
             shape = np.broadcast_shapes(*map(np.shape, given))
             # What type comes out is asked of no value at all.
             kind = getattr(ufunc, method)(*map(_none_of, given)).dtype

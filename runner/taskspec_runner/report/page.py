@@ -9,6 +9,7 @@ from typing import Any
 
 from markupsafe import Markup
 
+from taskspec.program.execution.transition import FAIL
 from taskspec_runner.record.folder import REPORT, Json, mapping, number
 from taskspec_runner.record.whole import write_whole
 from taskspec_runner.report import annotated, drawn, figures, tables
@@ -77,7 +78,8 @@ def render(run: Run, still: tuple[str, float] | None = None) -> str:
         task=annotated.task_lines(run),
         elsewhere=annotated.elsewhere(run),
         annotated=annotated.counted(run),
-        manifest=list(_flat(run.manifest)),
+        columns=_columns(run),
+        manifest=list(_flat(_facts_of_manifest(run))),
         picture=Markup(overview_svg(run)),
         still=still,
         style=part("report.css"),
@@ -163,6 +165,20 @@ def _margin(margin: Margin) -> Json:
     return {"shown": shown, "left": round(100 * min(max(margin.left, 0.0), 1.0)), "told": told}
 
 
+def _columns(run: Run) -> list[tuple[str, Json]]:
+    """Signals of a log that was recorded elsewhere, and the column that each was taken from."""
+    said = mapping(mapping(run.manifest.get("recorded")).get("columns"))
+    return [(str(signal), mapping(column)) for signal, column in said.items()]
+
+
+def _facts_of_manifest(run: Run) -> Json:
+    """What stands at the foot of a page: the manifest without columns, which have a table."""
+    recorded = mapping(run.manifest.get("recorded"))
+    if "columns" not in recorded:
+        return run.manifest
+    return {**run.manifest, "recorded": {k: v for k, v in recorded.items() if k != "columns"}}
+
+
 def _visit_row(run: Run, visit: StageVisit) -> Json:
     expected = number(stage_prediction(run, visit.stage).get("duration"))
     return {
@@ -176,7 +192,8 @@ def _visit_row(run: Run, visit: StageVisit) -> Json:
         "share": 1e3 * (visit.end - visit.start) / max(run.visits[-1].end, 1e-9),
         "why": _text(visit.ended_by.get("text")),
         "to": _text(visit.ended_by.get("to")),
-        "bad": visit.ended_by.get("kind") not in (None, "until", "done"),
+        "bad": visit.ended_by.get("kind") not in (None, "until", "done", "recorded")
+        or visit.ended_by.get("to") == FAIL,
     }
 
 
