@@ -84,7 +84,6 @@ lowest: $(READY)  ## a fresh environment with the lowest versions that are allow
 
 bench: $(READY)  ## what control costs, as multiples of bare mj_step
 	$(BIN)/python benchmarks/bench_loop.py
-	$(BIN)/python benchmarks/bench_limits.py
 	$(BIN)/python benchmarks/bench_validate.py
 
 docs: docs-shown docs-site  ## the site in build/site, its pictures and what its pages show made anew

@@ -1,10 +1,11 @@
 """What control costs, side by side with bare physics, in one process.
 
-Prints bare `mj_step` of the scene in contact, the tick, its parts, and the whole closed loop with
-recording, each as a multiple of the bare step. Rounds alternate, so that a machine that slows down
-slows all of them; the medians over the rounds are printed.
+Closed loops with recording, by machine code and by Python, as multiples of a bare `mj_step` of the
+same scene in the same contact. Rounds alternate, so that a machine that slows down slows all of
+them; the medians over the rounds are printed. `loop` is the processor time of the loop's thread,
+`all` that of the process, with the thread that formats and writes the log.
 
-    python benchmarks/bench_loop.py [TASK] [STAGE]
+    python benchmarks/bench_loop.py [CASE ...]
 """
 
 from __future__ import annotations
@@ -12,86 +13,158 @@ from __future__ import annotations
 import statistics
 import sys
 import tempfile
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import mujoco
 import numpy as np
-from timed import seconds
 
 from taskspec.compiler import compile_task
 from taskspec.spec import load_task
 from taskspec_runner.loop.assembly import assemble
+from taskspec_runner.loop.fixed_step import LOOK_EVERY
+from taskspec_runner.loop.native.code import Compiling
+from taskspec_runner.loop.native.loop import NativeLoop
 from taskspec_runner.loop.sensing import Sensing
 from taskspec_runner.record.log import Log
 
 TASKS = Path(__file__).resolve().parent.parent / "tasks"
-ROUNDS, STEPS = 15, 1000
+#: Stage time at which a stage is measured [s].
+AFTER = 0.4
+ROUNDS, STEPS = 11, 400
 
 
-def main(task: Path, stage: str) -> None:
-    """Measures one stage of one task, half a second after it has begun."""
-    loaded = load_task(task)
-    program = compile_task(loaded)
-    robot, period = program.context.robot, program.context.period
-    parts = assemble(program)
-    plant, machine = parts.plant, parts.machine
-    sensing = Sensing(plant.arm, plant.views.equations, machine)
-    sensing.read()
-    machine.start()
-    ticks = 0
+@dataclass(frozen=True)
+class Case:
+    """A stage of a task."""
 
-    def closed_loop_step() -> None:
-        nonlocal ticks
-        sensing.read()
-        machine.tick(ticks * period)
-        plant.step(machine.torque)
-        ticks += 1
+    name: str
+    task: str
+    stage: str
+    overrides: Mapping[str, str] = field(default_factory=dict)
 
-    while machine.stage.name != stage or machine.t < 0.5:
-        closed_loop_step()
-    model, data = plant.model, plant.data
-    kind = mujoco.mjtState.mjSTATE_INTEGRATION
-    state = np.zeros(mujoco.mj_stateSize(model, kind))
-    mujoco.mj_getState(model, data, state, kind)
-    with tempfile.TemporaryDirectory() as folder:
-        recorder = parts.recorder(Log(Path(folder) / "log.arrow"))
 
-        def whole() -> None:
-            closed_loop_step()
-            recorder.add()
+QP, UR5E = {"law.solve": "qp"}, {"robot.model": "ur5e"}
+CASES = (
+    Case("closed form", "wipe-table", "wipe"),
+    Case("program, no limit in the way", "wipe-table", "wipe", QP),
+    Case("every limit, none in the way", "press-qp", "slide"),
+    Case("program solved in every tick", "press-saturated", "press"),
+    Case("equations (planar3)", "linkage", "right"),
+    Case("six joints (ur5e)", "press-parallel", "slide", UR5E),
+    Case("mechanism (door)", "door-hinge", "open"),
+    Case("sensor at the wrist", "wrist-sensor", "press"),
+    Case("plant at 4 kHz", "wipe-table", "wipe", {"control.plant_rate": "4 kHz"}),
+)
 
-        def tick() -> None:
-            machine.tick(ticks * period)
 
-        def terms() -> None:
-            machine.update_terms()
+class Loop:
+    """A stage's closed loop by machine code or by Python, and the bare step of its scene."""
 
-        def bare() -> None:
+    def __init__(self, case: Case, folder: Path, *, native: bool) -> None:
+        """Runs to the stage."""
+        folder.mkdir()
+        program = compile_task(load_task(TASKS / f"{case.task}.yaml", case.overrides), force=True)
+        self.parts = parts = assemble(program)
+        self._period = program.context.period
+        self._sensing = Sensing(parts.plant.arm, parts.plant.views.equations, parts.machine)
+        self.recorder = parts.recorder(Log(folder / "log.arrow"))
+        self._ticks, self._native = 0, None
+        self._sensing.read()
+        parts.machine.start()
+        while parts.machine.stage.name != case.stage or parts.machine.t < AFTER:
+            self._step()
+        if native:
+            arguments = (parts.machine, parts.plant, parts.bus, self._sensing, self.recorder.block)
+            self._native = NativeLoop(*arguments, LOOK_EVERY, Compiling.WAIT)
+        self._state = np.zeros(mujoco.mj_stateSize(parts.plant.model, self._kind))
+        self.run(2)
+
+    _kind = mujoco.mjtState.mjSTATE_INTEGRATION
+
+    def run(self, steps: int) -> None:
+        """So many ticks with recording."""
+        if self._native is None:
+            for _ in range(steps):
+                self._step()
+            return
+        left = steps
+        while left > 0:
+            done = self._native.run(self._ticks, min(left, self.recorder.left))
+            self._ticks += done
+            left -= done
+            self.recorder.advance(done)
+            if self._native.sensed or self._native.stands:
+                self._step(sensed=self._native.sensed)
+                left -= 1
+
+    def bare(self, steps: int) -> None:
+        """So many steps of the scene without control."""
+        model, data = self.parts.plant.model, self.parts.plant.data
+        for _ in range(steps):
             mujoco.mj_step(model, data)
 
-        measured: dict[str, list[float]] = {}
-        for _ in range(ROUNDS):
-            for name, function, steps in (
-                ("bare mj_step in contact", bare, 200),
-                ("model terms", terms, STEPS),
-                ("tick, model terms included", tick, 200),
-                ("closed loop with recording", whole, STEPS),
-            ):
-                if name != "closed loop with recording":
-                    mujoco.mj_setState(model, data, state, kind)
-                    mujoco.mj_forward(model, data)
-                    sensing.read()
-                measured.setdefault(name, []).append(seconds(function, steps))
-            mujoco.mj_setState(model, data, state, kind)
-        recorder.close()
-    bare_times = measured["bare mj_step in contact"]
-    print(f"{task.stem}, stage {stage!r}, robot {robot.name}, {1 / period:g} Hz")
-    for name, times in measured.items():
-        ratio = statistics.median(t / b for t, b in zip(times, bare_times, strict=True))
-        print(f"{name:30} {statistics.median(times) * 1e6:8.2f} us {ratio:6.2f} x")
+    def kept(self, function: Callable[[int], None], steps: int) -> float:
+        """Seconds of the thread for a step; the simulator's state is put back."""
+        model, data = self.parts.plant.model, self.parts.plant.data
+        mujoco.mj_getState(model, data, self._state, self._kind)
+        begin = time.thread_time()
+        function(steps)
+        taken = time.thread_time() - begin
+        mujoco.mj_setState(model, data, self._state, self._kind)
+        mujoco.mj_forward(model, data)
+        return taken / steps
+
+    def _step(self, *, sensed: bool = False) -> None:
+        if not sensed:
+            self._sensing.read()
+        self.parts.machine.tick(self._ticks * self._period)
+        bus, machine = self.parts.bus, self.parts.machine
+        bus.view("clock")[0], bus.view("t")[0] = self._ticks * self._period, machine.t
+        bus.view("stage")[0] = machine.index
+        self.parts.plant.step(machine.torque)
+        self.recorder.add()
+        self._ticks += 1
+
+
+def measured(case: Case, folder: Path) -> dict[str, list[float]]:
+    """Multiples of the bare step, by what was measured."""
+    loops = {name: Loop(case, folder / name, native=name == "native") for name in NAMES}
+    ratios: dict[str, list[float]] = {}
+    substeps = loops["native"].parts.plant.substeps
+    for _ in range(ROUNDS):
+        for name, loop in loops.items():
+            bare = loop.kept(loop.bare, STEPS) * substeps
+            whole, own = time.process_time(), time.thread_time()
+            loop.run(STEPS)
+            own, whole = time.thread_time() - own, time.process_time() - whole
+            ratios.setdefault(name, []).append(own / STEPS / bare)
+            ratios.setdefault(f"{name}, all", []).append(whole / STEPS / bare)
+            ratios.setdefault("bare", []).append(bare * 1e6)
+    for loop in loops.values():
+        loop.recorder.close()
+    return ratios
+
+
+NAMES = ("native", "python")
+
+
+def main(wanted: list[str]) -> None:
+    """Measures the cases, one after the other."""
+    columns = [part for name in NAMES for part in (name, f"{name}, all")]
+    print(f"{'x bare mj_step':30} {'bare':>9}" + "".join(f"{column:>13}" for column in columns))
+    with tempfile.TemporaryDirectory() as folder:
+        for number, case in enumerate(CASES):
+            if wanted and not any(text in case.name for text in wanted):
+                continue
+            (Path(folder) / str(number)).mkdir()
+            ratios = measured(case, Path(folder) / str(number))
+            medians = {name: statistics.median(values) for name, values in ratios.items()}
+            cells = "".join(f"{medians[column]:13.2f}" for column in columns)
+            print(f"{case.name:30} {medians['bare']:6.2f} us{cells}", flush=True)
 
 
 if __name__ == "__main__":
-    arguments = sys.argv[1:]
-    name = arguments[0] if arguments else str(TASKS / "wipe-table.yaml")
-    main(Path(name), arguments[1] if len(arguments) > 1 else "wipe")
+    main(sys.argv[1:])

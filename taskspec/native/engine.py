@@ -37,7 +37,7 @@ def missing() -> str | None:
         llvm = _llvm()
         llvm.Target.from_default_triple()
     except ImportError:
-        return "llvmlite is not installed; `pip install 'taskspec-robotics[native]'` brings it"
+        return "llvmlite is not installed; `pip install llvmlite` brings it"
     except (OSError, RuntimeError) as error:
         return f"llvmlite does not run here: {error}"
     return None

@@ -27,7 +27,8 @@ ROOT = Path(__file__).resolve().parents[2]
 
 def ran(program: Program, path: Path, loop: str) -> tuple[str, int, str]:
     """How a run ended, its ticks, and the SHA-256 of its log."""
-    path.with_name("log.block").unlink(missing_ok=True)
+    for old in (path, path.with_name("log.block")):
+        old.unlink(missing_ok=True)
     parts = assemble(program)
     with closing(parts.recorder(Log(path))) as recorder:
         outcome = fixed_step.run(

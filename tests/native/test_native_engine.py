@@ -209,7 +209,7 @@ def test_without_llvmlite_there_is_a_reason(monkeypatch) -> None:
     monkeypatch.setitem(sys.modules, "llvmlite", None)
     try:
         assert not available()
-        assert "pip install 'taskspec-robotics[native]'" in str(missing())
+        assert "pip install llvmlite" in str(missing())
         with pytest.raises(EngineError, match="llvmlite is not installed"):
             Engine([HALF], store=Store(None))
     finally:
