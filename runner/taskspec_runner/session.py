@@ -54,7 +54,8 @@ class Glimpse:
     real_time_factor: float
 
 
-#: Called some fifty times a simulated second; the glimpse is made when it is asked for.
+#: Called from time to time, at least after every 400 ticks; the glimpse is made when it is asked
+#: for.
 Progress = Callable[[Callable[[], Glimpse]], None]
 
 

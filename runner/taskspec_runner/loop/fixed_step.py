@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Protocol, runtime_checkable
@@ -26,8 +27,8 @@ LOOK_EVERY = 20
 
 #: Loops by their names.
 NATIVE, PYTHON = "native", "python"
-#: A run that is shorter is over before its code is compiled.
-_WORTH = 1000
+#: A run that is shorter is over before llvmlite is loaded and code compiled, if it has to be.
+_WORTH = 5000
 #: Ticks from one question to the next whether machine code has been compiled.
 _ASK_EVERY = 100
 #: Ticks that machine code runs at most before Python sees to messages, progress and interrupts.
@@ -203,7 +204,9 @@ class _Native:
         self._wanted = wanted
         self._loop: NativeLoop | None = None
         self._sink = recorder if isinstance(recorder, BlockSink) else None
-        self._next = 0 if wanted != PYTHON and self._sink is not None else math.inf
+        self._next = 0.0 if wanted == NATIVE or "llvmlite" in sys.modules else _WORTH
+        if wanted == PYTHON or self._sink is None:
+            self._next = math.inf
 
     @property
     def name(self) -> str:
