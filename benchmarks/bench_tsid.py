@@ -4,7 +4,8 @@ TSID (task space inverse dynamics, Del Prete et al.) solves a program with accel
 force as variables in every tick. It drives the same plant at the same rate; joint positions,
 velocities, torques and the wrench of every tick go into an array. All loops are given as multiples
 of a bare `mj_step` of the same scene in the same contact, in processor time of their thread; rounds
-alternate. TSID is called through its Python bindings, which its figure includes.
+alternate. TSID is called from Python through its bindings, which its figure includes; beside it stands
+what TSID itself does in a tick: terms, program, solution, torques.
 
 What TSID is given, and how well it wipes, is printed with the figures. Its contacts stick, so that
 the one here is a task of low weight against the motion along the table, and its force task holds
@@ -67,7 +68,7 @@ class TsidLoop:
         self.problem = problem = tsid.InverseDynamicsFormulationAccForce("wipe", self._robot, False)
         problem.computeProblemData(0.0, q, v)
         pose = self._robot.framePosition(problem.data(), self._tip)
-        self._place, n = pose.copy(), model.nv
+        n = model.nv
         # Along x, y and about all axes of the world; the force has z.
         self._motion = tsid.TaskSE3Equality("tip", self._robot, "tip")
         self._motion.useLocalFrame(False)
@@ -102,39 +103,40 @@ class TsidLoop:
         self._solver = tsid.SolverHQuadProgFast("qp")
         self._solver.resize(problem.nVar, problem.nEq, problem.nIn)
         self._sample, self._ticks = tsid.TrajectorySample(12, 6), 0
-        self._reference = tsid.SE3ToVector(pose)
-        self._rate, self._bend = np.zeros(6), np.zeros(6)
         self.rows = np.zeros(((ROUNDS + 5) * STEPS, 3 * n + 6))
         self.errors = np.zeros((len(self.rows), 2))
+        # Planned before, so that a tick only looks it up.
+        times = AFTER + self._period * np.arange(len(self.rows))
+        angles = RATE * times[:, np.newaxis]
+        self._references = np.tile(tsid.SE3ToVector(pose), (len(times), 1))
+        self._references[:, :2] += SIZE * (np.sin(angles) - np.sin(RATE * AFTER))
+        self._rates, self._bends = np.zeros((len(times), 6)), np.zeros((len(times), 6))
+        self._rates[:, :2] = SIZE * RATE * np.cos(angles)
+        self._bends[:, :2] = -SIZE * RATE**2 * np.sin(angles)
 
     def run(self, steps: int) -> None:
         """So many ticks with recording."""
         arm, problem, n = self._arm, self.problem, len(self._arm.q)
         for _ in range(steps):
-            angle = RATE * (AFTER + self._ticks * self._period)
-            self._reference[:2] = self._place.translation[:2] + SIZE * (
-                np.sin(angle) - np.sin(RATE * AFTER)
-            )
-            self._rate[:2] = SIZE * RATE * np.cos(angle)
-            self._bend[:2] = -SIZE * RATE**2 * np.sin(angle)
-            self._sample.value(self._reference)
-            self._sample.derivative(self._rate)
-            self._sample.second_derivative(self._bend)
+            k = self._ticks
+            self._sample.value(self._references[k])
+            self._sample.derivative(self._rates[k])
+            self._sample.second_derivative(self._bends[k])
             self._motion.setReference(self._sample)
             program = problem.computeProblemData(self._ticks * self._period, arm.q, arm.v)
             solution = self._solver.solve(program)
             if solution.status != 0:
                 sys.exit(f"TSID's program has status {solution.status} in tick {self._ticks}")
             torque = problem.getActuatorForces(solution)
-            row = self.rows[self._ticks]
+            row = self.rows[k]
             row[:n], row[n : 2 * n], row[2 * n : 3 * n] = arm.q, arm.v, torque
             row[3 * n :] = arm.wrench
-            self.errors[self._ticks] = self._motion.position_error[:2]
+            self.errors[k] = self._motion.position_error[:2]
             self._plant.step(torque)
             self._ticks += 1
 
     def solve(self, steps: int) -> None:
-        """So many times what TSID does in a tick, and nothing else, in the state of this instant."""
+        """So many times what TSID does in a tick, and nothing else, in this state."""
         arm, problem = self._arm, self.problem
         for _ in range(steps):
             program = problem.computeProblemData(self._ticks * self._period, arm.q, arm.v)
