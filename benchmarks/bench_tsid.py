@@ -4,8 +4,8 @@ TSID (task space inverse dynamics, Del Prete et al.) solves a program with accel
 force as variables in every tick. It drives the same plant at the same rate; joint positions,
 velocities, torques and the wrench of every tick go into an array. All loops are given as multiples
 of a bare `mj_step` of the same scene in the same contact, in processor time of their thread; rounds
-alternate. TSID is called from Python through its bindings, which its figure includes; beside it stands
-what TSID itself does in a tick: terms, program, solution, torques.
+alternate. TSID is called from Python through its bindings, which its figure includes; beside it
+stands what TSID itself does in a tick: terms, program, solution, torques.
 
 What TSID is given, and how well it wipes, is printed with the figures. Its contacts stick, so that
 the one here is a task of low weight against the motion along the table, and its force task holds
