@@ -26,7 +26,12 @@ class BoundFunction:
     def __init__(
         self, function: ca.Function, arguments: Sequence[Vector], results: Sequence[Vector]
     ) -> None:
-        """Binds 1-D contiguous arrays, in the function's order."""
+        """Binds 1-D contiguous arrays, in the function's order.
+
+        Raises:
+            ValueError: an array is shorter than what the function reads or writes there.
+        """
+        _fit(function, arguments, results)
         self._buffer, self.evaluate = function.buffer()
         # The buffer keeps addresses, not references: everything it sees must outlive it.
         self.function, self.arguments, self.results = function, (*arguments,), (*results,)
@@ -34,6 +39,19 @@ class BoundFunction:
             self._buffer.set_arg(i, array.data)
         for i, array in enumerate(results):
             self._buffer.set_res(i, array.data)
+
+
+def _fit(function: ca.Function, arguments: Sequence[Vector], results: Sequence[Vector]) -> None:
+    """Refuses arrays beyond whose ends a function would read or write."""
+    read = [function.nnz_in(i) for i in range(function.n_in())]
+    written = [function.nnz_out(i) for i in range(function.n_out())]
+    for what, sizes, arrays in (("argument", read, arguments), ("result", written, results)):
+        given = [array.size for array in arrays]
+        contiguous = all(array.flags.c_contiguous for array in arrays)
+        # What a derivative does not read of an argument it has no numbers of.
+        short = any(have < need for have, need in zip(given, sizes, strict=True))
+        if short or not contiguous:
+            raise ValueError(f"{function.name()}: {what}s of {sizes} numbers, given {given}")
 
 
 class Wiring:

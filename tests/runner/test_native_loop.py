@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import ctypes
 import os
 import subprocess
 import sys
@@ -9,6 +11,8 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
 from pathlib import Path
 
+import casadi as ca
+import numpy as np
 import pytest
 
 from taskspec.compiler import compile_unchecked
@@ -68,6 +72,29 @@ def test_threads_write_the_same_bytes(tmp_path: Path) -> None:
         paths = [tmp_path / str(i) for i in range(4)]
         made = list(pool.map(lambda path: logged(program, path, "native")[0], paths))
     assert made == made[:1] * 4
+
+
+def test_code_that_nobody_waited_for_is_not_taken_for_another_function(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Functions are known by where they lie, where others come to lie once they are gone."""
+    monkeypatch.setenv("TASKSPEC_CACHE", "")
+    monkeypatch.setattr(code, "_ENGINES", code._Engines())
+    x = ca.SX.sym("x")
+    for number in range(60):
+        function = ca.Function("f", [x], [x + number])
+        with contextlib.suppress(code.NotReadyError):
+            code.expression_engine(function, code.Compiling.BESIDE)
+        del function
+    code._compiler().submit(int).result()
+    for number in range(100, 160):
+        function = ca.Function("f", [x], [x + number])
+        made = code.expression_engine(function, code.Compiling.WAIT)
+        argument, result = np.ones(1), np.zeros(1)
+        pointers = [(ctypes.c_void_p * 1)(array.ctypes.data) for array in (argument, result)]
+        call = ctypes.CFUNCTYPE(ctypes.c_int, *[ctypes.c_void_p] * 4, ctypes.c_int)
+        call(made.address(code.CODE))(*pointers, None, None, 0)
+        assert result[0] == number + 1.0
 
 
 @pytest.fixture

@@ -74,7 +74,7 @@ class _Engines:
     def __init__(self) -> None:
         self._lock = Lock()
         self._made: OrderedDict[Hashable, tuple[_Source, Engine]] = OrderedDict()
-        self._under_way: dict[Hashable, Future[Engine]] = {}
+        self._under_way: dict[Hashable, tuple[_Source, Future[Engine]]] = {}
 
     def of(self, source: _Source, compiling: Compiling) -> Engine:
         """The engine of a source; see `expression_engine`."""
@@ -82,21 +82,27 @@ class _Engines:
             if source.key in self._made:
                 self._made.move_to_end(source.key)
                 return self._made[source.key][1]
-            under_way = self._under_way.get(source.key)
+            # With its source, which holds what the key is of for as long as the key is here.
+            _, under_way = self._under_way.get(source.key, (None, None))
         if under_way is None:
             try:
                 return self._keep(source, source.engine(compiles=compiling is Compiling.WAIT))
             except NotKeptError:
                 if compiling is Compiling.NOT_YET:
                     raise NotReadyError from None
-                under_way = _compiler().submit(source.engine, compiles=True)
                 with self._lock:
-                    self._under_way[source.key] = under_way
+                    under_way = _compiler().submit(self._compile, source)
+                    self._under_way[source.key] = source, under_way
         if not (compiling is Compiling.WAIT or under_way.done()):
             raise NotReadyError
+        return under_way.result()
+
+    def _compile(self, source: _Source) -> Engine:
+        """What the thread does; one that fails stays, to say so to whoever asks."""
+        engine = self._keep(source, source.engine(compiles=True))
         with self._lock:
             self._under_way.pop(source.key, None)
-        return self._keep(source, under_way.result())
+        return engine
 
     def _keep(self, source: _Source, engine: Engine) -> Engine:
         with self._lock:
