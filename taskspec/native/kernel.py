@@ -27,10 +27,11 @@ import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache
-from types import FunctionType
+from pathlib import Path
+from types import FunctionType, ModuleType
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from taskspec.native import libm
+from taskspec.native import expressions, libm
 from taskspec.native.expressions import number
 
 if TYPE_CHECKING:
@@ -239,6 +240,21 @@ def kernel_ir(*functions: Callable[..., Any]) -> str:
     for function in functions:
         unit.add(function, function.__name__)
     return unit.text()
+
+
+def kernel_source(*modules: ModuleType) -> bytes:
+    """What the IR of a kernel follows from: this package, and the modules that the kernel is in.
+
+    Args:
+        modules: every one in which it has a function, a record or a constant.
+    """
+    own = sys.modules[__name__]
+    return b"".join(_written(module) for module in (libm, expressions, own, *modules))
+
+
+@cache
+def _written(module: ModuleType) -> bytes:
+    return Path(inspect.getfile(module)).read_bytes()
 
 
 @dataclass(frozen=True)

@@ -77,9 +77,14 @@ class ModelTerms(ABC):
         """(6, n) of the tip in world axes, linear above angular, as last evaluated."""
         return self.arrays[3].reshape(6, -1, order="F")
 
+    @property
+    def rotation(self) -> Vector:
+        """(9,) axes of the tip in the world, column after column, as last evaluated."""
+        return self.arrays[5]
+
     def tip(self) -> tuple[Vector, Vector]:
         """Position (3,) and rotation (3, 3) of the tool tip in the world, as last evaluated."""
-        return self.arrays[4].copy(), self.arrays[5].reshape(3, 3, order="F").copy()
+        return self.arrays[4].copy(), self.rotation.reshape(3, 3, order="F").copy()
 
 
 class PinocchioTerms(ModelTerms):

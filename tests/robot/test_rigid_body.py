@@ -8,6 +8,7 @@ import casadi as ca
 import numpy as np
 import pinocchio as pin
 import pytest
+from test_robot_agreement import CASES
 
 from taskspec.program.execution.compiled_terms import CompiledTerms
 from taskspec.robot.model_terms import symbols
@@ -18,24 +19,10 @@ STATES = 20
 CHAINS = 60
 
 SHIPPED = {
-    "planar2": {"model": "planar2"},
-    "planar3": {"model": "planar3"},
-    "planar2, tilted": {"model": "planar2", "base_rpy": (np.pi / 2, 0.0, 0.0)},
-    "ur5e": {"model": "ur5e"},
-    "panda": {"model": "panda"},
-    "panda, mounted": {
-        "model": "panda", "base_xyz": (0.2, -0.4, 0.7), "base_rpy": (0.3, -1.2, 2.0),
-    },
+    **CASES,
     "panda, hanging": {"model": "panda", "base_rpy": (np.pi, 0.0, 0.0)},
     "panda, balanced": {"model": "panda", "balanced": True},
-    "panda, box tool": {
-        "model": "panda", "tool_shape": "box", "tool_size": (0.06, 0.04, 0.02), "tool_length": 0.15,
-    },
-    "URDF, mounted": {
-        "model": "own.urdf", "flange": "palm", "base_xyz": (1, 2, 3), "base_rpy": (0.1, 0.2, 3),
-    },
-    "MJCF": {"model": "own.xml", "flange": "tool_frame", "base_rpy": (3.0, 0.5, -1.0)},
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("name", SHIPPED)

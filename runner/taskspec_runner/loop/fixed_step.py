@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from taskspec_runner.loop.native.loop import NativeLoop
 
 #: Squared joint torques, velocities and positions of a sane run stay far below this.
-_HEALTHY = 1e12
+HEALTHY = 1e12
 #: Ticks between looks at the simulator's warning counters, which are slow to read.
 LOOK_EVERY = 20
 
@@ -154,7 +154,7 @@ def _run(
             read()
         event = tick(clock)
         array[clock_slot], array[t_slot], array[stage_slot] = clock, machine.t, machine.index
-        if not array[health] < _HEALTHY:
+        if not array[health] < HEALTHY:
             return _stopped("non_finite", _why_not_finite(machine), machine, clock, ticks)
         if event and machine.ended:
             if machine.transitions[-1].kind == events.LIMIT:

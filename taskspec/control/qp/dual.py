@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import ctypes
 from functools import cache
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from taskspec.control.qp.quadratic_program import Array, QuadraticProgram
-from taskspec.native import expressions, kernel, libm, quadratic
+from taskspec.native import quadratic
 from taskspec.native.engine import Engine, available
-from taskspec.native.kernel import kernel_ir
+from taskspec.native.kernel import kernel_ir, kernel_source
 from taskspec.native.quadratic import SOLVED, Workspace, workspace
 
 
@@ -32,7 +31,6 @@ class DualSolver:
         """
         m, n = problem.A.shape
         self._solve = _compiled()
-        self._problem = problem
         self.workspace: Workspace = workspace(n, m)
         for name in ("flat_P", "g", "flat_A", "lower", "upper"):
             setattr(self.workspace, name.removeprefix("flat_"), getattr(problem, name))
@@ -52,7 +50,6 @@ def dual_solver(problem: QuadraticProgram) -> DualSolver | None:
 @cache
 def _compiled() -> Any:
     """The kernel's `solve`, compiled at once: an answer must not depend on what is kept."""
-    written = (Path(module.__file__ or "") for module in (libm, expressions, kernel, quadratic))
-    source = b"".join(path.read_bytes() for path in written)
+    source = kernel_source(quadratic)
     engine = Engine(lambda: [kernel_ir(quadratic.solve)], level=2, source=source)
     return engine.function("solve", ctypes.c_int64, ctypes.c_void_p)

@@ -32,7 +32,7 @@ WORST_RESIDUAL = 1e-6
 #: A torque that is held decays to gravity compensation within this many control periods.
 HELD_TICKS = 10
 #: A push that was clamped is at its bound but for rounding; so is a limit that just holds.
-_EXACT = 1e-12
+EXACT = 1e-12
 #: A multiplier below this share of the largest one is rounding.
 _ROUNDING = 1e-6
 
@@ -158,7 +158,7 @@ class StageSolver:
     def resolve(self) -> bool:
         """Replaces the torque where it breaks a limit; whether there is one that may be used."""
         outputs = self._outputs
-        if outputs[_VIOLATION] <= _EXACT:
+        if outputs[_VIOLATION] <= EXACT:
             if outputs[_CLAMPED]:
                 self._report_cuts(self.clamped_cut, outputs[_CLAMPED])
             elif not self.clear:

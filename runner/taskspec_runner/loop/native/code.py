@@ -3,23 +3,20 @@
 from __future__ import annotations
 
 import enum
-import inspect
 from collections import OrderedDict
 from collections.abc import Callable, Hashable
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cache
-from pathlib import Path
 from threading import Lock
 from types import ModuleType
 from typing import Any
 
 import casadi as ca
 
-from taskspec.native import expressions, kernel, libm
 from taskspec.native.engine import Engine, NotKeptError
 from taskspec.native.expressions import expression_ir
-from taskspec.native.kernel import kernel_ir
+from taskspec.native.kernel import kernel_ir, kernel_source
 
 #: What a function of CasADi's is called in its engine.
 CODE = "f"
@@ -130,8 +127,7 @@ def expression_engine(function: ca.Function, compiling: Compiling) -> Engine:
 
     def text() -> bytes:
         written: str = function.serialize()
-        made = f"{ca.CasadiMeta.version()} {written}"
-        return _written(libm) + _written(expressions) + made.encode()
+        return kernel_source() + f"{ca.CasadiMeta.version()} {written}".encode()
 
     # A function's hash is where it lies.
     source = _Source(
@@ -147,24 +143,17 @@ def kernel_engine(
 
     Args:
         function: the kernel.
-        modules: all that it is written in.
+        modules: as in `kernel_source`.
         compiling: whether it is compiled if there is none.
 
     Raises:
         EngineError: there is no machine code here.
         NotReadyError: there is none yet.
     """
-
-    def text() -> bytes:
-        return b"".join(_written(module) for module in (libm, expressions, kernel, *modules))
-
-    source = _Source(function, None, text, lambda: kernel_ir(function), level=2)
+    source = _Source(
+        function, None, lambda: kernel_source(*modules), lambda: kernel_ir(function), level=2
+    )
     return _ENGINES.of(source, compiling)
-
-
-@cache
-def _written(module: ModuleType) -> bytes:
-    return Path(inspect.getfile(module)).read_bytes()
 
 
 @cache

@@ -8,10 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.native import quadratic
+from taskspec.program.execution import stage_solver
 from taskspec.program.execution.compiled_terms import CompiledTerms
 from taskspec.program.execution.machine import Machine
 from taskspec.program.execution.stage_runner import StageRunner
 from taskspec.program.ports import fields, slices
+from taskspec_runner.loop import fixed_step
 from taskspec_runner.loop.native import simulator, tick_memory, ticks
 from taskspec_runner.loop.native.code import Compiling, kernel_engine
 from taskspec_runner.loop.native.tick_memory import LIBRARY, TickMemory
@@ -23,6 +25,9 @@ from taskspec_runner.record.block import TICK_WEIGHT, Block, weights
 from taskspec_runner.record.bus import Bus
 
 Vector = NDArray[np.float64]
+
+#: Where the loop has its functions, its record and its constants.
+_MODULES = (ticks, tick_memory, quadratic, stage_solver, fixed_step)
 
 
 class NativeLoop:
@@ -67,7 +72,7 @@ class NativeLoop:
         self.compiling = compiling
         self._machine, self._plant, self._sensing = machine, plant, sensing
         self._room = 0 if block is None else len(block.rows)
-        engine = kernel_engine(ticks.run, ticks, tick_memory, quadratic, compiling=compiling)
+        engine = kernel_engine(ticks.run, *_MODULES, compiling=compiling)
         self._run = engine.function("run", ctypes.c_int64, ctypes.c_void_p, ctypes.c_int64)
         self._base = base = TickMemory(None, compiling)
         _library(base)
@@ -76,11 +81,15 @@ class NativeLoop:
         _plant(base, plant)
         base.take(look_every=look_every, period=machine.period, bus=bus.array)
         places = bus.slices
-        base.take(n_bus=len(bus.array), keeps=block is not None)
-        base.take(**{f"i_{name}": places[name].start for name in ("clock", "t", "stage")})
+        base.take(
+            n_bus=len(bus.array),
+            keeps=block is not None,
+            **{f"i_{name}": places[name].start for name in ("clock", "t", "stage")},
+        )
         if block is not None:
-            base.take(room=len(block.rows), tick_weight=TICK_WEIGHT)
             base.take(
+                room=len(block.rows),
+                tick_weight=TICK_WEIGHT,
                 rows=block.rows.reshape(-1),
                 sums=block.sums,
                 bus_words=bus.array.view(np.int64),
@@ -191,7 +200,7 @@ def _sensor(record: TickMemory, machine: Machine, sensing: Sensing) -> None:
     if zero is not None:
         record.function("zeroed", zero.function)
         record.take(
-            tip_rotation=machine.terms.arrays[5],
+            tip_rotation=machine.terms.rotation,
             turned=zero.turned,
             zeroed_wrench=zero.wrench,
             taring_total=zero.total,
@@ -215,8 +224,7 @@ def _sensor(record: TickMemory, machine: Machine, sensing: Sensing) -> None:
         )
     estimates = machine.estimation.estimates
     if estimates is not None:
-        record.take(estimate_room=len(estimates.recent))
-        record.take(recent=estimates.recent.reshape(-1))
+        record.take(estimate_room=len(estimates.recent), recent=estimates.recent.reshape(-1))
 
 
 def _plant(record: TickMemory, plant: Plant) -> None:
@@ -258,8 +266,8 @@ def _plant(record: TickMemory, plant: Plant) -> None:
         )
     if plant.mechanisms is not None:
         mechanisms = plant.mechanisms
-        record.take(n_mechanisms=len(mechanisms.dofs))
         record.take(
+            n_mechanisms=len(mechanisms.dofs),
             mechanism_at=mechanisms.positions,
             mechanism_dof=mechanisms.dofs,
             mechanism_positions=views.mechanism_positions,
@@ -267,16 +275,21 @@ def _plant(record: TickMemory, plant: Plant) -> None:
         )
         if mechanisms.detents is not None:
             record.function("detents", mechanisms.detents)
-            record.take(n_detents=len(mechanisms.detent_dofs))
-            record.take(detent_dof=mechanisms.detent_dofs, detent_forces=mechanisms.detent_forces)
+            record.take(
+                n_detents=len(mechanisms.detent_dofs),
+                detent_dof=mechanisms.detent_dofs,
+                detent_forces=mechanisms.detent_forces,
+            )
     if plant.loose is not None:
-        record.take(n_loose=len(plant.loose.positions))
-        record.take(loose_at=plant.loose.positions, loose=views.loose)
+        record.take(
+            n_loose=len(plant.loose.positions), loose_at=plant.loose.positions, loose=views.loose
+        )
     if plant.moving_bases is not None:
         moving = plant.moving_bases
         record.function("moving", moving.function)
-        record.take(n_moving=len(moving.dofs), moving_inertia=INERTIA)
         record.take(
+            n_moving=len(moving.dofs),
+            moving_inertia=INERTIA,
             moving_at=moving.positions,
             moving_dof=moving.dofs,
             moving_clock=moving.clock,
@@ -311,8 +324,9 @@ def _stage(record: TickMemory, torque: Vector, outputs: Vector, runner: StageRun
     own_torque, new_memory, own_outputs, _ = runner.tick.results
     scratch = [(own_torque, new_torque), (own_outputs, new_outputs)]
     record.function("tick", runner.tick, scratch)
-    record.take(n_memory=runner.stage.memory.size, least_conditioning=runner.least_conditioning)
     record.take(
+        n_memory=runner.stage.memory.size,
+        least_conditioning=runner.least_conditioning,
         memory=runner.memory,
         new_memory=new_memory,
         new_torque=new_torque,

@@ -12,13 +12,13 @@ import math
 
 from taskspec.native.kernel import Vector, Words, call
 from taskspec.native.quadratic import SOLVED, solve
-from taskspec.program.execution.stage_solver import WORST_RESIDUAL
+from taskspec.program.execution.stage_solver import EXACT, WORST_RESIDUAL
+from taskspec_runner.loop.fixed_step import HEALTHY
 from taskspec_runner.loop.native.tick_memory import TickMemory
 
 #: Why `run` has returned: all ticks are done; the next tick is Python's, from its beginning; the
 #: noise is used up; the tick that has been sensed is Python's; the plant is to be looked at.
 DONE, WHOLE, NOISE, SENSED, LOOK = 0, 1, 2, 3, 4
-_HEALTHY, _EXACT = 1e12, 1e-12
 _MASK = 0x7FFFFFFFFFFFFFFF
 #: A warning's number is the upper half of the 64 bit that MuJoCo has of it.
 _ONE_WARNING = 0x100000000
@@ -76,7 +76,7 @@ def _tick(c: TickMemory) -> bool:
     if c.has_last_torque:
         _copy(c.torque, c.last_torque, c.n)
     call(c.tick, c.tick_arg, c.tick_res, 0, 0, 0)
-    if out[0] != 0.0 or not out[c.i_health] < _HEALTHY:
+    if out[0] != 0.0 or not out[c.i_health] < HEALTHY:
         return False
     return c.has_program == 0 or _resolve(c)
 
@@ -100,7 +100,7 @@ def _resolve(c: TickMemory) -> bool:
 def _limits_kept(c: TickMemory) -> bool:
     """Keeps the limits: by clamping, which the tick has done, or by the program."""
     out, limited = c.new_outputs, c.limited
-    if out[c.i_violation] <= _EXACT:
+    if out[c.i_violation] <= EXACT:
         if out[c.i_clamped] != 0.0:
             _report(c, c.clamped_cut, out[c.i_clamped])
         elif c.clear == 0:
