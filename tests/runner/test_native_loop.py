@@ -24,6 +24,7 @@ from taskspec_runner.errors import InputError
 from taskspec_runner.loop import fixed_step
 from taskspec_runner.loop.assembly import assemble
 from taskspec_runner.loop.native import code
+from taskspec_runner.record.block import checksums
 from taskspec_runner.record.log import Log
 from taskspec_runner.runs import Run
 
@@ -64,6 +65,24 @@ def test_the_loops_write_the_same_bytes(task: str, tmp_path: Path) -> None:
     python, _ = logged(program, tmp_path / "python", "python")
     assert loop == "native"
     assert native == python
+
+
+@pytest.mark.parametrize("loop", ["native", "python"])
+def test_ticks_of_either_loop_have_the_checksums_that_a_reader_expects(
+    loop: str, tmp_path: Path
+) -> None:
+    """A run that is killed keeps the ticks whose checksums are right."""
+    program = compile_unchecked(load_task(TASKS / "press-qp.yaml"))
+    parts, log = assemble(program), Log(tmp_path / "log.arrow")
+    with closing(parts.recorder(log)) as recorder:
+        ticks = fixed_step.run(
+            parts.machine, parts.plant, parts.bus, recorder, program.context.period, loop=loop
+        ).ticks
+        assert recorder.block is not None
+        room = len(recorder.block.rows)
+        last = np.arange(ticks - min(ticks, room), ticks)
+        rows = recorder.block.rows[last % room]
+        assert recorder.block.sums[last % room].tolist() == checksums(rows, last).tolist()
 
 
 def test_threads_write_the_same_bytes(tmp_path: Path) -> None:

@@ -14,12 +14,14 @@ from __future__ import annotations
 
 import mmap
 import os
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from taskspec.native.kernel import Words
 from taskspec_runner.errors import OutputError
 from taskspec_runner.record.whole import open_regular
 
@@ -68,6 +70,21 @@ class Block:
         except OSError as error:
             raise OutputError.of(path, error) from error
         return cls(np.frombuffer(mapped, dtype=np.int64), room, fields, path)
+
+    def taking(self, array: Vector) -> Callable[[int], None]:
+        """Puts what is in an array (fields,) into the ring: as the tick of a number from 0 on."""
+        room, fields = self.rows.shape
+        # A slice of memory is copied in a third of the time that a row of an array takes.
+        row_bytes, row = array.data, self.rows.reshape(-1).data
+        words, by, sums = array.view(np.int64), weights(fields), self.sums
+
+        def take(tick: int) -> None:
+            at = tick % room
+            row[at * fields : (at + 1) * fields] = row_bytes
+            # With its checksum the tick is there, whatever happens to this process.
+            sums[at] = _wrapped(int(words.dot(by)) + (tick + 1) * TICK_WEIGHT)
+
+        return take
 
     def advance(self, ticks: int, sha256: bytes) -> None:
         """Notes that the log has more ticks; their rows may be overwritten.
@@ -157,8 +174,28 @@ def checksums(rows: Vector, ticks: NDArray[np.int64]) -> NDArray[np.int64]:
     """(n,) checksums of ticks: of rows (n, fields), the numbers (n,) of which are `ticks`.
 
     The sum of a tick's words of 64 bit, each times its weight, and of its number from 1 on times
-    `TICK_WEIGHT`, modulo 2^64. A change of a single word always shows, and of more with all but one
-    chance in 2^64; and it is a few instructions for a loop in machine code.
+    `TICK_WEIGHT`, modulo 2^64. A change of a single word always shows, and changes of more at
+    random with all but one chance in 2^64; and it is a few instructions in machine code.
     """
     words = np.ascontiguousarray(rows).view(np.int64)
     return words @ weights(rows.shape[1]) + (ticks + 1) * np.int64(TICK_WEIGHT)
+
+
+def checksum(words: Words, by: Words, fields: int, tick: int) -> int:
+    """`checksums` of one tick, for the loop in machine code, whose integers have 64 bit.
+
+    Args:
+        words: of the tick.
+        by: its `weights`.
+        fields: how many words there are.
+        tick: its number, from 0 on.
+    """
+    total = (tick + 1) * TICK_WEIGHT
+    for i in range(fields):
+        total += words[i] * by[i]
+    return total
+
+
+def _wrapped(number: int) -> int:
+    """A number modulo 2^64, as one of 64 bit with a sign."""
+    return ((number + (1 << 63)) & ((1 << 64) - 1)) - (1 << 63)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from taskspec.program.stages.stage import CompiledStage
 from taskspec.robot import RobotModel
 from taskspec.spec import Task
-from taskspec_runner.record.block import TICK_WEIGHT, Block, weights
+from taskspec_runner.record.block import Block
 from taskspec_runner.record.bus import Bus
 from taskspec_runner.record.layout import LogLayout
 from taskspec_runner.record.log import Log
@@ -59,12 +59,8 @@ class Recorder:
         """
         self._stages, self._array, self._log = stages, bus.array, log
         self._layout = LogLayout(bus.slices, robot, stages, task)
-        fields = len(bus.array)
-        self.block = None if log is None else log.block(ROOM, fields)
-        # A slice of memory is copied in a third of the time that a row of an array takes.
-        self._bytes, self._fields = bus.array.data, fields
-        self._flat = None if self.block is None else self.block.rows.reshape(-1).data
-        self._words, self._weights = bus.array.view(np.int64), weights(fields)
+        self.block = None if log is None else log.block(ROOM, len(bus.array))
+        self._take = None if self.block is None else self.block.taking(bus.array)
         self.ticks = 0
         self._handed = self._written = 0
         self._writer: ThreadPoolExecutor | None = None
@@ -76,14 +72,8 @@ class Recorder:
         Raises:
             OutputError: a batch before could not be written.
         """
-        if self._flat is not None and self.block is not None:
-            ticks, fields = self.ticks, self._fields
-            row = ticks % ROOM
-            start = row * fields
-            self._flat[start : start + fields] = self._bytes
-            # With its checksum the tick is there, whatever happens to this process.
-            total = int(self._words.dot(self._weights)) + (ticks + 1) * TICK_WEIGHT
-            self.block.sums[row] = _wrapped(total)
+        if self._take is not None:
+            self._take(self.ticks)
         self.advance(1)
 
     def advance(self, ticks: int) -> None:
@@ -152,8 +142,3 @@ class Recorder:
         log.write(self._layout.batch(block.rows[row : row + n]))
         self._written = first + n
         block.advance(self._written, bytes.fromhex(log.sha256))
-
-
-def _wrapped(number: int) -> int:
-    """A number modulo 2^64, as one of 64 bit with a sign."""
-    return ((number + (1 << 63)) & ((1 << 64) - 1)) - (1 << 63)

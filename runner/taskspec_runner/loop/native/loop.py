@@ -21,13 +21,14 @@ from taskspec_runner.loop.sensing import Sensing
 from taskspec_runner.plant.equations import XBODY
 from taskspec_runner.plant.moving_base import INERTIA
 from taskspec_runner.plant.plant import ENERGY_BOUND, FORCE_BOUND, Plant
-from taskspec_runner.record.block import TICK_WEIGHT, Block, weights
+from taskspec_runner.record import block as log_block
+from taskspec_runner.record.block import Block, weights
 from taskspec_runner.record.bus import Bus
 
 Vector = NDArray[np.float64]
 
 #: Where the loop has its functions, its record and its constants.
-_MODULES = (ticks, tick_memory, quadratic, stage_solver, fixed_step)
+_MODULES = (ticks, tick_memory, quadratic, stage_solver, fixed_step, log_block)
 
 
 class NativeLoop:
@@ -89,7 +90,6 @@ class NativeLoop:
         if block is not None:
             base.take(
                 room=len(block.rows),
-                tick_weight=TICK_WEIGHT,
                 rows=block.rows.reshape(-1),
                 sums=block.sums,
                 bus_words=bus.array.view(np.int64),

@@ -153,7 +153,6 @@ class TickMemory(Record):
     row: int  # of the block
     room: int  # rows of it
     recorded: int  # ticks so far
-    tick_weight: int  # of a tick's number in its checksum
 
     period: float  # of control [s]
     next_knot: float  # stage time at which a path or move changes [s]

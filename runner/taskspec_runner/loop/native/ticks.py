@@ -15,11 +15,11 @@ from taskspec.native.quadratic import SOLVED, solve
 from taskspec.program.execution.stage_solver import EXACT, WORST_RESIDUAL
 from taskspec_runner.loop.fixed_step import HEALTHY
 from taskspec_runner.loop.native.tick_memory import TickMemory
+from taskspec_runner.record.block import checksum
 
 #: Why `run` has returned: all ticks are done; the next tick is Python's, from its beginning; the
 #: noise is used up; the tick that has been sensed is Python's; the plant is to be looked at.
 DONE, WHOLE, NOISE, SENSED, LOOK = 0, 1, 2, 3, 4
-_MASK = 0x7FFFFFFFFFFFFFFF
 #: A warning's number is the upper half of the 64 bit that MuJoCo has of it.
 _ONE_WARNING = 0x100000000
 
@@ -249,12 +249,8 @@ def _record(c: TickMemory) -> None:
     if not c.keeps:
         return
     _copy(c.bus, c.rows[c.row * c.n_bus :], c.n_bus)
-    sums, words, weights = c.sums, c.bus_words, c.weights
-    total = (c.recorded + 1) * c.tick_weight
-    for i in range(c.n_bus):
-        word = words[i]
-        total += (word ^ (word >> 32)) * weights[i]
-    sums[c.row] = total & _MASK
+    sums = c.sums
+    sums[c.row] = checksum(c.bus_words, c.weights, c.n_bus, c.recorded)
     c.recorded += 1
     c.row += 1
     if c.row == c.room:
