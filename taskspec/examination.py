@@ -6,9 +6,8 @@ axes and its contacts come in.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import taskspec.rules.all  # noqa: F401  (it registers the rules)
+from taskspec.deferred_methods import dataclass
 from taskspec.foresight.nominal import plan_task
 from taskspec.program.plan import TaskPlan
 from taskspec.rules import Phase, apply_rules

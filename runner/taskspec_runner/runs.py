@@ -8,7 +8,7 @@ from __future__ import annotations
 import io
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -17,6 +17,7 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
+from taskspec.deferred_methods import dataclass
 from taskspec.text.suggest import suggestion
 from taskspec_runner.errors import InputError
 from taskspec_runner.record.block import BLOCK, LeftTicks

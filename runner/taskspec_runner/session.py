@@ -6,10 +6,10 @@ import contextlib
 import os
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 
 from taskspec.compiler import compile_task
+from taskspec.deferred_methods import dataclass
 from taskspec.geometry.axis import AXES
 from taskspec.program.execution.machine import Machine
 from taskspec.program.program import Program

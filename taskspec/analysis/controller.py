@@ -8,13 +8,14 @@ H, C q' + g, g and the tip's Jacobian stay as they are, and J' q' is 0 at rest.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import casadi as ca
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from taskspec.deferred_methods import dataclass
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.laws.gains import Gains
 from taskspec.modes import DEFAULT_RAMP

@@ -5,12 +5,12 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from taskspec.analysis.budget import Budget
+from taskspec.deferred_methods import dataclass
 from taskspec.program.context import Context
 from taskspec.spec import Task, Variation
 

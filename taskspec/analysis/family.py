@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from taskspec.analysis.controller import LinearController
 from taskspec.analysis.sampled_stage import SampledStage
+from taskspec.deferred_methods import dataclass
 from taskspec.laws.gains import Gain, Gains
 from taskspec.laws.law import gain_named
 

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.analysis.loop import UnfitError
 from taskspec.analysis.sampled_stage import ReferenceDrive, SampledStage, SetPointDrive, loop_like
+from taskspec.deferred_methods import dataclass
 from taskspec.foresight.approach import approach, deepened, dwell, force_at_end
 from taskspec.foresight.flow import good_end
 from taskspec.foresight.force_profile import set_points_at

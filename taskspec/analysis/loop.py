@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import lru_cache
 
 import casadi as ca
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from taskspec.analysis.controller import LinearController
 from taskspec.analysis.plant import LinearPlant
+from taskspec.deferred_methods import dataclass
 from taskspec.program.sensor import SensorModel
 
 Matrix = NDArray[np.float64]
@@ -116,6 +117,9 @@ class Drive:
     control: Matrix | None = None
 
 
+_UNDRIVEN = Drive()
+
+
 def response(
     controller: LinearController,
     plant: LinearPlant,
@@ -164,7 +168,7 @@ def driven_step(
     controller: LinearController,
     plant: LinearPlant,
     sensor: SensorModel,
-    drive: Drive = Drive(),
+    drive: Drive = _UNDRIVEN,
     *,
     samples: bool,
 ) -> DrivenStep:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +15,7 @@ from taskspec.analysis.gain_paths import together
 from taskspec.analysis.loop import FARTHEST, Mode, Poles, modes, poles, states
 from taskspec.analysis.plant import LinearPlant
 from taskspec.analysis.sampled_stage import SampledStage
+from taskspec.deferred_methods import dataclass
 from taskspec.program.context import Context
 from taskspec.program.sensor import SensorModel
 from taskspec.spec import Task

@@ -17,10 +17,12 @@ model cancels.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
+
+from taskspec.deferred_methods import dataclass
 
 Matrix = NDArray[np.float64]
 

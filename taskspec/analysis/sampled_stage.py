@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,7 @@ from taskspec.analysis.controller import LinearController, Operating
 from taskspec.analysis.environment import linear_plant
 from taskspec.analysis.loop import Drive, Mode, modes, poles, response
 from taskspec.analysis.plant import LinearPlant
+from taskspec.deferred_methods import dataclass
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.program.axes import MOSTLY
 from taskspec.program.context import Context

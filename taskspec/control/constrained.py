@@ -8,12 +8,12 @@ derivatives by time (4.126)-(4.128). `bias` is C q' + g.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
 
 from taskspec.control import linear
+from taskspec.deferred_methods import dataclass
 
 
 def multipliers(H_factor: ca.SX, bias: ca.SX, u: ca.SX, J_phi: ca.SX, gamma: ca.SX) -> ca.SX:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TypeVar
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
+
+from taskspec.deferred_methods import dataclass
 
 Wrench = TypeVar("Wrench", ca.SX, NDArray[np.float64])
 

@@ -15,12 +15,13 @@ represent a turn about the axis that is missing: the representation is singular 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import casadi as ca
 
 from taskspec.control.reference import Reference
 from taskspec.control.state import TaskState
+from taskspec.deferred_methods import dataclass
 from taskspec.geometry import rotation
 from taskspec.geometry.axis import AXES
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import casadi as ca
 
 from taskspec.control import linear
+from taskspec.deferred_methods import dataclass
 from taskspec.geometry.axis import AXES, Axis
 
 #: Characteristic length [m]: where ways and angles are compared, 1 rad counts as this way.

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from taskspec.deferred_methods import dataclass
 from taskspec.foresight.conditions import bounds_of, names, value_of
 from taskspec.foresight.interval import Interval, IntervalAlgebra, point
 from taskspec.foresight.nominal import AT_SURFACE

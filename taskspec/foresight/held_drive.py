@@ -13,12 +13,13 @@ law's springs and dampers on the axes, at the start pose.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.control.state import ARM_LENGTH
+from taskspec.deferred_methods import dataclass
 from taskspec.foresight.held_motion import resolved_twists
 from taskspec.foresight.reference_motion import reference_motion, start_coordinates
 from taskspec.geometry.axis import AXES, Axis

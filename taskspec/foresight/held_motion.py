@@ -9,12 +9,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.control.state import ARM_LENGTH
+from taskspec.deferred_methods import dataclass
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.program.plan import StagePlan
 

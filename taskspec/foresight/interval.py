@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import Literal
 
+from taskspec.deferred_methods import dataclass
 from taskspec.text.expression import FloatAlgebra, tree
 
 

@@ -8,13 +8,13 @@ the task leaves free goes where the law's null space takes it.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
 from taskspec.control import null_space
+from taskspec.deferred_methods import dataclass
 from taskspec.program.context import Context
 from taskspec.program.plan import StagePlan
 from taskspec.program.stages.null_space import goals

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 
+from taskspec.deferred_methods import dataclass
 from taskspec.foresight.interval import ANY, Interval, point
 from taskspec.geometry.axis import Axis
 from taskspec.program.context import Context

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 from numpy.typing import NDArray
 
+from taskspec.deferred_methods import dataclass
 from taskspec.program.limits.bounds import SPEED_SHARE, VELOCITY_SHARE
 from taskspec.program.limits.consistency import FRICTION_SHARE, SET_POINT_SHARE, STATIC_SHARE
 from taskspec.program.plan import StagePlan

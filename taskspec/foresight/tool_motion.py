@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Protocol
 
 import casadi as ca
@@ -16,6 +16,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from taskspec.deferred_methods import dataclass
 from taskspec.foresight.held_drive import held_drive
 from taskspec.foresight.held_motion import resolved_twists
 from taskspec.geometry.axis import AXES, Axis

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 
 import casadi as ca
 
@@ -11,6 +10,7 @@ from taskspec.control import linear
 from taskspec.control.reference import Reference, opposite
 from taskspec.control.resolution import full_acceleration
 from taskspec.control.state import TaskState
+from taskspec.deferred_methods import dataclass
 from taskspec.geometry.axis import Axis
 from taskspec.laws.gains import Gains, diagonal
 from taskspec.laws.mechanism_form import FreeWays

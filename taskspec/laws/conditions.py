@@ -6,8 +6,8 @@ They are in continuous time, axis by axis, or for a rigid contact in sampled tim
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
 
+from taskspec.deferred_methods import dataclass
 from taskspec.geometry.axis import Axis
 
 

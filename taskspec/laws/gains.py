@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 
+from taskspec.deferred_methods import dataclass
 from taskspec.text import units
 from taskspec.text.units import Dimension, scaled, show
 

@@ -21,7 +21,6 @@ K_D T of a rate, whatever the condition of M = L^-1.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import casadi as ca
@@ -29,6 +28,7 @@ import casadi as ca
 from taskspec.control import linear
 from taskspec.control.command import Command
 from taskspec.control.state import ARM_LENGTH
+from taskspec.deferred_methods import dataclass
 
 if TYPE_CHECKING:
     from taskspec.geometry.axis import Axis

@@ -6,12 +6,11 @@ The rows of J_phi are unit normals, so that multipliers are newtons (N m on join
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import casadi as ca
 
 from taskspec.control import constrained, linear
 from taskspec.control.command import Command
+from taskspec.deferred_methods import dataclass
 from taskspec.laws.gains import Gains
 
 

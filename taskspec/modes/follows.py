@@ -7,10 +7,10 @@ move in step, else the one that is measured.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from taskspec.deferred import ca, np
+from taskspec.deferred_methods import dataclass
 from taskspec.geometry.axis import Axis
 from taskspec.modes.key import ModeKey
 from taskspec.modes.mode import (

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
 from taskspec.deferred import ca
+from taskspec.deferred_methods import dataclass
 from taskspec.laws.gains import value_of
 from taskspec.modes.key import ModeKey
 from taskspec.modes.mode import (

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from taskspec.deferred import ca
+from taskspec.deferred_methods import dataclass
 from taskspec.modes.force import Force
 from taskspec.modes.key import Misuse, ModeKey
 from taskspec.modes.mode import (

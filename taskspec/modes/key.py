@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
+from taskspec.deferred_methods import dataclass
 from taskspec.text.expression import ScopeKind
 from taskspec.text.units import NUMBER, Dimension
 

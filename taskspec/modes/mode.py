@@ -9,10 +9,11 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 
 from taskspec.deferred import ca
+from taskspec.deferred_methods import dataclass
 from taskspec.motion import blend
 from taskspec.text.expression import Expression
 

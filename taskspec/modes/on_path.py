@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from taskspec.deferred_methods import dataclass
 from taskspec.modes.mode import (
     AxisMode,
     HandOver,

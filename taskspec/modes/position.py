@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from taskspec.deferred import ca
+from taskspec.deferred_methods import dataclass
 from taskspec.modes.key import ModeKey
 from taskspec.modes.mode import (
     AxisMode,

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from taskspec.deferred_methods import dataclass
 from taskspec.modes.key import ModeKey
 from taskspec.modes.mode import (
     AxisMode,

@@ -7,11 +7,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 
 import casadi as ca
 import numpy as np
 
+from taskspec.deferred_methods import dataclass
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.motion.blend import BLEND_TIME
 from taskspec.motion.polynomial import PiecewiseCubic, evaluate, from_states

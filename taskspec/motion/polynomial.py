@@ -8,11 +8,12 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
+
+from taskspec.deferred_methods import dataclass
 
 #: Numbers of one cubic: start of the argument, then c0..c3.
 SEGMENT_SIZE = 5

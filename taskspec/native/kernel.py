@@ -25,12 +25,13 @@ import inspect
 import math
 import sys
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from functools import cache
 from pathlib import Path
 from types import FunctionType, ModuleType
 from typing import TYPE_CHECKING, Any, ClassVar
 
+from taskspec.deferred_methods import dataclass
 from taskspec.native import expressions, libm
 from taskspec.native.expressions import number
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
+from taskspec.deferred_methods import dataclass
 from taskspec.foresight.flow import good_end
 from taskspec.foresight.held_motion import coordinate_rate
 from taskspec.foresight.interval import ANY, Interval, point

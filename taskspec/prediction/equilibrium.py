@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.analysis.sampled_stage import SampledStage
+from taskspec.deferred_methods import dataclass
 from taskspec.foresight.held_motion import coordinate_rate
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.prediction.at_start import StageAtStart

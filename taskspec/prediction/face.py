@@ -10,13 +10,12 @@ over the axes that give way: those with a spring K, and those with a set point f
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.analysis.points import Touched
+from taskspec.deferred_methods import dataclass
 from taskspec.geometry.axis import AXES
 from taskspec.laws.gains import BANDWIDTH
 from taskspec.prediction.at_start import StageAtStart

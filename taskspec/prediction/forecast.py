@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 
+from taskspec.deferred_methods import dataclass
 from taskspec.foresight.interval import ANY, Interval, IntervalAlgebra, point
 from taskspec.foresight.ranges import Ranges
 from taskspec.geometry.axis import Axis

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from taskspec.analysis.loop import Mode, UnfitError
 from taskspec.analysis.sampled_stage import SampledStage, loop_of
+from taskspec.deferred_methods import dataclass
 from taskspec.prediction.at_start import StageAtStart, stages_at_start
 from taskspec.prediction.duration import Known, guarded, mechanism_rate, planned, whole
 from taskspec.prediction.equilibrium import at_rest

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
+from taskspec.deferred_methods import dataclass
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.prediction.at_start import StageAtStart
 from taskspec.program.axes import MOSTLY

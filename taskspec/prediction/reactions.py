@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.control.state import ARM_LENGTH
+from taskspec.deferred_methods import dataclass
 from taskspec.foresight.nominal import AT_SURFACE
 from taskspec.foresight.resistance import gradients
 from taskspec.prediction.at_start import StageAtStart

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 
 import casadi as ca
 
 from taskspec.analysis.corners import MOST_AT_ONCE, changed, ends
+from taskspec.deferred_methods import dataclass
 from taskspec.prediction.types import Extreme, Values
 from taskspec.program.context import Context
 from taskspec.program.prepare import tool_center

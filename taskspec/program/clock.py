@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import casadi as ca
 
+from taskspec.deferred_methods import dataclass
 from taskspec.robot.model_terms import TermSymbols
 
 

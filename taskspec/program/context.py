@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from taskspec.deferred_methods import dataclass
 from taskspec.program.contacts import Obstacles
 from taskspec.program.world.equations import EquationModel, StartEquation
 from taskspec.program.world.frames import FrameModel

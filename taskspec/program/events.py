@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import casadi as ca
+
+from taskspec.deferred_methods import dataclass
 
 #: Kinds in falling precedence: a limit before `fail_if` before `until` before `within`.
 LIMIT, FAIL_IF, UNTIL, WITHIN, DONE = "limit", "fail_if", "until", "within", "done"

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from taskspec.deferred_methods import dataclass
 from taskspec.program.context import Context
 from taskspec.robot.rebuild import GRAVITY
 from taskspec.shapes import BoundedSurface

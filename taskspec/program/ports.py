@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterable
-from dataclasses import dataclass
 
 import casadi as ca
 
+from taskspec.deferred_methods import dataclass
 from taskspec.robot.model_terms import TermSymbols
 from taskspec.signals import SCALARS, VECTORS
 from taskspec.signals.table import REFERENCE

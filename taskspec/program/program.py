@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 
 import numpy as np
 
+from taskspec.deferred_methods import dataclass
 from taskspec.program.context import Context
 from taskspec.program.execution.compiled_terms import CompiledTerms
 from taskspec.program.execution.machine import Machine, Views

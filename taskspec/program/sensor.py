@@ -8,10 +8,10 @@ step before, which is the one tick that a sensor is late in any case.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import casadi as ca
 
+from taskspec.deferred_methods import dataclass
 from taskspec.spec import Sensor
 
 #: Ticks by which a delay or a sampling period may exceed a whole number and still count as it.

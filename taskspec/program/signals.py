@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 
 import casadi as ca
 
 from taskspec.control.reference import opposite
+from taskspec.deferred_methods import dataclass
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.program.slots import Slots
 from taskspec.program.world import estimated_frames, kinematics

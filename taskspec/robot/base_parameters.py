@@ -16,11 +16,12 @@ entries of P among z and 1, and a slide does not feel Sigma.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
+
+from taskspec.deferred_methods import dataclass
 
 if TYPE_CHECKING:
     import pinocchio as pin

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import difflib
-from dataclasses import dataclass
 
 import mujoco
 import numpy as np
 import pinocchio as pin
 
+from taskspec.deferred_methods import dataclass
 from taskspec.robot.bounds import MOST_JOINTS
 from taskspec.robot.errors import RobotError
 from taskspec.robot.poses import pose

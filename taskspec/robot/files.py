@@ -7,11 +7,11 @@ import stat
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
-from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
 from xml.etree import ElementTree
 
+from taskspec.deferred_methods import dataclass
 from taskspec.robot.bounds import MOST_DEPTH, MOST_ELEMENTS, check_text, too_large
 from taskspec.robot.collada import as_obj
 from taskspec.robot.errors import RobotError

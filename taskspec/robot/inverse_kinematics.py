@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pinocchio as pin
 
+from taskspec.deferred_methods import dataclass
 from taskspec.robot.types import RobotModel
 
 if TYPE_CHECKING:

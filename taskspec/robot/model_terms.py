@@ -8,13 +8,13 @@ expressions, which a function of the loop's own can take in.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from taskspec.deferred_methods import dataclass
 from taskspec.robot import RobotModel
 
 Vector = NDArray[np.float64]

@@ -7,13 +7,13 @@ both engines are made from one source of numbers.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import mujoco
 import numpy as np
 import pinocchio as pin
 
+from taskspec.deferred_methods import dataclass
 from taskspec.robot.chain import Chain
 from taskspec.robot.description import BOUND_MASS
 from taskspec.robot.poses import pose, quaternion

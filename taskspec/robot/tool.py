@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import mujoco
 import numpy as np
 import pinocchio as pin
 
+from taskspec.deferred_methods import dataclass
 from taskspec.robot.errors import RobotError
 from taskspec.robot.geoms import add_geom
 from taskspec.robot.poses import quaternion

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
+from taskspec.deferred_methods import dataclass
 from taskspec.geometry.axis import Axis
 
 if TYPE_CHECKING:

@@ -8,9 +8,9 @@ diagnostics directly.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import partial
 
+from taskspec.deferred_methods import dataclass
 from taskspec.spec import KeyPath, LoadedTask
 from taskspec.text.diagnostic import Diagnostics, Severity
 from taskspec.text.source import Span

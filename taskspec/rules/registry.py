@@ -22,10 +22,10 @@ elsewhere, and that a rule reports as well, stands in `also`. Each code has a pa
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass
 from enum import IntEnum
 from typing import Any, TypeVar
 
+from taskspec.deferred_methods import dataclass
 from taskspec.rules.finding import Finding
 from taskspec.spec import LoadedTask
 from taskspec.text.codes import register

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 
@@ -23,6 +23,7 @@ from taskspec.analysis.margin import (
 )
 from taskspec.analysis.plant import LinearPlant, pressing
 from taskspec.analysis.sampled_stage import SampledStage, control_of, loop_of
+from taskspec.deferred_methods import dataclass
 from taskspec.geometry.axis import Axis
 from taskspec.program.context import Context
 from taskspec.program.passage import End

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import product
 from typing import TYPE_CHECKING
 
 from taskspec.deferred import ca, np
+from taskspec.deferred_methods import dataclass
 from taskspec.shapes.surface import (
     POINT_RADIUS,
     Geom,

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from taskspec.deferred import ca
+from taskspec.deferred_methods import dataclass
 from taskspec.shapes.surface import Geom, Surface, SurfaceChart
 
 if TYPE_CHECKING:

@@ -7,10 +7,10 @@ the nominal ones in the controller, the true ones in the plant.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from taskspec.deferred import ca, np
+from taskspec.deferred_methods import dataclass
 from taskspec.text.units import LENGTH, Dimension
 
 if TYPE_CHECKING:

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from enum import StrEnum
 from typing import TYPE_CHECKING, Any
 
+from taskspec.deferred_methods import dataclass
 from taskspec.geometry.axis import TRANSLATIONS, Axis, as_axis
 from taskspec.text.units import NUMBER, Dimension
 

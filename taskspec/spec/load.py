@@ -5,13 +5,14 @@ from __future__ import annotations
 import errno
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 from typing import BinaryIO
 
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
+from taskspec.deferred_methods import dataclass
 from taskspec.spec import overrides as overriding
 from taskspec.spec.control import settle_rates
 from taskspec.spec.key_path import KeyPath, is_key, steps_of

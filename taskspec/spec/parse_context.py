@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 
+from taskspec.deferred_methods import dataclass
 from taskspec.text import nodes
 from taskspec.text.codes import register
 from taskspec.text.data import Items, Map, Real, Text, TruthValue, Whole

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
+from taskspec.deferred_methods import dataclass
 from taskspec.shapes import SHAPES, size_keys
 from taskspec.spec import values
 from taskspec.spec.field_type import FieldType

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
+from taskspec.deferred_methods import dataclass
 from taskspec.spec.field_type import FieldType
 from taskspec.spec.parse_context import ParseContext, kind_of, span_of
 from taskspec.text.codes import register

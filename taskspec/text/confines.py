@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
 from pathlib import Path
+
+from taskspec.deferred_methods import dataclass
 
 VARIABLE = "TASKSPEC_FILES"
 """Environment variable with further folders whose files a task may name, as in PATH."""

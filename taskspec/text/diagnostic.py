@@ -7,9 +7,9 @@ text of the file; from there on, and for everything that reading a file reports,
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 from enum import StrEnum
 
+from taskspec.deferred_methods import dataclass
 from taskspec.text.codes import CODES
 from taskspec.text.source import Source, Span
 

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import field
 
+from taskspec.deferred_methods import dataclass
 from taskspec.text.origin import Origin
 from taskspec.text.source import Span
 

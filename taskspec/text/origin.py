@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 
+from taskspec.deferred_methods import dataclass
 from taskspec.text.source import Source, Span
 
 

@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import dataclass
 from functools import lru_cache
+
+from taskspec.deferred_methods import dataclass
 
 #: Below this a number is written out, without a power of ten.
 _WRITTEN_OUT = 1e7

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 
 import yaml
 
+from taskspec.deferred_methods import dataclass
 from taskspec.text.codes import register
 from taskspec.text.diagnostic import Diagnostics
 from taskspec.text.nodes import Node, Scalar, Sequence, pointer

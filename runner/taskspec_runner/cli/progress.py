@@ -7,8 +7,9 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import field
 
+from taskspec.deferred_methods import dataclass
 from taskspec.geometry.axis import Axis
 from taskspec.text.units import FORCE, si_unit
 from taskspec_runner.cli.console import console

@@ -5,12 +5,13 @@ from __future__ import annotations
 import functools
 from collections.abc import Iterator, Sequence
 from contextlib import closing
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TypeVar
 
 import typer
 
+from taskspec.deferred_methods import dataclass
 from taskspec.text.diagnostic import Diagnostic, Note, SpecError
 from taskspec.text.source import Source
 from taskspec_runner.cli.codes import choice

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 
+from taskspec.deferred_methods import dataclass
 from taskspec.text.diagnostic import Diagnostic, Severity
 from taskspec.text.source import Source
 

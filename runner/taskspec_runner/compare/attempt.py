@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 
 from taskspec.compiler import UNSTABLE, admit
+from taskspec.deferred_methods import dataclass
 from taskspec.examination import examine
 from taskspec.program.program import Program, refusals
 from taskspec.spec import LoadedTask

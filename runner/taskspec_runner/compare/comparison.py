@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from taskspec.deferred_methods import dataclass
 from taskspec_runner.compare.attempt import AS_WRITTEN
 from taskspec_runner.compare.folder import COMPARISON
 from taskspec_runner.record.folder import LARGEST, parse_json

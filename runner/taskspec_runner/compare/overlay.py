@@ -7,10 +7,10 @@ the run. All runs are shifted to where it begins, which is the zero of the commo
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 
+from taskspec.deferred_methods import dataclass
 from taskspec.geometry.axis import Axis
 from taskspec.laws import LAWS
 from taskspec_runner.compare.attempt import AS_WRITTEN

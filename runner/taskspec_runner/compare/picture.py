@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from taskspec.deferred_methods import dataclass
 from taskspec_runner.compare.charts import Overlaid, main_charts
 from taskspec_runner.compare.comparison import Comparison
 from taskspec_runner.compare.overlay import Overlay, overlay, role

@@ -8,9 +8,9 @@ and only the others count as motion.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
+from taskspec.deferred_methods import dataclass
 from taskspec.geometry.axis import ROTATIONS
 from taskspec.text.units import ANGLE, FORCE, LENGTH, MOMENT, Dimension
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from typing import Any
 
+from taskspec.deferred_methods import dataclass
 from taskspec.spec import Limits
 from taskspec.text.units import si_unit
 from taskspec_runner.diff.logs import LogDifference, diff_logs

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from taskspec.deferred_methods import dataclass
 from taskspec_runner.record.file_array import blocks
 from taskspec_runner.record.history import STAGE, History, Vector
 

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 
+from taskspec.deferred_methods import dataclass
 from taskspec_runner.errors import InputError, OutputError
 from taskspec_runner.export.mcap import write_mcap
 from taskspec_runner.export.poses import PoseStream

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
+from taskspec.deferred_methods import dataclass
 from taskspec_runner.record.nested import path_of
 
 _RULE = "\n" + 80 * "=" + "\n"

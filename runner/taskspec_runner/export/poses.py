@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from taskspec.deferred_methods import dataclass
 from taskspec.program.program import Program
 from taskspec.program.world import estimated_frames
 from taskspec_runner.record.history import History

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from taskspec.control.qp.dual import dual_solver
+from taskspec.deferred_methods import dataclass
 from taskspec.program.execution.machine import Machine
 from taskspec.program.program import Program
 from taskspec.spec import Task

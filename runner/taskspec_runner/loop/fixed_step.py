@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
+from taskspec.deferred_methods import dataclass
 from taskspec.program import events
 from taskspec.program.execution.machine import Machine
 from taskspec.program.execution.transition import END, Transition

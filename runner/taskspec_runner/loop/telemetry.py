@@ -8,11 +8,12 @@ import socket
 import threading
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
 from urllib.parse import parse_qs, urlsplit
 from warnings import warn
 
+from taskspec.deferred_methods import dataclass
 from taskspec_runner.errors import InputError
 from taskspec_runner.record.nested import path_of
 from taskspec_runner.record.recorder import Recorder

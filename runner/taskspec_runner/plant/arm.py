@@ -6,12 +6,11 @@ the tip and the tool as MuJoCo does, and what is added is named after the tip's 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from taskspec.deferred_methods import dataclass
 from taskspec.robot import RobotModel
 from taskspec.spec import Robot
 from taskspec_runner.plant.names import PREFIX

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import mujoco
 import numpy as np
 
+from taskspec.deferred_methods import dataclass
 from taskspec.program.world.stiffness import IMPRATIO
 from taskspec.spec import Task
 from taskspec_runner.plant import grasp

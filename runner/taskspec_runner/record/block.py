@@ -15,12 +15,12 @@ from __future__ import annotations
 import mmap
 import os
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from taskspec.deferred_methods import dataclass
 from taskspec.native.kernel import Words
 from taskspec_runner.errors import OutputError
 from taskspec_runner.record.whole import open_regular

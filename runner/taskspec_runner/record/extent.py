@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
+from taskspec.deferred_methods import dataclass
 from taskspec_runner.record.manifest import RUNNING
 
 #: Statuses of a run whose log is complete.

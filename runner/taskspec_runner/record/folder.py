@@ -8,10 +8,11 @@ import json
 import math
 import traceback
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
+from taskspec.deferred_methods import dataclass
 from taskspec_runner.errors import OutputError
 from taskspec_runner.record.block import BLOCK
 from taskspec_runner.record.extent import ENDED

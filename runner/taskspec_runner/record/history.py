@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 
 import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
+from taskspec.deferred_methods import dataclass
 from taskspec_runner.record import mapped
 from taskspec_runner.record.file_array import blocks, empty
 from taskspec_runner.record.mapped import ColumnFile

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 
 import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
+from taskspec.deferred_methods import dataclass
 from taskspec.geometry.axis import AXES
 from taskspec.program import ports
 from taskspec.program.program import Program

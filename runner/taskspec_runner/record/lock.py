@@ -13,10 +13,10 @@ import os
 import socket
 import stat
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from taskspec.deferred_methods import dataclass
 from taskspec_runner.errors import OutputError
 from taskspec_runner.record.manifest import now
 

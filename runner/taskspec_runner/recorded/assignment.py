@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from taskspec.deferred_methods import dataclass
 from taskspec.text.suggest import suggestion
 from taskspec.text.units import NUMBER, UNITS, Dimension, describe, fitting_text, parse_unit
 from taskspec_runner.errors import InputError

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, ClassVar
 
 from pydantic import Field, ValidationError
 
+from taskspec.deferred_methods import dataclass
 from taskspec.spec.field_type import FieldType
 from taskspec.spec.model import REPORTED, Model, short_form
 from taskspec.spec.parse_context import ParseContext, kind_of, span_of

@@ -7,11 +7,10 @@ Nothing is filtered. Two samples that are further apart than a bound are not bri
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
+from taskspec.deferred_methods import dataclass
 from taskspec_runner.errors import InputError
 
 Vector = NDArray[np.float64]

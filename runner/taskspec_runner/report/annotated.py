@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 from markupsafe import Markup
 
+from taskspec.deferred_methods import dataclass
 from taskspec_runner.record.folder import Json, mappings
 from taskspec_runner.report.highlight import highlighted
 from taskspec_runner.runs import Run

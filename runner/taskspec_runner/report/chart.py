@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 
+from taskspec.deferred_methods import dataclass
 from taskspec_runner.record.file_array import in_file
 from taskspec_runner.record.history import Vector
 from taskspec_runner.report.quantities import figure, quantity

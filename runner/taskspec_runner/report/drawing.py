@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
+from taskspec.deferred_methods import dataclass
 from taskspec_runner.record.history import Vector
 from taskspec_runner.report import decimate
 

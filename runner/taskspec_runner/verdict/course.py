@@ -13,10 +13,10 @@ At the last tick all of them have the value that is judged.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 
 import numpy as np
 
+from taskspec.deferred_methods import dataclass
 from taskspec.program.program import Program
 from taskspec.text.expression import Expression, evaluate, tree
 from taskspec.text.expression.series import Series, SeriesAlgebra

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from taskspec.deferred_methods import dataclass
 from taskspec.text.expression import Expression, Scope, infer, tree
 from taskspec.text.expression.series import NO_TICK, Series
 from taskspec.text.units import NUMBER, fitting, in_unit, show, to_si

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from taskspec.deferred_methods import dataclass
 from taskspec.geometry.axis import ROTATIONS, TRANSLATIONS
 from taskspec.program.program import Program
 from taskspec.program.stages.stage import CompiledStage

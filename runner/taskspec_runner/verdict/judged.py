@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from typing import Any
 
+from taskspec.deferred_methods import dataclass
 from taskspec_runner.record.folder import Json, mapping, mappings, number
 
 #: Name of what a condition with a share of ticks is measured by.

@@ -15,10 +15,11 @@ in n/k means, and so the same amplitude in a band as in all n ticks.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+
+from taskspec.deferred_methods import dataclass
 
 Vector = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from taskspec.deferred_methods import dataclass
 from taskspec_runner.record.folder import number
 from taskspec_runner.verdict.judged import Judged
 from taskspec_runner.verdict.run_finding import RunFinding

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from taskspec.deferred_methods import dataclass
 from taskspec_runner.record.file_array import full
 from taskspec_runner.record.history import History
 from taskspec_runner.record.history import Visit as Stay

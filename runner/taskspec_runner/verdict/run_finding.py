@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from typing import Any
 
+from taskspec.deferred_methods import dataclass
 from taskspec_runner.record.folder import Json, number
 
 

@@ -5,11 +5,12 @@ from __future__ import annotations
 import re
 import signal
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
+from taskspec.deferred_methods import dataclass
 from taskspec.program import events
 from taskspec.program.execution.stage_solver import SolverCounts
 from taskspec.program.execution.transition import FAIL, Transition

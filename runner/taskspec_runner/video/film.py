@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from taskspec.deferred_methods import dataclass
 from taskspec_runner.errors import InputError, OutputError
 from taskspec_runner.record.whole import whole
 from taskspec_runner.video.camera import frame_run, seen_from

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import functools
-from dataclasses import dataclass
 
 from PIL import ImageFont
+
+from taskspec.deferred_methods import dataclass
 
 Color = tuple[int, int, int]
 

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from taskspec.deferred_methods import dataclass
 from taskspec.geometry.axis import TRANSLATIONS, Axis
 from taskspec.program.stages.stage import CompiledStage
 from taskspec_runner.video.equations import equation_surfaces

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from taskspec.deferred_methods import dataclass
 from taskspec.geometry.axis import AXES
 from taskspec_runner.record.history import Visit
 from taskspec_runner.video.recording import Recording

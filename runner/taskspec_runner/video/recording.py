@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
+from taskspec.deferred_methods import dataclass
 from taskspec.program.program import Program
 from taskspec.program.stages.stage import CompiledStage
 from taskspec_runner.errors import InputError

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.control.qp.make import make_solver
 from taskspec.control.qp.quadratic_program import Array, QuadraticProgram, Status
+from taskspec.deferred_methods import dataclass
 
 Rows = NDArray[np.intp]
 

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 from numpy.typing import NDArray
 
+from taskspec.deferred_methods import dataclass
 from taskspec.geometry.axis import AXES
 from taskspec.program.reference.orientation import displaced
 from taskspec.program.stages.stage import CompiledStage

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.control.qp import QuadraticProgram, Solution, Status, make_solver
+from taskspec.deferred_methods import dataclass
 from taskspec.program.bound import BoundFunction
 from taskspec.program.limits.bounds import JOINT, TORQUE
 from taskspec.program.limits.relaxing import relax

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
+from taskspec.deferred_methods import dataclass
 from taskspec.program import events
 from taskspec.spec import Stage
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +13,7 @@ from taskspec.control.admissible import (
     braking_deceleration,
     joint_accelerations,
 )
+from taskspec.deferred_methods import dataclass
 from taskspec.program.context import Context
 from taskspec.program.limits.consistency import tangents
 from taskspec.robot.model_terms import TermSymbols

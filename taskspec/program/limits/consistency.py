@@ -9,7 +9,6 @@ by the nearest sum of generators that the caps and the motors allow; what is lef
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
@@ -17,6 +16,7 @@ from numpy.typing import NDArray
 
 from taskspec.control import linear
 from taskspec.control.state import ARM_LENGTH
+from taskspec.deferred_methods import dataclass
 from taskspec.program.context import Context
 from taskspec.program.limits.contacts import ContactRow
 from taskspec.program.reference.infeasible_forces import is_moment

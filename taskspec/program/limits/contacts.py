@@ -6,12 +6,12 @@ A row points the way the robot pushes: into the object. Its multiplier is what t
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
 
 from taskspec.control import linear
+from taskspec.deferred_methods import dataclass
 from taskspec.program.context import Context
 from taskspec.program.reference.constraints import EquationRow
 from taskspec.program.world import kinematics

@@ -15,12 +15,13 @@ inverse dynamics as the law's forces, so that a capped force does not shake the 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import fields
 
 import casadi as ca
 
 from taskspec.control import linear
 from taskspec.control.state import TaskState
+from taskspec.deferred_methods import dataclass
 from taskspec.program.context import Context
 from taskspec.program.limits.bounds import (
     FORCE,

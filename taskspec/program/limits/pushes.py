@@ -6,12 +6,12 @@ Pushes out of their bounds are clamped along the normals alone, before anything 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import casadi as ca
 
 from taskspec.control import linear
 from taskspec.control.admissible import highest_push
+from taskspec.deferred_methods import dataclass
 from taskspec.program.context import Context
 from taskspec.program.limits.bounds import FORCE, Bounds
 from taskspec.program.limits.contacts import ContactRow

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cache
 
 import casadi as ca
 
+from taskspec.deferred_methods import dataclass
 from taskspec.program.limits.bounds import Row, TorqueRange
 from taskspec.program.limits.consistency import Consistency, Requests
 from taskspec.program.limits.limited import LimitRows, matrices

@@ -7,7 +7,6 @@ world is one whether or not the stage gives it a set point, if it holds both way
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
@@ -17,6 +16,7 @@ from taskspec.control import linear
 from taskspec.control.reference import Reference, opposite
 from taskspec.control.resolution import inverse_directions
 from taskspec.control.state import ARM_LENGTH, TaskState
+from taskspec.deferred_methods import dataclass
 from taskspec.geometry.axis import Axis
 from taskspec.laws.gains import AxisPlant, Gains
 from taskspec.program.context import Context

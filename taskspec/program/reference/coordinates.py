@@ -11,10 +11,10 @@ Four kinds of frames count translations differently (docs/language.md):
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import casadi as ca
 
+from taskspec.deferred_methods import dataclass
 from taskspec.geometry import rotation
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.program.clock import Clock

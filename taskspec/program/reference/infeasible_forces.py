@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import casadi as ca
 
 from taskspec.control.state import ARM_LENGTH
+from taskspec.deferred_methods import dataclass
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.program.reference.axis_plan import AxisPlan
 from taskspec.program.slots import Slots

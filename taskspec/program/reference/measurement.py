@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import casadi as ca
 
 from taskspec.control.state import TaskState, task_state
+from taskspec.deferred_methods import dataclass
 from taskspec.program import ports, signals
 from taskspec.program.algebra import CasadiAlgebra, constants
 from taskspec.program.clock import Clock

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
 
 from taskspec.control.reference import Reference
+from taskspec.deferred_methods import dataclass
 from taskspec.geometry.axis import AXES, Axis
 
 

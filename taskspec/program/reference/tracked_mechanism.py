@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import casadi as ca
 
 from taskspec.control.reference import opposite
+from taskspec.deferred_methods import dataclass
 from taskspec.program.clock import Clock
 from taskspec.program.context import Context
 from taskspec.program.slots import Slots

@@ -7,10 +7,11 @@ along, since no coordinate exists that the frame's turning would leave alone.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import casadi as ca
 
+from taskspec.deferred_methods import dataclass
 from taskspec.geometry import rotation
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.program.reference.axis_reference import AxisReference

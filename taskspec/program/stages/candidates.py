@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from taskspec.deferred_methods import dataclass
 from taskspec.program.stages.commanded import Commanded
 
 #: Coordinates are chosen again when an exchange would make their minor so many times as large. As

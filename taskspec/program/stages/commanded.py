@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import casadi as ca
 
 from taskspec.control import resolution
+from taskspec.deferred_methods import dataclass
 from taskspec.laws.case import Case
 from taskspec.program.events import Condition
 from taskspec.program.plan import StagePlan

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import casadi as ca
 
 from taskspec.control.reference import opposite
+from taskspec.deferred_methods import dataclass
 from taskspec.laws.multipliers import Multipliers
 from taskspec.motion import blend
 from taskspec.program.clock import Clock

@@ -6,10 +6,11 @@ tick(time, state, model terms, measured wrench, memory, parameters) -> torque, m
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import casadi as ca
 
+from taskspec.deferred_methods import dataclass
 from taskspec.laws.gains import Gains
 from taskspec.program.events import Condition, Event, code
 from taskspec.program.limits.programs import resolve

@@ -7,12 +7,11 @@ joint space, the force a moment, and the distance an angle.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from taskspec.deferred_methods import dataclass
 from taskspec.program.algebra import CasadiAlgebra, constants
 from taskspec.program.world.frames import FrameModel, resolve
 from taskspec.spec import Constraint, Task

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from taskspec.deferred_methods import dataclass
 from taskspec.geometry import rotation
 from taskspec.program.world.mechanisms import MechanismModel, mechanism_models
 from taskspec.shapes import SHAPES, Surface

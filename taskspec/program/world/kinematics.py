@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import casadi as ca
 import numpy as np
 
+from taskspec.deferred_methods import dataclass
 from taskspec.geometry import rotation
 from taskspec.program.slots import Slots
 from taskspec.program.world import estimated_frames

@@ -7,12 +7,13 @@ s from its own joints: from where the tip is, or, on the axis, from how the tool
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from taskspec.deferred_methods import dataclass
 from taskspec.geometry import rotation
 from taskspec.spec import Mechanism, Task
 

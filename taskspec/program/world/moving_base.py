@@ -7,12 +7,13 @@ is written there as if nothing moved; only the tool's kinematics are relative on
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from taskspec.deferred_methods import dataclass
 from taskspec.geometry import rotation
 from taskspec.geometry.axis import ROTATIONS, Axis
 from taskspec.program.algebra import CasadiAlgebra, constants

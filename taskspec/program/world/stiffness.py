@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from taskspec.deferred_methods import dataclass
 from taskspec.program.world import frames
 from taskspec.program.world.equations import EquationModel
 from taskspec.robot import RobotModel

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
+from taskspec.deferred_methods import dataclass
 from taskspec.signals import VECTORS, Signal
 from taskspec.signals.table import REFERENCE
 from taskspec.text.codes import register

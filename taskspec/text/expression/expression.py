@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 
+from taskspec.deferred_methods import dataclass
 from taskspec.text.expression.tree import Name, Node, walk
 from taskspec.text.origin import Origin
 from taskspec.text.source import Span

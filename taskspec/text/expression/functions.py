@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Literal
+
+from taskspec.deferred_methods import dataclass
 
 Rule = Literal["angle to number", "number to angle", "two to angle", "root", "number", "same",
                "to number"]  # fmt: skip

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Set
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from enum import StrEnum
 from types import MappingProxyType
 from typing import Literal
 
 from taskspec import signals
+from taskspec.deferred_methods import dataclass
 from taskspec.geometry.axis import TRANSLATIONS
 from taskspec.signals import CLOCKS, VECTORS, Index, Signal
 from taskspec.signals.table import REFERENCE

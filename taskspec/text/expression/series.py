@@ -7,13 +7,13 @@ at that tick; `and`, `or` and `not` pass it on unless the other items decide alo
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import reduce
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from taskspec.deferred_methods import dataclass
 from taskspec.text.expression import tree
 
 Vector = NDArray[np.float64]

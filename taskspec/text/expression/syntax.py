@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 
 from lark.exceptions import UnexpectedInput, UnexpectedToken
 
+from taskspec.deferred_methods import dataclass
 from taskspec.text.codes import register
 from taskspec.text.expression.problem import Problem
 from taskspec.text.expression.spelling import CHARACTERS, ELSEWHERE, UNIT_WORDS

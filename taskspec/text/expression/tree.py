@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Literal
 
+from taskspec.deferred_methods import dataclass
 from taskspec.text.units import Dimension
 
 CompareOp = Literal["<", "<=", ">", ">="]

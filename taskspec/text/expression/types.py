@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Literal
 
+from taskspec.deferred_methods import dataclass
 from taskspec.text.expression import tree
 from taskspec.text.units import NUMBER, TIME, Dimension, describe
 

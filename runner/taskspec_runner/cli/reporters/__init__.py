@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 
+from taskspec.deferred_methods import dataclass
 from taskspec_runner.cli.formats import DiagnosticFormat
 from taskspec_runner.cli.reporters import data, github, junit, sarif, text
 from taskspec_runner.cli.validation import Validation

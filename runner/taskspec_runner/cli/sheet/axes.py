@@ -6,8 +6,8 @@ v and w are velocity and angular velocity, f and m force and moment that the rob
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 
+from taskspec.deferred_methods import dataclass
 from taskspec.geometry.axis import Axis
 from taskspec.prediction import Natural, StagePrediction, State
 from taskspec.program.program import Program

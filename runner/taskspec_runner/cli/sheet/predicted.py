@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
+from taskspec.deferred_methods import dataclass
 from taskspec.prediction import Depth, Duration, Equilibrium, Extreme, Impact, Selection
 from taskspec.prediction import StagePrediction as Foreseen
 from taskspec.spec import Task

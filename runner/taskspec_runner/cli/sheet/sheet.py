@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, fields, is_dataclass
+from dataclasses import asdict, fields, is_dataclass
 from enum import Enum
 from typing import Any
 
 import numpy as np
 
+from taskspec.deferred_methods import dataclass
 from taskspec.prediction import Extreme, StagePrediction, TaskPrediction, look, predict
 from taskspec.program.program import Program
 from taskspec_runner.cli.sheet.defaults import default_rows

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from taskspec.analysis.loop import Mode, UnfitError
 from taskspec.analysis.margin import MOTION, Limit, Search, grows, rings
 from taskspec.analysis.sampled_stage import SampledStage
 from taskspec.analysis.textbook import conditions
+from taskspec.deferred_methods import dataclass
 from taskspec.laws.conditions import StabilityCondition
 from taskspec.laws.law import gain_named
 from taskspec.prediction import Looked

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 from taskspec.analysis.gain_paths import turns
+from taskspec.deferred_methods import dataclass
 from taskspec.laws.law import gain_named
 from taskspec.prediction import StagePrediction
 from taskspec.program.program import Program

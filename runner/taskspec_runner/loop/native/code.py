@@ -6,7 +6,6 @@ import enum
 from collections import OrderedDict
 from collections.abc import Callable, Hashable
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass
 from functools import cache
 from threading import Lock
 from types import ModuleType
@@ -14,6 +13,7 @@ from typing import Any
 
 import casadi as ca
 
+from taskspec.deferred_methods import dataclass
 from taskspec.native.engine import Engine, NotKeptError
 from taskspec.native.expressions import expression_ir
 from taskspec.native.kernel import kernel_ir, kernel_source

@@ -5,13 +5,14 @@ from __future__ import annotations
 import ctypes
 import mmap
 import sys
-from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
+
+from taskspec.deferred_methods import dataclass
 
 #: A clock that no simulation shows [s].
 _MARK = -1.2345678901234567e-300
