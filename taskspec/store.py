@@ -8,7 +8,6 @@ import stat
 import sys
 from contextlib import suppress
 from pathlib import Path
-from tempfile import NamedTemporaryFile
 
 VARIABLE = "TASKSPEC_CACHE"
 
@@ -58,6 +57,12 @@ class Store:
         Beyond that size the files that were not used for longest are removed.
         """
         self._folder, self._limit = folder, limit
+
+    @classmethod
+    def named(cls, name: str) -> Store:
+        """The store of a name below the user's cache folder."""
+        folder = cache_folder()
+        return cls(None if folder is None else folder / name)
 
     def get(self, key: str) -> bytes | None:
         """What was put under a key, None where there is nothing or nothing sound."""
@@ -126,6 +131,8 @@ def _is_ours(folder: Path) -> bool:
 
 def _write(path: Path, data: bytes) -> None:
     """Writes a file whole or not at all."""
+    from tempfile import NamedTemporaryFile
+
     with NamedTemporaryFile(dir=path.parent, prefix="new-", delete=False) as file:
         try:
             file.write(data)

@@ -15,7 +15,7 @@ from functools import cache
 from typing import Any
 
 from taskspec.native import libm
-from taskspec.store import Store, cache_folder
+from taskspec.store import Store
 
 # Of what this module does with IR. Objects of another number are compiled anew.
 _SCHEMA = 1
@@ -130,8 +130,7 @@ class Engine:
 
 def default_store() -> Store:
     """The store under the user's cache folder, `native` in it."""
-    folder = cache_folder()
-    return Store(None if folder is None else folder / "native")
+    return Store.named("native")
 
 
 class _Code:

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import io
+import sys
+from contextlib import suppress
 from dataclasses import replace
 from functools import lru_cache
-from importlib import resources
+from pathlib import Path
 from typing import Any, Literal
 
+import lark
 from lark import Lark, Token, Transformer
 from lark.exceptions import UnexpectedCharacters, UnexpectedInput
 
+from taskspec.store import Store
 from taskspec.text.codes import register
 from taskspec.text.expression import tree
 from taskspec.text.expression.functions import REDUCERS
@@ -20,6 +25,8 @@ from taskspec.text.units import LARGEST, QUANTITY, split_quantity, to_si
 register({"TS102": "an expression that is too long or too deeply nested"})
 
 Start = Literal["sum", "logic", "value", "uncertain", "equation"]
+
+_SCHEMA = 1
 
 MAX_LENGTH = 1000
 """Characters in one expression."""
@@ -111,15 +118,28 @@ def _limit(node: tree.Node, text: str) -> None:
 
 @lru_cache(maxsize=1)
 def _parser() -> Lark:
-    grammar = resources.files(__package__).joinpath("grammar.lark").read_text(encoding="utf-8")
-    return Lark(
-        grammar.replace("@QUANTITY@", QUANTITY.replace("/", r"\/")),
+    """The parser. Its tables, which follow from the grammar alone, are kept from run to run."""
+    text = Path(__file__).with_name("grammar.lark").read_text(encoding="utf-8")
+    text = text.replace("@QUANTITY@", QUANTITY.replace("/", r"\/"))
+    key = f"{_SCHEMA} lark {lark.__version__} python {sys.version}\n{text}"
+    store = Store.named("grammar")
+    kept = store.get(key)
+    if kept is not None:
+        # A table of the same Lark that it does not read all the same is made anew.
+        with suppress(Exception):
+            return Lark.load(io.BytesIO(kept))
+    parser = Lark(
+        text,
         parser="lalr",
         lexer="basic",
         start=["sum", "logic", "value", "uncertain", "equation"],
         maybe_placeholders=False,
         transformer=_Build(),
     )
+    file = io.BytesIO()
+    parser.save(file)
+    store.put(key, file.getvalue())
+    return parser
 
 
 def _adopt_unit(first: tree.Node, second: tree.Node) -> tree.Node:
