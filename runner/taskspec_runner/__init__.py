@@ -18,6 +18,7 @@ def run(
     out: str | os.PathLike[str] | None = None,
     *,
     seed: int = 0,
+    world: int | None = None,
     report: bool = True,
     telemetry: str | None = None,
     force: bool = False,
@@ -30,6 +31,7 @@ def run(
         out: the run's folder; an earlier run in it is replaced. None for `runs/NAME`, with -2, -3,
             ... where that exists.
         seed: of everything random in the run.
+        world: number of a random world of `vary`, from 0; None for the world as the file has it.
         report: whether to render `report.html`.
         telemetry: where to send signals while it runs, such as `udp://127.0.0.1:9870`.
         force: whether to run it in spite of errors behind which it still compiles.
@@ -53,7 +55,14 @@ def run(
     folder = None if out is None else Path(out)
     with sending(telemetry) as sink:
         return execute(
-            task, folder, seed=seed, report=report, telemetry=sink, force=force, loop=loop
+            task,
+            folder,
+            seed=seed,
+            world=world,
+            report=report,
+            telemetry=sink,
+            force=force,
+            loop=loop,
         )
 
 

@@ -49,6 +49,7 @@ from taskspec_runner.verdict.outcome import verdict
 from taskspec_runner.verdict.run_finding import RunFinding, read_finding
 
 if TYPE_CHECKING:
+    from taskspec.analysis.worlds import World
     from taskspec.program.program import Program
     from taskspec_runner.report.overview import Picture
 
@@ -304,6 +305,23 @@ class Run(Window):
         except (OSError, ValueError, KeyError, TypeError) as error:
             raise RebuildError(f"{type(error).__name__}: {error}") from error
 
+    @cached_property
+    def world(self) -> World:
+        """What the plant was.
+
+        Raises:
+            RebuildError: the task cannot be read any more, or the manifest has no world of it.
+        """
+        from taskspec.analysis.worlds import true_world, world_from
+
+        seed, said = number(self.manifest.get("seed")), mapping(self.manifest.get("world"))
+        if not said:
+            return true_world(self.program.context, int(seed or 0))
+        try:
+            return world_from(self.program.context, said, int(seed or 0))
+        except (KeyError, TypeError, ValueError) as error:
+            raise RebuildError(f"the manifest describes no world: {error!r}") from error
+
     @property
     def name(self) -> str:
         """Of the task, empty where unknown."""
@@ -362,7 +380,7 @@ class Run(Window):
     def _recovered(self, left: LeftTicks, ticks: int) -> Iterator[pa.RecordBatch]:
         rows = left.rows[ticks - left.first :]
         try:
-            layout = LogLayout.of(self.program)
+            layout = LogLayout.of(self.program, self.world.task)
         except RebuildError as error:
             self._lost = f"{len(rows)} more lie in {BLOCK}, which needs the task: {error}"
             return

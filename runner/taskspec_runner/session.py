@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
+from taskspec.analysis.worlds import World, random_world, true_world
 from taskspec.compiler import compile_task
 from taskspec.deferred_methods import dataclass
 from taskspec.geometry.axis import AXES
@@ -64,6 +65,7 @@ def execute(
     out: Path | None = None,
     *,
     seed: int = 0,
+    world: int | None = None,
     progress: Progress | None = None,
     report: bool = True,
     telemetry: Telemetry | None = None,
@@ -73,6 +75,7 @@ def execute(
     """Compiles a task, runs it and leaves the run's folder; see `execute_program`.
 
     Args:
+        world: number of a random world of `vary` under the seed; None for the true one.
         force: whether findings are lifted behind which a program still compiles.
         loop: as in `execute_program`.
 
@@ -81,15 +84,27 @@ def execute(
     """
     program = compile_task(loaded, force=force)
     return execute_program(
-        program, out, seed=seed, progress=progress, report=report, telemetry=telemetry, loop=loop
+        program,
+        out,
+        world=world_numbered(program, seed, world),
+        progress=progress,
+        report=report,
+        telemetry=telemetry,
+        loop=loop,
     )
+
+
+def world_numbered(program: Program, seed: int, number: int | None) -> World:
+    """A random world of a program's task, or with no number the true one."""
+    context = program.context
+    return true_world(context, seed) if number is None else random_world(context, seed, number)
 
 
 def execute_program(
     program: Program,
     out: Path | None = None,
     *,
-    seed: int = 0,
+    world: World | None = None,
     progress: Progress | None = None,
     report: bool = True,
     telemetry: Telemetry | None = None,
@@ -100,7 +115,8 @@ def execute_program(
     Args:
         program: the task.
         out: the folder; None for `runs/NAME`, with -2, -3, ... where that exists.
-        seed: of everything random in the run.
+        world: that the plant is, and the seed of everything random in the run; None for the true
+            one.
         progress: called now and then during the simulation.
         report: whether to render `report.html`.
         telemetry: gets the signals as the run goes on.
@@ -115,14 +131,15 @@ def execute_program(
     """
     wanted = _loop_wanted(loop)
     with Termination():
-        return _execute(program, out, _Manner(seed, progress, report, telemetry, wanted))
+        world = true_world(program.context) if world is None else world
+        return _execute(program, out, _Manner(world, progress, report, telemetry, wanted))
 
 
 @dataclass(frozen=True, slots=True)
 class _Manner:
     """How a program is run, as `execute_program` has it."""
 
-    seed: int
+    world: World
     progress: Progress | None
     report: bool
     telemetry: Telemetry | None
@@ -140,7 +157,7 @@ def _kept(program: Program, folder: RunFolder, content: bytes, manner: _Manner) 
     """Makes a run in its folder; whatever happens, the manifest says it."""
     try:
         with folder.failures_noted():
-            folder.note(**manifest.opening(program, content, manner.seed))
+            folder.note(**manifest.opening(program, content, manner.world))
             folder.write(folders.TASK, content)
             return _run(program, folder, content, manner)
     except KeyboardInterrupt as error:
@@ -170,7 +187,8 @@ def _run(program: Program, folder: RunFolder, content: bytes, manner: _Manner) -
     if simulated.by_signal:
         simulated = simulated.as_logged(history, program.context.period)
     outcome, judged = simulated.outcome, judge_run(program, history)
-    summary = folder.keep_summary(summarise(program, simulated, history, judged, manner.seed), log)
+    made = summarise(program, simulated, history, judged, manner.world)
+    summary = folder.keep_summary(made, log)
     folder.end(
         outcome.status,
         outcome.reason,
@@ -190,7 +208,8 @@ def _run(program: Program, folder: RunFolder, content: bytes, manner: _Manner) -
 
 def _simulate(program: Program, folder: RunFolder, manner: _Manner) -> tuple[Simulated, Log]:
     context = program.context
-    parts, log = assemble(program), Log(folder.log, run=manifest.run_mark(folder.manifest))
+    parts = assemble(program, manner.world)
+    log = Log(folder.log, run=manifest.run_mark(folder.manifest))
     machine, recorder = parts.machine, parts.recorder(log)
     rows: TickSink = recorder
     if manner.telemetry is not None:
@@ -206,7 +225,7 @@ def _simulate(program: Program, folder: RunFolder, manner: _Manner) -> tuple[Sim
                 rows,
                 context.period,
                 watch,
-                manner.seed,
+                manner.world.noise_seed,
                 manner.loop,
             )
         except KeyboardInterrupt as error:

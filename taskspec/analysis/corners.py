@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
-
-import numpy as np
 
 from taskspec.analysis.budget import Budget
 from taskspec.deferred_methods import dataclass
 from taskspec.program.context import Context
 from taskspec.spec import Task, Variation
+from taskspec.spec.robot import Noise, Payload
+from taskspec.spec.varied import Target
+from taskspec.text.units import SMALLEST
 
 #: Up to so many components all corners are tried, beyond that one at a time.
 MOST_AT_ONCE = 6
@@ -20,18 +21,20 @@ _OF_OBJECTS = ("stiffness", "damping", "mass", "inertia", "rpy")
 _OF_THE_ROBOT = ("robot.joint_damping", "robot.sensor.delay", "robot.sensor.filter")
 
 
+Component = tuple[str, int | None]
+"""The path of a value and the number of its component, None for a single number."""
+
+
 @dataclass(frozen=True, slots=True)
 class Uncertain:
-    """One component that varies.
+    """One random number, and what follows from it.
 
     Attributes:
-        path: of the value in the file.
-        index: of the component, None for a single number.
-        values: that are tried, the ends and for a stiffness the middle [SI].
+        name: of the number.
+        values: of it that are tried, the ends and for a stiffness the middle.
     """
 
-    path: str
-    index: int | None
+    name: str
     values: tuple[float, ...]
 
 
@@ -44,11 +47,11 @@ class Corner:
         task: with these values.
     """
 
-    values: Mapping[tuple[str, int | None], float]
+    values: Mapping[Component, float]
     task: Task
 
     @property
-    def plant(self) -> tuple[tuple[tuple[str, int | None], float], ...]:
+    def plant(self) -> tuple[tuple[Component, float], ...]:
         """Values that arm and contact depend on: the sensor is none of theirs."""
         return tuple(
             (key, value)
@@ -65,73 +68,128 @@ def corners(context: Context, objects: Sequence[str], budget: Budget) -> Iterato
         objects: that the stage touches or holds.
         budget: of worlds; where all are more than that, one value varies at a time.
     """
-    parts = list(_uncertain(context, objects))
+    components = dict(_components(context, objects))
+    parts = list(_uncertain(context, components))
     if not parts:
+        if truth := otherwise(context, lambda path: _matters(path, objects)):
+            yield at(context, truth)
         return
     count = math.prod(len(part.values) for part in parts)
     if len(parts) <= MOST_AT_ONCE and budget.take(count):
-        chosen = itertools.product(*(part.values for part in parts))
-        for values in chosen:
-            yield _corner(context, parts, values)
+        for values in itertools.product(*(part.values for part in parts)):
+            drawn = {part.name: value for part, value in zip(parts, values, strict=True)}
+            yield _corner(context, components, drawn)
         return
     for part in parts:
         for value in part.values:
-            yield _corner(context, [part], [value])
+            yield _corner(context, components, {part.name: value})
 
 
-def at(context: Context, values: Mapping[tuple[str, int | None], float]) -> Corner:
-    """The world with some components at given values [SI]."""
-    task = context.loaded.task
+def at(context: Context, values: Mapping[Component, float]) -> Corner:
+    """The true world with some components at given values [SI]."""
+    task = context.loaded.true_task
     for (path, index), value in values.items():
         task = changed(task, path, index, value)
     return Corner(values, task)
 
 
-def _corner(context: Context, parts: Sequence[Uncertain], values: Sequence[float]) -> Corner:
-    return at(context, {(p.path, p.index): v for p, v in zip(parts, values, strict=True)})
+def _corner(
+    context: Context, components: Mapping[Component, Variation], drawn: Mapping[str, float]
+) -> Corner:
+    """The world of some draws; what follows from others stays as it is."""
+    values = {
+        part: each.value(nominal(context, *part), drawn)
+        for part, each in components.items()
+        if all(draw.name in drawn for draw in each.draws)
+    }
+    return at(context, values)
 
 
-def _uncertain(context: Context, objects: Sequence[str]) -> Iterator[Uncertain]:
-    for path, components in context.loaded.task.vary.items():
-        section, _, rest = path.partition(".")
-        name, _, key = rest.partition(".")
-        if section == "world" and (name not in objects or key not in _OF_OBJECTS):
+def otherwise(context: Context, wanted: Callable[[str], bool]) -> dict[Component, float]:
+    """What is otherwise in truth than the controller is told [SI], of the paths that are wanted."""
+    loaded, found = context.loaded, {}
+    for path in loaded.task.true_numbers:
+        if not wanted(path):
             continue
-        if section == "robot" and path not in _OF_THE_ROBOT:
+        count = len(loaded.task.target_of(path).dimensions)
+        for index in range(count) if count > 1 else (None,):
+            told, true = (
+                value_of(context, t, path, index) for t in (loaded.task, loaded.true_task)
+            )
+            if told != true:
+                found[path, index] = true
+    return found
+
+
+def _matters(path: str, objects: Sequence[str]) -> bool:
+    section, _, rest = path.partition(".")
+    name, _, key = rest.partition(".")
+    if section == "world":
+        return name in objects and key in _OF_OBJECTS
+    return path in _OF_THE_ROBOT
+
+
+def _components(context: Context, objects: Sequence[str]) -> Iterator[tuple[Component, Variation]]:
+    for path, components in context.loaded.task.vary.items():
+        if not _matters(path, objects):
             continue
         for i, variation in enumerate(components):
-            if variation is None:
+            if variation is not None:
+                yield (path, i if len(components) > 1 else None), variation
+
+
+def _uncertain(context: Context, components: Mapping[Component, Variation]) -> Iterator[Uncertain]:
+    seen = set()
+    for part, variation in components.items():
+        for draw in variation.draws:
+            if draw.name in seen:
                 continue
-            index = i if len(components) > 1 else None
-            yield Uncertain(path, index, _values(context, path, index, variation))
-
-
-def _values(
-    context: Context, path: str, index: int | None, variation: Variation
-) -> tuple[float, ...]:
-    low, high = ends(context, path, index, variation)
-    if path.endswith(".stiffness") and low > 0:
-        return (low, float(np.sqrt(low * high)), high)
-    return (low, high)
+            seen.add(draw.name)
+            values: tuple[float, ...] = (draw.low, draw.high)
+            if variation.formula is None:
+                low, high = ends(context, *part, variation)
+                if part[0].endswith(".stiffness") and low > 0:
+                    middle = variation.drawn(math.sqrt(low * high), nominal(context, *part))
+                    values = (draw.low, middle, draw.high)
+            yield Uncertain(draw.name, values)
 
 
 def ends(
     context: Context, path: str, index: int | None, variation: Variation
 ) -> tuple[float, float]:
-    """Least and greatest value of a component that varies [SI]."""
-    return variation.ends(nominal(context, path, index) if variation.relative else 0.0)
+    """Least and greatest value of a component that varies [SI]: none that no world can have."""
+    target = context.loaded.task.target_of(path)
+    low, high = variation.ends(nominal(context, path, index) if variation.relative else 0.0)
+    if any(draw.normal for draw in variation.draws):
+        low, high = bounded(target, low), bounded(target, high)
+    return low, high
+
+
+def bounded(target: Target, value: float) -> float:
+    """A value [SI], or the nearest that there can be."""
+    least = target.least
+    if target.above is not None:
+        least = target.above + SMALLEST
+    if least is not None:
+        value = max(value, least)
+    return value if target.most is None else min(value, target.most)
 
 
 def nominal(context: Context, path: str, index: int | None) -> float:
-    """The value in the file, or what stands for it [SI]."""
+    """The value in the true world, or what stands for it [SI]."""
+    return value_of(context, context.loaded.true_task, path, index)
+
+
+def value_of(context: Context, task: Task, path: str, index: int | None) -> float:
+    """The value that a task has, or what stands for it [SI]."""
     section, _, rest = path.partition(".")
     name, _, key = rest.partition(".")
-    task = context.loaded.task
-    if section == "world" and key in ("stiffness", "damping") and name in context.compliances:
-        return float(getattr(context.compliances[name], key))
     found: Any = task.world[name] if section == "world" else task.robot
     for step in (key if section == "world" else rest).split("."):
         found = None if found is None else getattr(found, step)
+    stands_for = found is None or isinstance(found, str)
+    if stands_for and key in ("stiffness", "damping") and name in context.compliances:
+        return float(getattr(context.compliances[name], key))
     if found is None:
         return 0.0
     if index is not None or isinstance(found, tuple):
@@ -144,9 +202,13 @@ def changed(task: Task, path: str, index: int | None, value: float) -> Task:
     section, _, rest = path.partition(".")
     if section == "world":
         name, _, key = rest.partition(".")
-        world = {**task.world, name: _set(task.world[name], [key], index, value)}
+        world = {**task.world, name: _set(task.world[name], key.split("."), index, value)}
         return task.model_copy(update={"world": world})
     return task.model_copy(update={"robot": _set(task.robot, rest.split("."), index, value)})
+
+
+#: What a value of the robot stands in where the file has none.
+_ABSENT = {"noise": Noise(), "payload": Payload()}
 
 
 def _set(model: Any, steps: Sequence[str], index: int | None, value: float) -> Any:
@@ -154,7 +216,7 @@ def _set(model: Any, steps: Sequence[str], index: int | None, value: float) -> A
     old = getattr(model, key)
     new: Any = value
     if rest:
-        new = _set(old, rest, index, value)
+        new = _set(_ABSENT[key] if old is None else old, rest, index, value)
     elif index is not None:
         new = tuple(value if i == index else part for i, part in enumerate(old))
     elif isinstance(old, tuple):

@@ -7,8 +7,8 @@ from collections.abc import Callable, Iterator
 
 import casadi as ca
 
-from taskspec.analysis.corners import MOST_AT_ONCE, changed, ends
 from taskspec.deferred_methods import dataclass
+from taskspec.analysis.corners import MOST_AT_ONCE, changed, ends, otherwise
 from taskspec.prediction.types import Extreme, Values
 from taskspec.program.context import Context
 from taskspec.program.prepare import tool_center
@@ -36,13 +36,16 @@ class World:
 
 
 def worlds(context: Context, name: str) -> Iterator[World]:
-    """The corners of `vary` for contact `name`, the world of the file first.
+    """The corners of `vary` about the truth for contact `name`, the world of the file first.
 
     All corners up to `MOST_AT_ONCE` components, beyond that one component at a time.
     """
     nominal = World({}, _stiffness(context, context.loaded.task, name))
     yield nominal
     parts = list(_ends(context, name))
+    keys = [f"world.{name}.{key}" for key in _KEYS]
+    if not parts and (true := otherwise(context, lambda path: path in keys)):
+        yield _world(context, name, true)
     if len(parts) <= MOST_AT_ONCE:
         chosen = itertools.product(*parts) if parts else ()
         corners = [dict(values) for values in chosen]
@@ -103,15 +106,15 @@ def _ends(context: Context, name: str) -> Iterator[list[tuple[tuple[str, int | N
 
 
 def _world(context: Context, name: str, values: Values) -> World:
-    task = context.loaded.task
+    task = context.loaded.true_task
     for (path, index), value in values.items():
         task = changed(task, path, index, value)
     return World(values, _stiffness(context, task, name), _farther(context, task, name))
 
 
 def _stiffness(context: Context, task: Task, name: str) -> float:
-    """Of the contact [N/m, N m/rad]: the nominal one, unless `vary` has it."""
-    if f"world.{name}.stiffness" in task.vary:
+    """Of the contact [N/m, N m/rad]: the nominal one, unless `vary` or `truth` has it."""
+    if f"world.{name}.stiffness" in (*task.vary, *task.true_numbers):
         true = getattr(task.world[name], "stiffness", "rigid")
         if true != "rigid":
             return float(true)

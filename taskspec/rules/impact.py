@@ -7,6 +7,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from taskspec.analysis.corners import ends, nominal
 from taskspec.foresight.approach import (
     Approach,
     approach,
@@ -267,10 +268,10 @@ def _presses(stage: StagePlan, way: Approach) -> float:
 
 
 def _stiffnesses(context: Context, contact: str) -> list[float]:
-    """The ends that `vary` gives to a contact's stiffness [N/m]."""
-    ends = []
-    for variation in context.loaded.task.vary.get(f"world.{contact}.stiffness", ()):
+    """What `truth` and the ends of `vary` make of a contact's stiffness [N/m]."""
+    path, task = f"world.{contact}.stiffness", context.loaded.task
+    found = [nominal(context, path, None)] if path in task.true_numbers else []
+    for variation in task.vary.get(path, ()):
         if variation is not None:
-            nominal = context.compliances[contact].stiffness
-            ends += [max(0.0, end) for end in variation.ends(nominal)]
-    return ends
+            found += [max(0.0, end) for end in ends(context, path, None, variation)]
+    return found

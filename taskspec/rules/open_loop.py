@@ -7,11 +7,13 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from taskspec.analysis.corners import ends, nominal
 from taskspec.geometry.axis import Axis
 from taskspec.laws.gains import value_of
+from taskspec.program.context import Context
 from taskspec.program.plan import StagePlan
 from taskspec.rules import Finding, Phase, error, rule, warning
-from taskspec.spec import FILE, Variation
+from taskspec.spec import FILE
 from taskspec.text.units import FORCE, show
 
 
@@ -76,7 +78,7 @@ def _surfaceless(stage: StagePlan) -> bool:
 
 
 def _span(stage: StagePlan, axis: Axis) -> tuple[float, float] | None:
-    """Least and greatest force over the corners of `vary`; None where it does not matter.
+    """Least and greatest force over `truth` and the corners of `vary`; None without either.
 
     From (4.26), (4.27) with the reference f (1/k_m + 1/k) below the nominal surface.
     """
@@ -84,23 +86,28 @@ def _span(stage: StagePlan, axis: Axis) -> tuple[float, float] | None:
     own = value_of(stage.gains, "stiffness", axis)
     if contact is None or value is None or own == 0:
         return None
-    k, vary = stage.stiffness_of(axis), stage.context.loaded.task.vary
-    nominal = stage.context.surfaces[contact].origin
-    stiffness = _ends(vary.get(f"world.{contact}.stiffness", ()), [k])
-    places = _ends(vary.get(f"world.{contact}.xyz", ()), list(nominal))
-    if len(stiffness[0]) == 1 and all(len(p) == 1 for p in places):
+    k, context = stage.stiffness_of(axis), stage.context
+    told = context.surfaces[contact].origin
+    (stiffness,) = _ends(context, f"world.{contact}.stiffness", [k])
+    places = _ends(context, f"world.{contact}.xyz", list(told))
+    if len(stiffness) == 1 and all(len(p) == 1 for p in places):
         return None
     direction = stage.rotation[:, axis.column]
     forces = []
-    for true_k, *place in itertools.product(stiffness[0], *places):
-        depth = value * (1 / own + 1 / k) - float(direction @ (np.array(place) - nominal))
+    for true_k, *place in itertools.product(stiffness, *places):
+        depth = value * (1 / own + 1 / k) - float(direction @ (np.array(place) - told))
         forces.append(depth * own * true_k / (own + true_k))
     return min(forces), max(forces)
 
 
-def _ends(variations: tuple[Variation | None, ...], nominal: list[float]) -> list[list[float]]:
-    ends = [[float(value)] for value in nominal]
+def _ends(context: Context, path: str, told: list[float]) -> list[list[float]]:
+    """Of each component what the file says, what is true, and the ends of what varies [SI]."""
+    task, found = context.loaded.task, [[float(value)] for value in told]
+    variations = task.vary.get(path, (None,) * len(told))
     for i, variation in enumerate(variations):
+        part = (path, i if len(told) > 1 else None)
         if variation is not None:
-            ends[i] = list(variation.ends(nominal[i]))
-    return ends
+            found[i] = list(ends(context, *part, variation))
+        elif path in task.true_numbers and (true := nominal(context, *part)) != found[i][0]:
+            found[i].append(true)
+    return found

@@ -9,7 +9,7 @@ from dataclasses import field
 import numpy as np
 
 from taskspec.analysis.budget import Budget
-from taskspec.analysis.corners import Corner, at, corners
+from taskspec.analysis.corners import Corner, at, corners, ends
 from taskspec.analysis.environment import linear_plant
 from taskspec.analysis.loop import FARTHEST, Mode, Poles, UnfitError
 from taskspec.analysis.margin import (
@@ -266,11 +266,11 @@ def _still(stage: StagePlan, axis: Axis) -> bool:
 
 
 def _least_friction(context: Context, name: str) -> float:
-    """Of an object, the least that `vary` allows."""
-    task = context.loaded.task
-    nominal = float(task.shapes[name].friction)
-    varied = [v for v in task.vary.get(f"world.{name}.friction", ()) if v is not None]
-    return min([nominal, *((nominal if v.relative else 0.0) + v.low for v in varied)])
+    """Of an object, the least that `truth` and `vary` allow."""
+    loaded, path = context.loaded, f"world.{name}.friction"
+    known = [float(task.shapes[name].friction) for task in (loaded.task, loaded.true_task)]
+    varied = [v for v in loaded.task.vary.get(path, ()) if v is not None]
+    return min([*known, *(ends(context, path, None, v)[0] for v in varied)])
 
 
 def _in_contact(analysed: SampledStage, shared: Shared) -> Iterator[Finding]:
@@ -284,7 +284,7 @@ def _in_contact(analysed: SampledStage, shared: Shared) -> Iterator[Finding]:
 
 
 def _in_other_worlds(analysed: SampledStage, shared: Shared) -> Iterator[Finding]:
-    """The worst world that `vary` allows, if the stage is unstable or rings there."""
+    """The worst world that `truth` and `vary` allow, if the stage is unstable or rings there."""
     objects = [*analysed.pressed, *([analysed.stage.plan.held] if analysed.stage.plan.held else [])]
     unstable: tuple[float, Corner] | None = None
     ringing: tuple[float, Corner] | None = None
@@ -355,7 +355,8 @@ def _findings(
         limits = remedies(shared.context, analysed, axis, None, shared.gains, ringing=ringing)
         place = place_of(shared.context, analysed, axis, limits)
     else:
-        place = FILE.vary[next(iter(corner.values))[0]]
+        path = next(iter(corner.values))[0]
+        place = (FILE.vary if path in analysed.context.loaded.task.vary else FILE.truth)[path]
     if (code, place) in shared.reported:
         return
     shared.reported.add((code, place))

@@ -4,17 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from taskspec.analysis.corners import nominal
-from taskspec.program.context import Context
+from taskspec.analysis.corners import ends, nominal
 from taskspec.program.plan import TaskPlan
 from taskspec.rules import Finding, Phase, error, rule
 from taskspec.spec import FILE
-from taskspec.spec.vary import OBJECT, ROBOT, Target
 from taskspec.text.units import in_si
-
-#: Values that have to be more than zero; all others but places and biases may also be zero.
-_POSITIVE = ("stiffness", "size", "radius", "length", "mass", "inertia", "robot.sensor.filter")
-_ANY = ("xyz", "rpy", "robot.sensor.bias")
 
 
 @rule({}, also=("TS106",), phase=Phase.VARIATIONS)
@@ -40,20 +34,19 @@ def impossible_variations(task: TaskPlan) -> Iterator[Finding]:
     """Variations whose lower end is a value that the file itself could not state."""
     context = task.context
     for path, components in context.loaded.task.vary.items():
-        _, _, key = path.rpartition(".")
-        if key in _ANY or path in _ANY:
+        target = context.loaded.task.target_of(path)
+        if target.above is None and target.least is None:
             continue
-        positive = path != "robot.tool.mass" and (key in _POSITIVE or path in _POSITIVE)
-        dimensions = _target(context, path)
+        positive = target.above is not None
         for i, variation in enumerate(components):
             if variation is None:
                 continue
             index = i if len(components) > 1 else None
             middle = nominal(context, path, index) if variation.relative else 0.0
-            low, _ = variation.ends(middle)
+            low, _ = ends(context, path, index, variation)
             if low > 0 or (low == 0 and not positive):
                 continue
-            unit = dimensions[i]
+            unit = target.dimensions[i]
             declared = f", from {in_si(middle, unit)} in the file" if variation.relative else ""
             yield error(
                 "TS118",
@@ -63,17 +56,3 @@ def impossible_variations(task: TaskPlan) -> Iterator[Finding]:
                 "narrow the interval, or write its ends: a..b",
                 stops=True,
             )
-
-
-def _target(context: Context, path: str) -> Target:
-    """The dimensions of a value that varies."""
-    section, _, rest = path.partition(".")
-    if section == "robot":
-        return ROBOT[rest]
-    name, _, key = rest.partition(".")
-    task = context.loaded.task
-    if name in task.mechanisms:
-        return OBJECT[task.mechanisms[name].mechanism][key]
-    if name in context.equations:
-        return OBJECT["joint equation" if context.equations[name].joints else "equation"][key]
-    return OBJECT["shape"][key]

@@ -21,6 +21,7 @@ from taskspec.spec.names import collect_names, unused, warn_unused
 from taskspec.spec.params import evaluate_params
 from taskspec.spec.parse_context import ParseContext
 from taskspec.spec.task import Task
+from taskspec.spec.truth import grafted
 from taskspec.text import nodes
 from taskspec.text.characters import normal
 from taskspec.text.codes import register
@@ -47,7 +48,8 @@ class LoadedTask:
     """A task and the text that it came from.
 
     Attributes:
-        task: the checked task.
+        task: the checked task: what the controller is told.
+        true_task: the same with the world and the robot as they really are.
         source: the text of the file.
         path: of the file; None if there is none.
         base: the folder that relative paths in the task start from; None for the current one.
@@ -57,6 +59,7 @@ class LoadedTask:
     """
 
     task: Task
+    true_task: Task
     source: Source
     path: Path | None
     base: Path | None
@@ -148,15 +151,24 @@ def _load(
     task = _validate(root, found, path or Path(name))
     if task is None or found.has_errors:
         raise SpecError(found.sorted(), sources)
+    true_task: Task | None = task
+    if task.truth:
+        true_task = _validate(grafted(root, task.truth), found, path or Path(name), truth=True)
+    if true_task is None or found.has_errors:
+        raise SpecError(found.sorted(), sources)
     # An override may use a name, or take the place of what used one.
     warn_unused(root, idle & unused(root), found)
-    return LoadedTask(task, source, path, base, dict(overrides), found.sorted(), sources, root)
+    return LoadedTask(
+        task, true_task, source, path, base, dict(overrides), found.sorted(), sources, root
+    )
 
 
-def _validate(root: nodes.Mapping, found: Diagnostics, path: Path) -> Task | None:
+def _validate(
+    root: nodes.Mapping, found: Diagnostics, path: Path, *, truth: bool = False
+) -> Task | None:
     data = to_data(root, found)
     assert isinstance(data, Map)
-    context = ParseContext(found, data, keys=_keys(root))
+    context = ParseContext(found, data, keys=_keys(root), truth=truth)
     collect_names(context)
     evaluate_params(context)
     try:

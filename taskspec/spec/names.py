@@ -62,7 +62,7 @@ def collect_names(context: ParseContext) -> None:
     _check_unique(sections, context)
     for key, names in (*sections.items(), ("params", _names(context.data, "params"))):
         for name, span in names.items():
-            reason = _why_not(name, key)
+            reason = why_not(name, key)
             if reason is not None:
                 message = f"'{name}' cannot be the name of {_ARTICLES[key]}"
                 context.error("TS125", message, span, reason)
@@ -93,12 +93,12 @@ def _check_unique(sections: dict[str, dict[str, Span]], context: ParseContext) -
                 first[name] = key
 
 
-def _why_not(name: str, section: str) -> str | None:
-    """Why a name cannot be given, None if it can."""
+def why_not(name: str, section: str) -> str | None:
+    """Why a name cannot be given in a section, None if it can."""
     if not _NAME.match(name):
         rule = "a name is a letter followed by letters, digits and '_'"
         near = re.sub(r"[^A-Za-z0-9]+", "_", name).strip("_")
-        return f"{rule}: {near}" if _NAME.match(near) and _why_not(near, section) is None else rule
+        return f"{rule}: {near}" if _NAME.match(near) and why_not(near, section) is None else rule
     if name in UNITS:
         return f"'{name}' is a unit"
     if name in FUNCTIONS or name in REDUCERS:

@@ -21,6 +21,9 @@ NAME = "--set"
 _NAMED = ("params", "world", "frames", "stages", "vary", "expect")
 """Sections whose keys the file invents: an override changes what is there, it adds nothing."""
 
+_BY_PATH = ("vary", "truth")
+"""Sections whose keys are paths."""
+
 _SHORT = {"law": "kind", "within": "time"}
 """What the short form of a key stands for, so that another part of it can be set."""
 
@@ -56,8 +59,8 @@ def _steps(root: MappingNode, path: str, keys: tuple[str, ...]) -> list[str]:
     params = root.get("params")
     if len(steps) == 1 and path not in keys and isinstance(params, MappingNode):
         return ["params", path]
-    if steps[0] == "vary":
-        return ["vary", ".".join(steps[1:])]
+    if steps[0] in _BY_PATH and len(steps) > 2:
+        return [steps[0], ".".join(steps[1:])]
     return steps
 
 

@@ -32,6 +32,7 @@ class ParseContext:
         frames: every name that is a frame.
         quiet: ids of mappings in which missing keys are no further mistake.
         keys: id of a mapping to the place of the key that it hangs on.
+        truth: what is read is the world as it really is, not what the controller is told.
     """
 
     diagnostics: Diagnostics
@@ -45,6 +46,7 @@ class ParseContext:
     frames: dict[str, None] = field(default_factory=dict)
     quiet: set[int] = field(default_factory=set)
     keys: dict[int, Span] = field(default_factory=dict)
+    truth: bool = False
     _scopes: dict[ScopeKind, Scope] = field(default_factory=dict)
 
     def scope(self, kind: ScopeKind) -> Scope:

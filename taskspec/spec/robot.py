@@ -177,6 +177,31 @@ class Sensor(Model):
     )
 
 
+class Payload(Model):
+    """What the tool carries and nobody has told the controller of.
+
+    Attributes:
+        mass: [kg].
+        xyz: of its centre of mass in the tool's axes, from the tip [m].
+    """
+
+    noun = "a payload"
+    example = "robot.payload: {mass: 300 g, xyz: [0, 0, 20 mm]}"
+    short: ClassVar = Constant(MASS, least=0).json()
+
+    mass: Annotated[float, Constant(MASS, least=0)] = Field(0.0, title="Mass")
+    xyz: XYZ = Field(
+        (0.0, 0.0, 0.0),
+        title="Centre of mass",
+        description="[x, y, z] in the tool's axes, from the tip",
+    )
+
+    @classmethod
+    def expand(cls, data: object, context: ParseContext) -> object:  # noqa: ARG003
+        """Reads a bare mass."""
+        return short_form(data, "mass")
+
+
 class Robot(Model):
     """The arm and what it carries.
 
@@ -190,6 +215,10 @@ class Robot(Model):
         balanced: a counterweight carries the arm's gravity.
         joint_damping: of the plant's joints [N*m*s/rad]: one for all, or one for each. The
             controller does not know of it.
+        joint_friction: Coulomb's, of the plant's joints [N*m]: one for all, or one for each. The
+            controller does not know of it.
+        payload: what the plant's tool carries besides; under `truth` and `vary` alone, for the
+            controller does not know of it. None for nothing.
         grasp: the handle or loose body that it holds from the start; None for nothing.
         sensor: what measures the contact wrench.
     """
@@ -215,7 +244,25 @@ class Robot(Model):
     joint_damping: Annotated[tuple[float, ...], ForJoints(ANGULAR_DAMPING)] = Field(
         (0.0,), title="Damping of the plant's joints"
     )
+    joint_friction: Annotated[tuple[float, ...], ForJoints(MOMENT)] = Field(
+        (0.0,), title="Coulomb friction of the plant's joints"
+    )
+    payload: Payload | None = Field(
+        None, title="Payload", description="Under 'truth' and 'vary': the controller is not told"
+    )
     grasp: Held | None = Field(
         None, title="What it holds", description="OBJECT.handle, or a loose body"
     )
     sensor: Sensor = Field(Sensor(), title="Force sensor")
+
+    @classmethod
+    def rules(cls, data: Map, context: ParseContext) -> None:
+        """Keeps out what only the real robot has."""
+        if "payload" in data and not context.truth:
+            context.error(
+                "TS026",
+                "the controller is not told of a payload, so 'robot' does not have one",
+                data.node.key_span("payload"),
+                "under 'truth' it is what the tool really carries, such as "
+                f"truth: {{{Payload.example}}}; what it is known to carry belongs to tool.mass",
+            )

@@ -23,7 +23,9 @@ from taskspec.spec.params import Params
 from taskspec.spec.parse_context import ParseContext, span_of
 from taskspec.spec.robot import Robot
 from taskspec.spec.stage import Stage
-from taskspec.spec.vary import OBJECT, ROBOT, Variation, Variations
+from taskspec.spec.truth import Truth, Truths
+from taskspec.spec.varied import OBJECT, ROBOT, Target
+from taskspec.spec.vary import Variation, Variations
 from taskspec.spec.words import Free
 from taskspec.spec.world import Shape
 from taskspec.text.codes import register
@@ -74,6 +76,7 @@ class Task(Model):
         stages: by name, in order.
         expect: what counts as success.
         vary: path of a value to an uncertain interval for each component.
+        truth: what the world and the robot really are, where that is otherwise.
         control: rates.
     """
 
@@ -104,6 +107,9 @@ class Task(Model):
     vary: Annotated[dict[str, tuple[Variation | None, ...]], Variations()] = Field(
         {}, title="What is uncertain about the real world"
     )
+    truth: Annotated[Truth, Truths()] = Field(
+        Truth(), title="What the world and the robot really are"
+    )
     control: Control = Field(Control(), title="Rates")
 
     @property
@@ -123,11 +129,31 @@ class Task(Model):
 
     def dimensions_of(self, path: str) -> tuple[Dimension, ...]:
         """The dimension of each component of a value that can vary, by its path under `vary`."""
+        return self.target_of(path).dimensions
+
+    def target_of(self, path: str) -> Target:
+        """What a path under `vary` or `truth` names."""
         section, _, rest = path.partition(".")
         if section == "robot":
             return ROBOT[rest]
         name, _, key = rest.partition(".")
         return OBJECT[self.world[name].kind][key]
+
+    @property
+    def true_numbers(self) -> tuple[str, ...]:
+        """The paths of all numbers that `truth` gives; of a payload or a noise, those of its parts.
+
+        A motion and the rate of a sensor are none.
+        """
+        found = []
+        for path in self.truth.paths:
+            section, _, rest = path.partition(".")
+            name, _, key = rest.partition(".")
+            known = ROBOT if section == "robot" else OBJECT[self.world[name].kind]
+            whole = rest if section == "robot" else key
+            head = path.removesuffix(whole)
+            found += [head + k for k in known if k == whole or k.startswith(f"{whole}.")]
+        return tuple(dict.fromkeys(found))
 
     @classmethod
     def rules(cls, data: Map, context: ParseContext) -> None:

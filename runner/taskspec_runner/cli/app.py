@@ -43,6 +43,7 @@ def run(
     set_: options.Overrides = None,
     law: options.Law = None,
     seed: options.Seed = 0,
+    world: options.World = None,
     out: Annotated[
         Path | None,
         typer.Option(
@@ -66,6 +67,7 @@ def run(
         set_ or [],
         law,
         seed,
+        world,
         out,
         telemetry,
         quiet=quiet,

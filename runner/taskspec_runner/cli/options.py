@@ -25,6 +25,14 @@ Law = Annotated[
 Seed = Annotated[int, typer.Option(min=0, help="Of everything random.")]
 
 # run
+World = Annotated[
+    str | None,
+    typer.Option(
+        metavar="N|TABLE:ROW",
+        help="A random world of 'vary' by its number under the seed, or a row of a sweep's table.",
+        show_default="the true one",
+    ),
+]
 Telemetry = Annotated[
     str | None,
     typer.Option(

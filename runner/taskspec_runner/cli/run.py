@@ -27,6 +27,7 @@ def run_task(
     sets: Sequence[str],
     law: str | None,
     seed: int,
+    world: str | None,
     out: Path | None,
     telemetry: str | None,
     *,
@@ -41,6 +42,7 @@ def run_task(
     from taskspec_runner.cli.progress import progress_line
     from taskspec_runner.loop.telemetry import read_address, sending
     from taskspec_runner.session import execute_program
+    from taskspec_runner.sweep.chosen import chosen_world
 
     as_data = form is RunFormat.JSON
     if telemetry is not None:
@@ -62,11 +64,14 @@ def run_task(
         return 1
     if program.findings and not quiet:
         show_diagnostics(program.findings, program.context.loaded.sources, err=True)
+    chosen = chosen_world(program, seed, world)
     with (
         sending(telemetry, _say) as sink,
         progress_line(shown=not quiet and sys.stderr.isatty()) as progress,
     ):
-        run = execute_program(program, out, seed=seed, progress=progress, telemetry=sink, loop=loop)
+        run = execute_program(
+            program, out, world=chosen, progress=progress, telemetry=sink, loop=loop
+        )
     # Who breaks off a run does not wait for its video.
     if video is not None and run.exit_code < BY_SIGNAL:
         from taskspec_runner.cli.replay import film

@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import replace
 
+from taskspec.analysis.worlds import true_world
 from taskspec_runner.compare.attempt import Attempt
 from taskspec_runner.errors import RunCrashedError
 from taskspec_runner.record.folder import RunFolder
@@ -48,8 +49,11 @@ def run_attempts(
 
 def _run(each: Attempt, folder: RunFolder, seed: int, progress: Progress | None) -> Attempt:
     assert each.program is not None
+    world = true_world(each.program.context, seed)
     try:
-        run = execute_program(each.program, folder.path / each.folder, seed=seed, progress=progress)
+        run = execute_program(
+            each.program, folder.path / each.folder, world=world, progress=progress
+        )
     except RunCrashedError as error:
         return replace(
             each, crash=f"internal error: {error}; please report this with {error.trace}"

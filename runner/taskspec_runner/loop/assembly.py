@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
+from taskspec.analysis.worlds import World, true_world
 from taskspec.control.qp.dual import dual_solver
 from taskspec.deferred_methods import dataclass
 from taskspec.program.execution.machine import Machine
 from taskspec.program.program import Program
-from taskspec.spec import Task
+from taskspec.program.world.holding import truly_holding
+from taskspec.robot import RobotError
+from taskspec_runner.errors import InputError
 from taskspec_runner.plant.plant import Plant
 from taskspec_runner.record.bus import Bus
 from taskspec_runner.record.log import Log
@@ -21,14 +24,14 @@ class Assembly:
 
     Attributes:
         program: the compiled task.
-        task: whose world and robot are the true ones.
+        world: what the plant is.
         bus: one tick's numbers.
         plant: writes into it.
         machine: reads from it and writes into it.
     """
 
     program: Program
-    task: Task
+    world: World
     bus: Bus
     plant: Plant
     machine: Machine
@@ -36,20 +39,27 @@ class Assembly:
     def recorder(self, log: Log | None) -> Recorder:
         """A recorder of the bus into a log; None for one that keeps nothing."""
         program = self.program
-        return Recorder(log, self.bus, program.context.robot, program.stages, self.task)
+        return Recorder(log, self.bus, program.context.robot, program.stages, self.world.task)
 
 
-def assemble(program: Program, truth: Task | None = None) -> Assembly:
+def assemble(program: Program, world: World | None = None) -> Assembly:
     """Builds the plant at the start of a run, and a fresh machine, on one bus.
 
     Args:
-        program: the compiled task, with the nominal world.
-        truth: the task whose world and robot the plant has; None for the nominal one.
+        program: the compiled task.
+        world: that the plant is; None for the one that the file says is true.
+
+    Raises:
+        InputError: what the robot holds is where it cannot hold it.
     """
     context = program.context
-    task = context.loaded.task if truth is None else truth
-    bus = Bus(context.robot.pin.nv, task)
-    plant = Plant(context.robot, task, context.start, bus.truth)
+    world = true_world(context) if world is None else world
+    bus = Bus(context.robot.pin.nv, world.task)
+    try:
+        start = truly_holding(context, world.task)
+    except RobotError as error:
+        raise InputError(error.message) from error
+    plant = Plant(context.robot, world.task, start, bus.truth)
     measured = (np.zeros(6), np.zeros(len(context.equations)))
     views = (bus.view("q"), bus.view("v"), *measured, bus.view("torque"), bus.outputs)
-    return Assembly(program, task, bus, plant, program.machine(views, own=dual_solver))
+    return Assembly(program, world, bus, plant, program.machine(views, own=dual_solver))

@@ -15,6 +15,7 @@ from taskspec_runner.plant.looks import dress
 from taskspec_runner.plant.mechanisms import add_mechanism, add_thread
 from taskspec_runner.plant.moving_base import moving
 from taskspec_runner.plant.names import PREFIX
+from taskspec_runner.plant.payload import weigh
 from taskspec_runner.plant.shapes import COLORS, add_shape
 from taskspec_runner.plant.wrist import add_wrist
 
@@ -49,9 +50,13 @@ def build_scene(arm: SceneArm, task: Task) -> Scene:
     period = 1.0 / task.control.plant_rate
     _set_options(spec.option, period)
     dress(spec)
-    damping = np.broadcast_to(arm.declared.joint_damping, len(robot.joint_names))
-    for joint, value in zip(robot.joint_names, damping, strict=True):
-        spec.joint(joint).damping = [float(value), 0.0, 0.0]
+    joints, declared = robot.joint_names, arm.declared
+    damping = np.broadcast_to(declared.joint_damping, len(joints))
+    friction = np.broadcast_to(declared.joint_friction, len(joints))
+    for joint, viscous, dry in zip(joints, damping, friction, strict=True):
+        spec.joint(joint).damping = [float(viscous), 0.0, 0.0]
+        spec.joint(joint).frictionloss = float(dry)
+    weigh(spec, arm)
     begin = arm.declared.start
     near = None if begin is None or begin.xyz is None else np.array(begin.xyz)
     for number, (name, shape) in enumerate(task.shapes.items()):

@@ -74,10 +74,9 @@ class LogLayout:
         self._schema = pa.schema([column_field(each.name, each.unit) for each in self._layout])
 
     @classmethod
-    def of(cls, program: Program) -> LogLayout:
-        """Of a run of a program, with the nominal world as the true one."""
+    def of(cls, program: Program, task: Task) -> LogLayout:
+        """Of a run of a program in the world of a task."""
         context = program.context
-        task = context.loaded.task
         slices = Bus(context.robot.pin.nv, task).slices
         return cls(slices, context.robot, program.stages, task)
 

@@ -17,7 +17,8 @@ from taskspec.spec import LoadedTask
 from taskspec.text.characters import normal
 
 if TYPE_CHECKING:
-    from taskspec.program.program import Program
+    from taskspec.analysis.worlds import World
+from taskspec.program.program import Program
 
 #: 2 has checksums of the summary, of the files that a task draws on, and of itself.
 FORMAT = 2
@@ -43,13 +44,13 @@ def task_bytes(loaded: LoadedTask) -> bytes:
     return text.encode()
 
 
-def opening(program: Program, content: bytes, seed: int) -> dict[str, Any]:
+def opening(program: Program, content: bytes, world: World) -> dict[str, Any]:
     """The manifest of a run that begins now.
 
     Args:
         program: that is run.
         content: of the task file.
-        seed: of everything random.
+        world: that its plant is.
     """
     loaded = program.context.loaded
     return {
@@ -59,7 +60,8 @@ def opening(program: Program, content: bytes, seed: int) -> dict[str, Any]:
         "task": loaded.task.name,
         "file": None if loaded.path is None else str(loaded.path.absolute()),
         "overrides": dict(loaded.overrides),
-        "seed": seed,
+        "seed": world.seed,
+        "world": world.as_data(),
         "inputs": inputs(program),
         "versions": versions(),
         "platform": {
@@ -108,10 +110,11 @@ def seal(content: Mapping[str, Any]) -> str:
 
 
 def run_mark(manifest: Mapping[str, Any]) -> str:
-    """What batches of a log say of their run: the same for the same task, overrides and seed."""
+    """What batches of a log say of their run: the same for the same task, overrides and world."""
     sums = manifest.get("sha256")
     task = sums.get("task.yaml") if isinstance(sums, Mapping) else None
-    said = json.dumps([task, manifest.get("overrides"), manifest.get("seed")], sort_keys=True)
+    parts = [task, *(manifest.get(key) for key in ("overrides", "seed", "world"))]
+    said = json.dumps(parts, sort_keys=True)
     return hashlib.sha256(said.encode()).hexdigest()[:16]
 
 

@@ -8,6 +8,7 @@ from contextlib import closing
 from pathlib import Path
 from typing import Any
 
+from taskspec.analysis.worlds import true_world
 from taskspec.compiler import compile_unchecked
 from taskspec.program.execution.transition import END, FAIL, Transition
 from taskspec.program.program import Program
@@ -55,7 +56,7 @@ def judge_recording(
         open_folder(out, f"{loaded.task.name}-measured") as folder,
         folder.failures_noted(),
     ):
-        opening = manifest.opening(program, content, 0)
+        opening = manifest.opening(program, content, true_world(program.context))
         folder.note(**opening | {"seed": None, "recorded": facts})
         folder.write(folders.TASK, content)
         history = recording.history
@@ -84,7 +85,7 @@ def _summary(program: Program, recording: ForeignLog) -> dict[str, Any]:
     outcome = _outcome(program, recording, visits)
     simulated = Simulated(outcome, _transitions(program, visits, outcome), {})
     judged = judge_run(program, history)
-    summary = summarise(program, simulated, history, judged, 0)
+    summary = summarise(program, simulated, history, judged, true_world(program.context))
     names = ("form", "as_measured", "not_recorded", "stages", "gap")
     said = {name: recording.facts[name] for name in names}
     # The name alone: where the log lay differs from machine to machine.

@@ -11,6 +11,7 @@ from taskspec.deferred_methods import dataclass
 from taskspec.geometry.axis import ROTATIONS, TRANSLATIONS
 from taskspec.program.program import Program
 from taskspec.program.stages.stage import CompiledStage
+from taskspec.spec import Sensor, Task
 from taskspec.spec.stage import OSCILLATION, SATURATION
 from taskspec.text.expression import Expression, tree
 from taskspec.text.units import FORCE, MOMENT, VELOCITY, Dimension, show
@@ -37,12 +38,13 @@ _CLOCKS = ("t", "clock", "pi")
 _MORE = 3
 
 
-def findings(program: Program, history: History) -> tuple[RunFinding, ...]:
+def findings(program: Program, history: History, true: Task) -> tuple[RunFinding, ...]:
     """Of every visited stage the worst visit with an oscillation, and with a saturation.
 
     Args:
         program: that ran.
         history: what it recorded, as far as it came.
+        true: the task with the world and the robot as they were.
     """
     stages = {stage.name: stage for stage in program.stages}
     visits: dict[str, int] = {}
@@ -51,7 +53,7 @@ def findings(program: Program, history: History) -> tuple[RunFinding, ...]:
         number = visits[visit.stage] = visits.get(visit.stage, 0) + 1
         if not judged(visit.last + 1 - visit.first):
             continue
-        look = _Look(program, stages[visit.stage], history, visit, number)
+        look = _Look(program, stages[visit.stage], history, visit, number, true.robot.sensor)
         for size, found in (*look.oscillations(), *look.saturations()):
             key = (found.kind, found.stage)
             if key not in worst or size > worst[key][0]:
@@ -80,15 +82,20 @@ class _Look:
     """One visit of a stage."""
 
     def __init__(
-        self, program: Program, stage: CompiledStage, history: History, visit: Visit, number: int
+        self,
+        program: Program,
+        stage: CompiledStage,
+        history: History,
+        visit: Visit,
+        number: int,
+        sensor: Sensor,
     ) -> None:
         self._program, self._stage, self._visit, self._number = program, stage, visit, number
         self._columns = {name: values[visit.rows] for name, values in history.columns.items()}
         self._clock = self._columns["clock"]
-        sensor = program.context.loaded.task.robot.sensor
-        self._noise = None if sensor is None else sensor.noise
+        self._noise = sensor.noise
         self._hold = 1.0
-        if sensor is not None and sensor.rate is not None:
+        if sensor.rate is not None:
             self._hold = max(1.0, 1 / (sensor.rate * program.context.period))
 
     def oscillations(self) -> Iterator[tuple[float, RunFinding]]:

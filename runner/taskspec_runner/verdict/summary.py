@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from taskspec.deferred_methods import dataclass
+from taskspec.analysis.worlds import World, differences
 from taskspec.program import events
 from taskspec.program.execution.stage_solver import SolverCounts
 from taskspec.program.execution.transition import FAIL, Transition
@@ -86,7 +87,11 @@ class Simulated:
 
 
 def summarise(
-    program: Program, simulated: Simulated, history: History, judged: Sequence[Judged], seed: int
+    program: Program,
+    simulated: Simulated,
+    history: History,
+    judged: Sequence[Judged],
+    world: World,
 ) -> dict[str, Any]:
     """The content of `summary.json`, in SI units.
 
@@ -94,7 +99,7 @@ def summarise(
     """
     context = program.context
     task, robot = context.loaded.task, context.robot
-    outcome, found = simulated.outcome, findings(program, history)
+    outcome, found = simulated.outcome, findings(program, history, world.task)
     visits = _visits(program, simulated)
     # The last visit is the one in which the run ended, and says more about it.
     text = visits[-1]["ended_by"]["text"] if visits else outcome.text
@@ -103,7 +108,14 @@ def summarise(
         "about": task.about,
         "status": outcome.status,
         "exit_code": exit_code(outcome, judged, simulated.by_signal, found),
-        "seed": seed,
+        "seed": world.seed,
+        "world": world.as_data()
+        | {
+            "differs": [
+                {"path": d.name, "told": d.told, "true": d.true, "written": list(d.written)}
+                for d in differences(context, world)
+            ]
+        },
         "ending": {
             "reason": outcome.reason,
             "text": text,

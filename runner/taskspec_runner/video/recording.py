@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from taskspec.deferred_methods import dataclass
 from taskspec.program.program import Program
 from taskspec.program.stages.stage import CompiledStage
+from taskspec.spec import Task
 from taskspec_runner.errors import InputError
 from taskspec_runner.record.history import History, Visit
 from taskspec_runner.runs import RebuildError, Run
@@ -27,6 +28,7 @@ class Recording:
 
     Attributes:
         program: the task of the folder, compiled.
+        true: the task with the world as it was.
         history: its log.
         visits: in order.
         q: (n, joints) [rad or m].
@@ -38,6 +40,7 @@ class Recording:
     """
 
     program: Program
+    true: Task
     history: History
     visits: tuple[Visit, ...]
     q: Vector
@@ -58,7 +61,7 @@ class Recording:
             message = "its log holds no complete batch of ticks"
             raise InputError(f"cannot draw {run.folder}: {message}")
         try:
-            return _recording(run.program, run.history.thinned(MOST_TICKS))
+            return _recording(run.program, run.world.task, run.history.thinned(MOST_TICKS))
         except RebuildError as error:
             raise InputError(f"cannot draw {run.folder}: its task: {error}") from error
         except KeyError as error:
@@ -97,7 +100,7 @@ class Recording:
         return next(s for s in self.program.stages if s.name == visit.stage)
 
 
-def _recording(program: Program, history: History) -> Recording:
+def _recording(program: Program, true: Task, history: History) -> Recording:
     context, columns = program.context, history.columns
     replay = Replay(context.robot, context.frames, program.stages, history, context.moving_bases)
     tip = replay.tip_pose()[0]
@@ -113,6 +116,7 @@ def _recording(program: Program, history: History) -> Recording:
     force = [replay.signal("force", axis, "world") for axis in "xyz"]
     return Recording(
         program=program,
+        true=true,
         history=history,
         visits=visits,
         q=np.column_stack(

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.program.world.frames import surface
+from taskspec.program.world.holding import truly_holding
 from taskspec.spec import Shape, Task
 from taskspec_runner.plant.arm import SceneArm
 from taskspec_runner.plant.loose import loose
@@ -40,8 +41,9 @@ class RecordedWorld:
     def __init__(self, recording: Recording) -> None:
         self.recording = recording
         context = recording.program.context
-        task = context.loaded.task
-        scene = build_scene(SceneArm(context.robot, task.robot, context.start), task)
+        task = recording.true
+        start = truly_holding(context, task)
+        scene = build_scene(SceneArm(context.robot, task.robot, start), task)
         model = scene.model
         self.model, self.data = model, mujoco.MjData(model)
         model.vis.quality.offsamples = _SAMPLES
@@ -128,7 +130,8 @@ def _loose_poses(recording: Recording) -> Vector:
     log has it at every tick, so that only what lies about follows from the plant alone.
     """
     context, columns = recording.program.context, recording.history.columns
-    plant = Plant(context.robot, context.loaded.task, context.start)
+    true = recording.true
+    plant = Plant(context.robot, true, truly_holding(context, true))
     joints = range(1, recording.q.shape[1] + 1)
     v = np.column_stack([columns[f"joint.{i}.velocity"] for i in joints])
     torque = np.column_stack([columns[f"joint.{i}.torque"] for i in joints])

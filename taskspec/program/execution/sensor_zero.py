@@ -88,7 +88,8 @@ def sensor_zero(task: Task, sensor: Sensor, robot: RobotModel) -> SensorZero | N
     Returns:
         None where the sensor gives the contact wrench as it is.
     """
-    varied = any(path.startswith("robot.sensor") for path in task.vary)
+    paths = (*task.vary, *task.truth.paths)
+    varied = any(path.startswith("robot.sensor") for path in paths)
     if sensor == Sensor() and not varied and not any(s.tare for s in task.stages.values()):
         return None
     return SensorZero(robot, weighs=sensor.at == "wrist")

@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
 from taskspec.program.errors import spec_error
-from taskspec.program.world.mechanisms import MechanismModel
+from taskspec.program.world.frames import Posed, pose
+from taskspec.program.world.mechanisms import MechanismModel, mechanism_models
 from taskspec.robot import RobotError, RobotModel, solve_start
+from taskspec.robot.inverse_kinematics import SOLVED, InverseKinematics, Target
 from taskspec.spec import FILE, LoadedTask, Robot, Task
+from taskspec.spec.equation import EquationObject
 from taskspec.text.codes import register
 from taskspec.text.diagnostic import SpecError
 from taskspec.text.units import show
@@ -22,6 +26,9 @@ register(
         "TS416": "a knob that the robot cannot turn",
     }
 )
+
+if TYPE_CHECKING:
+    from taskspec.program.context import Context
 
 Vector = NDArray[np.float64]
 
@@ -72,6 +79,43 @@ def holding_start(
     if name in models:
         _check_at_handle(loaded, robot, model, q, point)
     return q
+
+
+def truly_holding(context: Context, true: Task) -> Vector:
+    """(n,) where a run starts whose robot holds what is really elsewhere: the hand has found it.
+
+    The tool is to the handle as it is to the one that the controller is told of.
+
+    Args:
+        context: of the task, whose start it is near.
+        true: the task with the world as it is.
+
+    Raises:
+        RobotError: the arm does not get there.
+    """
+    robot, told = context.loaded.task.robot, context.loaded.task
+    name = (robot.grasp or "").removesuffix(".handle")
+    if not name or told.world[name] == true.world[name]:
+        return context.start
+    R, R_true = (pose(_posed(task, name))[0] for task in (told, true))
+    p, p_true = (grip_point(robot, task, mechanism_models(task)) for task in (told, true))
+    turn = R_true @ R.T
+    rotation = turn @ context.start_R if "rz" in context.robot.axes else None
+    target = Target(p_true + turn @ (context.start_p - p), rotation)
+    q, missing = InverseKinematics(context.robot).descend(context.start, target)
+    if missing > SOLVED:
+        raise RobotError(
+            "TS412",
+            f"{robot.grasp!r} is really where the arm cannot hold it",
+            "mind what 'truth' and 'vary' say of it",
+        )
+    return q
+
+
+def _posed(task: Task, name: str) -> Posed:
+    found = task.world[name]
+    assert not isinstance(found, EquationObject)
+    return found
 
 
 def _start_at(robot: Robot, model: RobotModel, point: Vector) -> Vector:

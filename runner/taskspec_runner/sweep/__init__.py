@@ -1,0 +1,1 @@
+"""Many worlds of a task: run, judged, and what they say together."""

@@ -1,0 +1,102 @@
+"""`truth`: what the world and the robot really are, where the controller is told otherwise."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from taskspec.spec.field_type import FieldType
+from taskspec.spec.parse_context import ParseContext, kind_of, span_of
+from taskspec.spec.varied import OBJECT, ROBOT
+from taskspec.spec.vary import target_of
+from taskspec.text import nodes
+from taskspec.text.data import Map
+from taskspec.text.nodes import Mapping, Node
+from taskspec.text.suggest import suggestion
+
+#: Values of the robot that are given as a whole too.
+_WHOLE = frozenset({"payload", "sensor.noise", "sensor.rate"})
+_MOTION = "motion"
+
+
+@dataclass(frozen=True)
+class Truth:
+    """What is otherwise in truth.
+
+    Attributes:
+        paths: of values of `world` and `robot`, as `vary` has them.
+    """
+
+    paths: tuple[str, ...] = ()
+
+    def __bool__(self) -> bool:
+        return bool(self.paths)
+
+
+@dataclass(frozen=True)
+class Truths(FieldType):
+    """Paths of values, each with what it really is.
+
+    The values themselves are read in the places that the paths name: see `grafted`.
+    """
+
+    def read(self, value: object, context: ParseContext) -> Truth:
+        """The paths that name something."""
+        if not isinstance(value, Map):
+            message = f"'truth' is a mapping of paths to values, this is {kind_of(value)}"
+            hint = "truth: {world.table.xyz: [0, 0, 302 mm]}"
+            context.error("TS022", message, span_of(value), hint)
+            return Truth()
+        found = [path for path in value if _names_a_value(path, value, context)]
+        return Truth(tuple(found))
+
+    def json(self) -> dict[str, Any]:
+        """Describes the mapping."""
+        forms = [{"type": ["string", "number"]}, {"type": "array"}, {"type": "object"}]
+        return {"type": "object", "additionalProperties": {"anyOf": forms}}
+
+
+def _names_a_value(path: str, data: Map, context: ParseContext) -> bool:
+    section, _, rest = path.partition(".")
+    if section == "robot" and rest in _WHOLE:
+        return True
+    owner, _, key = rest.partition(".")
+    if section == "world" and context.objects.get(owner) and key.partition(".")[0] == _MOTION:
+        if context.objects[owner] == "shape":
+            return True
+    elif section in ("robot", "world") and not rest:
+        known = ROBOT if section == "robot" else OBJECT["shape"]
+        of = "robot" if section == "robot" else "world.NAME"
+        hint = suggestion("", [f"{of}.{key}" for key in known], "paths")
+        message = f"{section!r} is no value: a value is named by its path"
+        context.error("TS710", message, data.node.key_span(path), hint)
+        return False
+    return target_of(path, data, context, "truth") is not None
+
+
+def grafted(root: Mapping, truth: Truth) -> Mapping:
+    """The tree of a file as it would be if it said what is true.
+
+    Each value keeps its place under `truth`, so that what is wrong with it is reported there.
+
+    Args:
+        root: the tree, which is not changed.
+        truth: what is otherwise.
+    """
+    section = root.get("truth")
+    assert isinstance(section, Mapping)
+    for path in truth.paths:
+        value = section.get(path)
+        assert value is not None
+        root = _put(root, path.split("."), section.entries[path][0], value)
+    return root
+
+
+def _put(owner: Node | None, steps: list[str], key: nodes.Scalar, value: Node) -> Mapping:
+    """A copy of a mapping with one value below it replaced; a short form gives way."""
+    step, *rest = steps
+    old = owner if isinstance(owner, Mapping) else Mapping(key.span, flow=True)
+    entry = old.entries.get(step)
+    below = value if not rest else _put(entry[1] if entry else None, rest, key, value)
+    name = entry[0] if entry else nodes.Scalar(step, True, key.origin)
+    return Mapping(old.span, old.flow, {**old.entries, step: (name, below)}, old.broken)

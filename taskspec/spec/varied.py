@@ -1,0 +1,97 @@
+"""Values of a file that may be otherwise in the real world: their paths, dimensions and bounds."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import chain
+from types import MappingProxyType
+from typing import Annotated, Any, get_args, get_origin
+
+from pydantic.fields import FieldInfo
+
+from taskspec.spec.equation import EquationObject, JointEquation
+from taskspec.spec.mechanism import OF_KIND
+from taskspec.spec.model import Model
+from taskspec.spec.quantities import Constant, Entries, ForJoints
+from taskspec.spec.robot import Payload, Robot, Sensor, Tool
+from taskspec.spec.world import Shape
+from taskspec.text.units import Dimension
+
+
+@dataclass(frozen=True, slots=True)
+class Target:
+    """A value that may be otherwise.
+
+    Attributes:
+        dimensions: of its components.
+        above: each has to be greater than this [SI]; None for no such bound.
+        least: each has to be at least this [SI].
+        most: each has to be at most this [SI].
+    """
+
+    dimensions: tuple[Dimension, ...]
+    above: float | None = None
+    least: float | None = None
+    most: float | None = None
+
+
+def targets(model: type[Model]) -> dict[str, Target]:
+    """The numbers that a model holds, by their keys; those of a model below it by `key.key`."""
+    return dict(_targets(model))
+
+
+def _targets(model: type[Model]) -> Iterator[tuple[str, Target]]:
+    for name, field in model.model_fields.items():
+        below = [kind for kind in _kinds(field) if issubclass(kind, Model)]
+        for kind in below:
+            yield from ((f"{name}.{key}", each) for key, each in _targets(kind))
+        for each in _field_types(field):
+            if isinstance(each, Constant):
+                yield name, Target((each.dimension,), each.above, each.least, each.most)
+            elif isinstance(each, Entries):
+                yield name, Target(each.dimensions, each.above)
+            elif isinstance(each, ForJoints):
+                yield name, Target((each.dimension,), least=0.0)
+
+
+def _field_types(field: FieldInfo) -> Iterator[object]:
+    """What reads a field: the metadata of its annotation, and of those that it is a union of."""
+    nested = (get_args(each)[1:] for each in get_args(field.annotation) if _annotated(each))
+    yield from chain(field.metadata, *nested)
+
+
+def _kinds(field: FieldInfo) -> Iterator[type]:
+    """The classes that an annotation allows, without those that are annotated."""
+    for each in (field.annotation, *get_args(field.annotation)):
+        if isinstance(each, type):
+            yield each
+
+
+def _annotated(annotation: Any) -> bool:
+    return get_origin(annotation) is Annotated
+
+
+_OF_KIND: dict[str, type[Model]] = {
+    "shape": Shape,
+    "equation": EquationObject,
+    "joint equation": JointEquation,
+    **OF_KIND,
+}
+
+OBJECT = MappingProxyType({kind: targets(model) for kind, model in _OF_KIND.items()})
+"""Values of an object, by its kind."""
+
+_SENSOR = ("delay", "noise.force", "noise.torque", "bias", "filter")
+
+
+def _of_the_robot() -> Iterator[tuple[str, Target]]:
+    own, sensor = targets(Robot), targets(Sensor)
+    yield "tool.mass", targets(Tool)["mass"]
+    yield from ((key, own[key]) for key in ("joint_damping", "joint_friction"))
+    yield from ((f"payload.{key}", each) for key, each in targets(Payload).items())
+    yield from ((f"sensor.{key}", sensor[key]) for key in _SENSOR)
+
+
+ROBOT = MappingProxyType(dict(_of_the_robot()))
+"""Values of the robot; damping and friction of joints are those of every joint."""
