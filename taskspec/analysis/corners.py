@@ -12,7 +12,7 @@ from taskspec.deferred_methods import dataclass
 from taskspec.program.context import Context
 from taskspec.spec import Task, Variation
 from taskspec.spec.robot import Noise, Payload
-from taskspec.spec.varied import Target
+from taskspec.spec.varied import VariedValue
 from taskspec.text.units import SMALLEST
 
 #: Up to so many components all corners are tried, beyond that one at a time.
@@ -165,7 +165,7 @@ def ends(
     return low, high
 
 
-def bounded(target: Target, value: float) -> float:
+def bounded(target: VariedValue, value: float) -> float:
     """A value [SI], or the nearest that there can be."""
     least = target.least
     if target.above is not None:

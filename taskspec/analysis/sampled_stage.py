@@ -225,6 +225,9 @@ class SampledStage:
         # Compared by z: a pole at -1 has two logarithms, and rounding decides which is taken.
         near = _ALIKE * abs(mode.z) * min(abs(mode.s) * context.period, 1.0)
         alike = [m.shape for m in modes if m is not mode and abs(m.z - mode.z) < near]
+        if modes and 2 * abs(mode.z.imag) < near:
+            # Two real poles that rounding has made a pair, of which only one is among the modes.
+            alike.append(mode.shape.conj())
         shapes = _orthonormal(np.array([mode.shape, *alike]).T, H)
         motion = J[rows] @ shapes
         for name in self.stage.plan.active:

@@ -16,7 +16,7 @@ from taskspec.geometry.axis import AXES
 from taskspec.program.context import Context
 from taskspec.spec import Task, Variation
 from taskspec.spec.vary import CUT, Draw
-from taskspec.text.units import scaled, show
+from taskspec.text.units import Dimension, scaled, show
 
 _NORMAL = NormalDist()
 #: Corners of more random numbers than this are not all of them: one varies at a time.
@@ -139,7 +139,7 @@ def draws_of(context: Context) -> dict[Draw, tuple[Component, Variation] | None]
 
 
 @dataclass(frozen=True, slots=True)
-class Difference:
+class Deviation:
     """Something of the world or the robot that is not what the controller is told.
 
     Attributes:
@@ -161,6 +161,21 @@ def component_name(path: str, index: int) -> str:
     return names[index] if index < len(names) else str(index + 1)
 
 
+def component_dimension(task: Task, name: str) -> Dimension:
+    """The dimension of a component, by the name that `deviations` gives it.
+
+    Raises:
+        KeyError: the task has no such value.
+    """
+    try:
+        return task.target_of(name).dimensions[0]
+    except KeyError:
+        path, _, component = name.rpartition(".")
+        dimensions = task.target_of(path).dimensions
+        names = [component_name(path, i) for i in range(len(dimensions))]
+        return dimensions[names.index(component)]
+
+
 _COMPONENTS = {
     "xyz": ("x", "y", "z"),
     "handle": ("x", "y", "z"),
@@ -169,7 +184,7 @@ _COMPONENTS = {
 }
 
 
-def differences(context: Context, world: World) -> tuple[Difference, ...]:
+def deviations(context: Context, world: World) -> tuple[Deviation, ...]:
     """Where a world is not as the controller is told."""
     parts = dict.fromkeys((*otherwise(context, lambda _: True), *world.values))
     told = context.loaded.task
@@ -179,11 +194,11 @@ def differences(context: Context, world: World) -> tuple[Difference, ...]:
         dimension = told.target_of(path).dimensions[index or 0]
         name = path if index is None else f"{path}.{component_name(path, index)}"
         written = scaled(was, dimension, 5), scaled(now, dimension, 5)
-        found.append(Difference(name, was, now, written))
+        found.append(Deviation(name, was, now, written))
     return (*found, *_otherwise_in_words(told, world.task))
 
 
-def _otherwise_in_words(told: Task, true: Task) -> Iterator[Difference]:
+def _otherwise_in_words(told: Task, true: Task) -> Iterator[Deviation]:
     """What is otherwise and no number: motions, and the rate of the sensor."""
     for name, shape in true.shapes.items():
         moves, was = shape.motion, told.shapes[name].motion
@@ -192,13 +207,13 @@ def _otherwise_in_words(told: Task, true: Task) -> Iterator[Difference]:
         for axis in dict.fromkeys((*before, *axes)):
             both = tuple(str(each[axis]) if axis in each else "0" for each in (before, axes))
             if both[0] != both[1]:
-                yield Difference(f"world.{name}.motion.{axis}", None, None, (both[0], both[1]))
+                yield Deviation(f"world.{name}.motion.{axis}", None, None, (both[0], both[1]))
     rates = told.robot.sensor.rate, true.robot.sensor.rate
     if rates[0] != rates[1]:
         was_rate, now_rate = (
             "the controller's" if rate is None else show(rate, "Hz") for rate in rates
         )
-        yield Difference("robot.sensor.rate", None, None, (was_rate, now_rate))
+        yield Deviation("robot.sensor.rate", None, None, (was_rate, now_rate))
 
 
 def _components(context: Context) -> Iterator[tuple[Component, Variation]]:

@@ -20,7 +20,7 @@ from taskspec.prediction.reach import Bearing, along, bearing
 from taskspec.prediction.set_points import drift, settled, span_of
 from taskspec.prediction.springs import behind, push, yield_of
 from taskspec.prediction.types import Depth, Equilibrium
-from taskspec.prediction.worlds import World, extreme
+from taskspec.prediction.worlds import ContactWorld, extreme
 from taskspec.program.execution.stage_solver import ReturnedForces
 from taskspec.program.signals import applied
 
@@ -212,11 +212,11 @@ def _springs(here: StageAtStart, on: Bearing, rest: Rest) -> None:
         _rim(here, name, rim, (axis, depth), rest)
         return
     k = context.compliances[name].stiffness
-    bears = push(depth, own, World({}, k))
+    bears = push(depth, own, ContactWorld({}, k))
     share = -float(normal[AXES.index(axis)])
     value = share * bears
 
-    def applies(world: World) -> float:
+    def applies(world: ContactWorld) -> float:
         return share * push(depth, own, world)
 
     worst = extreme(context, name, applies, lambda force: abs(force - value))
@@ -289,11 +289,11 @@ def _rim(here: StageAtStart, name: str, rim: Face, pressed: tuple[Axis, float], 
         rest.left_out[applied(axis)] = why
         return
 
-    def bears(world: World) -> tuple[Vector, float]:
+    def bears(world: ContactWorld) -> tuple[Vector, float]:
         found = rim.bears(springs, loads, depth - world.farther, world.stiffness)
         return (np.full(6, math.nan), math.nan) if found is None else found
 
-    now = World({}, context.compliances[name].stiffness)
+    now = ContactWorld({}, context.compliances[name].stiffness)
     forces, deepest = bears(now)
     if not np.isfinite(forces).all():
         rest.left_out[applied(axis)] = "the tool does not lie flush"
@@ -305,7 +305,7 @@ def _rim(here: StageAtStart, name: str, rim: Face, pressed: tuple[Axis, float], 
             continue
         value = float(forces[row])
 
-        def there(world: World, row: int = row) -> float:
+        def there(world: ContactWorld, row: int = row) -> float:
             return float(bears(world)[0][row])
 
         def off(force: float, value: float = value) -> float:

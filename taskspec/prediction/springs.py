@@ -15,7 +15,7 @@ from taskspec.geometry.axis import AXES, Axis
 from taskspec.laws.gains import BANDWIDTH, value_of
 from taskspec.prediction.at_start import StageAtStart
 from taskspec.prediction.reach import along, moment_arms
-from taskspec.prediction.worlds import World
+from taskspec.prediction.worlds import ContactWorld
 from taskspec.program.known_value import known_value
 
 Vector = NDArray[np.float64]
@@ -75,7 +75,7 @@ def _reference(here: StageAtStart, normal: Vector) -> float | None:
     return reference if np.isfinite(reference) else None
 
 
-def push(depth: float, own: float, world: World) -> float:
+def push(depth: float, own: float, world: ContactWorld) -> float:
     """What a contact bears [N] with the reference `depth` [m] behind its nominal surface.
 
     Args:

@@ -21,7 +21,7 @@ _MATTERS = 1e-3
 
 
 @dataclass(frozen=True, slots=True)
-class World:
+class ContactWorld:
     """One corner as a contact shows it.
 
     Attributes:
@@ -35,12 +35,12 @@ class World:
     farther: float = 0.0
 
 
-def worlds(context: Context, name: str) -> Iterator[World]:
+def worlds(context: Context, name: str) -> Iterator[ContactWorld]:
     """The corners of `vary` about the truth for contact `name`, the world of the file first.
 
     All corners up to `MOST_AT_ONCE` components, beyond that one component at a time.
     """
-    nominal = World({}, _stiffness(context, context.loaded.task, name))
+    nominal = ContactWorld({}, _stiffness(context, context.loaded.task, name))
     yield nominal
     parts = list(_ends(context, name))
     keys = [f"world.{name}.{key}" for key in _KEYS]
@@ -55,7 +55,10 @@ def worlds(context: Context, name: str) -> Iterator[World]:
 
 
 def extreme(
-    context: Context, name: str, quantity: Callable[[World], float], size: Callable[[float], float]
+    context: Context,
+    name: str,
+    quantity: Callable[[ContactWorld], float],
+    size: Callable[[float], float],
 ) -> Extreme | None:
     """The world in which `size` of a quantity is largest; None where none changes it.
 
@@ -80,8 +83,8 @@ def extreme(
 def _decisive(
     context: Context,
     name: str,
-    quantity: Callable[[World], float],
-    worst: World,
+    quantity: Callable[[ContactWorld], float],
+    worst: ContactWorld,
     slack: float,
 ) -> Values:
     """The values of a world without those that make no difference."""
@@ -105,11 +108,11 @@ def _ends(context: Context, name: str) -> Iterator[list[tuple[tuple[str, int | N
             yield [(part, end) for end in ends(context, *part, variation)]
 
 
-def _world(context: Context, name: str, values: Values) -> World:
+def _world(context: Context, name: str, values: Values) -> ContactWorld:
     task = context.loaded.true_task
     for (path, index), value in values.items():
         task = changed(task, path, index, value)
-    return World(values, _stiffness(context, task, name), _farther(context, task, name))
+    return ContactWorld(values, _stiffness(context, task, name), _farther(context, task, name))
 
 
 def _stiffness(context: Context, task: Task, name: str) -> float:

@@ -17,7 +17,7 @@ from pydantic import BaseModel
 from taskspec.geometry.axis import AXES
 from taskspec.spec.gains import AxisValues
 from taskspec.spec.task import Task
-from taskspec.spec.truth import Truth
+from taskspec.spec.truth import DeclaredTruth
 
 Step = str | int
 
@@ -135,7 +135,7 @@ def _child(kind: Any, step: Step) -> tuple[Any, ...]:
         return tuple(k for e in entries for k in _kinds(e)) if isinstance(step, int) else ()
     if kind is AxisValues:
         return (float,) if step in _OF_A_GAIN else ()
-    if kind is Truth:
+    if kind is DeclaredTruth:
         return (str,) if isinstance(step, str) else ()
     if isinstance(kind, type) and issubclass(kind, BaseModel):
         return _fields(kind).get(str(step), ())

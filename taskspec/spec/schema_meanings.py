@@ -71,6 +71,15 @@ MEANINGS: dict[str, dict[str, Meaning]] = {
     },
     "Arc": {"center": ("The point that it goes about, in the frame's coordinates.",
                        (["60 mm", 0],))},
+    "Payload": {
+        "mass": ("Of what the tool really carries besides; a point.", ("300 g",)),
+        "xyz": ("Where it is in the tool's axes, from the tip; by default at the tip.",
+                ([0, 0, "20 mm"],)),
+    },
+    "Sweep": {
+        "worlds": ("How many random worlds 'taskspec sweep' runs; by default 100.", (1000,)),
+        "expect": ("How often what is to hold, at 95 % confidence.", ("success >= 99 %",)),
+    },
     "Control": {"rate": ("How often the controller acts, 20 Hz to 100 kHz; by default 1 kHz.",
                          ("1 kHz",))},
     "AxesForm": {

@@ -30,6 +30,19 @@ NOTES: dict[str, tuple[str, tuple[Any, ...]]] = {
         "The path of a value, and an interval for each component",
         ({"world.table.stiffness": "5..20 kN/m"},),
     ),
+    "Task.truth": (
+        "The path of a value, and what it really is; nothing of it reaches the controller",
+        ({"world.table.xyz": [0, 0, "302 mm"]},),
+    ),
+    "Task.sweep": (
+        "How many random worlds are run, and how often they are to succeed",
+        ({"worlds": 1000, "expect": "success >= 99 %"},),
+    ),
+    "Robot.joint_friction": (
+        "Of the real joints; the controller does not know of it",
+        ("0.5 N*m",),
+    ),
+    "Robot.payload": ("What the tool really carries besides", ("300 g",)),
     "Arc.turns": ("", (1, -0.5)),
     "Control.plant_rate": ("", ("2 kHz",)),
     "EquationObject.frame": ("", ("task",)),

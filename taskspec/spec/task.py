@@ -23,8 +23,9 @@ from taskspec.spec.params import Params
 from taskspec.spec.parse_context import ParseContext, span_of
 from taskspec.spec.robot import Robot
 from taskspec.spec.stage import Stage
-from taskspec.spec.truth import Truth, Truths
-from taskspec.spec.varied import OBJECT, ROBOT, Target
+from taskspec.spec.sweep import Sweep
+from taskspec.spec.truth import DeclaredTruth, Truths
+from taskspec.spec.varied import OBJECT, ROBOT, VariedValue
 from taskspec.spec.vary import Variation, Variations
 from taskspec.spec.words import Free
 from taskspec.spec.world import Shape
@@ -77,11 +78,12 @@ class Task(Model):
         expect: what counts as success.
         vary: path of a value to an uncertain interval for each component.
         truth: what the world and the robot really are, where that is otherwise.
+        sweep: what `taskspec sweep` does; None where the file says nothing of it.
         control: rates.
     """
 
     noun = "a task"
-    reserved = frozenset({"robots", "sweep"})
+    reserved = frozenset({"robots"})
 
     taskspec: Annotated[Literal[1], Version()] = Field(title="Version of the language")
     name: Annotated[
@@ -107,9 +109,10 @@ class Task(Model):
     vary: Annotated[dict[str, tuple[Variation | None, ...]], Variations()] = Field(
         {}, title="What is uncertain about the real world"
     )
-    truth: Annotated[Truth, Truths()] = Field(
-        Truth(), title="What the world and the robot really are"
+    truth: Annotated[DeclaredTruth, Truths()] = Field(
+        DeclaredTruth(), title="What the world and the robot really are"
     )
+    sweep: Sweep | None = Field(None, title="Random worlds, and how often they succeed")
     control: Control = Field(Control(), title="Rates")
 
     @property
@@ -131,7 +134,7 @@ class Task(Model):
         """The dimension of each component of a value that can vary, by its path under `vary`."""
         return self.target_of(path).dimensions
 
-    def target_of(self, path: str) -> Target:
+    def target_of(self, path: str) -> VariedValue:
         """What a path under `vary` or `truth` names."""
         section, _, rest = path.partition(".")
         if section == "robot":

@@ -20,7 +20,7 @@ _MOTION = "motion"
 
 
 @dataclass(frozen=True)
-class Truth:
+class DeclaredTruth:
     """What is otherwise in truth.
 
     Attributes:
@@ -40,15 +40,15 @@ class Truths(FieldType):
     The values themselves are read in the places that the paths name: see `grafted`.
     """
 
-    def read(self, value: object, context: ParseContext) -> Truth:
+    def read(self, value: object, context: ParseContext) -> DeclaredTruth:
         """The paths that name something."""
         if not isinstance(value, Map):
             message = f"'truth' is a mapping of paths to values, this is {kind_of(value)}"
             hint = "truth: {world.table.xyz: [0, 0, 302 mm]}"
             context.error("TS022", message, span_of(value), hint)
-            return Truth()
+            return DeclaredTruth()
         found = [path for path in value if _names_a_value(path, value, context)]
-        return Truth(tuple(found))
+        return DeclaredTruth(tuple(found))
 
     def json(self) -> dict[str, Any]:
         """Describes the mapping."""
@@ -74,7 +74,7 @@ def _names_a_value(path: str, data: Map, context: ParseContext) -> bool:
     return target_of(path, data, context, "truth") is not None
 
 
-def grafted(root: Mapping, truth: Truth) -> Mapping:
+def grafted(root: Mapping, truth: DeclaredTruth) -> Mapping:
     """The tree of a file as it would be if it said what is true.
 
     Each value keeps its place under `truth`, so that what is wrong with it is reported there.

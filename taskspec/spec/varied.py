@@ -20,7 +20,7 @@ from taskspec.text.units import Dimension
 
 
 @dataclass(frozen=True, slots=True)
-class Target:
+class VariedValue:
     """A value that may be otherwise.
 
     Attributes:
@@ -36,23 +36,23 @@ class Target:
     most: float | None = None
 
 
-def targets(model: type[Model]) -> dict[str, Target]:
+def targets(model: type[Model]) -> dict[str, VariedValue]:
     """The numbers that a model holds, by their keys; those of a model below it by `key.key`."""
     return dict(_targets(model))
 
 
-def _targets(model: type[Model]) -> Iterator[tuple[str, Target]]:
+def _targets(model: type[Model]) -> Iterator[tuple[str, VariedValue]]:
     for name, field in model.model_fields.items():
         below = [kind for kind in _kinds(field) if issubclass(kind, Model)]
         for kind in below:
             yield from ((f"{name}.{key}", each) for key, each in _targets(kind))
         for each in _field_types(field):
             if isinstance(each, Constant):
-                yield name, Target((each.dimension,), each.above, each.least, each.most)
+                yield name, VariedValue((each.dimension,), each.above, each.least, each.most)
             elif isinstance(each, Entries):
-                yield name, Target(each.dimensions, each.above)
+                yield name, VariedValue(each.dimensions, each.above)
             elif isinstance(each, ForJoints):
-                yield name, Target((each.dimension,), least=0.0)
+                yield name, VariedValue((each.dimension,), least=0.0)
 
 
 def _field_types(field: FieldInfo) -> Iterator[object]:
@@ -85,7 +85,7 @@ OBJECT = MappingProxyType({kind: targets(model) for kind, model in _OF_KIND.item
 _SENSOR = ("delay", "noise.force", "noise.torque", "bias", "filter")
 
 
-def _of_the_robot() -> Iterator[tuple[str, Target]]:
+def _of_the_robot() -> Iterator[tuple[str, VariedValue]]:
     own, sensor = targets(Robot), targets(Sensor)
     yield "tool.mass", targets(Tool)["mass"]
     yield from ((key, own[key]) for key in ("joint_damping", "joint_friction"))

@@ -17,7 +17,7 @@ from taskspec.spec.field_type import FieldType
 from taskspec.spec.model import mapping
 from taskspec.spec.names import why_not
 from taskspec.spec.parse_context import ParseContext, kind_of, span_of
-from taskspec.spec.varied import OBJECT, ROBOT, Target
+from taskspec.spec.varied import OBJECT, ROBOT, VariedValue
 from taskspec.spec.world import is_free
 from taskspec.text.codes import register
 from taskspec.text.data import Items, Map, Text
@@ -233,7 +233,7 @@ def _named(key: str, value: object, names: _Names) -> _Named | None:
     return _Named(found.draws[0], found.relative, kind.dimension or NUMBER)
 
 
-def target_of(path: str, data: Map, context: ParseContext, section: str) -> Target | None:
+def target_of(path: str, data: Map, context: ParseContext, section: str) -> VariedValue | None:
     """What a path under `vary` or `truth` names, or None after reporting that nothing there can.
 
     Args:
@@ -334,6 +334,8 @@ def _variation(name: str, value: object, dimension: Dimension, names: _Names) ->
         return _interval(name, value, checked, context)
     if used:
         return _formula(value, checked, used, context)
+    if names.broken & _names_in(checked):
+        return None
     nominal = values.number(value, checked, context)
     if nominal != 0 and nominal is not None:
         message = f"{describe(dimension)} that varies is an interval"

@@ -34,9 +34,10 @@ from taskspec.spec.quantities import (
     IntervalAroundZero,
     QuantityList,
 )
-from taskspec.spec.robot import Noise, Pose, Sensor, Start, Tool
+from taskspec.spec.robot import Noise, Payload, Pose, Sensor, Start, Tool
 from taskspec.spec.set_point import SetPoint
 from taskspec.spec.stage import Stage, Within
+from taskspec.spec.sweep import Sweep
 from taskspec.spec.world import Motion, Shape
 
 KEYS: dict[str, tuple[type[Model], ...]] = {
@@ -62,6 +63,8 @@ KEYS: dict[str, tuple[type[Model], ...]] = {
     "law.force": (ForceGains,),
     "limits": (Limits,),
     "control": (Control,),
+    "payload": (Payload,),
+    "sweep": (Sweep,),
 }
 
 

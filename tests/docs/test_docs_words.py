@@ -22,9 +22,10 @@ from taskspec import signals
 from taskspec.laws import LAWS
 from taskspec.robot import builtin_robots
 from taskspec.spec import Robot, Task
+from taskspec.spec.mechanism import Detent
 from taskspec.spec.model import Model
 from taskspec.spec.path import Path
-from taskspec.spec.robot import Noise, Pose, Sensor, Start, Tool
+from taskspec.spec.robot import Noise, Payload, Pose, Sensor, Start, Tool
 from taskspec.spec.words import Word
 from taskspec.spec.world import Shape
 from taskspec.text.confines import VARIABLE
@@ -236,13 +237,23 @@ def test_what_can_vary():
         " drum: {shape: cylinder, radius: 10 mm, length: 10 mm}, table: {shape: plane},"
         " loose: {shape: sphere, radius: 10 mm, free: true, mass: 1 kg},"
         " rim: {equation: x = 500 mm}, bars: {equation: q1 = 0}, door: {mechanism: hinge},"
+        " catch: {mechanism: hinge, detent: {at: 3 deg, force: 1 N*m, width: 1 deg}},"
         " drawer: {mechanism: slide}, bolt: {mechanism: screw, pitch: 2 mm/turn}}"
     )
     keys = {key for m in models_of(Model) for key in m.model_fields}
     names = [word.partition(":")[0].strip() for word in re.findall(r"\w+: {", objects)]
-    inner = {"tool": Tool, "sensor": Sensor, "sensor.noise": Noise, "base": Pose, "start": Start}
+    inner = {
+        "tool": Tool,
+        "sensor": Sensor,
+        "sensor.noise": Noise,
+        "base": Pose,
+        "start": Start,
+        "payload": Payload,
+    }
+    detents = [f"world.catch.detent.{key}" for key in Detent.model_fields]
     paths = [
         *(f"world.{name}.{key}" for name in names for key in sorted(keys)),
+        *detents,
         *(f"robot.{key}" for key in Robot.model_fields),
         *(f"robot.{k}.{key}" for k, m in inner.items() for key in m.model_fields),
     ]

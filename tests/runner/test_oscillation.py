@@ -16,7 +16,7 @@ from taskspec_runner.report.page import render
 from taskspec_runner.runs import Run
 from taskspec_runner.session import execute_program
 from taskspec_runner.verdict import oscillation as oscillations
-from taskspec_runner.verdict.oscillation import LEAST_TICKS, oscillation
+from taskspec_runner.verdict.oscillation import LEAST_TICKS, References, oscillation
 from taskspec_runner.verdict.run_finding import read_finding
 
 T = 1e-3
@@ -66,7 +66,7 @@ def test_of_a_long_half_its_end_and_its_means_are_looked_at(frequency, monkeypat
     assert found is not None
     assert found.frequency == pytest.approx(frequency, abs=0.1)
     assert found.amplitude == pytest.approx(2.0, rel=1e-2)
-    assert oscillation(values, T, 1.0, [values + 3.0]) is None
+    assert oscillation(values, T, 1.0, References([values + 3.0])) is None
     # What has died away before the end, and was fast, is none.
     gone = values * (np.arange(40_000) < 25_000)
     assert oscillation(gone, T, 1.0) is None
@@ -128,8 +128,8 @@ def test_the_frequency_of_a_reference_is_taken_out_and_no_other():
     reference = sine(3.0, 0.05)
     answer = sine(3.0, 8.0, 1.3)
     assert oscillation(answer, T, 1.0) is not None
-    assert oscillation(answer, T, 1.0, [reference]) is None
-    found = oscillation(answer + sine(22.0, 2.0), T, 1.0, [reference])
+    assert oscillation(answer, T, 1.0, References([reference])) is None
+    found = oscillation(answer + sine(22.0, 2.0), T, 1.0, References([reference]))
     assert found is not None
     assert found.frequency == pytest.approx(22.0, abs=0.1)
 
@@ -137,16 +137,16 @@ def test_the_frequency_of_a_reference_is_taken_out_and_no_other():
 def test_a_chirp_of_a_reference_is_taken_out():
     chirp = np.sin(2 * math.pi * (2.0 * t + 3.0 * t**2))
     answer = 5.0 * np.sin(2 * math.pi * (2.0 * t + 3.0 * t**2) + 0.8)
-    assert oscillation(answer, T, 1.0, [chirp]) is None
+    assert oscillation(answer, T, 1.0, References([chirp])) is None
     # From 14 to 26 Hz in the last half; an oscillation beyond that is seen.
-    assert oscillation(answer + sine(60.0, 2.0), T, 1.0, [chirp]) is not None
+    assert oscillation(answer + sine(60.0, 2.0), T, 1.0, References([chirp])) is not None
 
 
 def test_the_square_wave_that_friction_makes_of_a_sine_is_taken_out():
     reference = sine(1.0, 0.05)
     friction = 12.0 * np.sign(np.cos(2 * math.pi * t + 0.4))
-    assert oscillation(friction, T, 1.0, [reference]) is None
-    assert oscillation(friction + sine(33.0, 4.0), T, 1.0, [reference]) is not None
+    assert oscillation(friction, T, 1.0, References([reference])) is None
+    assert oscillation(friction + sine(33.0, 4.0), T, 1.0, References([reference])) is not None
 
 
 @pytest.mark.parametrize(

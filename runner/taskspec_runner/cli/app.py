@@ -80,6 +80,55 @@ def run(
 
 @app.command()
 @guarded
+def sweep(
+    file: options.TaskFile,
+    worlds: Annotated[
+        int | None,
+        typer.Option(min=1, help="Random worlds of 'vary'.", show_default="the file's, else 100"),
+    ] = None,
+    corners: Annotated[
+        bool, typer.Option("--corners", help="Every end of what varies, with every other.")
+    ] = False,
+    grid: Annotated[
+        int | None, typer.Option(min=2, metavar="N", help="N values of each that varies.")
+    ] = None,
+    set_: options.Overrides = None,
+    seed: options.Seed = 0,
+    jobs: Annotated[
+        int | None,
+        typer.Option("--jobs", "-j", min=1, help="At once.", show_default="the processors"),
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            help="The sweep's folder; the same sweep in it is continued.",
+            show_default="runs/NAME-sweep",
+        ),
+    ] = None,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Say only the verdict.")] = False,
+    form: Annotated[RunFormat, typer.Option("--format", help="Of the outcome.")] = RunFormat.TEXT,
+    force: options.Force = False,
+) -> int:
+    """Run a task in many worlds of its 'vary': how likely it succeeds, and on what that depends."""
+    from taskspec_runner.cli.sweep import sweep_task
+
+    return sweep_task(
+        file,
+        set_ or [],
+        seed,
+        worlds,
+        out,
+        corners=corners,
+        grid=grid,
+        jobs=jobs,
+        quiet=quiet,
+        form=form,
+        force=force,
+    )
+
+
+@app.command()
+@guarded
 def compare(
     file: options.TaskFile,
     law: Annotated[

@@ -56,7 +56,7 @@ def run_task(
 
         check_video(video)
     try:
-        program = _admitted(file, sets, law, force=force)
+        program = admitted(file, sets, law, force=force)
     except SpecError as error:
         if not as_data:
             raise
@@ -95,7 +95,7 @@ def run_task(
     return run.exit_code
 
 
-def _admitted(file: Path, sets: Sequence[str], law: str | None, *, force: bool) -> Program:
+def admitted(file: Path, sets: Sequence[str], law: str | None, *, force: bool) -> Program:
     """The program of a task file.
 
     Raises:

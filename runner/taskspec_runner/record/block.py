@@ -49,6 +49,11 @@ class Block:
         self._head[:_HOLDS] = _MARK, fields, room
 
     @classmethod
+    def memory(cls, room: int, fields: int) -> Block:
+        """One that is in no file."""
+        return cls(np.zeros(_HEAD + room * (fields + 1), dtype=np.int64), room, fields, None)
+
+    @classmethod
     def file(cls, path: Path, room: int, fields: int) -> Block:
         """One in a new file.
 

@@ -69,6 +69,7 @@ class LogLayout:
         self._slices, self._stages = slices, stages
         self.fields = max(each.stop for each in slices.values())
         self._layout = tuple(_columns(robot, stages, task))
+        self._columns = {column.name: column for column in self._layout}
         true = [column.name for column in self._layout if not column.field]
         self._truth = Truth(robot, task, stages, slices, true)
         self._schema = pa.schema([column_field(each.name, each.unit) for each in self._layout])
@@ -92,6 +93,24 @@ class LogLayout:
             for values, unit in self.columns(rows).values()
         ]
         return pa.record_batch(arrays, schema=self._schema)
+
+    @property
+    def derived(self) -> tuple[str, ...]:
+        """The columns that follow from several numbers of a tick, in the order of `derive`."""
+        return self._truth.names
+
+    def derive(self, rows: Vector) -> Vector:
+        """(ticks, derived) values, from rows of the bus (ticks, fields)."""
+        return self._truth(rows)
+
+    def place(self, name: str) -> int | None:
+        """Where in a tick a column is; None of one that is derived.
+
+        Raises:
+            KeyError: there is no such column.
+        """
+        column = self._columns[name]
+        return self._slices[column.field].start + column.row if column.field else None
 
     def columns(self, rows: Vector) -> dict[str, tuple[Vector, str]]:
         """Column name to values and unit; `rows` are (ticks, fields)."""

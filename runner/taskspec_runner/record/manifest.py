@@ -89,6 +89,16 @@ def inputs(program: Program) -> dict[str, str]:
 
     Names are relative to the task file where they lie below its folder.
     """
+    base = (program.context.loaded.base or Path()).absolute()
+    files = input_files(program)
+    return {
+        path.relative_to(base).as_posix() if path.is_relative_to(base) else str(path): digest
+        for path, digest in sorted(files.items())
+    }
+
+
+def input_files(program: Program) -> dict[Path, str]:
+    """The same by their absolute paths."""
     context = program.context
     base = (context.loaded.base or Path()).absolute()
     files = dict(context.robot.files)
@@ -97,10 +107,7 @@ def inputs(program: Program) -> dict[str, str]:
             path = base / stage.path.file
             with contextlib.suppress(OSError):
                 files[path] = hashlib.sha256(path.read_bytes()).hexdigest()
-    return {
-        path.relative_to(base).as_posix() if path.is_relative_to(base) else str(path): digest
-        for path, digest in sorted(files.items())
-    }
+    return files
 
 
 def seal(content: Mapping[str, Any]) -> str:

@@ -18,7 +18,13 @@ from taskspec.text.units import FORCE, MOMENT, VELOCITY, Dimension, show
 from taskspec_runner.record.file_array import blocks, empty
 from taskspec_runner.record.history import History, Visit
 from taskspec_runner.verdict.metrics import set_points
-from taskspec_runner.verdict.oscillation import MOST_TICKS, Oscillation, judged, oscillation
+from taskspec_runner.verdict.oscillation import (
+    MOST_TICKS,
+    Oscillation,
+    References,
+    judged,
+    oscillation,
+)
 from taskspec_runner.verdict.run_finding import RunFinding
 
 Vector = NDArray[np.float64]
@@ -101,12 +107,12 @@ class _Look:
     def oscillations(self) -> Iterator[tuple[float, RunFinding]]:
         """The oscillation of this visit, if any, and how many times its bound it is."""
         found: list[tuple[float, _Watched, Oscillation]] = []
-        references: list[Vector] | None = None
+        references: References | None = None
         for watched in self._watched():
             values = self._columns.get(watched.name)
             if values is None or np.ptp(values[-judged(len(values)) :]) < watched.least:
                 continue
-            references = self._references() if references is None else references
+            references = References(self._references()) if references is None else references
             noisy = self._noise is not None
             period, least = self._program.context.period, watched.least
             made = oscillation(values, period, least, references, noisy=noisy)

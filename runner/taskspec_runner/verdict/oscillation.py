@@ -14,7 +14,8 @@ in n/k means, and so the same amplitude in a band as in all n ticks.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -72,6 +73,39 @@ class Oscillation:
     growth: float
 
 
+class References:
+    """What makes the signals of a visit move by intention.
+
+    The spectra are the same for all signals of the visit: they are made once.
+    """
+
+    def __init__(self, values: Sequence[Vector]) -> None:
+        """The references (n,) each, in whatever unit."""
+        self._values = tuple(values)
+
+    @cached_property
+    def last(self) -> list[Vector]:
+        """Amplitude in each bin of the last ticks, of each reference that moves."""
+        most = min(judged(len(self._values[0])), MOST_TICKS) if self._values else 0
+        return _amplitudes(each[-most:] for each in self._values)
+
+    @cached_property
+    def means(self) -> list[Vector]:
+        """The same of the means of ticks of a half visit that is looked at twice."""
+        half = judged(len(self._values[0])) if self._values else 0
+        k = -(-half // MOST_TICKS)
+        return _amplitudes(_means(each[-half:], k) for each in self._values)
+
+
+def _amplitudes(references: Iterable[Vector]) -> list[Vector]:
+    found = []
+    for reference in references:
+        own = np.sqrt(2.0 * _band(_power(_level(reference))))
+        if np.isfinite(own).all() and own.max() > _rounding(reference):
+            found.append(own)
+    return found
+
+
 def judged(ticks: int) -> int:
     """How many ticks of a visit are looked at; 0 of one that is too short to tell."""
     half = ticks // 2
@@ -82,7 +116,7 @@ def oscillation(
     values: Vector,
     period: float,
     least: float,
-    references: Sequence[Vector] = (),
+    references: References | None = None,
     *,
     noisy: bool = False,
 ) -> Oscillation | None:
@@ -92,18 +126,19 @@ def oscillation(
         values: (n,) of the whole visit.
         period: between two ticks [s].
         least: amplitude from which it counts [unit of the values].
-        references: (n,) each, what makes the signal move by intention, in whatever unit.
+        references: of the visit; None for none.
         noisy: whether noise is among what moves it.
     """
     half = judged(len(values))
     if not half:
         return None
-    last, *ends = (each[-min(half, MOST_TICKS) :] for each in (values, *references))
-    found = [_of_half(last, period, least, ends, noisy=noisy)]
+    references = References(()) if references is None else references
+    last = values[-min(half, MOST_TICKS) :]
+    found = [_of_half(last, period, least, references.last, noisy=noisy)]
     if half > MOST_TICKS:
         k = -(-half // MOST_TICKS)
-        slow, *means = (_means(each[-half:], k) for each in (values, *references))
-        found.append(_of_half(slow, k * period, least, means, noisy=noisy))
+        slow = _means(values[-half:], k)
+        found.append(_of_half(slow, k * period, least, references.means, noisy=noisy))
     return max(filter(None, found), key=lambda each: each.amplitude, default=None)
 
 
@@ -114,9 +149,12 @@ def _means(values: Vector, k: int) -> Vector:
 
 
 def _of_half(
-    x: Vector, period: float, least: float, references: Sequence[Vector], *, noisy: bool
+    x: Vector, period: float, least: float, intended: Sequence[Vector], *, noisy: bool
 ) -> Oscillation | None:
-    """The largest oscillation of ticks, or means of ticks, that are looked at as a whole."""
+    """The largest oscillation of ticks, or means of ticks, that are looked at as a whole.
+
+    `intended` has the amplitudes of references in the same bins.
+    """
     n = len(x)
     # A sine of amplitude A spans 2 A, and on the last frequency counts as sqrt(2) A.
     if not np.isfinite(x).all() or float(np.ptp(x)) < np.sqrt(2.0) * least:
@@ -128,10 +166,7 @@ def _of_half(
     bins = np.arange(len(power))
     free = bins >= LEAST_CYCLES
     wanted = np.full(len(power), least)
-    for reference in references:
-        own = np.sqrt(2.0 * _band(_power(_level(reference))))
-        if not np.isfinite(own).all() or not own.max() > _rounding(reference):
-            continue
+    for own in intended:
         free &= own < OF_REFERENCE * own.max()
         first = max(int(np.argmax(own)), 1)
         wanted = np.maximum(wanted, OF_HARMONICS * amplitude[first] * first / np.maximum(bins, 1))

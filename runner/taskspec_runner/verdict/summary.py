@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from taskspec.deferred_methods import dataclass
-from taskspec.analysis.worlds import World, differences
+from taskspec.analysis.worlds import World, deviations
 from taskspec.program import events
 from taskspec.program.execution.stage_solver import SolverCounts
 from taskspec.program.execution.transition import FAIL, Transition
@@ -113,7 +113,7 @@ def summarise(
         | {
             "differs": [
                 {"path": d.name, "told": d.told, "true": d.true, "written": list(d.written)}
-                for d in differences(context, world)
+                for d in deviations(context, world)
             ]
         },
         "ending": {

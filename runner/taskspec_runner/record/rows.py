@@ -1,0 +1,128 @@
+"""Ticks of a run that no log keeps: raw, in memory, and as columns where one is asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taskspec.program.stages.stage import CompiledStage
+from taskspec_runner.record.block import Block
+from taskspec_runner.record.bus import Bus
+from taskspec_runner.record.file_array import blocks, empty
+from taskspec_runner.record.history import STAGE, History
+from taskspec_runner.record.layout import LogLayout
+
+Vector = NDArray[np.float64]
+
+#: Ticks that are collected before they are put aside.
+ROOM = 4096
+#: Bytes that are kept in memory; what is more goes to a file.
+IN_MEMORY = 1 << 26
+
+
+class RowKeeper:
+    """Keeps every tick of a run as the bus has it; many of them in a file without a name.
+
+    Attributes:
+        block: where the loop writes ticks.
+    """
+
+    def __init__(self, bus: Bus) -> None:
+        fields = len(bus.array)
+        self.block: Block | None = Block.memory(ROOM, fields)
+        self._rows, self._array = self.block.rows, bus.array
+        self._kept: list[Vector] = []
+        self._used = 0
+
+    def add(self) -> None:
+        """Takes the bus as it is now."""
+        self._rows[self._used] = self._array
+        self.advance(1)
+
+    def advance(self, ticks: int) -> None:
+        """Takes note of ticks that are in the block."""
+        self._used += ticks
+        if self._used == ROOM:
+            self._put_aside()
+
+    @property
+    def left(self) -> int:
+        """Ticks for which the block has room."""
+        return ROOM - self._used
+
+    def _put_aside(self) -> None:
+        used = self._rows[: self._used]
+        in_memory = sum(part.nbytes for part in self._kept) + used.nbytes <= IN_MEMORY
+        kept = np.empty(used.shape) if in_memory else empty(used.shape, np.float64)
+        kept[...] = used
+        self._kept.append(kept)
+        self._used = 0
+
+    def history(self, layout: LogLayout, stages: tuple[CompiledStage, ...]) -> History:
+        """All ticks, as the log would have them."""
+        if self._used:
+            self._put_aside()
+        columns = RowColumns(layout, self._kept)
+        return History(columns, columns.stages(stages), columns.units)
+
+
+class RowColumns(Mapping[str, Vector]):
+    """The columns of a log, made of raw ticks when they are asked for."""
+
+    def __init__(self, layout: LogLayout, parts: list[Vector]) -> None:
+        """The columns of `layout`; `parts` are rows of the bus, (ticks, fields) each."""
+        self._layout, self._parts = layout, parts
+        self._made: dict[str, Vector] = {}
+        self.units = {name: unit for name, unit in layout.units.items() if name != STAGE}
+
+    def __getitem__(self, name: str) -> Vector:
+        if name not in self._made:
+            if name not in self.units:
+                raise KeyError(name)
+            where = self._layout.place(name)
+            self._made[name] = self._true[name] if where is None else self._field(where)
+        return self._made[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.units)
+
+    def __len__(self) -> int:
+        return len(self.units)
+
+    @cached_property
+    def _ticks(self) -> int:
+        return sum(map(len, self._parts))
+
+    def _field(self, number: int) -> Vector:
+        values, at = empty(self._ticks, np.float64), 0
+        for part in self._parts:
+            values[at : at + len(part)] = part[:, number]
+            at += len(part)
+        return values
+
+    @cached_property
+    def _true(self) -> dict[str, Vector]:
+        """Signals that follow from several fields: all of them at once."""
+        names = self._layout.derived
+        made, at = [empty(self._ticks, np.float64) for _ in names], 0
+        for part in self._parts:
+            for rows in blocks(len(part)):
+                values = self._layout.derive(np.asarray(part[rows]))
+                for column, kept in zip(values.T, made, strict=True):
+                    kept[at : at + len(values)] = column
+                at += len(values)
+        return dict(zip(names, made, strict=True))
+
+    def stages(self, stages: tuple[CompiledStage, ...]) -> NDArray[np.str_]:
+        """(n,) the stage of each tick."""
+        names = np.array([stage.name for stage in stages])
+        where = self._layout.place(STAGE)
+        assert where is not None
+        found, at = empty(self._ticks, names.dtype), 0
+        for part in self._parts:
+            found[at : at + len(part)] = names[part[:, where].astype(int)]
+            at += len(part)
+        return found

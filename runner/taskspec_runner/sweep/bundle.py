@@ -1,0 +1,125 @@
+"""A task file with everything that it reads: what a worker needs, wherever it runs."""
+
+from __future__ import annotations
+
+import atexit
+import hashlib
+import os
+import shutil
+import tempfile
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path, PurePosixPath
+
+from taskspec.compiler import compile_task
+from taskspec.program.program import Program
+from taskspec.spec import load_task
+from taskspec_runner.errors import InputError
+from taskspec_runner.record import manifest
+
+#: Tasks that a worker keeps compiled.
+_KEPT = 2
+
+
+@dataclass(frozen=True)
+class Bundle:
+    """A task file and what it reads, by their places relative to each other.
+
+    Attributes:
+        file: the task file, relative to the root of all.
+        contents: of every file, by its path from the root.
+        overrides: dotted path to YAML text.
+        force: whether findings are lifted behind which it still compiles.
+        versions: that its numbers depend on, where it was made.
+    """
+
+    file: str
+    contents: Mapping[str, bytes]
+    overrides: Mapping[str, str]
+    force: bool
+    versions: Mapping[str, str]
+
+    @staticmethod
+    def of(program: Program) -> Bundle:
+        """The bundle of a compiled task.
+
+        Raises:
+            InputError: a file cannot be read any more.
+        """
+        loaded = program.context.loaded
+        base = (loaded.base or Path()).absolute()
+        task = base / (loaded.path.name if loaded.path is not None else "task.yaml")
+        contents = {task: manifest.task_bytes(loaded)}
+        for path in manifest.input_files(program):
+            try:
+                contents[path] = path.read_bytes()
+            except OSError as error:
+                raise InputError(f"{path} cannot be read any more: {error.strerror}") from error
+        root = Path(os.path.commonpath([path.parent for path in contents]))
+        placed = {path.relative_to(root).as_posix(): text for path, text in contents.items()}
+        return Bundle(
+            task.relative_to(root).as_posix(),
+            dict(sorted(placed.items())),
+            dict(loaded.overrides),
+            bool(program.forced),
+            manifest.versions(),
+        )
+
+    @cached_property
+    def key(self) -> str:
+        """SHA-256 of all of it."""
+        digest = hashlib.sha256(repr((self.file, self.force)).encode())
+        for part in (*self.contents.items(), *sorted(self.overrides.items())):
+            digest.update(repr(part).encode())
+        digest.update(repr(sorted(self.versions.items())).encode())
+        return digest.hexdigest()
+
+    def check_versions(self) -> None:
+        """Finds out whether its numbers would be the same here.
+
+        Raises:
+            InputError: something else is installed here than where it was made.
+        """
+        here = manifest.versions()
+        others = [
+            f"{name} {here.get(name, 'is missing')} instead of {version}"
+            for name, version in self.versions.items()
+            if here.get(name) != version
+        ]
+        if others:
+            raise InputError(f"a worker has {', '.join(others)}: install the same versions there")
+
+
+_programs: dict[str, Program] = {}
+
+
+def program_of(bundle: Bundle) -> Program:
+    """The compiled task of a bundle; compiled once a process.
+
+    Raises:
+        InputError: other versions are installed here.
+        SpecError: the task does not compile here.
+    """
+    if bundle.key not in _programs:
+        bundle.check_versions()
+        while len(_programs) >= _KEPT:
+            del _programs[next(iter(_programs))]
+        loaded = load_task(_unpacked(bundle), dict(bundle.overrides))
+        _programs[bundle.key] = compile_task(loaded, force=bundle.force)
+    return _programs[bundle.key]
+
+
+def keep_program(bundle: Bundle, program: Program) -> None:
+    """Lets workers in this process use a program that is compiled already."""
+    _programs[bundle.key] = program
+
+
+def _unpacked(bundle: Bundle) -> Path:
+    folder = Path(tempfile.mkdtemp(prefix="taskspec-"))
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    for name, content in bundle.contents.items():
+        path = folder / PurePosixPath(name)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(content)
+    return folder / PurePosixPath(bundle.file)

@@ -1,0 +1,122 @@
+"""The runner of worlds: work for any executor, and the rows that come back."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+import threading
+from collections.abc import Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+from taskspec_runner.sweep.bundle import Bundle, program_of
+from taskspec_runner.sweep.world_run import Row, run_world
+from taskspec_runner.sweep.worlds import Worlds
+
+#: Worlds that a worker is given at once, at most.
+_AT_ONCE = 16
+#: Pieces of work that wait for each worker, beside the one under way.
+_WAITING = 2
+
+
+@dataclass(frozen=True, slots=True)
+class Work:
+    """Some worlds of a sweep: all that a worker needs to run them, wherever it is.
+
+    Attributes:
+        bundle: the task and what it reads.
+        worlds: which worlds the sweep has.
+        indices: of those that are to be run.
+    """
+
+    bundle: Bundle
+    worlds: Worlds
+    indices: tuple[int, ...]
+
+
+def run_work(work: Work) -> list[Row]:
+    """Runs some worlds, one after the other; what a worker does.
+
+    Raises:
+        InputError: other versions are installed here.
+        SpecError: the task does not compile here.
+    """
+    program = program_of(work.bundle)
+    context = program.context
+    return [
+        run_world(program, index, work.worlds.world(context, index), _loop())
+        for index in work.indices
+    ]
+
+
+def _loop() -> str | None:
+    """Machine code from the first tick on, where there is some: it serves all worlds."""
+    from taskspec_runner.loop.fixed_step import NATIVE, PYTHON
+    from taskspec_runner.session import LOOP
+
+    if named := os.environ.get(LOOP):
+        return named
+    from taskspec.native.engine import missing
+
+    return PYTHON if missing() is not None else NATIVE
+
+
+def rows(
+    executor: Executor | None, bundle: Bundle, worlds: Worlds, indices: Sequence[int], jobs: int
+) -> Iterator[Row]:
+    """The rows of worlds, in the order in which they are ready.
+
+    Args:
+        executor: any of `concurrent.futures`' kind; None to run them here, one after the other.
+        bundle: the task and what it reads.
+        worlds: which worlds the sweep has.
+        indices: of those that are to be run.
+        jobs: how many workers the executor has.
+    """
+    at_once = max(1, min(_AT_ONCE, len(indices) // (4 * jobs)))
+    pieces = [
+        Work(bundle, worlds, tuple(indices[first : first + at_once]))
+        for first in range(0, len(indices), at_once)
+    ]
+    if executor is None:
+        for piece in pieces:
+            for index in piece.indices:
+                yield from run_work(Work(bundle, worlds, (index,)))
+        return
+    waiting: set[Future[list[Row]]] = set()
+    for piece in pieces:
+        waiting.add(executor.submit(run_work, piece))
+        if len(waiting) >= jobs * (1 + _WAITING):
+            done, waiting = wait(waiting, return_when=FIRST_COMPLETED)
+            for each in done:
+                yield from each.result()
+    while waiting:
+        done, waiting = wait(waiting, return_when=FIRST_COMPLETED)
+        for each in done:
+            yield from each.result()
+
+
+@contextmanager
+def processes(jobs: int) -> Iterator[ProcessPoolExecutor]:
+    """Processes of this machine, which end with this one."""
+    # A process that was forked would share threads and locks with this one.
+    pool = ProcessPoolExecutor(jobs, multiprocessing.get_context("spawn"), initializer=_begin)
+    try:
+        yield pool
+    finally:
+        pool.shutdown(wait=False, cancel_futures=True)
+
+
+def _begin() -> None:
+    # Ctrl-C reaches every process of a terminal; the first one ends the others.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)

@@ -1,0 +1,190 @@
+"""What `sweep.json` says of a sweep that is over."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from taskspec.analysis.worlds import component_dimension
+from taskspec.spec import Task
+from taskspec.spec.sweep import SUCCESS, RateExpectation
+from taskspec.text.units import Dimension, scaled
+from taskspec_runner.sweep.statistics import Influence, Rate, Region, influences, regions
+from taskspec_runner.sweep.world_run import BROKEN, Row
+
+MET, MISSED, UNDECIDED = "met", "missed", "undecided"
+#: More worlds than this are told as more than it.
+_MOST = 10_000_000
+
+
+@dataclass(frozen=True, slots=True)
+class JudgedRate:
+    """An expectation of a sweep and what became of it.
+
+    Attributes:
+        text: as written.
+        what: `success`, or the name of an expectation.
+        least: probability that it is to have.
+        rate: what was found.
+        verdict: met, missed or undecided.
+        needed: worlds more that decide it if the share stays as it is; None where it is decided, or
+            where the share is the bound itself.
+    """
+
+    text: str
+    what: str
+    least: float
+    rate: Rate
+    verdict: str
+    needed: int | None
+
+    @staticmethod
+    def of(expected: RateExpectation, rate: Rate) -> JudgedRate:
+        """Met if the lower limit is above the bound, missed if the upper one is below it."""
+        low, high = rate.interval()
+        verdict = MET if low > expected.least else MISSED if high < expected.least else UNDECIDED
+        needed = _needed(rate, expected.least) if verdict == UNDECIDED else None
+        return JudgedRate(expected.text, expected.what, expected.least, rate, verdict, needed)
+
+    def as_data(self) -> dict[str, Any]:
+        """For `sweep.json`."""
+        return {
+            "text": self.text,
+            "what": self.what,
+            "least": self.least,
+            "verdict": self.verdict,
+            "needed": self.needed,
+            **self.rate.as_data(),
+        }
+
+
+def _needed(rate: Rate, least: float) -> int | None:
+    """Worlds more at the same share until Wilson's interval leaves a bound out."""
+    share = rate.share
+    if not rate.of or share == least:
+        return None
+
+    def decided(n: int) -> bool:
+        low, high = Rate(round(share * n), n).interval() if 0 < share < 1 else (
+            Rate(n if share else 0, n).interval()
+        )  # fmt: skip
+        return low > least or high < least
+
+    n = rate.of
+    while not decided(n):
+        n *= 2
+        if n > _MOST:
+            return None
+    low, high = n // 2, n
+    while high - low > 1:
+        middle = (low + high) // 2
+        low, high = (low, middle) if decided(middle) else (middle, high)
+    return high - rate.of
+
+
+def expectation_rates(task: Task, rows: Sequence[Row]) -> dict[str, tuple[str, Rate]]:
+    """Of each expectation its text and how often it was met, by what the table calls it."""
+    found = {}
+    for key, text in expectation_texts(task).items():
+        good = sum(row.get(f"expect {key}") is True for row in rows)
+        found[key] = (text, Rate(good, len(rows)))
+    return found
+
+
+def expectation_texts(task: Task) -> dict[str, str]:
+    """The expectations of a task, by what the table calls them."""
+    return {str(number): each.text for number, each in enumerate(task.expect, 1)}
+
+
+def summarise(task: Task, rows: Sequence[Row]) -> dict[str, Any]:
+    """What came of all worlds of a sweep.
+
+    Args:
+        task: of them.
+        rows: in the order of the worlds.
+    """
+    success = Rate(sum(row["success"] for row in rows), len(rows))
+    by_text = expectation_rates(task, rows)
+    judged = [JudgedRate.of(each, _rate(each.what, success, by_text)) for each in expected(task)]
+    worst = worst_world(rows)
+    return {
+        "success": success.as_data(),
+        "expectations": [
+            {"name": key, "text": text, **rate.as_data()} for key, (text, rate) in by_text.items()
+        ],
+        "judged": [each.as_data() for each in judged],
+        "ends": _counts(rows),
+        "worst": None if worst is None else {"world": worst["world"], "margin": worst["margin"]},
+        "influences": [_influence(each) for each in influences(rows)],
+        "regions": [_region(each, task) for each in regions(rows)],
+        "exit_code": exit_code(judged, rows),
+    }
+
+
+def expected(task: Task) -> tuple[RateExpectation, ...]:
+    """What the file expects of its sweep."""
+    return task.sweep.expect if task.sweep is not None else ()
+
+
+def exit_code(judged: Sequence[JudgedRate], rows: Sequence[Row]) -> int:
+    """0 if all that is expected was met; 1 if not, or a world broke; without expectations 0."""
+    broke = any(row["status"] == BROKEN for row in rows)
+    return int(broke or any(each.verdict != MET for each in judged))
+
+
+def worst_world(rows: Sequence[Row]) -> Row | None:
+    """That with the least margin, of those that came to their end."""
+    known = [row for row in rows if row.get("margin") is not None and row["status"] == "done"]
+    return min(known, key=lambda row: (row["margin"], row["world"]), default=None)
+
+
+def _rate(what: str, success: Rate, by_text: Mapping[str, tuple[str, Rate]]) -> Rate:
+    return success if what == SUCCESS else by_text[what][1]
+
+
+def _counts(rows: Sequence[Row]) -> dict[str, int]:
+    """How often worlds ended how: by verdict, and for what reason where one was stopped."""
+    found: dict[str, int] = {}
+    for row in rows:
+        how = str(row["verdict"])
+        if how in ("stopped", "failed"):
+            how += f": {row['reason']}"
+        found[how] = found.get(how, 0) + 1
+    return dict(sorted(found.items(), key=lambda item: (-item[1], item[0])))
+
+
+def _influence(each: Influence) -> dict[str, Any]:
+    return {
+        "parameter": each.parameter,
+        "correlation": each.correlation,
+        "chance": each.chance,
+    }
+
+
+def _region(each: Region, task: Task) -> dict[str, Any]:
+    return {
+        "text": region_text(each, task),
+        "failed": each.failed,
+        "of": each.of,
+        "splits": [
+            {"parameter": s.parameter, "above": s.above, "value": s.value} for s in each.splits
+        ],
+    }
+
+
+def region_text(region: Region, task: Task) -> str:
+    """Such as `fails where world.table.friction > 0.34 and world.table.stiffness <= 9 kN/m`."""
+    parts = [
+        f"{split.parameter} {'>' if split.above else '<='} "
+        f"{scaled(split.value, dimension_of(task, split.parameter), 3)}"
+        for split in region.splits
+    ]
+    share = 100 * region.failed / region.of if region.of else math.nan
+    return f"fails where {' and '.join(parts)}: {region.failed} of {region.of} ({share:.0f} %)"
+
+
+def dimension_of(task: Task, parameter: str) -> Dimension:
+    """Of a parameter by its name in the table."""
+    return component_dimension(task, parameter)

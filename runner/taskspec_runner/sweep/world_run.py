@@ -1,0 +1,129 @@
+"""One world of a sweep: run without a log, and judged as a run is."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from taskspec.analysis.worlds import World, deviations
+from taskspec.program.program import Program
+from taskspec.robot.description import listening
+from taskspec_runner.errors import InputError
+from taskspec_runner.loop.assembly import assemble
+from taskspec_runner.loop.fixed_step import run as simulate
+from taskspec_runner.record.layout import LogLayout
+from taskspec_runner.record.rows import RowKeeper
+from taskspec_runner.verdict.findings import findings
+from taskspec_runner.verdict.judge import judge_run
+from taskspec_runner.verdict.judged import Judged
+from taskspec_runner.verdict.metrics import peaks
+from taskspec_runner.verdict.summary import EXIT_GOOD, exit_code
+
+Row = dict[str, Any]
+"""A row of the table, by column; what is not a finite number is None."""
+
+BROKEN = "broken"
+
+
+def run_world(program: Program, index: int, world: World, loop: str | None = None) -> Row:
+    """Runs a world to its end and judges it.
+
+    Args:
+        program: of the task.
+        index: of the world in its sweep.
+        world: that the plant is.
+        loop: `native` or `python`, None for what there is.
+
+    Returns:
+        Its row. What goes wrong within is the row's `reason`.
+    """
+    row: Row = {
+        "world": index,
+        "label": world.label,
+        "seed": world.seed,
+        "number": world.number,
+        "draws": json.dumps(dict(world.draws)),
+    }
+    try:
+        differ = deviations(program.context, world)
+        row |= {each.name: _finite(each.true) for each in differ if each.true is not None}
+        return row | _ran(program, world, loop)
+    except InputError as error:
+        return row | _broken(str(error))
+    except Exception as error:
+        return row | _broken(f"{type(error).__name__}: {error}")
+
+
+def _ran(program: Program, world: World, loop: str | None) -> Row:
+    context = program.context
+    parts = assemble(program, world)
+    keeper = RowKeeper(parts.bus)
+    with listening([]):
+        outcome = simulate(
+            parts.machine,
+            parts.plant,
+            parts.bus,
+            keeper,
+            context.period,
+            seed=world.noise_seed,
+            loop=loop,
+        )
+    history = keeper.history(LogLayout.of(program, world.task), program.stages)
+    judged = judge_run(program, history)
+    found = findings(program, history, world.task)
+    faults = [each for each in found if not each.allowed]
+    success = exit_code(outcome, judged, 0, found) == EXIT_GOOD
+    missed = any(each.missed for each in judged) or faults
+    verdict = "passed" if success else "missed" if outcome.status == "done" and missed else ""
+    largest = peaks(history, [stage.name for stage in program.stages])
+    return {
+        "success": success,
+        "verdict": verdict or outcome.status,
+        "status": outcome.status,
+        "reason": outcome.reason,
+        "stage": outcome.stage,
+        "text": outcome.text,
+        "duration": outcome.clock,
+        "ticks": outcome.ticks,
+        **_expectations(judged),
+        "margin": _least(judged),
+        "findings": "; ".join(each.line for each in faults) or None,
+        **{
+            f"peak {name}": _finite(max((p[name] for p in largest.values()), default=math.nan))
+            for name in ("force", "torque", "speed")
+        },
+    }
+
+
+def _expectations(judged: Sequence[Judged]) -> Row:
+    found: Row = {}
+    for key, each in keyed(judged).items():
+        found[f"expect {key}"] = each.passed
+        found[f"margin {key}"] = margin_of(each)
+    return found
+
+
+def keyed(judged: Sequence[Judged]) -> Mapping[str, Judged]:
+    """Expectations by what the table calls them: their number from 1."""
+    return {str(number): each for number, each in enumerate(judged, 1)}
+
+
+def margin_of(judged: Judged) -> float | None:
+    """The least share of what an expectation allows that was left; negative where it was missed."""
+    left = [m.left for m in judged.margins if m.left is not None and math.isfinite(m.left)]
+    return min(left, default=None)
+
+
+def _least(judged: Sequence[Judged]) -> float | None:
+    found = [margin for each in judged if (margin := margin_of(each)) is not None]
+    return min(found, default=None)
+
+
+def _broken(reason: str) -> Row:
+    return {"success": False, "verdict": BROKEN, "status": BROKEN, "reason": BROKEN, "text": reason}
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None
