@@ -5,13 +5,14 @@ from __future__ import annotations
 import hashlib
 import itertools
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from statistics import NormalDist
 from typing import Any
 
 import numpy as np
 
 from taskspec.analysis.corners import Component, at, bounded, nominal, otherwise, value_of
+from taskspec.deferred_methods import dataclass
 from taskspec.geometry.axis import AXES
 from taskspec.program.context import Context
 from taskspec.spec import Task, Variation

@@ -7,8 +7,8 @@ from collections.abc import Callable, Iterator
 
 import casadi as ca
 
-from taskspec.deferred_methods import dataclass
 from taskspec.analysis.corners import MOST_AT_ONCE, changed, ends, otherwise
+from taskspec.deferred_methods import dataclass
 from taskspec.prediction.types import Extreme, Values
 from taskspec.program.context import Context
 from taskspec.program.prepare import tool_center

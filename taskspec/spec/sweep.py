@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Annotated, Any
 
 from pydantic import Field
 
+from taskspec.deferred_methods import dataclass
 from taskspec.spec import values
 from taskspec.spec.field_type import FieldType
 from taskspec.spec.model import Model

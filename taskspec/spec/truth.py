@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
+from taskspec.deferred_methods import dataclass
 from taskspec.spec.field_type import FieldType
 from taskspec.spec.parse_context import ParseContext, kind_of, span_of
 from taskspec.spec.varied import OBJECT, ROBOT

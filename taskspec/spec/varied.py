@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from itertools import chain
 from types import MappingProxyType
 from typing import Annotated, Any, get_args, get_origin
 
 from pydantic.fields import FieldInfo
 
+from taskspec.deferred_methods import dataclass
 from taskspec.spec.equation import EquationObject, JointEquation
 from taskspec.spec.mechanism import OF_KIND
 from taskspec.spec.model import Model

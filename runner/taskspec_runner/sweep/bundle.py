@@ -8,11 +8,11 @@ import os
 import shutil
 import tempfile
 from collections.abc import Mapping
-from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path, PurePosixPath
 
 from taskspec.compiler import compile_task
+from taskspec.deferred_methods import dataclass
 from taskspec.program.program import Program
 from taskspec.spec import load_task
 from taskspec_runner.errors import InputError

@@ -9,8 +9,8 @@ import threading
 from collections.abc import Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
 from contextlib import contextmanager
-from dataclasses import dataclass
 
+from taskspec.deferred_methods import dataclass
 from taskspec_runner.sweep.bundle import Bundle, program_of
 from taskspec_runner.sweep.world_run import Row, run_world
 from taskspec_runner.sweep.worlds import Worlds

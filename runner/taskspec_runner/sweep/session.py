@@ -5,10 +5,10 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping
 from concurrent.futures import Executor
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from taskspec.deferred_methods import dataclass
 from taskspec.program.program import Program
 from taskspec_runner.record.folder import Json
 from taskspec_runner.record.manifest import task_bytes, versions

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 from taskspec.analysis.worlds import component_dimension
+from taskspec.deferred_methods import dataclass
 from taskspec.spec import Task
 from taskspec.spec.sweep import SUCCESS, RateExpectation
 from taskspec.text.units import Dimension, scaled

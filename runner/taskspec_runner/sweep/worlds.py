@@ -5,10 +5,11 @@ from __future__ import annotations
 import hashlib
 import itertools
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from typing import Any
 
 from taskspec.analysis.worlds import World, corner_worlds, draws_of, grid_worlds, random_world
+from taskspec.deferred_methods import dataclass
 from taskspec.program.context import Context
 from taskspec_runner.errors import InputError
 

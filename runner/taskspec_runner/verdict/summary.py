@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from taskspec.deferred_methods import dataclass
 from taskspec.analysis.worlds import World, deviations
+from taskspec.deferred_methods import dataclass
 from taskspec.program import events
 from taskspec.program.execution.stage_solver import SolverCounts
 from taskspec.program.execution.transition import FAIL, Transition
