@@ -131,13 +131,3 @@ class RowFunction:
             flat = [[array.reshape(-1) for array in arrays] for arrays in (given, results)]
             self._bound[chunk] = BoundFunction(function.map(chunk), *flat), given, results
         return self._bound[chunk]
-
-
-def over_rows(function: ca.Function, *arguments: Vector) -> tuple[Vector, ...]:
-    """A function at many ticks at once: (n, size) of each result from (n, size) of each argument.
-
-    Args:
-        function: of dense column vectors.
-        arguments: a row for every tick.
-    """
-    return RowFunction(function)(*arguments)

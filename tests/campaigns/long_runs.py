@@ -19,27 +19,33 @@ from dataclasses import dataclass
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
-#: Presses with 10 N for as long as it takes.
+#: Presses with 10 N for as long as it takes, in a frame that is estimated from a touch.
 TASK = """\
 taskspec: 1
 name: long
 robot: {{model: panda, start: {{xyz: [500 mm, 0, 310 mm]}}}}
 world:
   table: {{shape: plane, xyz: [0, 0, 300 mm], stiffness: 20 kN/m, friction: 0.2}}
-frames: {{task: {{surface: table}}}}
-frame: task
+frames: {{felt: {{estimate: touch}}}}
+frame: world
 stages:
   approach:
     axes: {{z: {{velocity: -20 mm/s}}}}
     until: force.z < -2 N
     within: 3 s
+  touch:
+    axes: {{z: {{force: -10 N}}}}
+    time: 1 s
   press:
+    frame: felt
     axes: {{z: {{force: -10 N}}}}
     time: {minutes} * 60 s
 expect:
   - press.force.z within -10 N +- 0.5 N for 90 %
   - rms(press.error.x) < 1 mm
   - max(norm(force)) < 40 N
+  - press.force.z in world within -10 N +- 0.5 N for 90 %
+  - max(press.tilt in felt) < 1 deg
 """
 #: What `--table` replaces.
 _MARK = "<!-- table: long -->"
@@ -68,6 +74,11 @@ def commands(task: Path, run: Path) -> Iterator[tuple[str, list[str]]]:
     yield "export --csv", ["export", str(run), "--csv"]
     yield "export --parquet", ["export", str(run), "--parquet"]
     video = ["--video", str(run / "video.mp4"), "--from", "5", "--to", "6", "--size", "320x180"]
+    yield "export --mcap", ["export", str(run), "--mcap"]
+    for form in ("csv", "parquet", "mcap"):
+        log, out = run / f"log.{form}", run.with_name("measured")
+        # A run's folder is replaced by the next one.
+        yield f"judge FILE log.{form}", ["judge", str(task), str(log), "--out", str(out), "--quiet"]
     yield "replay --video", ["replay", str(run), *video, "--fps", "10", "--quiet"]
 
 

@@ -17,6 +17,7 @@ import pytest
 from short_tasks import TAP
 from typer.testing import CliRunner
 
+from taskspec.signals import SCALARS, VECTORS
 from taskspec.spec import load_task, load_text
 from taskspec_runner.cli import app
 from taskspec_runner.record import file_array, mapped
@@ -25,6 +26,7 @@ from taskspec_runner.report import decimate, drawn
 from taskspec_runner.report.page import render
 from taskspec_runner.runs import Run
 from taskspec_runner.session import execute
+from taskspec_runner.verdict.replay import Replay
 
 TASKS = Path(__file__).resolve().parents[2] / "tasks"
 
@@ -55,6 +57,31 @@ def test_numbers_are_those_of_a_run_in_memory(
     again = render(Run.load(plain.folder))
     # The path of the folder is the same; nothing else may differ.
     assert again == said
+
+
+@pytest.mark.parametrize("name", ["wipe-table", "crank", "unknown-normal", "conveyor"])
+def test_signals_in_other_frames_do_not_depend_on_how_many_ticks_are_worked_on(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Frames that follow, turn with a handle, move or are estimated; sums over a visit, turns."""
+    run = execute(load_task(TASKS / f"{name}.yaml"), tmp_path / "run", report=False)
+    context, signals = run.program.context, {**VECTORS, **SCALARS}
+
+    def values() -> dict[tuple[str, str | None, str], bytes]:
+        stages = run.program.stages
+        replay = Replay(context.robot, context.frames, stages, run.history, context.moving_bases)
+        return {
+            (signal, axis, frame): replay.signal(signal, axis, frame).tobytes()
+            for frame in context.frames
+            for signal, entry in signals.items()
+            if entry.framed
+            for axis in (("x", "y", "z", "rz") if entry.axes else (None,))
+        }
+
+    plain = values()
+    monkeypatch.setattr(file_array, "LARGE", 1000)
+    monkeypatch.setattr(file_array, "BLOCK_ROWS", 37)
+    assert values() == plain
 
 
 def batch(rows: int, columns: int, first: int) -> pa.RecordBatch:

@@ -23,7 +23,10 @@ from taskspec.compiler import compile_unchecked
 from taskspec.spec import load_task, load_text
 from taskspec_runner import read
 from taskspec_runner.export import export_run
+from taskspec_runner.record import file_array, mapped
+from taskspec_runner.record.file_array import FileArray
 from taskspec_runner.record.history import History
+from taskspec_runner.recorded import guards, messages, sample_texts, source
 from taskspec_runner.recorded.column_map import SCHEMA_FILE, read_columns, schema_text
 from taskspec_runner.recorded.messages import _Definition
 from taskspec_runner.recorded.recording import read_recording
@@ -459,6 +462,64 @@ def test_messages_whose_texts_and_lists_differ_in_length() -> None:
             at, kind = layout.numbers[f"values[{i}]"]
             assert np.frombuffer(data, f"<{kind}", 1, at)[0] == i + 1
         assert data[layout.numbers["last"][0]] == 7
+
+
+@pytest.mark.parametrize(
+    ("form", "way"),
+    [("csv", "column"), ("parquet", "column"), ("mcap", "column"), ("csv", "guards")],
+)
+def test_a_long_log_is_read_in_parts_to_the_same_end(
+    run: Run, tap: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, form: str, way: str
+) -> None:
+    """Parts of some ticks and files instead of memory: the same numbers, bit by bit."""
+    chosen = run if way == "column" else tap
+    log = export_run(chosen, form, tmp_path / f"log.{form}").path
+    # Half of the samples, and some values missing: there is something to bridge.
+    if form == "parquet":
+        whole = pq.read_table(log)
+        values = whole["force.z.measured"].to_numpy().copy()
+        values[5000:5004] = np.nan
+        at = whole.schema.get_field_index("force.z.measured")
+        whole = whole.set_column(at, whole.schema.field(at), pa.array(values))
+        pq.write_table(whole.take(np.arange(0, len(whole), 2)), log)
+    program = chosen.program
+    columns = tmp_path / "map.yaml"
+    columns.write_text("gap: 50 ms\n")
+    if way == "guards":
+        lines = log.read_text().splitlines()
+        at = lines[0].split(",").index("stage")
+        kept = [",".join(p for i, p in enumerate(line.split(",")) if i != at) for line in lines]
+        log.write_text("\n".join(kept) + "\n")
+    plain = read_recording(program, log, read_columns(columns))
+    monkeypatch.setattr(mapped, "SPILL_ROWS", 700)
+    monkeypatch.setattr(mapped, "_ROOM", 1024)
+    monkeypatch.setattr(file_array, "LARGE", 1000)
+    monkeypatch.setattr(file_array, "BLOCK_ROWS", 300)
+    monkeypatch.setattr(guards, "BLOCK_ROWS", 60)
+    monkeypatch.setattr(messages, "_MESSAGES", 256)
+    monkeypatch.setattr(source, "_BLOCK", 1 << 14)
+    monkeypatch.setattr(source, "ROWS", 500)
+    parts = read_recording(program, log, read_columns(columns))
+    assert parts.facts == plain.facts
+    assert parts.facts["stages"] == way
+    assert parts.history.stages.tolist() == plain.history.stages.tolist()
+    assert parts.history.columns.keys() == plain.history.columns.keys()
+    for name, values in plain.history.columns.items():
+        found = parts.history.columns[name]
+        assert isinstance(found, FileArray) or len(found) * found.itemsize <= 1000, name
+        assert found.tobytes() == values.tobytes(), name
+
+
+def test_texts_that_are_too_many_name_no_stages(
+    task: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sample_texts, "_MOST", 100)
+    columns = {"time": np.arange(500) * 1e-3, "stage": [f"s{i}" for i in range(500)]}
+    columns["force.x.measured"] = np.zeros(500)
+    log = written(tmp_path / "log.csv", columns, {"time": "s", "force.x.measured": "N"})
+    result = judged(task, log, tmp_path / "out")
+    assert result.exit_code == 2
+    assert "column 'stage' has more than 100 different texts" in " ".join(result.output.split())
 
 
 def test_schema_on_disk_is_that_of_the_models() -> None:

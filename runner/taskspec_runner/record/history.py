@@ -11,9 +11,8 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from taskspec.deferred_methods import dataclass
-from taskspec_runner.record import mapped
 from taskspec_runner.record.file_array import blocks, empty
-from taskspec_runner.record.mapped import ColumnFile
+from taskspec_runner.record.mapped import GrowingColumns
 
 Vector = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -141,57 +140,31 @@ class HistoryBuilder:
     """Ticks as they come, batch by batch; those of a long run go to a file that is mapped."""
 
     def __init__(self) -> None:
-        self._columns: dict[str, list[Vector]] = {}
+        self._columns = GrowingColumns()
         #: Names of stages, each with the number of ticks that follow each other in it.
         self._stages: list[tuple[str, int]] = []
         self._units: dict[str, str] = {}
         self._unrecorded: frozenset[str] = frozenset()
-        self._waiting, self._file, self._spills = 0, None, True
-
-    _file: ColumnFile | None
 
     def add(self, batch: pa.RecordBatch) -> None:
         """Takes the ticks of a batch of a log."""
         if not self._units:
             self._units = units_of(batch.schema)
             self._unrecorded = unrecorded_of(batch.schema)
+        columns = {}
         for name, values in zip(batch.schema.names, batch.columns, strict=True):
             if name == STAGE:
                 self._stages += _stretches(values)
             else:
                 # A copy, as a batch may lie in memory that is written anew.
-                copied = values.to_numpy(zero_copy_only=False).copy()
-                self._columns.setdefault(name, []).append(copied)
-        self._waiting += batch.num_rows
-        if self._spills and self._waiting >= mapped.SPILL_ROWS:
-            self._spill()
-
-    def _spill(self) -> None:
-        """Brings the columns that wait to the file; where there is no room, they stay here."""
-        try:
-            if self._file is None:
-                self._file = ColumnFile(tuple(self._columns))
-            self._file.append(self._columns)
-        except OSError:
-            self._spills = False
-            return
-        self._waiting = 0
-        for parts in self._columns.values():
-            parts.clear()
+                columns[name] = values.to_numpy(zero_copy_only=False).copy()
+        self._columns.add(columns)
 
     def build(self) -> History:
-        """All ticks so far. It takes them out column by column, so that none is there twice."""
-        if self._file is not None and self._spills and self._waiting:
-            self._spill()
-        kept = self._file.columns() if self._file is not None else {}
-        columns = {}
-        for name in [*self._columns]:
-            parts = self._columns.pop(name)
-            before = [kept[name]] if name in kept else []
-            whole = before + parts
-            columns[name] = whole[0] if len(whole) == 1 and before else np.concatenate(whole)
+        """All ticks so far; they are taken out."""
         stages, self._stages = self._stages, []
-        return _history(columns, _stage_names(stages), self._units, self._unrecorded)
+        names = _stage_names(stages)
+        return _history(self._columns.build(), names, self._units, self._unrecorded)
 
 
 def _stretches(values: pa.Array) -> Iterator[tuple[str, int]]:

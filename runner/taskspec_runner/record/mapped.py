@@ -1,10 +1,10 @@
-"""The columns of a long run in a file that is mapped into memory."""
+"""The columns of a long run, and other arrays that grow, in files that are mapped into memory."""
 
 from __future__ import annotations
 
 import mmap
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -40,6 +40,81 @@ def _write(descriptor: int, content: NDArray[Any], at: int) -> None:
     while len(rest):
         done = os.pwrite(descriptor, rest[:_CHUNK], at)
         rest, at = rest[done:], at + done
+
+
+class KeptArrays:
+    """Arrays that are put away one by one, in one file, and read when they are needed."""
+
+    def __init__(self) -> None:
+        self._descriptor: int | None = None
+        self._size, self._room = 0, True
+
+    def __del__(self) -> None:
+        if self._descriptor is not None:
+            os.close(self._descriptor)
+
+    def put(self, values: NDArray[Any]) -> Callable[[], NDArray[Any]]:
+        """What gives an array (n,) again; where there is no room in a file, it stays in memory."""
+        try:
+            if self._room and self._descriptor is None:
+                self._descriptor = unnamed_file()
+            if self._room and self._descriptor is not None:
+                _write(self._descriptor, values, self._size)
+        except OSError:
+            self._room = False
+        if not self._room:
+            return lambda: values
+        at, size, dtype = self._size, values.nbytes, values.dtype
+        self._size += size
+
+        def read() -> NDArray[Any]:
+            assert self._descriptor is not None
+            return np.frombuffer(os.pread(self._descriptor, size, at), dtype)
+
+        return read
+
+
+class GrowingColumns:
+    """Columns of numbers that grow together; those of many rows go to a file that is mapped."""
+
+    def __init__(self) -> None:
+        self._parts: dict[str, list[NDArray[np.float64]]] = {}
+        self._waiting, self._spills = 0, True
+        self._file: ColumnFile | None = None
+
+    def add(self, columns: Mapping[str, NDArray[np.float64]]) -> None:
+        """Takes some more rows (n,) of all columns, and keeps the arrays."""
+        for name, values in columns.items():
+            self._parts.setdefault(name, []).append(values)
+        self._waiting += len(next(iter(columns.values()), ()))
+        if self._spills and self._waiting >= SPILL_ROWS:
+            self._spill()
+
+    def _spill(self) -> None:
+        """Brings the rows that wait to the file; where there is no room, they stay here."""
+        try:
+            if self._file is None:
+                self._file = ColumnFile(tuple(self._parts))
+            self._file.append(self._parts)
+        except OSError:
+            self._spills = False
+            return
+        self._waiting = 0
+        for parts in self._parts.values():
+            parts.clear()
+
+    def build(self) -> dict[str, NDArray[np.float64]]:
+        """All rows so far. It takes them out column by column, so that none is there twice."""
+        if self._file is not None and self._spills and self._waiting:
+            self._spill()
+        kept = self._file.columns() if self._file is not None else {}
+        columns = {}
+        for name in [*self._parts]:
+            parts = self._parts.pop(name)
+            before = [kept[name]] if name in kept else []
+            whole = before + parts
+            columns[name] = whole[0] if len(whole) == 1 and before else np.concatenate(whole)
+        return columns
 
 
 class ColumnFile:

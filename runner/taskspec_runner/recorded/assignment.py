@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +16,7 @@ from taskspec_runner.errors import InputError
 from taskspec_runner.export.messages import field_of
 from taskspec_runner.record.history import STAGE
 from taskspec_runner.recorded.column_map import Columns, SignalColumn, TimeColumn
+from taskspec_runner.recorded.sample_texts import SampleTexts
 from taskspec_runner.recorded.source import LogSource
 
 Vector = NDArray[np.float64]
@@ -37,7 +39,7 @@ class Assigned:
         unit: of the column, empty for plain numbers.
         sign: by which it was multiplied.
         times: (n,) [s].
-        values: (n,) [SI], NaN where there is none.
+        values: (n,) as recorded, in the unit; NaN where there is none.
     """
 
     name: str
@@ -47,9 +49,22 @@ class Assigned:
     times: Vector
     values: Vector
 
+    def si(self, values: Vector) -> Vector:
+        """Some of the values, with the sign of the signal [SI]."""
+        return in_si(values, self.unit) * self.sign + 0.0
+
     def as_data(self) -> dict[str, object]:
         """What a manifest keeps of it."""
         return {"column": self.column, "unit": self.unit, "sign": self.sign}
+
+
+class _Named(NamedTuple):
+    """A signal, its column, the column's unit, and a sign."""
+
+    name: str
+    column: str
+    unit: str
+    sign: int
 
 
 class Assignment:
@@ -75,7 +90,7 @@ class Assignment:
             InputError: a column is missing, its unit is unknown or does not fit, or its values are
                 no numbers.
         """
-        columns, found = self._columns, []
+        columns, found = self._columns, list[_Named]()
         for name, said in columns.map.signals.items():
             if name not in self._dimensions or name in _COUNTED:
                 hint = suggestion(name, self._dimensions, "signals")
@@ -86,26 +101,26 @@ class Assignment:
         for name in self._dimensions:
             column = next((c for c in self._own(name) if c in self._source.units), None)
             if column is not None and name not in named and name not in _COUNTED:
-                unit = self._stated(column, name)
-                found.append(self._assigned(name, column, unit, 1))
+                found.append(_Named(name, column, self._stated(column, name), 1))
         if not found:
             hint = self._names()
             raise InputError(
                 f"{self._source.path}: no column is that of a signal; name them in a column map "
                 f"(--columns). Its columns: {hint}"
             )
-        return found
+        values = self._source.numbers(list(dict.fromkeys(each.column for each in found)))
+        return [self._assigned(each, values[each.column]) for each in found]
 
-    def _mapped(self, name: str, said: SignalColumn) -> Assigned:
+    def _mapped(self, name: str, said: SignalColumn) -> _Named:
         column = self._column(said.column, "signals", name, "column")
         dimension = self._dimensions[name]
         if said.unit is None:
-            return self._assigned(name, column, self._stated(column, name), said.sign)
+            return _Named(name, column, self._stated(column, name), said.sign)
         own = parse_unit(said.unit).dimension
         if own != dimension:
             message = f"{name} is {describe(dimension)}, and {said.unit} is {describe(own)}"
             raise self._columns.wrong(message, "signals", name, "unit")
-        return self._assigned(name, column, said.unit, said.sign)
+        return _Named(name, column, said.unit, said.sign)
 
     def _column(self, name: str, *path: str | int) -> str:
         """A column of the log by its name, with or without the unit behind it."""
@@ -147,23 +162,23 @@ class Assignment:
             )
         return unit
 
-    def _assigned(self, name: str, column: str, unit: str, sign: int) -> Assigned:
-        values = self._source.numbers(column)
-        if np.isinf(values).any():
-            row = int(np.flatnonzero(np.isinf(values))[0])
-            place = self._source.place(column, row)
+    def _assigned(self, named: _Named, values: Vector) -> Assigned:
+        name, column, unit, sign = named
+        infinite = np.isinf(values)
+        if infinite.any():
+            place = self._source.place(column, int(np.argmax(infinite)))
             raise InputError(f"{self._source.path}: '{column}' is not finite in {place}")
         if np.isnan(values).all() and name in self._columns.map.signals:
             raise InputError(f"{self._source.path}: column '{column}' has no value")
-        scaled = in_si(values, unit)
-        return Assigned(name, column, unit, sign, self.times(column), scaled * sign + 0.0)
+        return Assigned(name, column, unit, sign, self.times(column), values)
 
     def since(self) -> Assigned | None:
         """What a run's own log has of the time since a stage began; None where it has none."""
         column = next((c for c in self._own("t") if c in self._source.units), None)
         if column is None or not self._source.units[column]:
             return None
-        return self._assigned("t", column, self._stated(column, "t"), 1)
+        named = _Named("t", column, self._stated(column, "t"), 1)
+        return self._assigned(named, self._source.numbers([column])[column])
 
     def times(self, column: str) -> Vector:
         """(n,) times of the samples of a column, not yet from the start of the task on [s].
@@ -197,11 +212,10 @@ class Assignment:
         if parse_unit(unit).dimension != self._dimensions["clock"]:
             message = f"a time is needed here, and {unit} is {describe(parse_unit(unit).dimension)}"
             raise self._columns.wrong(message, "time", "unit")
-        times = in_si(self._source.numbers(column), unit)
+        times = in_si(self._source.numbers([column])[column], unit)
         finite = np.isfinite(times)
         if not finite.all():
-            row = int(np.flatnonzero(~finite)[0])
-            place = self._source.place(column, row)
+            place = self._source.place(column, int(np.argmin(finite)))
             raise InputError(f"{self._source.path}: there is no time in {place}")
         return times
 
@@ -209,7 +223,7 @@ class Assignment:
         """Where a sample stands, in words."""
         return self._source.place(column, row)
 
-    def stages(self) -> tuple[str, Vector, Sequence[str]] | None:
+    def stages(self) -> tuple[str, Vector, SampleTexts] | None:
         """The column that names stages, its times [s] and the stage of each sample; None without.
 
         Raises:
@@ -226,7 +240,8 @@ class Assignment:
         if not column:
             return None
         words = self._source.words(column)
-        return column, self.times(column), [names.get(word, word) for word in words]
+        renamed = tuple(names.get(word, word) for word in words.names)
+        return column, self.times(column), SampleTexts(renamed, words.codes)
 
     def _own(self, name: str) -> Iterator[str]:
         """What the project's own exports call a signal."""

@@ -22,6 +22,7 @@ from taskspec.text.expression import Expression, Meaning, Scope, evaluate, resol
 from taskspec.text.expression.scope import CONSTANTS, ScopeKind
 from taskspec.text.expression.series import Series, SeriesAlgebra
 from taskspec_runner.errors import InputError
+from taskspec_runner.record.file_array import BLOCK_ROWS, counted
 from taskspec_runner.recorded.ticks import Ticks, filled
 from taskspec_runner.verdict.lookup import column_of
 
@@ -42,7 +43,7 @@ class _Since(SeriesAlgebra):
 
     def held(self, node: tree.Held, x: Series, amount: float) -> Series:  # noqa: ARG002
         """Whether x has held for some seconds without a break."""
-        rows = np.arange(len(x.values))
+        rows = counted(len(x.values))
         broken = np.where(x.values == 1, -1, rows)
         since = rows - np.maximum.accumulate(broken) - 1
         long = since * self._period >= amount - self._period / 2
@@ -51,7 +52,7 @@ class _Since(SeriesAlgebra):
     def reduce(self, node: tree.Reduce, reducer: str, x: Series) -> Series:  # noqa: ARG002
         """The reducer over the stage so far."""
         values = x.values
-        count = np.arange(1, len(values) + 1)
+        count = counted(len(values), 1)
         if reducer == "last":
             return x
         if reducer in ("min", "max"):
@@ -118,8 +119,18 @@ class GuardWalk:
 
     def _end(self, stage: CompiledStage, start: int) -> tuple[int, events.Event | None]:
         """The tick at which a stage ends that began at one, and by what; None at the log's end."""
-        spec, rows = stage.plan.spec, slice(start, self._ticks)
-        t: Vector = np.arange(self._ticks - start, dtype=float) * self._period
+        ahead = BLOCK_ROWS
+        while start + ahead < self._ticks:
+            end, event = self._end_within(stage, slice(start, start + ahead))
+            if event is not None:
+                return end, event
+            ahead *= 8
+        return self._end_within(stage, slice(start, self._ticks))
+
+    def _end_within(self, stage: CompiledStage, rows: slice) -> tuple[int, events.Event | None]:
+        """The same, as far as some ticks from the stage's first one on say it."""
+        spec, start = stage.plan.spec, rows.start
+        t = np.asanyarray(counted(rows.stop - start) * self._period, dtype=np.float64)
         found: list[tuple[Mask, events.Event]] = []
         for kind, guard in ((events.FAIL_IF, spec.fail_if), (events.UNTIL, spec.until)):
             if guard is not None:
@@ -138,7 +149,7 @@ class GuardWalk:
                 )
             over = t >= spec.time - self._period / 2
             found.append((over, events.Event(events.DONE, "done", "time")))
-        first, event = self._ticks, None
+        first, event = rows.stop, None
         for holds, each in found:
             # The first tick of a stage ends nothing.
             ends = np.flatnonzero(holds[1:])
@@ -195,7 +206,8 @@ class GuardWalk:
             axes = [self._measured(f"force.{axis}") for axis in TRANSLATIONS]
             forces = [values for values in axes if values is not None]
             if len(forces) == len(axes):
-                return np.asarray(np.linalg.norm(forces, axis=0) > TOUCHING, dtype=float)
+                size = np.sqrt(sum(values**2 for values in forces))
+                return (size > TOUCHING).astype(float)
         name = f"{column}.measured" if f"{column}.measured" in self._columns else column
         if name in self._columns and name not in self._filled:
             # What has no value in whole stages is looked at where it has one.

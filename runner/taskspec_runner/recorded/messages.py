@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 import re
 import struct
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import field
 from pathlib import Path
 from typing import Any
@@ -20,6 +20,9 @@ from numpy.typing import NDArray
 from taskspec.deferred_methods import dataclass
 from taskspec_runner.errors import InputError
 from taskspec_runner.export.missing import library
+from taskspec_runner.record.file_array import blocks
+from taskspec_runner.record.mapped import KeptArrays, gathered
+from taskspec_runner.recorded.sample_texts import SampleTexts, SampleTextsBuilder
 
 Vector = NDArray[np.float64]
 
@@ -42,6 +45,8 @@ _SI = {
 }
 #: Numbers that one list may bring as columns; a longer one is a picture or a point cloud.
 _LONGEST = 64
+#: Messages of a topic that are taken apart at a time, and how many bytes of them.
+_MESSAGES, _WAITING = 1 << 14, 1 << 23
 
 
 class _TornError(Exception):
@@ -159,36 +164,129 @@ class MessageLog:
 
     timed, form = True, "MCAP"
 
-    def __init__(
-        self, path: Path, columns: Mapping[str, _Column], units: Mapping[str, str]
-    ) -> None:
-        self.path, self.units, self._columns = path, units, columns
+    def __init__(self, path: Path, topics: Mapping[str, _Topic], units: Mapping[str, str]) -> None:
+        """Takes the topics of a file and the units of their fields, by topic and field."""
+        self.path, self.units, self._topics = path, units, topics
 
-    def numbers(self, name: str) -> Vector:
-        """(n,) values of a field in all messages of its topic."""
-        values = self._columns[name].values
-        if isinstance(values, list):
-            raise InputError(f"{self.path}: field '{name}' is not of numbers")
-        return values
+    def _field(self, name: str) -> tuple[_Topic, str]:
+        topic = next(t for t in self._topics if name.startswith(f"{t}.") and name in self.units)
+        return self._topics[topic], name.removeprefix(f"{topic}.")
 
-    def words(self, name: str) -> Sequence[str]:
+    def numbers(self, names: Sequence[str]) -> dict[str, Vector]:
+        """(n,) values of fields in all messages of their topics."""
+        found = {}
+        for name in names:
+            topic, field_name = self._field(name)
+            if field_name in topic.texts:
+                raise InputError(f"{self.path}: field '{name}' is not of numbers")
+            found[name] = topic.numbers[field_name].values(np.float64)
+        return found
+
+    def words(self, name: str) -> SampleTexts:
         """Values of a field as texts."""
-        values = self._columns[name].values
-        return values if isinstance(values, list) else [f"{v:g}" for v in values.tolist()]
+        topic, field_name = self._field(name)
+        if field_name in topic.texts:
+            return topic.texts[field_name].words(f"{self.path}: field '{name}'")
+        builder, values = SampleTextsBuilder(), topic.numbers[field_name].values(np.float64)
+        for part in blocks(len(values)):
+            builder.add([f"{value:g}" for value in values[part].tolist()])
+        return builder.words(f"{self.path}: field '{name}'")
 
     def times(self, name: str) -> Vector:
         """(n,) times of its messages, since the first message of the log [s]."""
-        return self._columns[name].times
+        topic, field_name = self._field(name)
+        return topic.times(field_name)
 
     def place(self, name: str, row: int) -> str:
         """The number of a message."""
         return f"message {row + 1} of {name.partition('.')[0]}"
 
 
-@dataclass(frozen=True, slots=True)
-class _Column:
-    times: Vector
-    values: Vector | list[str]
+class _Grown:
+    """Arrays (n,) that are one, put away."""
+
+    def __init__(self, kept: KeptArrays) -> None:
+        self._kept, self._parts, self.count = kept, list[Callable[[], NDArray[Any]]](), 0
+
+    def add(self, values: NDArray[Any]) -> None:
+        self._parts.append(self._kept.put(np.ascontiguousarray(values)))
+        self.count += len(values)
+
+    def count_on(self, first: int, count: int) -> None:
+        """Adds numbers that follow each other."""
+        self._parts.append(lambda: np.arange(first, first + count))
+        self.count += count
+
+    def values(self, dtype: Any) -> NDArray[Any]:
+        return gathered((part() for part in self._parts), self.count, np.dtype(dtype))
+
+
+class _Topic:
+    """The messages of one topic, some at a time.
+
+    Attributes:
+        numbers: fields to their values.
+        texts: fields to their words.
+        first: time stamp of the first message [ns].
+        begin: time stamp from which times count [ns].
+    """
+
+    def __init__(self, definition: _Definition, kept: KeptArrays) -> None:
+        self.numbers: dict[str, _Grown] = {}
+        self.texts: dict[str, SampleTextsBuilder] = {}
+        self._definition, self._kept = definition, kept
+        self._stamps = _Grown(kept)
+        #: Numbers of the messages that a field is in.
+        self._rows: dict[str, _Grown] = {}
+        self._waiting: list[bytes] = []
+        self._waiting_stamps: list[int] = []
+        self._bytes, self.first, self.begin = 0, 0, 0
+        self._times: dict[str, Vector] = {}
+
+    def add(self, stamp: int, data: bytes) -> None:
+        """Takes a message.
+
+        Raises:
+            _TornError: it, or one before, ends early.
+        """
+        if not self._stamps.count and not self._waiting:
+            self.first = stamp
+        self._waiting_stamps.append(stamp)
+        self._waiting.append(data)
+        self._bytes += len(data)
+        if len(self._waiting) == _MESSAGES or self._bytes > _WAITING:
+            self.finish()
+
+    def finish(self) -> None:
+        """Takes the fields out of the messages that wait."""
+        before, data = self._stamps.count, self._waiting
+        for name, rows, values in _fields_of(self._definition, data):
+            if isinstance(values, list):
+                self.texts.setdefault(name, SampleTextsBuilder()).add(values)
+            else:
+                self.numbers.setdefault(name, _Grown(self._kept)).add(values)
+            having = self._rows.setdefault(name, _Grown(self._kept))
+            if len(rows) == len(data):
+                having.count_on(before, len(data))
+            else:
+                having.add(before + rows)
+        if data:
+            self._stamps.add(np.array(self._waiting_stamps, dtype=np.int64))
+        self._waiting, self._waiting_stamps, self._bytes = [], [], 0
+
+    @property
+    def fields(self) -> Iterator[str]:
+        """Of all its messages."""
+        return iter(self._rows)
+
+    def times(self, name: str) -> Vector:
+        """(n,) times of the messages with a field [s]; the same array for fields of all of them."""
+        every = self._rows[name].count == self._stamps.count
+        key = "" if every else name
+        if key not in self._times:
+            times = (self._stamps.values(np.int64) - self.begin) / 1e9
+            self._times[key] = times if every else times[self._rows[name].values(np.int64)]
+        return self._times[key]
 
 
 def read_mcap(path: Path) -> MessageLog:
@@ -200,42 +298,45 @@ def read_mcap(path: Path) -> MessageLog:
     """
     make_reader = library("mcap.reader", "MCAP", "mcap").make_reader
     errors = library("mcap.exceptions", "MCAP", "mcap").McapError
-    topics: dict[str, tuple[Any, Any, list[int], list[bytes]]] = {}
+    topics: dict[str, tuple[Any, Any, _Topic]] = {}
+    kept, topic = KeptArrays(), ""
     try:
         with path.open("rb") as file:
             reader = make_reader(file, validate_crcs=True)
             for schema, channel, message in reader.iter_messages():
                 if schema is not None and schema.encoding == "ros2msg":
-                    own = topics.setdefault(channel.topic, (schema, channel, [], []))
-                    own[2].append(message.log_time)
-                    own[3].append(message.data)
+                    topic = channel.topic
+                    if topic not in topics:
+                        definition = _Definition(schema.name, schema.data.decode())
+                        topics[topic] = schema, channel, _Topic(definition, kept)
+                    topics[topic][2].add(message.log_time, message.data)
+        for topic in topics:
+            topics[topic][2].finish()
     except OSError as error:
         raise InputError(f"cannot read {path}: {error.strerror or error}") from error
+    except _TornError:
+        raise InputError(f"cannot read {path}: a message of {topic} is cut short") from None
     except (errors, struct.error, ValueError, EOFError, KeyError) as error:
         said = " ".join(str(error).split()) or type(error).__name__
         raise InputError(f"cannot read {path}: it is no whole MCAP file ({said})") from error
     if not topics:
         raise InputError(f"cannot read {path}: it holds no message of ROS 2 (ros2msg, CDR)")
-    begin = min(times[0] for _, _, times, _ in topics.values())
-    columns: dict[str, _Column] = {}
+    begin = min(own.first for _, _, own in topics.values())
     units: dict[str, str] = {}
-    for topic, (schema, channel, stamps, data) in topics.items():
-        times = (np.array(stamps, dtype=np.int64) - begin) / 1e9
-        try:
-            fields = _topic(_Definition(schema.name, schema.data.decode()), times, data)
-        except _TornError:
-            raise InputError(f"cannot read {path}: a message of {topic} is cut short") from None
-        columns |= {f"{topic}.{name}": column for name, column in fields.items()}
+    for topic, (schema, channel, own) in topics.items():
+        own.begin = begin
         stated = json.loads(channel.metadata.get("units", "{}"))
         known = _SI.get(schema.name.rpartition("/")[2], {})
-        for name in fields:
+        for name in own.fields:
             usual = (unit for begins, unit in known.items() if name.startswith(begins))
             units[f"{topic}.{name}"] = str(stated.get(name, "")) or next(usual, "")
-    return MessageLog(path, columns, units)
+    return MessageLog(path, {topic: own for topic, (_, _, own) in topics.items()}, units)
 
 
-def _topic(definition: _Definition, times: Vector, data: Sequence[bytes]) -> dict[str, _Column]:
-    """Field to its values in messages of one topic."""
+def _fields_of(
+    definition: _Definition, data: Sequence[bytes]
+) -> Iterator[tuple[str, NDArray[np.int64], Any]]:
+    """Each field of some messages: those that have it, in order, and its values in them."""
     rows = np.arange(len(data))
     parts: dict[str, list[tuple[NDArray[np.int64], Any]]] = {}
     while len(rows):
@@ -261,7 +362,8 @@ def _topic(definition: _Definition, times: Vector, data: Sequence[bytes]) -> dic
             parts.setdefault(name, []).append((chosen, words))
         rows = np.concatenate([rows[same][~fits], rows[~same]])
         rows.sort()
-    return {name: _joined(times, found) for name, found in parts.items()}
+    for name, found in parts.items():
+        yield name, *_joined(found)
 
 
 def _read(block: NDArray[np.uint8], at: int, kind: str) -> NDArray[Any]:
@@ -269,10 +371,10 @@ def _read(block: NDArray[np.uint8], at: int, kind: str) -> NDArray[Any]:
     return np.ascontiguousarray(block[:, at : at + size]).view(f"<{kind}")[:, 0]
 
 
-def _joined(times: Vector, parts: Sequence[tuple[NDArray[np.int64], Any]]) -> _Column:
+def _joined(parts: Sequence[tuple[NDArray[np.int64], Any]]) -> tuple[NDArray[np.int64], Any]:
     rows = np.concatenate([chosen for chosen, _ in parts])
     order = np.argsort(rows, kind="stable")
     if isinstance(parts[0][1], list):
         words = [word for _, part in parts for word in part]
-        return _Column(times[rows[order]], [words[i] for i in order.tolist()])
-    return _Column(times[rows[order]], np.concatenate([part for _, part in parts])[order])
+        return rows[order], [words[i] for i in order.tolist()]
+    return rows[order], np.concatenate([part for _, part in parts])[order]

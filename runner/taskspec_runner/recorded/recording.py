@@ -18,11 +18,13 @@ from taskspec.signals.entries import TOUCHING
 from taskspec.text.suggest import suggestion
 from taskspec.text.units import NUMBER, parse_unit
 from taskspec_runner.errors import InputError
+from taskspec_runner.record.file_array import blocks, counted, empty
 from taskspec_runner.record.history import STAGE, History, RecordedColumns
 from taskspec_runner.record.layout import LogLayout
 from taskspec_runner.recorded.assignment import Assigned, Assignment
 from taskspec_runner.recorded.column_map import Columns
 from taskspec_runner.recorded.guards import GuardWalk
+from taskspec_runner.recorded.sample_texts import SampleTexts
 from taskspec_runner.recorded.source import LogSource, open_source
 from taskspec_runner.recorded.ticks import BRIDGED, NEAR, Ticks, check_rate, check_times, filled
 
@@ -77,7 +79,10 @@ class _Reading:
     def recording(self) -> ForeignLog:
         signals, staged = self._assignment.signals(), self._assignment.stages()
         start, ticks = self._ticks(signals, staged)
+        assigned = {each.name: each.as_data() for each in signals}
         values = {each.name: self._at(each, start, ticks) for each in signals}
+        # As recorded they are needed no more.
+        del signals
         measured = self._as_measured(values)
         ended = ""
         if staged is not None:
@@ -95,7 +100,7 @@ class _Reading:
         facts = {
             "log": str(self._source.path.absolute()),
             "form": self._source.form,
-            "columns": {each.name: each.as_data() for each in signals},
+            "columns": assigned,
             "map": self._columns.name or None,
             "as_measured": measured,
             "not_recorded": sorted(history.unrecorded),
@@ -108,7 +113,7 @@ class _Reading:
     # Time.
 
     def _ticks(
-        self, signals: Sequence[Assigned], staged: tuple[str, Vector, Sequence[str]] | None
+        self, signals: Sequence[Assigned], staged: tuple[str, Vector, SampleTexts] | None
     ) -> tuple[float, Ticks]:
         """Time of the log at which the task began [s], and the ticks from there on."""
         columns = [(each.column, each.times) for each in signals]
@@ -138,30 +143,30 @@ class _Reading:
         return first, Ticks(self._period, count, self._gap)
 
     def _within_stages(
-        self, staged: tuple[str, Vector, Sequence[str]], first: float, last: float
+        self, staged: tuple[str, Vector, SampleTexts], first: float, last: float
     ) -> tuple[float, float]:
         """The time in which there is a stage; before and after it the column may say nothing."""
         column, times, words = staged
-        named = np.array([bool(word) for word in words])
+        named = np.array([bool(name) for name in words.names])[words.codes]
         if not named.any():
             raise InputError(f"{self._source.path}: column '{column}' names no stage")
-        rows = np.flatnonzero(named)
-        empty = np.flatnonzero(~named[rows[0] : rows[-1]])
-        if len(empty):
-            place = self._assignment.place(column, int(rows[0] + empty[0]))
+        begin, end = int(np.argmax(named)), len(named) - 1 - int(np.argmax(named[::-1]))
+        if not named[begin : end + 1].all():
+            place = self._assignment.place(column, begin + int(np.argmin(named[begin:])))
             raise InputError(
                 f"{self._source.path}: column '{column}' names no stage in {place}, between stages"
             )
-        if rows[-1] < len(words) - 1:
+        if end < len(named) - 1:
             # A message holds until the next one; a row of a table is one sample.
-            after = float(times[rows[-1] + 1]) - 2 * NEAR * self._period
-            last = min(last, after if self._source.timed else float(times[rows[-1]]))
-        return max(first, float(times[rows[0]])), last
+            after = float(times[end + 1]) - 2 * NEAR * self._period
+            last = min(last, after if self._source.timed else float(times[end]))
+        return max(first, float(times[begin])), last
 
     def _at(self, signal: Assigned, start: float, ticks: Ticks) -> Vector:
         """(ticks,) values of a signal at the ticks."""
         held = signal.name in _HELD or _is_condition(signal.name)
-        return ticks.values(signal.times - start, signal.values, held=held)
+        times = signal.times - start
+        return ticks.values(times, signal.values, held=held, scaled=signal.si)
 
     def _as_measured(self, values: dict[str, Vector]) -> list[str]:
         """Puts measured values in the place of true ones that nobody has; returns their names."""
@@ -179,30 +184,38 @@ class _Reading:
     # Stages.
 
     def _by_column(
-        self, staged: tuple[str, Vector, Sequence[str]], start: float, ticks: Ticks
+        self, staged: tuple[str, Vector, SampleTexts], start: float, ticks: Ticks
     ) -> list[tuple[int, str]]:
         column, times, words = staged
         known = self._program.context.loaded.task.stages
-        for row, word in enumerate(words):
+        for code, word in enumerate(words.names):
             if word and word not in known:
-                place = self._assignment.place(column, row)
+                place = self._assignment.place(column, words.first(code))
                 hint = suggestion(word, known, "stages")
                 raise InputError(
                     f"{self._source.path}: '{word}' in column '{column}', {place}, is no stage of "
                     f"the task; {hint}; a map has names for that (stage: {{column: {column}, "
                     f"names: {{{word}: ...}}}})"
                 )
-        stages = [words[row] for row in ticks.last(times - start).tolist()]
-        since = self._assignment.since()
+        # Two words of the column may name one stage.
+        distinct = list(dict.fromkeys(words.names))
+        number = np.array([distinct.index(word) for word in words.names])
+        since, times = self._assignment.since(), times - start
         found: list[tuple[int, str]] = []
-        # A stage that follows itself shows where a run's own log counts its time anew.
-        t = None if since is None else ticks.values(since.times - start, since.values, held=True)
-        anew = np.zeros(ticks.count, dtype=bool)
-        if t is not None:
-            anew[1:] = np.diff(t) < -self._period / 2
-        for tick, name in enumerate(stages):
-            if not found or found[-1][1] != name or anew[tick]:
-                found.append((tick, name))
+        before, t_before = -1, -np.inf
+        if since is not None:
+            # A stage that follows itself shows where a run's own log counts its time anew.
+            t = ticks.values(since.times - start, since.values, held=True, scaled=since.si)
+        for part in blocks(ticks.count):
+            stages = number[words.codes[ticks.last(times, part)]]
+            begins = np.diff(stages, prepend=before) != 0
+            before = int(stages[-1])
+            if since is not None:
+                here = np.asarray(t[part])
+                begins |= np.diff(here, prepend=t_before) < -self._period / 2
+                t_before = float(here[-1])
+            ticks_of = np.flatnonzero(begins).tolist()
+            found += [(part.start + tick, distinct[stages[tick]]) for tick in ticks_of]
         return found
 
     def _by_times(self, ticks: Ticks) -> list[tuple[int, str]]:
@@ -234,25 +247,36 @@ class _Reading:
         self, values: dict[str, Vector], visits: Sequence[tuple[int, str]], ticks: Ticks
     ) -> History:
         """What there is, tick by tick; `t` counts from where each visit of a stage begins."""
-        stages = np.empty(ticks.count, dtype=f"<U{max(len(name) for _, name in visits)}")
-        t = np.empty(ticks.count)
+        stages = empty(ticks.count, f"<U{max(len(name) for _, name in visits)}")
+        t = empty(ticks.count, np.float64)
         firsts = [first for first, _ in visits]
         spans = list(zip(firsts, [*firsts[1:], ticks.count], visits, strict=True))
         for first, end, (_, name) in spans:
             stages[first:end] = name
-            t[first:end] = np.arange(end - first) * self._period
+            t[first:end] = counted(end - first) * self._period
         columns = {"clock": ticks.clock, "t": t}
-        path = self._source.path
         for name in self._units:
-            if name not in values:
-                continue
-            columns[name] = values[name].copy()
-            for first, end, (_, stage) in spans:
-                what = f"{path}: {name} in stage '{stage}'"
-                part = values[name][first:end]
-                columns[name][first:end] = filled(part, ticks, what, sparse=_is_sparse(name))
+            if name in values:
+                columns[name] = self._filled(name, values[name], spans, ticks)
         missing = frozenset(self._units) - columns.keys() - {"t"}
         return History(RecordedColumns(columns), stages, self._stated(columns), missing)
+
+    def _filled(
+        self,
+        name: str,
+        values: Vector,
+        spans: Sequence[tuple[int, int, tuple[int, str]]],
+        ticks: Ticks,
+    ) -> Vector:
+        """(ticks,) values of a signal with short gaps closed in each stay in a stage."""
+        if not np.isnan(values).any():
+            return values
+        # What was measured may stand for what is true as well: the same array.
+        made = empty(len(values), np.float64)
+        for first, end, (_, stage) in spans:
+            what = f"{self._source.path}: {name} in stage '{stage}'"
+            made[first:end] = filled(values[first:end], ticks, what, sparse=_is_sparse(name))
+        return made
 
     def _stated(self, columns: dict[str, Vector]) -> dict[str, str]:
         return {name: self._units[name] for name in columns}

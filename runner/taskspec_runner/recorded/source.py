@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import io
+import os
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Protocol
+from typing import Any, BinaryIO, Protocol
 
 import numpy as np
 import pyarrow as pa
@@ -14,7 +17,10 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from taskspec_runner.errors import InputError
+from taskspec_runner.record.mapped import GrowingColumns
 from taskspec_runner.record.whole import open_regular
+from taskspec_runner.recorded.sample_texts import SampleTexts, SampleTextsBuilder
+from taskspec_runner.runs import ROWS
 
 Vector = NDArray[np.float64]
 
@@ -22,6 +28,10 @@ _UNIT = re.compile(r"\A(.*?)\s*[\[(]([^\[\]()]*)[\])]\s*\Z")
 _SEPARATORS = ",;\t"
 #: A header that is longer is none.
 _LONGEST_HEADER = 1 << 20
+#: Bytes of a CSV file that are read at a time; no line is longer.
+_BLOCK = 1 << 20
+#: Bytes of a Parquet file's column that are read at a time, however long its parts are.
+_BUFFER = 1 << 16
 
 
 class LogSource(Protocol):
@@ -40,18 +50,18 @@ class LogSource(Protocol):
     units: Mapping[str, str]
     timed: bool
 
-    def numbers(self, name: str) -> Vector:
-        """(n,) values of a column, NaN where there is none.
+    def numbers(self, names: Sequence[str]) -> dict[str, Vector]:
+        """(n,) values of some columns, which are read together; NaN where there is none.
 
         Raises:
-            InputError: they are no numbers.
+            InputError: they are no numbers, or cannot be read.
         """
 
-    def words(self, name: str) -> Sequence[str]:
+    def words(self, name: str) -> SampleTexts:
         """Values of a column as texts.
 
         Raises:
-            InputError: they cannot be read.
+            InputError: they cannot be read, or are too many to be names of something.
         """
 
     def times(self, name: str) -> Vector | None:
@@ -64,39 +74,50 @@ class LogSource(Protocol):
         """Where a value of a column stands, in words."""
 
 
+#: Columns of a table to its batches with these columns, in order.
+Batches = Callable[[Sequence[str]], Iterator[pa.RecordBatch]]
+
+
 class LogTable:
     """A CSV or Parquet file: one row a sample."""
 
     timed = False
 
     def __init__(
-        self, path: Path, form: str, table: pa.Table, units: Mapping[str, str], first: int
+        self, path: Path, form: str, units: Mapping[str, str], batches: Batches, first: int
     ) -> None:
         """Takes a table.
 
         Args:
             path: of the file.
             form: of it, in a word.
-            table: its columns by their names, without units.
-            units: that it states.
+            units: columns by their names, without units, and the units that it states.
+            batches: reads some of the columns.
             first: number of the first row for a reader; 2 where a header stands before it.
         """
         self.path, self.form, self.units = path, form, units
-        self._table, self._first = table, first
+        self._batches, self._first = batches, first
 
-    def numbers(self, name: str) -> Vector:
-        """(n,) values of a column, NaN where there is none."""
-        column = self._table[name]
+    def numbers(self, names: Sequence[str]) -> dict[str, Vector]:
+        """(n,) values of some columns, NaN where there is none."""
+        found, row = GrowingColumns(), 0
+        for batch in self._batches(names):
+            found.add({name: self._numbers(name, batch.column(name), row) for name in names})
+            row += batch.num_rows
+        return found.build()
+
+    def _numbers(self, name: str, column: pa.Array, first: int) -> Vector:
+        """(n,) values of a part of a column; `first` is its first row."""
         if pa.types.is_string(column.type):
-            return self._parsed(name, column)
+            return self._parsed(name, column, first)
         if pa.types.is_boolean(column.type):
             column = column.cast(pa.int8())
         try:
-            return np.asarray(column.cast(pa.float64()).to_numpy(), dtype=float)
+            return np.asarray(column.cast(pa.float64()).to_numpy(zero_copy_only=False), dtype=float)
         except (pa.ArrowException, ValueError, TypeError) as error:
             raise InputError(f"{self.path}: column '{name}' is not of numbers") from error
 
-    def _parsed(self, name: str, column: pa.ChunkedArray) -> Vector:
+    def _parsed(self, name: str, column: pa.Array, first: int) -> Vector:
         texts = pa.compute.utf8_trim_whitespace(column.fill_null(""))
         missing = pa.compute.is_in(texts, value_set=pa.array(["", "nan", "NaN", "NAN", "null"]))
         try:
@@ -104,21 +125,19 @@ class LogTable:
         except pa.ArrowException:
             for row, text in enumerate(texts.to_pylist()):
                 if not missing[row].as_py() and not _is_number(text):
-                    place = self.place(name, row)
+                    place = self.place(name, first + row)
                     raise InputError(
                         f"{self.path}: '{text}' is no number, in column '{name}', {place}"
                     ) from None
             raise InputError(f"{self.path}: column '{name}' is not of numbers") from None
-        return np.asarray(values.to_numpy(), dtype=float)
+        return np.asarray(values.to_numpy(zero_copy_only=False), dtype=float)
 
-    def words(self, name: str) -> Sequence[str]:
+    def words(self, name: str) -> SampleTexts:
         """Values of a column as texts, empty where there is none."""
-        column = self._table[name]
-        if pa.types.is_floating(column.type):
-            # A number of a stage is written as a whole one.
-            return [f"{value:g}" for value in column.to_numpy().tolist()]
-        texts: Sequence[str] = column.cast(pa.string()).fill_null("").to_pylist()
-        return [text.strip() for text in texts]
+        found = SampleTextsBuilder()
+        for batch in self._batches([name]):
+            found.add(_texts(batch.column(name)))
+        return found.words(f"{self.path}: column '{name}'")
 
     def times(self, name: str) -> None:
         """None: a table has a column for the time."""
@@ -126,6 +145,14 @@ class LogTable:
     def place(self, name: str, row: int) -> str:  # noqa: ARG002
         """The line of a text, or the row of a table."""
         return f"{'line' if self.form == 'CSV' else 'row'} {row + self._first}"
+
+
+def _texts(column: pa.Array) -> list[str]:
+    if pa.types.is_floating(column.type):
+        # A number of a stage is written as a whole one.
+        return [f"{value:g}" for value in column.to_numpy(zero_copy_only=False).tolist()]
+    texts: Sequence[str] = column.cast(pa.string()).fill_null("").to_pylist()
+    return [text.strip() for text in texts]
 
 
 def _is_number(text: str) -> bool:
@@ -146,42 +173,96 @@ def read_csv(path: Path) -> LogTable:
     """
     try:
         with open_regular(path) as file:
-            content = file.read()
+            head = file.read(_LONGEST_HEADER)
+            # Behind the header, something has to stand.
+            begun = head.partition(b"\n")[2]
+            while not begun.strip() and (more := file.read(_LONGEST_HEADER)):
+                begun = more
+            end = _end_of_lines(file)
     except OSError as error:
         raise InputError(f"cannot read {path}: {error.strerror or error}") from error
-    if b"\0" in content[:_LONGEST_HEADER]:
+    if b"\0" in head:
         raise InputError(f"cannot read {path}: it is no text, nor Parquet nor MCAP")
-    header, newline, rest = content[:_LONGEST_HEADER].partition(b"\n")
+    header, newline, _ = head.partition(b"\n")
     try:
         text = header.decode("utf-8-sig").rstrip("\r")
     except UnicodeDecodeError as error:
         raise InputError(f"cannot read {path}: it is not UTF-8") from error
     if not text.strip():
         raise InputError(f"cannot read {path}: it is empty")
-    if not newline or not rest.strip():
+    if not newline or not begun.strip():
         raise InputError(f"cannot read {path}: it has a header and no sample")
     separator = max(_SEPARATORS, key=text.count)
     names = [each.strip().strip('"') for each in text.split(separator)]
-    content = content[: content.rindex(b"\n") + 1]
-    options = pa.csv.ConvertOptions(
-        column_types=dict.fromkeys(_numbered(names), pa.string()), strings_can_be_null=False
-    )
-    reading = pa.csv.ReadOptions(
-        column_names=_numbered(names), skip_rows=1, use_threads=False, encoding="utf8"
-    )
-    parsing = pa.csv.ParseOptions(delimiter=separator)
-    try:
-        table = pa.csv.read_csv(pa.py_buffer(content), reading, parsing, options)
-    except pa.ArrowException as error:
-        said = " ".join(str(error).split())
-        raise InputError(
-            f"cannot read {path}: its lines do not all have as many columns as its header ({said})"
-        ) from error
-    return _table(path, "CSV", table, names, [""] * len(names), 2)
+    if end <= len(header) + 1:
+        raise InputError(f"cannot read {path}: it holds no whole sample")
+    rows = _CsvRows(path, separator, len(names), len(header) + 1, end)
+    return _table(path, "CSV", names, [""] * len(names), rows.batches, 2)
 
 
-def _numbered(names: Sequence[str]) -> list[str]:
-    return [str(number) for number in range(len(names))]
+def _end_of_lines(file: BinaryIO) -> int:
+    """Where the last whole line of a file ends [bytes]."""
+    at = file.seek(0, os.SEEK_END)
+    while at:
+        start = max(at - _LONGEST_HEADER, 0)
+        file.seek(start)
+        found = file.read(at - start).rfind(b"\n")
+        if found >= 0:
+            return start + found + 1
+        at = start
+    return 0
+
+
+class _Part(io.RawIOBase):
+    """A part of a file as a file of its own."""
+
+    def __init__(self, file: BinaryIO, start: int, end: int) -> None:
+        self._file, self._left = file, end - start
+        file.seek(start)
+
+    def readable(self) -> bool:
+        """Always."""
+        return True
+
+    def readinto(self, into: Any) -> int:
+        """Fills a buffer as far as there is something; returns how many bytes."""
+        content = self._file.read(min(len(into), self._left))
+        into[: len(content)] = content
+        self._left -= len(content)
+        return len(content)
+
+
+class _CsvRows:
+    """The rows of a CSV file, read anew each time that they are asked for."""
+
+    def __init__(self, path: Path, separator: str, columns: int, start: int, end: int) -> None:
+        self._path, self._separator = path, separator
+        self._numbers = [str(number) for number in range(columns)]
+        self._start, self._end = start, end
+
+    def batches(self, columns: Sequence[int]) -> Iterator[pa.RecordBatch]:
+        """Batches of some columns, by their numbers, all of them texts."""
+        converting = pa.csv.ConvertOptions(
+            column_types=dict.fromkeys(self._numbers, pa.string()),
+            include_columns=[self._numbers[number] for number in columns],
+            strings_can_be_null=False,
+        )
+        reading = pa.csv.ReadOptions(
+            column_names=self._numbers, use_threads=False, encoding="utf8", block_size=_BLOCK
+        )
+        parsing = pa.csv.ParseOptions(delimiter=self._separator)
+        try:
+            with open_regular(self._path) as file:
+                part = pa.PythonFile(_Part(file, self._start, self._end), mode="r")
+                yield from pa.csv.open_csv(part, reading, parsing, converting)
+        except pa.ArrowException as error:
+            said = " ".join(str(error).split())
+            raise InputError(
+                f"cannot read {self._path}: its lines do not all have as many columns as its "
+                f"header ({said})"
+            ) from error
+        except OSError as error:
+            raise InputError(f"cannot read {self._path}: {error.strerror or error}") from error
 
 
 def read_parquet(path: Path) -> LogTable:
@@ -190,35 +271,62 @@ def read_parquet(path: Path) -> LogTable:
     Raises:
         InputError: it is no such file.
     """
+    with _parquet(path) as file:
+        schema, rows = file.schema_arrow, file.metadata.num_rows
+    units = [(f.metadata or {}).get(b"unit", b"").decode("utf-8", "replace") for f in schema]
+    names = [field.name for field in schema]
+
+    def batches(columns: Sequence[int]) -> Iterator[pa.RecordBatch]:
+        with _parquet(path) as file:
+            wanted = [names[number] for number in columns]
+            for batch in file.iter_batches(ROWS, columns=wanted):
+                # A name with dots may bring others, of which it is the beginning.
+                found = [batch.column(batch.schema.get_field_index(name)) for name in wanted]
+                yield pa.RecordBatch.from_arrays(found, wanted)
+
+    if not rows:
+        raise InputError(f"cannot read {path}: it holds no sample")
+    return _table(path, "Parquet", names, units, batches, 1)
+
+
+@contextmanager
+def _parquet(path: Path) -> Iterator[pq.ParquetFile]:
     try:
-        table = pq.read_table(path)
+        with pq.ParquetFile(path, buffer_size=_BUFFER) as file:
+            yield file
     except (pa.ArrowException, OSError) as error:
         said = " ".join(str(error).split())
         raise InputError(f"cannot read {path}: it is no whole Parquet file ({said})") from error
-    units = [(f.metadata or {}).get(b"unit", b"").decode("utf-8", "replace") for f in table.schema]
-    names = [field.name for field in table.schema]
-    return _table(path, "Parquet", table, names, units, 1)
 
 
 def _table(
     path: Path,
     form: str,
-    table: pa.Table,
     names: Sequence[str],
     units: Sequence[str],
+    batches: Callable[[Sequence[int]], Iterator[pa.RecordBatch]],
     first: int,
 ) -> LogTable:
-    """A table whose columns are called without the units that stand behind their names."""
-    if not table.num_rows:
-        raise InputError(f"cannot read {path}: it holds no sample")
+    """A table whose columns are called without the units that stand behind their names.
+
+    Args:
+        path, form, first: see `LogTable`.
+        names: of the columns, with or without units.
+        units: that stand elsewhere.
+        batches: reads some columns, by their numbers.
+    """
     split = [named(name) for name in names]
     bare = [name for name, _ in split]
     twice = sorted({name for name in bare if bare.count(name) > 1})
     if twice:
         raise InputError(f"cannot read {path}: it has more than one column '{twice[0]}'")
     stated = [unit or own for unit, (_, own) in zip(units, split, strict=True)]
-    renamed = table.rename_columns(bare)
-    return LogTable(path, form, renamed, dict(zip(bare, stated, strict=True)), first)
+
+    def read(wanted: Sequence[str]) -> Iterator[pa.RecordBatch]:
+        for batch in batches([bare.index(name) for name in wanted]):
+            yield batch.rename_columns(list(wanted))
+
+    return LogTable(path, form, dict(zip(bare, stated, strict=True)), read, first)
 
 
 def named(text: str) -> tuple[str, str]:

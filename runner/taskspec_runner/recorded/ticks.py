@@ -7,11 +7,14 @@ Nothing is filtered. Two samples that are further apart than a bound are not bri
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.deferred_methods import dataclass
 from taskspec_runner.errors import InputError
+from taskspec_runner.record.file_array import blocks, counted, empty
 
 Vector = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -41,36 +44,50 @@ class Ticks:
     @property
     def clock(self) -> Vector:
         """(count,) run time of each tick [s]."""
-        return np.asarray(np.arange(self.count) * self.period, dtype=float)
+        return np.asanyarray(counted(self.count) * self.period, dtype=np.float64)
 
-    def last(self, times: Vector) -> NDArray[np.int64]:
-        """(count,) the last sample at or before each tick.
+    def last(self, times: Vector, part: slice) -> NDArray[np.int64]:
+        """(k,) the last sample at or before each of some ticks.
 
         Args:
             times: (n,) of samples [s]; the first is not after the first tick.
+            part: which ticks.
         """
-        after = np.searchsorted(times, self.clock + NEAR * self.period, side="right")
-        return np.maximum(after - 1, 0)
+        after = np.searchsorted(times, self._clock(part) + NEAR * self.period, side="right")
+        return np.asarray(np.maximum(after - 1, 0))
 
-    def values(self, times: Vector, values: Vector, *, held: bool) -> Vector:
+    def _clock(self, part: slice) -> Vector:
+        return np.asarray(np.arange(part.start, part.stop) * self.period, dtype=float)
+
+    def values(
+        self,
+        times: Vector,
+        values: Vector,
+        *,
+        held: bool,
+        scaled: Callable[[Vector], Vector] = lambda part: part,
+    ) -> Vector:
         """(count,) values at the ticks; NaN next to a sample that is NaN.
 
         Args:
             times, values: (n,) samples, times rising [s].
             held: whether a value stays until the next sample.
+            scaled: what brings some values into the unit of the result.
         """
-        before, clock = self.last(times), self.clock
-        found = values[before]
-        if held:
-            return np.asarray(found)
-        between = np.abs(times[before] - clock) > NEAR * self.period
-        first = before[between]
-        second = np.minimum(first + 1, len(times) - 1)
-        width = np.maximum(times[second] - times[first], 1e-300)
-        share = np.clip((clock[between] - times[first]) / width, 0.0, 1.0)
-        found = found.copy()
-        found[between] = values[first] + share * (values[second] - values[first])
-        return np.asarray(found)
+        made = empty(self.count, np.float64)
+        for part in blocks(self.count):
+            before, clock = self.last(times, part), self._clock(part)
+            found = scaled(np.array(values[before]))
+            between = np.abs(times[before] - clock) > NEAR * self.period
+            if not held and between.any():
+                first = before[between]
+                second = np.minimum(first + 1, len(times) - 1)
+                width = np.maximum(times[second] - times[first], 1e-300)
+                share = np.clip((clock[between] - times[first]) / width, 0.0, 1.0)
+                low, high = (scaled(np.array(values[rows])) for rows in (first, second))
+                found[between] = low + share * (high - low)
+            made[part] = found
+        return made
 
 
 def check_times(times: Vector, place: Mask | object, what: str) -> None:
@@ -148,15 +165,29 @@ def filled(values: Vector, ticks: Ticks, what: str, *, sparse: bool = False) -> 
     missing = np.isnan(values)
     if not missing.any() or missing.all():
         return values
-    known = np.flatnonzero(~missing)
-    edges = np.concatenate([[-1], known, [len(values)]])
-    widest = int(np.max(np.diff(edges))) - 1
+    padded = empty(len(values) + 2, np.bool_)
+    padded[0] = padded[-1] = False
+    padded[1:-1] = missing
+    # Where each run of missing values begins, and where it is over.
+    changes = np.flatnonzero(padded[1:] != padded[:-1])
+    starts, ends = changes[0::2], changes[1::2]
+    widest = int(np.max(ends - starts))
     if (widest + 1) * ticks.period > ticks.gap * (1 + 1e-9):
         if sparse:
             return values
-        row = int(edges[int(np.argmax(np.diff(edges)))]) + 1
+        row = int(starts[int(np.argmax(ends - starts))])
         raise InputError(
             f"{what} has no value for {1e3 * widest * ticks.period:.6g} ms, from tick {row} of it "
             f"on, and up to {1e3 * ticks.gap:.6g} ms are bridged"
         )
-    return np.interp(np.arange(len(values)), known, values[known])
+    made = empty(len(values), np.float64)
+    for part in blocks(len(values)):
+        # From the last value before them to the first one behind them.
+        first, after = part.start, part.stop
+        if missing[first]:
+            first = max(int(starts[np.searchsorted(starts, first, side="right") - 1]) - 1, 0)
+        if missing[after - 1]:
+            after = min(int(ends[np.searchsorted(ends, after, side="left")]) + 1, len(values))
+        known = first + np.flatnonzero(~missing[first:after])
+        made[part] = np.interp(np.arange(part.start, part.stop), known, values[known])
+    return made

@@ -5,7 +5,8 @@ Frames, moving bases, handles and signals are those of the controller, as the sa
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from bisect import bisect_right
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cache, cached_property
 
 import casadi as ca
@@ -15,7 +16,7 @@ from numpy.typing import NDArray
 
 from taskspec.control.reference import opposite
 from taskspec.geometry.axis import AXES, Axis
-from taskspec.program.bound import over_rows
+from taskspec.program.bound import RowFunction
 from taskspec.program.reference.coordinates import on_handle
 from taskspec.program.signals import place
 from taskspec.program.stages.stage import CompiledStage
@@ -25,6 +26,7 @@ from taskspec.program.world.moving_base import MovingBase
 from taskspec.robot import RobotModel
 from taskspec.robot.model_terms import kinematic_terms
 from taskspec.signals import SCALARS, VECTORS, MovingPose, Situation
+from taskspec_runner.record.file_array import blocks, empty
 from taskspec_runner.record.history import History, Visit
 
 Vector = NDArray[np.float64]
@@ -37,6 +39,8 @@ class Replay:
     them; only their axes change, and a velocity becomes one against what carries the frame. A
     position in a following frame counts from where the visit of its stage began; on a box, the
     frame is that of the face nearest there.
+
+    It works on some ticks at a time; what it has of all of them lies in files if they are many.
     """
 
     def __init__(
@@ -51,8 +55,10 @@ class Replay:
         self._bases = moving_bases or {}
         self._stages = {stage.name: stage for stage in stages}
         self._visits = tuple(history.visits())
-        self._tip: tuple[Vector, Vector] | None = None
-        self._placed: dict[str, tuple[Vector, ...]] = {}
+        self._firsts = [visit.first for visit in self._visits]
+        self._placing: dict[str, tuple[RowFunction, _Faces]] = {}
+        self._twists: dict[str, RowFunction] = {}
+        self._levers: dict[int, Vector] = {}
         self._found: dict[tuple[str, str], Vector] = {}
 
     def signal(self, name: str, axis: str | None, frame_name: str) -> Vector:
@@ -66,71 +72,100 @@ class Replay:
         frame = self._frames[frame_name]
         if name == "position":
             return self._position(Axis(axis or ""), frame)
-        key = (name, frame_name)
+        found = self._kept(name, frame, lambda: self._in_frame(name, frame))
+        return np.asanyarray(found[:, 0 if axis is None else Axis(axis).row % found.shape[1]])
+
+    def _kept(self, name: str, frame: FrameModel, make: Callable[[], Vector]) -> Vector:
+        """What is computed of a frame once."""
+        key = (name, frame.name)
         if key not in self._found:
-            function, used = _in_frame(name)
-            given = self._values(frame)
+            self._found[key] = make()
+        return self._found[key]
+
+    def _by_blocks(self, size: int, part: Callable[[slice], Vector]) -> Vector:
+        """(n, size) of what gives (k, size) for k ticks that follow each other, in their order."""
+        made = empty((len(self._history), size), np.float64)
+        for rows in blocks(len(made)):
+            made[rows] = part(rows)
+        return made
+
+    def _parts(self, rows: slice) -> Iterator[tuple[Visit, slice, slice]]:
+        """Each visit that some ticks belong to: its ticks of them, of all and of these."""
+        number = max(bisect_right(self._firsts, rows.start) - 1, 0)
+        while number < len(self._visits) and self._visits[number].first < rows.stop:
+            visit, number = self._visits[number], number + 1
+            first, after = max(visit.first, rows.start), min(visit.last + 1, rows.stop)
+            yield visit, slice(first, after), slice(first - rows.start, after - rows.start)
+
+    def _in_frame(self, name: str, frame: FrameModel) -> Vector:
+        """(n, size) a framed signal in the axes of a frame."""
+        function, used = _in_frame(name)
+        mapped = RowFunction(function)
+
+        def part(rows: slice) -> Vector:
+            given = self._values(frame, rows)
             if "between" in used:
-                given["between"] = self._between(frame)
-            (found,) = over_rows(function, *(given[each] for each in used))
+                given["between"] = self._between(frame, rows)
+            (found,) = mapped(*(given[each] for each in used))
             # A frame that is not known has no axes; limits of a formula may hide that.
             found[np.isnan(given["frame"][:, 0])] = np.nan
-            self._found[key] = found
-        found = self._found[key]
-        return np.asarray(found[:, 0 if axis is None else Axis(axis).row % found.shape[1]])
+            return found
 
-    def _values(self, frame: FrameModel) -> dict[str, Vector]:
-        """What the formulas of framed signals are told at every tick, in world axes."""
-        p, R = self._tip_rows()
-        axes = self._placed_rows(frame)[1]
-        return {**self._logged, "tip": p, "tip_rotation": R, "frame": axes}
+        return self._by_blocks(function.numel_out(0), part)
 
-    @cached_property
-    def _logged(self) -> Mapping[str, Vector]:
+    def _values(self, frame: FrameModel, rows: slice) -> dict[str, Vector]:
+        """What the formulas of framed signals are told at some ticks, in world axes."""
+        p, R = self._tip_rows(rows)
+        axes = self._placed_rows(frame, rows)[1]
+        return {**self._logged(rows), "tip": p, "tip_rotation": R, "frame": axes}
+
+    def _logged(self, rows: slice) -> Mapping[str, Vector]:
         """Axes of each row's own frame, and the vectors that the log has in them."""
-        n, columns = len(self._history), self._history.columns
+        n, columns = rows.stop - rows.start, self._history.columns
         own, wrench, twist, error = (np.zeros((n, size)) for size in (9, 6, 6, 6))
-        for visit in self._visits:
-            stage, rows = self._stages[visit.stage], visit.rows
-            own[rows] = self._placed_rows(stage.plan.frame)[1][rows]
+        for visit, there, here in self._parts(rows):
+            stage = self._stages[visit.stage]
+            own[here] = self._placed_rows(stage.plan.frame, there)[1]
             # An axis that the arm does not have is one along which nothing happens.
             for axis in stage.plan.axes:
-                wrench[rows, axis.row] = columns[f"{axis.effort}.{axis}"][rows]
-                twist[rows, axis.row] = columns[f"velocity.{axis}"][rows]
-                error[rows, axis.row] = columns[f"error.{axis}"][rows]
+                wrench[here, axis.row] = columns[f"{axis.effort}.{axis}"][there]
+                twist[here, axis.row] = columns[f"velocity.{axis}"][there]
+                error[here, axis.row] = columns[f"error.{axis}"][there]
         return {"own": own, "wrench": wrench, "twist": twist, "error": error}
 
-    def _between(self, frame: FrameModel) -> Vector:
-        """(n, 6) velocity at the control point of what carries a stage's frame against another's.
+    def _between(self, frame: FrameModel, rows: slice) -> Vector:
+        """(k, 6) velocity at the control point of what carries a stage's frame against another's.
 
         World axes [m/s, rad/s].
         """
-        result = -self._base_twist(frame)
-        for visit in self._visits:
+        result = -self._base_twist(frame, rows)
+        for visit, there, here in self._parts(rows):
             own = self._stages[visit.stage].plan.frame
             if own.base_name in self._bases:
-                result[visit.rows] += self._base_twist(own)[visit.rows]
+                result[here] += self._base_twist(own, there)
         return result
 
-    def _base_twist(self, frame: FrameModel) -> Vector:
-        """(n, 6) velocity of what carries a frame at the control point; zero for nothing."""
+    def _base_twist(self, frame: FrameModel, rows: slice) -> Vector:
+        """(k, 6) velocity of what carries a frame at the control point; zero for nothing."""
         base = self._bases.get(frame.base_name)
         if base is None:
-            return np.zeros((len(self._history), 6))
-        return over_rows(_base_twist(base), self._clock, self._point)[0]
+            return np.zeros((rows.stop - rows.start, 6))
+        if frame.base_name not in self._twists:
+            self._twists[frame.base_name] = RowFunction(_base_twist(base))
+        return self._twists[frame.base_name](self._clock(rows), self._point(rows))[0]
 
-    @property
-    def _clock(self) -> Vector:
-        return self._history.columns["clock"][:, np.newaxis]
+    def _clock(self, rows: slice) -> Vector:
+        """(k, 1) run time [s]."""
+        return np.asarray(self._history.columns["clock"][rows])[:, np.newaxis]
 
-    @cached_property
-    def _point(self) -> Vector:
-        """(n, 3) the control point of each row's stage in the world [m]."""
-        return np.asarray(self._tip_rows()[0] + self.offset())
+    def _point(self, rows: slice) -> Vector:
+        """(k, 3) the control point of each row's stage in the world [m]."""
+        return np.asarray(self._tip_rows(rows)[0] + self._offset(rows))
 
     def _position(self, axis: Axis, frame: FrameModel) -> Vector:
         result = self._turning(frame) if axis.is_rotation else self._place(frame)
-        column = result[:, axis.column]
+        column = empty(len(result), np.float64)
+        column[:] = result[:, axis.column]
         for visit in self._visits:
             if self._stages[visit.stage].plan.frame is frame:
                 own = self._history.columns[f"position.{axis}"]
@@ -139,151 +174,243 @@ class Replay:
 
     def _place(self, frame: FrameModel) -> Vector:
         """(n, 3) coordinates of the control point in a frame, as docs/language.md counts."""
-        origin, axes, foot, relative = self._placed_rows(frame)
         if frame.still:
-            function, used = _in_frame("position")
-            given = {"point": self._point, "origin": origin, "frame": axes}
-            return over_rows(function, *(given[each] for each in used))[0]
+            return self._kept("place", frame, lambda: self._still(frame))
         if frame.mechanism is not None:
-            return self._on_handle(frame)
-        here = foot if frame.kind == "following" else self._point
-        result = np.zeros_like(here)
-        for visit in self._visits:
-            now = slice(visit.first + 1, visit.last + 1)
-            before = slice(visit.first, visit.last)
-            (steps,) = over_rows(_moved(), relative[now], here[now], here[before])
-            result[now] = np.cumsum(steps, axis=0)
-        if frame.kind == "following":
-            result[:, 2] = self._history.columns[f"{frame.surface_name}.gap"]
-        return result
+            return self._kept("place", frame, lambda: self._on_handle(frame))
+        return self._kept("place", frame, lambda: self._along(frame))
+
+    def _still(self, frame: FrameModel) -> Vector:
+        """(n, 3) coordinates in a frame that nothing moves."""
+        function, used = _in_frame("position")
+        mapped = RowFunction(function)
+
+        def part(rows: slice) -> Vector:
+            origin, axes, *_ = self._placed_rows(frame, rows)
+            given = {"point": self._point(rows), "origin": origin, "frame": axes}
+            return mapped(*(given[each] for each in used))[0]
+
+        return self._by_blocks(3, part)
+
+    def _along(self, frame: FrameModel) -> Vector:
+        """(n, 3) the way along the axes of a frame that moves, each visit from where it began."""
+        moved, so_far = RowFunction(_moved()), np.zeros((1, 3))
+
+        def part(rows: slice) -> Vector:
+            nonlocal so_far
+            since = slice(max(rows.start - 1, 0), rows.stop)
+            _, _, foot, relative = self._placed_rows(frame, since)
+            here = foot if frame.kind == "following" else self._point(since)
+            # Where the visit's first tick is among these, it stays zero.
+            result, skipped = np.zeros((rows.stop - rows.start, 3)), rows.start - since.start
+            for visit, there, own in self._parts(rows):
+                begins = there.start == visit.first
+                first = own.start + begins
+                if first >= own.stop:
+                    continue
+                now = slice(first + skipped, own.stop + skipped)
+                (steps,) = moved(relative[now], here[now], here[now.start - 1 : now.stop - 1])
+                if not begins:
+                    steps = np.concatenate([so_far, steps])
+                result[first : own.stop] = np.cumsum(steps, axis=0)[0 if begins else 1 :]
+            so_far = result[-1:].copy()
+            if frame.kind == "following":
+                result[:, 2] = self._history.columns[f"{frame.surface_name}.gap"][rows]
+            return result
+
+        return self._by_blocks(3, part)
 
     def _on_handle(self, frame: FrameModel) -> Vector:
         """(n, 3) coordinates along the circle of a handle, each visit from where it began."""
-        angle_of, coordinates = _on_handle(frame)
+        angle_of, coordinates = map(RowFunction, _on_handle(frame))
         # Whole turns are counted from the angle nearest to that of rest.
-        angle = np.unwrap(over_rows(angle_of, self._point)[0], axis=0)
-        since = np.zeros_like(angle)
-        for visit in self._visits:
-            since[visit.rows] = angle[visit.first]
-        return over_rows(coordinates, self._point, angle, since)[0]
+        before, turned, since = np.nan, 0.0, 0.0
+
+        def part(rows: slice) -> Vector:
+            nonlocal before, turned, since
+            point = self._point(rows)
+            measured = angle_of(point)[0][:, 0]
+            steps = np.diff(measured, prepend=measured[0] if np.isnan(before) else before)
+            turns = np.cumsum(np.concatenate([[turned], _turns(steps)]))[1:]
+            before, turned, angle = float(measured[-1]), float(turns[-1]), measured + turns
+            begun = np.empty_like(angle)
+            for visit, there, here in self._parts(rows):
+                if there.start == visit.first:
+                    since = float(angle[here.start])
+                begun[here] = since
+            return coordinates(point, angle[:, np.newaxis], begun[:, np.newaxis])[0]
+
+        return self._by_blocks(3, part)
 
     def _turning(self, frame: FrameModel) -> Vector:
         """(n, 3) rotation vector of the tool since its visit began, in a frame's axes."""
-        tool, axes = self._tip_rows()[1], self._placed_rows(frame)[1]
-        result = np.zeros((len(tool), 3))
-        for visit in self._visits:
-            rows, first = visit.rows, slice(visit.first, visit.first + 1)
-            size = tool[rows].shape
-            base = np.broadcast_to(axes[first], size) if frame.kind == "tool" else axes[rows]
-            begun, onto = np.broadcast_to(tool[first], size), np.broadcast_to(axes[first], size)
-            (turned,) = over_rows(_turned(), base, tool[rows], begun, onto)
-            # The controller's logarithm has no digits left within 1e-11 of half a turn.
-            result[rows] = [pin.log3(R) for R in _matrices(turned)]
-        return result
+        turned_of = RowFunction(_turned())
+
+        def part(rows: slice) -> Vector:
+            result = np.zeros((rows.stop - rows.start, 3))
+            for visit, there, here in self._parts(rows):
+                start = slice(visit.first, visit.first + 1)
+                tool, begun = self._tip_rows(there)[1], self._tip_rows(start)[1]
+                onto = self._placed_rows(frame, start)[1]
+                axes = onto if frame.kind == "tool" else self._placed_rows(frame, there)[1]
+                given = (np.broadcast_to(each, tool.shape) for each in (axes, tool, begun, onto))
+                (turned,) = turned_of(*given)
+                # The controller's logarithm has no digits left within 1e-11 of half a turn.
+                result[here] = [pin.log3(R) for R in _matrices(turned)]
+            return result
+
+        return self._kept("turning", frame, lambda: self._by_blocks(3, part))
 
     def offset(self) -> Vector:
         """(n, 3) from the tip to the control point of each row's stage, world axes [m]."""
-        p, R = self.tip_pose()
-        result = np.zeros_like(p)
-        for visit in self._visits:
-            frame = self._stages[visit.stage].plan.frame
-            if not frame.at_origin:
-                continue
-            lever = frame.origin
-            if frame.kind != "tool":
-                origin = self._placed_rows(frame)[0][visit.first]
-                lever = R[visit.first].T @ (origin - p[visit.first])
-            result[visit.rows] = R[visit.rows] @ lever
+        return np.asarray(self._by_blocks(3, self._offset))
+
+    def _offset(self, rows: slice) -> Vector:
+        R = _matrices(self._tip_rows(rows)[1])
+        result = np.zeros((len(R), 3))
+        for visit, _, here in self._parts(rows):
+            if self._stages[visit.stage].plan.frame.at_origin:
+                result[here] = R[here] @ self._lever(visit)
         return result
+
+    def _lever(self, visit: Visit) -> Vector:
+        """(3,) from the tip to the control point of a visit, in the tool's axes [m]."""
+        frame = self._stages[visit.stage].plan.frame
+        if frame.kind == "tool":
+            return frame.origin
+        if visit.first not in self._levers:
+            start = slice(visit.first, visit.first + 1)
+            p, R = self._tip_rows(start)
+            origin = self._placed_rows(frame, start)[0][0]
+            self._levers[visit.first] = _matrices(R)[0].T @ (origin - p[0])
+        return self._levers[visit.first]
 
     def tip_pose(self) -> tuple[Vector, Vector]:
         """(n, 3), (n, 3, 3) pose of the tip in the world, from the logged joint positions."""
-        p, R = self._tip_rows()
-        return p, _matrices(R)
+        tip = np.asarray(self._tip)
+        return tip[:, :3], _matrices(tip[:, 3:])
 
     def pose(self, frame: FrameModel) -> tuple[Vector, Vector]:
         """(n, 3), (n, 3, 3) origin (of a following frame: the foot) and axes in the world."""
-        origin, axes, *_ = self._placed_rows(frame)
-        return origin, _matrices(axes)
+        found = np.asarray(self._kept("pose", frame, lambda: self._poses(frame)))
+        return found[:, :3], _matrices(found[:, 3:])
 
-    def _tip_rows(self) -> tuple[Vector, Vector]:
-        if self._tip is None:
-            model, tip = self._robot.pin, self._robot.tip
-            data = model.createData()
-            columns = self._history.columns
-            q = np.column_stack([columns[f"joint.{i + 1}.position"] for i in range(model.nv)])
-            p, R = np.empty((len(q), 3)), np.empty((len(q), 9))
+    def _poses(self, frame: FrameModel) -> Vector:
+        return self._by_blocks(12, lambda rows: np.hstack(self._placed_rows(frame, rows)[:2]))
+
+    @cached_property
+    def _tip(self) -> Vector:
+        """(n, 12) place of the tip and its axes, by columns."""
+        model, tip, columns = self._robot.pin, self._robot.tip, self._history.columns
+        data = model.createData()
+
+        def part(rows: slice) -> Vector:
+            q = np.column_stack([columns[f"joint.{i + 1}.position"][rows] for i in range(model.nv)])
+            result = np.empty((len(q), 12))
             for row, joints in enumerate(q):
                 pin.forwardKinematics(model, data, joints)
                 pose = data.oMi[self._robot.tip_joint] * tip
-                p[row], R[row] = pose.translation, pose.rotation.ravel(order="F")
-            self._tip = p, R
-        return self._tip
+                result[row, :3] = pose.translation
+                result[row, 3:] = pose.rotation.ravel(order="F")
+            return result
 
-    def _placed_rows(self, frame: FrameModel) -> tuple[Vector, ...]:
-        """(n, 3), (n, 9) origin and axes of a frame: in the world, and against what carries it."""
-        if frame.name not in self._placed:
-            p, R = self._tip_rows()
-            face = self._faces(frame)
-            base = self._bases.get(frame.base_name)
-            function = _placed(self._robot, frame, base, face.shape[1])
-            arguments = (p, R, self._clock, face)[: function.n_in()]
-            self._placed[frame.name] = over_rows(function, *arguments)
-        return self._placed[frame.name]
+        return self._by_blocks(12, part)
 
-    def _faces(self, frame: FrameModel) -> Vector:
-        """(n, k) what a frame needs besides the tool: its part of a surface, or a measured pose."""
-        p, R = self.tip_pose()
+    def _tip_rows(self, rows: slice) -> tuple[Vector, Vector]:
+        """(k, 3), (k, 9) place of the tip and its axes at some ticks."""
+        found = np.asarray(self._tip[rows])
+        return found[:, :3], found[:, 3:]
+
+    def _placed_rows(self, frame: FrameModel, rows: slice) -> tuple[Vector, ...]:
+        """(k, 3), (k, 9) origin and axes of a frame: in the world, and against what carries it."""
+        if frame.name not in self._placing:
+            base, faces = self._bases.get(frame.base_name), self._faces(frame)
+            placed = _placed(self._robot, frame, base, faces.size)
+            self._placing[frame.name] = RowFunction(placed), faces
+        function, faces = self._placing[frame.name]
+        arguments = (*self._tip_rows(rows), self._clock(rows))
+        return function(*arguments, *((faces.at(rows),) if faces.size else ()))
+
+    def _faces(self, frame: FrameModel) -> _Faces:
+        """What a frame needs besides the tool: its part of a surface, or a measured pose."""
         if frame.kind == "estimated":
             return self._measured_poses(frame)
         base, tool = self._bases.get(frame.base_name), self._robot.tool
-        result = np.zeros((len(p), 0))
-        if frame.surface is None:
-            return result
-        for visit in self._visits:
-            center = p[visit.first]
+        found: list[tuple[int, Vector | None]] = []
+        for visit in self._visits if frame.surface is not None else ():
+            start = slice(visit.first, visit.first + 1)
+            p, R = self._tip_rows(start)
+            center = p[0]
             if not tool.flat:
-                center = center + R[visit.first] @ tool.centers[0]
+                center = center + _matrices(R)[0] @ tool.centers[0]
             if base is not None:
-                A, a = base.pose(float(self._clock[visit.first, 0]))
+                A, a = base.pose(float(self._clock(start)[0, 0]))
                 center = A.T @ (center - a)
-            face = frame.surface.face_at(center)
-            if face is not None:
-                result = result if result.size else np.zeros((len(p), len(face)))
-                result[visit.rows] = face
-        return result
+            assert frame.surface is not None
+            found.append((visit.first, frame.surface.face_at(center)))
+        size = next((len(face) for _, face in found if face is not None), 0)
+        nothing = np.zeros(size)
+        return _Faces(size, [(row, nothing if face is None else face) for row, face in found])
 
-    def _measured_poses(self, frame: FrameModel) -> Vector:
-        """(n, 12) the pose that was measured last before each row; NaN before the first time."""
+    def _measured_poses(self, frame: FrameModel) -> _Faces:
+        """(12,) the pose that was measured last before each row; NaN before the first time."""
         measured = self._frames[frame.estimated_in]
-        p = self._tip_rows()[0]
-        result = np.full((len(p), estimated_frames.SIZE), np.nan)
+        unknown = np.full(estimated_frames.SIZE, np.nan)
+        found = [(0, unknown)]
         for visit in self._visits:
             following = visit.last + 1
-            if visit.stage != measured.estimate or following == len(p):
+            if visit.stage != measured.estimate or following == len(self._history):
                 continue
+            place = self._tip_rows(slice(following, following + 1))[0][0]
             try:
-                R, origin = estimated_frames.measure(
-                    measured, self._mean_force(visit), p[following]
-                )
-                result[following:] = np.concatenate([R.ravel(order="F"), origin])
+                R, origin = estimated_frames.measure(measured, self._mean_force(visit), place)
+                found.append((following, np.concatenate([R.ravel(order="F"), origin])))
             except estimated_frames.NotEstimatedError:
-                result[following:] = np.nan
-        return result
+                found.append((following, unknown))
+        return _Faces(estimated_frames.SIZE, found)
+
+    @cached_property
+    def _period(self) -> float:
+        return float(np.median(np.diff(self._history.columns["clock"])))
 
     def _mean_force(self, visit: Visit) -> Vector:
         """(3,) mean force by the environment that the controller measured at a visit's end."""
         stage, columns = self._stages[visit.stage], self._history.columns
-        clock = columns["clock"]
-        period = float(np.median(np.diff(clock)))
-        first = max(visit.first, visit.last + 1 - estimated_frames.window(period))
+        first = max(visit.first, visit.last + 1 - estimated_frames.window(self._period))
         rows = slice(first, visit.last + 1)
         measured = np.zeros((visit.last + 1 - first, 3))
         for i, axis in enumerate(AXES[:3]):
             if axis in stage.plan.axes:
                 measured[:, i] = columns[f"force.{axis}.measured"][rows]
-        R = self.pose(stage.plan.frame)[1][rows]
+        R = _matrices(self._placed_rows(stage.plan.frame, rows)[1])
         return opposite(np.asarray(np.einsum("kij,kj->ki", R, measured).mean(axis=0)))
+
+
+class _Faces:
+    """Numbers that a frame needs besides the tool, each from some tick to the next one's.
+
+    Attributes:
+        size: how many numbers.
+    """
+
+    def __init__(self, size: int, found: Sequence[tuple[int, Vector]]) -> None:
+        """Takes ticks, in order, and the numbers (size,) from there on."""
+        self.size = size
+        self._firsts = np.array([row for row, _ in found], dtype=np.int64)
+        self._values = np.array([values for _, values in found]).reshape(len(found), size)
+
+    def at(self, rows: slice) -> Vector:
+        """(k, size) at some ticks."""
+        ticks = np.arange(rows.start, rows.stop)
+        last = np.searchsorted(self._firsts, ticks, side="right") - 1
+        return np.asarray(self._values[last])
+
+
+def _turns(steps: Vector) -> Vector:
+    """What has to be added to steps of an angle (k,) for none to be half a turn or more [rad]."""
+    nearest = np.mod(steps + np.pi, 2 * np.pi) - np.pi
+    nearest[(nearest == -np.pi) & (steps > 0)] = np.pi
+    return np.where(np.abs(steps) < np.pi, 0.0, nearest - steps)
 
 
 def _matrices(rows: Vector) -> Vector:
