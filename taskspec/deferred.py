@@ -1,6 +1,7 @@
-"""CasADi and NumPy for modules that the language imports: loaded where something asks for them.
+"""Libraries that are loaded where something asks for them, as modules.
 
-A file is read, and its schema written, without either; they take longer to load than that takes.
+A file is read, and its schema written, without CasADi and NumPy, and a robot that is known already
+is taken without MuJoCo; they take longer to load than that takes.
 """
 
 from __future__ import annotations
@@ -8,7 +9,7 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-__all__ = ["ca", "np"]
+__all__ = ["ca", "mujoco", "np"]
 
 
 class _Deferred:
@@ -25,6 +26,7 @@ class _Deferred:
 
 if TYPE_CHECKING:
     import casadi as ca
+    import mujoco
     import numpy as np
 else:
-    ca, np = _Deferred("casadi"), _Deferred("numpy")
+    ca, mujoco, np = _Deferred("casadi"), _Deferred("mujoco"), _Deferred("numpy")

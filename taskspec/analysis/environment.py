@@ -177,9 +177,9 @@ def _grip(context: Context, task: Task, held: Mechanism) -> Rows:
 
 def _tool(context: Context) -> Matrix:
     """(6, 6) inertia of the tool's body about the tip, world axes."""
-    body = context.robot.model.body(context.robot.tip_body)
-    R, mass = context.start_R, float(body.mass[0])
-    lever = skew(R @ np.array(body.ipos))
-    own = R @ pin.Quaternion(*(float(part) for part in body.iquat)).matrix()
-    about = own @ np.diag(np.array(body.inertia)) @ own.T - mass * lever @ lever
+    tool = context.robot.tool_body
+    R, mass = context.start_R, tool.mass
+    lever = skew(R @ tool.lever)
+    own = R @ pin.Quaternion(*(float(part) for part in tool.axes)).matrix()
+    about = own @ np.diag(tool.moments) @ own.T - mass * lever @ lever
     return np.block([[mass * np.eye(3), -mass * lever], [mass * lever, about]])

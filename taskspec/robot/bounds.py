@@ -6,9 +6,9 @@ import re
 from xml.etree import ElementTree
 from xml.parsers import expat
 
-import mujoco
 import numpy as np
 
+from taskspec.deferred import mujoco
 from taskspec.robot.errors import RobotError
 from taskspec.text.codes import register
 

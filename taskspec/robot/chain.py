@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import difflib
 
-import mujoco
 import numpy as np
 import pinocchio as pin
 
+from taskspec.deferred import mujoco
 from taskspec.deferred_methods import dataclass
 from taskspec.robot.bounds import MOST_JOINTS
 from taskspec.robot.errors import RobotError
@@ -24,7 +24,6 @@ register(
 FRAME_SITE = "taskspec:frame:"
 """What the names of the sites begin with that stand for MJCF's `<frame>` elements."""
 
-_MOVES = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
 # By the convention of ROS-Industrial z points out of `tool0`, and x out of a `flange` before it.
 _USUAL = ("tool0", "flange", "attachment_site", "attachment")
 
@@ -82,7 +81,7 @@ def find_chain(m: mujoco.MjModel, flange: str | None) -> Chain:
             ("flange",) if flange else ("model",),
         )
     for j in joints:
-        if m.jnt_type[j] not in _MOVES:
+        if m.jnt_type[j] not in _moving():
             kind = "free" if m.jnt_type[j] == mujoco.mjtJoint.mjJNT_FREE else "ball"
             raise RobotError(
                 "TS405",
@@ -92,6 +91,11 @@ def find_chain(m: mujoco.MjModel, flange: str | None) -> Chain:
                 else "replace the ball joint by three hinges",
             )
     return Chain(tuple(joints), *found)
+
+
+def _moving() -> tuple[int, int]:
+    """The types of joints that an arm may have."""
+    return int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)
 
 
 def _named(m: mujoco.MjModel, name: str) -> tuple[int, pin.SE3, bool, str]:
@@ -119,7 +123,7 @@ def _end(m: mujoco.MjModel) -> tuple[int, pin.SE3, bool, str]:
     for body in range(1, m.nbody):
         first = m.body_jntadr[body]
         kinds = m.jnt_type[first : first + m.body_jntnum[body]]
-        depth[body] = depth[m.body_parentid[body]] + np.isin(kinds, _MOVES).sum()
+        depth[body] = depth[m.body_parentid[body]] + np.isin(kinds, _moving()).sum()
     longest = int(depth.max())
     at_end = [body for body in range(1, m.nbody) if depth[body] == longest]
     if not longest:

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import field
-from pathlib import Path
 from typing import TYPE_CHECKING
 
-import mujoco
 import numpy as np
 
+from taskspec.deferred import mujoco
 from taskspec.deferred_methods import dataclass
 from taskspec.robot.errors import RobotError
 
@@ -38,7 +37,6 @@ class Description:
         velocity: Velocity limits by joint id [rad/s or m/s].
         mimics: Joints that follow another one, which none of an arm's may.
         notes: What could not be read as it is written.
-        files: SHA-256 of every file that was read, by its path; of a built-in robot none.
     """
 
     name: str
@@ -47,7 +45,22 @@ class Description:
     velocity: Mapping[int, float] = field(default_factory=dict)
     mimics: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
-    files: Mapping[Path, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """A robot's file, read but not yet compiled.
+
+    Attributes:
+        name: The built-in name, or the stem of the file.
+        content: All that its description follows from; None where that is not known before
+            MuJoCo has read it.
+        describe: Compiles it.
+    """
+
+    name: str
+    content: tuple[bytes, ...] | None
+    describe: Callable[[], Description]
 
 
 @contextmanager
@@ -97,8 +110,9 @@ def velocity_limits(m: mujoco.MjModel) -> dict[int, float]:
 def torque_limit(m: mujoco.MjModel, joint: int) -> float:
     """The largest torque or force that the file allows on a joint [N·m or N]."""
     limit = float(np.abs(m.jnt_actfrcrange[joint]).min()) if m.jnt_actfrclimited[joint] else np.inf
+    moves_joint = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
     for i in range(m.nu):
-        on_joint = m.actuator_trntype[i] in _ON_JOINT and m.actuator_trnid[i, 0] == joint
+        on_joint = m.actuator_trntype[i] in moves_joint and m.actuator_trnid[i, 0] == joint
         gear = abs(float(m.actuator_gear[i, 0]))
         if not on_joint or gear == 0:
             continue
@@ -109,6 +123,3 @@ def torque_limit(m: mujoco.MjModel, joint: int) -> float:
             gain = gear * abs(float(m.actuator_gainprm[i, 0]))
             limit = min(limit, gain * float(np.abs(m.actuator_ctrlrange[i]).min()))
     return limit if limit > 0 else np.inf
-
-
-_ON_JOINT = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))

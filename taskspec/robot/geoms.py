@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-import mujoco
 import numpy as np
 
+from taskspec.deferred import mujoco
 from taskspec.shapes import Geom
 
 if TYPE_CHECKING:

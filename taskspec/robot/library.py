@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from xml.etree import ElementTree
 
-import mujoco
-
+from taskspec.deferred import mujoco
 from taskspec.geometry.axis import AXES, Axis
-from taskspec.robot.description import Description, texts, velocity_limits
+from taskspec.robot.description import Description, Source, texts, velocity_limits
 from taskspec.robot.types import RobotSummary
 
 _MODELS = Path(__file__).parent / "models"
 _PLANAR = {"planar2": (Axis.X, Axis.Y), "planar3": (Axis.X, Axis.Y, Axis.RZ)}
 
 
-@cache
+def is_builtin(name: str) -> bool:
+    """Whether `robot.model` means a built-in robot."""
+    return name in {path.stem for path in _MODELS.glob("*.xml")}
+
+
 @cache
 def builtin_names() -> tuple[str, ...]:
     """The names that `robot.model` may say, sorted by number of joints."""
@@ -36,9 +39,13 @@ def builtin_robots() -> tuple[RobotSummary, ...]:
     return tuple(summaries)
 
 
+def read_builtin(name: str) -> Source:
+    """The file of the built-in robot `name`, one of `builtin_names()`; it names no other."""
+    return Source(name, ((_MODELS / f"{name}.xml").read_bytes(),), partial(_describe, name))
+
+
 @cache
-def read_builtin(name: str) -> Description:
-    """The built-in robot `name`, one of `builtin_names()`."""
+def _describe(name: str) -> Description:
     m = mujoco.MjSpec.from_file(str(_MODELS / f"{name}.xml")).compile()
     return Description(name, m, texts(m)["source"], velocity_limits(m))
 

@@ -3,28 +3,30 @@
 from __future__ import annotations
 
 import difflib
+from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import mujoco
 import numpy as np
 import pinocchio as pin
 
+from taskspec.deferred import mujoco
 from taskspec.deferred_methods import dataclass
 from taskspec.geometry.axis import Axis
+from taskspec.robot.arm import Arm, arm_key, keep_arm, known_arm
 from taskspec.robot.chain import Chain, find_chain
-from taskspec.robot.description import Description, listening, torque_limit
+from taskspec.robot.description import Description, Source, listening, torque_limit
 from taskspec.robot.errors import RobotError
-from taskspec.robot.files import looks_like_path
-from taskspec.robot.library import builtin_names, read_builtin
+from taskspec.robot.files import looks_like_path, noting_files
+from taskspec.robot.library import builtin_names, is_builtin, read_builtin
 from taskspec.robot.mobility import is_planar, tip_axes
 from taskspec.robot.own import read_own
-from taskspec.robot.pinocchio_model import pinocchio_model
+from taskspec.robot.pinocchio_model import Bodies, pinocchio_model
 from taskspec.robot.poses import pose_of_rpy
 from taskspec.robot.rebuild import rebuild
 from taskspec.robot.tool import attach, make_tool
-from taskspec.robot.types import RobotLike, RobotModel
+from taskspec.robot.types import RobotLike, RobotModel, Simulated, ToolBody
 from taskspec.text.codes import register
 
 register({"TS404": "a robot file that does not compile"})
@@ -49,9 +51,11 @@ def load_robot(robot: RobotLike, base_dir: Path | None = None) -> RobotModel:
     Raises:
         RobotError: TS401 to TS408; see `taskspec.text.codes`.
     """
-    if robot.model in builtin_names():
-        return _built_in(_Section.of(robot))
-    return _made(robot, _describe(robot.model, base_dir))
+    section = _Section.of(robot)
+    if is_builtin(robot.model):
+        return _built_in(section)
+    with noting_files() as files:
+        return replace(_made(section, _read(robot.model, base_dir)), files=files)
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,18 +102,56 @@ class _Section:
 
 
 @lru_cache(maxsize=_KEPT)
-def _built_in(robot: _Section) -> RobotModel:
+def _built_in(section: _Section) -> RobotModel:
     """The models of a robot that no file changes; nobody changes them either."""
-    return _made(robot, read_builtin(robot.model))
+    return _made(section, read_builtin(section.model))
 
 
-def _made(robot: RobotLike, description: Description) -> RobotModel:
-    """The models of a robot that a description tells."""
+def _made(section: _Section, source: Source) -> RobotModel:
+    """The models of a robot; MuJoCo's are not made yet where the arm is known already."""
+    key = None if source.content is None else arm_key(source.name, section, source.content)
+    arm = None if key is None else known_arm(key)
+    if arm is not None:
+        simulated = Simulated(lambda: _compiled(section, source.describe())[1])
+    else:
+        arm, made = _compiled(section, source.describe())
+        simulated = Simulated(lambda: made)
+        if key is not None:
+            keep_arm(key, arm)
+    twin, tip_joint, tip = _twin(arm.bodies, arm.tip_number, balanced=section.balanced)
+    return RobotModel(
+        name=arm.name,
+        simulated=simulated,
+        pin=twin,
+        joint_names=arm.bodies.joint_names,
+        axes=arm.axes,
+        home=arm.home,
+        lower=arm.lower,
+        upper=arm.upper,
+        velocity_limit=arm.velocity_limit,
+        torque_limit=arm.torque_limit,
+        tip_joint=tip_joint,
+        tip=tip,
+        tool=arm.tool,
+        tool_geoms=arm.tool_geoms,
+        tip_body=arm.tip_body,
+        tool_body=arm.tool_body,
+        source=arm.source,
+        flange=arm.flange,
+        notes=arm.notes,
+    )
+
+
+def _compiled(
+    robot: RobotLike, description: Description
+) -> tuple[Arm, tuple[mujoco.MjSpec, mujoco.MjModel]]:
+    """The arm that a description tells, and MuJoCo's specification and model of it."""
     m = description.model
     chain = find_chain(m, robot.flange)
     joints = list(chain.joints)
     _check_mimics(description, chain)
     whole_home = home_configuration(m)
+    home = whole_home[m.jnt_qposadr[joints]]
     base = pose_of_rpy(robot.base.xyz, robot.base.rpy)
     arm = rebuild(m, chain, whole_home, base)
     planar = is_planar(m, chain)
@@ -122,37 +164,46 @@ def _made(robot: RobotLike, description: Description) -> RobotModel:
         for body in arm.spec.bodies:
             body.gravcomp = 1.0
     model = _compile(arm.spec, description.name)
-    twin, carried = pinocchio_model(model)
-    if robot.balanced:
-        twin.gravity = pin.Motion.Zero()
-    tip_joint, tip = carried[model.body(tip_body).id]
-    twin.addFrame(pin.Frame("tip", tip_joint, 0, tip, pin.FrameType.OP_FRAME))
-    _check_inertia(twin, whole_home[m.jnt_qposadr[joints]])
+    bodies, tip_number = Bodies.of(model), model.body(tip_body).id
+    twin, tip_joint, tip = _twin(bodies, tip_number, balanced=robot.balanced)
+    _check_inertia(twin, home)
     axes = tip_axes(twin, tip_joint, tip)
     limited = m.jnt_limited[joints].astype(bool)
-    velocity = [description.velocity.get(j, np.inf) for j in joints]
-    return RobotModel(
+    known = Arm(
         name=description.name,
-        spec=arm.spec,
-        model=model,
-        pin=twin,
-        joint_names=arm.joint_names,
+        bodies=bodies,
         axes=axes,
-        home=whole_home[m.jnt_qposadr[joints]],
+        home=home,
         lower=np.where(limited, m.jnt_range[joints, 0], -np.inf),
         upper=np.where(limited, m.jnt_range[joints, 1], np.inf),
-        velocity_limit=np.array(velocity, dtype=float),
+        velocity_limit=np.array([description.velocity.get(j, np.inf) for j in joints], dtype=float),
         torque_limit=torques,
-        tip_joint=tip_joint,
-        tip=tip,
         tool=tool.geometry,
         tool_geoms=tool_geoms,
         tip_body=tip_body,
+        tip_number=tip_number,
+        tool_body=ToolBody(
+            mass=float(bodies.body_mass[tip_number]),
+            lever=bodies.body_ipos[tip_number],
+            moments=bodies.body_inertia[tip_number],
+            axes=bodies.body_iquat[tip_number],
+            mobility=float(model.body_invweight0[tip_number, 0]),
+        ),
         source=description.source,
         flange=chain.label,
-        files=description.files,
         notes=description.notes + arm.notes + _short_of(axes, m, chain),
     )
+    return known, (arm.spec, model)
+
+
+def _twin(bodies: Bodies, tip: int, *, balanced: bool) -> tuple[pin.Model, int, pin.SE3]:
+    """Pinocchio's model with the frame `tip` of a body, the joint that carries it, its pose."""
+    twin, carried = pinocchio_model(bodies)
+    if balanced:
+        twin.gravity = pin.Motion.Zero()
+    joint, placement = carried[tip]
+    twin.addFrame(pin.Frame("tip", joint, 0, placement, pin.FrameType.OP_FRAME))
+    return twin, joint, placement
 
 
 def home_configuration(m: mujoco.MjModel) -> Array:
@@ -212,7 +263,7 @@ def _check_inertia(twin: pin.Model, home: Array) -> None:
         )
 
 
-def _describe(name: str, base_dir: Path | None) -> Description:
+def _read(name: str, base_dir: Path | None) -> Source:
     if looks_like_path(name):
         return read_own(name, base_dir or Path.cwd())
     close = difflib.get_close_matches(name, builtin_names(), 1)

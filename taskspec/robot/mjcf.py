@@ -5,8 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from xml.etree import ElementTree
 
-import mujoco
-
+from taskspec.deferred import mujoco
 from taskspec.robot.bounds import check_growth
 from taskspec.robot.chain import FRAME_SITE
 from taskspec.robot.errors import RobotError

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import mujoco
 import numpy as np
 import pinocchio as pin
 
+from taskspec.deferred import mujoco
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.robot.chain import Chain
 from taskspec.robot.errors import RobotError

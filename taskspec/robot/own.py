@@ -4,29 +4,29 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
+from xml.etree import ElementTree
 
-import mujoco
-
+from taskspec.deferred import mujoco
 from taskspec.robot.bounds import check_growth, check_numbers
 from taskspec.robot.description import (
     BOUND_INERTIA,
     BOUND_MASS,
     Description,
+    Source,
     listening,
     velocity_limits,
 )
 from taskspec.robot.errors import RobotError
-from taskspec.robot.files import Roots, noting_files, parse_xml, read_model
+from taskspec.robot.files import Roots, parse_xml, read_model
 from taskspec.robot.mjcf import mjcf_spec, mjcf_text
-from taskspec.robot.urdf import check_urdf, urdf_mimics, urdf_spec, urdf_velocities
+from taskspec.robot.urdf import check_urdf, drawable, urdf_mimics, urdf_spec, urdf_velocities
 from taskspec.text.confines import confines
 
-MakeSpec = Callable[[bool], tuple[mujoco.MjSpec, list[str]]]
+MakeSpec = Callable[[bool], tuple["mujoco.MjSpec", list[str]]]
 
 
-def read_own(shown: str, folder: Path) -> Description:
+def read_own(shown: str, folder: Path) -> Source:
     """The robot in a file.
 
     Args:
@@ -36,36 +36,55 @@ def read_own(shown: str, folder: Path) -> Description:
     Raises:
         RobotError: TS401 to TS405, TS409.
     """
-    with noting_files() as files:
-        return replace(_read_own(shown, folder), files=files)
-
-
-def _read_own(shown: str, folder: Path) -> Description:
     path = folder / shown
     roots = Roots(path.parent, confines(folder))
     text = read_model(path, shown, roots.confines)
     root = parse_xml(text, shown)
     if root.tag == "robot":
-        check_growth(root, shown)
-        notes = check_urdf(root, shown)
-        m = _compile(shown, lambda meshes: urdf_spec(root, roots, meshes=meshes), notes)
+        return _urdf(text, root, shown, roots, path.stem)
+    if root.tag == "mujoco":
+        return _mjcf(mjcf_text(text, root, shown, roots), root, shown, roots, path.stem)
+    raise RobotError(
+        "TS402",
+        f"'{shown}' is neither MJCF nor URDF: it begins with <{root.tag}>",
+        "MJCF begins with <mujoco>, URDF with <robot>",
+    )
+
+
+def _urdf(text: str, root: ElementTree.Element, shown: str, roots: Roots, name: str) -> Source:
+    check_growth(root, shown)
+    mended = check_urdf(root, shown)
+    drawn = drawable(root, roots, meshes=True)
+    mimics = urdf_mimics(root)
+
+    def describe() -> Description:
+        notes = list(mended)
+        m = _compile(
+            shown,
+            lambda meshes: urdf_spec(drawn if meshes else drawable(root, roots, meshes=False)),
+            notes,
+        )
+        check_numbers(m, shown)
         ids = {m.joint(j).name: j for j in range(m.njnt)}
         limits = urdf_velocities(root).items()
-        velocity = {ids[name]: limit for name, limit in limits if name in ids}
-        mimics = urdf_mimics(root)
-    elif root.tag == "mujoco":
-        notes, mimics = [], ()
-        text = mjcf_text(text, root, shown, roots)
+        velocity = {ids[joint]: limit for joint, limit in limits if joint in ids}
+        return Description(name, m, shown, velocity, mimics, tuple(notes))
+
+    assets = [part for token, data in drawn.assets.items() for part in (token.encode(), data)]
+    absent = [word.encode() for word in drawn.absent]
+    return Source(name, (text.encode(), drawn.text.encode(), *absent, b"", *assets), describe)
+
+
+def _mjcf(text: str, root: ElementTree.Element, shown: str, roots: Roots, name: str) -> Source:
+    def describe() -> Description:
+        notes: list[str] = []
         m = _compile(shown, lambda meshes: mjcf_spec(text, roots, meshes=meshes), notes)
-        velocity = velocity_limits(m)
-    else:
-        raise RobotError(
-            "TS402",
-            f"'{shown}' is neither MJCF nor URDF: it begins with <{root.tag}>",
-            "MJCF begins with <mujoco>, URDF with <robot>",
-        )
-    check_numbers(m, shown)
-    return Description(path.stem, m, shown, velocity, mimics, tuple(notes))
+        check_numbers(m, shown)
+        return Description(name, m, shown, velocity_limits(m), (), tuple(notes))
+
+    # Which files are meant MuJoCo alone can tell.
+    alone = not any("file" in key for element in root.iter() for key in element.attrib)
+    return Source(name, (text.encode(),) if alone else None, describe)
 
 
 def _compile(shown: str, make: MakeSpec, notes: list[str]) -> mujoco.MjModel:

@@ -6,23 +6,74 @@ read off the compiled arrays, so both engines hold the same arm by construction.
 
 from __future__ import annotations
 
-import mujoco
+from typing import TYPE_CHECKING, Any
+
 import numpy as np
 import pinocchio as pin
 
+from taskspec.deferred import mujoco
+from taskspec.deferred_methods import dataclass
 from taskspec.robot.poses import pose
 
-_HINGE = int(mujoco.mjtJoint.mjJNT_HINGE)
+if TYPE_CHECKING:
+    import numpy.typing as npt
+
+    Array = npt.NDArray[Any]
 
 
-def pinocchio_model(m: mujoco.MjModel) -> tuple[pin.Model, list[tuple[int, pin.SE3]]]:
+@dataclass(frozen=True, slots=True)
+class Bodies:
+    """The numbers of a MuJoCo model whose joints are all hinges and slides, by MuJoCo's names.
+
+    The world is the first body. `hinge`, `limited` and `ref` are of each joint.
+    """
+
+    gravity: Array
+    body_parentid: Array
+    body_pos: Array
+    body_quat: Array
+    body_ipos: Array
+    body_iquat: Array
+    body_inertia: Array
+    body_mass: Array
+    body_jntadr: Array
+    body_jntnum: Array
+    jnt_axis: Array
+    jnt_pos: Array
+    jnt_range: Array
+    hinge: Array
+    limited: Array
+    ref: Array
+    armature: Array
+    joint_names: tuple[str, ...]
+
+    @staticmethod
+    def of(m: mujoco.MjModel) -> Bodies:
+        """Those of a model. Lengths in m, masses in kg."""
+        own = {
+            name: np.array(getattr(m, name))
+            for name in Bodies.__match_args__
+            if name.startswith(("body_", "jnt_"))
+        }
+        return Bodies(
+            gravity=np.array(m.opt.gravity),
+            hinge=np.array(m.jnt_type == mujoco.mjtJoint.mjJNT_HINGE),
+            limited=np.array(m.jnt_limited, dtype=bool),
+            ref=np.array(m.qpos0[m.jnt_qposadr]),
+            armature=np.array(m.dof_armature),
+            joint_names=tuple(m.joint(j).name for j in range(m.njnt)),
+            **own,
+        )
+
+
+def pinocchio_model(m: Bodies) -> tuple[pin.Model, list[tuple[int, pin.SE3]]]:
     """Pinocchio's twin of a MuJoCo model whose joints are all hinges and slides.
 
     Bodies without joints are merged into the joint that carries them. Pinocchio's `q` equals
     MuJoCo's `qpos`, joint by joint, whatever the `ref`.
 
     Args:
-        m: The compiled model. Lengths in m, masses in kg.
+        m: Its numbers.
 
     Returns:
         The model, and for every MuJoCo body the Pinocchio joint that carries it with the body
@@ -30,9 +81,9 @@ def pinocchio_model(m: mujoco.MjModel) -> tuple[pin.Model, list[tuple[int, pin.S
     """
     model = pin.Model()
     model.name = "robot"
-    model.gravity = pin.Motion(np.array(m.opt.gravity), np.zeros(3))
+    model.gravity = pin.Motion(m.gravity, np.zeros(3))
     carried: list[tuple[int, pin.SE3]] = [(0, pin.SE3.Identity())]
-    for body in range(1, m.nbody):
+    for body in range(1, len(m.body_mass)):
         joint, placement = carried[m.body_parentid[body]]
         placement = placement * pose(m.body_pos[body], m.body_quat[body])
         first = m.body_jntadr[body]
@@ -44,34 +95,33 @@ def pinocchio_model(m: mujoco.MjModel) -> tuple[pin.Model, list[tuple[int, pin.S
             inertia = R @ np.diag(m.body_inertia[body]) @ R.T
             model.appendBodyToJoint(
                 joint,
-                pin.Inertia(float(m.body_mass[body]), np.array(m.body_ipos[body]), inertia),
+                pin.Inertia(float(m.body_mass[body]), m.body_ipos[body], inertia),
                 placement,
             )
-    model.armature = np.array(m.dof_armature)
+    model.armature = m.armature
     return model, carried
 
 
 def _add_joint(
-    model: pin.Model, m: mujoco.MjModel, j: int, parent: int, placement: pin.SE3
+    model: pin.Model, m: Bodies, j: int, parent: int, placement: pin.SE3
 ) -> tuple[int, pin.SE3]:
     """Appends joint `j`, met at `placement`; returns it and the body frame's pose in it."""
-    axis, anchor = np.array(m.jnt_axis[j]), np.array(m.jnt_pos[j])
-    ref = float(m.qpos0[m.jnt_qposadr[j]])
+    axis, anchor = m.jnt_axis[j], m.jnt_pos[j]
+    ref = float(m.ref[j])
     # A displacement by -ref along the joint itself makes Pinocchio's zero MuJoCo's ref.
-    if m.jnt_type[j] == _HINGE:
+    if m.hinge[j]:
         kind = pin.JointModelRevoluteUnaligned(axis)
         to_zero = pin.SE3(pin.exp3(-ref * axis), anchor)
     else:
         kind = pin.JointModelPrismaticUnaligned(axis)
         to_zero = pin.SE3(np.eye(3), anchor - ref * axis)
-    limited = bool(m.jnt_limited[j])
-    lower, upper = m.jnt_range[j] if limited else (-np.inf, np.inf)
+    lower, upper = m.jnt_range[j] if m.limited[j] else (-np.inf, np.inf)
     free = np.full(1, np.inf)
     joint = model.addJoint(
         parent,
         kind,
         placement * to_zero,
-        m.joint(j).name,
+        m.joint_names[j],
         free,
         free,
         np.full(1, lower),

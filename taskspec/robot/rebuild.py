@@ -9,10 +9,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import mujoco
 import numpy as np
 import pinocchio as pin
 
+from taskspec.deferred import mujoco
 from taskspec.deferred_methods import dataclass
 from taskspec.robot.chain import Chain
 from taskspec.robot.description import BOUND_MASS
@@ -23,18 +23,7 @@ if TYPE_CHECKING:
 
     Array = npt.NDArray[np.float64]
 
-_MESH = int(mujoco.mjtGeom.mjGEOM_MESH)
-_DRAWN = {
-    int(kind)
-    for kind in (
-        mujoco.mjtGeom.mjGEOM_SPHERE,
-        mujoco.mjtGeom.mjGEOM_CAPSULE,
-        mujoco.mjtGeom.mjGEOM_ELLIPSOID,
-        mujoco.mjtGeom.mjGEOM_CYLINDER,
-        mujoco.mjtGeom.mjGEOM_BOX,
-        mujoco.mjtGeom.mjGEOM_MESH,
-    )
-}
+_DRAWN = ("SPHERE", "CAPSULE", "ELLIPSOID", "CYLINDER", "BOX", "MESH")
 _HIDDEN_GROUP = 3
 GRAVITY = (0.0, 0.0, -9.81)
 
@@ -147,10 +136,11 @@ def _copy_joint(m: mujoco.MjModel, j: int, body: mujoco.MjsBody, name: str) -> N
 
 def _copy_looks(m: mujoco.MjModel, i: int, body: mujoco.MjsBody, meshes: _Meshes) -> None:
     first = m.body_geomadr[i]
+    drawn = {int(getattr(mujoco.mjtGeom, f"mjGEOM_{kind}")) for kind in _DRAWN}
     geoms = [
         g
         for g in range(first, first + m.body_geomnum[i])
-        if m.geom_group[g] < _HIDDEN_GROUP and m.geom_type[g] in _DRAWN
+        if m.geom_group[g] < _HIDDEN_GROUP and m.geom_type[g] in drawn
     ]
     for g in geoms:
         material = m.geom_matid[g]
@@ -165,7 +155,7 @@ def _copy_looks(m: mujoco.MjModel, i: int, body: mujoco.MjsBody, meshes: _Meshes
             conaffinity=0,
             **looks,
         )
-        if m.geom_type[g] == _MESH:
+        if m.geom_type[g] == mujoco.mjtGeom.mjGEOM_MESH:
             geom.meshname = meshes.mesh(m.geom_dataid[g])
         else:
             geom.size = m.geom_size[g]

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import mujoco
 import numpy as np
 import pinocchio as pin
 
+from taskspec.deferred import mujoco
 from taskspec.deferred_methods import dataclass
 from taskspec.robot.errors import RobotError
 from taskspec.robot.geoms import add_geom

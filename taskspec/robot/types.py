@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import field
 from pathlib import Path
+from threading import Lock
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
@@ -80,14 +81,52 @@ class ToolGeometry:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class ToolBody:
+    """The tool as MuJoCo's body; its frame is the tip frame.
+
+    Attributes:
+        mass: [kg]
+        lever: (3,) its centre of mass [m].
+        moments: (3,) of inertia about that [kg·m²].
+        axes: (4,) of the moments, a quaternion, scalar first.
+        mobility: What MuJoCo takes for the inverse mass that pushes the tool meet [1/kg].
+    """
+
+    mass: float
+    lever: Array
+    moments: Array
+    axes: Array
+    mobility: float
+
+
+class Simulated:
+    """An arm as MuJoCo's specification and model, made when something first asks for them."""
+
+    def __init__(self, make: Callable[[], tuple[mujoco.MjSpec, mujoco.MjModel]]) -> None:
+        """Takes what makes them; it is called once at most."""
+        self._make: Callable[[], tuple[mujoco.MjSpec, mujoco.MjModel]] | None = make
+        self._made: tuple[mujoco.MjSpec, mujoco.MjModel] | None = None
+        self._lock = Lock()
+
+    @property
+    def made(self) -> tuple[mujoco.MjSpec, mujoco.MjModel]:
+        """Specification and model."""
+        with self._lock:
+            if self._made is None:
+                assert self._make is not None
+                self._made = self._make()
+                # It holds the robot's files.
+                self._make = None
+            return self._made
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class RobotModel:
     """An arm on its base with its tool, as MuJoCo's model and as Pinocchio's.
 
     Attributes:
         name: The built-in name, or the stem of the file.
-        spec: Arm, base pose, tool and torque motors, nothing else. The plant copies it and adds the
-            world.
-        model: MuJoCo's model, compiled from `spec`.
+        simulated: The arm as MuJoCo has it; see `spec` and `model`.
         pin: Pinocchio's model, rebuilt from `model`.
         joint_names: Names in the order of `q`.
         axes: World axes along and about which the tip can move independently, of `x y z rx ry rz`.
@@ -103,6 +142,7 @@ class RobotModel:
         tool_geoms: MuJoCo's names of those spheres, in order. They collide with nothing unless a
             `<pair>` says so.
         tip_body: MuJoCo's body that carries the tool; its frame is the tip frame.
+        tool_body: What MuJoCo makes of the tool.
         flange: The body, site or frame of the robot's file on which the tool is mounted.
         source: Where the numbers come from.
         notes: What was left out of the robot's file, or changed, one sentence each.
@@ -110,8 +150,7 @@ class RobotModel:
     """
 
     name: str
-    spec: mujoco.MjSpec
-    model: mujoco.MjModel
+    simulated: Simulated
     pin: pin.Model
     joint_names: tuple[str, ...]
     axes: tuple[Axis, ...]
@@ -125,10 +164,24 @@ class RobotModel:
     tool: ToolGeometry
     tool_geoms: tuple[str, ...]
     tip_body: str
+    tool_body: ToolBody
     source: str
     flange: str = ""
     notes: tuple[str, ...] = ()
     files: Mapping[Path, str] = field(default_factory=dict)
+
+    @property
+    def spec(self) -> mujoco.MjSpec:
+        """Arm, base pose, tool and torque motors, nothing else.
+
+        The plant copies it and adds the world.
+        """
+        return self.simulated.made[0]
+
+    @property
+    def model(self) -> mujoco.MjModel:
+        """MuJoCo's model, compiled from `spec`."""
+        return self.simulated.made[1]
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,9 +7,10 @@ import math
 from pathlib import Path
 from xml.etree import ElementTree
 
-import mujoco
 import numpy as np
 
+from taskspec.deferred import mujoco
+from taskspec.deferred_methods import dataclass
 from taskspec.robot.description import BOUND_INERTIA
 from taskspec.robot.errors import RobotError
 from taskspec.robot.files import Roots, find_mesh, mesh_token, on_one_line, read_mesh
@@ -84,10 +85,23 @@ def urdf_mimics(root: ElementTree.Element) -> tuple[str, ...]:
     )
 
 
-def urdf_spec(
-    root: ElementTree.Element, roots: Roots, *, meshes: bool
-) -> tuple[mujoco.MjSpec, list[str]]:
-    """The file as a specification that opens no further file, and what was left out of it.
+@dataclass(frozen=True, slots=True)
+class Drawable:
+    """A URDF file that names no other.
+
+    Attributes:
+        text: For MuJoCo.
+        assets: Meshes by the names that they have in it.
+        absent: Meshes that were left out.
+    """
+
+    text: str
+    assets: dict[str, bytes]
+    absent: tuple[str, ...]
+
+
+def drawable(root: ElementTree.Element, roots: Roots, *, meshes: bool) -> Drawable:
+    """The file with nothing but what can be drawn.
 
     A link shows its visuals, or its collision shapes where no visual can be drawn.
 
@@ -117,11 +131,16 @@ def urdf_spec(
         elif element.tag in ("joint", "material"):
             _drop_textures(element)
             robot.append(element)
-    spec = mujoco.MjSpec.from_string(on_one_line(robot))
+    return Drawable(on_one_line(robot), assets, tuple(sorted(absent)))
+
+
+def urdf_spec(drawn: Drawable) -> tuple[mujoco.MjSpec, list[str]]:
+    """The file as a specification that opens no further file, and what was left out of it."""
+    spec = mujoco.MjSpec.from_string(drawn.text)
     for mesh in spec.meshes:
         mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
-    spec.assets = assets
-    return spec, sorted(absent)
+    spec.assets = drawn.assets
+    return spec, list(drawn.absent)
 
 
 def _drawable(

@@ -11,7 +11,7 @@ import pytest
 
 from taskspec.robot.collada import as_obj
 from taskspec.robot.files import Roots
-from taskspec.robot.urdf import urdf_spec
+from taskspec.robot.urdf import drawable, urdf_spec
 from taskspec.text.confines import Confines
 
 #: A tetrahedron, 100 mm along each axis, in millimeters, turned about z and moved by its node.
@@ -90,7 +90,8 @@ def test_a_robot_with_such_meshes_is_drawn_with_them(tmp_path: Path) -> None:
         <joint name="j" type="revolute"><parent link="base"/><child link="arm"/>
         <axis xyz="0 0 1"/><limit lower="-1" upper="1" effort="1" velocity="1"/></joint></robot>"""
     )
-    spec, notes = urdf_spec(root, Roots(tmp_path, Confines((tmp_path.resolve(),))), meshes=True)
+    roots = Roots(tmp_path, Confines((tmp_path.resolve(),)))
+    spec, notes = urdf_spec(drawable(root, roots, meshes=True))
     model = spec.compile()
     assert not any("link.dae" in note for note in notes)
     assert model.nmesh == 1

@@ -37,9 +37,8 @@ class SensorZero:
 
     def __init__(self, robot: RobotModel, *, weighs: bool) -> None:
         """For the tool of `robot`; with `weighs`, its weight is in the readings."""
-        body = robot.model.body(robot.tip_body)
-        self._mass = float(body.mass[0]) if weighs else 0.0
-        self._lever = np.array(body.ipos)
+        self._mass = robot.tool_body.mass if weighs else 0.0
+        self._lever = robot.tool_body.lever
         self.reading, self.zero, self.turned = np.zeros(6), np.zeros(6), np.zeros(9)
         self.left, self.wrench = np.zeros(6), np.zeros(6)
         self.total, self.count = np.zeros(6), np.zeros(1)

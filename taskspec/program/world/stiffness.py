@@ -176,8 +176,7 @@ def _inertia(robot: RobotModel, data: pin.Data, q: Vector) -> Vector:
 
 def virtual_mass_scale(robot: RobotModel) -> float:
     """Mean mass [kg] that a contact at the tool feels, as MuJoCo counts it (1/invweight0)."""
-    body = robot.model.body(robot.tip_body).id
-    return 1.0 / float(robot.model.body_invweight0[body, 0])
+    return 1.0 / robot.tool_body.mobility
 
 
 def mobility_of(shape: Shape) -> float:

@@ -1,0 +1,111 @@
+"""What a robot's file comes to, as numbers and words: known once, it is kept by its content."""
+
+from __future__ import annotations
+
+import hashlib
+import pickle
+import platform
+from collections.abc import Sequence
+from functools import cache
+from importlib import import_module
+from importlib.metadata import version
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pinocchio as pin
+
+from taskspec.deferred_methods import dataclass
+from taskspec.geometry.axis import Axis
+from taskspec.robot.pinocchio_model import Bodies
+from taskspec.robot.types import ToolBody, ToolGeometry
+from taskspec.store import Store
+
+if TYPE_CHECKING:
+    import numpy.typing as npt
+
+    Array = npt.NDArray[np.float64]
+
+_PACKAGE = Path(__file__).resolve().parents[1]
+#: Whose text an arm follows from: its own package, and what tools are made of.
+_MAKERS = ("robot", "shapes", "geometry")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Arm:
+    """All of a `RobotModel` but the libraries' own objects; see there.
+
+    Attributes:
+        bodies: What Pinocchio's model is rebuilt from; its joints are the robot's.
+        tip_number: MuJoCo's number of the body `tip_body`.
+    """
+
+    name: str
+    bodies: Bodies
+    axes: tuple[Axis, ...]
+    home: Array
+    lower: Array
+    upper: Array
+    velocity_limit: Array
+    torque_limit: Array
+    tool: ToolGeometry
+    tool_geoms: tuple[str, ...]
+    tip_body: str
+    tip_number: int
+    tool_body: ToolBody
+    source: str
+    flange: str
+    notes: tuple[str, ...]
+
+
+def arm_key(name: str, section: object, content: Sequence[bytes]) -> str:
+    """What an arm follows from, as a key of `known_arms`.
+
+    Args:
+        name: The built-in name, or the stem of the file.
+        section: The task file's `robot`, with a `repr` that tells all of it.
+        content: Of the robot's files.
+    """
+    parts = [hashlib.sha256(part).hexdigest() for part in content]
+    return "\n".join((_makers(), name, repr(section), *parts))
+
+
+def known_arm(key: str) -> Arm | None:
+    """The arm that is kept under a key; None where there is none."""
+    data = _store().get(key)
+    if data is None:
+        return None
+    try:
+        found = pickle.loads(data)
+    except Exception:
+        # What cannot be read is made anew; it is nothing that this version has written.
+        return None
+    return found if isinstance(found, Arm) else None
+
+
+def keep_arm(key: str, arm: Arm) -> None:
+    """Keeps an arm under a key."""
+    _store().put(key, pickle.dumps(arm))
+
+
+def _store() -> Store:
+    return Store.named("robots")
+
+
+@cache
+def _makers() -> str:
+    """Programs and processor that an arm's last digits follow from."""
+    sources = hashlib.sha256()
+    for folder in _MAKERS:
+        for path in sorted((_PACKAGE / folder).glob("*.py")):
+            sources.update(path.read_bytes())
+    numpy = import_module("numpy._core._multiarray_umath")
+    features = getattr(numpy, "__cpu_features__", {})
+    return " ".join(
+        (
+            sources.hexdigest(),
+            f"mujoco {version('mujoco')} pinocchio {pin.__version__} numpy {np.__version__}",
+            f"python {platform.python_version()} {platform.system()} {platform.machine()}",
+            *sorted(name for name, there in features.items() if there),
+        )
+    )
