@@ -19,6 +19,7 @@ from taskspec.program.context import Context
 from taskspec.program.plan import StagePlan
 from taskspec.program.stages.null_space import goals
 from taskspec.robot.inverse_kinematics import turns_at
+from taskspec.robot.poses import mirrored
 
 Vector = NDArray[np.float64]
 
@@ -116,8 +117,7 @@ class PoseFollower:
         robot = self._robot
         J = pin.computeFrameJacobian(robot.pin, self._data, q, self._tip, pin.LOCAL_WORLD_ALIGNED)
         J = (inside @ J)[self._rows]
-        upper = np.triu(pin.crba(robot.pin, self._data, q))
-        mobile = np.linalg.solve(upper + np.triu(upper, 1).T, J.T)
+        mobile = np.linalg.solve(mirrored(pin.crba(robot.pin, self._data, q)), J.T)
         return J, mobile, J @ mobile
 
     def _pull(self, q: Vector) -> Vector:

@@ -23,15 +23,31 @@ CATCH_UP = 1.0
 NEGLIGIBLE = 2e-3
 
 
+def least(x: Number, most: float) -> Number:
+    """The lesser of x and `most`; `most` where x is nan."""
+    if isinstance(x, float):
+        return x if x <= most else most
+    found: Number = ca.fmin(x, most)
+    return found
+
+
+def greatest(x: Number, least: float) -> Number:
+    """The greater of x and `least`; `least` where x is nan."""
+    if isinstance(x, float):
+        return x if x >= least else least
+    found: Number = ca.fmax(x, least)
+    return found
+
+
 def offset_shape(s: Number) -> Number:
     """Quintic from 1 to 0 on s in [0, 1], with zero slope and curvature at both ends."""
-    s = ca.fmin(s, 1)
+    s = least(s, 1.0)
     return 1 - s**3 * (10 - s * (15 - 6 * s))
 
 
 def ramp_shape(s: Number) -> Number:
     """From 0 to 1 on s in [0, 1] with zero slope at both ends."""
-    s = ca.fmin(ca.fmax(s, 0), 1)
+    s = least(greatest(s, 0.0), 1.0)
     risen: Number = s**2 * (3 - 2 * s)
     return risen
 
@@ -42,8 +58,8 @@ def from_rest(t: Number) -> Number:
     T (u^3 - u^4/2) with u = t/T and T = `BLEND_TIME`, whose rate is `ramp_shape(u)`; then t - T/2.
     What goes by it takes the way that it has in time itself, never faster.
     """
-    u = ca.fmin(ca.fmax(t / BLEND_TIME, 0), 1)
-    passed: Number = BLEND_TIME * u**3 * (1 - u / 2) + ca.fmax(t - BLEND_TIME, 0)
+    u = least(greatest(t / BLEND_TIME, 0.0), 1.0)
+    passed: Number = BLEND_TIME * u**3 * (1 - u / 2) + greatest(t - BLEND_TIME, 0.0)
     return passed
 
 
@@ -52,7 +68,7 @@ def run_out(t: Number) -> Number:
 
     From -T/2 at t = 0 to 0 at T = `BLEND_TIME`, never back.
     """
-    u = ca.fmin(t / BLEND_TIME, 1)
+    u = least(t / BLEND_TIME, 1.0)
     left: Number = BLEND_TIME * (u - u**3 * (1 - u / 2) - 0.5)
     return left
 

@@ -2,13 +2,14 @@
 
 CasADi's Python layer tries of each operand whether it is a matrix of numbers, which takes six times
 as long as the operation. Where one is an expression and the other an expression or a number, the
-operation is known, and the node that it makes is the same.
+operation is known, and the node that it makes is the same, for threads that did not ask for it too.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from threading import Lock
 from typing import Any
 
 import casadi as ca
@@ -57,16 +58,25 @@ _QUICK = {
 }
 
 
+_lock = Lock()
+#: How many are in `quick_operators` now: one may compile in another, and threads at once.
+_within = 0
+
+
 @contextmanager
 def quick_operators() -> Iterator[None]:
-    """Operators of `ca.SX` take the short way meanwhile."""
-    _set(_QUICK)
+    """Operators of `ca.SX` take the short way until the last that asked for it is done."""
+    _count(1)
     try:
         yield
     finally:
-        _set(_OWN)
+        _count(-1)
 
 
-def _set(operators: dict[str, _Operator]) -> None:
-    for method, operator in operators.items():
-        setattr(ca.SX, method, operator)
+def _count(change: int) -> None:
+    global _within
+    with _lock:
+        before, _within = _within, _within + change
+        if not before or not _within:
+            for method, operator in (_QUICK if _within else _OWN).items():
+                setattr(ca.SX, method, operator)

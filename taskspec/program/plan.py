@@ -21,7 +21,7 @@ from taskspec.motion.path import PathShape
 from taskspec.program.axes import MOSTLY, existing_axes
 from taskspec.program.contacts import Encounter, directions
 from taskspec.program.context import Context
-from taskspec.program.known_value import known_value
+from taskspec.program.known_value import KnownValues
 from taskspec.program.prepare import frame_at_start
 from taskspec.program.reference import orientation
 from taskspec.program.reference.axis_plan import AxisPlan, plan_axes
@@ -468,8 +468,12 @@ class StagePlan:
     def known(
         self, expression: Expression, clocks: Mapping[str, float] | None = None
     ) -> float | None:
-        """What an expression is worth before a run; see `known_value`."""
-        return known_value(self.context, expression, clocks)
+        """What an expression is worth before a run; see `KnownValues`."""
+        return self._known_values(expression, clocks)
+
+    @cached_property
+    def _known_values(self) -> KnownValues:
+        return KnownValues(self.context)
 
     @cached_property
     def plants(self) -> dict[Axis, AxisPlant]:

@@ -54,7 +54,8 @@ class Course:
     def fastest(self) -> tuple[float, float] | None:
         """When the tip is fastest along the frame's axes [s], and how fast [m/s]; None at rest."""
         times = np.linspace(0.0, self.duration, _LOOKS)
-        ways = [[way(t) for t in times] for a, way in self.ways.items() if not a.is_rotation]
+        instants = times.tolist()
+        ways = [[way(t) for t in instants] for a, way in self.ways.items() if not a.is_rotation]
         if not ways or not self.duration > 0 or not np.isfinite(ways).all():
             return None
         steps = np.linalg.norm(np.diff(np.array(ways), axis=1), axis=0)

@@ -32,7 +32,7 @@ _MAKERS = ("robot", "shapes", "geometry")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Arm:
+class KnownArm:
     """All of a `RobotModel` but the libraries' own objects; see there.
 
     Attributes:
@@ -70,7 +70,7 @@ def arm_key(name: str, section: object, content: Sequence[bytes]) -> str:
     return "\n".join((_makers(), name, repr(section), *parts))
 
 
-def known_arm(key: str) -> Arm | None:
+def known_arm(key: str) -> KnownArm | None:
     """The arm that is kept under a key; None where there is none."""
     data = _store().get(key)
     if data is None:
@@ -80,10 +80,10 @@ def known_arm(key: str) -> Arm | None:
     except Exception:
         # What cannot be read is made anew; it is nothing that this version has written.
         return None
-    return found if isinstance(found, Arm) else None
+    return found if isinstance(found, KnownArm) else None
 
 
-def keep_arm(key: str, arm: Arm) -> None:
+def keep_arm(key: str, arm: KnownArm) -> None:
     """Keeps an arm under a key."""
     _store().put(key, pickle.dumps(arm))
 

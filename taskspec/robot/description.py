@@ -48,7 +48,7 @@ class Description:
 
 
 @dataclass(frozen=True, slots=True)
-class Source:
+class RobotFile:
     """A robot's file, read but not yet compiled.
 
     Attributes:

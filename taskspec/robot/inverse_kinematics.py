@@ -45,7 +45,7 @@ def _norm(x: Array) -> float:
 
 def turns_at(robot: RobotModel, i: int) -> bool:
     """Whether joint `i`, counted from 0, is a hinge; else it slides."""
-    return bool(robot.pin.joints[i + 1].shortname().startswith("JointModelR"))
+    return robot.hinges[i]
 
 
 def least_turn(wanted: Array, given: Array) -> Array:

@@ -8,7 +8,7 @@ from xml.etree import ElementTree
 
 from taskspec.deferred import mujoco
 from taskspec.geometry.axis import AXES, Axis
-from taskspec.robot.description import Description, Source, texts, velocity_limits
+from taskspec.robot.description import Description, RobotFile, texts, velocity_limits
 from taskspec.robot.types import RobotSummary
 
 _MODELS = Path(__file__).parent / "models"
@@ -39,9 +39,9 @@ def builtin_robots() -> tuple[RobotSummary, ...]:
     return tuple(summaries)
 
 
-def read_builtin(name: str) -> Source:
+def read_builtin(name: str) -> RobotFile:
     """The file of the built-in robot `name`, one of `builtin_names()`; it names no other."""
-    return Source(name, ((_MODELS / f"{name}.xml").read_bytes(),), partial(_describe, name))
+    return RobotFile(name, ((_MODELS / f"{name}.xml").read_bytes(),), partial(_describe, name))
 
 
 @cache

@@ -14,19 +14,19 @@ import pinocchio as pin
 from taskspec.deferred import mujoco
 from taskspec.deferred_methods import dataclass
 from taskspec.geometry.axis import Axis
-from taskspec.robot.arm import Arm, arm_key, keep_arm, known_arm
+from taskspec.robot.arm import KnownArm, arm_key, keep_arm, known_arm
 from taskspec.robot.chain import Chain, find_chain
-from taskspec.robot.description import Description, Source, listening, torque_limit
+from taskspec.robot.description import Description, RobotFile, listening, torque_limit
 from taskspec.robot.errors import RobotError
 from taskspec.robot.files import looks_like_path, noting_files
 from taskspec.robot.library import builtin_names, is_builtin, read_builtin
 from taskspec.robot.mobility import is_planar, tip_axes
 from taskspec.robot.own import read_own
 from taskspec.robot.pinocchio_model import Bodies, pinocchio_model
-from taskspec.robot.poses import pose_of_rpy
+from taskspec.robot.poses import mirrored, pose_of_rpy
 from taskspec.robot.rebuild import rebuild
 from taskspec.robot.tool import attach, make_tool
-from taskspec.robot.types import RobotLike, RobotModel, Simulated, ToolBody
+from taskspec.robot.types import MujocoArm, RobotLike, RobotModel, ToolBody
 from taskspec.text.codes import register
 
 register({"TS404": "a robot file that does not compile"})
@@ -107,15 +107,15 @@ def _built_in(section: _Section) -> RobotModel:
     return _made(section, read_builtin(section.model))
 
 
-def _made(section: _Section, source: Source) -> RobotModel:
+def _made(section: _Section, source: RobotFile) -> RobotModel:
     """The models of a robot; MuJoCo's are not made yet where the arm is known already."""
     key = None if source.content is None else arm_key(source.name, section, source.content)
     arm = None if key is None else known_arm(key)
     if arm is not None:
-        simulated = Simulated(lambda: _compiled(section, source.describe())[1])
+        simulated = MujocoArm(lambda: _compiled(section, source.describe())[1])
     else:
         arm, made = _compiled(section, source.describe())
-        simulated = Simulated(lambda: made)
+        simulated = MujocoArm(lambda: made)
         if key is not None:
             keep_arm(key, arm)
     twin, tip_joint, tip = _twin(arm.bodies, arm.tip_number, balanced=section.balanced)
@@ -124,6 +124,7 @@ def _made(section: _Section, source: Source) -> RobotModel:
         simulated=simulated,
         pin=twin,
         joint_names=arm.bodies.joint_names,
+        hinges=tuple(arm.bodies.hinge.tolist()),
         axes=arm.axes,
         home=arm.home,
         lower=arm.lower,
@@ -144,7 +145,7 @@ def _made(section: _Section, source: Source) -> RobotModel:
 
 def _compiled(
     robot: RobotLike, description: Description
-) -> tuple[Arm, tuple[mujoco.MjSpec, mujoco.MjModel]]:
+) -> tuple[KnownArm, tuple[mujoco.MjSpec, mujoco.MjModel]]:
     """The arm that a description tells, and MuJoCo's specification and model of it."""
     m = description.model
     chain = find_chain(m, robot.flange)
@@ -169,7 +170,7 @@ def _compiled(
     _check_inertia(twin, home)
     axes = tip_axes(twin, tip_joint, tip)
     limited = m.jnt_limited[joints].astype(bool)
-    known = Arm(
+    known = KnownArm(
         name=description.name,
         bodies=bodies,
         axes=axes,
@@ -251,9 +252,7 @@ def _short_of(axes: tuple[Axis, ...], m: mujoco.MjModel, chain: Chain) -> tuple[
 def _check_inertia(twin: pin.Model, home: Array) -> None:
     """Refuses an arm of which a joint moves nothing that has a mass."""
     data = twin.createData()
-    H = pin.crba(twin, data, home)
-    H = np.triu(H) + np.triu(H, 1).T
-    moments, directions = np.linalg.eigh(H)
+    moments, directions = np.linalg.eigh(mirrored(pin.crba(twin, data, home)))
     if moments[0] < _LEAST_INERTIA:
         name = twin.names[1 + int(np.abs(directions[:, 0]).argmax())]
         raise RobotError(
@@ -263,7 +262,7 @@ def _check_inertia(twin: pin.Model, home: Array) -> None:
         )
 
 
-def _read(name: str, base_dir: Path | None) -> Source:
+def _read(name: str, base_dir: Path | None) -> RobotFile:
     if looks_like_path(name):
         return read_own(name, base_dir or Path.cwd())
     close = difflib.get_close_matches(name, builtin_names(), 1)

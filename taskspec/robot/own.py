@@ -13,7 +13,7 @@ from taskspec.robot.description import (
     BOUND_INERTIA,
     BOUND_MASS,
     Description,
-    Source,
+    RobotFile,
     listening,
     velocity_limits,
 )
@@ -26,7 +26,7 @@ from taskspec.text.confines import confines
 MakeSpec = Callable[[bool], tuple["mujoco.MjSpec", list[str]]]
 
 
-def read_own(shown: str, folder: Path) -> Source:
+def read_own(shown: str, folder: Path) -> RobotFile:
     """The robot in a file.
 
     Args:
@@ -51,7 +51,7 @@ def read_own(shown: str, folder: Path) -> Source:
     )
 
 
-def _urdf(text: str, root: ElementTree.Element, shown: str, roots: Roots, name: str) -> Source:
+def _urdf(text: str, root: ElementTree.Element, shown: str, roots: Roots, name: str) -> RobotFile:
     check_growth(root, shown)
     mended = check_urdf(root, shown)
     drawn = drawable(root, roots, meshes=True)
@@ -72,10 +72,10 @@ def _urdf(text: str, root: ElementTree.Element, shown: str, roots: Roots, name: 
 
     assets = [part for token, data in drawn.assets.items() for part in (token.encode(), data)]
     absent = [word.encode() for word in drawn.absent]
-    return Source(name, (text.encode(), drawn.text.encode(), *absent, b"", *assets), describe)
+    return RobotFile(name, (text.encode(), drawn.text.encode(), *absent, b"", *assets), describe)
 
 
-def _mjcf(text: str, root: ElementTree.Element, shown: str, roots: Roots, name: str) -> Source:
+def _mjcf(text: str, root: ElementTree.Element, shown: str, roots: Roots, name: str) -> RobotFile:
     def describe() -> Description:
         notes: list[str] = []
         m = _compile(shown, lambda meshes: mjcf_spec(text, roots, meshes=meshes), notes)
@@ -84,7 +84,7 @@ def _mjcf(text: str, root: ElementTree.Element, shown: str, roots: Roots, name: 
 
     # Which files are meant MuJoCo alone can tell.
     alone = not any("file" in key for element in root.iter() for key in element.attrib)
-    return Source(name, (text.encode(),) if alone else None, describe)
+    return RobotFile(name, (text.encode(),) if alone else None, describe)
 
 
 def _compile(shown: str, make: MakeSpec, notes: list[str]) -> mujoco.MjModel:

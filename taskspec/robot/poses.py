@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -26,6 +27,19 @@ def pose_of_rpy(xyz: Sequence[float] | Array, rpy: Sequence[float] | Array) -> p
     """A pose from `xyz` (3,) [m] and `rpy` (3,) [rad] about the fixed axes x, then y, then z."""
     roll, pitch, yaw = (float(angle) for angle in rpy)
     return pin.SE3(pin.rpy.rpyToMatrix(roll, pitch, yaw), np.array(xyz, dtype=float))
+
+
+def mirrored(upper: Array) -> Array:
+    """A symmetric matrix (n, n) of which the part below the diagonal may be anything."""
+    whole = np.array(upper)
+    below = _below(len(whole))
+    whole[below] = whole.T[below]
+    return whole
+
+
+@cache
+def _below(n: int) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
+    return np.tril_indices(n, -1)
 
 
 def quaternion(rotation: Array) -> Array:

@@ -99,7 +99,7 @@ class ToolBody:
     mobility: float
 
 
-class Simulated:
+class MujocoArm:
     """An arm as MuJoCo's specification and model, made when something first asks for them."""
 
     def __init__(self, make: Callable[[], tuple[mujoco.MjSpec, mujoco.MjModel]]) -> None:
@@ -129,6 +129,7 @@ class RobotModel:
         simulated: The arm as MuJoCo has it; see `spec` and `model`.
         pin: Pinocchio's model, rebuilt from `model`.
         joint_names: Names in the order of `q`.
+        hinges: Whether each joint turns; else it slides.
         axes: World axes along and about which the tip can move independently, of `x y z rx ry rz`.
         home: (n,) configuration from which inverse kinematics starts [rad or m].
         lower: (n,) joint position limits [rad or m], -inf where there is none.
@@ -150,9 +151,10 @@ class RobotModel:
     """
 
     name: str
-    simulated: Simulated
+    simulated: MujocoArm
     pin: pin.Model
     joint_names: tuple[str, ...]
+    hinges: tuple[bool, ...]
     axes: tuple[Axis, ...]
     home: Array
     lower: Array

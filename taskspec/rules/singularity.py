@@ -13,6 +13,7 @@ from taskspec.program.plan import StagePlan
 from taskspec.program.stages.conditions import NEAR_SINGULAR, SINGULAR
 from taskspec.program.trajectory import Place
 from taskspec.robot.mobility import tip_jacobian
+from taskspec.robot.poses import mirrored
 from taskspec.rules import Finding, rule, warning
 from taskspec.spec import FILE, key_of
 from taskspec.text.units import number, show
@@ -59,8 +60,7 @@ def _pivot(stage: StagePlan, place: Place) -> float:
     """The least pivot of J H^-1 J^T [1/kg, 1/(kg m^2)]; 0 where it is singular."""
     robot = stage.context.robot
     J = _rows(stage, place)
-    upper = np.triu(pin.crba(robot.pin, robot.pin.createData(), place.q))
-    H = upper + np.triu(upper, 1).T
+    H = mirrored(pin.crba(robot.pin, robot.pin.createData(), place.q))
     mobility = J @ np.linalg.solve(H, J.T)
     # Pivot i is what is left of row i once the rows before it are known.
     least = np.inf

@@ -1,5 +1,7 @@
 """Quick operators make the nodes that CasADi's own make, and are gone afterwards."""
 
+import threading
+
 import casadi as ca
 import numpy as np
 import pytest
@@ -53,6 +55,29 @@ def test_operators_are_put_back():
 
     with pytest.raises(ValueError):  # noqa: PT011
         fails()
+    assert ca.SX.__add__ is own
+
+
+def test_the_last_of_several_puts_operators_back():
+    own = ca.SX.__add__
+    begin, end = threading.Event(), threading.Event()
+
+    def other() -> None:
+        with quick_operators():
+            begin.set()
+            end.wait()
+
+    thread = threading.Thread(target=other)
+    with quick_operators():
+        quick = ca.SX.__add__
+        thread.start()
+        begin.wait()
+        with quick_operators():
+            pass
+        assert ca.SX.__add__ is quick
+    assert ca.SX.__add__ is quick
+    end.set()
+    thread.join()
     assert ca.SX.__add__ is own
 
 

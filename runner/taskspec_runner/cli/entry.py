@@ -9,6 +9,7 @@ from io import TextIOWrapper
 from taskspec_runner import headless
 from taskspec_runner.cli.app import app
 from taskspec_runner.cli.guard import is_lost, lost
+from taskspec_runner.cli.parallel import collect_rarely
 
 
 def main() -> None:
@@ -16,6 +17,7 @@ def main() -> None:
     headless.set_aside()
     # Threads for matrices as small as these take longer to begin than all products of them.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    collect_rarely()
     # Python has no stream where the shell has closed it; what is written there is lost anyway.
     sys.stdout = sys.stdout or os.fdopen(os.open(os.devnull, os.O_WRONLY), "w")
     sys.stderr = sys.stderr or os.fdopen(os.open(os.devnull, os.O_WRONLY), "w")

@@ -13,6 +13,7 @@ from taskspec.deferred_methods import dataclass
 from taskspec.program.world import frames
 from taskspec.program.world.equations import EquationModel
 from taskspec.robot import RobotModel
+from taskspec.robot.poses import mirrored
 from taskspec.spec import EquationObject, Shape
 
 Vector = NDArray[np.float64]
@@ -170,8 +171,7 @@ def _tip(robot: RobotModel, q: Vector) -> tuple[Vector, Vector]:
 
 
 def _inertia(robot: RobotModel, data: pin.Data, q: Vector) -> Vector:
-    H = np.triu(pin.crba(robot.pin, data, q))
-    return np.asarray(H + np.triu(H, 1).T, dtype=np.float64)
+    return mirrored(pin.crba(robot.pin, data, q))
 
 
 def virtual_mass_scale(robot: RobotModel) -> float:
