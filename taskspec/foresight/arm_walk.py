@@ -264,7 +264,8 @@ def _times(
     # Half of the time itself keeps pieces short where references start and end.
     measure = gone / max(gone[-1], 1e-12) + 0.5 * fine / max(horizon, 1e-12)
     marks = np.searchsorted(measure, np.linspace(0.0, measure[-1], pieces + 1))
-    marks = np.unique(np.minimum(marks, _FINE - 1))
+    # `np.unique` would load all of `numpy.ma` for it.
+    marks = np.array(sorted({*np.minimum(marks, _FINE - 1).tolist()}))
     faster = []
     for a, b in itertools.pairwise(marks):
         net = float(np.linalg.norm(at[b] - at[a])) / (b - a)

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import hashlib
+import os
 import pickle
 import platform
 from collections.abc import Sequence
 from functools import cache
 from importlib import import_module
-from importlib.metadata import version
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -104,8 +105,23 @@ def _makers() -> str:
     return " ".join(
         (
             sources.hexdigest(),
-            f"mujoco {version('mujoco')} pinocchio {pin.__version__} numpy {np.__version__}",
+            _mujoco(),
+            f"pinocchio {pin.__version__} numpy {np.__version__}",
             f"python {platform.python_version()} {platform.system()} {platform.machine()}",
             *sorted(name for name, there in features.items() if there),
         )
     )
+
+
+def _mujoco() -> str:
+    """MuJoCo as it is installed, without loading it: its files by name, size and time."""
+    found = find_spec("mujoco")
+    if found is None or found.origin is None:
+        # Then nothing is compiled, and nothing was.
+        return "no mujoco"
+    entries = [
+        (entry.name, entry.stat().st_size, entry.stat().st_mtime_ns)
+        for entry in os.scandir(Path(found.origin).parent)
+        if entry.is_file()
+    ]
+    return repr(sorted(entries))

@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from taskspec_runner.record.folder import LOG, MANIFEST, SUMMARY, TASK, RunFolder, read_json
-from taskspec_runner.record.manifest import FORMAT
+from taskspec_runner.record.folder import LOG, SUMMARY, TASK, RunFolder, read_json
+from taskspec_runner.record.manifest import FORMAT, MANIFEST
 
 
 def seal_folder(folder: Path, **entries: Any) -> None:

@@ -23,7 +23,7 @@ from taskspec_runner.cli.reporters import REPORTERS
 from taskspec_runner.cli.validation import Failure, Validation
 from taskspec_runner.errors import InputError
 from taskspec_runner.loop.interrupt import Termination
-from taskspec_runner.record.folder import MANIFEST
+from taskspec_runner.record.manifest import MANIFEST
 
 _SUFFIXES = (".yaml", ".yml")
 #: Without these a file is read, but nothing that needs a robot can be looked at.
@@ -204,14 +204,15 @@ def _examine(path: Path, sets: Sequence[str], law: str | None) -> _Found:
         return _Found(error.diagnostics, dict(error.sources))
     sources = dict(loaded.sources)
     try:
-        # A file that cannot even be read needs no robot.
+        # A file that cannot even be read needs no robot, and one that is known no simulator.
         from taskspec.examination import examine
+
+        return _Found(examine(loaded).findings, sources)
     except ImportError as error:
         missing = (error.name or "").partition(".")[0]
         if missing not in _NUMERICAL:
             raise
         return _Found(loaded.warnings, sources, _without(missing, error))
-    return _Found(examine(loaded).findings, sources)
 
 
 def _without(missing: str, error: ImportError) -> str:

@@ -17,7 +17,7 @@ from taskspec_runner.errors import OutputError
 from taskspec_runner.record.block import BLOCK
 from taskspec_runner.record.extent import ENDED
 from taskspec_runner.record.lock import LOCK, FolderLock, holder
-from taskspec_runner.record.manifest import RUNNING, SEAL, now, seal
+from taskspec_runner.record.manifest import MANIFEST, RUNNING, SEAL, now, seal
 from taskspec_runner.record.whole import PARTIAL, open_regular, write_whole
 
 if TYPE_CHECKING:
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 Json = Mapping[str, Any]
 
-TASK, MANIFEST, LOG = "task.yaml", "manifest.json", "log.arrow"
+TASK, LOG = "task.yaml", "log.arrow"
 SUMMARY, REPORT, CRASH = "summary.json", "report.html", "crash.txt"
 _OWN = (TASK, MANIFEST, LOG, BLOCK, SUMMARY, REPORT, CRASH)
 #: What `export` puts beside them.
