@@ -6,7 +6,8 @@ from pathlib import Path
 from typing import Any
 
 from taskspec_runner.record.folder import LOG, SUMMARY, TASK, RunFolder, read_json
-from taskspec_runner.record.manifest import FORMAT, MANIFEST
+from taskspec_runner.record.manifest import FORMAT
+from taskspec_runner.record.names import MANIFEST
 
 
 def seal_folder(folder: Path, **entries: Any) -> None:

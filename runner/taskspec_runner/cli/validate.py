@@ -23,7 +23,7 @@ from taskspec_runner.cli.reporters import REPORTERS
 from taskspec_runner.cli.validation import Failure, Validation
 from taskspec_runner.errors import InputError
 from taskspec_runner.loop.interrupt import Termination
-from taskspec_runner.record.manifest import MANIFEST
+from taskspec_runner.record.names import MANIFEST
 
 _SUFFIXES = (".yaml", ".yml")
 #: Without these a file is read, but nothing that needs a robot can be looked at.

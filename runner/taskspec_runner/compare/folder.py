@@ -8,7 +8,7 @@ from taskspec.laws import LAWS
 from taskspec_runner.compare.attempt import AS_WRITTEN, folder_of
 from taskspec_runner.record import folder as folders
 from taskspec_runner.record.folder import RUNS, RunFolder
-from taskspec_runner.record.manifest import MANIFEST
+from taskspec_runner.record.names import MANIFEST
 
 COMPARISON, PAGE, PICTURE = "compare.json", "compare.html", "compare.svg"
 #: What the folder's name adds to that of the task.

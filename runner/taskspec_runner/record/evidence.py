@@ -26,7 +26,8 @@ from taskspec_runner.record.folder import (
     parse_json,
 )
 from taskspec_runner.record.log import LogReader
-from taskspec_runner.record.manifest import FORMAT, MANIFEST, SEAL, run_mark, seal
+from taskspec_runner.record.manifest import FORMAT, SEAL, run_mark, seal
+from taskspec_runner.record.names import MANIFEST
 from taskspec_runner.record.whole import open_regular
 
 _UNSEALED = 1

@@ -17,7 +17,8 @@ from taskspec_runner.errors import OutputError
 from taskspec_runner.record.block import BLOCK
 from taskspec_runner.record.extent import ENDED
 from taskspec_runner.record.lock import LOCK, FolderLock, holder
-from taskspec_runner.record.manifest import MANIFEST, RUNNING, SEAL, now, seal
+from taskspec_runner.record.manifest import RUNNING, SEAL, now, seal
+from taskspec_runner.record.names import MANIFEST
 from taskspec_runner.record.whole import PARTIAL, open_regular, write_whole
 
 if TYPE_CHECKING:

@@ -23,8 +23,6 @@ from taskspec.program.program import Program
 #: 2 has checksums of the summary, of the files that a task draws on, and of itself.
 FORMAT = 2
 SEAL = "seal"
-#: Its name in the folder of a run.
-MANIFEST = "manifest.json"
 #: Status of a run that has not come to its end.
 RUNNING = "running"
 _DISTRIBUTIONS = ("mujoco", "pin", "casadi", "numpy", "pyarrow")
