@@ -22,8 +22,7 @@ from taskspec.modes import DEFAULT_RAMP
 from taskspec.motion import blend
 from taskspec.program.bound import BoundFunction, evaluated
 from taskspec.program.context import Context
-from taskspec.program.execution import entry
-from taskspec.program.execution.hand_over import HandedOver
+from taskspec.program.execution.tracks import Tracks
 from taskspec.program.ports import fields, slices
 from taskspec.program.stages.stage import CompiledStage
 from taskspec.program.world import estimated_frames
@@ -113,21 +112,20 @@ class Operating:
             if f.kind == "estimated"
             for g in (context.frames[f.estimated_in],)
         }
-        entered = entry.enter(
-            stage,
-            context.robot,
-            HandedOver(context.start_p, context.start_R, np.zeros(6)),
-            (context.start_p, context.start_R),
-            self._arguments,
-            poses,
-        )
-        self.memory, self.parameters = entered.memory, entered.parameters
+        entry, gains = stage.entry, stage.plan.gains
+        handed = np.concatenate([context.start_p, context.start_R.ravel(order="F"), np.zeros(14)])
+        given = [np.concatenate([np.zeros(0), *(poses[name] for name in entry.poses)])]
+        given.append(np.array([gains[name][axis].value for name, axis in entry.gains]))
+        entered = evaluated(entry.function, *self._arguments, handed, *given)
+        self.memory, self.parameters, numbers = entered
+        tracks = Tracks(stage, self.parameters)
+        tracks.numbers[:] = numbers
         forces = [p.axis.set_point for p in stage.plan.plans.values()]
         ramps = [force.ramp for force in forces if force is not None]
         ramps += [point.ramp for point in stage.plan.spec.constraints.values()]
         longest = max([DEFAULT_RAMP, *(r for r in ramps if r is not None)])
-        self._now[0] = max(longest, entered.tracks.duration) + _AFTER
-        entered.tracks.refresh(stage, self.parameters, float(self._now[0]))
+        self._now[0] = max(longest, tracks.duration) + _AFTER
+        tracks.refresh(float(self._now[0]))
         self._bring_references()
 
     def _bring_references(self) -> None:

@@ -68,7 +68,7 @@ def reference_motion(
             return None
         own[axis] = mode, way
         if track is not None:
-            ends.append(float(track.knots[-2]))
+            ends.append(float(track.rests))
     begun = _begun(stage, own, start, rates)
     return ReferenceMotion(begun, max(ends, default=None), path_lasts)
 

@@ -1,7 +1,8 @@
 """What a mode of an axis is: its keys, its reference, its hand-over, its nominal motion, its words.
 
 A mode that a file gives is made of the values of its keys. A reference is written on CasADi
-expressions; hand-over and nominal motion are numbers.
+expressions, nominal motion on numbers. A hand-over is written on both: it is part of the function
+that enters a stage, and of what is foreseen.
 """
 
 from __future__ import annotations
@@ -28,6 +29,8 @@ if TYPE_CHECKING:
     from taskspec.program.reference.tracked_mechanism import TrackedMechanism
     from taskspec.program.slots import Slots
 
+#: A number, or an expression of what is known when a stage is entered.
+Number = Any
 #: Displacement [m, rad] against time [s].
 Way = Callable[[float], float]
 #: What an expression is worth before a run, at given clocks; None where nothing tells.
@@ -141,7 +144,7 @@ class Blending:
 
 @dataclass(frozen=True, slots=True)
 class StageStart:
-    """What an axis is handed over with.
+    """What an axis is handed over with, in numbers or expressions.
 
     Attributes:
         axis: which.
@@ -155,19 +158,19 @@ class StageStart:
 
     axis: Axis
     plan: StagePlan
-    starts: Mapping[Axis, float]
-    rates: Mapping[Axis, float]
-    pressed: float
-    own: float
-    own_rate: float
+    starts: Mapping[Axis, Number]
+    rates: Mapping[Axis, Number]
+    pressed: Number
+    own: Number
+    own_rate: Number
 
     @property
-    def start(self) -> float:
+    def start(self) -> Number:
         """Coordinate of the reference that is handed over [m, rad]."""
         return self.starts[self.axis]
 
     @property
-    def rate(self) -> float:
+    def rate(self) -> Number:
         """Its rate [m/s, rad/s]."""
         return self.rates[self.axis]
 
@@ -188,12 +191,12 @@ class HandOver:
         wait: before a reference with a time of its own starts [s].
     """
 
-    offset: float
-    slope: float
-    time: float
-    pressed: float
-    parameters: Mapping[str, float] = field(default_factory=dict)
-    wait: float = 0.0
+    offset: Number
+    slope: Number
+    time: Number
+    pressed: Number
+    parameters: Mapping[str, Number] = field(default_factory=dict)
+    wait: Number = 0.0
 
     def added(self, t: float) -> float:
         """What it adds to the mode's reference at stage time t [s], but for what is pressed."""
@@ -201,7 +204,7 @@ class HandOver:
         return more
 
 
-def from_start(at: StageStart, own_rate: float | None = None) -> HandOver:
+def from_start(at: StageStart, own_rate: Number | None = None) -> HandOver:
     """Hand-over of a reference that counts from where the stage starts.
 
     It starts where the rate that is handed over runs out, so that nothing goes back.
@@ -226,8 +229,8 @@ def to_coordinate(at: StageStart) -> HandOver:
     offset = at.start - at.own + slope * blend.BLEND_TIME / 2
     time = blend.blend_time(offset, speed)
     if at.axis not in at.plan.from_rest:
-        return HandOver(offset, slope, max(time, blend.CATCH_UP if slope else 0.0), at.pressed)
-    wait = time if abs(offset) > blend.NEGLIGIBLE * speed else 0.0
+        return HandOver(offset, slope, ca.fmax(time, blend.CATCH_UP * (slope != 0)), at.pressed)
+    wait = time * (ca.fabs(offset) > blend.NEGLIGIBLE * speed)
     return HandOver(offset, slope, time, at.pressed, wait=wait)
 
 
@@ -305,8 +308,10 @@ class AxisMode(ABC):
     def hand_over(self, at: StageStart) -> HandOver:
         """How its reference continues the one that is handed over."""
 
-    def track(self, start: float, rate: float) -> PiecewiseCubic | None:  # noqa: ARG002
+    def track(self, start: Number, rate: Number) -> PiecewiseCubic | None:  # noqa: ARG002
         """The cubics that its reference runs through, which fill its slot `segment`.
+
+        They are expressions where start and rate are.
 
         Args:
             start: coordinate that is handed over [m, rad].
@@ -373,7 +378,7 @@ class AxisMode(ABC):
     def duration(self, rate: float) -> float | None:
         """How long its track takes from a rate [m/s, rad/s] to rest [s]; None without one."""
         planned = self.track(0.0, rate)
-        return None if planned is None else float(planned.knots[-2])
+        return None if planned is None else float(planned.rests)
 
     @property
     def distance(self) -> tuple[float, float] | None:

@@ -12,6 +12,7 @@ from taskspec.modes.mode import (
     AxisMode,
     HandOver,
     Known,
+    Number,
     OwnReference,
     ReferenceInputs,
     StageStart,
@@ -75,7 +76,7 @@ class Move(AxisMode):
         """Nothing is left to blend: the move itself is planned from what is handed over."""
         return HandOver(0.0, 0.0, blend.BLEND_TIME, at.pressed)
 
-    def track(self, start: float, rate: float) -> PiecewiseCubic | None:
+    def track(self, start: Number, rate: Number) -> PiecewiseCubic | None:
         """The move from where the reference is, at its rate."""
         from taskspec.motion import profile
 

@@ -86,6 +86,7 @@ def added(t: Number, offset: Number, slope: Number, time: Number) -> Number:
     return total
 
 
-def blend_time(offset: float, speed: float) -> float:
+def blend_time(offset: Number, speed: float) -> Number:
     """How long to blend an offset in [s], so that the blending stays below `speed`."""
-    return max(BLEND_TIME, _PEAK * abs(offset) / speed)
+    time: Number = ca.fmax(BLEND_TIME, _PEAK * ca.fabs(offset) / speed)
+    return time

@@ -1,6 +1,7 @@
 """Paths: curves in the frame's coordinates, run through by one timing.
 
-A path is symbolic in the tick (`curve`) and numeric when its stage is entered (`plan`).
+A path is symbolic in the tick (`curve`). Its timing is one of numbers where it is known from the
+file, and follows from where its stage is entered otherwise (`plan`).
 """
 
 from __future__ import annotations
@@ -8,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import field, replace
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -80,8 +82,12 @@ class PathShape:
         splines = {a: p for a, p in self.table.splines().items() if a in self.axes}
         return replace(self, splines=splines)
 
-    def plan(self, start: Mapping[Axis, float]) -> PathPlan:
-        """Times the path from the coordinates at which its stage was entered."""
+    def plan(self, start: Mapping[Axis, Any]) -> PathPlan:
+        """Times the path from the coordinates at which its stage is entered.
+
+        Args:
+            start: numbers, or expressions.
+        """
         if self.table is not None:
             splines = self.splines
             if self.table.time is not None:
@@ -90,19 +96,22 @@ class PathShape:
                 clock = _clock(float(knots[0]), duration, from_rest=self.table.begins_moving)
                 return PathPlan(clock, splines, duration)
             along = timing(self.table.length, speed=self.speed, time=self.time)
-            return PathPlan(along, splines, _rest(along))
+            return PathPlan(along, splines, along.rests)
         along = timing(self.length(start), speed=self.speed, time=self.time)
-        return PathPlan(along, {}, _rest(along))
+        return PathPlan(along, {}, along.rests)
 
-    def length(self, start: Mapping[Axis, float]) -> float:
+    def length(self, start: Mapping[Axis, Any]) -> Any:
         """Length [m] over the driven translations; [rad] for a path that only turns."""
         if self.kind == "arc":
             dx, dy = start[Axis.X] - self.center[0], start[Axis.Y] - self.center[1]
-            return math.hypot(dx, dy) * 2 * math.pi * abs(self.turns[""])
+            return _norm([dx, dy]) * 2 * math.pi * abs(self.turns[""])
         moved = self._length([a for a in self.axes if not a.is_rotation], start)
-        return moved or self._length([a for a in self.axes if a.is_rotation], start)
+        turned = self._length([a for a in self.axes if a.is_rotation], start)
+        if isinstance(moved, float):
+            return moved or turned
+        return ca.if_else(moved > 0, moved, turned)
 
-    def _length(self, axes: Sequence[Axis], start: Mapping[Axis, float]) -> float:
+    def _length(self, axes: Sequence[Axis], start: Mapping[Axis, Any]) -> Any:
         if not axes:
             return 0.0
         if self.kind == "lissajous":
@@ -110,23 +119,29 @@ class PathShape:
             points = [self.numbers[a] * np.sin(2 * np.pi * self.turns[a] * s) for a in axes]
             return float(np.linalg.norm(np.diff(np.array(points), axis=1), axis=0).sum())
         ends = [self.numbers[a] - (start[a] if self.kind == "to" else 0.0) for a in axes]
-        return math.hypot(*ends)
+        return _norm(ends)
 
 
 @dataclass(frozen=True, slots=True)
 class PathPlan:
-    """A timed path: s against time, the splines of a table against s, and its duration [s]."""
+    """A timed path.
+
+    Attributes:
+        timing: s against time [s].
+        splines: of a table against s.
+        duration: until it rests [s]; an expression where the timing is made of such.
+    """
 
     timing: PiecewiseCubic
     splines: Mapping[str, PiecewiseCubic]
-    duration: float
+    duration: Any
 
     def knots(self) -> list[float]:
         """Times [s] at which some cubic of the plan changes."""
-        times = [float(k) for k in self.timing.knots[1:]]
-        for spline in self.splines.values():
-            times += [self.timing.first_reaching(float(k)) for k in spline.knots[1:-1]]
-        return sorted(set(times))
+        points = {id(spline.knots): spline.knots[1:-1] for spline in self.splines.values()}
+        passed = [self.timing.first_reaching(knots) for knots in points.values()]
+        times: list[float] = np.unique(np.concatenate([self.timing.knots[1:], *passed])).tolist()
+        return times
 
 
 def _clock(start: float, duration: float, *, from_rest: bool) -> PiecewiseCubic:
@@ -153,8 +168,11 @@ def _clock(start: float, duration: float, *, from_rest: bool) -> PiecewiseCubic:
     )
 
 
-def _rest(along: PiecewiseCubic) -> float:
-    return float(along.knots[-2])
+def _norm(values: Sequence[Any]) -> Any:
+    """The Euclidean norm of numbers or expressions."""
+    if all(isinstance(value, float | int) for value in values):
+        return math.hypot(*values)
+    return ca.norm_2(ca.vertcat(*values))
 
 
 def coordinates(values: Sequence[float]) -> dict[Axis, float]:

@@ -8,12 +8,16 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Sequence
+from typing import Any
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.deferred_methods import dataclass
+
+#: Numbers, or expressions where a cubic follows from what is known when a stage is entered.
+Values = NDArray[np.float64] | Any
 
 #: Numbers of one cubic: start of the argument, then c0..c3.
 SEGMENT_SIZE = 5
@@ -24,12 +28,12 @@ class PiecewiseCubic:
     """c0 + c1 s + c2 s^2 + c3 s^3 with s = x - knots[i] on each interval.
 
     Attributes:
-        knots: (k + 1,) increasing arguments; the last one ends the last interval.
+        knots: (k + 1,) arguments that do not decrease; the last one ends the last interval.
         coefficients: (k, 4).
     """
 
-    knots: NDArray[np.float64]
-    coefficients: NDArray[np.float64]
+    knots: Values
+    coefficients: Values
 
     @property
     def end(self) -> float:
@@ -52,26 +56,42 @@ class PiecewiseCubic:
         s = float(x) - float(self.knots[i])
         return float(c0 + s * (c1 + s * (c2 + s * c3)))
 
-    def first_reaching(self, value: float) -> float:
-        """The earliest argument at which a non-decreasing cubic reaches `value`."""
-        low, high = float(self.knots[0]), self.end
-        if self(high) <= value:
-            return high
+    @property
+    def rests(self) -> Any:
+        """Where its last interval begins."""
+        return self.knots[self.coefficients.shape[0] - 1]
+
+    def segment_at_start(self) -> ca.SX:
+        """The (5,) parameters of the interval that holds 0, of a cubic of expressions."""
+        rows = [
+            ca.vertcat(self.knots[i], self.coefficients[i, :].T)
+            for i in range(self.coefficients.shape[0])
+        ]
+        found = rows[0]
+        for row in rows[1:]:
+            found = ca.if_else(row[0] <= 0, row, found)
+        return found
+
+    def first_reaching(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The earliest arguments at which a non-decreasing cubic reaches `values` (m,)."""
+        low, high = (np.full(len(values), each) for each in (self.knots[0], self.knots[-1]))
+        never = self(self.end) <= values
         for _ in range(80):
             middle = (low + high) / 2
-            low, high = (low, middle) if self(middle) >= value else (middle, high)
-        return high
+            i = np.clip(
+                np.searchsorted(self.knots, middle, side="right") - 1, 0, len(self.coefficients) - 1
+            )
+            c0, c1, c2, c3 = self.coefficients[i].T
+            s = middle - self.knots[i]
+            beyond = c0 + s * (c1 + s * (c2 + s * c3)) >= values
+            low, high = np.where(beyond, low, middle), np.where(beyond, middle, high)
+        return np.where(never, self.end, high)
 
 
 def evaluate(segment: ca.SX, x: ca.SX) -> ca.SX:
     """The cubic with parameters `segment` (5,) at x."""
     s = x - segment[0]
     return segment[1] + s * (segment[2] + s * (segment[3] + s * segment[4]))
-
-
-def constant(value: float) -> PiecewiseCubic:
-    """A constant as a cubic."""
-    return PiecewiseCubic(np.array([0.0, 0.0]), np.array([[value, 0.0, 0.0, 0.0]]))
 
 
 def from_states(

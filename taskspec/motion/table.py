@@ -74,15 +74,36 @@ class Table:
 
     def splines(self) -> dict[str, PiecewiseCubic]:
         """C2 cubic splines of every axis over `argument`; timed ones start and end at rest."""
-        # Imported here: SciPy takes longer to load than all else a task without a table needs.
-        from scipy.interpolate import CubicSpline
+        x, clamped = self.argument(), self.time is not None
+        return {axis: _spline(x, y, clamped=clamped) for axis, y in self.points.items()}
 
-        x = self.argument()
-        ends = "natural" if self.time is None else "clamped"
-        return {
-            axis: PiecewiseCubic(x, CubicSpline(x, y, bc_type=ends).c[::-1].T.copy())
-            for axis, y in self.points.items()
-        }
+
+def _spline(x: NDArray[np.float64], y: NDArray[np.float64], *, clamped: bool) -> PiecewiseCubic:
+    """The C2 cubic spline through y at x: with no slope at its ends, or with no curvature.
+
+    The slopes at the points are those that make the second derivative continuous: a tridiagonal
+    system that is diagonally dominant, so that elimination needs no pivots.
+    """
+    step = np.diff(x)
+    slope = np.diff(y) / step
+    ends = (0.0, 0.0) if clamped else (3 * (y[1] - y[0]), 3 * (y[-1] - y[-2]))
+    inner = 3 * (step[1:] * slope[:-1] + step[:-1] * slope[1:])
+    right = [ends[0], *inner.tolist(), ends[1]]
+    edge = (1.0, 1.0) if clamped else (2 * step[0], 2 * step[-1])
+    diagonal = [edge[0], *(2 * (step[:-1] + step[1:])).tolist(), edge[1]]
+    lower = [*step[1:].tolist(), 0.0 if clamped else step[-1]]
+    upper = [0.0 if clamped else step[0], *step[:-1].tolist()]
+    for i in range(len(lower)):
+        share = lower[i] / diagonal[i]
+        diagonal[i + 1] -= share * upper[i]
+        right[i + 1] -= share * right[i]
+    right[-1] /= diagonal[-1]
+    for i in reversed(range(len(upper))):
+        right[i] = (right[i] - upper[i] * right[i + 1]) / diagonal[i]
+    rate = np.array(right)
+    bend = (rate[:-1] + rate[1:] - 2 * slope) / step
+    coefficients = [y[:-1], rate[:-1], (slope - rate[:-1]) / step - bend, bend / step]
+    return PiecewiseCubic(x, np.column_stack(coefficients))
 
 
 class OutsideError(Exception):

@@ -70,7 +70,7 @@ def _path_duration(here: StageAtStart) -> float | None:
     if start is None and path.kind in ("to", "arc"):
         return path.time
     zero = dict.fromkeys(AXES, 0.0)
-    return path.plan(zero if start is None else dict(start)).duration
+    return float(path.plan(zero if start is None else dict(start)).duration)
 
 
 def guarded(here: StageAtStart, known: Known) -> Duration:

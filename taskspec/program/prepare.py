@@ -145,8 +145,7 @@ def tool_center(context: Context) -> Vector:
 
 def chart_at(surface: Surface, center: Vector) -> SurfaceChart:
     """The part of a surface that a frame follows whose stage begins at a point (3,)."""
-    face = surface.face_at(center)
-    return surface.chart(None if face is None else ca.SX(face))
+    return surface.chart(surface.face_at(ca.SX(center)))
 
 
 def frame_at_start(context: Context, frame: FrameModel) -> Vector:

@@ -64,18 +64,21 @@ class Box(ToolSurface):
         assert face is not None
         return BoxFace(face)
 
-    def face_at(self, point: Vector) -> Vector | None:
+    def face_at(self, point: ca.SX) -> ca.SX | None:
         """(14,) the nearest face."""
-        return self.face(self.nearest_face(point))
-
-    def nearest_face(self, point: Vector) -> int:
-        """The face nearest to a world point (3,): 0..2 for +x..+z, 3..5 for -x..-z."""
-        x = self.rotation.T @ (np.asarray(point) - self.origin)
-        axis = int(np.argmax(np.abs(x) - self.half))
-        return axis if x[axis] >= 0 else axis + 3
+        x = self.local(point)
+        excess = ca.fabs(x) - ca.DM(self.half)
+        sides = [
+            ca.if_else(x[i] >= 0, ca.DM(self.face(i)), ca.DM(self.face(i + 3))) for i in range(3)
+        ]
+        found, most = sides[0], excess[0]
+        for side, beyond in zip(sides[1:], (excess[1], excess[2]), strict=True):
+            found = ca.if_else(beyond > most, side, found)
+            most = ca.fmax(most, beyond)
+        return found
 
     def face(self, index: int) -> Vector:
-        """(14,) a face: rotation (column-major), centre, half extents along x and y.
+        """(14,) face 0..2 for +x..+z, 3..5 for -x..-z: rotation, centre, half edges along x and y.
 
         z of the rotation is the outward normal. x is the box's own x on the z and y faces and its
         own y on the x faces, so that it always lies in the face.

@@ -130,7 +130,7 @@ class Surface(ABC):
         gradient = ca.Function("gradient", [x], [ca.gradient(self.distance(x), x)])
         return gradient(point)
 
-    def face_at(self, point: Vector) -> Vector | None:  # noqa: ARG002
+    def face_at(self, point: ca.SX) -> ca.SX | None:  # noqa: ARG002
         """(face_size,) numbers of the part nearest to a world point (3,); None for one part."""
         return None
 

@@ -44,7 +44,7 @@ from workers import Worker, serve
 
 ROOT = Path(__file__).resolve().parents[2]
 #: What a run depends on beside the code.
-PACKAGES = ("casadi", "daqp", "mujoco", "numpy", "osqp", "pin", "pyarrow", "ruckig", "scipy")
+PACKAGES = ("casadi", "daqp", "mujoco", "numpy", "osqp", "pin", "pyarrow", "scipy")
 #: After which a file is given up as hanging [s].
 LOST = 600.0
 GROUPS = ("shipped", "random", "corpus")

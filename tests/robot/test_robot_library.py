@@ -223,7 +223,7 @@ def test_import_brings_no_other_heavy_package() -> None:
     code = "import sys, taskspec.robot; print(*sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     modules = set(done.stdout.split())
-    heavy = ("casadi", "scipy", "pydantic", "pyarrow", "rich", "ruckig", "pandas")
+    heavy = ("casadi", "scipy", "pydantic", "pyarrow", "rich", "pandas")
     assert not modules.intersection(heavy)
 
 

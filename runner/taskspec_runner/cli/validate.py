@@ -27,7 +27,7 @@ from taskspec_runner.record.names import MANIFEST
 
 _SUFFIXES = (".yaml", ".yml")
 #: Without these a file is read, but nothing that needs a robot can be looked at.
-_NUMERICAL = ("mujoco", "pinocchio", "casadi", "numpy", "scipy", "ruckig")
+_NUMERICAL = ("mujoco", "pinocchio", "casadi", "numpy", "scipy")
 
 
 def validate_paths(

@@ -12,76 +12,97 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec.program.stages.stage import CompiledStage
+from taskspec.program.bound import BoundFunction
+from taskspec.program.slots import Slots
+from taskspec.program.stages.candidates import Choice
 
 Vector = NDArray[np.float64]
 
 #: More exchanges than this are rounding.
 _EXCHANGES = 50
+#: In the place of a pivot of 0, where the constraints depend on each other.
+_TINY = 1e-300
 
 
-def choose_first(
-    stage: CompiledStage, inputs: Sequence[Vector], memory: Vector, parameters: Vector
-) -> None:
-    """Chooses at entry; writes the selection into the parameters.
+class Chooser:
+    """Chooses the coordinates of a stage, on the arrays of its tick."""
 
-    Args:
-        stage: the stage.
-        inputs: of its tick before memory and parameters.
-        memory, parameters: of the stage at t = 0.
-    """
-    if stage.choice is None:
-        return
-    gradient, _, _ = _look(stage, inputs, memory, parameters)
-    _write(stage, parameters, choose(gradient, stage.choice.weights))
+    def __init__(self, choice: Choice, parameters: Slots, arguments: Sequence[Vector]) -> None:
+        """For a stage.
 
+        Args:
+            choice: of the stage.
+            parameters: their layout.
+            arguments: of its tick, the parameters last.
+        """
+        look, slots, held = choice.look, parameters.slots, arguments[-1]
+        results = [np.zeros(look.nnz_out(i)) for i in range(3)]
+        self._look = BoundFunction(look, arguments, results)
+        flat, self._wanted, self._kept = results
+        self._gradient = flat.reshape(look.size_out(0), order="F")
+        self._weights = choice.weights
+        self._selection, self._held = held[slots["selection"]], held[slots["held"]]
+        self._chosen_at = held[slots["chosen_at"]]
 
-def choose_again(
-    stage: CompiledStage, inputs: Sequence[Vector], memory: Vector, parameters: Vector, t: float
-) -> None:
-    """Chooses at stage time t [s] and holds what the last choice asked for at these inputs."""
-    assert stage.choice is not None
-    gradient, wanted, kept = _look(stage, inputs, memory, parameters)
-    _write(stage, parameters, choose(gradient, stage.choice.weights))
-    # Of an acceleration that keeps the constraints, elimination changes nothing.
-    stage.parameters.write(parameters, "held", kept - wanted)
-    stage.parameters.write(parameters, "chosen_at", t)
+    def first(self) -> None:
+        """Chooses at entry."""
+        self._look.evaluate()
+        self._choose()
 
+    def again(self, t: float) -> None:
+        """Chooses at stage time t [s] and holds what the last choice asked for at these inputs."""
+        self._look.evaluate()
+        self._choose()
+        # Of an acceleration that keeps the constraints, elimination changes nothing.
+        self._held[:] = self._kept - self._wanted
+        self._chosen_at[:] = t
 
-def _look(
-    stage: CompiledStage, inputs: Sequence[Vector], memory: Vector, parameters: Vector
-) -> tuple[Vector, Vector, Vector]:
-    """J_phi on the candidates (m, c), wanted q'' (n,), and q'' that keeps the constraints (n,)."""
-    assert stage.choice is not None
-    memory, parameters = memory[: stage.memory.size], parameters[: stage.parameters.size]
-    gradient, wanted, kept = stage.choice.look(*inputs, memory, parameters)
-    return np.array(gradient), np.array(wanted).ravel(), np.array(kept).ravel()
-
-
-def _write(stage: CompiledStage, parameters: Vector, selection: Vector) -> None:
-    stage.parameters.write(parameters, "selection", selection.ravel(order="F"))
+    def _choose(self) -> None:
+        self._selection[:] = choose(self._gradient, self._weights).ravel(order="F")
 
 
 def choose(gradient: NDArray[np.float64], weights: NDArray[np.float64]) -> NDArray[np.float64]:
     """(c, m) selection of m coordinates whose minor of the weighted gradient (m, c) is large.
 
-    Pivoting gives a first choice; then coordinates are exchanged as long as that makes it larger.
+    Elimination with the largest pivots gives a first choice; then coordinates are exchanged as long
+    as that makes the minor larger. The rows hold the gradient by its chosen columns, B^-1 A, whose
+    elements are what an exchange makes of the minor. They are so few that numbers are faster than
+    arrays.
     """
-    scaled = gradient * weights
-    m, c = scaled.shape
-    rest, chosen = scaled.copy(), []
-    for _ in range(m):
-        pivot = int(np.argmax(np.linalg.norm(rest, axis=0)))
-        chosen.append(pivot)
-        direction = rest[:, pivot] / max(float(np.linalg.norm(rest[:, pivot])), 1e-300)
-        rest = rest - np.outer(direction, direction @ rest)
-        rest[:, pivot] = 0.0
+    rows: list[list[float]] = (gradient * weights).tolist()
+    chosen = [0] * len(rows)
+    left = list(range(len(rows)))
+    while left:
+        i, j, _ = _largest(rows, left)
+        left.remove(i)
+        chosen[i] = j
+        _eliminate(rows, i, j)
     for _ in range(_EXCHANGES):
-        gains = np.abs(np.linalg.lstsq(scaled[:, chosen], scaled)[0])
-        i, j = np.unravel_index(int(np.argmax(gains)), gains.shape)
-        if gains[i, j] < 1 + 1e-6:
+        i, j, gain = _largest(rows, range(len(rows)))
+        if not gain >= 1 + 1e-6:
             break
-        chosen[int(i)] = int(j)
-    selection = np.zeros((c, m))
-    selection[chosen, range(m)] = 1.0
+        chosen[i] = j
+        _eliminate(rows, i, j)
+    selection = np.zeros((len(weights), len(rows)))
+    selection[chosen, range(len(rows))] = 1.0
     return selection
+
+
+def _largest(rows: list[list[float]], among: Sequence[int]) -> tuple[int, int, float]:
+    """Row and column of the largest element of some rows, and its size."""
+    at, column, most = among[0], 0, -1.0
+    for i in among:
+        for j, value in enumerate(rows[i]):
+            if abs(value) > most:
+                at, column, most = i, j, abs(value)
+    return at, column, most
+
+
+def _eliminate(rows: list[list[float]], i: int, j: int) -> None:
+    """Makes column j a unit vector whose 1 is in row i."""
+    pivot = rows[i][j] or _TINY
+    rows[i] = own = [value / pivot for value in rows[i]]
+    for k, row in enumerate(rows):
+        if k != i and row[j] != 0.0:
+            share = row[j]
+            rows[k] = [value - share * part for value, part in zip(row, own, strict=True)]

@@ -3,18 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.program import events
-from taskspec.program.execution import entry
-from taskspec.program.execution.choice import choose_again
 from taskspec.program.execution.compiled_terms import CompiledTerms
 from taskspec.program.execution.estimation import Estimation
 from taskspec.program.execution.fade_out import FadeOut, unanswered
-from taskspec.program.execution.hand_over import HandedOver, leave
 from taskspec.program.execution.sensor_zero import SensorZero
 from taskspec.program.execution.stage_runner import StageRunner
 from taskspec.program.execution.stage_solver import (
@@ -23,9 +19,10 @@ from taskspec.program.execution.stage_solver import (
     StageSolver,
     no_own_solver,
 )
-from taskspec.program.execution.transition import END, FAIL, Transition, leads_to
-from taskspec.program.ports import INTERNAL, fields, slices
+from taskspec.program.execution.transition import FAIL, Exit, Transition, exits
+from taskspec.program.ports import HANDED, INTERNAL, fields, slices
 from taskspec.program.reference.axis_plan import not_finite
+from taskspec.program.stages import hand_over
 from taskspec.program.stages.stage import CompiledStage
 from taskspec.program.world.estimated_frames import Estimates
 from taskspec.robot import RobotModel
@@ -38,6 +35,7 @@ Views = tuple[Vector, Vector, Vector, Vector, Vector, Vector]
 _FIELDS = slices(INTERNAL)
 _CONDITIONING = _FIELDS["conditioning"].start
 _HEALTH = _FIELDS["health"].start
+_HANDED = slices(HANDED)
 
 
 class Machine:
@@ -77,16 +75,20 @@ class Machine:
         terms: type[ModelTerms] = CompiledTerms,
         own: OwnSolver = no_own_solver,
     ) -> None:
-        self._robot, self.period = robot, period
+        self.period = period
         self.sensor, self.estimation = sensor, Estimation(sensor, estimates)
         self.q, self.v, self.wrench, self.reactions, self.torque, self.outputs = views
         self.terms = terms(robot, self.q, self.v)
         self.now = np.zeros(2 + len(stages))
         self._inputs = (self.now, self.q, self.v, *self.terms.arrays, self.wrench, self.reactions)
+        self._handed = np.zeros(hand_over.SIZE)
         self.runners = tuple(
-            StageRunner(s, self._inputs, self.torque, self.outputs, own) for s in stages
+            StageRunner(s, self._inputs, self._handed, self.torque, self.outputs, own)
+            for s in stages
         )
+        self._exits = exits(stages)
         self._names = [s.name for s in stages]
+        self._attempts = [s.plan.spec.attempts or np.inf for s in stages]
         self.index, self.t = 0, 0.0
         self.stage_ticks = 0
         self._applied, self._fading = np.zeros(len(self.torque)), FadeOut(len(self.torque))
@@ -113,7 +115,8 @@ class Machine:
         """Enters the first stage from rest at the measured pose."""
         self.update_terms()
         self.torque[:] = self.terms.gravity
-        self._enter(0, HandedOver(*self.terms.tip(), np.zeros(6)), 0.0)
+        self._rest_here()
+        self._enter(0, 0.0)
 
     def returned_forces(self, index: int, t: float) -> ReturnedForces | None:
         """What stage `index` asks of contacts at its time t [s], were it entered at rest here.
@@ -125,10 +128,17 @@ class Machine:
         if runner.solver is None or self.estimation.missing(runner.stage):
             return None
         self.update_terms()
-        self._enter(index, HandedOver(*self.terms.tip(), np.zeros(6)), 0.0)
+        self._rest_here()
+        self._enter(index, 0.0)
         self.now[0] = t
         runner.evaluate()
         return runner.solver.returned_forces()
+
+    def _rest_here(self) -> None:
+        """Hands over a reference that rests where the tip is measured."""
+        self._handed[:] = 0.0
+        self._handed[_HANDED["p"]], R = self.terms.tip()
+        self._handed[_HANDED["R"]] = R.ravel(order="F")
 
     def update_terms(self) -> None:
         """Evaluates the model terms and the contact wrench at the measured joint state."""
@@ -151,7 +161,8 @@ class Machine:
         if t >= runner.next_knot:
             runner.refresh(t)
         if self.outputs[_CONDITIONING] < runner.least_conditioning:
-            choose_again(runner.stage, self._inputs, runner.memory, runner.parameters, t)
+            assert runner.chooser is not None
+            runner.chooser.again(t)
         fresh = self._evaluate(runner)
         self.stage_ticks += 1
         event = self.outputs[0]
@@ -160,7 +171,7 @@ class Machine:
             if stopped or not (event and self._is_limit(event)):
                 return stopped
         if event and (self.stage_ticks > 1 or self._is_limit(event)):
-            self._change(clock, runner.stage.events[int(event) - 1])
+            self._change(clock, self._exits[self.index][int(event) - 1])
         else:
             self._commit()
         return float(event)
@@ -201,35 +212,33 @@ class Machine:
 
     def _is_limit(self, event: float) -> bool:
         """A stage's first tick heeds limits alone: what ends it well takes at least a tick."""
-        return self.stage.events[int(event) - 1].kind == events.LIMIT
+        return self._exits[self.index][int(event) - 1].event.kind == events.LIMIT
 
-    def _change(self, clock: float, event: events.Event) -> None:
+    def _change(self, clock: float, out: Exit) -> None:
         """Ends the stage by an event, and begins the one that follows it, if any may."""
-        stage, value = self.stage, float(self.outputs[1])
-        following = self._names[self.index + 1] if self.index + 1 < len(self._names) else END
-        to = leads_to(stage.plan.spec, event, following)
-        if to in (END, FAIL, ""):
+        event, to, index, value = out.event, out.to, out.index, float(self.outputs[1])
+        if index is None:
             self._end(clock, event, value, to)
             return
-        index = self._names.index(to)
-        attempts = self.runners[index].stage.plan.spec.attempts
-        if attempts is not None and self.now[2 + index] >= attempts:
+        attempts = self._attempts[index]
+        if self.now[2 + index] >= attempts:
             text = f"{event.text}; stage {to!r} has had its {attempts} attempts"
             self._end(clock, events.Event(event.kind, "attempts", text), value, FAIL)
             return
-        last = self.torque.copy()
-        # What failed is not carried on: a law that presses too hard ends with the stage.
-        goes_on = None if event.kind == events.FAIL_IF else last
-        handed_over = leave(stage, self.named_outputs(), clock, goes_on)
+        before, after, last = self.runner, self.runners[index], self.torque.copy()
+        before.leave()
+        self._handed[_HANDED["same"]] = before.stage.tracked == after.stage.tracked
         if self.estimation.on:
-            self.estimation.end(stage, self.terms.tip(), self.wrench)
-        unknown = self.estimation.missing(self.runners[index].stage)
+            self.estimation.end(before.stage, self.terms.tip(), self.wrench)
+        unknown = self.estimation.missing(after.stage)
         if unknown:
             text = f"stage {to!r} cannot begin: {unknown}"
             self._end(clock, events.Event(events.LIMIT, "frame_not_felt", text), 0.0, "")
             return
         self._note(clock, event, value, to)
-        carried = self._enter(index, handed_over, clock)
+        self._enter(index, clock)
+        # What failed is not carried on: a law that presses too hard ends with the stage.
+        carried = 0.0 if event.kind == events.FAIL_IF else after.carry(last)
         self._first_tick(clock, last, carried)
 
     def _first_tick(self, clock: float, last: Vector, carried: float) -> None:
@@ -241,17 +250,15 @@ class Machine:
             carried: the most that is carried on of it [N m].
         """
         self.torque[:] = self._applied
+        noted = self.transitions[-1]
         fresh = self._evaluate(self.runner)
         self.stage_ticks = 1
         event = self.outputs[0]
         if not fresh:
             self._hold(self.runner, clock)
-        step = float(np.max(np.abs(self.torque - last)))
-        self.transitions[-1] = replace(
-            self.transitions[-1], torque_step=step, torque_carried=carried
-        )
+        noted.torque_step, noted.torque_carried = float(np.abs(self.torque - last).max()), carried
         if event and self._is_limit(event):
-            self._change(clock, self.stage.events[int(event) - 1])
+            self._change(clock, self._exits[self.index][int(event) - 1])
         elif fresh:
             self._commit()
 
@@ -264,21 +271,16 @@ class Machine:
             Transition(clock, self.stage.name, event.kind, event.name, event.text, value, to)
         )
 
-    def _enter(self, index: int, handed_over: HandedOver, clock: float) -> float:
-        """Begins a stage; returns the most that is carried on of the last one's torque [N m]."""
+    def _enter(self, index: int, clock: float) -> None:
+        """Begins a stage from what is handed over."""
         self.index, self.runner = index, self.runners[index]
         self.stage_ticks, self.t = 0, 0.0
         self.outputs[_CONDITIONING] = 1.0
         self.now[0], self.now[1] = 0.0, clock
         self.now[2 + index] += 1
-        stage = self.runner.stage
-        self.estimation.begin(stage)
-        poses = self.estimation.poses
-        self.runner.load(
-            entry.enter(stage, self._robot, handed_over, self.terms.tip(), self._inputs, poses)
-        )
+        self.estimation.begin(self.runner.stage)
+        self.runner.enter(self.estimation.poses)
         self.runner.settle()
-        return 0.0 if handed_over.torque is None else self.runner.carry(handed_over.torque)
 
     def not_finite(self) -> str:
         """Which reference of the last tick is not a number; empty where none is to blame."""

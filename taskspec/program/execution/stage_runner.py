@@ -1,12 +1,14 @@
-"""One stage of a machine: its function, bound to the arrays that it reads and writes."""
+"""One stage of a machine: its functions, bound to the arrays that they read and write."""
 
 from __future__ import annotations
+
+from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.program.bound import BoundFunction
-from taskspec.program.execution import entry
+from taskspec.program.execution.choice import Chooser
 from taskspec.program.execution.stage_solver import OwnSolver, StageSolver
 from taskspec.program.execution.tracks import Tracks
 from taskspec.program.stages import carried_torque
@@ -16,14 +18,15 @@ Vector = NDArray[np.float64]
 
 
 class StageRunner:
-    """One stage's function bound to its arrays; CasADi reads and writes them in place.
+    """One stage's functions bound to their arrays; CasADi reads and writes them in place.
 
     Attributes:
         stage: which.
         tick: its function, on its arrays; `evaluate` evaluates it.
         memory, parameters: of the stage.
-        tracks: its moves and path; `next_knot` is the stage time at which one changes [s].
-        least_conditioning: below it the coordinates of constraints are chosen again.
+        tracks: its moves and path.
+        chooser: of the coordinates that its constraints decide; None without any.
+        least_conditioning: below it they are chosen again.
         solver: what keeps its limits; None without a program.
     """
 
@@ -31,16 +34,24 @@ class StageRunner:
         self,
         stage: CompiledStage,
         inputs: tuple[Vector, ...],
+        handed: Vector,
         torque: Vector,
         outputs: Vector,
         own: OwnSolver,
     ) -> None:
+        """Binds the functions of a stage that is to be run.
+
+        Args:
+            stage: which.
+            inputs: of its tick before memory and parameters.
+            handed: what is handed from stage to stage, the numbers of `HANDED`.
+            torque, outputs: that its tick writes.
+            own: makes the solver that is tried first.
+        """
         self.stage, self._torque = stage, torque
         self.memory = np.zeros(max(stage.memory.size, 1))
         self.parameters = np.zeros(max(stage.parameters.size, 1))
         self._next_memory = np.zeros(max(stage.memory.size, 1))
-        self.tracks = Tracks()
-        self.least_conditioning = -np.inf if stage.choice is None else stage.choice.least
         memory = self.memory[: stage.memory.size]
         parameters = self.parameters[: stage.parameters.size]
         next_memory = self._next_memory[: stage.memory.size]
@@ -48,22 +59,52 @@ class StageRunner:
         handed_over = np.zeros(stage.tick.numel_out(3))
         results = [torque, next_memory, outputs, handed_over]
         self.tick = BoundFunction(stage.tick, arguments, results)
-        self._arguments = arguments
         self.evaluate = self.tick.evaluate
+        self.tracks, entry = Tracks(stage, parameters), stage.entry
+        self._poses = np.zeros(entry.function.nnz_in(len(inputs) + 1))
+        given = [*inputs, handed, self._poses, np.zeros(0)]
+        results = [memory, parameters, self.tracks.numbers]
+        self._entry = BoundFunction(entry.function, given, results)
+        assert stage.leaving is not None
+        # The run's time is beside the stage's.
+        self._leaving = BoundFunction(stage.leaving, [outputs, inputs[0][1:2]], [handed])
+        self._last, self._carried = np.zeros(len(torque)), np.zeros(1)
+        slots = stage.parameters.slots
+        step, rate = parameters[slots[carried_torque.STEP]], parameters[slots[carried_torque.RATE]]
+        self._carry = BoundFunction(
+            stage.carry, [*arguments, self._last], [step, rate, self._carried]
+        )
+        self.chooser, self.least_conditioning = None, -np.inf
+        if stage.choice is not None:
+            self.chooser = Chooser(stage.choice, stage.parameters, arguments)
+            self.least_conditioning = stage.choice.least
         self.solver: StageSolver | None = None
         if stage.resolution is not None:
-            slots = stage.parameters.slots
             self.solver = StageSolver(
                 stage.resolution, slots, arguments, parameters, handed_over, torque, outputs, own
             )
 
-    def load(self, entered: entry.Entered) -> None:
-        """Starts the stage with the numbers of its entry."""
-        size = self.stage
-        self.memory[: size.memory.size] = entered.memory
-        self.parameters[: size.parameters.size] = entered.parameters
-        self.tracks = entered.tracks
-        self.next_knot = self.tracks.next_knot
+    @property
+    def next_knot(self) -> float:
+        """Stage time [s] at which one of its cubics changes."""
+        return self.tracks.next_knot
+
+    def enter(self, poses: Mapping[str, Vector]) -> None:
+        """Begins the stage from what is handed over.
+
+        Args:
+            poses: (12,) of the estimated frames, by parameter.
+        """
+        for i, name in enumerate(self.stage.entry.poses):
+            self._poses[12 * i : 12 * i + 12] = poses[name]
+        self._entry.evaluate()
+        self.tracks.begin()
+        if self.chooser is not None:
+            self.chooser.first()
+
+    def leave(self) -> None:
+        """Writes what it hands on, by its last outputs."""
+        self._leaving.evaluate()
 
     def answer(self, applied: Vector) -> bool:
         """Evaluates a tick and keeps its limits; whether there is a torque that may be used.
@@ -93,8 +134,9 @@ class StageRunner:
         Returns:
             What is carried on, of the joint where that is most [N m].
         """
-        closed_form = np.array(self.stage.closed_form(*self._arguments)).ravel()
-        return carried_torque.carry(self.stage.parameters, self.parameters, torque - closed_form)
+        self._last[:] = torque
+        self._carry.evaluate()
+        return float(self._carried[0])
 
     def commit(self) -> None:
         """Makes the memory of the last evaluation current."""
@@ -102,5 +144,4 @@ class StageRunner:
 
     def refresh(self, t: float) -> None:
         """Renews the cubics that change at stage time t [s]."""
-        self.tracks.refresh(self.stage, self.parameters, t)
-        self.next_knot = self.tracks.next_knot
+        self.tracks.refresh(t)

@@ -2,66 +2,67 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import field
+from bisect import bisect_right
 
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec.deferred_methods import dataclass
-from taskspec.geometry.axis import Axis
-from taskspec.motion.path import PathPlan
 from taskspec.motion.polynomial import PiecewiseCubic
 from taskspec.program.stages.stage import CompiledStage
 
 Vector = NDArray[np.float64]
 
 
-@dataclass(slots=True)
 class Tracks:
-    """The piecewise cubics of a stage and the next time at which one of them changes."""
+    """The piecewise cubics of a stage and the next time at which one of them changes.
 
-    cubics: dict[str, PiecewiseCubic] = field(default_factory=dict)
-    path: PathPlan | None = None
-    knots: list[float] = field(default_factory=list)
-    passed: int = 0
+    Attributes:
+        numbers: of the cubics that follow from the entry, which writes them; see `StageEntry`.
+        next_knot: stage time [s] of the next change, infinite after the last.
+    """
+
+    def __init__(self, stage: CompiledStage, parameters: Vector) -> None:
+        """For a stage, on the array of its parameters."""
+        entry = stage.entry
+        place = {name: parameters[where] for name, where in stage.parameters.slots.items()}
+        self.numbers = np.zeros(entry.function.nnz_out(2))
+        self._cubics: list[tuple[Vector, PiecewiseCubic]] = []
+        self._table: list[tuple[Vector, PiecewiseCubic]] = []
+        self._knots, self._known, at = [np.inf], [0.0], 0
+        for name, count in entry.cubics.items():
+            knots, rest = np.split(self.numbers[at : at + 5 * count + 1], [count + 1])
+            at += 5 * count + 1
+            self._cubics.append((place[name], PiecewiseCubic(knots, rest.reshape(count, 4))))
+        self._path = entry.path
+        if self._path is not None:
+            self._known = self._path.knots()
+            self._cubics.append((place["segment.path"], self._path.timing))
+            self._table = [(place[f"table.{a}"], s) for a, s in self._path.splines.items()]
+        self.next_knot = np.inf
 
     @property
     def duration(self) -> float:
         """Stage time [s] at which all of them are done."""
-        ends = [float(c.knots[-2]) for c in self.cubics.values()]
-        return max([0.0, *ends, self.path.duration if self.path else 0.0])
+        return max((float(cubic.rests) for _, cubic in self._cubics), default=0.0)
 
-    @property
-    def next_knot(self) -> float:
-        """Stage time [s] of the next change, infinite after the last."""
-        return self.knots[self.passed] if self.passed < len(self.knots) else np.inf
+    def begin(self) -> None:
+        """Takes up the numbers of an entry, which has written the pieces that hold at time 0."""
+        knots = [*self._known]
+        for _, cubic in self._cubics:
+            knots += cubic.knots.tolist()
+        knots.sort()
+        self._knots = [*knots, np.inf]
+        self._pass(0.0)
 
-    def refresh(self, stage: CompiledStage, parameters: Vector, t: float) -> None:
-        """Writes the segments that hold at stage time t [s] into the parameters."""
-        while self.next_knot <= t:
-            self.passed += 1
-        for name, cubic in self.cubics.items():
-            stage.parameters.write(parameters, f"segment.{name}", cubic.segment(t))
-        if self.path is not None:
-            timing = self.path.timing
-            stage.parameters.write(parameters, "segment.path", timing.segment(t))
-            s = timing(t)
-            for axis, spline in self.path.splines.items():
-                stage.parameters.write(parameters, f"table.{axis}", spline.segment(s))
+    def refresh(self, t: float) -> None:
+        """Writes the pieces that hold at stage time t [s] into the parameters."""
+        for place, cubic in self._cubics:
+            place[:] = cubic.segment(t)
+        if self._path is not None:
+            s = self._path.timing(t)
+            for place, spline in self._table:
+                place[:] = spline.segment(s)
+        self._pass(t)
 
-
-def plan_tracks(
-    stage: CompiledStage, start: Mapping[Axis, float], rate: Mapping[Axis, float]
-) -> Tracks:
-    """Plans a stage's moves and its path from the coordinates and rates at which it is entered."""
-    tracks = Tracks()
-    for name, plan in stage.plan.plans.items():
-        cubic = plan.mode.track(start[name], rate[name]) if plan.motion else None
-        if cubic is not None:
-            tracks.cubics[name] = cubic
-    if stage.plan.ready_path is not None:
-        tracks.path = stage.plan.ready_path.plan(start)
-    knots = [float(k) for cubic in tracks.cubics.values() for k in cubic.knots[1:]]
-    tracks.knots = sorted(set(knots + (tracks.path.knots() if tracks.path else [])))
-    return tracks
+    def _pass(self, t: float) -> None:
+        self.next_knot = self._knots[bisect_right(self._knots, t)]

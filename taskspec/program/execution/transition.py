@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from taskspec.deferred_methods import dataclass
 from taskspec.program import events
+from taskspec.program.events import Event
+from taskspec.program.stages.stage import CompiledStage
 from taskspec.spec import Stage
 
 #: Where a transition leads when it leads to no stage.
 END, FAIL = "end", "fail"
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class Transition:
     """A stage that ended.
 
@@ -41,7 +45,36 @@ class Transition:
         return self.kind in (events.UNTIL, events.DONE)
 
 
-def leads_to(stage: Stage, event: events.Event, following: str) -> str:
+@dataclass(frozen=True, slots=True)
+class Exit:
+    """Where an event of a stage leads.
+
+    Attributes:
+        event: that happens.
+        to: name of the next stage, `end` or `fail`; empty where a limit stops the run.
+        index: number of the next stage; None where there is none.
+    """
+
+    event: Event
+    to: str
+    index: int | None
+
+
+def exits(stages: Sequence[CompiledStage]) -> tuple[tuple[Exit, ...], ...]:
+    """Where each event of each stage leads, in the order of their numbers."""
+    names = [stage.name for stage in stages]
+
+    def leads(stage: CompiledStage, event: Event, following: str) -> Exit:
+        to = leads_to(stage.plan.spec, event, following)
+        return Exit(event, to, None if to in (END, FAIL, "") else names.index(to))
+
+    return tuple(
+        tuple(leads(stage, event, following) for event in stage.events)
+        for stage, following in zip(stages, [*names[1:], END], strict=True)
+    )
+
+
+def leads_to(stage: Stage, event: Event, following: str) -> str:
     """The stage to which an event leads, `end` or `fail`; empty where a limit stops the run.
 
     Args:

@@ -6,11 +6,11 @@ from dataclasses import replace
 
 import casadi as ca
 import numpy as np
-import pinocchio as pin
 from numpy.typing import NDArray
 
 from taskspec.control.representation import REPRESENTATIONS, Representation, analytical
 from taskspec.control.state import TaskState
+from taskspec.geometry import rotation
 from taskspec.geometry.axis import AXES
 from taskspec.program import events
 from taskspec.program.events import Condition, Event
@@ -77,10 +77,9 @@ def rates_of(law: Law, R: Matrix) -> Matrix:
     return np.asarray(ca.evalf(representation.inverse(phi)), dtype=float)
 
 
-def displaced(law: Law, R: Matrix, error: Matrix) -> Matrix:
+def displaced(law: Law, R: ca.SX, error: ca.SX) -> ca.SX:
     """The orientation (3, 3) that lies a law's error e (3,) [rad] beyond R (3, 3), frame axes."""
     representation = representation_of(law)
     if representation is None:
-        return np.asarray(pin.exp3(error)) @ R
-    wanted = ca.SX(angles_of(representation, R) + error)
-    return np.asarray(ca.evalf(representation.matrix(wanted)), dtype=float)
+        return rotation.exp(error) @ R
+    return representation.matrix(representation.angles(R) + error)

@@ -38,7 +38,9 @@ def candidates(arguments: list[ca.SX], commanded: Commanded) -> Choice | None:
     wanted = commanded.case.joint_motion()
     kept = control.kept(wanted + control.held)
     return Choice(
-        look=ca.Function("look", arguments, [chosen.J @ chosen.candidates, wanted, kept]),
+        look=ca.Function(
+            "look", arguments, [ca.densify(e) for e in (chosen.J @ chosen.candidates, wanted, kept)]
+        ),
         weights=chosen.weights,
         least=1 / WORN,
     )

@@ -14,38 +14,34 @@ from __future__ import annotations
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 from taskspec.program.clock import Clock
 from taskspec.program.slots import Slots
 
-Vector = NDArray[np.float64]
-
 #: How fast the joint fades that has most to fade [N m/s, N/s].
 FADING = 1000.0
-_STEP, _RATE = "carried_torque", "carried_torque.rate"
+#: Slots of D and of 1/T_f.
+STEP, RATE = "carried_torque", "carried_torque.rate"
 
 
 def fading(parameters: Slots, clock: Clock, joints: int) -> ca.SX:
     """D max(0, 1 - t/T_f) of a stage (n,) [N m]; takes the slots of D and of 1/T_f."""
-    step, rate = parameters.add(_STEP, joints), parameters.add(_RATE)
+    step, rate = parameters.add(STEP, joints), parameters.add(RATE)
     return step * ca.fmax(0, 1 - clock.t * rate)
 
 
-def carry(slots: Slots, parameters: Vector, step: Vector) -> float:
-    """Has a stage begin with a torque that is its law's, and D more.
+def carrying(arguments: list[ca.SX], closed_form: ca.SX) -> ca.Function:
+    """What a stage carries on: the tick's inputs, torque to go on from (n,) -> D, 1/T_f, max|D_j|.
+
+    Of a step that is not finite nothing is carried.
 
     Args:
-        slots: of its parameters.
-        parameters: of the stage.
-        step: (n,) D [N m]; one that is not finite is not carried.
-
-    Returns:
-        max|D_j| of what is carried [N m].
+        arguments: of the tick.
+        closed_form: (n,) torque of its law [N m].
     """
-    most = float(np.max(np.abs(step)))
-    if not 0.0 < most < np.inf:
-        return 0.0
-    slots.write(parameters, _STEP, step)
-    slots.write(parameters, _RATE, FADING / most)
-    return most
+    last = ca.SX.sym("last", closed_form.shape[0])
+    step = last - closed_form
+    most = ca.mmax(ca.fabs(step))
+    carried = ca.logic_and(most > 0, ca.sumsqr(step) < np.inf)
+    results = [ca.if_else(carried, value, 0) for value in (step, FADING / most, most)]
+    return ca.Function("carry", [*arguments, last], [ca.densify(value) for value in results])

@@ -19,9 +19,12 @@ from taskspec.program.operators import quick_operators
 from taskspec.program.plan import StagePlan
 from taskspec.program.reference.measurement import Measurement, measure
 from taskspec.program.slots import Slots, gain_slot
+from taskspec.program.stages import carried_torque
 from taskspec.program.stages.candidates import Choice, candidates
 from taskspec.program.stages.commanded import Commanded, command
 from taskspec.program.stages.conditions import limit_conditions, stage_conditions
+from taskspec.program.stages.entry import StageEntry, entering
+from taskspec.program.stages.hand_over import leaving
 from taskspec.program.stages.outputs import outputs, probe
 
 
@@ -37,10 +40,10 @@ class CompiledStage:
         initial: memory slots that do not start at 0.
         events: what the event number means, 1-based.
         tick: the fused function.
-        probe: at entry, the tick's inputs and a velocity -> the numbers of `PROBE`.
+        entry: how it is entered.
+        leaving: what it hands on, see `hand_over.leaving`; None of one that is only analysed.
         own: at entry, the tick's inputs -> own(0) and own'(0) of every axis before blending.
-        asked: the tick's inputs -> torque (n,) of the law's closed form, before anything that is
-            carried, limits and saturation.
+        carry: what it carries on of the torque before, see `carried_torque.carrying`.
         choice: of the reduced coordinates, under a multiplier law with constraints.
         resolution: under `solve: qp`.
     """
@@ -53,9 +56,10 @@ class CompiledStage:
     initial: Mapping[str, float]
     events: tuple[Event, ...]
     tick: ca.Function
-    probe: ca.Function
+    entry: StageEntry
+    leaving: ca.Function | None
     own: ca.Function
-    closed_form: ca.Function
+    carry: ca.Function
     choice: Choice | None
     resolution: Resolution | None
 
@@ -98,18 +102,22 @@ def compile_stage(plan: StagePlan, *, to_run: bool = True) -> CompiledStage:
         limited.handed_over if limited else ca.SX(0, 1),
     ]
     arguments = [*measurement.inputs.symbols(), memory.vector(), parameters.vector()]
+    own = ca.Function("own", arguments, [references.own, references.own_rate])
+    at_entry = probe(arguments, measurement, commanded)
+    initial = measurement.algebra.initial
     return CompiledStage(
         plan=plan,
         tracked="" if measurement.tracked is None else measurement.tracked.mechanism.name,
         equations=tuple(context.equations),
         memory=memory,
         parameters=parameters,
-        initial=measurement.algebra.initial,
+        initial=initial,
         events=events,
         tick=ca.Function("tick", arguments, results, {"cse": to_run}),
-        probe=probe(arguments, measurement, commanded),
-        own=ca.Function("own", arguments, [references.own, references.own_rate]),
-        closed_form=ca.Function("closed_form", arguments, [commanded.closed_form]),
+        entry=entering(plan, filled.gains, measurement, initial, at_entry, own),
+        leaving=leaving(plan) if to_run else None,
+        own=own,
+        carry=carried_torque.carrying(arguments, commanded.closed_form),
         choice=candidates(arguments, commanded),
         resolution=limited.compiled(arguments) if limited else None,
     )

@@ -26,7 +26,8 @@ WINDOW = 0.1
 LEAST_FORCE = 0.5
 #: Sine of the angle to the normal below which a heading gives no x axis.
 LEAST_SINE = 0.05
-_PREFIX = "estimated."
+#: What the parameters begin with that hold estimated poses.
+PREFIX = "estimated."
 #: Numbers of an estimated pose: its rotation by columns, and its origin.
 SIZE = 12
 _WORLD_X = np.array([1.0, 0.0, 0.0])
@@ -38,7 +39,7 @@ class NotEstimatedError(ValueError):
 
 def slot(frame: FrameModel) -> str:
     """The stage parameter that holds an estimated frame, or the one that `frame` is placed in."""
-    return _PREFIX + frame.estimated_in
+    return PREFIX + frame.estimated_in
 
 
 def symbols(layout: Slots, frame: FrameModel) -> ca.SX:
@@ -54,12 +55,11 @@ def placed(frame: FrameModel, pose: ca.SX) -> tuple[ca.SX, ca.SX]:
     return R @ local_R, origin + R @ local_origin
 
 
-def origin(frame: FrameModel, poses: Mapping[str, Vector]) -> Vector:
+def origin(frame: FrameModel, poses: Mapping[str, ca.SX]) -> ca.SX:
     """(3,) where a frame's origin is in the world, given the estimated poses (12,)."""
     if frame.kind != "estimated":
-        return frame.origin
-    pose = poses[slot(frame)]
-    return np.asarray(pose[9:] + pose[:9].reshape(3, 3, order="F") @ frame.in_estimated[1])
+        return ca.SX(ca.DM(frame.origin))
+    return placed(frame, poses[slot(frame)])[1]
 
 
 def axes_of(normal: Vector, heading: Vector | None) -> Vector:
@@ -192,7 +192,7 @@ class Estimates:
         for name in parameters.slots:
             estimate = self._estimates.get(name)
             if estimate is not None and estimate.problem:
-                frame = name.removeprefix(_PREFIX)
+                frame = name.removeprefix(PREFIX)
                 return f"frame {frame!r} has not been estimated: {estimate.problem}"
         return ""
 
