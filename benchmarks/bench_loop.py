@@ -24,7 +24,7 @@ import numpy as np
 from taskspec.compiler import compile_task
 from taskspec.spec import load_task
 from taskspec_runner.loop.assembly import assemble
-from taskspec_runner.loop.fixed_step import LOOK_EVERY
+from taskspec_runner.loop.fixed_step import ClosedLoop
 from taskspec_runner.loop.native.code import Compiling
 from taskspec_runner.loop.native.loop import NativeLoop
 from taskspec_runner.loop.sensing import Sensing
@@ -77,8 +77,8 @@ class Loop:
         while parts.machine.stage.name != case.stage or parts.machine.t < AFTER:
             self._step()
         if native:
-            arguments = (parts.machine, parts.plant, parts.bus, self._sensing, self.recorder.block)
-            self._native = NativeLoop(*arguments, LOOK_EVERY, Compiling.WAIT)
+            closed = ClosedLoop(parts.machine, parts.plant, parts.bus, self._sensing, self.recorder)
+            self._native = NativeLoop(closed, self.recorder.block)
         self._state = np.zeros(mujoco.mj_stateSize(parts.plant.model, self._kind))
         self.run(2)
 
@@ -92,7 +92,7 @@ class Loop:
             return
         left = steps
         while left > 0:
-            done = self._native.run(self._ticks, min(left, self.recorder.left))
+            done = self._native.run(self._ticks, min(left, self.recorder.left), Compiling.WAIT)
             self._ticks += done
             left -= done
             self.recorder.advance(done)

@@ -22,6 +22,7 @@ from taskspec.modes import DEFAULT_RAMP
 from taskspec.motion import blend
 from taskspec.program.bound import BoundFunction, evaluated
 from taskspec.program.context import Context
+from taskspec.program.execution.choice import Chooser
 from taskspec.program.execution.tracks import Tracks
 from taskspec.program.ports import fields, slices
 from taskspec.program.stages.stage import CompiledStage
@@ -118,6 +119,9 @@ class Operating:
         given.append(np.array([gains[name][axis].value for name, axis in entry.gains]))
         entered = evaluated(entry.function, *self._arguments, handed, *given)
         self.memory, self.parameters, numbers = entered
+        if stage.choice is not None:
+            given = [*self._arguments, self.memory, self.parameters]
+            Chooser(stage.choice, stage.parameters, given).first()
         tracks = Tracks(stage, self.parameters)
         tracks.numbers[:] = numbers
         forces = [p.axis.set_point for p in stage.plan.plans.values()]

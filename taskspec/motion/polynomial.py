@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Sequence
+from functools import cache
 from typing import Any
 
 import casadi as ca
@@ -63,14 +64,7 @@ class PiecewiseCubic:
 
     def segment_at_start(self) -> ca.SX:
         """The (5,) parameters of the interval that holds 0, of a cubic of expressions."""
-        rows = [
-            ca.vertcat(self.knots[i], self.coefficients[i, :].T)
-            for i in range(self.coefficients.shape[0])
-        ]
-        found = rows[0]
-        for row in rows[1:]:
-            found = ca.if_else(row[0] <= 0, row, found)
-        return found
+        return _segment_at_start(self.coefficients.shape[0])(self.knots, self.coefficients)
 
     def first_reaching(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
         """The earliest arguments at which a non-decreasing cubic reaches `values` (m,)."""
@@ -86,6 +80,16 @@ class PiecewiseCubic:
             beyond = c0 + s * (c1 + s * (c2 + s * c3)) >= values
             low, high = np.where(beyond, low, middle), np.where(beyond, middle, high)
         return np.where(never, self.end, high)
+
+
+@cache
+def _segment_at_start(count: int) -> ca.Function:
+    knots, coefficients = ca.SX.sym("knots", count + 1), ca.SX.sym("coefficients", count, 4)
+    rows = [ca.vertcat(knots[i], coefficients[i, :].T) for i in range(count)]
+    found = rows[0]
+    for row in rows[1:]:
+        found = ca.if_else(row[0] <= 0, row, found)
+    return ca.Function("segment", [knots, coefficients], [found])
 
 
 def evaluate(segment: ca.SX, x: ca.SX) -> ca.SX:

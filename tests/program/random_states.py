@@ -88,7 +88,7 @@ class States:
 
     def evaluate(self) -> None:
         """The law: `torque` is u* afterwards, `violation` how far it is beyond the limits."""
-        self.runner.evaluate()
+        self.runner.tick.evaluate()
 
     @property
     def torque(self):

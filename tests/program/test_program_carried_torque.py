@@ -70,8 +70,7 @@ def run(task: str) -> tuple[list[Tick], float, list]:
         now, *measured = (array.copy() for array in machine._inputs)
         asked = old = None
         if machine.runners[machine.index] is runner:
-            at = now, *measured, memory, parameters, np.zeros(len(machine.torque))
-            asked = -np.array(runner.stage.carry(*at)[0]).ravel()
+            asked = np.array(runner.stage.tick(now, *measured, memory, parameters)[4]).ravel()
         else:
             now[0] = ticks[-1].t + machine.period
             old = np.array(runner.stage.tick(now, *measured, memory, parameters)[0]).ravel()

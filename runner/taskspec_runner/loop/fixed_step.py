@@ -88,6 +88,23 @@ class BlockSink(TickSink, Protocol):
         """Takes ticks that are in the block."""
 
 
+@dataclass(frozen=True, slots=True)
+class ClosedLoop:
+    """What a tick goes through.
+
+    Attributes:
+        machine, plant, bus: of the run.
+        sensing: what the machine measures by.
+        recorder: takes every tick; without a block, Python runs them all.
+    """
+
+    machine: Machine
+    plant: Plant
+    bus: Bus
+    sensing: Sensing
+    recorder: TickSink
+
+
 #: Called now and then with the machine and the simulated time.
 Progress = Callable[[Machine, float], None]
 
@@ -116,26 +133,19 @@ def run(
         InputError: there is no native loop, and no other is wanted.
     """
     sensing = Sensing(plant.arm, plant.views.equations, machine, seed)
-    inner = _Native(machine, plant, bus, sensing, recorder, loop)
-    outcome = _run(machine, plant, bus, recorder, period, progress or _unseen, sensing, inner)
+    closed = ClosedLoop(machine, plant, bus, sensing, recorder)
+    inner = _Native(closed, loop)
+    outcome = _run(closed, period, progress or _unseen, inner)
     return replace(outcome, loop=inner.name, why_python=inner.why)
 
 
-def _run(
-    machine: Machine,
-    plant: Plant,
-    bus: Bus,
-    recorder: TickSink,
-    period: float,
-    progress: Progress,
-    sensing: Sensing,
-    inner: _Native,
-) -> Outcome:
+def _run(closed: ClosedLoop, period: float, progress: Progress, inner: _Native) -> Outcome:
     """The loop itself; `inner` runs the ticks on which nothing happens, as far as it can."""
+    machine, plant, bus = closed.machine, closed.plant, closed.bus
     clock_slot, t_slot, stage_slot = (bus.slices[name].start for name in ("clock", "t", "stage"))
     array, torque, arm = bus.array, machine.torque, plant.arm
     health = bus.slices["health"].start
-    tick, read, step, add = machine.tick, sensing.read, plant.step, recorder.add
+    tick, read, step, add = machine.tick, closed.sensing.read, plant.step, closed.recorder.add
     read()
     machine.start()
     ticks, clock = 0, 0.0
@@ -190,21 +200,14 @@ class _Native:
         sensed: whether the tick that follows has been sensed.
     """
 
-    def __init__(
-        self,
-        machine: Machine,
-        plant: Plant,
-        bus: Bus,
-        sensing: Sensing,
-        recorder: TickSink,
-        wanted: str | None,
-    ) -> None:
+    def __init__(self, closed: ClosedLoop, wanted: str | None) -> None:
+        """For a run; `wanted` is a loop, or None for whichever there is."""
         self.why, self.used = "", False
         self.look = self.goes_on = self.sensed = False
-        self._of = machine, plant, bus, sensing
+        self._closed = closed
         self._wanted = wanted
         self._loop: NativeLoop | None = None
-        self._sink = recorder if isinstance(recorder, BlockSink) else None
+        self._sink = closed.recorder if isinstance(closed.recorder, BlockSink) else None
         self._next = 0.0 if wanted == NATIVE or "llvmlite" in sys.modules else _WORTH
         if wanted == PYTHON or self._sink is None:
             self._next = math.inf
@@ -231,9 +234,8 @@ class _Native:
             if self._wanted == NATIVE:
                 compiling = Compiling.WAIT
             if self._loop is None:
-                self._loop = NativeLoop(*self._of, self._sink.block, LOOK_EVERY, compiling)
-            self._loop.compiling = compiling
-            done = self._loop.run(ticks, min(self._sink.left, _AT_ONCE))
+                self._loop = NativeLoop(self._closed, self._sink.block)
+            done = self._loop.run(ticks, min(self._sink.left, _AT_ONCE), compiling)
         except NotReadyError:
             self._next = ticks + _ASK_EVERY
             return 0

@@ -36,6 +36,7 @@ _FIELDS = slices(INTERNAL)
 _CONDITIONING = _FIELDS["conditioning"].start
 _HEALTH = _FIELDS["health"].start
 _HANDED = slices(HANDED)
+_SAME = _HANDED["same"].start
 
 
 class Machine:
@@ -131,7 +132,7 @@ class Machine:
         self._rest_here()
         self._enter(index, 0.0)
         self.now[0] = t
-        runner.evaluate()
+        runner.tick.evaluate()
         return runner.solver.returned_forces()
 
     def _rest_here(self) -> None:
@@ -227,7 +228,7 @@ class Machine:
             return
         before, after, last = self.runner, self.runners[index], self.torque.copy()
         before.leave()
-        self._handed[_HANDED["same"]] = before.stage.tracked == after.stage.tracked
+        self._handed[_SAME] = float(before.stage.tracked == after.stage.tracked)
         if self.estimation.on:
             self.estimation.end(before.stage, self.terms.tip(), self.wrench)
         unknown = self.estimation.missing(after.stage)
@@ -256,7 +257,8 @@ class Machine:
         event = self.outputs[0]
         if not fresh:
             self._hold(self.runner, clock)
-        noted.torque_step, noted.torque_carried = float(np.abs(self.torque - last).max()), carried
+        noted.torque_step = max(map(abs, (self.torque - last).tolist()))
+        noted.torque_carried = carried
         if event and self._is_limit(event):
             self._change(clock, self._exits[self.index][int(event) - 1])
         elif fresh:
@@ -280,7 +282,6 @@ class Machine:
         self.now[2 + index] += 1
         self.estimation.begin(self.runner.stage)
         self.runner.enter(self.estimation.poses)
-        self.runner.settle()
 
     def not_finite(self) -> str:
         """Which reference of the last tick is not a number; empty where none is to blame."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 
 import numpy as np
@@ -11,7 +12,7 @@ from taskspec.program.bound import BoundFunction
 from taskspec.program.execution.choice import Chooser
 from taskspec.program.execution.stage_solver import OwnSolver, StageSolver
 from taskspec.program.execution.tracks import Tracks
-from taskspec.program.stages import carried_torque
+from taskspec.program.stages.carried_torque import FADING, RATE, STEP
 from taskspec.program.stages.stage import CompiledStage
 
 Vector = NDArray[np.float64]
@@ -22,7 +23,7 @@ class StageRunner:
 
     Attributes:
         stage: which.
-        tick: its function, on its arrays; `evaluate` evaluates it.
+        tick: its function, on its arrays.
         memory, parameters: of the stage.
         tracks: its moves and path.
         chooser: of the coordinates that its constraints decide; None without any.
@@ -57,9 +58,9 @@ class StageRunner:
         next_memory = self._next_memory[: stage.memory.size]
         arguments = [*inputs, memory, parameters]
         handed_over = np.zeros(stage.tick.numel_out(3))
-        results = [torque, next_memory, outputs, handed_over]
+        self._closed_form = np.zeros(len(torque))
+        results = [torque, next_memory, outputs, handed_over, self._closed_form]
         self.tick = BoundFunction(stage.tick, arguments, results)
-        self.evaluate = self.tick.evaluate
         self.tracks, entry = Tracks(stage, parameters), stage.entry
         self._poses = np.zeros(entry.function.nnz_in(len(inputs) + 1))
         given = [*inputs, handed, self._poses, np.zeros(0)]
@@ -68,12 +69,8 @@ class StageRunner:
         assert stage.leaving is not None
         # The run's time is beside the stage's.
         self._leaving = BoundFunction(stage.leaving, [outputs, inputs[0][1:2]], [handed])
-        self._last, self._carried = np.zeros(len(torque)), np.zeros(1)
         slots = stage.parameters.slots
-        step, rate = parameters[slots[carried_torque.STEP]], parameters[slots[carried_torque.RATE]]
-        self._carry = BoundFunction(
-            stage.carry, [*arguments, self._last], [step, rate, self._carried]
-        )
+        self._step, self._rate = (parameters[slots[name]] for name in (STEP, RATE))
         self.chooser, self.least_conditioning = None, -np.inf
         if stage.choice is not None:
             self.chooser = Chooser(stage.choice, stage.parameters, arguments)
@@ -92,6 +89,8 @@ class StageRunner:
     def enter(self, poses: Mapping[str, Vector]) -> None:
         """Begins the stage from what is handed over.
 
+        Of its set points is taken what contacts cannot return, before its first tick.
+
         Args:
             poses: (12,) of the estimated frames, by parameter.
         """
@@ -101,6 +100,13 @@ class StageRunner:
         self.tracks.begin()
         if self.chooser is not None:
             self.chooser.first()
+        before = self._torque.copy()
+        self.tick.evaluate()
+        if self.solver is not None:
+            self.solver.settle()
+            if self.solver.paring:
+                self.tick.evaluate()
+        self._torque[:] = before
 
     def leave(self) -> None:
         """Writes what it hands on, by its last outputs."""
@@ -113,30 +119,26 @@ class StageRunner:
             applied: (n,) torque of the tick before [N m].
         """
         if self.solver is None:
-            self.evaluate()
+            self.tick.evaluate()
             return True
         self.solver.remember(applied)
-        self.evaluate()
+        self.tick.evaluate()
         return self.solver.resolve()
-
-    def settle(self) -> None:
-        """Takes from a new stage what contacts cannot return, before its first tick."""
-        if self.solver is None:
-            return
-        before = self._torque.copy()
-        self.evaluate()
-        self.solver.settle()
-        self._torque[:] = before
 
     def carry(self, torque: Vector) -> float:
         """Has a new stage's torque go on from the (n,) `torque` of the last one at this tick.
 
+        What is not finite is not carried.
+
         Returns:
             What is carried on, of the joint where that is most [N m].
         """
-        self._last[:] = torque
-        self._carry.evaluate()
-        return float(self._carried[0])
+        step: list[float] = (torque - self._closed_form).tolist()
+        most = max(map(abs, step))
+        if not (most > 0.0 and all(map(math.isfinite, step))):
+            return 0.0
+        self._step[:], self._rate[0] = step, FADING / most
+        return most
 
     def commit(self) -> None:
         """Makes the memory of the last evaluation current."""

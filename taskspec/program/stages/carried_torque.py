@@ -13,7 +13,6 @@ so that all limits hold for the sum.
 from __future__ import annotations
 
 import casadi as ca
-import numpy as np
 
 from taskspec.program.clock import Clock
 from taskspec.program.slots import Slots
@@ -28,20 +27,3 @@ def fading(parameters: Slots, clock: Clock, joints: int) -> ca.SX:
     """D max(0, 1 - t/T_f) of a stage (n,) [N m]; takes the slots of D and of 1/T_f."""
     step, rate = parameters.add(STEP, joints), parameters.add(RATE)
     return step * ca.fmax(0, 1 - clock.t * rate)
-
-
-def carrying(arguments: list[ca.SX], closed_form: ca.SX) -> ca.Function:
-    """What a stage carries on: the tick's inputs, torque to go on from (n,) -> D, 1/T_f, max|D_j|.
-
-    Of a step that is not finite nothing is carried.
-
-    Args:
-        arguments: of the tick.
-        closed_form: (n,) torque of its law [N m].
-    """
-    last = ca.SX.sym("last", closed_form.shape[0])
-    step = last - closed_form
-    most = ca.mmax(ca.fabs(step))
-    carried = ca.logic_and(most > 0, ca.sumsqr(step) < np.inf)
-    results = [ca.if_else(carried, value, 0) for value in (step, FADING / most, most)]
-    return ca.Function("carry", [*arguments, last], [ca.densify(value) for value in results])

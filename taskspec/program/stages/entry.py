@@ -194,7 +194,7 @@ class _Entering:
         """The memory or the parameters as they are now; what has not been set is 0."""
         layout, values = self.layouts[which], self.values[which]
         parts = [
-            values.get(name, ca.SX.zeros(where.stop - where.start))
+            values[name] if name in values else ca.SX.zeros(where.stop - where.start)
             for name, where in layout.slots.items()
         ]
         return ca.densify(ca.vertcat(ca.SX(0, 1), *parts))
@@ -230,8 +230,11 @@ class _Entering:
     def _look(self) -> dict[str, ca.SX]:
         """The stage's probe, with the frame turning as the reference moves on."""
         state = [*self.given, self._vector("memory"), self._vector("parameters")]
-        lever = self.probe(*state, self.twist[:3])[_FIELDS["lever"]]
-        numbers = self.probe(*state, self.twist[:3] + ca.cross(self.twist[3:], lever))
+        numbers = self.probe(*state, self.twist[:3])
+        if self.plan.frame.kind == "following":
+            # It turns as the tool point moves, not the tip.
+            lever = numbers[_FIELDS["lever"]]
+            numbers = self.probe(*state, self.twist[:3] + ca.cross(self.twist[3:], lever))
         probed = {name: numbers[where] for name, where in _FIELDS.items()}
         probed["reaction"] = numbers[_FIELDS["measured"].stop :]
         return probed

@@ -19,7 +19,6 @@ from taskspec.program.operators import quick_operators
 from taskspec.program.plan import StagePlan
 from taskspec.program.reference.measurement import Measurement, measure
 from taskspec.program.slots import Slots, gain_slot
-from taskspec.program.stages import carried_torque
 from taskspec.program.stages.candidates import Choice, candidates
 from taskspec.program.stages.commanded import Commanded, command
 from taskspec.program.stages.conditions import limit_conditions, stage_conditions
@@ -39,11 +38,13 @@ class CompiledStage:
         memory, parameters: layouts of the two vectors.
         initial: memory slots that do not start at 0.
         events: what the event number means, 1-based.
-        tick: the fused function.
+        tick: the fused function. Its results are the torque (n,), the next memory, the outputs,
+            what the programs of its limits are made of, and the torque (n,) of the law's closed
+            form, before anything that is carried, limits and saturation; of a stage that is only
+            analysed this is empty.
         entry: how it is entered.
         leaving: what it hands on, see `hand_over.leaving`; None of one that is only analysed.
         own: at entry, the tick's inputs -> own(0) and own'(0) of every axis before blending.
-        carry: what it carries on of the torque before, see `carried_torque.carrying`.
         choice: of the reduced coordinates, under a multiplier law with constraints.
         resolution: under `solve: qp`.
     """
@@ -59,7 +60,6 @@ class CompiledStage:
     entry: StageEntry
     leaving: ca.Function | None
     own: ca.Function
-    carry: ca.Function
     choice: Choice | None
     resolution: Resolution | None
 
@@ -100,6 +100,7 @@ def compile_stage(plan: StagePlan, *, to_run: bool = True) -> CompiledStage:
         memory.stack(updates),
         outputs((number, value), measurement, commanded, limited),
         limited.handed_over if limited else ca.SX(0, 1),
+        commanded.closed_form if to_run else ca.SX(0, 1),
     ]
     arguments = [*measurement.inputs.symbols(), memory.vector(), parameters.vector()]
     own = ca.Function("own", arguments, [references.own, references.own_rate])
@@ -117,7 +118,6 @@ def compile_stage(plan: StagePlan, *, to_run: bool = True) -> CompiledStage:
         entry=entering(plan, filled.gains, measurement, initial, at_entry, own),
         leaving=leaving(plan) if to_run else None,
         own=own,
-        carry=carried_torque.carrying(arguments, commanded.closed_form),
         choice=candidates(arguments, commanded),
         resolution=limited.compiled(arguments) if limited else None,
     )

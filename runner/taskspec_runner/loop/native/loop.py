@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,8 +15,9 @@ from taskspec.program.execution.machine import Machine
 from taskspec.program.execution.stage_runner import StageRunner
 from taskspec.program.ports import fields, slices
 from taskspec_runner.loop import fixed_step
+from taskspec_runner.loop.fixed_step import LOOK_EVERY, ClosedLoop
 from taskspec_runner.loop.native import simulator, tick_memory, ticks
-from taskspec_runner.loop.native.code import Compiling, kernel_engine
+from taskspec_runner.loop.native.code import Compiling, NotReadyError, kernel_engine
 from taskspec_runner.loop.native.tick_memory import LIBRARY, TickMemory
 from taskspec_runner.loop.sensing import Sensing
 from taskspec_runner.plant.equations import XBODY
@@ -23,7 +25,6 @@ from taskspec_runner.plant.moving_base import INERTIA
 from taskspec_runner.plant.plant import ENERGY_BOUND, FORCE_BOUND, Plant
 from taskspec_runner.record import block as log_block
 from taskspec_runner.record.block import Block, weights
-from taskspec_runner.record.bus import Bus
 
 Vector = NDArray[np.float64]
 
@@ -40,47 +41,28 @@ class NativeLoop:
         look: whether it has stopped for the plant's alarms to be looked at.
         sensed: whether the next tick is Python's, and has been sensed.
         stands: whether the next tick is Python's, from its beginning.
-        compiling: what becomes of machine code of stages that there is not.
     """
 
-    def __init__(
-        self,
-        machine: Machine,
-        plant: Plant,
-        bus: Bus,
-        sensing: Sensing,
-        block: Block | None,
-        look_every: int,
-        compiling: Compiling,
-    ) -> None:
-        """Makes the code that every stage needs.
+    def __init__(self, loop: ClosedLoop, block: Block | None) -> None:
+        """Connects the code with what it reads and writes.
 
         Args:
-            machine, plant, bus: of the run.
-            sensing: what the machine measures by.
+            loop: of the run.
             block: the log's newest ticks; None for a run that keeps none.
-            look_every: ticks from one look at the simulator's warnings to the next.
-            compiling: what becomes of machine code that there is not; that of stages follows
-                `compiling` as it is when they are entered.
 
         Raises:
-            EngineError: there is no machine code here.
-            UnsupportedOperationError: an expression has an operation that machine code lacks.
             LayoutError: MuJoCo's data lie otherwise than expected.
-            NotReadyError: there is no code yet.
         """
         self.look = self.sensed = self.stands = False
-        self.compiling = compiling
-        self._machine, self._plant, self._sensing = machine, plant, sensing
+        machine, plant, bus = loop.machine, loop.plant, loop.bus
+        self._machine, self._plant, self._sensing = machine, plant, loop.sensing
         self._room = 0 if block is None else len(block.rows)
-        engine = kernel_engine(ticks.run, *_MODULES, compiling=compiling)
-        self._run = engine.function("run", ctypes.c_int64, ctypes.c_void_p, ctypes.c_int64)
-        self._base = base = TickMemory(None, compiling)
+        base = TickMemory()
         _library(base)
         _controller(base, machine, plant)
-        _sensor(base, machine, sensing)
+        _sensor(base, machine, loop.sensing)
         _plant(base, plant)
-        base.take(look_every=look_every, period=machine.period, bus=bus.array)
+        base.take(look_every=LOOK_EVERY, period=machine.period, bus=bus.array)
         places = bus.slices
         base.take(
             n_bus=len(bus.array),
@@ -95,15 +77,61 @@ class NativeLoop:
                 bus_words=bus.array.view(np.int64),
                 weights=weights(len(bus.array)),
             )
-        self._stages: dict[int, TickMemory] = {}
+        self._stages = [
+            _stage(TickMemory(base), machine.torque, machine.outputs, runner)
+            for runner in machine.runners
+        ]
+        self._missing = set(range(len(self._stages)))
+        self._run: Callable[[int, int], int] | None = None
 
-    def run(self, first: int, most: int) -> int:
+    def ready(self, compiling: Compiling) -> None:
+        """Has the code of the current stage, and of all others what there is.
+
+        What is compiled beside is asked for all at once, so that one run leaves all of its code.
+
+        Args:
+            compiling: what becomes of machine code of the current stage that there is not. For the
+                others nobody waits.
+
+        Raises:
+            EngineError: there is no machine code here.
+            UnsupportedOperationError: an expression has an operation that machine code lacks.
+            NotReadyError: there is no code yet.
+        """
+        waits = compiling is Compiling.WAIT
+        current, missing = self._machine.index, None
+        if self._run is None:
+            try:
+                engine = kernel_engine(ticks.run, *_MODULES, compiling=compiling)
+            except NotReadyError as error:
+                if compiling is Compiling.NOT_YET:
+                    raise
+                missing = error
+            else:
+                arguments = ctypes.c_void_p, ctypes.c_int64
+                self._run = engine.function("run", ctypes.c_int64, *arguments)
+        for index in sorted(self._missing, key=lambda index: index != current):
+            others = Compiling.NOT_YET if waits and index != current else compiling
+            try:
+                self._stages[index].load(others)
+            except NotReadyError as error:
+                if index == current:
+                    missing = error
+            else:
+                self._missing.discard(index)
+        if missing is not None:
+            raise missing
+
+    def run(self, first: int, most: int, compiling: Compiling) -> int:
         """Up to `most` ticks after the `first` ones; returns how many there have been.
 
         Raises:
-            UnsupportedOperationError: the stage has an operation that machine code lacks.
-            NotReadyError: there is no code of the stage yet.
+            EngineError, UnsupportedOperationError, NotReadyError: as `ready`.
         """
+        wanted = self._machine.index in self._missing or compiling is Compiling.BESIDE
+        if self._run is None or (self._missing and wanted):
+            self.ready(compiling)
+        assert self._run is not None
         c, sensor = self._record(first), self._sensing.sensor
         while True:
             reason = self._run(c.address, first + most - c.ticks)
@@ -123,10 +151,6 @@ class NativeLoop:
         """The record of the current stage, with the state of all that Python has changed."""
         machine, sensor = self._machine, self._sensing.sensor
         index, runner, estimation = machine.index, machine.runner, machine.estimation
-        if index not in self._stages:
-            self._stages[index] = _stage(
-                TickMemory(self._base, self.compiling), machine.torque, machine.outputs, runner
-            )
         c = self._stages[index]
         c.ticks, c.stage_ticks, c.stage = first, machine.stage_ticks, index
         c.next_knot, c.last_time = runner.next_knot, self._plant.last_time
@@ -321,7 +345,7 @@ def _stage(record: TickMemory, torque: Vector, outputs: Vector, runner: StageRun
     """What the record has of a stage."""
     solver = runner.solver
     new_torque, new_outputs = np.zeros_like(torque), np.zeros_like(outputs)
-    own_torque, new_memory, own_outputs, _ = runner.tick.results
+    own_torque, new_memory, own_outputs, *_ = runner.tick.results
     scratch = [(own_torque, new_torque), (own_outputs, new_outputs)]
     record.function("tick", runner.tick, scratch)
     record.take(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 from collections.abc import Sequence
 from typing import Any
 
@@ -11,9 +12,11 @@ from numpy.typing import NDArray
 from taskspec.native.kernel import Record, Vector, Words
 from taskspec.native.quadratic import Workspace
 from taskspec.program.bound import BoundFunction
-from taskspec_runner.loop.native.code import CODE, Compiling, expression_engine
+from taskspec_runner.loop.native.code import CODE, Compiling, NotReadyError, expression_engine
 
 Array = NDArray[np.float64]
+#: What a function of CasADi's takes: arguments, results, and three that are not used.
+_SIGNATURE = (ctypes.c_void_p,) * 4 + (ctypes.c_int,)
 
 #: MuJoCo's functions by their addresses, and C's.
 LIBRARY = (
@@ -249,18 +252,14 @@ class TickMemory(Record):
     weights: Words
     sums: Words
 
-    def __init__(self, base: TickMemory | None, compiling: Compiling) -> None:
-        """An empty one, or one that begins as `base` is now.
-
-        Args:
-            base: another one.
-            compiling: what becomes of machine code that there is not.
-        """
+    def __init__(self, base: TickMemory | None = None) -> None:
+        """An empty one, or one that begins as `base` is now."""
         super().__init__()
-        self._compiling = compiling
+        self._functions: dict[str, BoundFunction] = {}
         if base is not None:
             self._memory = type(base._memory).from_buffer_copy(base._memory)
             self._held = dict(base._held)
+            self._functions = dict(base._functions)
 
     def take(self, **values: Any) -> None:
         """Sets fields: numbers, and vectors to contiguous arrays, which it keeps."""
@@ -270,19 +269,38 @@ class TickMemory(Record):
     def function(
         self, name: str, bound: BoundFunction, instead: Sequence[tuple[Array, Array]] = ()
     ) -> None:
-        """Sets a function on its memory, or with other arrays for some: pairs of theirs and ours.
-
-        Raises:
-            EngineError: there is no machine code here.
-            UnsupportedOperationError: it has an operation that machine code lacks.
-            NotReadyError: there is no code of it yet.
-        """
-        engine = expression_engine(bound.function, self._compiling)
+        """Sets a function on its memory; `instead` has pairs of its arrays and ours."""
         ours = {id(theirs): array for theirs, array in instead}
         for part, theirs in (("_arg", bound.arguments), ("_res", bound.results)):
             arrays = [ours.get(id(array), array) for array in theirs]
             places = np.array([array.ctypes.data for array in arrays], dtype=np.int64)
             self._held[name + part] = places, arrays
             setattr(self, name + part, places.ctypes.data)
-        self._held[name] = engine
-        setattr(self, name, engine.address(CODE))
+        self._functions[name] = bound
+
+    def load(self, compiling: Compiling) -> None:
+        """Sets the addresses of the code of all functions, of which none is left unasked for.
+
+        Args:
+            compiling: what becomes of code that there is not.
+
+        Raises:
+            EngineError: there is no machine code here.
+            UnsupportedOperationError: a function has an operation that machine code lacks.
+            NotReadyError: there is no code of some of them yet.
+        """
+        missing: NotReadyError | None = None
+        for name, bound in self._functions.items():
+            try:
+                engine = expression_engine(bound.function, compiling)
+            except NotReadyError as error:
+                missing = error
+                if compiling is Compiling.NOT_YET:
+                    break
+            else:
+                self._held[name] = engine
+                setattr(self, name, engine.address(CODE))
+                # Ticks that are left to Python take the same code.
+                bound.evaluate_by(engine.function(CODE, None, *_SIGNATURE))
+        if missing is not None:
+            raise missing
