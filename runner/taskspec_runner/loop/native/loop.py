@@ -115,6 +115,8 @@ class NativeLoop:
             try:
                 self._stages[index].load(others)
             except NotReadyError as error:
+                if index == current and compiling is Compiling.NOT_YET:
+                    raise
                 if index == current:
                     missing = error
             else:
