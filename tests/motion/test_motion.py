@@ -65,6 +65,53 @@ def test_moves_whose_length_fits_the_limits_exactly():
         assert profile.move(0.3, 0, 0.3 + distance, speed)(99.0) == pytest.approx(0.3 + distance)
 
 
+def test_moves_from_any_rate_keep_their_limits_and_arrive():
+    """Rates to both sides and beyond the speed, ways that need to turn back or to brake first."""
+    rng = np.random.default_rng(11)
+    for _ in range(300):
+        speed, rise = 10 ** rng.uniform(-3, 0.5), rng.uniform(0.05, 0.4)
+        velocity = speed * rng.uniform(-3, 3)
+        way = speed * rise * rng.choice([-1, 1]) * 10 ** rng.uniform(-4, 2)
+        cubic = profile.move(0.3, velocity, 0.3 + way, speed, rise)
+        times = np.linspace(0, cubic.rests, 301)
+        position, rate, acceleration, jerk = np.array([derivatives(cubic, t) for t in times]).T
+        fastest = max(speed, abs(velocity))
+        assert np.max(np.abs(rate)) <= fastest * (1 + 1e-9)
+        assert np.max(np.abs(acceleration)) <= 2 * speed / rise * (1 + 1e-9)
+        assert np.max(np.abs(jerk)) <= 4 * speed / rise**2 * (1 + 1e-9)
+        assert position[0] == 0.3
+        assert rate[0] == velocity
+        # At rest where it ends, to the rounding of the places and of the way in between.
+        before = derivatives(cubic, np.nextafter(float(cubic.rests), 0.0))
+        scale = fastest * max(float(cubic.rests), rise) + 0.3 + abs(way)
+        assert before[0] == pytest.approx(0.3 + way, abs=1e-13 * scale)
+        assert before[1] == pytest.approx(0, abs=1e-13 * fastest)
+        for knot in cubic.knots[1:-2]:
+            left, right = derivatives(cubic, np.nextafter(knot, 0.0)), derivatives(cubic, knot)
+            size = np.array([scale, fastest, 2 * speed / rise])
+            assert np.all(np.abs(np.subtract(left, right))[:3] <= 1e-9 * size)
+
+
+def test_moves_are_the_same_of_numbers_and_of_expressions():
+    given = [ca.SX.sym(name) for name in ("start", "velocity")]
+    cubic = profile.move(given[0], given[1], given[0] + 0.2, 0.05)
+    move = ca.Function("move", given, [cubic.knots, cubic.coefficients, cubic.segment_at_start()])
+    for start, velocity in ((0.0, 0.0), (0.1, 0.03), (-0.2, -0.07), (0.4, 0.09)):
+        knots, coefficients, first = (np.array(part) for part in move(start, velocity))
+        same = profile.move(start, velocity, start + 0.2, 0.05)
+        np.testing.assert_allclose(knots.ravel(), same.knots, rtol=1e-14)
+        np.testing.assert_allclose(coefficients, same.coefficients, atol=1e-15, rtol=1e-13)
+        np.testing.assert_allclose(first.ravel(), same.segment(0.0), atol=1e-15, rtol=1e-13)
+
+
+@pytest.mark.parametrize("number", [np.nan, np.inf])
+def test_there_is_no_move_of_numbers_that_are_not_finite(number):
+    with pytest.raises(ValueError, match="no move from"):
+        profile.move(0.0, number, 1.0, 0.1)
+    with pytest.raises(ValueError, match="no move from"):
+        profile.move(0.0, 0.0, 1.0, 0.0)
+
+
 def test_a_long_move_reaches_its_speed_in_a_fifth_of_a_second():
     cubic = profile.move(0, 0, 1.0, 0.1)
     assert derivatives(cubic, 0.2)[1] == pytest.approx(0.1)

@@ -24,6 +24,8 @@ from taskspec_runner.errors import InputError
 from taskspec_runner.loop import fixed_step
 from taskspec_runner.loop.assembly import assemble
 from taskspec_runner.loop.native import code
+from taskspec_runner.loop.native.loop import NativeLoop
+from taskspec_runner.loop.sensing import Sensing
 from taskspec_runner.record.block import checksums
 from taskspec_runner.record.log import Log
 from taskspec_runner.runs import Run
@@ -114,6 +116,29 @@ def test_code_that_nobody_waited_for_is_not_taken_for_another_function(
         call = ctypes.CFUNCTYPE(ctypes.c_int, *[ctypes.c_void_p] * 4, ctypes.c_int)
         call(made.address(code.CODE))(*pointers, None, None, 0)
         assert result[0] == number + 1.0
+
+
+def test_code_of_all_stages_is_asked_for_at_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What is compiled beside a run is that of stages too that it has not come to yet."""
+    monkeypatch.setenv("TASKSPEC_CACHE", str(tmp_path / "cache"))
+    monkeypatch.setattr(code, "_ENGINES", code._Engines())
+    program = compile_unchecked(load_task(TASKS / "press-parallel-pid.yaml"))
+    parts = assemble(program)
+    with closing(parts.recorder(Log(tmp_path / "log.arrow"))) as recorder:
+        sensing = Sensing(parts.plant.arm, parts.plant.views.equations, parts.machine)
+        closed = fixed_step.ClosedLoop(parts.machine, parts.plant, parts.bus, sensing, recorder)
+        loop = NativeLoop(closed, recorder.block)
+        with pytest.raises(code.NotReadyError):
+            loop.ready(code.Compiling.NOT_YET)
+        assert not code._ENGINES._under_way
+        with pytest.raises(code.NotReadyError):
+            loop.ready(code.Compiling.BESIDE)
+        asked = [runner.tick.function for runner in parts.machine.runners]
+        code._compiler().submit(int).result()
+    for function in asked:
+        assert code.expression_engine(function, code.Compiling.NOT_YET).names == (code.CODE,)
 
 
 @pytest.fixture
