@@ -6,10 +6,10 @@ enter(time, state, model terms, measured wrench, what is handed over) -> memory,
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import casadi as ca
 
+from taskspec.deferred_methods import dataclass
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.laws.gains import Gains, value_of
 from taskspec.modes import StageStart
