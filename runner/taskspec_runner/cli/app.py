@@ -81,7 +81,9 @@ def run(
 @app.command()
 @guarded
 def sweep(
-    file: options.TaskFile,
+    files: Annotated[
+        list[Path], typer.Argument(metavar="FILE", help="The task file; with --merge folders.")
+    ],
     worlds: Annotated[
         int | None,
         typer.Option(min=1, help="Random worlds of 'vary'.", show_default="the file's, else 100"),
@@ -98,6 +100,24 @@ def sweep(
         int | None,
         typer.Option("--jobs", "-j", min=1, help="At once.", show_default="the processors"),
     ] = None,
+    executor: Annotated[
+        str | None,
+        typer.Option(
+            metavar="dask[:tcp://HOST:PORT]",
+            help="A cluster of Dask: one of this machine, or that of a scheduler.",
+            show_default="processes",
+        ),
+    ] = None,
+    shard: Annotated[
+        str | None, typer.Option(metavar="I/N", help="Run one share of the worlds.")
+    ] = None,
+    merge: Annotated[bool, typer.Option("--merge", help="Put folders of shares together.")] = False,
+    keep: Annotated[
+        str,
+        typer.Option(
+            metavar="none|worst|failed|all|N,N", help="Worlds of which log and report are kept."
+        ),
+    ] = "worst",
     out: Annotated[
         Path | None,
         typer.Option(
@@ -110,10 +130,14 @@ def sweep(
     force: options.Force = False,
 ) -> int:
     """Run a task in many worlds of its 'vary': how likely it succeeds, and on what that depends."""
-    from taskspec_runner.cli.sweep import sweep_task
+    from taskspec_runner.cli.sweep import merge_parts, sweep_task
 
+    if merge:
+        return merge_parts(files, out, quiet=quiet, form=form)
+    if len(files) != 1:
+        raise typer.BadParameter("a sweep is of one task file; folders go with --merge")
     return sweep_task(
-        file,
+        files[0],
         set_ or [],
         seed,
         worlds,
@@ -121,6 +145,9 @@ def sweep(
         corners=corners,
         grid=grid,
         jobs=jobs,
+        executor=executor,
+        shard=shard,
+        keep=keep,
         quiet=quiet,
         form=form,
         force=force,

@@ -12,12 +12,16 @@ from pathlib import Path
 
 import typer
 
+from taskspec.spec import load_text
 from taskspec_runner.cli.formats import RunFormat
 from taskspec_runner.cli.run import admitted
 from taskspec_runner.errors import InputError
 from taskspec_runner.loop.interrupt import Termination
-from taskspec_runner.sweep.folder import TABLE
-from taskspec_runner.sweep.session import SweepGlimpse, SweepResult, Watch, sweep
+from taskspec_runner.record.folder import mapping
+from taskspec_runner.sweep.executors import workers
+from taskspec_runner.sweep.folder import TABLE, TASK, open_sweep, read_part
+from taskspec_runner.sweep.kept import check as check_keep
+from taskspec_runner.sweep.session import SweepGlimpse, SweepResult, Watch, merged, sweep
 from taskspec_runner.sweep.worlds import Worlds
 
 #: Worlds where neither the file nor an option says how many.
@@ -36,22 +40,68 @@ def sweep_task(
     corners: bool,
     grid: int | None,
     jobs: int | None,
+    executor: str | None,
+    shard: str | None,
+    keep: str,
     quiet: bool,
     form: RunFormat,
     force: bool,
 ) -> int:
     """Runs a task file in many worlds and tells what they say together."""
-    from taskspec_runner.cli.sweep_outcome import show_sweep
-
     if sum((corners, grid is not None, count is not None)) > 1:
         raise InputError("--worlds, --corners and --grid each say which worlds: keep one of them")
+    share = _share(shard)
+    check_keep(keep)
     program = admitted(file, sets, None, force=force)
     task = program.context.loaded.task
     if count is None:
         count = task.sweep.worlds if task.sweep is not None else WORLDS
     worlds = Worlds.of(program.context, seed, count, corners=corners, points=grid or 0)
-    with Termination(), _progress(shown=not quiet and sys.stderr.isatty()) as watch:
-        result = sweep(program, worlds, out, jobs=jobs or _processors(), watch=watch)
+    with (
+        Termination(),
+        workers(executor, jobs or _processors()) as found,
+        _progress(shown=not quiet and sys.stderr.isatty()) as watch,
+    ):
+        result = sweep(program, worlds, out, workers=found, shard=share, keep=keep, watch=watch)
+    return _told(result, quiet=quiet, form=form)
+
+
+def merge_parts(parts: Sequence[Path], out: Path | None, *, quiet: bool, form: RunFormat) -> int:
+    """Puts shares of a sweep together and tells what they say."""
+    read = [read_part(path) for path in parts]
+    first = read[0][0]
+    for path, (said, _) in zip(parts, read, strict=True):
+        if said["identity"] != first["identity"]:
+            raise InputError(f"{path} and {parts[0]} are of different sweeps")
+    file = parts[0] / TASK
+    content = file.read_bytes()
+    overrides = {str(key): str(value) for key, value in mapping(first["overrides"]).items()}
+    # Whatever else the task reads was read where its shares were run.
+    loaded = load_text(content.decode(), str(first["file"] or file), overrides)
+    said = {key: first[key] for key in first if key in _OPENING} | {"shard": [1, 1]}
+    with open_sweep(out, loaded.task.name, said) as folder:
+        folder.begin(content)
+        count = int(mapping(first["worlds"])["count"])
+        result = merged(loaded.task, [rows for _, rows in read], folder, count)
+    return _told(result, quiet=quiet, form=form)
+
+
+_OPENING = ("format", "task", "file", "overrides", "worlds", "bundle", "identity", "versions")
+
+
+def _share(text: str | None) -> tuple[int, int]:
+    """The share that `i/n` names."""
+    if text is None:
+        return 1, 1
+    number, _, of = text.partition("/")
+    if not (number.isdecimal() and of.isdecimal() and 1 <= int(number) <= int(of)):
+        raise InputError(f"--shard takes i/n with i from 1 to n, such as 2/8, not {text!r}")
+    return int(number), int(of)
+
+
+def _told(result: SweepResult, *, quiet: bool, form: RunFormat) -> int:
+    from taskspec_runner.cli.sweep_outcome import show_sweep
+
     if form is RunFormat.JSON:
         where = {"folder": str(result.path), "table": str(result.path / TABLE)}
         typer.echo(json.dumps({**result.summary, **where}, indent=2, ensure_ascii=False))
@@ -90,14 +140,11 @@ def _progress(*, shown: bool) -> Iterator[Watch | None]:
 def describe(glimpse: SweepGlimpse) -> str:
     """A glimpse in one line."""
     share = 100 * glimpse.good / glimpse.done if glimpse.done else 0.0
-    text = f"{glimpse.done} of {glimpse.of} worlds, {share:.1f} % well, {glimpse.rate:.1f} a second"
-    return text if glimpse.left is None else f"{text}, {_span(glimpse.left)} left"
+    text = f"{glimpse.done} of {glimpse.of} worlds, {share:.1f} % well"
+    return f"{text}, {glimpse.rate:.1f} a second, {_span(glimpse.left)} left"
 
 
 def _span(seconds: float) -> str:
     if seconds < 90:
         return f"{seconds:.0f} s"
     return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"
-
-
-__all__ = ["SweepResult", "describe", "sweep_task"]

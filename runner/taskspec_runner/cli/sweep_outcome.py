@@ -22,6 +22,11 @@ _MOST, _CHANCE = 6, 0.01
 def show_sweep(result: SweepResult, *, quiet: bool) -> None:
     """Prints the verdicts, and what success depends on."""
     summary = result.summary
+    if result.shard != (1, 1):
+        number, of = result.shard
+        typer.echo(f"share {number} of {of}: {summary['good']} of {summary['done']} worlds well")
+        typer.echo(f"folder: {result.path}")
+        return
     show(*verdict_lines(summary))
     if quiet:
         return
@@ -65,13 +70,15 @@ def _rates(summary: Mapping[str, Any]) -> Any:
 
 
 def _depends(result: SweepResult) -> Iterator[str]:
-    summary, task = result.summary, result.program.context.loaded.task
+    summary, task = result.summary, result.task
     told = [e for e in summary["influences"] if e["chance"] < _CHANCE][:_MOST]
     if told:
         parts = [f"{each['parameter']} {each['correlation']:+.2f}" for each in told]
         yield f"what matters (rank correlation with the margin): {', '.join(parts)}"
     for each in summary["regions"]:
         yield each["text"]
+    if looked_at := summary.get("foretold"):
+        yield foretold_text(looked_at)
     worst = summary["worst"]
     if worst is not None:
         row = result.rows[worst["world"]]
@@ -83,6 +90,17 @@ def _depends(result: SweepResult) -> Iterator[str]:
         yield f"worst: world {worst['world']}, margin {100 * worst['margin']:.3g} %: " + ", ".join(
             values
         )
+
+
+def foretold_text(told: Mapping[str, Any]) -> str:
+    """How validate's findings about single worlds compare with what became of them."""
+    parts = []
+    for kind in ("failed", "good"):
+        found = told[kind]
+        if found["of"]:
+            codes = f" ({', '.join(found['codes'])})" if found["codes"] else ""
+            parts.append(f"{found['announced']} of {found['of']} {kind} ones{codes}")
+    return f"validate warns of trouble in {' and '.join(parts)} that were looked at"
 
 
 def _rounded(count: int) -> str:

@@ -76,14 +76,15 @@ def rows(
         jobs: how many workers the executor has.
     """
     at_once = max(1, min(_AT_ONCE, len(indices) // (4 * jobs)))
+    if executor is None:
+        at_once = 1
     pieces = [
         Work(bundle, worlds, tuple(indices[first : first + at_once]))
         for first in range(0, len(indices), at_once)
     ]
     if executor is None:
         for piece in pieces:
-            for index in piece.indices:
-                yield from run_work(Work(bundle, worlds, (index,)))
+            yield from run_work(piece)
         return
     waiting: set[Future[list[Row]]] = set()
     for piece in pieces:
@@ -102,11 +103,18 @@ def rows(
 def processes(jobs: int) -> Iterator[ProcessPoolExecutor]:
     """Processes of this machine, which end with this one."""
     # A process that was forked would share threads and locks with this one.
-    pool = ProcessPoolExecutor(jobs, multiprocessing.get_context("spawn"), initializer=_begin)
+    context = multiprocessing.get_context("spawn")
+    before = set(multiprocessing.active_children())
+    pool = ProcessPoolExecutor(jobs, context, initializer=_begin)
     try:
         yield pool
+    except BaseException:
+        # What is under way is run again by whoever continues; nobody waits for it here.
+        for process in {*multiprocessing.active_children()} - before:
+            process.terminate()
+        raise
     finally:
-        pool.shutdown(wait=False, cancel_futures=True)
+        pool.shutdown(wait=True, cancel_futures=True)
 
 
 def _begin() -> None:

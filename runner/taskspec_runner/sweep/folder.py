@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from taskspec_runner.errors import OutputError
+from taskspec_runner.errors import InputError, OutputError
 from taskspec_runner.record import folder as folders
 from taskspec_runner.record.folder import RUNS, Json, RunFolder, plain
 from taskspec_runner.record.lock import FolderLock
@@ -125,7 +125,9 @@ def _usual(usual: Path, said: Mapping[str, Any]) -> Path:
     number = 1
     while True:
         path = usual if number == 1 else usual.with_name(f"{usual.name}-{number}")
-        if not path.exists() or read_sweep(path).get("identity") == said["identity"]:
+        found = read_sweep(path)
+        same = all(found.get(key) == said[key] for key in ("identity", "shard"))
+        if not path.exists() or same:
             return path
         number += 1
 
@@ -134,6 +136,8 @@ def _check(path: Path, said: Mapping[str, Any]) -> None:
     found = read_sweep(path)
     own = isinstance(found.get("format"), int) and isinstance(found.get("identity"), str)
     folders.check_own(path, "sweep", own, (SWEEP, TABLE, PAGE, JOURNAL, TASK))
+    if own and found["identity"] == said["identity"] and found.get("shard") != said["shard"]:
+        raise OutputError(path, "it holds another share of this sweep; name another folder")
     if own and found["identity"] != said["identity"]:
         what = "another task, other values of it, another version" if (
             found.get("bundle") != said["bundle"]
@@ -141,6 +145,18 @@ def _check(path: Path, said: Mapping[str, Any]) -> None:
         raise OutputError(
             path, f"it holds the sweep of {what}, which is not thrown away; name another folder"
         )
+
+
+def read_part(path: Path) -> tuple[Json, dict[int, Row]]:
+    """What a share of a sweep says of itself, and its rows.
+
+    Raises:
+        InputError: it is no folder of a sweep.
+    """
+    said = read_sweep(path)
+    if not isinstance(said.get("identity"), str):
+        raise InputError(f"{path} is no folder of a sweep")
+    return said, _read(path / JOURNAL)[0]
 
 
 def read_sweep(path: Path) -> Json:

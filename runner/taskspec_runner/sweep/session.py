@@ -3,22 +3,32 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Executor
+from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 from typing import Any
 
 from taskspec.deferred_methods import dataclass
 from taskspec.program.program import Program
+from taskspec.spec import Task
+from taskspec_runner.errors import InputError
 from taskspec_runner.record.folder import Json
 from taskspec_runner.record.manifest import task_bytes, versions
+from taskspec_runner.sweep import kept
 from taskspec_runner.sweep.bundle import Bundle, keep_program
 from taskspec_runner.sweep.engine import processes, rows
+from taskspec_runner.sweep.executors import Workers
 from taskspec_runner.sweep.folder import FORMAT, TABLE, SweepFolder, open_sweep
+from taskspec_runner.sweep.foretold import foretold
 from taskspec_runner.sweep.summary import summarise
 from taskspec_runner.sweep.table import table_bytes
-from taskspec_runner.sweep.world_run import Row
+from taskspec_runner.sweep.world_run import Row, broken_row
 from taskspec_runner.sweep.worlds import Worlds, identity
+
+#: Times that processes may die before worlds are run one by one, to find the one that kills them.
+_DEATHS = 2
+_WHOLE = (1, 1)
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,15 +39,15 @@ class SweepGlimpse:
         done: worlds that are there.
         of: how many there are to be.
         good: that succeeded.
-        rate: worlds in a second; 0 where that is not known yet.
-        left: [s]; None where that is not known yet.
+        rate: worlds in a second.
+        left: [s].
     """
 
     done: int
     of: int
     good: int
     rate: float
-    left: float | None
+    left: float
 
 
 Watch = Callable[[SweepGlimpse], None]
@@ -45,21 +55,23 @@ Watch = Callable[[SweepGlimpse], None]
 
 @dataclass(frozen=True, slots=True)
 class SweepResult:
-    """A sweep that is over.
+    """A sweep that is over, or one share of it.
 
     Attributes:
-        program: of its task.
+        task: of it.
         path: of its folder.
         rows: in the order of the worlds.
-        summary: what `sweep.json` says.
+        summary: what `sweep.json` says; of a share, without a verdict.
         continued: worlds that were there before.
+        shard: which share it is, and of how many; (1, 1) for all of it.
     """
 
-    program: Program
+    task: Task
     path: Path
     rows: tuple[Row, ...]
     summary: Json
-    continued: int
+    continued: int = 0
+    shard: tuple[int, int] = _WHOLE
 
 
 def sweep(
@@ -67,8 +79,9 @@ def sweep(
     worlds: Worlds,
     out: Path | None = None,
     *,
-    executor: Executor | None = None,
-    jobs: int = 1,
+    workers: Workers | None = None,
+    shard: tuple[int, int] = _WHOLE,
+    keep: str = kept.WORST,
     watch: Watch | None = None,
 ) -> SweepResult:
     """Runs every world of a sweep that is not there yet, and judges all of them.
@@ -78,30 +91,71 @@ def sweep(
         worlds: which.
         out: the folder, which is continued where it holds the same sweep; None for
             `runs/NAME-sweep`.
-        executor: any of `concurrent.futures`' kind; None for processes of this machine, or with one
-            job for this one.
-        jobs: how many workers there are.
+        workers: who runs them; None for this process.
+        shard: which share of them, from 1, and of how many; shares are put together by `merged`.
+        keep: which runs are kept, as `kept.chosen` has it; of a share none is.
         watch: called now and then.
 
     Raises:
         OutputError: the folder cannot be written, or holds something else.
-        InputError: a worker has other versions installed.
+        InputError: a worker has other versions installed, or `keep` names no worlds.
         KeyboardInterrupt: interrupted; the same call continues.
     """
+    kept.check(keep)
+    workers = Workers(None, 1) if workers is None else workers
     bundle = Bundle.of(program)
     keep_program(bundle, program)
-    said = opening(program, bundle, worlds)
     loaded = program.context.loaded
-    with open_sweep(out, loaded.task.name, said) as folder:
+    said = opening(program, bundle, worlds) | {"shard": list(shard)}
+    name = loaded.task.name
+    if shard != _WHOLE:
+        name = f"{name}-{shard[0]}-of-{shard[1]}"
+    with open_sweep(out, name, said) as folder:
         folder.begin(task_bytes(loaded))
         continued = len(folder.rows)
-        missing = [index for index in range(worlds.count) if index not in folder.rows]
-        if executor is None and jobs > 1 and len(missing) > 1:
-            with processes(jobs) as pool:
-                _run(folder, bundle, worlds, missing, pool, jobs, watch)
-        else:
-            _run(folder, bundle, worlds, missing, executor, jobs, watch)
-        return _ended(program, folder, continued)
+        _run_missing(folder, bundle, worlds, worlds.shard(*shard), workers, watch)
+        if shard != _WHOLE:
+            ordered = tuple(folder.rows[index] for index in sorted(folder.rows))
+            good = sum(row["success"] for row in ordered)
+            summary = {"shard": list(shard), "done": len(ordered), "good": good, "exit_code": 0}
+            folder.end(**summary)
+            return SweepResult(loaded.task, folder.path, ordered, summary, continued, shard)
+        ended = _ended(loaded.task, folder, foretold(program, worlds, _ordered(folder)))
+        chosen = kept.chosen(keep, ended.rows)
+        kept.keep_runs(folder.path, bundle, worlds, chosen, workers.jobs)
+        _write_page(ended, folder)
+        return SweepResult(ended.task, ended.path, ended.rows, ended.summary, continued)
+
+
+def merged(
+    task: Task, parts: Iterable[Mapping[int, Row]], folder: SweepFolder, count: int
+) -> SweepResult:
+    """Puts the shares of a sweep together.
+
+    Args:
+        task: of it.
+        parts: rows of its shares, by world.
+        folder: for all of it.
+        count: worlds that it has.
+
+    Raises:
+        InputError: worlds are missing.
+        OutputError: the folder cannot be written.
+    """
+    for part in parts:
+        for index, row in part.items():
+            if index not in folder.rows:
+                folder.add(row)
+    missing = [index for index in range(count) if index not in folder.rows]
+    if missing:
+        some = ", ".join(map(str, missing[:5])) + (", ..." if len(missing) > 5 else "")
+        raise InputError(
+            f"{len(missing)} of {count} worlds are in none of the shares: {some}; run the shares "
+            "that are missing, or were broken off, and merge again"
+        )
+    ended = _ended(task, folder, None)
+    _write_page(ended, folder)
+    return ended
 
 
 def opening(program: Program, bundle: Bundle, worlds: Worlds) -> dict[str, Any]:
@@ -119,30 +173,75 @@ def opening(program: Program, bundle: Bundle, worlds: Worlds) -> dict[str, Any]:
     }
 
 
-def _run(
+def _run_missing(
     folder: SweepFolder,
     bundle: Bundle,
     worlds: Worlds,
-    missing: list[int],
-    executor: Executor | None,
-    jobs: int,
+    wanted: Sequence[int],
+    workers: Workers,
     watch: Watch | None,
 ) -> None:
-    began, before = time.monotonic(), len(folder.rows)
-    good = sum(row["success"] for row in folder.rows.values())
-    for row in rows(executor, bundle, worlds, missing, jobs):
-        folder.add(row)
-        good += row["success"]
-        if watch is not None:
-            here = len(folder.rows) - before
-            rate = here / max(time.monotonic() - began, 1e-9)
-            left = (len(missing) - here) / rate
-            watch(SweepGlimpse(len(folder.rows), worlds.count, good, rate, left))
+    """Runs the worlds that are not there; one that kills its process is a broken row."""
+
+    def missing() -> list[int]:
+        return [index for index in wanted if index not in folder.rows]
+
+    progress = _Progress(folder, len(wanted), watch)
+    if workers.executor is not None or workers.jobs <= 1 or len(missing()) < 2:
+        progress.run(workers.executor, bundle, worlds, missing(), workers.jobs)
+        return
+    for _ in range(_DEATHS):
+        try:
+            with processes(workers.jobs) as pool:
+                progress.run(pool, bundle, worlds, missing(), workers.jobs)
+        except BrokenProcessPool:
+            continue
+        return
+    for index in missing():
+        try:
+            with processes(1) as pool:
+                progress.run(pool, bundle, worlds, [index], 1)
+        except BrokenProcessPool:
+            folder.add(broken_row(index, "the process that ran it died"))
 
 
-def _ended(program: Program, folder: SweepFolder, continued: int) -> SweepResult:
-    ordered = tuple(folder.rows[index] for index in sorted(folder.rows))
-    summary: Mapping[str, Any] = summarise(program.context.loaded.task, ordered)
-    folder.write(TABLE, table_bytes(folder.rows, {"taskspec": program.context.loaded.task.name}))
+class _Progress:
+    """Keeps rows as they come, and tells how far a sweep is."""
+
+    def __init__(self, folder: SweepFolder, of: int, watch: Watch | None) -> None:
+        self._folder, self._of, self._watch = folder, of, watch
+        self._began, self._before = time.monotonic(), len(folder.rows)
+        self._good = sum(row["success"] for row in folder.rows.values())
+
+    def run(
+        self,
+        executor: Executor | None,
+        bundle: Bundle,
+        worlds: Worlds,
+        indices: Sequence[int],
+        jobs: int,
+    ) -> None:
+        for row in rows(executor, bundle, worlds, indices, jobs):
+            self._folder.add(row)
+            self._good += row["success"]
+            if self._watch is not None:
+                done = len(self._folder.rows)
+                rate = (done - self._before) / max(time.monotonic() - self._began, 1e-9)
+                left = (self._of - done) / rate
+                self._watch(SweepGlimpse(done, self._of, self._good, rate, left))
+
+
+def _ordered(folder: SweepFolder) -> tuple[Row, ...]:
+    return tuple(folder.rows[index] for index in sorted(folder.rows))
+
+
+def _ended(task: Task, folder: SweepFolder, told: Json | None) -> SweepResult:
+    ordered = _ordered(folder)
+    summary = {**summarise(task, ordered), "foretold": told}
+    folder.write(TABLE, table_bytes(folder.rows, {"taskspec": task.name}))
     folder.end(**summary)
-    return SweepResult(program, folder.path, ordered, summary, continued)
+    return SweepResult(task, folder.path, ordered, summary)
+
+
+def _write_page(result: SweepResult, folder: SweepFolder) -> None:
+    """Writes the page of a sweep, which links what is kept."""

@@ -121,6 +121,12 @@ def _least(judged: Sequence[Judged]) -> float | None:
     return min(found, default=None)
 
 
+def broken_row(index: int, reason: str) -> Row:
+    """The row of a world that could not be run."""
+    row: Row = {"world": index, "label": "", "seed": None, "number": None, "draws": "{}"}
+    return row | _broken(reason)
+
+
 def _broken(reason: str) -> Row:
     return {"success": False, "verdict": BROKEN, "status": BROKEN, "reason": BROKEN, "text": reason}
 
