@@ -1,0 +1,127 @@
+"""What the rows of a sweep say together, against closed forms."""
+
+from __future__ import annotations
+
+import math
+from statistics import NormalDist
+
+import numpy as np
+import pytest
+
+from taskspec.analysis.worlds import random_world
+from taskspec.compiler import compile_task
+from taskspec.spec import load_text
+from taskspec.spec.sweep import RateExpectation
+from taskspec_runner.sweep.statistics import Rate, influences, ranks, regions
+from taskspec_runner.sweep.summary import MET, MISSED, UNDECIDED, JudgedRate
+
+TASK = """taskspec: 1
+robot: {model: panda, start: {xyz: [500 mm, 0, 310 mm]}}
+world: {table: {shape: plane, xyz: [0, 0, 300 mm]}}
+frame: table
+stages: {wait: {axes: {z: {velocity: 0}}, time: 10 ms}}
+vary: {world.table.stiffness: 0.5..100.5 kN/m}
+"""
+
+
+def coverage(p: float, n: int) -> float:
+    """Of the interval of n tries with probability p: the binomial sum over what contains p."""
+    total = 0.0
+    for good in range(n + 1):
+        low, high = Rate(good, n).interval()
+        if low <= p <= high:
+            total += math.comb(n, good) * p**good * (1 - p) ** (n - good)
+    return total
+
+
+def test_intervals_against_their_equation():
+    """Its ends solve |s - p| = z sqrt(p (1 - p) / n)."""
+    z = NormalDist().inv_cdf(0.975)
+    for good, n in ((1, 10), (50, 100), (990, 1000), (3, 7)):
+        for p in Rate(good, n).interval():
+            assert abs(good / n - p) == pytest.approx(z * math.sqrt(p * (1 - p) / n), rel=1e-9)
+    assert Rate(0, 5).interval()[0] == 0
+    assert Rate(5, 5).interval()[1] == 1
+    assert Rate(0, 0).interval() == (0.0, 1.0)
+
+
+def test_four_hundred_sweeps_are_covered_as_often_as_the_binomial_sum_says():
+    """A press that succeeds below 90.5 kN/m succeeds with p = 0.9 in worlds of 0.5..100.5 kN/m."""
+    context = compile_task(load_text(TASK, "task.yaml")).context
+    n, sweeps, p = 40, 400, 0.9
+    exact = coverage(p, n)
+    assert 0.9 < exact < 1
+    covered = 0
+    for seed in range(sweeps):
+        good = sum(
+            random_world(context, seed, number).values["world.table.stiffness", None] < 90.5e3
+            for number in range(n)
+        )
+        low, high = Rate(good, n).interval()
+        covered += low <= p <= high
+    assert abs(covered - sweeps * exact) < 3 * math.sqrt(sweeps * exact * (1 - exact))
+
+
+@pytest.mark.parametrize(
+    ("good", "n", "verdict"),
+    [(1000, 1000, MET), (995, 1000, UNDECIDED), (980, 1000, MISSED), (20, 20, UNDECIDED)],
+)
+def test_a_rate_is_met_missed_or_undecided(good, n, verdict):
+    judged = JudgedRate.of(RateExpectation("success", 0.99, "success >= 99 %"), Rate(good, n))
+    assert judged.verdict == verdict
+    if verdict == UNDECIDED:
+        # So many more at the same share decide it, and not one less.
+        total = n + judged.needed
+        low, high = Rate(round(good / n * total), total).interval()
+        assert low > 0.99 or high < 0.99
+
+
+def rows(failing) -> list[dict[str, object]]:
+    rng = np.random.default_rng(4)
+    made = []
+    for number in range(400):
+        friction, stiffness, other = rng.uniform(size=3)
+        bad = failing(friction, stiffness)
+        made.append(
+            {
+                "world": number,
+                "status": "done",
+                "success": not bad,
+                "margin": 0.5 - friction + 0.05 * other,
+                "world.a.friction": friction,
+                "world.a.stiffness": stiffness,
+                "world.a.damping": other,
+                "world.a.radius": 1.0,
+            }
+        )
+    return made
+
+
+def test_a_tree_finds_where_worlds_fail():
+    (found,) = regions(rows(lambda friction, stiffness: friction > 0.7 and stiffness < 0.4))
+    splits = {(s.parameter, s.above): s.value for s in found.splits}
+    # The edge lies between two of 400 values, some 2.5 thousandths apart.
+    assert splits["world.a.friction", True] == pytest.approx(0.7, abs=0.02)
+    assert splits["world.a.stiffness", False] == pytest.approx(0.4, abs=0.02)
+    assert found.failed / found.of > 0.9
+
+
+def test_no_tree_grows_where_chance_decides():
+    rng = np.random.default_rng(7)
+    assert regions(rows(lambda *_: rng.uniform() < 0.1)) == []
+    assert regions(rows(lambda *_: False)) == []
+    assert regions(rows(lambda *_: True)) == []
+
+
+def test_what_matters_is_found_by_ranks():
+    first, *others = influences(rows(lambda *_: False))
+    assert first.parameter == "world.a.friction"
+    assert first.correlation < -0.95
+    assert first.chance < 1e-9
+    # What is the same in all worlds is no parameter; of what does not matter chance is likely.
+    assert {each.parameter for each in others} == {"world.a.stiffness", "world.a.damping"}
+    assert next(e.chance for e in others if e.parameter == "world.a.stiffness") > 0.001
+
+
+def test_ranks_of_ties_are_shared():
+    assert ranks(np.array([3.0, 1.0, 3.0, 2.0])).tolist() == [3.5, 1, 3.5, 2]

@@ -1,0 +1,197 @@
+"""Sweeps as a whole: the same table whoever runs them, and however often they are broken off."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from taskspec.compiler import compile_task
+from taskspec.spec import load_task, load_text
+from taskspec_runner.cli.app import app
+from taskspec_runner.runs import Run
+from taskspec_runner.session import execute
+from taskspec_runner.sweep.bundle import Bundle, program_of
+from taskspec_runner.sweep.executors import Workers
+from taskspec_runner.sweep.folder import JOURNAL, TABLE
+from taskspec_runner.sweep.session import sweep
+from taskspec_runner.sweep.table import read_table
+from taskspec_runner.sweep.worlds import Worlds
+
+TAP = """taskspec: 1
+name: tap
+robot: {model: planar3, start: {xyz: [500 mm, 300 mm, 0]}}
+world: {wall: {shape: plane, xyz: [520 mm, 0, 0], rpy: [0, -90 deg, 0]}}
+frame: wall
+stages:
+  touch: {axes: {z: {velocity: -40 mm/s}}, until: force.z < -2 N, within: 0.6 s}
+  press: {axes: {z: {force: -10 N}}, time: 0.1 s}
+vary: {world.wall.stiffness: 1..100 kN/m, world.wall.xyz: [normal(1 mm), 0, 0]}
+expect: [max(norm(force)) < 12 N, last(press.force.z) within -10 N +- 3 N]
+sweep: {worlds: 6, expect: success >= 50 %}
+"""
+CLI = CliRunner()
+
+
+@pytest.fixture
+def tap(tmp_path: Path) -> Path:
+    path = tmp_path / "tap.yaml"
+    path.write_text(TAP, encoding="utf-8")
+    return path
+
+
+def ran(*arguments: object):
+    result = CLI.invoke(app, [str(a) for a in arguments])
+    assert result.exit_code in (0, 1), result.output
+    return result
+
+
+def test_the_table_is_the_same_whoever_runs_it(tap, tmp_path):
+    """Here, in processes, in shares that are merged, and on a local cluster of Dask."""
+    distributed = pytest.importorskip("distributed")
+    assert distributed
+    ways = {
+        "here": ["-j", 1],
+        "processes": ["-j", 2],
+        "dask": ["-j", 1, "--executor", "dask"],
+    }
+    for name, options in ways.items():
+        ran("sweep", tap, "--out", tmp_path / name, "--keep", "none", "-q", *options)
+    for number in (1, 2, 3):
+        share = ["--shard", f"{number}/3", "-j", 1, "-q"]
+        ran("sweep", tap, "--out", tmp_path / f"part{number}", *share)
+    parts = [tmp_path / f"part{number}" for number in (3, 1, 2)]
+    ran("sweep", "--merge", *parts, "--out", tmp_path / "merged", "-q")
+    tables = {name: (tmp_path / name / TABLE).read_bytes() for name in (*ways, "merged")}
+    assert len(set(tables.values())) == 1
+    assert read_table(tmp_path / "here" / TABLE).num_rows == 6
+
+
+def test_a_share_that_is_missing_is_said(tap, tmp_path):
+    ran("sweep", tap, "--out", tmp_path / "part", "--shard", "1/2", "-j", 1, "-q")
+    result = CLI.invoke(
+        app, ["sweep", "--merge", str(tmp_path / "part"), "--out", str(tmp_path / "all")]
+    )
+    assert result.exit_code == 2
+    assert "3 of 6 worlds are in none of the shares: 1, 3, 5" in result.output
+
+
+def test_any_executor_will_do(tap, tmp_path):
+    program = compile_task(load_task(tap))
+    worlds = Worlds.of(program.context, 0, 4)
+    one = sweep(program, worlds, tmp_path / "one", keep="none")
+    with ThreadPoolExecutor(1) as pool:
+        two = sweep(program, worlds, tmp_path / "two", workers=Workers(pool, 1), keep="none")
+    assert one.rows == two.rows
+
+
+def test_a_world_is_that_of_a_run(tap, tmp_path):
+    """By its number under the seed and by its row: the same verdict, peaks and duration."""
+    ran("sweep", tap, "--out", tmp_path / "s", "-j", 1, "--seed", 3, "--worlds", 3, "--keep", "1")
+    row = read_table(tmp_path / "s" / TABLE).to_pylist()[1]
+    by_number = execute(load_task(tap), tmp_path / "n", seed=3, world=1, report=False)
+    result = ran("run", tap, "--world", f"{tmp_path / 's' / TABLE}:1", "--out", tmp_path / "t")
+    assert result.exit_code == by_number.exit_code
+    kept = Run.load(tmp_path / "s" / "worlds" / "000001")
+    for run in (by_number, Run.load(tmp_path / "t"), kept):
+        assert (run.verdict == "passed") == row["success"]
+        assert run.summary["duration"] == row["duration"]
+        assert run.summary["world"]["number"] == 1
+        told = {each["path"]: each["true"] for each in run.summary["world"]["differs"]}
+        assert told["world.wall.stiffness"] == row["world.wall.stiffness"]
+        assert max(peak["force"] for peak in run.summary["peaks"].values()) == row["peak force"]
+    # The world is part of what the log is of.
+    assert kept.damage == ""
+
+
+def test_the_same_command_continues(tap, tmp_path):
+    out = tmp_path / "s"
+    ran("sweep", tap, "--out", out, "-j", 1, "--keep", "none", "-q")
+    whole = (out / TABLE).read_bytes()
+    journal = out / JOURNAL
+    lines = journal.read_bytes().splitlines(keepends=True)
+    # Killed in the middle of the fourth row.
+    journal.write_bytes(b"".join(lines[:3]) + lines[3][:40])
+    (out / TABLE).unlink()
+    result = ran("sweep", tap, "--out", out, "-j", 1, "--keep", "none")
+    assert "3 worlds were there already" in result.output
+    assert (out / TABLE).read_bytes() == whole
+    # Another sweep does not take its place.
+    result = CLI.invoke(app, ["sweep", str(tap), "--out", str(out), "--seed", "1"])
+    assert result.exit_code == 2
+    assert "it holds the sweep of other worlds, which is not thrown away" in result.output
+
+
+def test_killed_workers_and_killed_sweeps_lose_nothing(tap, tmp_path):
+    """A worker is killed, then the whole sweep; the same command ends with the same table."""
+    ran("sweep", tap, "--out", tmp_path / "whole", "-j", 1, "--worlds", 8, "--keep", "none", "-q")
+    out = tmp_path / "killed"
+    command = [sys.executable, "-m", "taskspec_runner", "sweep", str(tap), "--out", str(out)]
+    command += ["-j", "2", "--worlds", "8", "--keep", "none", "-q"]
+    sweeping = subprocess.Popen(command, stdout=subprocess.DEVNULL)
+    workers = _until(lambda: _children(sweeping.pid), sweeping)
+    os.kill(workers[0], signal.SIGKILL)
+    _until(lambda: (out / JOURNAL).is_file() and (out / JOURNAL).stat().st_size > 0, sweeping)
+    sweeping.kill()
+    sweeping.wait(60)
+    assert subprocess.run(command, check=False, stdout=subprocess.DEVNULL).returncode in (0, 1)
+    assert (out / TABLE).read_bytes() == (tmp_path / "whole" / TABLE).read_bytes()
+
+
+def _children(pid: int) -> list[int]:
+    found = []
+    for entry in Path("/proc").iterdir():
+        if entry.name.isdecimal():
+            try:
+                fields = (entry / "stat").read_text().rpartition(")")[2].split()
+                line = (entry / "cmdline").read_bytes()
+            except OSError:
+                continue
+            if int(fields[1]) == pid and b"spawn_main" in line:
+                found.append(int(entry.name))
+    return found
+
+
+def _until(found, process):
+    for _ in range(3000):
+        if (what := found()) or process.poll() is not None:
+            return what
+        time.sleep(0.02)
+    raise AssertionError("nothing happened for a minute")
+
+
+def test_a_world_that_breaks_is_a_row(tmp_path):
+    text = """taskspec: 1
+robot: {model: planar3, grasp: door.handle}
+world: {door: {mechanism: hinge, xyz: [400 mm, 0, 0], handle: [200 mm, 0, 0]}}
+frame: door
+stages: {wait: {axes: {x: {velocity: 0}}, time: 10 ms}}
+vary: {world.door.xyz: [0..2 m, 0, 0]}
+"""
+    program = compile_task(load_text(text, "far.yaml"), force=True)
+    result = sweep(program, Worlds.of(program.context, 0, 0, corners=True), tmp_path / "s")
+    near, far = result.rows
+    assert near["status"] in ("done", "stopped", "broken")
+    assert far["status"] == "broken"
+    assert "'door.handle' is really where the arm cannot hold it" in far["text"]
+    assert result.summary["exit_code"] == 1
+    assert result.summary["ends"]["broken"] >= 1
+
+
+def test_a_bundle_is_all_that_a_worker_needs():
+    """The file, its robot and its tables, unpacked elsewhere: the same rows."""
+    here = Path(__file__).resolve().parents[2] / "tasks"
+    program = compile_task(load_task(here / "wipe-table.yaml"))
+    bundle = Bundle.of(program)
+    assert json.dumps(bundle.file)
+    again = program_of(bundle)
+    assert again.context.loaded.path != program.context.loaded.path
+    assert again.context.start.tobytes() == program.context.start.tobytes()
