@@ -38,6 +38,8 @@ def show_outcome(run: Run, *, quiet: bool) -> None:
         show(*[""] * bool(expectations), _metrics(run.summary), "")
     if not quiet:
         steps = torque_steps.sentences(run.summary)
+        for line in _truth(run.summary):
+            show(line)
         for line in (*_forced(run.summary), *sentences(run.summary), *_lost(run.summary), *steps):
             show(Text(line, style="yellow"))
     for fault in run.faults:
@@ -47,6 +49,15 @@ def show_outcome(run: Run, *, quiet: bool) -> None:
     if not quiet:
         # By itself in its line, so that a terminal makes a link of it.
         typer.echo(f"report: {run.report}")
+
+
+def _truth(summary: Mapping[str, Any]) -> Iterator[str]:
+    """Where the world or the robot is not as the controller is told."""
+    world = summary.get("world") or {}
+    parts = [f"{e['path']} {e['written'][1]} (told {e['written'][0]})" for e in world["differs"]]
+    if parts:
+        label = f"{world['label']}: " if world["label"] else ""
+        yield f"{label}in truth {', '.join(parts)}"
 
 
 def ending(run: Run) -> str:

@@ -10,7 +10,7 @@ from taskspec.deferred_methods import dataclass
 from taskspec.spec import Limits
 from taskspec.text.units import si_unit
 from taskspec_runner.diff.logs import LogDifference, diff_logs
-from taskspec_runner.record.folder import TASK, mapping, number
+from taskspec_runner.record.folder import TASK, mapping, mappings, number
 from taskspec_runner.runs import Run
 from taskspec_runner.verdict.outcome import verdict
 
@@ -89,6 +89,12 @@ def _about(run: Run) -> Json:
 
 def _inputs(a: Run, b: Run) -> Iterator[Json]:
     yield _row("seed", [run.manifest.get("seed") for run in (a, b)])
+    worlds = [mapping(run.summary.get("world")) for run in (a, b)]
+    yield _row("world", [world.get("label") or "" for world in worlds])
+    true = [{e.get("path"): e.get("written") for e in mappings(w.get("differs"))} for w in worlds]
+    for path in dict.fromkeys([*true[0], *true[1]]):
+        values = [side.get(path) for side in true]
+        yield _row(f"in truth {path}", [v[1] if isinstance(v, list) else "" for v in values])
     sets = [mapping(run.manifest.get("overrides")) for run in (a, b)]
     for key in dict.fromkeys([*sets[0], *sets[1]]):
         yield _row(f"--set {key}", [side.get(key) for side in sets])

@@ -10,7 +10,7 @@ from typing import Any
 from markupsafe import Markup
 
 from taskspec.program.execution.transition import FAIL
-from taskspec_runner.record.folder import REPORT, Json, mapping, number
+from taskspec_runner.record.folder import REPORT, Json, mapping, mappings, number
 from taskspec_runner.record.whole import write_whole
 from taskspec_runner.report import annotated, drawn, figures, tables
 from taskspec_runner.report.chart import Chart, Section, tints
@@ -65,6 +65,7 @@ def render(run: Run, still: tuple[str, float] | None = None) -> str:
         expectations=[_expectation(e) for e in sorted(run.expectations, key=_urgency)],
         partial=told.kind not in ("passed", "done", "missed"),
         findings=run.findings,
+        truth=list(_truth(run)),
         so_far="Judged on what there was until then." if so_far(run) else "",
         visits=[_visit_row(run, v) for v in run.visits],
         main=main,
@@ -212,9 +213,18 @@ def _facts(run: Run) -> Iterator[tuple[str, str]]:
     yield "Duration", f"{run.end if duration is None else duration:.3f} s"
     yield "Control rate", f"{figure(1 / period, 4)} Hz" if period else ""
     yield "Seed", _text(seed)
+    yield "Random world", _text(mapping(run.summary.get("world")).get("number"))
     yield "taskspec", _text(version)
     yield "Findings", annotated.counted(run)
     yield "Run in spite of", ", ".join(run.forced)
+
+
+def _truth(run: Run) -> Iterator[tuple[str, str, str]]:
+    """Where the world or the robot was not as the controller was told: what, told, true."""
+    for each in mappings(mapping(run.summary.get("world")).get("differs")):
+        written = each.get("written")
+        if isinstance(written, list) and len(written) == 2:
+            yield _text(each.get("path")), _text(written[0]), _text(written[1])
 
 
 def _flat(value: Any, prefix: str = "") -> Iterator[tuple[str, str]]:

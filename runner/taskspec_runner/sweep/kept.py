@@ -8,7 +8,8 @@ from pathlib import Path
 
 from taskspec_runner.errors import InputError
 from taskspec_runner.record.extent import ENDED
-from taskspec_runner.record.folder import MANIFEST, read_json
+from taskspec_runner.record.folder import read_json
+from taskspec_runner.record.names import MANIFEST
 from taskspec_runner.sweep.bundle import Bundle, program_of
 from taskspec_runner.sweep.engine import processes
 from taskspec_runner.sweep.folder import KEPT
