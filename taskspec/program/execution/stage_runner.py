@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 
 import numpy as np
@@ -12,7 +11,7 @@ from taskspec.program.bound import BoundFunction
 from taskspec.program.execution.choice import Chooser
 from taskspec.program.execution.stage_solver import OwnSolver, StageSolver
 from taskspec.program.execution.tracks import Tracks
-from taskspec.program.stages.carried_torque import FADING, RATE, STEP
+from taskspec.program.stages.carried_torque import RATE, STEP, carrying
 from taskspec.program.stages.stage import CompiledStage
 
 Vector = NDArray[np.float64]
@@ -70,7 +69,9 @@ class StageRunner:
         # The run's time is beside the stage's.
         self._leaving = BoundFunction(stage.leaving, [outputs, inputs[0][1:2]], [handed])
         slots = stage.parameters.slots
-        self._step, self._rate = (parameters[slots[name]] for name in (STEP, RATE))
+        self._last, self._carried = np.zeros(len(torque)), np.zeros(1)
+        step = *(parameters[slots[name]] for name in (STEP, RATE)), self._carried
+        self._carry = BoundFunction(carrying(len(torque)), [self._last, self._closed_form], step)
         self.chooser, self.least_conditioning = None, -np.inf
         if stage.choice is not None:
             self.chooser = Chooser(stage.choice, stage.parameters, arguments)
@@ -133,12 +134,9 @@ class StageRunner:
         Returns:
             What is carried on, of the joint where that is most [N m].
         """
-        step: list[float] = (torque - self._closed_form).tolist()
-        most = max(map(abs, step))
-        if not (most > 0.0 and all(map(math.isfinite, step))):
-            return 0.0
-        self._step[:], self._rate[0] = step, FADING / most
-        return most
+        self._last[:] = torque
+        self._carry.evaluate()
+        return float(self._carried[0])
 
     def commit(self) -> None:
         """Makes the memory of the last evaluation current."""

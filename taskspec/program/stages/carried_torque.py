@@ -12,6 +12,8 @@ so that all limits hold for the sum.
 
 from __future__ import annotations
 
+from functools import cache
+
 import casadi as ca
 
 from taskspec.program.clock import Clock
@@ -27,3 +29,17 @@ def fading(parameters: Slots, clock: Clock, joints: int) -> ca.SX:
     """D max(0, 1 - t/T_f) of a stage (n,) [N m]; takes the slots of D and of 1/T_f."""
     step, rate = parameters.add(STEP, joints), parameters.add(RATE)
     return step * ca.fmax(0, 1 - clock.t * rate)
+
+
+@cache
+def carrying(joints: int) -> ca.Function:
+    """Torque to go on from (n,), that of the law's closed form (n,) -> D, 1/T_f, max|D_j|.
+
+    Of a step that is not finite nothing is carried.
+    """
+    last, own = ca.SX.sym("last", joints), ca.SX.sym("own", joints)
+    step = last - own
+    most = ca.mmax(ca.fabs(step))
+    carried = ca.logic_and(most > 0, ca.sumsqr(step) < ca.inf)
+    results = [ca.if_else(carried, value, 0) for value in (step, FADING / most, most)]
+    return ca.Function("carry", [last, own], [ca.densify(value) for value in results])
