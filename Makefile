@@ -82,8 +82,9 @@ lowest: $(READY)  ## a fresh environment with the lowest versions that are allow
 	$(LOWEST)/bin/taskspec export $(LOWEST)/run --csv --parquet --mcap
 	$(LOWEST)/bin/pytest -n 2 tests/spec tests/text tests/control tests/laws tests/native tests/plant tests/runner/test_cli.py
 
-bench: $(READY)  ## what control costs, as multiples of bare mj_step
+bench: $(READY)  ## what control costs, as multiples of bare mj_step, and a change of stage of a tick
 	$(BIN)/python benchmarks/bench_loop.py
+	$(BIN)/python benchmarks/bench_stages.py
 	$(BIN)/python benchmarks/bench_validate.py
 
 docs: docs-shown docs-site  ## the site in build/site, its pictures and what its pages show made anew

@@ -115,15 +115,17 @@ class Engine:
         """
         return self._code.addresses[name]
 
-    def function(self, name: str, result: Any, *arguments: Any) -> Any:
+    def function(self, name: str, result: Any, *arguments: Any, brief: bool = False) -> Any:
         """A function as ctypes calls it. It keeps its code alive, and releases the GIL.
 
         Args:
             name: as in `address`.
             result: its ctypes type, None for none.
             arguments: their ctypes types.
+            brief: whether it is so short that it keeps the GIL.
         """
-        called: Any = ctypes.CFUNCTYPE(result, *arguments)(self.address(name))
+        kind = ctypes.PYFUNCTYPE if brief else ctypes.CFUNCTYPE
+        called: Any = kind(result, *arguments)(self.address(name))
         called.code = self._code
         return called
 

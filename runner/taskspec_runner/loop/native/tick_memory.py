@@ -301,6 +301,6 @@ class TickMemory(Record):
                 self._held[name] = engine
                 setattr(self, name, engine.address(CODE))
                 # Ticks that are left to Python take the same code.
-                bound.evaluate_by(engine.function(CODE, None, *_SIGNATURE))
+                bound.evaluate_by(engine.function(CODE, None, *_SIGNATURE, brief=True))
         if missing is not None:
             raise missing
