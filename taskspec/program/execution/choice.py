@@ -40,7 +40,6 @@ class Chooser:
         self._look = BoundFunction(look, arguments, results)
         flat, self._wanted, self._kept = results
         self._gradient = flat.reshape(look.size_out(0), order="F")
-        self._weights = choice.weights
         self._selection, self._held = held[slots["selection"]], held[slots["held"]]
         self._chosen_at = held[slots["chosen_at"]]
 
@@ -58,18 +57,23 @@ class Chooser:
         self._chosen_at[:] = t
 
     def _choose(self) -> None:
-        self._selection[:] = choose(self._gradient, self._weights).ravel(order="F")
+        coordinates = self._gradient.shape[1]
+        self._selection[:] = 0.0
+        for i, j in enumerate(choose(self._gradient.tolist())):
+            self._selection[coordinates * i + j] = 1.0
 
 
-def choose(gradient: NDArray[np.float64], weights: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(c, m) selection of m coordinates whose minor of the weighted gradient (m, c) is large.
+def choose(rows: list[list[float]]) -> list[int]:
+    """The m columns of a matrix (m, c) whose minor is large.
 
-    Elimination with the largest pivots gives a first choice; then coordinates are exchanged as long
-    as that makes the minor larger. The rows hold the gradient by its chosen columns, B^-1 A, whose
+    Elimination with the largest pivots gives a first choice; then columns are exchanged as long as
+    that makes the minor larger. The rows hold the matrix by its chosen columns, B^-1 A, whose
     elements are what an exchange makes of the minor. They are so few that numbers are faster than
     arrays.
+
+    Args:
+        rows: of the matrix; they are changed.
     """
-    rows: list[list[float]] = (gradient * weights).tolist()
     chosen = [0] * len(rows)
     left = list(range(len(rows)))
     while left:
@@ -83,9 +87,7 @@ def choose(gradient: NDArray[np.float64], weights: NDArray[np.float64]) -> NDArr
             break
         chosen[i] = j
         _eliminate(rows, i, j)
-    selection = np.zeros((len(weights), len(rows)))
-    selection[chosen, range(len(rows))] = 1.0
-    return selection
+    return chosen
 
 
 def _largest(rows: list[list[float]], among: Sequence[int]) -> tuple[int, int, float]:

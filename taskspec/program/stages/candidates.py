@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import casadi as ca
-import numpy as np
-from numpy.typing import NDArray
 
 from taskspec.deferred_methods import dataclass
 from taskspec.program.stages.commanded import Commanded
@@ -19,14 +17,13 @@ class Choice:
     """How the coordinates that the constraints decide are chosen.
 
     Attributes:
-        look: the tick's inputs -> J_phi on the candidates (m, c), q'' that the motion loops ask
-            for (n,), and q'' that keeps the constraints (n,).
-        weights: (c,) how readily each candidate gives way.
+        look: the tick's inputs -> J_phi on the candidates (m, c), weighted by how readily each
+            gives way, q'' that the motion loops ask for (n,), and q'' that keeps the constraints
+            (n,).
         least: conditioning below which they are chosen again.
     """
 
     look: ca.Function
-    weights: NDArray[np.float64]
     least: float
 
 
@@ -37,10 +34,9 @@ def candidates(arguments: list[ca.SX], commanded: Commanded) -> Choice | None:
         return None
     wanted = commanded.case.joint_motion()
     kept = control.kept(wanted + control.held)
+    weighted = chosen.J @ chosen.candidates @ ca.diag(ca.DM(chosen.weights))
+    results = [ca.densify(result) for result in (weighted, wanted, kept)]
     return Choice(
-        look=ca.Function(
-            "look", arguments, [ca.densify(e) for e in (chosen.J @ chosen.candidates, wanted, kept)]
-        ),
-        weights=chosen.weights,
+        look=ca.Function("look", arguments, results),
         least=1 / WORN,
     )

@@ -68,14 +68,21 @@ def axes_of(normal: Vector, heading: Vector | None) -> Vector:
     Raises:
         NotEstimatedError: the heading is along the normal.
     """
-    z = normal / np.linalg.norm(normal)
-    along = _WORLD_X if heading is None else heading / np.linalg.norm(heading)
-    x = along - z * float(z @ along)
-    sine = float(np.linalg.norm(x))
-    if sine < LEAST_SINE:
+    z0, z1, z2 = _unit(normal.tolist())
+    h0, h1, h2 = (1.0, 0.0, 0.0) if heading is None else _unit(heading.tolist())
+    share = z0 * h0 + z1 * h1 + z2 * h2
+    across = (h0 - z0 * share, h1 - z1 * share, h2 - z2 * share)
+    if math.hypot(*across) < LEAST_SINE:
         raise NotEstimatedError("its heading is along the normal that was measured")
-    x /= sine
-    return np.column_stack([x, np.cross(z, x), z])
+    x0, x1, x2 = _unit(across)
+    y0, y1, y2 = z1 * x2 - z2 * x1, z2 * x0 - z0 * x2, z0 * x1 - z1 * x0
+    return np.array([[x0, y0, z0], [x1, y1, z1], [x2, y2, z2]])
+
+
+def _unit(vector: Iterable[float]) -> tuple[float, float, float]:
+    x, y, z = vector
+    size = math.hypot(x, y, z)
+    return x / size, y / size, z / size
 
 
 def measure(frame: FrameModel, force: Vector, tip: Vector) -> tuple[Vector, Vector]:
@@ -89,7 +96,7 @@ def measure(frame: FrameModel, force: Vector, tip: Vector) -> tuple[Vector, Vect
     Raises:
         NotEstimatedError: the force is too small, or the heading is along the normal.
     """
-    size = float(np.linalg.norm(force))
+    size = math.hypot(*force.tolist())
     if size < LEAST_FORCE:
         raise NotEstimatedError(
             f"the mean force at the end of stage {frame.estimate!r} was {size:.2g} N, less than "
@@ -182,10 +189,13 @@ class Estimates:
 
     def mean(self) -> Vector:
         """(3,) mean of the forces in the window, the oldest first."""
-        room = len(self.recent)
+        room, recent = len(self.recent), self.recent
+        oldest = self.collected % room
         if self.collected <= room:
-            return np.asarray(np.mean(self.recent[: self.collected], axis=0))
-        return np.asarray(np.mean(np.roll(self.recent, -(self.collected % room), axis=0), axis=0))
+            recent = recent[: self.collected]
+        elif oldest:
+            recent = np.concatenate((recent[oldest:], recent[:oldest]))
+        return np.asarray(recent.sum(axis=0) / len(recent))
 
     def missing(self, parameters: Slots) -> str:
         """Why a stage with these parameters cannot be entered, as a sentence; empty if it can."""
