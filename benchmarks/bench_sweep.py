@@ -1,0 +1,129 @@
+"""What a world of a sweep costs, side by side with bare physics.
+
+A sweep of a task on the processors of this machine, without logs, as multiples of a bare `mj_step`
+of the same scene in one process: the time on the wall from its beginning to its last row, by the
+steps that all worlds have taken together. Bare steps are timed before and after it, so that a
+machine that slows down slows both.
+
+    python benchmarks/bench_sweep.py [--worlds N] [--jobs N] [--task NAME] [--loop native|python]
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import resource
+import statistics
+import tempfile
+import time
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+from taskspec.analysis.worlds import random_world
+from taskspec.compiler import compile_task
+from taskspec.program.program import Program
+from taskspec.spec import load_task
+from taskspec_runner.loop.assembly import assemble
+from taskspec_runner.loop.fixed_step import ClosedLoop
+from taskspec_runner.loop.native.code import Compiling
+from taskspec_runner.loop.native.loop import NativeLoop
+from taskspec_runner.loop.sensing import Sensing
+from taskspec_runner.record.layout import LogLayout
+from taskspec_runner.record.rows import RowKeeper
+from taskspec_runner.session import LOOP
+from taskspec_runner.sweep.executors import Workers
+from taskspec_runner.sweep.session import sweep
+from taskspec_runner.sweep.world_run import run_world
+from taskspec_runner.sweep.worlds import Worlds
+
+TASKS = Path(__file__).resolve().parent.parent / "tasks"
+STEPS, ROUNDS = 2000, 9
+
+
+def bare_step(program: Program) -> float:
+    """Processor time of a bare step in contact [s], the median of some rounds."""
+    parts = assemble(program)
+    keeper = RowKeeper(parts.bus)
+    model, data = parts.plant.model, parts.plant.data
+    # Into contact by the task itself, then the torque of that moment is held.
+    stop = int(1.5 / program.context.period)
+    sensing = Sensing(parts.plant.arm, parts.plant.views.equations, parts.machine, 0)
+    sensing.read()
+    parts.machine.start()
+    for tick in range(stop):
+        parts.machine.tick(tick * program.context.period)
+        parts.plant.step(parts.machine.torque)
+        keeper.add()
+        sensing.read()
+    kept = np.concatenate([data.qpos, data.qvel, data.ctrl])
+    nq, nv = model.nq, model.nv
+    found = []
+    for _ in range(ROUNDS):
+        began = time.thread_time()
+        for _ in range(STEPS):
+            mujoco.mj_step(model, data)
+        found.append((time.thread_time() - began) / STEPS)
+        data.qpos[:], data.qvel[:], data.ctrl[:] = kept[:nq], kept[nq : nq + nv], kept[nq + nv :]
+    return statistics.median(found)
+
+
+def start(program: Program) -> float:
+    """Processor time from nothing to the first tick of a world [s], the median of some."""
+    found = []
+    for number in range(15):
+        world = random_world(program.context, 0, number)
+        began = time.thread_time()
+        parts = assemble(program, world)
+        keeper = RowKeeper(parts.bus)
+        LogLayout.of(program, world.task)
+        sensing = Sensing(parts.plant.arm, parts.plant.views.equations, parts.machine, 0)
+        sensing.read()
+        parts.machine.start()
+        native = NativeLoop(
+            ClosedLoop(parts.machine, parts.plant, parts.bus, sensing, keeper), keeper.block
+        )
+        native.run(0, 1, Compiling.WAIT)
+        found.append(time.thread_time() - began)
+    return statistics.median(found)
+
+
+def main() -> None:
+    """Prints the ratios."""
+    options = argparse.ArgumentParser()
+    options.add_argument("--worlds", type=int, default=1000)
+    options.add_argument("--jobs", type=int, default=len(os.sched_getaffinity(0)))
+    options.add_argument("--task", default="wipe-table")
+    options.add_argument("--loop", default="native")
+    given = options.parse_args()
+    os.environ[LOOP] = given.loop
+    program = compile_task(load_task(TASKS / f"{given.task}.yaml"))
+    # Machine code is compiled once for a machine: the cache has it from here on.
+    run_world(program, 0, random_world(program.context, 0, 0), given.loop)
+    before = bare_step(program)
+    with tempfile.TemporaryDirectory() as folder:
+        worlds = Worlds.of(program.context, 0, given.worlds)
+        began = time.perf_counter()
+        result = sweep(
+            program, worlds, Path(folder) / "s", workers=Workers(None, given.jobs), keep="none"
+        )
+        wall = time.perf_counter() - began
+    after = bare_step(program)
+    ticks = sum(row["ticks"] for row in result.rows)
+    steps = ticks * round(
+        program.context.loaded.task.control.plant_rate / program.context.loaded.task.control.rate
+    )
+    bare = (before + after) / 2
+    memory = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024
+    print(f"{given.task}, {given.worlds} worlds, {given.jobs} jobs, loop {given.loop}")
+    print(f"bare step         {1e6 * before:.2f} us before, {1e6 * after:.2f} us after")
+    print(f"a step of a world {1e6 * wall / steps:.2f} us on the wall, {wall / steps / bare:.2f} x")
+    print(f"a world           {1e3 * wall * given.jobs / given.worlds:.0f} ms of a worker")
+    if given.loop == "native":
+        print(f"start of a world  {1e3 * start(program):.1f} ms")
+    print(f"memory            {memory:.0f} MB of the largest worker")
+
+
+if __name__ == "__main__":
+    main()
