@@ -411,9 +411,14 @@ def _sense(unit: str) -> float:
 
 def scaled(value: float, dimension: Dimension, digits: int = 4) -> str:
     """An SI value in the unit that suits its size: `scaled(5e-6, LENGTH)` = "5 um"."""
+    return show(value, suited(value, dimension) or dimension, digits)
+
+
+def suited(size: float, dimension: Dimension) -> str:
+    """The unit that suits the size of a quantity [SI]; empty for plain numbers."""
     steps = measure_of(dimension).sized
-    suits = (step.unit for step in steps if value == 0 or abs(value) >= step.least)
-    return show(value, next(suits, dimension), digits)
+    suits = (step.unit for step in steps if size == 0 or abs(size) >= step.least)
+    return next(suits, next(iter(fitting(dimension)), ""))
 
 
 def in_unit(value: float, unit: str) -> float:

@@ -60,5 +60,8 @@ def test_data_of_the_packages_is_inside(names):
         "taskspec_runner/compare/compare.css",
         "taskspec_runner/diff/diff.html.j2",
         "taskspec_runner/diff/diff.css",
+        "taskspec_runner/sweep/page/sweep.html.j2",
+        "taskspec_runner/sweep/page/sweep.css",
+        "taskspec_runner/sweep/page/charts.js",
     ):
         assert name in names

@@ -19,7 +19,7 @@ from taskspec_runner.errors import InputError
 from taskspec_runner.loop.interrupt import Termination
 from taskspec_runner.record.folder import mapping
 from taskspec_runner.sweep.executors import workers
-from taskspec_runner.sweep.folder import TABLE, TASK, open_sweep, read_part
+from taskspec_runner.sweep.folder import PAGE, TABLE, TASK, open_sweep, read_part
 from taskspec_runner.sweep.kept import check as check_keep
 from taskspec_runner.sweep.session import SweepGlimpse, SweepResult, Watch, merged, sweep
 from taskspec_runner.sweep.worlds import Worlds
@@ -86,7 +86,17 @@ def merge_parts(parts: Sequence[Path], out: Path | None, *, quiet: bool, form: R
     return _told(result, quiet=quiet, form=form)
 
 
-_OPENING = ("format", "task", "file", "overrides", "worlds", "bundle", "identity", "versions")
+_OPENING = (
+    "format",
+    "task",
+    "file",
+    "overrides",
+    "force",
+    "worlds",
+    "bundle",
+    "identity",
+    "versions",
+)
 
 
 def _share(text: str | None) -> tuple[int, int]:
@@ -103,7 +113,9 @@ def _told(result: SweepResult, *, quiet: bool, form: RunFormat) -> int:
     from taskspec_runner.cli.sweep_outcome import show_sweep
 
     if form is RunFormat.JSON:
-        where = {"folder": str(result.path), "table": str(result.path / TABLE)}
+        files = {"table": TABLE, "page": PAGE} if result.shard == (1, 1) else {}
+        where = {"folder": str(result.path)}
+        where |= {what: str(result.path / name) for what, name in files.items()}
         typer.echo(json.dumps({**result.summary, **where}, indent=2, ensure_ascii=False))
     else:
         show_sweep(result, quiet=quiet)

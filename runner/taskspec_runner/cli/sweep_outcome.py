@@ -8,11 +8,11 @@ from typing import Any
 import typer
 from rich.text import Text
 
-from taskspec.text.units import scaled
+from taskspec.text.units import number, scaled
 from taskspec_runner.cli.console import show, table
-from taskspec_runner.sweep.folder import TABLE
+from taskspec_runner.sweep.folder import PAGE, TABLE
 from taskspec_runner.sweep.session import SweepResult
-from taskspec_runner.sweep.summary import MET, UNDECIDED, dimension_of
+from taskspec_runner.sweep.summary import MET, UNDECIDED, dimension_of, foretold_text, rate_text
 
 _STYLES = {MET: "bold green", UNDECIDED: "bold yellow"}
 #: Influences that are told, at most; and of how likely chance is at the most.
@@ -38,6 +38,8 @@ def show_sweep(result: SweepResult, *, quiet: bool) -> None:
     if result.continued:
         typer.echo(f"{result.continued} worlds were there already")
     typer.echo(f"table: {result.path / TABLE}")
+    # By itself in its line, so that a terminal makes a link of it.
+    typer.echo(f"page: {result.path / PAGE}")
 
 
 def verdict_lines(summary: Mapping[str, Any]) -> Iterator[Text]:
@@ -53,13 +55,6 @@ def verdict_lines(summary: Mapping[str, Any]) -> Iterator[Text]:
         yield Text(f"success in {rate_text(summary['success'])}")
 
 
-def rate_text(rate: Mapping[str, Any]) -> str:
-    """Such as `987 of 1000 worlds, 98.7 % (97.8 to 99.2 %)`."""
-    low, high = (100 * each for each in rate["interval"])
-    share = 100 * rate["share"] if rate["of"] else 0.0
-    return f"{rate['good']} of {rate['of']} worlds, {share:.4g} % ({low:.4g} to {high:.4g} %)"
-
-
 def _rates(summary: Mapping[str, Any]) -> Any:
     made = table("expectation", "met in", "at 95 %", right=("met in",))
     for each in summary["expectations"]:
@@ -73,8 +68,12 @@ def _depends(result: SweepResult) -> Iterator[str]:
     summary, task = result.summary, result.task
     told = [e for e in summary["influences"] if e["chance"] < _CHANCE][:_MOST]
     if told:
-        parts = [f"{each['parameter']} {each['correlation']:+.2f}" for each in told]
-        yield f"what matters (rank correlation with the margin): {', '.join(parts)}"
+        parts = [
+            f"{each['parameter']} {100 * each['explained']:.0f} % ({each['correlation']:+.2f})"
+            for each in told
+        ]
+        told_of = "share of the margin that it explains, rank correlation"
+        yield f"what matters ({told_of}): {', '.join(parts)}"
     for each in summary["regions"]:
         yield each["text"]
     if looked_at := summary.get("foretold"):
@@ -87,20 +86,8 @@ def _depends(result: SweepResult) -> Iterator[str]:
             for name, value in row.items()
             if name.startswith(("world.", "robot.")) and value is not None
         ]
-        yield f"worst: world {worst['world']}, margin {100 * worst['margin']:.3g} %: " + ", ".join(
-            values
-        )
-
-
-def foretold_text(told: Mapping[str, Any]) -> str:
-    """How validate's findings about single worlds compare with what became of them."""
-    parts = []
-    for kind in ("failed", "good"):
-        found = told[kind]
-        if found["of"]:
-            codes = f" ({', '.join(found['codes'])})" if found["codes"] else ""
-            parts.append(f"{found['announced']} of {found['of']} {kind} ones{codes}")
-    return f"validate warns of trouble in {' and '.join(parts)} that were looked at"
+        margin = number(100 * worst["margin"], 3)
+        yield f"worst: world {worst['world']}, margin {margin} %: {', '.join(values)}"
 
 
 def _rounded(count: int) -> str:

@@ -74,7 +74,19 @@ def part(name: str, beside: Path = _HERE) -> Markup:
     return Markup((beside / name).read_text(encoding="utf-8"))
 
 
-def script() -> Markup:
-    """What draws the charts of a page."""
-    parts = [part(f"script/{name}.js") for name in ("numbers", "plot", "legend", "save", "page")]
-    return Markup('(() => {{\n"use strict";\n{}\n}})();').format(Markup("\n").join(parts))
+#: What draws signals over time.
+_OVER_TIME = ("samples", "plot", "legend", "save", "page")
+
+
+def script(*own: Markup) -> Markup:
+    """What draws the charts of a page.
+
+    Args:
+        own: scripts of a page that has no signals over time, instead of those that draw these.
+    """
+    shared = [part(f"script/{name}.js") for name in ("numbers", "svg")]
+    others = [part("script/save.js"), *own] if own else [
+        part(f"script/{name}.js") for name in _OVER_TIME
+    ]  # fmt: skip
+    text = Markup("\n").join([*shared, *others])
+    return Markup('(() => {{\n"use strict";\n{}\n}})();').format(text)

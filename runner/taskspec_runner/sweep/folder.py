@@ -30,12 +30,13 @@ class SweepFolder:
 
     Attributes:
         path: the folder.
+        said: what `sweep.json` says of the sweep.
         rows: that it has, by the number of their world.
     """
 
     def __init__(self, folder: RunFolder, said: Mapping[str, Any]) -> None:
         """A locked folder; `said` is what `sweep.json` is to say of the sweep."""
-        self._folder, self._said = folder, dict(said)
+        self._folder, self.said = folder, dict(said)
         self.path = folder.path
         self.rows: dict[int, Row] = {}
         self._journal: BinaryIO | None = None
@@ -58,7 +59,7 @@ class SweepFolder:
         try:
             self.rows, good = _read(path)
             self._folder.write(TASK, content)
-            self._folder.write_sealed(SWEEP, self._said)
+            self._folder.write_sealed(SWEEP, self.said)
             self._journal = path.open("ab", buffering=0)
             # What a killed process has left half written.
             os.ftruncate(self._journal.fileno(), good)
@@ -89,8 +90,8 @@ class SweepFolder:
         Raises:
             OutputError: it cannot be written.
         """
-        self._said |= entries
-        self._folder.write_sealed(SWEEP, self._said)
+        self.said |= entries
+        self._folder.write_sealed(SWEEP, self.said)
 
 
 def open_sweep(out: Path | None, name: str, said: Mapping[str, Any]) -> SweepFolder:

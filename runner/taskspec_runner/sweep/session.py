@@ -19,7 +19,7 @@ from taskspec_runner.sweep import kept
 from taskspec_runner.sweep.bundle import Bundle, keep_program
 from taskspec_runner.sweep.engine import processes, rows
 from taskspec_runner.sweep.executors import Workers
-from taskspec_runner.sweep.folder import FORMAT, TABLE, SweepFolder, open_sweep
+from taskspec_runner.sweep.folder import FORMAT, PAGE, TABLE, SweepFolder, open_sweep
 from taskspec_runner.sweep.foretold import foretold
 from taskspec_runner.sweep.summary import summarise
 from taskspec_runner.sweep.table import table_bytes
@@ -166,6 +166,7 @@ def opening(program: Program, bundle: Bundle, worlds: Worlds) -> dict[str, Any]:
         "task": loaded.task.name,
         "file": None if loaded.path is None else str(loaded.path),
         "overrides": dict(loaded.overrides),
+        "force": bool(program.forced),
         "worlds": worlds.as_data(),
         "bundle": bundle.key,
         "identity": identity(bundle.key, worlds),
@@ -245,3 +246,7 @@ def _ended(task: Task, folder: SweepFolder, told: Json | None) -> SweepResult:
 
 def _write_page(result: SweepResult, folder: SweepFolder) -> None:
     """Writes the page of a sweep, which links what is kept."""
+    # Templates and scripts are read where there is something to write.
+    from taskspec_runner.sweep.page import render
+
+    folder.write(PAGE, render(result, folder.said))

@@ -17,6 +17,8 @@ Vector = NDArray[np.float64]
 
 #: Of intervals that are told.
 CONFIDENCE = 0.95
+#: Parts that the values of a parameter are put into, at most, to see what goes with them.
+_GROUPS = 8
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,12 +65,25 @@ class Influence:
     Attributes:
         parameter: path and component.
         correlation: of ranks (Spearman), -1 to 1.
-        chance: probability of one as large where there is no influence.
+        explained: share of the variance of the margins' ranks that goes with the parameter, in
+            whatever way: of two angles to either side the margin may fall on both.
+        chance: probability of either as large where there is no influence.
     """
 
     parameter: str
     correlation: float
+    explained: float
     chance: float
+
+    @property
+    def strength(self) -> float:
+        """Share of the variance of ranks that is explained, by a line or in some other way."""
+        return max(self.correlation**2, self.explained)
+
+    @property
+    def one_way(self) -> bool:
+        """Whether it is mostly the more, the better, or the less."""
+        return self.correlation**2 >= 0.5 * self.strength
 
 
 def parameters(rows: Sequence[Row]) -> dict[str, Vector]:
@@ -88,9 +103,13 @@ def influences(rows: Sequence[Row]) -> list[Influence]:
     for name, values in parameters(rows).items():
         known = np.isfinite(values) & np.isfinite(margins)
         if np.count_nonzero(known) > 3:
-            r = _correlation(ranks(values[known]), ranks(margins[known]))
-            found.append(Influence(name, r, _chance(r, int(np.count_nonzero(known)))))
-    return sorted(found, key=lambda each: -abs(each.correlation))
+            x, y = ranks(values[known]), ranks(margins[known])
+            r = _correlation(x, y)
+            explained, by_groups = _explained(x, y)
+            # Of two tests, either may find something by chance.
+            chance = min(1.0, 2 * min(_chance(r, len(x)), by_groups))
+            found.append(Influence(name, r, explained, chance))
+    return sorted(found, key=lambda each: -each.strength)
 
 
 def goodness(rows: Sequence[Row]) -> Vector:
@@ -118,6 +137,30 @@ def _chance(r: float, n: int) -> float:
     """Of a rank correlation as large without influence, by Fisher's transform."""
     z = abs(math.atanh(max(-1 + 1e-12, min(1 - 1e-12, r)))) * math.sqrt(max(n - 3, 1) / 1.06)
     return 2 * (1 - NormalDist().cdf(z))
+
+
+def _explained(x: Vector, y: Vector) -> tuple[float, float]:
+    """Share of the variance of ranks y that groups of like x explain, and the chance of as much.
+
+    The groups are of like size; the share is without what chance alone explains. The test is that
+    of Kruskal and Wallis: (n - 1) times the share of k groups is about chi-squared with k - 1
+    degrees of freedom, which the cube root of Wilson and Hilferty makes a normal number.
+    """
+    n = len(x)
+    wanted = min(max(2, round(n ** (1 / 3))), _GROUPS)
+    # Equal values have equal ranks, and come into the same group.
+    _, group, sizes = np.unique(
+        np.floor((x - 0.5) / n * wanted), return_inverse=True, return_counts=True
+    )
+    k, whole = len(sizes), float(((y - y.mean()) ** 2).sum())
+    if k < 2 or k >= n or not whole:
+        return 0.0, 1.0
+    means = np.bincount(group, weights=y) / sizes
+    share = float((sizes * (means - y.mean()) ** 2).sum()) / whole
+    free = k - 1
+    cube = ((n - 1) * share / free) ** (1 / 3)
+    z = (cube - (1 - 2 / (9 * free))) / math.sqrt(2 / (9 * free))
+    return max(0.0, 1 - (1 - share) * (n - 1) / (n - k)), 1 - NormalDist().cdf(z)
 
 
 @dataclass(frozen=True, slots=True)

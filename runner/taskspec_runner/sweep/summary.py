@@ -84,6 +84,24 @@ def _needed(rate: Rate, least: float) -> int | None:
     return high - rate.of
 
 
+def rate_text(rate: Mapping[str, Any]) -> str:
+    """Such as `987 of 1000 worlds, 98.7 % (97.8 to 99.2 %)`."""
+    low, high = (100 * each for each in rate["interval"])
+    share = 100 * rate["share"] if rate["of"] else 0.0
+    return f"{rate['good']} of {rate['of']} worlds, {share:.4g} % ({low:.4g} to {high:.4g} %)"
+
+
+def foretold_text(told: Mapping[str, Any]) -> str:
+    """How validate's findings about single worlds compare with what became of them."""
+    parts = []
+    for kind in ("failed", "good"):
+        found = told[kind]
+        if found["of"]:
+            codes = f" ({', '.join(found['codes'])})" if found["codes"] else ""
+            parts.append(f"{found['announced']} of {found['of']} {kind} ones{codes}")
+    return f"validate warns of trouble in {' and '.join(parts)} that were looked at"
+
+
 def expectation_rates(task: Task, rows: Sequence[Row]) -> dict[str, tuple[str, Rate]]:
     """Of each expectation its text and how often it was met, by what the table calls it."""
     found = {}
@@ -159,6 +177,7 @@ def _influence(each: Influence) -> dict[str, Any]:
     return {
         "parameter": each.parameter,
         "correlation": each.correlation,
+        "explained": each.explained,
         "chance": each.chance,
     }
 

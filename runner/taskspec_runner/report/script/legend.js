@@ -1,16 +1,6 @@
 /* Legends: what each line is, whether it is shown, and its value under the cursor. */
 
-function sample(paths) { return `<svg viewBox="0 0 24 10" aria-hidden="true">${paths}</svg>`; }
-
 function stroke(trace) { return `<path class="trace ${trace.style}" style="stroke:var(--${trace.role})" d="M0 5H24"/>`; }
-
-function entry(list, paths, text) {
-  const item = document.createElement("li");
-  item.className = "static";
-  item.innerHTML = sample(paths);
-  item.append(text);
-  list.append(item);
-}
 
 function legend(plot) {
   const list = plot.figure.querySelector(".legend");

@@ -5,9 +5,6 @@ const LEFT = 62, RIGHT = 16, TOP = 22, BOTTOM = 26;
 /** Widths of a letter of the small text, plain and bold, at most [px]; the least height of a stretch of values chosen [share]. */
 const LETTER = 6.1, BOLD = 6.9, LEAST = 1e-6;
 
-const escaped = (text) => text.replace(/&/g, "&amp;").replace(/</g, "&lt;").replace(/"/g, "&quot;");
-const px = (value) => value.toFixed(1);
-
 class Plot {
   constructor(figure) {
     const data = run.charts[figure.dataset.chart];

@@ -1,6 +1,6 @@
 /* A chart as a picture of its own: SVG with its colours written out, or PNG drawn from that. */
 
-const LOOKS = ["fill", "stroke", "stroke-width", "stroke-dasharray", "stroke-linejoin", "opacity", "font-family", "font-size", "font-weight", "text-anchor", "paint-order"];
+const LOOKS = ["fill", "stroke", "stroke-width", "stroke-dasharray", "stroke-linejoin", "stroke-linecap", "opacity", "fill-opacity", "font-family", "font-size", "font-weight", "text-anchor", "paint-order"];
 
 /** A copy of an element in which the style sheet's looks are attributes. */
 function styled(element) {
