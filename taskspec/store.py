@@ -40,6 +40,15 @@ def cache_folder() -> Path | None:
     return (given if given.is_absolute() else home / ".cache") / "taskspec"
 
 
+def sources(*folders: Path) -> str:
+    """The SHA-256 of the modules right in some folders: what follows from their text goes by it."""
+    found = hashlib.sha256()
+    for folder in folders:
+        for path in sorted(folder.glob("*.py")):
+            found.update(path.read_bytes())
+    return found.hexdigest()
+
+
 class Store:
     """Bytes by key. Whatever goes wrong with its files, `get` gives what was put, or nothing.
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from taskspec.analysis.friction import friction_rows, sliding_rows
 from taskspec.analysis.plant import LinearPlant, Rows
 from taskspec.analysis.points import Touched, skew
+from taskspec.geometry.rotation import cross
 from taskspec.program.context import Context
 from taskspec.program.world.stiffness import (
     GRIP,
@@ -93,7 +94,7 @@ def _contact(context: Context, task: Task, name: str, force: float, c: int) -> R
         at = context.start_jacobian[:3] - skew(lever) @ context.start_jacobian[3:]
         turned = -skew(lever) @ context.start_jacobian[3:]
         G[i, :n] = normal @ at
-        W[:3, i], W[3:, i] = normal, np.cross(lever, normal)
+        W[:3, i], W[3:, i] = normal, cross(lever, normal)
         turning[:3, :n] += force / r * bend @ at
         moment = skew(lever) @ bend @ at - skew(normal) @ turned
         turning[3:, :n] += force / r * moment
@@ -151,7 +152,7 @@ def _grip(context: Context, task: Task, held: Mechanism) -> Rows:
     axis = model.rotation[:, 2]
     moves = model.lead * axis if model.angular else axis
     if model.angular:
-        moves = moves + np.cross(axis, model.grip - model.origin)
+        moves = moves + cross(axis, model.grip - model.origin)
     turns = axis if model.angular else np.zeros(3)
     G = np.zeros((6, n + 1))
     G[:, :n], G[:, n] = context.start_jacobian, -np.concatenate([moves, turns])

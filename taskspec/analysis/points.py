@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec.program.bound import evaluated
 from taskspec.program.context import Context
 from taskspec.program.world import frames
 from taskspec.spec import Task
@@ -24,11 +22,7 @@ class Touched:
     """
 
     def __init__(self, context: Context, task: Task, name: str) -> None:
-        surface = frames.surface(task.shapes[name])
-        x = ca.SX.sym("x", 3)
-        gradient = surface.gradient(x)
-        outputs = [gradient, ca.jacobian(gradient, x), surface.distance(x)]
-        self._function = ca.Function("normal", [x], outputs)
+        self._shape = task.shapes[name]
         self._A, self._a = np.eye(3), np.zeros(3)
         if name in context.moving_bases:
             self._A, self._a = context.moving_bases[name].pose(0.0)
@@ -37,11 +31,11 @@ class Touched:
         """Outward normal (3,) at a sphere that touches, and its change (3, 3) [1/m]."""
         A = self._A
         local = A.T @ (center - self._a)
-        normal, _, distance = evaluated(self._function, local)
+        normal, _, distance = frames.normal_at(self._shape, local)
         # The normal's change is that of the tool brought to the surface.
-        touching = local - (float(distance[0]) - radius) * normal
-        normal, bend, _ = evaluated(self._function, touching)
-        return A @ normal, A @ bend.reshape(3, 3, order="F") @ A.T
+        touching = local - (distance - radius) * normal
+        normal, bend, _ = frames.normal_at(self._shape, touching)
+        return A @ normal, A @ bend @ A.T
 
 
 def skew(v: Matrix) -> Matrix:

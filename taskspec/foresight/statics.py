@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 
 from taskspec.foresight.rows import Cause, RowSystem, kept, limit_place, shares_of
 from taskspec.geometry.axis import AXES
+from taskspec.geometry.rotation import cross
 from taskspec.program.axes import MOSTLY
 from taskspec.program.context import Context
 from taskspec.program.plan import StagePlan
@@ -76,7 +77,7 @@ def statics(stage: StagePlan, place: Place) -> tuple[RowSystem, Vector]:
     at = 3 * objects.index(stage.contact) if stage.contact in objects else 0
     guess[at : at + 3] = wanted[:3]
     if not ball:
-        guess[-3:] = (wanted[3:] + np.cross(lever, wanted[:3])) / reach
+        guess[-3:] = (wanted[3:] + cross(lever, wanted[:3])) / reach
     return system, guess
 
 
@@ -216,9 +217,9 @@ def _tangents(normal: Vector, wanted: Vector) -> Iterable[Vector]:
     """Unit vectors (3,) across a normal, the first along what is wanted across it."""
     first = wanted - (normal @ wanted) * normal
     if np.linalg.norm(first) < 1e-9 * max(1.0, float(np.linalg.norm(wanted))):
-        first = np.cross(normal, np.eye(3)[int(np.argmin(np.abs(normal)))])
+        first = cross(normal, np.eye(3)[int(np.argmin(np.abs(normal)))])
     first = first / np.linalg.norm(first)
-    second = np.cross(normal, first)
+    second = cross(normal, first)
     for k in range(_FACES):
         angle = 2 * np.pi * k / _FACES
         yield np.cos(angle) * first + np.sin(angle) * second

@@ -35,6 +35,12 @@ def unskew(W: ca.SX) -> ca.SX:
     return ca.vertcat(W[2, 1] - W[1, 2], W[0, 2] - W[2, 0], W[1, 0] - W[0, 1]) / 2
 
 
+def cross(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
+    """a x b of vectors (3,): the bits of `np.cross`, at a tenth of its time."""
+    (a0, a1, a2), (b0, b1, b2) = a.tolist(), b.tolist()
+    return np.array([a1 * b2 - a2 * b1, a2 * b0 - a0 * b2, a0 * b1 - a1 * b0])
+
+
 def from_rpy(rpy: Sequence[float]) -> NDArray[np.float64]:
     """R = Rz(yaw) Ry(pitch) Rx(roll) (3, 3) of roll, pitch, yaw [rad] about fixed axes."""
     (cr, cp, cy), (sr, sp, sy) = ([f(a) for a in rpy] for f in (math.cos, math.sin))

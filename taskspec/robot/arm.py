@@ -20,7 +20,7 @@ from taskspec.deferred_methods import dataclass
 from taskspec.geometry.axis import Axis
 from taskspec.robot.pinocchio_model import Bodies
 from taskspec.robot.types import ToolBody, ToolGeometry
-from taskspec.store import Store
+from taskspec.store import Store, sources
 
 if TYPE_CHECKING:
     import numpy.typing as npt
@@ -96,15 +96,11 @@ def _store() -> Store:
 @cache
 def _makers() -> str:
     """Programs and processor that an arm's last digits follow from."""
-    sources = hashlib.sha256()
-    for folder in _MAKERS:
-        for path in sorted((_PACKAGE / folder).glob("*.py")):
-            sources.update(path.read_bytes())
     numpy = import_module("numpy._core._multiarray_umath")
     features = getattr(numpy, "__cpu_features__", {})
     return " ".join(
         (
-            sources.hexdigest(),
+            sources(*(_PACKAGE / folder for folder in _MAKERS)),
             _mujoco(),
             f"pinocchio {pin.__version__} numpy {np.__version__}",
             f"python {platform.python_version()} {platform.system()} {platform.machine()}",

@@ -15,6 +15,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from taskspec.deferred_methods import dataclass
+from taskspec.geometry.rotation import cross
 from taskspec.robot import RobotModel
 
 Vector = NDArray[np.float64]
@@ -113,8 +114,8 @@ class PinocchioTerms(ModelTerms):
         a = data.a_gf[joint]
         linear = a.linear + pose.rotation.T @ self._model.gravity.linear
         twist = at_tip @ self.v
-        drift[:3] = pose.rotation @ (linear + np.cross(a.angular, self._tip.translation))
-        drift[:3] += np.cross(twist[3:], twist[:3])
+        drift[:3] = pose.rotation @ (linear + cross(a.angular, self._tip.translation))
+        drift[:3] += cross(twist[3:], twist[:3])
         drift[3:] = pose.rotation @ a.angular
 
 

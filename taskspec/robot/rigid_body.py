@@ -21,7 +21,9 @@ CasADi folds the zeros and ones of the constants as the expressions are made; wh
 
 from __future__ import annotations
 
+from contextlib import suppress
 from functools import lru_cache
+from pathlib import Path
 
 import casadi as ca
 import numpy as np
@@ -30,6 +32,7 @@ from numpy.typing import NDArray
 from taskspec.robot.base_parameters import ChainJoint, base_parameters
 from taskspec.robot.model_terms import TermSymbols
 from taskspec.robot.types import RobotModel
+from taskspec.store import Store, sources
 
 Matrix = NDArray[np.float64]
 
@@ -93,6 +96,20 @@ class RigidBody:
 
 @lru_cache(maxsize=_KEPT)
 def _function(body: RigidBody) -> ca.Function:
+    """The function, by what it follows from kept from run to run."""
+    made = f"casadi {ca.CasadiMeta.version()} {sources(Path(__file__).parent)}"
+    key, store = f"{made}\n{body._content.hex()}", Store.named("terms")
+    kept = store.get(key)
+    if kept is not None:
+        # What CasADi does not read all the same is made anew.
+        with suppress(Exception):
+            return ca.Function.deserialize(kept.decode("ascii"))
+    function = _written(body)
+    store.put(key, function.serialize().encode("ascii"))
+    return function
+
+
+def _written(body: RigidBody) -> ca.Function:
     n = len(body._chain.joints)
     q, v = ca.SX.sym("q", n), ca.SX.sym("v", n)
     return ca.Function("terms", [q, v], list(body.terms(q, v).vectors()), {"cse": True})

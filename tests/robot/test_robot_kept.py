@@ -11,10 +11,11 @@ from collections.abc import Callable, Iterator
 from dataclasses import fields
 from pathlib import Path
 
+import casadi as ca
 import numpy as np
 import pytest
 
-from taskspec.robot import RobotError, RobotModel, load
+from taskspec.robot import RobotError, RobotModel, load, rigid_body
 from taskspec.robot import arm as arms
 from taskspec.store import VARIABLE, Store
 
@@ -201,6 +202,49 @@ def test_a_refused_robot_is_refused_again(load, compiled):
         with pytest.raises(RobotError, match="no body, site or frame"):
             load("own.urdf", flange="nothing")
     assert len(compiled) == 2
+
+
+def instructions(function):
+    """What a function evaluates, step by step."""
+    return [
+        (
+            function.instruction_id(k),
+            tuple(function.instruction_input(k)),
+            tuple(function.instruction_output(k)),
+            function.instruction_constant(k) if function.instruction_id(k) == ca.OP_CONST else 0.0,
+        )
+        for k in range(function.n_instructions())
+    ]
+
+
+@pytest.mark.parametrize("spoil", [None, lambda data: data[:-9], lambda _: b"no function"])
+@pytest.mark.parametrize("model", ["panda", "planar3", "own.urdf"])
+def test_kept_model_terms_are_those_of_the_arm(load, cache, monkeypatch, model, spoil):
+    body = rigid_body.RigidBody(load(model, **CASES[model]))
+    new = rigid_body._written(body)
+    written = []
+    monkeypatch.setattr(rigid_body, "_written", lambda body: written.append(body) or new)
+    for _ in range(3):
+        rigid_body._function.cache_clear()
+        found = body.function
+        assert instructions(found) == instructions(new)
+        (file,) = (cache.parent / "terms").iterdir()
+        if spoil is not None:
+            file.write_bytes(spoil(file.read_bytes()))
+    assert len(written) == (1 if spoil is None else 3)
+    rigid_body._function.cache_clear()
+
+
+def test_model_terms_that_casadi_does_not_read_are_made_anew(load, cache, monkeypatch):
+    body = rigid_body.RigidBody(load("panda"))
+    keys = []
+    get = Store.get
+    monkeypatch.setattr(Store, "get", lambda self, key: keys.append(key) or get(self, key))
+    rigid_body._function.cache_clear()
+    new = instructions(body.function)
+    Store(cache.parent / "terms").put(keys[-1], b"no function")
+    rigid_body._function.cache_clear()
+    assert instructions(body.function) == new
 
 
 def test_a_known_robot_is_validated_without_mujoco(tmp_path):

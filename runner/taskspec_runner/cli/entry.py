@@ -17,6 +17,9 @@ def main() -> None:
     headless.set_aside()
     # Threads for matrices as small as these take longer to begin than all products of them.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    # Nor has a plugin of pydantic a part in a task file: to look for some in all that is installed
+    # takes longer than to read one.
+    os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
     collect_rarely()
     # Python has no stream where the shell has closed it; what is written there is lost anyway.
     sys.stdout = sys.stdout or os.fdopen(os.open(os.devnull, os.O_WRONLY), "w")

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import field
+from functools import lru_cache
+from threading import get_ident
 from typing import Protocol
 
+import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.deferred_methods import dataclass
 from taskspec.geometry import rotation
+from taskspec.program.bound import evaluated
 from taskspec.program.world.mechanisms import MechanismModel, mechanism_models
 from taskspec.shapes import SHAPES, Surface
 from taskspec.spec import Shape, Task
@@ -83,6 +87,27 @@ def surface(shape: Shape) -> Surface:
     """The geometry of a declared shape, in the world."""
     R, origin = pose(shape)
     return SHAPES[shape.shape](origin, R, **shape.sizes)
+
+
+def normal_at(shape: Shape, point: Matrix) -> tuple[Matrix, Matrix, float]:
+    """Outward normal (3,), its change (3, 3) [1/m] and distance [m] of a world point (3,)."""
+    R, origin = pose(shape)
+    sizes = tuple(shape.sizes.items())
+    function = _normal(shape.shape, R.tobytes(), origin.tobytes(), sizes, get_ident())
+    normal, change, distance = evaluated(function, point)
+    return normal, change.reshape(3, 3, order="F"), float(distance[0])
+
+
+@lru_cache(maxsize=64)
+def _normal(
+    kind: str, R: bytes, origin: bytes, sizes: tuple[tuple[str, float], ...], _thread: int
+) -> ca.Function:
+    """What `normal_at` evaluates: the worlds of a task mostly have its shapes where they are."""
+    axes = np.frombuffer(R).reshape(3, 3)
+    surface = SHAPES[kind](np.frombuffer(origin), axes, **dict(sizes))
+    x = ca.SX.sym("x", 3)
+    gradient = surface.gradient(x)
+    return ca.Function("normal", [x], [gradient, ca.jacobian(gradient, x), surface.distance(x)])
 
 
 def resolve(task: Task) -> dict[str, FrameModel]:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from taskspec.deferred_methods import dataclass
 from taskspec.geometry import rotation
+from taskspec.geometry.rotation import cross
 from taskspec.spec import Mechanism, Task
 
 Matrix = NDArray[np.float64]
@@ -123,7 +124,7 @@ class MechanismModel:
         turn = axis if self.free else none
         if not self.angular:
             return axis, turn
-        across = np.cross(axis, point - self.origin)
+        across = cross(axis, point - self.origin)
         size = float(np.linalg.norm(across))
         if size > ON_AXIS:
             return across / size, turn
@@ -137,10 +138,10 @@ class MechanismModel:
         axis = self.rotation[:, 2]
         columns = [np.concatenate([axis, np.zeros(3)])]
         if self.angular:
-            moves = np.cross(axis, point - self.origin) + self.lead * axis
+            moves = cross(axis, point - self.origin) + self.lead * axis
             columns = [np.concatenate([moves, axis])]
         if self.free:
-            columns.append(np.concatenate([np.cross(axis, point - tip), axis]))
+            columns.append(np.concatenate([cross(axis, point - tip), axis]))
         return np.column_stack(columns)
 
     def twists(self, tip: ca.SX, point: ca.SX) -> ca.SX:

@@ -136,7 +136,7 @@ def normal_mass(robot: RobotModel, q: Vector, shape: Shape) -> float:
     Where the arm cannot move along the normal at all, the mean over what it can.
     """
     tip, mobility = _tip(robot, q)
-    return _along(np.array(ca.evalf(frames.surface(shape).gradient(ca.SX(tip)))).ravel(), mobility)
+    return _along(frames.normal_at(shape, tip)[0], mobility)
 
 
 def equation_mass(model: EquationModel, robot: RobotModel, q: Vector) -> float:
