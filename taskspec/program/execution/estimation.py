@@ -33,7 +33,7 @@ class Estimation:
 
     def missing(self, stage: CompiledStage) -> str:
         """Why a stage cannot be entered, as a sentence; empty if it can."""
-        return "" if self.estimates is None else self.estimates.missing(stage.parameters)
+        return "" if self.estimates is None else self.estimates.missing(stage.entry.poses)
 
     def begin(self, stage: CompiledStage) -> None:
         """Forgets what the last stage was measured by."""

@@ -47,6 +47,8 @@ class Tracks:
 
     def begin(self) -> None:
         """Takes up the numbers of an entry, which has written the pieces that hold at time 0."""
+        if not self._cubics:
+            return
         knots = [*self._known]
         for _, cubic in self._cubics:
             knots += cubic.knots.tolist()

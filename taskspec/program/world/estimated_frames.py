@@ -197,11 +197,15 @@ class Estimates:
             recent = np.concatenate((recent[oldest:], recent[:oldest]))
         return np.asarray(recent.sum(axis=0) / len(recent))
 
-    def missing(self, parameters: Slots) -> str:
-        """Why a stage with these parameters cannot be entered, as a sentence; empty if it can."""
-        for name in parameters.slots:
-            estimate = self._estimates.get(name)
-            if estimate is not None and estimate.problem:
+    def missing(self, parameters: Iterable[str]) -> str:
+        """Why a stage with these poses cannot be entered, as a sentence; empty if it can.
+
+        Args:
+            parameters: that hold the poses.
+        """
+        for name in parameters:
+            estimate = self._estimates[name]
+            if estimate.problem:
                 frame = name.removeprefix(PREFIX)
                 return f"frame {frame!r} has not been estimated: {estimate.problem}"
         return ""
