@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 from taskspec.deferred_methods import dataclass
@@ -11,6 +12,11 @@ from taskspec.spec.parse_context import ParseContext, kind_of, span_of
 from taskspec.text.data import Items, Map
 from taskspec.text.expression import Expression, ScopeKind
 
+_LONGEST = 64
+NAME_PATTERN = f"^[A-Za-z0-9][A-Za-z0-9_-]{{0,{_LONGEST - 1}}}$"
+"""What a name of an expectation is."""
+_NAME = re.compile(NAME_PATTERN[:-1] + r"\Z")
+
 
 @dataclass(frozen=True, slots=True)
 class Expectation:
@@ -19,10 +25,22 @@ class Expectation:
     Attributes:
         expression: the checked condition.
         text: as written, on one line.
+        name: that the file gives it; empty in a list.
     """
 
     expression: Expression
     text: str
+    name: str = ""
+
+    @property
+    def title(self) -> str:
+        """The condition, and its name before it."""
+        return titled(self.name, self.text)
+
+
+def titled(name: str, text: str) -> str:
+    """The text of an expectation, and its name, if it has one, before it."""
+    return f"{name}: {text}" if name else text
 
 
 def _condition(entry: object, context: ParseContext) -> Expression | None:
@@ -35,21 +53,46 @@ def _condition(entry: object, context: ParseContext) -> Expression | None:
     return values.expression(entry, None, ScopeKind.EXPECT, context)
 
 
+def _check_name(name: str, value: Map, context: ParseContext) -> None:
+    """Reports a name that cannot be given, which may be a condition in its place."""
+    if _NAME.match(name):
+        return
+    rule = "a name is letters, digits, '-' and '_', and begins with a letter or a digit"
+    near = re.sub(r"[^A-Za-z0-9_]+", "-", name).strip("-_")[:_LONGEST]
+    hint = f"{rule}: {near}" if _NAME.match(near) and len(name) <= _LONGEST else rule
+    if any(sign in name for sign in "<>("):
+        hint = f"{rule}; conditions without names are a list, each begun with '- '"
+    message = f"'{name}' cannot be the name of an expectation"
+    context.error("TS125", message, value.node.key_span(name), hint)
+
+
 @dataclass(frozen=True)
 class Expectations(FieldType):
-    """A list of conditions."""
+    """Conditions: a list, or a mapping of names to them."""
 
     def read(self, value: object, context: ParseContext) -> tuple[Expectation, ...]:
         """The expectations in the order in which they are written."""
-        if not isinstance(value, Items):
-            message = f"a list of conditions is needed here, this is {kind_of(value)}"
-            context.error("TS022", message, span_of(value), "begin each with '- '")
+        if not isinstance(value, Items | Map):
+            message = f"conditions are needed here, this is {kind_of(value)}"
+            hint = "begin each with '- ', or with a name as 'soft-touch: '"
+            context.error("TS022", message, span_of(value), hint)
             return ()
+        named = value if isinstance(value, Map) else Map()
+        for name in named:
+            _check_name(name, named, context)
         if not context.stages:
             return ()  # What is expected of stages that are not there is no further mistake.
-        found = (_condition(entry, context) for entry in value)
-        return tuple(Expectation(e, str(e)) for e in found if e is not None)
+        entries = value.items() if isinstance(value, Map) else (("", entry) for entry in value)
+        found = ((name, _condition(entry, context)) for name, entry in entries)
+        return tuple(Expectation(e, str(e), name) for name, e in found if e is not None)
 
     def json(self) -> dict[str, Any]:
-        """Describes the list."""
-        return {"type": "array", "items": {"type": ["string", "boolean"]}}
+        """Describes the list and the mapping."""
+        condition = {"type": ["string", "boolean"]}
+        named = {"type": "object", "propertyNames": {"pattern": NAME_PATTERN}}
+        return {
+            "anyOf": [
+                {"type": "array", "items": condition},
+                {**named, "additionalProperties": condition},
+            ]
+        }

@@ -25,7 +25,10 @@ NOTES: dict[str, tuple[str, tuple[Any, ...]]] = {
         "In order; " + _ENTRIES[0].lower() + _ENTRIES[1:],
         ({"wait": {"time": "1 s"}},),
     ),
-    "Task.expect": ("Conditions that a run is judged by", (["max(norm(force)) < 40 N"],)),
+    "Task.expect": (
+        "Conditions that a run is judged by: a list, or a mapping of names to them",
+        (["max(norm(force)) < 40 N"], {"soft-touch": "max(norm(force)) < 40 N"}),
+    ),
     "Task.vary": (
         "The path of a value, and an interval for each component",
         ({"world.table.stiffness": "5..20 kN/m"},),

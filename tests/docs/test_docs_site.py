@@ -113,7 +113,7 @@ def test_the_reference_has_every_command_and_option(monkeypatch):
     assert "| `--set` `KEY=VALUE` | Override a value; may be repeated. |  |" in run
     assert "| `--quiet`, `-q` | Say only what failed. |  |" in run
     assert "| `--seed` `INTEGER` | Of everything random. | `0` |" in run
-    assert "| `--format` `text`, `json` | Of the outcome. | `text` |" in run
+    assert "| `--format` `text`, `json`, `junit`, `github` | Of the outcome. | `text` |" in run
 
 
 def test_tasks_and_tables_have_pages(monkeypatch):

@@ -7,6 +7,7 @@ import os
 import re
 import shlex
 import subprocess
+import tomllib
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -181,13 +182,32 @@ def test_the_page_uses_gitlab_as_it_runs(repository: Path) -> None:
 
 
 def test_the_page_runs_tasks_as_it_says(repository: Path) -> None:
-    (loop,) = re.findall(r"^for task in .*$", PAGE, re.M)
+    (job,) = shown_file(".github/workflows/run-tasks.yml")["jobs"].values()
+    (command,) = (s["run"] for s in job["steps"] if s.get("run", "").startswith("taskspec"))
     for name in (WARNED, BAD):
         (repository / name).unlink()
-    assert run(repository, loop).returncode == 0
-    assert (repository / "runs" / "robots" / "report.html").is_file()
+    assert run(repository, command).returncode == 0
+    assert ElementTree.parse(repository / "tests.xml").getroot().attrib["failures"] == "0"
     (repository / BAD).write_text((repository / GOOD).read_text() + "nmae: x\n")
-    assert run(repository, loop).returncode == 1
+    found = run(repository, command)
+    assert found.returncode == 1
+    assert "title=TS" in found.stdout
+    assert ElementTree.parse(repository / "tests.xml").getroot().attrib["failures"] == "1"
+
+
+def test_the_page_says_how_pytest_is_set_up() -> None:
+    (text,) = re.findall(r"^```toml\n(.*?)^```", PAGE, re.M | re.S)
+    assert tomllib.loads(text)["tool"]["pytest"]["ini_options"]["taskspec_paths"] == ["tasks"]
+
+
+def test_the_page_tests_tasks_as_it_says(repository: Path) -> None:
+    (repository / BAD).unlink()
+    lines = re.findall(r"^taskspec test .*?(?=\s+#|$)", PAGE, re.M)
+    assert len(lines) == 5
+    for line in lines:
+        done = run(repository, line)
+        # The words of the page choose none of these files.
+        assert done.returncode == 0 or "chooses none" in done.stderr, (line, done.stderr)
 
 
 def test_the_workflow_runs_what_exists() -> None:

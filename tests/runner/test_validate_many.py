@@ -36,9 +36,9 @@ def files(tmp_path: Path) -> list[Path]:
 def test_same_findings_by_several_processes(
     files: list[Path], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(parallel, "_processors", lambda: 1)
+    monkeypatch.setattr(parallel, "processors", lambda: 1)
     alone = examine(files)
-    monkeypatch.setattr(parallel, "_processors", lambda: 2)
+    monkeypatch.setattr(parallel, "processors", lambda: 2)
     together = examine(files)
     assert together == alone
     assert list(together.diagnostics) == list(alone.diagnostics)
@@ -58,7 +58,7 @@ def _dies(path: Path) -> str:
 
 
 def test_only_many_files_are_shared_out(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(parallel, "_processors", lambda: 2)
+    monkeypatch.setattr(parallel, "processors", lambda: 2)
     few = [Path(str(i)) for i in range(parallel.FEWEST - 1)]
     assert {pid for _, pid in parallel.in_order(_where, few)} == {os.getpid()}
     many = [*few, Path("last")]
@@ -68,7 +68,7 @@ def test_only_many_files_are_shared_out(monkeypatch: pytest.MonkeyPatch) -> None
 
 
 def test_a_lost_process_loses_no_file(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(parallel, "_processors", lambda: 2)
+    monkeypatch.setattr(parallel, "processors", lambda: 2)
     monkeypatch.setenv("TASKSPEC_TEST_PARENT", str(os.getpid()))
     files = [Path(str(i)) for i in range(parallel.FEWEST)]
     assert list(parallel.in_order(_dies, files)) == [path.name for path in files]
@@ -88,7 +88,7 @@ def test_interrupting_leaves_nothing_behind(tmp_path: Path, number: signal.Signa
     while len(children.read_text().split()) < 2 and time.monotonic() < end:
         time.sleep(0.05)
     begun = children.read_text().split()
-    assert begun or parallel._processors() == 1
+    assert begun or parallel.processors() == 1
     os.killpg(process.pid, number) if number == signal.SIGINT else process.send_signal(number)
     out, err = process.communicate(timeout=60)
     assert process.returncode == 128 + number

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from taskspec_runner.cli import completions, options
-from taskspec_runner.cli.formats import DiagnosticFormat, LoopName, RunFormat
+from taskspec_runner.cli.formats import DiagnosticFormat, LoopName, OutcomeFormat, RunFormat
 from taskspec_runner.cli.guard import guarded
 
 app = typer.Typer(
@@ -52,7 +52,9 @@ def run(
     ] = None,
     telemetry: options.Telemetry = None,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Say only what failed.")] = False,
-    form: Annotated[RunFormat, typer.Option("--format", help="Of the outcome.")] = RunFormat.TEXT,
+    form: Annotated[
+        OutcomeFormat, typer.Option("--format", help="Of the outcome.")
+    ] = OutcomeFormat.TEXT,
     video: options.RunVideo = None,
     force: options.Force = False,
     loop: Annotated[
@@ -219,6 +221,69 @@ def validate(
         ignore=ignore or (),
         sets=set_ or (),
         law=law,
+    )
+
+
+@app.command("test")
+@guarded
+def run_tests_of(
+    paths: Annotated[
+        list[Path], typer.Argument(metavar="PATH...", help="Task files, or folders of them.")
+    ],
+    words: Annotated[
+        str | None,
+        typer.Option(
+            "-k", metavar="WORDS", help="Files whose paths have these: 'press and not (qp or pd)'."
+        ),
+    ] = None,
+    jobs: Annotated[
+        int,
+        typer.Option(
+            "--jobs", "-j", min=0, help="Processes.", show_default="one for each processor"
+        ),
+    ] = 0,
+    last_failed: Annotated[
+        bool, typer.Option("--last-failed", "--lf", help="Those that failed the last time.")
+    ] = False,
+    failed_first: Annotated[
+        bool, typer.Option("--failed-first", "--ff", help="Those first.")
+    ] = False,
+    exit_first: Annotated[
+        bool, typer.Option("--exitfirst", "-x", help="End at the first one that fails.")
+    ] = False,
+    durations: Annotated[
+        int, typer.Option(min=0, metavar="N", help="Name the N slowest files.")
+    ] = 0,
+    junit: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Write the outcomes as JUnit XML too.")
+    ] = None,
+    form: Annotated[
+        OutcomeFormat, typer.Option("--format", help="Of the outcomes.")
+    ] = OutcomeFormat.TEXT,
+    set_: options.Overrides = None,
+    law: options.Law = None,
+    seed: options.Seed = 0,
+    out: Annotated[Path, typer.Option(help="Keeps the runs that failed, and what failed.")] = Path(
+        "runs/tests"
+    ),
+    keep: Annotated[
+        bool, typer.Option("--keep", help="Keep the runs that passed, too, with their reports.")
+    ] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Say only what failed.")] = False,
+) -> int:
+    """Run task files as tests: every expectation is a case."""
+    from taskspec_runner.cli.test import ChosenFiles, Telling, run_tests
+
+    return run_tests(
+        paths,
+        ChosenFiles(words, last_failed, failed_first, exit_first),
+        Telling(form, junit, durations, quiet),
+        jobs=jobs,
+        out=out,
+        keep=keep,
+        sets=set_ or (),
+        law=law,
+        seed=seed,
     )
 
 

@@ -19,6 +19,7 @@ from taskspec_runner.errors import InputError
 from taskspec_runner.record.folder import plain
 from taskspec_runner.report.quantities import quantity
 from taskspec_runner.runs import Run
+from taskspec_runner.verdict.judged import title_of
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -118,7 +119,7 @@ def _expectations(rows: list[Mapping[str, Any]]) -> Table:
 
     made = table("expected", *NAMES, indent=0)
     for row in rows:
-        cells = [row["text"]]
+        cells = [title_of(row)]
         for told in (row["a"], row["b"]):
             mark = "" if told is None else "pass" if told["passed"] else "FAIL"
             if told is not None and told["passed"] is None:

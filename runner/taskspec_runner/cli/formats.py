@@ -12,6 +12,15 @@ class RunFormat(StrEnum):
     JSON = "json"
 
 
+class OutcomeFormat(StrEnum):
+    """How runs of task files report whether they are as the files expect."""
+
+    TEXT = "text"
+    JSON = "json"
+    JUNIT = "junit"
+    GITHUB = "github"
+
+
 class DiagnosticFormat(StrEnum):
     """How diagnostics of task files are reported."""
 

@@ -26,6 +26,7 @@ from taskspec_runner.record.folder import (
 from taskspec_runner.runs import RebuildError, Run
 from taskspec_runner.verdict.findings import findings
 from taskspec_runner.verdict.judge import judge_run
+from taskspec_runner.verdict.judged import title_of
 from taskspec_runner.verdict.summary import EXIT_UNDECIDED
 
 _GOOD, _WRONG = 0, 1
@@ -133,8 +134,8 @@ def _apart(judged: Sequence[Json], found: Sequence[Json], said: Json) -> Iterato
         entry = theirs[number] if number < len(theirs) else {}
         if any(entry.get(key) != each[key] for key in ("text", "passed", "measured")):
             word = _WORDS[each["passed"]]
-            yield f"`{each['text']}` was {word}: {each['explanation']}"
+            yield f"`{title_of(each)}` was {word}: {each['explanation']}"
     for entry in theirs[len(judged) :]:
-        yield f"`{entry.get('text')}` is not in the task"
+        yield f"`{title_of(entry)}` is not in the task"
     if mappings(said.get("findings")) != list(found):
         yield f"findings are {', '.join(each['text'] for each in found) or 'none'}"

@@ -12,6 +12,7 @@ from taskspec.text.units import FORCE, LENGTH, MOMENT, Dimension, scaled
 from taskspec_runner.cli.console import show, table
 from taskspec_runner.runs import Run
 from taskspec_runner.verdict import torque_steps
+from taskspec_runner.verdict.judged import title_of
 from taskspec_runner.verdict.limit_effects import sentences
 
 if TYPE_CHECKING:
@@ -97,7 +98,7 @@ def expectations_table(expectations: Sequence[Mapping[str, Any]], *, whole: bool
         mark = good if entry["passed"] else Text("FAIL", "bold red")
         if entry["passed"] is None:
             mark = Text("not recorded", "yellow")
-        made.add_row(mark, Text(entry["text"]), Text(entry["explanation"]))
+        made.add_row(mark, Text(title_of(entry)), Text(entry["explanation"]))
     return made
 
 

@@ -39,23 +39,29 @@ def collect_rarely() -> None:
     gc.set_threshold(100_000, 20, 20)
 
 
-def in_order(work: Callable[[Path], T], files: Sequence[Path]) -> Generator[T, None, None]:
+def in_order(
+    work: Callable[[Path], T], files: Sequence[Path], processes: int | None = None
+) -> Generator[T, None, None]:
     """What `work` makes of each file, in the order of the files.
 
-    From `FEWEST` files on they are shared out to one process for each processor. Where processes
-    cannot be had, or one is lost, the files that are left are done here.
+    Where processes cannot be had, or one is lost, the files that are left are done here.
 
     Args:
         work: a function of a module, which lets no exception out.
         files: what it is called with.
+        processes: to which they are shared out, one by one. None for files that take little: from
+            `FEWEST` on, some at a time to one process for each processor.
     """
-    processes = min(_processors(), len(files) // (FEWEST // 2))
+    at_once = 1
+    if processes is None:
+        at_once = _AT_ONCE
+        processes = min(processors(), len(files) // (FEWEST // 2)) if len(files) >= FEWEST else 1
     done = 0
-    if len(files) >= FEWEST and processes > 1:
+    if min(processes, len(files)) > 1:
         from concurrent.futures.process import BrokenProcessPool
 
         try:
-            for result in _shared(work, files, processes):
+            for result in _shared(work, files, min(processes, len(files)), at_once):
                 done += 1
                 yield result
         except (BrokenProcessPool, OSError):
@@ -64,7 +70,9 @@ def in_order(work: Callable[[Path], T], files: Sequence[Path]) -> Generator[T, N
         yield work(path)
 
 
-def _shared(work: Callable[[Path], T], files: Sequence[Path], processes: int) -> Iterator[T]:
+def _shared(
+    work: Callable[[Path], T], files: Sequence[Path], processes: int, at_once: int
+) -> Iterator[T]:
     import multiprocessing
     from concurrent.futures import ProcessPoolExecutor
 
@@ -73,7 +81,7 @@ def _shared(work: Callable[[Path], T], files: Sequence[Path], processes: int) ->
     pool = ProcessPoolExecutor(processes, context, initializer=_begin, initargs=(over,))
     try:
         with _deaf():
-            results = pool.map(partial(_unless_over, work), files, chunksize=_AT_ONCE)
+            results = pool.map(partial(_unless_over, work), files, chunksize=at_once)
         yield from results
     finally:
         # Files that have been handed out are dropped too: an interruption waits for one at most.
@@ -122,7 +130,8 @@ def _end_with_parent() -> None:
         os._exit(1)
 
 
-def _processors() -> int:
+def processors() -> int:
+    """How many processors this process may use."""
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1

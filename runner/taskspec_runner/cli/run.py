@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+import time
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,7 +13,7 @@ import typer
 
 from taskspec.text.diagnostic import SpecError
 from taskspec_runner.cli.diagnostics import record, show_diagnostics
-from taskspec_runner.cli.formats import RunFormat
+from taskspec_runner.cli.formats import OutcomeFormat
 from taskspec_runner.cli.loading import load
 from taskspec_runner.loop.interrupt import BY_SIGNAL
 from taskspec_runner.record.folder import check_folder, check_unlocked
@@ -20,6 +21,8 @@ from taskspec_runner.record.folder import check_folder, check_unlocked
 if TYPE_CHECKING:
     from taskspec.examination import Examination
     from taskspec.program.program import Program
+    from taskspec_runner.cli.testing.outcome import FileOutcome
+    from taskspec_runner.runs import Run
 
 
 def run_task(
@@ -32,7 +35,7 @@ def run_task(
     telemetry: str | None,
     *,
     quiet: bool,
-    form: RunFormat,
+    form: OutcomeFormat,
     video: Path | None = None,
     force: bool = False,
     loop: str | None = None,
@@ -40,11 +43,12 @@ def run_task(
     """Runs a task file and tells how it went; afterwards draws it as a video."""
     from taskspec_runner.cli.outcome import show_outcome
     from taskspec_runner.cli.progress import progress_line
+    from taskspec_runner.cli.testing.outcome import outcome_of, refused_by
     from taskspec_runner.loop.telemetry import read_address, sending
     from taskspec_runner.session import execute_program
     from taskspec_runner.sweep.chosen import chosen_world
 
-    as_data = form is RunFormat.JSON
+    as_text, began = form is OutcomeFormat.TEXT, time.perf_counter()
     if telemetry is not None:
         # Before anything is read or compiled.
         read_address(telemetry)
@@ -58,9 +62,12 @@ def run_task(
     try:
         program = admitted(file, sets, law, force=force)
     except SpecError as error:
-        if not as_data:
+        if as_text:
             raise
-        _print({"exit_code": 1, "diagnostics": [record(d) for d in error.diagnostics]})
+        if form is OutcomeFormat.JSON:
+            _print({"exit_code": 1, "diagnostics": [record(d) for d in error.diagnostics]})
+        else:
+            _report(form, refused_by(file, error))
         return 1
     if program.findings and not quiet:
         show_diagnostics(program.findings, program.context.loaded.sources, err=True)
@@ -77,22 +84,34 @@ def run_task(
         from taskspec_runner.cli.replay import film
 
         film(run, video, quiet=quiet)
-    if as_data:
-        where = {
-            "folder": str(run.folder),
-            "report": str(run.report),
-            "wall_seconds": run.manifest["wall_seconds"],
-            "real_time_factor": run.manifest["real_time_factor"],
-            "diagnostics": [record(d) for d in program.findings],
-        }
-        if video is not None:
-            where["video"] = str(video)
-        _print({**run.summary, **where})
-    else:
+    if as_text:
         show_outcome(run, quiet=quiet)
         if video is not None and not quiet and video.is_file():
             typer.echo(f"video: {video}")
+    elif form is OutcomeFormat.JSON:
+        _print(_as_data(run, program, video))
+    else:
+        _report(form, outcome_of(run, file, time.perf_counter() - began, str(run.report)))
     return run.exit_code
+
+
+def _as_data(run: Run, program: Program, video: Path | None) -> dict[str, Any]:
+    where = {
+        "folder": str(run.folder),
+        "report": str(run.report),
+        "wall_seconds": run.manifest["wall_seconds"],
+        "real_time_factor": run.manifest["real_time_factor"],
+        "diagnostics": [record(d) for d in program.findings],
+    }
+    return {**run.summary, **where, **({} if video is None else {"video": str(video)})}
+
+
+def _report(form: OutcomeFormat, outcome: FileOutcome) -> None:
+    from taskspec_runner.cli.testing import github, junit
+
+    reporter = junit if form is OutcomeFormat.JUNIT else github
+    if text := reporter.report([outcome]):
+        typer.echo(text)
 
 
 def admitted(file: Path, sets: Sequence[str], law: str | None, *, force: bool) -> Program:

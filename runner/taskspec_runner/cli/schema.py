@@ -7,6 +7,7 @@ from pathlib import Path
 import typer
 
 from taskspec_runner.errors import InputError, OutputError
+from taskspec_runner.record.folder import check_target
 from taskspec_runner.record.whole import write_whole
 
 
@@ -27,6 +28,7 @@ def show_schema(write: Path | None, check: Path | None) -> int:
         typer.echo(schema_text(), nl=False)
         return 0
     path = _schema_file(write)
+    check_target(path)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         write_whole(path, schema_text())

@@ -9,6 +9,7 @@ from taskspec.deferred_methods import dataclass
 from taskspec.examination import examine
 from taskspec.program.program import Program, refusals
 from taskspec.spec import LoadedTask
+from taskspec.spec.expectation import titled
 from taskspec.text.diagnostic import Diagnostic, SpecError
 from taskspec.text.source import Source
 from taskspec_runner.loop.interrupt import BY_SIGNAL
@@ -143,6 +144,7 @@ def _missed(run: Run) -> str:
     first, *others = missed
     said = first["explanation"]
     text = said if said.startswith(first["text"].split(" ")[0]) else f"{first['text']}: {said}"
+    text = titled(str(first.get("name") or ""), text)
     return f"{text}; {_more(len(others))}" if others else text
 
 

@@ -121,6 +121,7 @@ def _expectations(attempts: Sequence[Attempt]) -> list[dict[str, Any]]:
     found: dict[int, dict[str, Any]] = {}
     for each in attempts:
         for number, verdict in enumerate(each.run.summary["expectations"] if each.run else ()):
-            entry = found.setdefault(number, {"text": verdict["text"], "laws": {}})
+            named = {key: verdict[key] for key in ("name", "text") if key in verdict}
+            entry = found.setdefault(number, {**named, "laws": {}})
             entry["laws"][each.law] = {k: verdict[k] for k in ("passed", "explanation")}
     return list(found.values())

@@ -119,15 +119,16 @@ def _row(name: str, values: list[Any], unit: str = "") -> Json:
 
 
 def _expectations(a: Run, b: Run) -> list[Json]:
-    """Each expectation with what both made of it; the same text is the same expectation."""
+    """Each expectation with what both made of it: the same name, else the same text, is one."""
     found: dict[tuple[str, int], dict[str, Any]] = {}
     for key, run in (("a", a), ("b", b)):
         seen: dict[str, int] = {}
         for each in run.expectations:
-            seen[each.text] = seen.get(each.text, 0) + 1
-            row = found.setdefault(
-                (each.text, seen[each.text]), {"text": each.text, "a": None, "b": None}
-            )
+            own = each.name or each.text
+            seen[own] = seen.get(own, 0) + 1
+            named = {"name": each.name} if each.name else {}
+            entry = {**named, "text": each.text, "a": None, "b": None}
+            row = found.setdefault((own, seen[own]), entry)
             row[key] = {"passed": each.passed, "explanation": each.explanation}
     return [{**row, "same": row["a"] == row["b"]} for row in found.values()]
 

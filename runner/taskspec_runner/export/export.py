@@ -6,14 +6,14 @@ from collections.abc import Callable
 from pathlib import Path
 
 from taskspec.deferred_methods import dataclass
-from taskspec_runner.errors import InputError, OutputError
+from taskspec_runner.errors import InputError
 from taskspec_runner.export.mcap import write_mcap
 from taskspec_runner.export.poses import PoseStream
 from taskspec_runner.export.rerun import write_rerun
 from taskspec_runner.export.stream import LogStream
 from taskspec_runner.export.tables import write_csv, write_parquet
 from taskspec_runner.record.extent import Extent
-from taskspec_runner.record.folder import LOG, is_evidence
+from taskspec_runner.record.folder import LOG, check_target
 from taskspec_runner.record.history import unrecorded_of
 from taskspec_runner.record.whole import whole
 from taskspec_runner.runs import RebuildError, Run
@@ -75,8 +75,7 @@ def export_run(
     if not log.schema.names:
         raise InputError(f"{source} holds no tick, so there is nothing to export")
     path = path or source.with_suffix(FORMATS[form])
-    if is_evidence(path):
-        raise OutputError(path, "it is part of the evidence of a run; choose another name")
+    check_target(path)
     note = ""
     joints = [name for name in unrecorded_of(log.schema) if name.startswith("joint.")]
     if form in _POSED and any(name.endswith(".position") for name in joints):

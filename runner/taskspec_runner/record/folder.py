@@ -312,10 +312,15 @@ def check_own(path: Path, what: str, own: bool, names: tuple[str, ...]) -> None:
         raise OutputError(path / in_the_way[0], "it is a folder")
 
 
-def is_evidence(path: Path) -> bool:
-    """Whether a path is that of a file from which the outcome of a run follows."""
-    evidence = (TASK, MANIFEST, LOG, BLOCK, SUMMARY)
-    return path.resolve().name in evidence and is_manifest(path.resolve().parent / MANIFEST)
+def check_target(path: Path) -> None:
+    """Finds out whether a file may be written that a user names.
+
+    Raises:
+        OutputError: the outcome of a run follows from it.
+    """
+    evidence, place = (TASK, MANIFEST, LOG, BLOCK, SUMMARY), path.resolve()
+    if place.name in evidence and is_manifest(place.parent / MANIFEST):
+        raise OutputError(path, "it is part of the evidence of a run; choose another name")
 
 
 def is_manifest(path: Path) -> bool:

@@ -146,6 +146,7 @@ def _urgency(each: Judged) -> tuple[bool, float]:
 
 def _expectation(each: Judged) -> Json:
     return {
+        "name": each.name,
         "text": each.text,
         "passed": each.passed,
         "unrecorded": each.unrecorded,

@@ -56,6 +56,7 @@ def _judge(expectation: Expectation, task: Task, history: History, lookup: Looku
         broken=examiner.broken if passed is False else None,
         line=line_of(expression.span),
         unrecorded=lookup.unrecorded(expression.tree) if passed is None else (),
+        name=expectation.name,
     )
 
 

@@ -7,6 +7,7 @@ from dataclasses import asdict
 from typing import Any
 
 from taskspec.deferred_methods import dataclass
+from taskspec.spec.expectation import titled
 from taskspec_runner.record.folder import Json, mapping, mappings, number
 
 #: Name of what a condition with a share of ticks is measured by.
@@ -74,6 +75,7 @@ class Judged:
         broken: when it was broken; None if it was met, or never had a tick.
         line: of the task file, from 1.
         unrecorded: columns that it needs and that were not recorded; empty for a run.
+        name: that the file gives it; empty without one.
     """
 
     text: str
@@ -88,6 +90,12 @@ class Judged:
     broken: Broken | None = None
     line: int | None = None
     unrecorded: tuple[str, ...] = ()
+    name: str = ""
+
+    @property
+    def title(self) -> str:
+        """The text, and the name before it."""
+        return titled(self.name, self.text)
 
     @property
     def missed(self) -> bool:
@@ -95,9 +103,11 @@ class Judged:
         return self.passed is False
 
     def as_data(self) -> dict[str, Any]:
-        """The entry of a summary; one of a run has nothing that was not recorded."""
+        """The entry of a summary: a name if it has one; nothing not recorded if it is of a run."""
+        named = {"name": self.name} if self.name else {}
         lacking = {"not_recorded": list(self.unrecorded)} if self.unrecorded else {}
         return {
+            **named,
             "text": self.text,
             "line": self.line,
             "passed": self.passed,
@@ -142,7 +152,13 @@ def read_judged(entry: Json, *, whole: bool = True) -> Judged:
         broken=broken if broken is not None and (whole or broken.final) else None,
         line=entry["line"] if isinstance(entry.get("line"), int) else None,
         unrecorded=unrecorded,
+        name=str(entry.get("name") or ""),
     )
+
+
+def title_of(entry: Json) -> str:
+    """The text of an entry of a summary, and its name before it."""
+    return titled(str(entry.get("name") or ""), str(entry.get("text", "")))
 
 
 def _measured(entry: Json) -> Iterator[MeasuredValue]:

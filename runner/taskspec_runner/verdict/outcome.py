@@ -115,9 +115,8 @@ def _missed_verdict(run: Run, missed: int) -> Verdict:
         return Verdict("missed", rest)
     stage = stage_at(run, first.broken.clock)
     where = f" in stage {stage}" if stage else ""
-    sentence = (
-        f"At {first.broken.clock:.3f} s{where}, `{first.text}` was broken: {first.broken.text}."
-    )
+    what = f"{first.name} (`{first.text}`)" if first.name else f"`{first.text}`"
+    sentence = f"At {first.broken.clock:.3f} s{where}, {what} was broken: {first.broken.text}."
     return Verdict("missed", f"{sentence} {rest}", first, stage, rest)
 
 

@@ -22,13 +22,13 @@ def report(found: Validation) -> str:
 
 def _commands(found: Validation) -> Iterator[str]:
     for failure in (*found.unreadable, *found.broken):
-        yield _command("error", {"file": _file(failure.path)}, failure.message)
+        yield command("error", {"file": file_of(failure.path)}, failure.message)
     for diagnostics in found.diagnostics.values():
         for diagnostic in diagnostics:
             severity = Severity.ERROR if found.fails(diagnostic) else diagnostic.severity
             place = _place(diagnostic.span)
-            properties = {"file": _file(diagnostic.source)} | place | {"title": diagnostic.code}
-            yield _command(_COMMANDS[severity], properties, _message(diagnostic))
+            properties = {"file": file_of(diagnostic.source)} | place | {"title": diagnostic.code}
+            yield command(_COMMANDS[severity], properties, _message(diagnostic))
 
 
 def _message(diagnostic: Diagnostic) -> str:
@@ -46,13 +46,15 @@ def _place(span: Span | None) -> dict[str, str | int]:
     return {"line": span.line, "col": span.column, "endColumn": span.end_column}
 
 
-def _file(path: str) -> str:
+def file_of(path: str) -> str:
+    """A path as GitHub knows the file."""
     root = os.environ.get("GITHUB_WORKSPACE")
     inside = within(path, Path(root)) if root else None
     return path if inside is None else inside.as_posix()
 
 
-def _command(name: str, properties: dict[str, str | int], message: str) -> str:
+def command(name: str, properties: dict[str, str | int], message: str) -> str:
+    """One workflow command."""
     given = ",".join(f"{key}={_property(str(value))}" for key, value in properties.items())
     return f"::{name} {given}::{_data(message)}"
 

@@ -15,44 +15,53 @@ def report(found: Validation) -> str:
     failures = {f.path: f for f in (*found.unreadable, *found.broken)}
     for path in found.files:
         if path in failures:
-            _failed(_suite(root, path), failures[path])
+            _failed(suite(root, path), failures[path])
         else:
-            _examined(_suite(root, path), path, found)
+            _examined(suite(root, path), path, found)
+    return document(root)
+
+
+def document(root: ET.Element) -> str:
+    """The text of suites, with the numbers of their cases."""
     for element in (*root, root):
         _count(element)
     ET.indent(root)
-    document: bytes = ET.tostring(root, encoding="us-ascii", xml_declaration=True)
-    return document.decode("ascii")
+    text: bytes = ET.tostring(root, encoding="us-ascii", xml_declaration=True)
+    return text.decode("ascii")
 
 
-def _suite(root: ET.Element, path: str) -> ET.Element:
-    return ET.SubElement(root, "testsuite", name=_one_line(path))
+def suite(root: ET.Element, path: str) -> ET.Element:
+    """A new suite for a file."""
+    return ET.SubElement(root, "testsuite", name=one_line(path))
 
 
-def _case(suite: ET.Element, name: str) -> ET.Element:
-    return ET.SubElement(suite, "testcase", name=name, classname=suite.attrib["name"], time="0")
+def case(suite: ET.Element, name: str, seconds: float = 0.0) -> ET.Element:
+    """A new case in a suite."""
+    time = f"{seconds:.3f}" if seconds else "0"
+    name = one_line(name)
+    return ET.SubElement(suite, "testcase", name=name, classname=suite.attrib["name"], time=time)
 
 
-def _failed(suite: ET.Element, failure: Failure) -> None:
-    error = ET.SubElement(_case(suite, "validate"), "error", message=_one_line(failure.message))
+def _failed(own: ET.Element, failure: Failure) -> None:
+    error = ET.SubElement(case(own, "validate"), "error", message=one_line(failure.message))
     error.text = visible(failure.message)
 
 
-def _examined(suite: ET.Element, path: str, found: Validation) -> None:
+def _examined(own: ET.Element, path: str, found: Validation) -> None:
     diagnostics, sources = found.diagnostics[path], found.sources[path]
     if found.unchecked:
-        ET.SubElement(_case(suite, "unchecked"), "skipped", message=_one_line(found.unchecked))
+        ET.SubElement(case(own, "unchecked"), "skipped", message=one_line(found.unchecked))
     elif not diagnostics:
-        _case(suite, "validate")
+        case(own, "validate")
     for diagnostic in diagnostics:
         rendered = render([diagnostic], sources)
-        case = _case(suite, _name(diagnostic))
+        made = case(own, _name(diagnostic))
         if found.fails(diagnostic):
-            message = _one_line(diagnostic.message)
-            failure = ET.SubElement(case, "failure", type=diagnostic.code, message=message)
+            message = one_line(diagnostic.message)
+            failure = ET.SubElement(made, "failure", type=diagnostic.code, message=message)
             failure.text = rendered
         else:
-            ET.SubElement(case, "system-out").text = rendered
+            ET.SubElement(made, "system-out").text = rendered
 
 
 def _name(diagnostic: Diagnostic) -> str:
@@ -70,5 +79,6 @@ def _count(element: ET.Element) -> None:
         element.set(attribute, str(sum(1 for _ in element.iter(tag))))
 
 
-def _one_line(text: str) -> str:
+def one_line(text: str) -> str:
+    """A text without line ends and control characters."""
     return visible(text).replace("\n", " ")

@@ -76,7 +76,7 @@ def sheet(program: Program) -> Sheet:
         world=tuple(object_rows(program)),
         frames=frame_rows(program),
         stages=stages,
-        expected=tuple(expectation.text for expectation in task.expect),
+        expected=tuple(expectation.title for expectation in task.expect),
         defaults=tuple(default_rows(program)),
         prediction=prediction,
     )
