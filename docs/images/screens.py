@@ -1,4 +1,4 @@
-"""Makes the pictures of pages as a browser shows them: reports and a comparison.
+"""Makes the pictures of pages as a browser shows them: reports, a comparison and a sweep.
 
     python docs/images/screens.py
 
@@ -32,6 +32,8 @@ REPORTS = {"report": "press-3", "report-missed": "wipe-1"}
 #: The step that is compared, and under which laws.
 COMPARED = "wipe-2"
 LAWS = ("hybrid", "parallel", "impedance", "pd")
+#: The task that is swept.
+SWEPT = HERE.parent / "how-to" / "sweep.yaml"
 #: Width and height [CSS px], and pixels of the picture for each of them.
 SIZES = {"desktop": (1100, 940, 1.2), "phone": (390, 844, 1.5)}
 
@@ -50,17 +52,28 @@ def main() -> None:
             for size in SIZES:
                 shoot(browser, page, f"{name}-{size}.png", size)
         shoot(browser, compared(Path(folder) / "compare"), "compare-desktop.png", "desktop")
+        shoot(browser, swept(Path(folder) / "sweep"), "sweep-desktop.png", "desktop")
 
 
 def compared(out: Path) -> Path:
     """The page of a task under several laws."""
     laws = [word for law in LAWS for word in ("--law", law)]
-    command = [sys.executable, "-m", "taskspec_runner", "compare", f"{TUTORIAL / COMPARED}.yaml"]
-    # Exit code 1 says that a law has missed, which is what is to be seen.
-    done = subprocess.run([*command, *laws, "--out", str(out)], capture_output=True, check=False)
+    command("compare", f"{TUTORIAL / COMPARED}.yaml", *laws, "--out", str(out))
+    return out / "compare.html"
+
+
+def swept(out: Path) -> Path:
+    """The page of a task in many worlds."""
+    command("sweep", str(SWEPT), "--out", str(out))
+    return out / "sweep.html"
+
+
+def command(*words: str) -> None:
+    """Runs a command; its exit code 1 says that something was missed, which is to be seen."""
+    line = [sys.executable, "-m", "taskspec_runner", *words]
+    done = subprocess.run(line, capture_output=True, check=False)
     if done.returncode not in (0, 1):
         sys.exit(done.stderr.decode())
-    return out / "compare.html"
 
 
 def shoot(browser: Browser, page: Path, name: str, size: str) -> None:
