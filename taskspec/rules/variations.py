@@ -6,6 +6,8 @@ from collections.abc import Iterator
 
 from taskspec.analysis.corners import ends, nominal
 from taskspec.program.plan import TaskPlan
+from taskspec.program.world.holding import truly_holding
+from taskspec.robot import RobotError
 from taskspec.rules import Finding, Phase, error, rule
 from taskspec.spec import FILE
 from taskspec.text.units import in_si
@@ -56,3 +58,15 @@ def impossible_variations(task: TaskPlan) -> Iterator[Finding]:
                 "narrow the interval, or write its ends: a..b",
                 stops=True,
             )
+
+
+@rule({}, also=("TS412",), phase=Phase.VARIATIONS)
+def held_out_of_reach(task: TaskPlan) -> Iterator[Finding]:
+    """What the robot holds from the start, and `truth` has where the arm does not get."""
+    loaded = task.context.loaded
+    try:
+        truly_holding(task.context, loaded.true_task)
+    except RobotError as found:
+        name = (loaded.task.robot.grasp or "").partition(".")[0]
+        path = next(p for p in loaded.task.truth.paths if p.startswith(f"world.{name}."))
+        yield error("TS412", found.message, FILE.truth[path], found.hint, stops=True)
