@@ -66,8 +66,8 @@ function rowsOf(i) {
   const body = document.createElement("tbody");
   body.className = good;
   body.dataset.world = world;
-  body.innerHTML = `<tr>${cells}</tr><tr class="how"><td colspan="${1 + front.length + met.length + rest.length}"><div><span class="why">${escaped(whyOf(i))}</span><code>${words}</code>`
-    + `<button type="button" aria-label="copy the command of world ${world}">copy</button>${report ? `<a href="${escaped(report)}">report</a>` : ""}</div></td></tr>`;
+  body.innerHTML = `<tr>${cells}</tr><tr class="how"><td colspan="${1 + front.length + met.length + rest.length}"><div><span class="why">${escaped(whyOf(i))}</span><span class="again"><code>${words}</code>`
+    + `<button type="button" aria-label="copy the command of world ${world}">copy</button>${report ? `<a href="${escaped(report)}">report</a>` : ""}</span></div></td></tr>`;
   return body;
 }
 
