@@ -13,7 +13,7 @@ from taskspec.compiler import compile_task
 from taskspec.spec import load_text
 from taskspec.spec.sweep import RateExpectation
 from taskspec_runner.sweep.statistics import Rate, influences, ranks, regions
-from taskspec_runner.sweep.summary import MET, MISSED, UNDECIDED, JudgedRate
+from taskspec_runner.sweep.summary import MET, MISSED, UNDECIDED, JudgedRate, summarise
 
 TASK = """taskspec: 1
 robot: {model: panda, start: {xyz: [500 mm, 0, 310 mm]}}
@@ -125,3 +125,23 @@ def test_what_matters_is_found_by_ranks():
 
 def test_ranks_of_ties_are_shared():
     assert ranks(np.array([3.0, 1.0, 3.0, 2.0])).tolist() == [3.5, 1, 3.5, 2]
+
+
+def test_an_expectation_with_a_name_has_a_rate():
+    text = TASK + (
+        "expect: {soft: max(norm(force)) < 15 N, there: last(wait.gap) < 20 mm}\n"
+        "sweep: {expect: [soft >= 50 %, success >= 50 %]}\n"
+    )
+    task = load_text(text, "task.yaml").task
+    made = [
+        {"world": n, "success": n < 10, "status": "done", "verdict": "passed", "margin": 0.1,
+         "expect soft": True, "expect there": n < 10}
+        for n in range(40)
+    ]  # fmt: skip
+    summary = summarise(task, made)
+    assert [each["verdict"] for each in summary["judged"]] == [MET, MISSED]
+    assert {each["name"]: each["good"] for each in summary["expectations"]} == {
+        "soft": 40,
+        "there": 10,
+    }
+    assert summary["exit_code"] == 1

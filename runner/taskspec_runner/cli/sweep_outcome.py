@@ -60,7 +60,8 @@ def _rates(summary: Mapping[str, Any]) -> Any:
     for each in summary["expectations"]:
         low, high = (100 * end for end in each["interval"])
         share = 100 * each["share"] if each["of"] else 0.0
-        made.add_row(f"  {each['text']}", f"{share:.4g} %", f"{low:.4g} to {high:.4g} %")
+        label = each["text"] if each["name"].isdecimal() else f"{each['name']}: {each['text']}"
+        made.add_row(f"  {label}", f"{share:.4g} %", f"{low:.4g} to {high:.4g} %")
     return made
 
 

@@ -12,7 +12,7 @@ from taskspec.spec import Task
 from taskspec.spec.sweep import SUCCESS, RateExpectation
 from taskspec.text.units import Dimension, scaled
 from taskspec_runner.sweep.statistics import Influence, Rate, Region, influences, regions
-from taskspec_runner.sweep.world_run import BROKEN, Row
+from taskspec_runner.sweep.world_run import BROKEN, Row, expectation_keys
 
 MET, MISSED, UNDECIDED = "met", "missed", "undecided"
 #: More worlds than this are told as more than it.
@@ -113,7 +113,7 @@ def expectation_rates(task: Task, rows: Sequence[Row]) -> dict[str, tuple[str, R
 
 def expectation_texts(task: Task) -> dict[str, str]:
     """The expectations of a task, by what the table calls them."""
-    return {str(number): each.text for number, each in enumerate(task.expect, 1)}
+    return dict(zip(expectation_keys(task), (each.text for each in task.expect), strict=True))
 
 
 def summarise(task: Task, rows: Sequence[Row]) -> dict[str, Any]:

@@ -10,6 +10,7 @@ from typing import Any
 from taskspec.analysis.worlds import World, deviations
 from taskspec.program.program import Program
 from taskspec.robot.description import listening
+from taskspec.spec import Task
 from taskspec_runner.errors import InputError
 from taskspec_runner.loop.assembly import assemble
 from taskspec_runner.loop.fixed_step import run as simulate
@@ -87,7 +88,7 @@ def _ran(program: Program, world: World, loop: str | None) -> Row:
         "text": outcome.text,
         "duration": outcome.clock,
         "ticks": outcome.ticks,
-        **_expectations(judged),
+        **_expectations(dict(zip(expectation_keys(context.loaded.task), judged, strict=True))),
         "margin": _least(judged),
         "findings": "; ".join(each.line for each in faults) or None,
         **{
@@ -97,17 +98,17 @@ def _ran(program: Program, world: World, loop: str | None) -> Row:
     }
 
 
-def _expectations(judged: Sequence[Judged]) -> Row:
+def _expectations(judged: Mapping[str, Judged]) -> Row:
     found: Row = {}
-    for key, each in keyed(judged).items():
+    for key, each in judged.items():
         found[f"expect {key}"] = each.passed
         found[f"margin {key}"] = margin_of(each)
     return found
 
 
-def keyed(judged: Sequence[Judged]) -> Mapping[str, Judged]:
-    """Expectations by what the table calls them: their number from 1."""
-    return {str(number): each for number, each in enumerate(judged, 1)}
+def expectation_keys(task: Task) -> tuple[str, ...]:
+    """What the table calls the expectations of a task: by name, or their number from 1."""
+    return tuple(each.name or str(number) for number, each in enumerate(task.expect, 1))
 
 
 def margin_of(judged: Judged) -> float | None:
