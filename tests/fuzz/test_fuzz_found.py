@@ -59,7 +59,7 @@ FOUND = {
     ),
     "a path that takes no time": (
         HEAD + "stages: {a: {path: {line: {by: [60 mm]}, time: 1e-9 s}}}\n",
-        set(),
+        {"TS420"},
     ),
     "a path to where the tool is, up to rounding": (
         "taskspec: 1\nrobot: {model: panda, tool: {radius: 1 m, length: 0}, "
