@@ -104,7 +104,9 @@ def load(payload):
         return
     raise SystemExit("accepted: " + payload)
 
-load("1 <")
+# What is written at its first use, as methods of dataclasses are, is written before the watch.
+for payload in {PAYLOADS!r}:
+    load(payload)
 forbidden = ("open", "exec", "compile", "import", "socket", "os", "subprocess", "ctypes")
 sys.addaudithook(lambda event, _: event.split(".")[0] in forbidden and touched.append(event))
 for payload in {PAYLOADS!r}:

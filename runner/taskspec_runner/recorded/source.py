@@ -279,7 +279,7 @@ def read_parquet(path: Path) -> LogTable:
     def batches(columns: Sequence[int]) -> Iterator[pa.RecordBatch]:
         with _parquet(path) as file:
             wanted = [names[number] for number in columns]
-            for batch in file.iter_batches(ROWS, columns=wanted):
+            for batch in file.iter_batches(ROWS, columns=wanted, use_threads=False):
                 # A name with dots may bring others, of which it is the beginning.
                 found = [batch.column(batch.schema.get_field_index(name)) for name in wanted]
                 yield pa.RecordBatch.from_arrays(found, wanted)
@@ -292,7 +292,8 @@ def read_parquet(path: Path) -> LogTable:
 @contextmanager
 def _parquet(path: Path) -> Iterator[pq.ParquetFile]:
     try:
-        with pq.ParquetFile(path, buffer_size=_BUFFER) as file:
+        # Read ahead, the whole file would be in memory.
+        with pq.ParquetFile(path, buffer_size=_BUFFER, pre_buffer=False) as file:
             yield file
     except (pa.ArrowException, OSError) as error:
         said = " ".join(str(error).split())
