@@ -13,6 +13,7 @@ from taskspec.robot.description import listening
 from taskspec.spec import Task
 from taskspec_runner.errors import InputError
 from taskspec_runner.loop.assembly import assemble
+from taskspec_runner.loop.fixed_step import DONE, Outcome
 from taskspec_runner.loop.fixed_step import run as simulate
 from taskspec_runner.record.layout import LogLayout
 from taskspec_runner.record.rows import RowKeeper
@@ -78,6 +79,7 @@ def _ran(program: Program, world: World, loop: str | None) -> Row:
     success = exit_code(outcome, judged, 0, found) == EXIT_GOOD
     missed = any(each.missed for each in judged) or faults
     verdict = "passed" if success else "missed" if outcome.status == "done" and missed else ""
+    keys = expectation_keys(context.loaded.task)
     largest = peaks(history, [stage.name for stage in program.stages])
     return {
         "success": success,
@@ -88,7 +90,9 @@ def _ran(program: Program, world: World, loop: str | None) -> Row:
         "text": outcome.text,
         "duration": outcome.clock,
         "ticks": outcome.ticks,
-        **_expectations(dict(zip(expectation_keys(context.loaded.task), judged, strict=True))),
+        **_expectations(
+            dict(zip(expectation_keys(context.loaded.task), judged, strict=True)), outcome
+        ),
         "margin": _least(judged),
         "findings": "; ".join(each.line for each in faults) or None,
         **{
@@ -98,10 +102,12 @@ def _ran(program: Program, world: World, loop: str | None) -> Row:
     }
 
 
-def _expectations(judged: Mapping[str, Judged]) -> Row:
+def _expectations(judged: Mapping[str, Judged], outcome: Outcome) -> Row:
+    """Whether each was met: None if it held so far in a run that did not come to its end."""
     found: Row = {}
     for key, each in judged.items():
-        found[f"expect {key}"] = each.passed
+        known = each.missed or outcome.status == DONE
+        found[f"expect {key}"] = each.passed if known else None
         found[f"margin {key}"] = margin_of(each)
     return found
 
