@@ -469,13 +469,14 @@ def test_a_kind_that_fails_does_not_keep_the_next_from_working(
 
 @pytest.mark.skipif(platform.system() != "Linux", reason="MuJoCo has its own ways elsewhere")
 @pytest.mark.parametrize("asked", ["", "osmesa"])
-def test_mujoco_loads_no_opengl_that_nothing_needs(asked: str) -> None:
+def test_mujoco_loads_no_opengl_that_nothing_needs(asked: str, tmp_path: Path) -> None:
     """OSMesa is rarely there, and GLFW takes a twentieth of a second to load."""
     script = (
         "import sys, atexit; atexit.register(lambda: print(*sys.modules)); "
         "from taskspec_runner.cli import main; main()"
     )
-    environment = {**os.environ, "MUJOCO_GL": asked}
+    # A robot that is kept is not looked at by MuJoCo again.
+    environment = {**os.environ, "MUJOCO_GL": asked, "TASKSPEC_CACHE": str(tmp_path)}
     done = subprocess.run(
         [sys.executable, "-c", script, "validate", TASKS / "press-pd.yaml"],
         env=environment,

@@ -69,7 +69,6 @@ def run(
         set_ or [],
         law,
         seed,
-        world,
         out,
         telemetry,
         quiet=quiet,
@@ -77,6 +76,7 @@ def run(
         video=video,
         force=force,
         loop=None if loop is LoopName.AUTO else loop.value,
+        world=world,
     )
 
 

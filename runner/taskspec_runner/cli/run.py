@@ -30,7 +30,6 @@ def run_task(
     sets: Sequence[str],
     law: str | None,
     seed: int,
-    world: str | None,
     out: Path | None,
     telemetry: str | None,
     *,
@@ -39,6 +38,7 @@ def run_task(
     video: Path | None = None,
     force: bool = False,
     loop: str | None = None,
+    world: str | None = None,
 ) -> int:
     """Runs a task file and tells how it went; afterwards draws it as a video."""
     from taskspec_runner.cli.outcome import show_outcome

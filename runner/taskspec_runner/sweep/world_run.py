@@ -90,9 +90,7 @@ def _ran(program: Program, world: World, loop: str | None) -> Row:
         "text": outcome.text,
         "duration": outcome.clock,
         "ticks": outcome.ticks,
-        **_expectations(
-            dict(zip(expectation_keys(context.loaded.task), judged, strict=True)), outcome
-        ),
+        **_expectations(dict(zip(keys, judged, strict=True)), outcome),
         "margin": _least(judged),
         "findings": "; ".join(each.line for each in faults) or None,
         **{

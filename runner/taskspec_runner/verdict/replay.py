@@ -347,7 +347,8 @@ class Replay:
                 A, a = base.pose(float(self._clock(start)[0, 0]))
                 center = A.T @ (center - a)
             assert frame.surface is not None
-            found.append((visit.first, frame.surface.face_at(center)))
+            face = frame.surface.face_at(ca.SX(ca.DM(np.asarray(center))))
+            found.append((visit.first, None if face is None else np.array(ca.evalf(face)).ravel()))
         size = next((len(face) for _, face in found if face is not None), 0)
         nothing = np.zeros(size)
         return _Faces(size, [(row, nothing if face is None else face) for row, face in found])
