@@ -89,11 +89,11 @@ class Wiring:
         """Has the function write `value` (size,) into a 1-D contiguous `array`."""
         self._results.append((ca.densify(value), array))
 
-    def bound(self, name: str) -> BoundFunction:
-        """The function, on its memory."""
+    def bound(self, name: str, *, cse: bool = True) -> BoundFunction:
+        """The function, on its memory; `cse` has it compute once what comes more than once."""
         symbols, given = zip(*self._arguments, strict=True)
         values, results = zip(*self._results, strict=True)
-        return BoundFunction(ca.Function(name, symbols, values, {"cse": True}), given, results)
+        return BoundFunction(ca.Function(name, symbols, values, {"cse": cse}), given, results)
 
 
 def evaluated(function: ca.Function, *arguments: Vector) -> list[Vector]:

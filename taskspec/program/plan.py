@@ -695,6 +695,8 @@ class TaskPlan:
             as the task is examined.
         loops: the sampled loops of stages that were analysed, by name.
         courses: of their forces, once they were asked for.
+        compiled: their functions, once they were asked for, by name.
+        told: codes that tell how its run ends before its stability is looked at.
     """
 
     def __init__(
@@ -719,6 +721,8 @@ class TaskPlan:
         self.framed: dict[str, StagePlan] = {}
         self.loops: dict[str, Any] = {}
         self.courses: tuple[Any, ...] = ()
+        self.compiled: dict[str, Any] = {}
+        self.told: frozenset[str] = frozenset()
 
     def unvaried(self) -> TaskPlan:
         """The plan of the same task with nothing that varies."""

@@ -14,7 +14,7 @@ from taskspec.program.execution.sensor_zero import sensor_zero
 from taskspec.program.execution.stage_solver import OwnSolver, no_own_solver
 from taskspec.program.plan import TaskPlan
 from taskspec.program.ports import fields
-from taskspec.program.stages.stage import CompiledStage
+from taskspec.program.stages.stage import CompiledStage, compile_stage
 from taskspec.program.world.estimated_frames import estimates
 from taskspec.robot.model_terms import ModelTerms
 from taskspec.text.diagnostic import Diagnostic, Severity
@@ -24,13 +24,33 @@ from taskspec.text.diagnostic import Diagnostic, Severity
 _OF_OTHER_WORLDS = ("TS503",)
 
 
+def compiled(task: TaskPlan, last: str = "") -> tuple[CompiledStage, ...]:
+    """The stages of a task, each compiled once for all who run it.
+
+    Args:
+        task: the plan.
+        last: the last one that is wanted; empty for all.
+
+    Raises:
+        UnknownSignalError: a stage cannot evaluate a signal.
+    """
+    found = []
+    for name in task.stages:
+        if name not in task.compiled:
+            task.compiled[name] = compile_stage(task.follow(name))
+        found.append(task.compiled[name])
+        if name == last:
+            break
+    return tuple(found)
+
+
 @dataclass(frozen=True, slots=True)
 class Program:
     """A compiled task.
 
     Attributes:
         plan: of the task.
-        stages: compiled, in the order of the file.
+        stages: compiled, in the order of the file, from the first on; all of them for a run.
         findings: all that was found about the task, errors that were lifted by force included.
     """
 
@@ -81,6 +101,7 @@ class Program:
             estimates(context.frames, context.period),
             terms,
             own,
+            tuple(task.stages),
         )
 
 

@@ -30,6 +30,7 @@ from taskspec.rules import (
     singularity,
     stability,
     foreseen_forces,
+    rehearsed,
     variations,
     contacts,
 )
@@ -55,6 +56,7 @@ __all__ = [
     "passages",
     "planned_motion",
     "references",
+    "rehearsed",
     "resistance",
     "robot",
     "sensor",

@@ -48,6 +48,7 @@ class Phase(IntEnum):
             be told.
         RUN: of the task, after its stages.
         STABILITY: of a task without an error so far.
+        REHEARSAL: of a task without an error so far, when all else has been told of it.
     """
 
     VARIATIONS = 0
@@ -58,6 +59,7 @@ class Phase(IntEnum):
     MOTION = 5
     RUN = 6
     STABILITY = 7
+    REHEARSAL = 8
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from taskspec.analysis import oscillation as oscillations
+from taskspec.analysis.oscillation import LEAST_TICKS, References, oscillation
 from taskspec.compiler import compile_unchecked
 from taskspec.spec import load_text
 from taskspec_runner.cli.app import app
 from taskspec_runner.report.page import render
 from taskspec_runner.runs import Run
 from taskspec_runner.session import execute_program
-from taskspec_runner.verdict import oscillation as oscillations
-from taskspec_runner.verdict.oscillation import LEAST_TICKS, References, oscillation
 from taskspec_runner.verdict.run_finding import read_finding
 
 T = 1e-3

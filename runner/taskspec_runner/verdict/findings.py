@@ -7,6 +7,13 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from taskspec.analysis.oscillation import (
+    MOST_TICKS,
+    Oscillation,
+    References,
+    judged,
+    oscillation,
+)
 from taskspec.deferred_methods import dataclass
 from taskspec.geometry.axis import ROTATIONS, TRANSLATIONS
 from taskspec.program.program import Program
@@ -18,13 +25,6 @@ from taskspec.text.units import FORCE, MOMENT, VELOCITY, Dimension, show
 from taskspec_runner.record.file_array import blocks, empty
 from taskspec_runner.record.history import History, Visit
 from taskspec_runner.verdict.metrics import set_points
-from taskspec_runner.verdict.oscillation import (
-    MOST_TICKS,
-    Oscillation,
-    References,
-    judged,
-    oscillation,
-)
 from taskspec_runner.verdict.run_finding import RunFinding
 
 Vector = NDArray[np.float64]

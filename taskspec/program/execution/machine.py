@@ -40,7 +40,7 @@ _SAME = _HANDED["same"].start
 
 
 class Machine:
-    """Runs compiled stages tick by tick.
+    """Runs compiled stages tick by tick; one that is not compiled ends the task.
 
     Write `q`, `v`, `reactions` and `wrench` (or, where there is a `sensor`, its reading), call
     `tick`, read `torque` and `outputs`.
@@ -75,20 +75,21 @@ class Machine:
         estimates: Estimates | None = None,
         terms: type[ModelTerms] = CompiledTerms,
         own: OwnSolver = no_own_solver,
+        names: tuple[str, ...] = (),
     ) -> None:
         self.period = period
         self.sensor, self.estimation = sensor, Estimation(sensor, estimates)
         self.q, self.v, self.wrench, self.reactions, self.torque, self.outputs = views
         self.terms = terms(robot, self.q, self.v)
-        self.now = np.zeros(2 + len(stages))
+        self._names = [*names] or [s.name for s in stages]
+        self.now = np.zeros(2 + len(self._names))
         self._inputs = (self.now, self.q, self.v, *self.terms.arrays, self.wrench, self.reactions)
         self._handed = np.zeros(hand_over.SIZE)
         self.runners = tuple(
             StageRunner(s, self._inputs, self._handed, self.torque, self.outputs, own)
             for s in stages
         )
-        self._exits = exits(stages)
-        self._names = [s.name for s in stages]
+        self._exits = exits(stages, self._names)
         self._attempts = [s.plan.spec.attempts or np.inf for s in stages]
         self.index, self.t = 0, 0.0
         self.stage_ticks = 0

@@ -60,17 +60,24 @@ class Exit:
     index: int | None
 
 
-def exits(stages: Sequence[CompiledStage]) -> tuple[tuple[Exit, ...], ...]:
-    """Where each event of each stage leads, in the order of their numbers."""
-    names = [stage.name for stage in stages]
+def exits(stages: Sequence[CompiledStage], names: Sequence[str]) -> tuple[tuple[Exit, ...], ...]:
+    """Where each event of each stage leads, in the order of their numbers.
+
+    Args:
+        stages: compiled; one that is not ends the task well.
+        names: of all stages, these first.
+    """
 
     def leads(stage: CompiledStage, event: Event, following: str) -> Exit:
         to = leads_to(stage.plan.spec, event, following)
-        return Exit(event, to, None if to in (END, FAIL, "") else names.index(to))
+        index = None if to in (END, FAIL, "") else names.index(to)
+        if index is not None and index >= len(stages):
+            return Exit(event, END, None)
+        return Exit(event, to, index)
 
     return tuple(
         tuple(leads(stage, event, following) for event in stage.events)
-        for stage, following in zip(stages, [*names[1:], END], strict=True)
+        for stage, following in zip(stages, [*names[1:], END], strict=False)
     )
 
 

@@ -1,0 +1,266 @@
+"""Which stages are worth being run ahead: where what is foreseen of them otherwise leaves a doubt.
+
+A look at a stage by itself is certain where its guard comes early, its limits are far away and a
+force loop brings its forces to their set points in time. It is not where a mechanism leads the
+arm, where a spring stands for a force loop, or where a bound is near to what is foreseen.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+
+import numpy as np
+
+from taskspec.foresight.approach import approach, dwell, rates_of, striking_mass
+from taskspec.foresight.conditions import names, parts
+from taskspec.foresight.flow import good_end
+from taskspec.foresight.interval import ANY, Interval, IntervalAlgebra, point
+from taskspec.foresight.ranges import constant
+from taskspec.motion.blend import BLEND_TIME
+from taskspec.program.plan import StagePlan, TaskPlan
+from taskspec.program.reference.axis_plan import AxisPlan
+from taskspec.text.expression import evaluate
+from taskspec.text.expression.tree import Compare, Held, Name, Node, Reduce, walk
+
+#: A bound is near where what is foreseen takes this share of it.
+_TIME, _TRAVEL, _FORCE, _SPEED, _JOINT = 0.8, 0.8, 0.6, 0.7, 0.8
+#: A force comes to no more than so many times what it settles at with its blow.
+_FAR = 1.3
+#: A motion whose way is not known is long from here on [s].
+_LONG = 3.0
+#: A limit on force below this is little for what a grip bears on the way of a mechanism [N].
+_LITTLE = 40.0
+#: A force loop that is stable has settled after so long [s].
+_SETTLED = 1.2
+#: Of what a spring could give the tool as it is left, so much of its rate is seen at most.
+_THROWN = 0.3
+#: Friction is much from here on: it turns the force of a tool that is moved to and fro.
+_ROUGH = 0.5
+#: A joint is near to its limit [rad, m].
+_ROOM = 0.15
+
+
+def last_doubt(task: TaskPlan) -> str:
+    """The last stage whose end is in doubt; empty where none is."""
+    found = ""
+    for name, stage in task.framed.items():
+        if any(doubt(task, stage) for doubt in _DOUBTS):
+            found = name
+    return found
+
+
+def _holds(task: TaskPlan, stage: StagePlan) -> bool:
+    """A mechanism turns under the arm, and presses where its way is not the reference's.
+
+    A loop for the force gives way to that; it is in doubt where the mechanism comes to its stop,
+    where a free knob leaves the arm another way, and where little force is allowed.
+    """
+    if not task.context.held:
+        return False
+    declared, until = task.context.loaded.task.mechanisms[task.context.held], stage.spec.until
+    most = stage.limits.force
+    before = [name for name, each in task.stages.items() if _waits_for_effort(task, each)]
+    return (
+        not stage.law.control_law.force_loop
+        or bool(before)
+        or (declared.knob == "free" and until is not None)
+        or (most is not None and most < _LITTLE)
+    )
+
+
+def _waits_for_effort(task: TaskPlan, stage: StagePlan) -> bool:
+    """Whether a guard waits for what the held mechanism bears."""
+    until, held = stage.spec.until, task.context.held
+    efforts = ((held, "torque"), (held, "force"))
+    return until is not None and any(name.path in efforts for name in names(until.tree))
+
+
+def _guard(task: TaskPlan, stage: StagePlan) -> bool:
+    """A guard that is bounded, and that no approach tells of or that comes late."""
+    spec, within = stage.spec, stage.spec.within
+    if spec.fail_if is not None and _may_fail(task, stage, spec.fail_if.tree):
+        return True
+    if spec.until is None or within is None or not _measures(spec.until.tree):
+        return False
+    if task.context.held:
+        return not stage.law.control_law.force_loop
+    if _settles_there(stage, spec.until.tree) or not _acts(stage):
+        return False
+    way, gap = approach(stage, stage.nominal.gap), None
+    if way is not None:
+        gap = way.gap
+        if gap is None and stage.name == next(iter(task.stages)):
+            gap = stage.context.start_gaps.get(way.contact)
+    if way is None or gap is None:
+        return within.time is not None or within.travel is not None
+    time = gap / way.closing + BLEND_TIME / 2 + dwell(stage)
+    if within.time is not None and time > _TIME * within.time:
+        return True
+    goes = gap / way.closing * way.speed
+    return within.travel is not None and goes > _TRAVEL * within.travel
+
+
+def _acts(stage: StagePlan) -> bool:
+    """Whether a stage moves or presses; one that does neither waits for what is not its own."""
+    moves = any(plan.motion and plan.mode.moves for plan in stage.plans.values())
+    forces = any(entry.has_force for entry in stage.spec.axes.values())
+    return moves or forces or stage.path is not None
+
+
+def _settles_there(stage: StagePlan, guard: Node) -> bool:
+    """Whether a guard holds at the set points of a force loop that has long enough to settle."""
+    node = guard.x if isinstance(guard, Held) else guard
+    if not stage.law.control_law.force_loop or stage.longest < _SETTLED + dwell(stage):
+        return False
+    there = {f"{a.effort}.{a}": point(value) for a, value in stage.set_points.items()}
+    there["speed"] = point(0.0)
+    return evaluate(node, IntervalAlgebra(), lambda n: there.get(str(n), ANY)).always
+
+
+def _measures(guard: Node) -> bool:
+    """Whether a guard waits for more than time and visits."""
+    return any(n.path[-1] not in ("t", "clock", "visits") for n in names(guard))
+
+
+def _may_fail(task: TaskPlan, stage: StagePlan, guard: Node) -> bool:
+    """Whether a failure is one of forces that the stage may come to, or of anything else."""
+    paths = [n.path for n in names(guard)]
+    if any(path[0] not in ("force", "touching", "t") for path in paths):
+        return not all(path[-1] in ("visits", "t", "clock") for path in paths)
+    most = _FAR * (_settles(stage) + _blows(task, stage))
+    algebra = IntervalAlgebra()
+    node = guard.x if isinstance(guard, Held) else guard
+
+    def find(name: Name) -> Interval:
+        if name.path[0] == "force" and name.frame is None:
+            return Interval(-most, most)
+        return point(1.0) if name.path == ("touching",) else ANY
+
+    return not evaluate(node, algebra, find).never
+
+
+def _force(task: TaskPlan, stage: StagePlan) -> bool:
+    """A limit on force that set points and the blow before them come near to."""
+    bounds = [stage.limits.force, *_expected_peaks(task, stage)]
+    most = min((bound for bound in bounds if bound is not None), default=math.inf)
+    return _settles(stage) + _blows(task, stage) > _FORCE * most
+
+
+def _expected_peaks(task: TaskPlan, stage: StagePlan) -> Iterator[float]:
+    """What the greatest force of a stage is expected to stay below [N]."""
+    for expectation in task.context.loaded.task.expect:
+        for part in parts(expectation.expression.tree):
+            if not isinstance(part, Compare) or not isinstance(part.left, Reduce):
+                continue
+            paths = [n.path for n in names(part.left)]
+            if part.left.reducer != "max" or not all("force" in path for path in paths):
+                continue
+            if all(path[0] in ("force", stage.name) for path in paths):
+                algebra = IntervalAlgebra()
+                most = evaluate(part.right, algebra, lambda n: constant(task.context, n) or ANY)
+                yield most.high
+
+
+def _settles(stage: StagePlan) -> float:
+    """The largest force that a stage settles at [N]."""
+    settles = max((abs(f) for a, f in stage.set_points.items() if not a.is_rotation), default=0.0)
+    if not stage.law.control_law.force_loop and stage.approached is not None:
+        settles = max(settles, _spring_force(stage))
+    return settles
+
+
+def _blows(task: TaskPlan, stage: StagePlan) -> float:
+    """The blow with which a stage meets its contact, or the one before it [N]."""
+    stages = task.context.loaded.task.stages
+    before = [task.stages[n] for n in stages if good_end(stages, n) == stage.name]
+    return max((_blow(each) for each in (stage, *before)), default=0.0)
+
+
+def _spring_force(stage: StagePlan) -> float:
+    passage = stage.nominal.passage
+    if passage is None:
+        return math.inf
+    deepest = [max(abs(i.moved[a]) for i in passage.instants) for a in stage.translations]
+    springs = [stage.spring_of(a) for a in stage.translations]
+    return max((d * k for d, k in zip(deepest, springs, strict=True)), default=0.0)
+
+
+def _blow(stage: StagePlan) -> float:
+    way = approach(stage, stage.nominal.gap)
+    if way is None:
+        return 0.0
+    contact = stage.context.compliances[way.contact]
+    h = striking_mass(stage, way.axis)
+    return way.closing * max(math.sqrt(h * contact.stiffness), contact.damping)
+
+
+def _speed(task: TaskPlan, stage: StagePlan) -> bool:
+    """A limit on speed, or of a joint, that the way comes near to; a way that is not known."""
+    passage, most, robot = stage.nominal.passage, stage.limits.speed, stage.context.robot
+    speed = float(np.linalg.norm(rates_of(stage)))
+    released = _released(task, stage)
+    if passage is not None:
+        for here in passage.instants:
+            speed = max(speed, float(np.linalg.norm(here.twist[:3])))
+            if (np.abs(here.v) > _JOINT * robot.velocity_limit).any():
+                return True
+            if (np.minimum(here.q - robot.lower, robot.upper - here.q) < _ROOM).any():
+                return True
+    elif any(_lasts(stage, plan) > _LONG for plan in stage.plans.values()):
+        return True
+    return most is not None and speed + released > _SPEED * most
+
+
+def _released(task: TaskPlan, stage: StagePlan) -> float:
+    """How fast a spring that the stage before presses on may throw the tool off [m/s]."""
+    if stage.set_points:
+        return 0.0
+    stages, most = task.context.loaded.task.stages, 0.0
+    for before in (task.stages[n] for n in stages if good_end(stages, n) == stage.name):
+        for axis, force in before.set_points.items():
+            contact = None if axis.is_rotation else before.contact_of(axis)
+            if contact is not None:
+                k = task.context.compliances[contact].stiffness
+                most = max(most, abs(force) / math.sqrt(k * striking_mass(before, axis)))
+    return _THROWN * most
+
+
+def _lasts(stage: StagePlan, plan: AxisPlan) -> float:
+    """How long an axis takes for its motion [s]; 0 for one that has no end."""
+    lasts = plan.mode.duration(0.0) if plan.motion and stage.spec.until is None else None
+    return 0.0 if lasts is None else lasts
+
+
+def _expected(task: TaskPlan, stage: StagePlan) -> bool:
+    """A force that is expected of a stage in which no integral brings it there."""
+    law, context = stage.law.control_law, task.context
+    felt = any(f.kind == "estimated" for f in context.frames.values())
+    friction = max((shape.friction for shape in context.loaded.task.shapes.values()), default=0.0)
+    rubs = friction > 0
+    bare = law.kind == "hybrid-reaction" and rubs and stage.nominal.passage is not None
+    slides = any(plan.motion and plan.mode.moves for plan in stage.plans.values())
+    bare = (bare or friction > _ROUGH) and slides
+    if not law.force_loop and stage.path is not None and stage.set_points:
+        return True
+    equations = [model.constraint.residual.tree for model in context.equations.values()]
+    sways = any(name.path == ("clock",) for tree in equations for name in names(tree))
+    if law.force_loop and not (bare or felt or sways):
+        return False
+    for expectation in task.context.loaded.task.expect:
+        for node in walk(expectation.expression.tree):
+            for name in names(node):
+                if name.path[0] == stage.name and set(name.path) & {"force", "torque"}:
+                    return True
+                if name.path[0] in task.context.equations:
+                    return True
+    return False
+
+
+_DOUBTS: tuple[Callable[[TaskPlan, StagePlan], bool], ...] = (
+    _holds,
+    _guard,
+    _force,
+    _speed,
+    _expected,
+)

@@ -1,0 +1,211 @@
+"""What a task is foreseen to come to where its closed loop is run ahead."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from taskspec.analysis.oscillation import References, judged, oscillation
+from taskspec.analysis.rehearsal import Rehearsal, rehearsal_of
+from taskspec.analysis.rehearsed_signals import RehearsedSignals
+from taskspec.foresight.conditions import names, parts
+from taskspec.foresight.doubts import last_doubt
+from taskspec.program.plan import StagePlan, TaskPlan
+from taskspec.rules import Finding, Phase, rule, warning
+from taskspec.rules.places import motion_of
+from taskspec.spec import FILE, KeyPath
+from taskspec.spec.stage import OSCILLATION, SATURATION
+from taskspec.text.expression import Expression, evaluate
+from taskspec.text.expression.series import SeriesAlgebra
+from taskspec.text.expression.tree import Node
+from taskspec.text.units import show
+
+_SERIES = SeriesAlgebra()
+#: The plain plant's forces are those of the simulator to within this share, 0.4 % at their blows:
+#: what comes so close to a bound may come beyond it.
+_CLOSE = 0.01
+#: Noise of a sensor passes so many of its deviations now and then in a stage.
+_NOISE = 3.5
+#: As a verdict has them: what counts as an oscillation of force [N, share of the set point], and as
+#: a torque that is at its limit for long.
+_LEAST_FORCE, _OF_SET_POINT = 1.0, 0.05
+_AT_LIMIT, _LASTS = 0.999, 0.5
+#: Codes that stand for how a run is stopped or fails, by its reason.
+_STOPS = {
+    "force": "TS616",
+    "torque": "TS616",
+    "speed": "TS420",
+    "joint_velocity": "TS424",
+    "joint_position": "TS424",
+}
+_FAILS = {"time": "TS611", "travel": "TS617", "fail_if": "TS618"}
+#: Codes that tell what a grip bears.
+_OF_GRIPS = {"TS322", "TS328", "TS329", "TS420", "TS610", "TS616"}
+#: They tell it already where one of them is reported at the same place.
+_UNLESS = ("TS420", "TS424", "TS501", "TS610", "TS611", "TS616", "TS617", "TS618", "TS726")
+
+
+@rule(
+    {},
+    also=("TS420", "TS424", "TS426", "TS502", "TS611", "TS616", "TS617", "TS618", "TS726"),
+    phase=Phase.REHEARSAL,
+)
+def rehearsed_ends(task: TaskPlan) -> Iterator[Finding]:
+    """Tasks that are stopped, fail or miss what they expect when their loop is run ahead."""
+    # What is told already is not looked for again; of a mechanism it may be told amiss.
+    if task.told and (not task.context.held or task.told & _OF_GRIPS):
+        return
+    run = rehearsal_of(task, last_doubt(task))
+    if run is None or run.status == "open":
+        return
+    if run.status != "done":
+        yield from _ended(task, run)
+        return
+    close = list(_close_limits(task, run))
+    yield from close[:1]
+    for name in run.names:
+        yield from _unrest(task, run, name)
+    for expectation in task.context.loaded.task.expect:
+        expression = expectation.expression
+        for condition in parts(expression.tree):
+            if _misses(task, run, condition):
+                yield _missed(expression, condition)
+
+
+def _ended(task: TaskPlan, run: Rehearsal) -> Iterator[Finding]:
+    """How a run does not come to its end."""
+    stage, time = task.stages[run.stage], show(float(run.times[-1]), "s", 3)
+    ahead = f"run ahead, stage {run.stage!r}"
+    if run.status == "stopped" and run.reason in _STOPS:
+        yield warning(
+            _STOPS[run.reason],
+            f"{ahead} stops the run at t = {time}: {run.text}{_peak(run)}",
+            _place(stage),
+            "move or approach more slowly, or raise the limit",
+            unless=_UNLESS,
+        )
+    elif run.status == "failed" and run.reason in _FAILS:
+        bound = run.reason in ("time", "travel")
+        place: KeyPath = FILE.stages[run.stage].fail_if
+        if bound:
+            place = FILE.stages[run.stage].within[run.reason]
+        yield warning(
+            _FAILS[run.reason],
+            f"{ahead} fails at t = {time}: {run.text}{_peak(run)}",
+            place,
+            "give it more time or way, or let the guard wait for less"
+            if bound
+            else "let it begin beyond what the stage comes to, or press less",
+            unless=_UNLESS,
+        )
+
+
+def _place(stage: StagePlan) -> KeyPath:
+    return motion_of(stage) if stage.spec.axes or stage.spec.path else FILE.stages[stage.name]
+
+
+def _peak(run: Rehearsal) -> str:
+    """The largest force of the last stage, as the end of a sentence."""
+    mine = run.ticks(run.stage)
+    if not mine.any():
+        return ""
+    most = float(np.linalg.norm(run.wrench[mine, :3], axis=1).max())
+    return f" (its force comes to {show(most, 'N', 3)})" if math.isfinite(most) else ""
+
+
+def _close_limits(task: TaskPlan, run: Rehearsal) -> Iterator[Finding]:
+    """Limits that a run comes so near to that noise, or what is not modelled, may stop it."""
+    noise = task.context.loaded.task.robot.sensor.noise
+    least = 0.0 if noise is None else _NOISE * noise.force
+    for name in run.names:
+        stage, mine = task.stages[name], run.ticks(name)
+        if not mine.any():
+            continue
+        force = float(np.linalg.norm(run.wrench[mine, :3], axis=1).max())
+        speed = float(run.field("speed")[mine].max())
+        most = stage.limits.force
+        if most is not None and (1 + _CLOSE) * force + least > most:
+            yield warning(
+                "TS616",
+                f"run ahead, stage {name!r} comes to {show(force, 'N', 3)}, and the limit on force "
+                f"is {show(most, 'N', 3)}: too little is left between them",
+                _place(stage),
+                "move or approach more slowly, or raise the limit",
+                unless=_UNLESS,
+            )
+        most = stage.limits.speed
+        if most is not None and (1 + _CLOSE) * speed > most:
+            yield warning(
+                "TS426",
+                f"run ahead, stage {name!r} comes to {show(speed, 'mm/s', 3)}, and the limit on "
+                f"speed is {show(most, 'mm/s', 3)}: too little is left between them",
+                _place(stage),
+                "move more slowly, or raise the limit",
+                unless=_UNLESS,
+            )
+
+
+def _unrest(task: TaskPlan, run: Rehearsal, name: str) -> Iterator[Finding]:
+    """An oscillation that does not decay, or a joint at its torque limit, as a verdict sees it."""
+    stage, mine = task.stages[name], run.ticks(name)
+    count, robot = int(mine.sum()), task.context.robot
+    half = judged(count)
+    if not half or stage.law.solve == "qp":
+        return
+    torque = run.torque[mine]
+    at_limit = np.mean(np.abs(torque[-half:]) >= _AT_LIMIT * robot.torque_limit, axis=0)
+    if SATURATION not in stage.spec.allow and (at_limit > _LASTS).any():
+        joint = int(np.argmax(at_limit))
+        yield warning(
+            "TS420",
+            f"run ahead, stage {name!r} has joint {joint + 1} at its torque limit for "
+            f"{100 * at_limit[joint]:.0f} % of its last half",
+            _place(stage),
+            "ask for less, or start where the arm bears it better",
+            unless=("TS420",),
+        )
+    if OSCILLATION in stage.spec.allow:
+        return
+    wanted = run.field("force_ref")[mine][:, :3]
+    largest = float(np.nanmax(np.abs(wanted[-half:]), initial=0.0))
+    least = max(_LEAST_FORCE, _OF_SET_POINT * largest)
+    forces = RehearsedSignals(task.context, run).forces[mine]
+    moved = [run.field(f"{kind}_ref")[mine] for kind in ("position", "velocity", "force")]
+    references = [column for each in moved for column in each.T if np.isfinite(column).all()]
+    for axis in stage.translations:
+        found = oscillation(forces[:, axis.row], task.context.period, least, References(references))
+        if found is not None:
+            yield warning(
+                "TS502",
+                f"run ahead, force.{axis} of stage {name!r} oscillates at "
+                f"{found.frequency:.3g} Hz with an amplitude of {show(found.amplitude, 'N', 3)}, "
+                "which does not decay",
+                _place(stage),
+                "lower the gains of its loop, or approach more slowly",
+                unless=("TS501", "TS502"),
+            )
+            return
+
+
+def _misses(task: TaskPlan, run: Rehearsal, condition: Node) -> bool:
+    """Whether a condition is broken, also where forces miss their set points by a little more."""
+    if any(n.path[0] in run.names and not run.ticks(n.path[0]).any() for n in names(condition)):
+        return run.strays
+    for share in (0.0, _CLOSE):
+        signals = RehearsedSignals(task.context, run, share)
+        worth = evaluate(condition, _SERIES, signals.find)
+        if worth.known and not bool((worth.inside() == 1).all()):
+            return True
+    return False
+
+
+def _missed(expression: Expression, condition: Node) -> Finding:
+    return warning(
+        "TS726",
+        "run ahead, the task comes to its end and misses this",
+        expression.where(condition),
+        "give the stage more time, change what moves it, or expect what it comes to",
+        unless=("TS726", "TS720", "TS722", "TS723", "TS501"),
+    )
