@@ -20,15 +20,11 @@ from numpy.typing import NDArray
 from taskspec.deferred_methods import dataclass
 from taskspec.text.suggest import suggestion
 from taskspec_runner.errors import InputError
-from taskspec_runner.record.block import BLOCK, LeftTicks
+from taskspec_runner.record.block import LeftTicks
 from taskspec_runner.record.evidence import Evidence
 from taskspec_runner.record.extent import Extent, status_of
 from taskspec_runner.record.file_array import full
 from taskspec_runner.record.folder import (
-    LOG,
-    REPORT,
-    SUMMARY,
-    TASK,
     Json,
     RunFolder,
     mapping,
@@ -42,6 +38,7 @@ from taskspec_runner.record.layout import LogLayout
 from taskspec_runner.record.lock import holder
 from taskspec_runner.record.log import Log
 from taskspec_runner.record.manifest import FORMAT, run_mark
+from taskspec_runner.record.names import BLOCK, LOG, REPORT, SUMMARY, TASK
 from taskspec_runner.signals import LoggedSignal, LoggedSignals
 from taskspec_runner.verdict.judge import judge_run
 from taskspec_runner.verdict.judged import Judged, read_judged

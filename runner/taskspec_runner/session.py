@@ -22,10 +22,10 @@ from taskspec_runner.loop.fixed_step import NATIVE, PYTHON, STOPPED, Outcome, Ti
 from taskspec_runner.loop.fixed_step import run as simulate
 from taskspec_runner.loop.interrupt import BY_SIGNAL, Interrupt, Termination, signal_of
 from taskspec_runner.loop.telemetry import Tap, Telemetry
-from taskspec_runner.record import folder as folders
 from taskspec_runner.record import manifest
 from taskspec_runner.record.folder import RunFolder, open_folder
 from taskspec_runner.record.log import Log
+from taskspec_runner.record.names import TASK
 from taskspec_runner.runs import Run
 from taskspec_runner.verdict.judge import judge_run
 from taskspec_runner.verdict.performance import solver_counts
@@ -158,7 +158,7 @@ def _kept(program: Program, folder: RunFolder, content: bytes, manner: _Manner) 
     try:
         with folder.failures_noted():
             folder.note(**manifest.opening(program, content, manner.world))
-            folder.write(folders.TASK, content)
+            folder.write(TASK, content)
             return _run(program, folder, content, manner)
     except KeyboardInterrupt as error:
         # Once a run has been judged its outcome stands, even if its report does not.

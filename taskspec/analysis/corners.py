@@ -12,6 +12,7 @@ from taskspec.deferred_methods import dataclass
 from taskspec.program.context import Context
 from taskspec.spec import Task, Variation
 from taskspec.spec.robot import Noise, Payload
+from taskspec.spec.value_path import ValuePath
 from taskspec.spec.varied import VariedValue
 from taskspec.text.units import SMALLEST
 
@@ -122,10 +123,9 @@ def otherwise(context: Context, wanted: Callable[[str], bool]) -> dict[Component
 
 
 def _matters(path: str, objects: Sequence[str]) -> bool:
-    section, _, rest = path.partition(".")
-    name, _, key = rest.partition(".")
-    if section == "world":
-        return name in objects and key in _OF_OBJECTS
+    of = ValuePath.of(path)
+    if of.section == "world":
+        return of.owner in objects and of.key in _OF_OBJECTS
     return path in _OF_THE_ROBOT
 
 
@@ -182,14 +182,13 @@ def nominal(context: Context, path: str, index: int | None) -> float:
 
 def value_of(context: Context, task: Task, path: str, index: int | None) -> float:
     """The value that a task has, or what stands for it [SI]."""
-    section, _, rest = path.partition(".")
-    name, _, key = rest.partition(".")
-    found: Any = task.world[name] if section == "world" else task.robot
-    for step in (key if section == "world" else rest).split("."):
+    of = ValuePath.of(path)
+    found: Any = task.world[of.owner] if of.section == "world" else task.robot
+    for step in of.steps:
         found = None if found is None else getattr(found, step)
     stands_for = found is None or isinstance(found, str)
-    if stands_for and key in ("stiffness", "damping") and name in context.compliances:
-        return float(getattr(context.compliances[name], key))
+    if stands_for and of.key in ("stiffness", "damping") and of.owner in context.compliances:
+        return float(getattr(context.compliances[of.owner], of.key))
     if found is None:
         return 0.0
     if index is not None or isinstance(found, tuple):
@@ -199,12 +198,11 @@ def value_of(context: Context, task: Task, path: str, index: int | None) -> floa
 
 def changed(task: Task, path: str, index: int | None, value: float) -> Task:
     """The task with one component of a value of `world` or `robot` changed."""
-    section, _, rest = path.partition(".")
-    if section == "world":
-        name, _, key = rest.partition(".")
-        world = {**task.world, name: _set(task.world[name], key.split("."), index, value)}
+    of = ValuePath.of(path)
+    if of.section == "world":
+        world = {**task.world, of.owner: _set(task.world[of.owner], of.steps, index, value)}
         return task.model_copy(update={"world": world})
-    return task.model_copy(update={"robot": _set(task.robot, rest.split("."), index, value)})
+    return task.model_copy(update={"robot": _set(task.robot, of.steps, index, value)})
 
 
 #: What a value of the robot stands in where the file has none.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
 from pydantic import Field
@@ -25,6 +26,7 @@ from taskspec.spec.robot import Robot
 from taskspec.spec.stage import Stage
 from taskspec.spec.sweep import Sweep
 from taskspec.spec.truth import DeclaredTruth, Truths
+from taskspec.spec.value_path import ValuePath
 from taskspec.spec.varied import OBJECT, ROBOT, VariedValue
 from taskspec.spec.vary import Variation, Variations
 from taskspec.spec.words import Free
@@ -136,11 +138,12 @@ class Task(Model):
 
     def target_of(self, path: str) -> VariedValue:
         """What a path under `vary` or `truth` names."""
-        section, _, rest = path.partition(".")
-        if section == "robot":
-            return ROBOT[rest]
-        name, _, key = rest.partition(".")
-        return OBJECT[self.world[name].kind][key]
+        of = ValuePath.of(path)
+        return self._values_of(of)[of.key]
+
+    def _values_of(self, path: ValuePath) -> Mapping[str, VariedValue]:
+        """The values that can vary of the object, or of the robot, that a path leads to."""
+        return ROBOT if path.section == "robot" else OBJECT[self.world[path.owner].kind]
 
     @property
     def true_numbers(self) -> tuple[str, ...]:
@@ -150,12 +153,10 @@ class Task(Model):
         """
         found = []
         for path in self.truth.paths:
-            section, _, rest = path.partition(".")
-            name, _, key = rest.partition(".")
-            known = ROBOT if section == "robot" else OBJECT[self.world[name].kind]
-            whole = rest if section == "robot" else key
-            head = path.removesuffix(whole)
-            found += [head + k for k in known if k == whole or k.startswith(f"{whole}.")]
+            of = ValuePath.of(path)
+            head, below = path.removesuffix(of.key), f"{of.key}."
+            known = self._values_of(of)
+            found += [head + key for key in known if key == of.key or key.startswith(below)]
         return tuple(dict.fromkeys(found))
 
     @classmethod

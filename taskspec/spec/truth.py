@@ -7,6 +7,7 @@ from typing import Any
 from taskspec.deferred_methods import dataclass
 from taskspec.spec.field_type import FieldType
 from taskspec.spec.parse_context import ParseContext, kind_of, span_of
+from taskspec.spec.value_path import ValuePath
 from taskspec.spec.varied import OBJECT, ROBOT
 from taskspec.spec.vary import target_of
 from taskspec.text import nodes
@@ -57,18 +58,16 @@ class Truths(FieldType):
 
 
 def _names_a_value(path: str, data: Map, context: ParseContext) -> bool:
-    section, _, rest = path.partition(".")
-    if section == "robot" and rest in _WHOLE:
+    of = ValuePath.of(path)
+    if of.section == "robot" and of.key in _WHOLE:
         return True
-    owner, _, key = rest.partition(".")
-    if section == "world" and context.objects.get(owner) and key.partition(".")[0] == _MOTION:
-        if context.objects[owner] == "shape":
-            return True
-    elif section in ("robot", "world") and not rest:
-        known = ROBOT if section == "robot" else OBJECT["shape"]
-        of = "robot" if section == "robot" else "world.NAME"
-        hint = suggestion("", [f"{of}.{key}" for key in known], "paths")
-        message = f"{section!r} is no value: a value is named by its path"
+    if of.first == _MOTION and context.objects.get(of.owner) == "shape":
+        return True
+    if of.section in ("robot", "world") and not (of.owner or of.key):
+        known = ROBOT if of.section == "robot" else OBJECT["shape"]
+        head = "robot" if of.section == "robot" else "world.NAME"
+        hint = suggestion("", [f"{head}.{key}" for key in known], "paths")
+        message = f"{of.section!r} is no value: a value is named by its path"
         context.error("TS710", message, data.node.key_span(path), hint)
         return False
     return target_of(path, data, context, "truth") is not None

@@ -17,6 +17,7 @@ from taskspec.spec.field_type import FieldType
 from taskspec.spec.model import mapping
 from taskspec.spec.names import why_not
 from taskspec.spec.parse_context import ParseContext, kind_of, span_of
+from taskspec.spec.value_path import ValuePath
 from taskspec.spec.varied import OBJECT, ROBOT, VariedValue
 from taskspec.spec.world import is_free
 from taskspec.text.codes import register
@@ -242,34 +243,34 @@ def target_of(path: str, data: Map, context: ParseContext, section: str) -> Vari
         context: the pass.
         section: its name.
     """
-    head, _, rest = path.partition(".")
-    owner, _, key = rest.partition(".")
+    of = ValuePath.of(path)
     span = data.node.key_span(path)
     can = "can vary" if section == "vary" else "can be otherwise in truth"
-    if head == "robot":
-        if rest in ROBOT:
-            return ROBOT[rest]
-        near = closest(rest, ROBOT)
+    if of.section == "robot":
+        if of.key in ROBOT:
+            return ROBOT[of.key]
+        near = closest(of.key, ROBOT)
         hint = suggestion("", ROBOT, f"values of the robot that {can}")
         hint = hint if near is None else f"did you mean 'robot.{near}'?"
         context.error("TS710", f"'{path}' is no value that {can}", span, hint)
         return None
-    if head == "world" and owner in context.objects:
-        raw = mapping(mapping(context.data.get("world")).get(owner))
-        fields = _fields(raw, context.objects[owner])
-        if fields is None or key in fields:
-            return OBJECT[context.objects[owner]].get(key)
-        hint = suggestion(key, fields, f"values of '{owner}' that {can}")
-        context.error("TS710", f"'{key}' of '{owner}' is no value that {can}", span, hint)
+    if of.owner in context.objects:
+        raw = mapping(mapping(context.data.get("world")).get(of.owner))
+        fields = _fields(raw, context.objects[of.owner])
+        if fields is None or of.key in fields:
+            return OBJECT[context.objects[of.owner]].get(of.key)
+        hint = suggestion(of.key, fields, f"values of '{of.owner}' that {can}")
+        context.error("TS710", f"'{of.key}' of '{of.owner}' is no value that {can}", span, hint)
         return None
-    if head == "world" and owner:
-        hint = suggestion(owner, context.objects, "objects")
-        context.error("TS123", f"unknown object '{owner}'", span, hint)
+    if of.owner:
+        hint = suggestion(of.owner, context.objects, "objects")
+        context.error("TS123", f"unknown object '{of.owner}'", span, hint)
         return None
     options = [f"world.{name}.stiffness" for name in context.objects]
     options += [f"robot.{name}" for name in ROBOT]
     hint = suggestion(path, options, f"values that {can}")
-    also = ", and no other entry uses it as a name" if section == "vary" and not rest else ""
+    alone = section == "vary" and "." not in path
+    also = ", and no other entry uses it as a name" if alone else ""
     context.error("TS710", f"'{path}' is no value that {can}{also}", span, hint)
     return None
 

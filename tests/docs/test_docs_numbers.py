@@ -41,7 +41,7 @@ from taskspec_runner.export.messages import SIGNALS
 from taskspec_runner.loop import fixed_step as loop
 from taskspec_runner.loop.telemetry import RATE, message
 from taskspec_runner.plant.plant import Plant as SimulatedPlant
-from taskspec_runner.record import folder
+from taskspec_runner.record import names
 from taskspec_runner.record.recorder import BATCH
 from taskspec_runner.runs import ROWS
 from taskspec_runner.verdict.summary import (
@@ -225,8 +225,8 @@ def test_exit_codes():
 
 
 def test_run_folder():
-    files = (folder.TASK, folder.MANIFEST, folder.LOG, folder.BLOCK)
-    later = (folder.SUMMARY, folder.REPORT, folder.CRASH)
+    files = (names.TASK, names.MANIFEST, names.LOG, names.BLOCK)
+    later = (names.SUMMARY, names.REPORT, names.CRASH)
     assert tuple(first_words(CONVENTIONS, "table: folder")) == files + later
     text = CONVENTIONS.read_text(encoding="utf-8")
     assert f"batches of {BATCH} rows" in text
@@ -235,10 +235,10 @@ def test_run_folder():
 def test_topics_of_an_export():
     rows = {words(row[0])[0]: words(row[1])[0] for row in table(CONVENTIONS, "table: topics")}
     assert rows == {**TOPICS, **POSES, SCALARS: SIGNALS}
-    assert tuple(FORMATS.values()) == tuple(Path(name).suffix for name in folder.EXPORTS)
+    assert tuple(FORMATS.values()) == tuple(Path(name).suffix for name in names.EXPORTS)
     text = CONVENTIONS.read_text(encoding="utf-8")
     assert f"{ROWS // 1000} 000 rows at a time" in text
-    for form, name in zip(FORMATS, folder.EXPORTS, strict=True):
+    for form, name in zip(FORMATS, names.EXPORTS, strict=True):
         assert f"| `--{form}` | `{name}` |" in text
 
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from taskspec_runner.record.folder import LOG, SUMMARY, TASK, RunFolder, read_json
+from taskspec_runner.record.folder import RunFolder, read_json
 from taskspec_runner.record.manifest import FORMAT
-from taskspec_runner.record.names import MANIFEST
+from taskspec_runner.record.names import LOG, MANIFEST, SUMMARY, TASK
 
 
 def seal_folder(folder: Path, **entries: Any) -> None:

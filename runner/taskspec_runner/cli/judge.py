@@ -15,7 +15,6 @@ from taskspec_runner.cli.outcome import expectations_table, show_outcome
 from taskspec_runner.cli.run_damage import warn_of_damage
 from taskspec_runner.errors import InputError
 from taskspec_runner.record.folder import (
-    SUMMARY,
     Json,
     check_folder,
     check_unlocked,
@@ -23,6 +22,7 @@ from taskspec_runner.record.folder import (
     plain,
     read_json,
 )
+from taskspec_runner.record.names import SUMMARY
 from taskspec_runner.runs import RebuildError, Run
 from taskspec_runner.verdict.findings import findings
 from taskspec_runner.verdict.judge import judge_run

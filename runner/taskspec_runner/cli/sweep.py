@@ -18,8 +18,9 @@ from taskspec_runner.cli.run import admitted
 from taskspec_runner.errors import InputError
 from taskspec_runner.loop.interrupt import Termination
 from taskspec_runner.record.folder import mapping
+from taskspec_runner.record.names import TASK
 from taskspec_runner.sweep.executors import workers
-from taskspec_runner.sweep.folder import PAGE, TABLE, TASK, open_sweep, read_part
+from taskspec_runner.sweep.folder import PAGE, TABLE, open_sweep, read_part
 from taskspec_runner.sweep.kept import check as check_keep
 from taskspec_runner.sweep.session import SweepGlimpse, SweepResult, Watch, merged, sweep
 from taskspec_runner.sweep.worlds import Worlds

@@ -17,7 +17,8 @@ from taskspec_runner.compare.folder import PAGE, PICTURE
 from taskspec_runner.compare.overlay import Overlay, overlay, role
 from taskspec_runner.compare.picture import CUT_SHORT, HERE, counted, picture_svg, time_of
 from taskspec_runner.compare.tracking import KINDS, best
-from taskspec_runner.record.folder import REPORT, RunFolder
+from taskspec_runner.record.folder import RunFolder
+from taskspec_runner.record.names import REPORT
 from taskspec_runner.report.chart import tints
 from taskspec_runner.report.drawn import Samples
 from taskspec_runner.report.highlight import highlighted

@@ -10,7 +10,8 @@ from taskspec.deferred_methods import dataclass
 from taskspec.spec import Limits
 from taskspec.text.units import si_unit
 from taskspec_runner.diff.logs import LogDifference, diff_logs
-from taskspec_runner.record.folder import TASK, mapping, mappings, number
+from taskspec_runner.record.folder import mapping, mappings, number
+from taskspec_runner.record.names import TASK
 from taskspec_runner.runs import Run
 from taskspec_runner.verdict.outcome import verdict
 

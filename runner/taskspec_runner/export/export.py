@@ -13,8 +13,9 @@ from taskspec_runner.export.rerun import write_rerun
 from taskspec_runner.export.stream import LogStream
 from taskspec_runner.export.tables import write_csv, write_parquet
 from taskspec_runner.record.extent import Extent
-from taskspec_runner.record.folder import LOG, check_target
+from taskspec_runner.record.folder import check_target
 from taskspec_runner.record.history import unrecorded_of
+from taskspec_runner.record.names import LOG
 from taskspec_runner.record.whole import whole
 from taskspec_runner.runs import RebuildError, Run
 

@@ -19,8 +19,9 @@ from taskspec_runner.export.messages import SIGNALS, definition, signals_message
 from taskspec_runner.export.missing import library
 from taskspec_runner.export.poses import Poses
 from taskspec_runner.export.stream import LogStream
-from taskspec_runner.record.folder import SUMMARY, TASK, json_text, mapping
+from taskspec_runner.record.folder import json_text, mapping
 from taskspec_runner.record.history import History, history_of
+from taskspec_runner.record.names import SUMMARY, TASK
 
 WORLD, TOOL, TASK_FRAME = "world", "tool", "task"
 JOINT_STATES = "/joint_states"

@@ -27,7 +27,6 @@ from taskspec_runner.record.whole import open_regular
 
 Vector = NDArray[np.float64]
 
-BLOCK = "log.block"
 _MARK = int.from_bytes(b"TASKBLK2", "little")
 #: Of the file's head: how long it is, which of its two states holds, and where those are.
 _HEAD, _HOLDS, _STATES = 16, 3, (4, 9)

@@ -13,13 +13,10 @@ from pathlib import Path
 
 from taskspec.text.yaml import MAX_BYTES
 from taskspec_runner.errors import InputError
-from taskspec_runner.record.block import BLOCK, LeftTicks, read_block
+from taskspec_runner.record.block import LeftTicks, read_block
 from taskspec_runner.record.extent import ENDED
 from taskspec_runner.record.folder import (
     LARGEST,
-    LOG,
-    SUMMARY,
-    TASK,
     Json,
     RunFolder,
     mapping,
@@ -27,7 +24,7 @@ from taskspec_runner.record.folder import (
 )
 from taskspec_runner.record.log import LogReader
 from taskspec_runner.record.manifest import FORMAT, SEAL, run_mark, seal
-from taskspec_runner.record.names import MANIFEST
+from taskspec_runner.record.names import BLOCK, LOG, MANIFEST, SUMMARY, TASK
 from taskspec_runner.record.whole import open_regular
 
 _UNSEALED = 1

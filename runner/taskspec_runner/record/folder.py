@@ -14,11 +14,19 @@ from typing import TYPE_CHECKING, Any, Self
 
 from taskspec.deferred_methods import dataclass
 from taskspec_runner.errors import OutputError
-from taskspec_runner.record.block import BLOCK
 from taskspec_runner.record.extent import ENDED
 from taskspec_runner.record.lock import LOCK, FolderLock, holder
 from taskspec_runner.record.manifest import RUNNING, SEAL, now, seal
-from taskspec_runner.record.names import MANIFEST
+from taskspec_runner.record.names import (
+    BLOCK,
+    CRASH,
+    EXPORTS,
+    LOG,
+    MANIFEST,
+    REPORT,
+    SUMMARY,
+    TASK,
+)
 from taskspec_runner.record.whole import PARTIAL, open_regular, write_whole
 
 if TYPE_CHECKING:
@@ -26,11 +34,7 @@ if TYPE_CHECKING:
 
 Json = Mapping[str, Any]
 
-TASK, LOG = "task.yaml", "log.arrow"
-SUMMARY, REPORT, CRASH = "summary.json", "report.html", "crash.txt"
 _OWN = (TASK, MANIFEST, LOG, BLOCK, SUMMARY, REPORT, CRASH)
-#: What `export` puts beside them.
-EXPORTS = ("log.csv", "log.parquet", "log.mcap", "log.rrd")
 
 #: Where runs go that are not told where to go.
 RUNS = Path("runs")

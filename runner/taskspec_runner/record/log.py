@@ -13,8 +13,9 @@ from pathlib import Path
 import pyarrow as pa
 
 from taskspec_runner.errors import OutputError
-from taskspec_runner.record.block import BLOCK, Block
+from taskspec_runner.record.block import Block
 from taskspec_runner.record.history import STAGE, History, HistoryBuilder
+from taskspec_runner.record.names import BLOCK
 from taskspec_runner.record.whole import open_regular
 
 #: What a batch says: its number from 0, ticks before it, its run, SHA-256 of what is before it.

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 from taskspec import __version__
 from taskspec.spec import LoadedTask
 from taskspec.text.characters import normal
+from taskspec_runner.record.names import LOG, SUMMARY, TASK
 
 if TYPE_CHECKING:
     from taskspec.analysis.worlds import World
@@ -77,9 +78,9 @@ def opening(program: Program, content: bytes, world: World) -> dict[str, Any]:
         "why_python": None,
         "exit_code": None,
         "sha256": {
-            "task.yaml": hashlib.sha256(content).hexdigest(),
-            "log.arrow": None,
-            "summary.json": None,
+            TASK: hashlib.sha256(content).hexdigest(),
+            LOG: None,
+            SUMMARY: None,
         },
     }
 
@@ -119,7 +120,7 @@ def seal(content: Mapping[str, Any]) -> str:
 def run_mark(manifest: Mapping[str, Any]) -> str:
     """What batches of a log say of their run: the same for the same task, overrides and world."""
     sums = manifest.get("sha256")
-    task = sums.get("task.yaml") if isinstance(sums, Mapping) else None
+    task = sums.get(TASK) if isinstance(sums, Mapping) else None
     parts = [task, *(manifest.get(key) for key in ("overrides", "seed", "world"))]
     said = json.dumps(parts, sort_keys=True)
     return hashlib.sha256(said.encode()).hexdigest()[:16]

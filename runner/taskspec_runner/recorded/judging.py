@@ -15,11 +15,11 @@ from taskspec.program.program import Program
 from taskspec.spec import LoadedTask
 from taskspec_runner.errors import OutputError
 from taskspec_runner.loop.fixed_step import DONE, FAILED, Outcome
-from taskspec_runner.record import folder as folders
 from taskspec_runner.record import manifest
 from taskspec_runner.record.folder import open_folder
 from taskspec_runner.record.history import Visit
 from taskspec_runner.record.log import Log
+from taskspec_runner.record.names import TASK
 from taskspec_runner.recorded.column_map import read_columns
 from taskspec_runner.recorded.recording import ForeignLog, read_recording
 from taskspec_runner.runs import ROWS, Run
@@ -58,7 +58,7 @@ def judge_recording(
     ):
         opening = manifest.opening(program, content, true_world(program.context))
         folder.note(**opening | {"seed": None, "recorded": facts})
-        folder.write(folders.TASK, content)
+        folder.write(TASK, content)
         history = recording.history
         with closing(Log(folder.log, keep=False, run=manifest.run_mark(folder.manifest))) as kept:
             for batch in history.batches(ROWS):

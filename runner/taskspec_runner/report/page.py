@@ -10,7 +10,8 @@ from typing import Any
 from markupsafe import Markup
 
 from taskspec.program.execution.transition import FAIL
-from taskspec_runner.record.folder import REPORT, Json, mapping, mappings, number
+from taskspec_runner.record.folder import Json, mapping, mappings, number
+from taskspec_runner.record.names import REPORT
 from taskspec_runner.record.whole import write_whole
 from taskspec_runner.report import annotated, drawn, figures, tables
 from taskspec_runner.report.chart import Chart, Section, tints

@@ -13,11 +13,11 @@ from taskspec_runner.errors import InputError, OutputError
 from taskspec_runner.record import folder as folders
 from taskspec_runner.record.folder import RUNS, Json, RunFolder, plain
 from taskspec_runner.record.lock import FolderLock
+from taskspec_runner.record.names import TASK
 from taskspec_runner.record.whole import open_regular
 from taskspec_runner.sweep.world_run import Row
 
 SWEEP, TABLE, PAGE, JOURNAL = "sweep.json", "worlds.parquet", "sweep.html", "worlds.jsonl"
-TASK = folders.TASK
 #: Of runs that are kept, below the sweep's folder.
 KEPT = "worlds"
 FORMAT = 1

@@ -65,15 +65,10 @@ class _Continuation:
     pressed: Mapping[Axis, ca.SX]
 
 
-def entering(
-    plan: StagePlan,
-    gains: Gains,
-    measurement: Measurement,
-    initial: Mapping[str, float],
-    probe: ca.Function,
-    own: ca.Function,
-) -> StageEntry:
+class Entering:
     """How a stage is entered from the reference that is handed over.
+
+    Holds the expressions of the entry while they are found, one after the other.
 
     Args:
         plan: of the stage.
@@ -82,11 +77,6 @@ def entering(
         initial: slots of the memory that do not start at 0.
         probe, own: of the stage; see `outputs.probe` and `CompiledStage`.
     """
-    return _Entering(plan, gains, measurement, initial, probe, own).entry()
-
-
-class _Entering:
-    """The expressions of an entry while they are found, one after the other."""
 
     def __init__(
         self,

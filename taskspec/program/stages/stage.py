@@ -22,7 +22,7 @@ from taskspec.program.slots import Slots, gain_slot
 from taskspec.program.stages.candidates import Choice, candidates
 from taskspec.program.stages.commanded import Commanded, command
 from taskspec.program.stages.conditions import limit_conditions, stage_conditions
-from taskspec.program.stages.entry import StageEntry, entering
+from taskspec.program.stages.entry import Entering, StageEntry
 from taskspec.program.stages.hand_over import leaving
 from taskspec.program.stages.outputs import outputs, probe
 
@@ -115,7 +115,7 @@ def compile_stage(plan: StagePlan, *, to_run: bool = True) -> CompiledStage:
         initial=initial,
         events=events,
         tick=ca.Function("tick", arguments, results, {"cse": to_run}),
-        entry=entering(plan, filled.gains, measurement, initial, at_entry, own),
+        entry=Entering(plan, filled.gains, measurement, initial, at_entry, own).entry(),
         leaving=leaving(plan) if to_run else None,
         own=own,
         choice=candidates(arguments, commanded),

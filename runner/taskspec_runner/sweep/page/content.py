@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 from taskspec.spec import Task
 from taskspec.text.units import in_unit, number, scaled
+from taskspec_runner.record.names import TASK
 from taskspec_runner.report.highlight import highlighted
 from taskspec_runner.report.template import part, script, template
-from taskspec_runner.sweep.folder import TASK
 from taskspec_runner.sweep.page.columns import PEAKS, WorldColumn, columns, world_data
 from taskspec_runner.sweep.page.commands import command_stem, kept_reports
 from taskspec_runner.sweep.statistics import Influence, parameters
