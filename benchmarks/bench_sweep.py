@@ -26,13 +26,12 @@ from taskspec.compiler import compile_task
 from taskspec.program.program import Program
 from taskspec.spec import load_task
 from taskspec_runner.loop.assembly import assemble
-from taskspec_runner.loop.fixed_step import ClosedLoop
+from taskspec_runner.loop.fixed_step import LOOP, ClosedLoop
 from taskspec_runner.loop.native.code import Compiling
 from taskspec_runner.loop.native.loop import NativeLoop
 from taskspec_runner.loop.sensing import Sensing
 from taskspec_runner.record.layout import LogLayout
 from taskspec_runner.record.rows import RowKeeper
-from taskspec_runner.session import LOOP
 from taskspec_runner.sweep.executors import Workers
 from taskspec_runner.sweep.session import sweep
 from taskspec_runner.sweep.world_run import run_world

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import contextlib
-import os
 import time
 from collections.abc import Callable
 from pathlib import Path
 
-from taskspec.analysis.worlds import World, random_world, true_world
+from taskspec.analysis.worlds import World, draws_of, random_world, true_world
 from taskspec.compiler import compile_task
 from taskspec.deferred_methods import dataclass
 from taskspec.geometry.axis import AXES
@@ -18,7 +17,7 @@ from taskspec.robot.description import listening
 from taskspec.spec import LoadedTask
 from taskspec_runner.errors import InputError, OutputError, RunCrashedError
 from taskspec_runner.loop.assembly import assemble
-from taskspec_runner.loop.fixed_step import NATIVE, PYTHON, STOPPED, Outcome, TickSink
+from taskspec_runner.loop.fixed_step import STOPPED, Outcome, TickSink, loop_wanted
 from taskspec_runner.loop.fixed_step import run as simulate
 from taskspec_runner.loop.interrupt import BY_SIGNAL, Interrupt, Termination, signal_of
 from taskspec_runner.loop.telemetry import Tap, Telemetry
@@ -30,9 +29,6 @@ from taskspec_runner.runs import Run
 from taskspec_runner.verdict.judge import judge_run
 from taskspec_runner.verdict.performance import solver_counts
 from taskspec_runner.verdict.summary import Simulated, reason_of, summarise
-
-#: A variable of the environment that names the loop of runs that do not name it.
-LOOP = "TASKSPEC_LOOP"
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,9 +91,20 @@ def execute(
 
 
 def world_numbered(program: Program, seed: int, number: int | None) -> World:
-    """A random world of a program's task, or with no number the true one."""
+    """A random world of a program's task, or with no number the true one.
+
+    Raises:
+        InputError: nothing varies, and the world has another number than 0.
+    """
     context = program.context
-    return true_world(context, seed) if number is None else random_world(context, seed, number)
+    if number is None:
+        return true_world(context, seed)
+    if number and not draws_of(context):
+        raise InputError(
+            "nothing varies in this task, so that all its worlds are alike; "
+            "give it a 'vary', or leave out the number of a world"
+        )
+    return random_world(context, seed, number)
 
 
 def execute_program(
@@ -129,7 +136,7 @@ def execute_program(
         RunCrashedError: an internal error; the log holds every tick up to it.
         KeyboardInterrupt: interrupted outside the simulation itself; `Terminated` unless by SIGINT.
     """
-    wanted = _loop_wanted(loop)
+    wanted = loop_wanted(loop)
     with Termination():
         world = true_world(program.context) if world is None else world
         return _execute(program, out, _Manner(world, progress, report, telemetry, wanted))
@@ -233,24 +240,6 @@ def _simulate(program: Program, folder: RunFolder, manner: _Manner) -> tuple[Sim
             text, reason = str(error) or "interrupted by the user", reason_of(by_signal)
             outcome = Outcome(STOPPED, reason, text, machine.stage.name, 0.0, 0)
     return Simulated(outcome, machine.transitions, solver_counts(machine), by_signal), log
-
-
-def _loop_wanted(loop: str | None) -> str | None:
-    """The loop that is wanted, by the caller or the environment.
-
-    Raises:
-        InputError: there is none of that name, or not here.
-    """
-    named = loop or os.environ.get(LOOP) or None
-    if named not in (None, NATIVE, PYTHON):
-        raise InputError(f"{LOOP} names {NATIVE} or {PYTHON}, not {named!r}")
-    if named == NATIVE:
-        from taskspec.native.engine import missing
-
-        why = missing()
-        if why is not None:
-            raise InputError(f"the native loop cannot be had: {why}")
-    return named
 
 
 def _watch(interrupt: Interrupt, progress: Progress | None) -> Callable[[Machine, float], None]:

@@ -69,8 +69,8 @@ def corners(context: Context, objects: Sequence[str], budget: Budget) -> Iterato
         objects: that the stage touches or holds.
         budget: of worlds; where all are more than that, one value varies at a time.
     """
-    components = dict(_components(context, objects))
-    parts = list(_uncertain(context, components))
+    found = dict(components(context, lambda path: _matters(path, objects)))
+    parts = list(_uncertain(context, found))
     if not parts:
         if truth := otherwise(context, lambda path: _matters(path, objects)):
             yield at(context, truth)
@@ -79,11 +79,11 @@ def corners(context: Context, objects: Sequence[str], budget: Budget) -> Iterato
     if len(parts) <= MOST_AT_ONCE and budget.take(count):
         for values in itertools.product(*(part.values for part in parts)):
             drawn = {part.name: value for part, value in zip(parts, values, strict=True)}
-            yield _corner(context, components, drawn)
+            yield _corner(context, found, drawn)
         return
     for part in parts:
         for value in part.values:
-            yield _corner(context, components, {part.name: value})
+            yield _corner(context, found, {part.name: value})
 
 
 def at(context: Context, values: Mapping[Component, float]) -> Corner:
@@ -95,15 +95,26 @@ def at(context: Context, values: Mapping[Component, float]) -> Corner:
 
 
 def _corner(
-    context: Context, components: Mapping[Component, Variation], drawn: Mapping[str, float]
+    context: Context, varied: Mapping[Component, Variation], drawn: Mapping[str, float]
 ) -> Corner:
     """The world of some draws; what follows from others stays as it is."""
     values = {
         part: each.value(nominal(context, *part), drawn)
-        for part, each in components.items()
+        for part, each in varied.items()
         if all(draw.name in drawn for draw in each.draws)
     }
     return at(context, values)
+
+
+def components(
+    context: Context, wanted: Callable[[str], bool] = lambda _: True
+) -> Iterator[tuple[Component, Variation]]:
+    """The components of `vary`, of the paths that are wanted, in the order of the file."""
+    for path, entry in context.loaded.task.vary.items():
+        if wanted(path):
+            for i, variation in enumerate(entry):
+                if variation is not None:
+                    yield (path, i if len(entry) > 1 else None), variation
 
 
 def otherwise(context: Context, wanted: Callable[[str], bool]) -> dict[Component, float]:
@@ -129,18 +140,9 @@ def _matters(path: str, objects: Sequence[str]) -> bool:
     return path in _OF_THE_ROBOT
 
 
-def _components(context: Context, objects: Sequence[str]) -> Iterator[tuple[Component, Variation]]:
-    for path, components in context.loaded.task.vary.items():
-        if not _matters(path, objects):
-            continue
-        for i, variation in enumerate(components):
-            if variation is not None:
-                yield (path, i if len(components) > 1 else None), variation
-
-
-def _uncertain(context: Context, components: Mapping[Component, Variation]) -> Iterator[Uncertain]:
+def _uncertain(context: Context, varied: Mapping[Component, Variation]) -> Iterator[Uncertain]:
     seen = set()
-    for part, variation in components.items():
+    for part, variation in varied.items():
         for draw in variation.draws:
             if draw.name in seen:
                 continue

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import itertools
 from collections.abc import Iterator, Mapping
 from dataclasses import field
 from statistics import NormalDist
@@ -11,7 +10,15 @@ from typing import Any
 
 import numpy as np
 
-from taskspec.analysis.corners import Component, at, bounded, nominal, otherwise, value_of
+from taskspec.analysis.corners import (
+    Component,
+    at,
+    bounded,
+    components,
+    nominal,
+    otherwise,
+    value_of,
+)
 from taskspec.deferred_methods import dataclass
 from taskspec.geometry.axis import AXES
 from taskspec.program.context import Context
@@ -70,7 +77,7 @@ def world_of(
 ) -> World:
     """The world of some random numbers; what follows from none of them is as `truth` has it."""
     values = {}
-    for part, variation in _components(context):
+    for part, variation in components(context):
         if all(draw.name in draws for draw in variation.draws):
             target = context.loaded.task.target_of(part[0])
             value = variation.value(nominal(context, *part), draws)
@@ -106,25 +113,50 @@ def random_world(context: Context, seed: int, number: int) -> World:
     return world_of(context, found, seed, number, f"world {number}")
 
 
-def corner_worlds(context: Context, seed: int = 0) -> Iterator[World]:
-    """All worlds in which every random number is at an end; of many, one number at a time."""
+def corner_count(context: Context) -> int:
+    """How many corners there are: worlds in which every random number is at an end.
+
+    Of many numbers, one at a time is.
+    """
+    count = len(draws_of(context))
+    return 2**count if count <= MOST_CORNERS else 2 * count
+
+
+def corner_world(context: Context, index: int, seed: int = 0) -> World:
+    """One of the corners, by its number from 0."""
     ends = {draw.name: (draw.low, draw.high) for draw in draws_of(context)}
-    if len(ends) <= MOST_CORNERS:
-        chosen = [dict(zip(ends, v, strict=True)) for v in itertools.product(*ends.values())]
+    names, count = list(ends), len(ends)
+    if count <= MOST_CORNERS:
+        digits = _digits(index, 2, count)
+        draws = {name: ends[name][digit] for name, digit in zip(names, digits, strict=True)}
     else:
-        chosen = [{name: end} for name, both in ends.items() for end in both]
-    for i, draws in enumerate(chosen):
-        yield world_of(context, draws, seed, None, f"corner {i}")
+        name = names[index // 2]
+        draws = {name: ends[name][index % 2]}
+    return world_of(context, draws, seed, None, f"corner {index}")
 
 
-def grid_worlds(context: Context, points: int, seed: int = 0) -> Iterator[World]:
-    """The grid of `points` values of every random number, from end to end."""
-    axes = {
-        draw.name: np.linspace(draw.low, draw.high, points).tolist() for draw in draws_of(context)
+def grid_count(context: Context, points: int) -> int:
+    """How many worlds a grid of so many values of every random number has."""
+    return int(points ** len(draws_of(context)))
+
+
+def grid_world(context: Context, points: int, index: int, seed: int = 0) -> World:
+    """One world of the grid of `points` values of every random number, from end to end."""
+    found = list(draws_of(context))
+    draws = {
+        draw.name: float(np.linspace(draw.low, draw.high, points)[digit])
+        for draw, digit in zip(found, _digits(index, points, len(found)), strict=True)
     }
-    for i, values in enumerate(itertools.product(*axes.values())):
-        draws = dict(zip(axes, values, strict=True))
-        yield world_of(context, draws, seed, None, f"grid point {i}")
+    return world_of(context, draws, seed, None, f"grid point {index}")
+
+
+def _digits(number: int, base: int, count: int) -> list[int]:
+    """The digits of a number, the last one counts the ones."""
+    found = []
+    for _ in range(count):
+        number, digit = divmod(number, base)
+        found.append(digit)
+    return found[::-1]
 
 
 def draws_of(context: Context) -> dict[Draw, tuple[Component, Variation] | None]:
@@ -133,7 +165,7 @@ def draws_of(context: Context) -> dict[Draw, tuple[Component, Variation] | None]
     None is the component of a number that has a name.
     """
     found: dict[Draw, tuple[Component, Variation] | None] = {}
-    for part, variation in _components(context):
+    for part, variation in components(context):
         for draw in variation.draws:
             found[draw] = (part, variation) if variation.formula is None else None
     return found
@@ -215,13 +247,6 @@ def _otherwise_in_words(told: Task, true: Task) -> Iterator[Deviation]:
             "the controller's" if rate is None else show(rate, "Hz") for rate in rates
         )
         yield Deviation("robot.sensor.rate", None, None, (was_rate, now_rate))
-
-
-def _components(context: Context) -> Iterator[tuple[Component, Variation]]:
-    for path, components in context.loaded.task.vary.items():
-        for i, variation in enumerate(components):
-            if variation is not None:
-                yield (path, i if len(components) > 1 else None), variation
 
 
 def _ends(

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from itertools import chain
-from typing import Any, ClassVar, get_args
+from typing import Annotated, Any, ClassVar, get_args, get_origin
 
 from pydantic import (
     BaseModel,
@@ -13,6 +13,7 @@ from pydantic import (
     ValidationInfo,
     model_validator,
 )
+from pydantic.fields import FieldInfo
 from pydantic_core import CoreSchema, PydanticCustomError
 
 from taskspec.spec.parse_context import ParseContext, kind_of, span_of
@@ -70,9 +71,7 @@ class Model(BaseModel):
         Raises:
             KeyError: it holds none.
         """
-        field = cls.model_fields[key]
-        nested = (get_args(each)[1:] for each in (field.annotation, *get_args(field.annotation)))
-        for each in (*field.metadata, *chain.from_iterable(nested)):
+        for each in field_types(cls.model_fields[key]):
             dimension = getattr(each, "dimension", None)
             if isinstance(dimension, Dimension):
                 return dimension
@@ -146,3 +145,11 @@ def short_form(data: object, key: str) -> object:
     full = Map({key: data})
     full.node = MappingNode(node.span, flow=True, entries={key: (node, node)})
     return full
+
+
+def field_types(field: FieldInfo) -> Iterator[object]:
+    """What reads a field: the metadata of its annotation, and of those that it is a union of."""
+    nested = (
+        get_args(each)[1:] for each in get_args(field.annotation) if get_origin(each) is Annotated
+    )
+    yield from chain(field.metadata, *nested)

@@ -11,18 +11,19 @@ from pydantic_core import CoreSchema, core_schema
 from taskspec.spec.equation import EquationObject, JointEquation, kind_of_text
 from taskspec.spec.fields import MECHANISMS
 from taskspec.spec.mechanism import OF_KIND, Hinge, Mechanism, Screw, Slide
-from taskspec.spec.model import mapping
+from taskspec.spec.model import Model, mapping
 from taskspec.spec.world import Shape
 from taskspec.text.data import Map
 
 Object = Shape | EquationObject | Mechanism
 
-_MODELS: dict[str, type[BaseModel]] = {
+MODELS: dict[str, type[Model]] = {
     "shape": Shape,
     "equation": EquationObject,
     "joint equation": JointEquation,
     **OF_KIND,
 }
+"""What an object of `world` is read as, by its kind."""
 
 
 def kind_of_object(data: object) -> str:
@@ -43,7 +44,7 @@ class ByKind:
     def __get_pydantic_core_schema__(
         self, source: Any, handler: GetCoreSchemaHandler
     ) -> CoreSchema:
-        choices = {kind: handler.generate_schema(model) for kind, model in _MODELS.items()}
+        choices = {kind: handler.generate_schema(model) for kind, model in MODELS.items()}
         return core_schema.tagged_union_schema(choices, discriminator=_tag)
 
     def __get_pydantic_json_schema__(
@@ -55,7 +56,7 @@ class ByKind:
 
 def _tag(value: Any) -> str:
     if isinstance(value, BaseModel):
-        return next(kind for kind, model in _MODELS.items() if type(value) is model)
+        return next(kind for kind, model in MODELS.items() if type(value) is model)
     return kind_of_object(value)
 
 
@@ -79,4 +80,14 @@ def mechanisms(world: Mapping[str, Object]) -> dict[str, Mechanism]:
     return {name: o for name, o in world.items() if isinstance(o, Mechanism)}
 
 
-__all__ = ["ByKind", "Hinge", "Object", "Screw", "Slide", "equations", "mechanisms", "shapes"]
+__all__ = [
+    "MODELS",
+    "ByKind",
+    "Hinge",
+    "Object",
+    "Screw",
+    "Slide",
+    "equations",
+    "mechanisms",
+    "shapes",
+]

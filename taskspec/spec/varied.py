@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from itertools import chain
 from types import MappingProxyType
-from typing import Annotated, Any, get_args, get_origin
+from typing import get_args
 
 from pydantic.fields import FieldInfo
 
 from taskspec.deferred_methods import dataclass
-from taskspec.spec.equation import EquationObject, JointEquation
-from taskspec.spec.mechanism import OF_KIND
-from taskspec.spec.model import Model
+from taskspec.spec.model import Model, field_types
+from taskspec.spec.objects import MODELS
 from taskspec.spec.quantities import Constant, Entries, ForJoints
 from taskspec.spec.robot import Payload, Robot, Sensor, Tool
-from taskspec.spec.world import Shape
 from taskspec.text.units import Dimension
 
 
@@ -46,19 +43,13 @@ def _targets(model: type[Model]) -> Iterator[tuple[str, VariedValue]]:
         below = [kind for kind in _kinds(field) if issubclass(kind, Model)]
         for kind in below:
             yield from ((f"{name}.{key}", each) for key, each in _targets(kind))
-        for each in _field_types(field):
+        for each in field_types(field):
             if isinstance(each, Constant):
                 yield name, VariedValue((each.dimension,), each.above, each.least, each.most)
             elif isinstance(each, Entries):
                 yield name, VariedValue(each.dimensions, each.above)
             elif isinstance(each, ForJoints):
                 yield name, VariedValue((each.dimension,), least=0.0)
-
-
-def _field_types(field: FieldInfo) -> Iterator[object]:
-    """What reads a field: the metadata of its annotation, and of those that it is a union of."""
-    nested = (get_args(each)[1:] for each in get_args(field.annotation) if _annotated(each))
-    yield from chain(field.metadata, *nested)
 
 
 def _kinds(field: FieldInfo) -> Iterator[type]:
@@ -68,18 +59,7 @@ def _kinds(field: FieldInfo) -> Iterator[type]:
             yield each
 
 
-def _annotated(annotation: Any) -> bool:
-    return get_origin(annotation) is Annotated
-
-
-_OF_KIND: dict[str, type[Model]] = {
-    "shape": Shape,
-    "equation": EquationObject,
-    "joint equation": JointEquation,
-    **OF_KIND,
-}
-
-OBJECT = MappingProxyType({kind: targets(model) for kind, model in _OF_KIND.items()})
+OBJECT = MappingProxyType({kind: targets(model) for kind, model in MODELS.items()})
 """Values of an object, by its kind."""
 
 _SENSOR = ("delay", "noise.force", "noise.torque", "bias", "filter")

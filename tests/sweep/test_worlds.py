@@ -10,10 +10,12 @@ import numpy as np
 import pytest
 
 from taskspec.analysis.worlds import (
-    corner_worlds,
+    corner_count,
+    corner_world,
     deviations,
     draws_of,
-    grid_worlds,
+    grid_count,
+    grid_world,
     random_world,
     true_world,
     world_from,
@@ -125,8 +127,26 @@ def test_values_with_a_common_name_vary_together():
         k = values["world.table.stiffness", None]
         assert 10e3 <= k <= 20e3
         assert values["world.wall.stiffness", None] == 2 * k
-    assert len(list(corner_worlds(found))) == 4
-    assert len(list(grid_worlds(found, 3))) == 9
+    assert corner_count(found) == 4
+    corners = [corner_world(found, index).draws for index in range(4)]
+    assert corners == [{"dz": z, "k": k} for z in (-6e-3, 6e-3) for k in (10e3, 20e3)]
+    assert grid_count(found, 3) == 9
+    points = [grid_world(found, 3, index).draws for index in range(9)]
+    values = (-6e-3, 0.0, 6e-3), (10e3, 15e3, 20e3)
+    assert points == [{"dz": z, "k": k} for z in values[0] for k in values[1]]
+    # The last of a million costs what the first one does.
+    assert grid_world(found, 1000, 999_999).draws == {"dz": 6e-3, "k": 20e3}
+
+
+def test_of_many_numbers_one_at_a_time_is_at_an_end():
+    six = "xyz: [+- 1 mm, +- 1 mm, +- 1 mm]", "rpy: [+- 1 deg, +- 1 deg, +- 1 deg]"
+    each = [f"world.{name}.{entry}" for name in ("table", "wall") for entry in six]
+    found = context(f"vary: {{{', '.join(each)}, world.table.friction: 0..1}}\n")
+    assert corner_count(found) == 26
+    ends = [corner_world(found, index).draws for index in range(26)]
+    assert ends[0] == {"world.table.xyz.0": -1e-3}
+    assert ends[1] == {"world.table.xyz.0": 1e-3}
+    assert ends[24:] == [{"world.table.friction": 0}, {"world.table.friction": 1}]
 
 
 def test_vary_is_about_the_truth():
@@ -134,7 +154,7 @@ def test_vary_is_about_the_truth():
         "truth: {world.table.xyz: [0, 0, 302 mm], world.table.stiffness: 10 kN/m}\n"
         "vary: {world.table.xyz: [0, 0, +- 1 mm], world.table.stiffness: +- 10 %}\n"
     )
-    corners = list(corner_worlds(found))
+    corners = [corner_world(found, i) for i in range(corner_count(found))]
     places = {each.values["world.table.xyz", 2] for each in corners}
     assert sorted(places) == pytest.approx([0.301, 0.303])
     stiffness = {each.values["world.table.stiffness", None] for each in corners}

@@ -7,13 +7,12 @@ from __future__ import annotations
 
 import gc
 import os
-import signal
-import threading
 from collections.abc import Callable, Generator, Iterator, Sequence
-from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
+
+from taskspec_runner.loop.interrupt import begin_worker, deaf
 
 if TYPE_CHECKING:
     from multiprocessing.synchronize import Event
@@ -23,9 +22,6 @@ T = TypeVar("T")
 #: Fewer files than these are done before further processes have loaded their libraries.
 FEWEST = 100
 _AT_ONCE = 8
-_SIGNALS = {
-    getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
-}
 #: Of a process of the pool: set once nobody waits for its results any more.
 _over: Event | None = None
 
@@ -80,26 +76,13 @@ def _shared(
     over = context.Event()
     pool = ProcessPoolExecutor(processes, context, initializer=_begin, initargs=(over,))
     try:
-        with _deaf():
+        with deaf():
             results = pool.map(partial(_unless_over, work), files, chunksize=at_once)
         yield from results
     finally:
         # Files that have been handed out are dropped too: an interruption waits for one at most.
         over.set()
         pool.shutdown(wait=True, cancel_futures=True)
-
-
-@contextmanager
-def _deaf() -> Iterator[None]:
-    """Keeps signals for later, so that processes are begun whole, and deaf too until they begin."""
-    if not hasattr(signal, "pthread_sigmask"):
-        yield
-        return
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, _SIGNALS)
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _unless_over(work: Callable[[Path], T], path: Path) -> T:
@@ -114,20 +97,7 @@ def _begin(over: Event) -> None:
     global _over
     _over = over
     collect_rarely()
-    # Ctrl-C reaches every process of a terminal; the first one ends the others.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    if hasattr(signal, "pthread_sigmask"):
-        signal.pthread_sigmask(signal.SIG_UNBLOCK, _SIGNALS)
-    threading.Thread(target=_end_with_parent, daemon=True).start()
-
-
-def _end_with_parent() -> None:
-    import multiprocessing
-
-    parent = multiprocessing.parent_process()
-    if parent is not None:
-        parent.join()
-        os._exit(1)
+    begin_worker()
 
 
 def processors() -> int:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import sys
 import time
 from collections.abc import Iterator, Sequence
@@ -14,6 +13,7 @@ import typer
 
 from taskspec.spec import load_text
 from taskspec_runner.cli.formats import RunFormat
+from taskspec_runner.cli.parallel import processors
 from taskspec_runner.cli.run import admitted
 from taskspec_runner.errors import InputError
 from taskspec_runner.loop.interrupt import Termination
@@ -60,7 +60,7 @@ def sweep_task(
     worlds = Worlds.of(program.context, seed, count, corners=corners, points=grid or 0)
     with (
         Termination(),
-        workers(executor, jobs or _processors()) as found,
+        workers(executor, jobs or processors()) as found,
         _progress(shown=not quiet and sys.stderr.isatty()) as watch,
     ):
         result = sweep(program, worlds, out, workers=found, shard=share, keep=keep, watch=watch)
@@ -121,10 +121,6 @@ def _told(result: SweepResult, *, quiet: bool, form: RunFormat) -> int:
     else:
         show_sweep(result, quiet=quiet)
     return int(result.summary["exit_code"])
-
-
-def _processors() -> int:
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 @contextmanager

@@ -8,11 +8,12 @@ from typing import Any
 import typer
 from rich.text import Text
 
+from taskspec.analysis.worlds import component_dimension
 from taskspec.text.units import number, scaled
 from taskspec_runner.cli.console import show, table
 from taskspec_runner.sweep.folder import PAGE, TABLE
 from taskspec_runner.sweep.session import SweepResult
-from taskspec_runner.sweep.summary import MET, UNDECIDED, dimension_of, foretold_text, rate_text
+from taskspec_runner.sweep.summary import MET, UNDECIDED, foretold_text, rate_text
 
 _STYLES = {MET: "bold green", UNDECIDED: "bold yellow"}
 #: Influences that are told, at most; and of how likely chance is at the most.
@@ -83,7 +84,7 @@ def _depends(result: SweepResult) -> Iterator[str]:
     if worst is not None:
         row = result.rows[worst["world"]]
         values = [
-            f"{name} = {scaled(value, dimension_of(task, name), 3)}"
+            f"{name} = {scaled(value, component_dimension(task, name), 3)}"
             for name, value in row.items()
             if name.startswith(("world.", "robot.")) and value is not None
         ]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import sys
 from collections.abc import Callable
 from dataclasses import replace
@@ -28,6 +29,8 @@ LOOK_EVERY = 20
 
 #: Loops by their names.
 NATIVE, PYTHON = "native", "python"
+#: A variable of the environment that names the loop of runs that do not name it.
+LOOP = "TASKSPEC_LOOP"
 #: A run that is shorter is over before llvmlite is loaded and code compiled, if it has to be.
 _WORTH = 5000
 #: Ticks from one question to the next whether machine code has been compiled.
@@ -107,6 +110,24 @@ class ClosedLoop:
 
 #: Called now and then with the machine and the simulated time.
 Progress = Callable[[Machine, float], None]
+
+
+def loop_wanted(loop: str | None) -> str | None:
+    """The loop that is wanted, by the caller or the environment.
+
+    Raises:
+        InputError: there is none of that name, or not here.
+    """
+    named = loop or os.environ.get(LOOP) or None
+    if named not in (None, NATIVE, PYTHON):
+        raise InputError(f"{LOOP} names {NATIVE} or {PYTHON}, not {named!r}")
+    if named == NATIVE:
+        from taskspec.native.engine import missing
+
+        why = missing()
+        if why is not None:
+            raise InputError(f"the native loop cannot be had: {why}")
+    return named
 
 
 def run(

@@ -1,10 +1,16 @@
-"""Signals during a run: heard at once, heeded between two ticks, so that the log stays whole."""
+"""Signals during a run: heard at once, heeded between two ticks, so that the log stays whole.
+
+And those of processes that work for this one: they leave Ctrl-C to it, and end when it does.
+"""
 
 from __future__ import annotations
 
+import os
 import signal
 import threading
 from abc import ABC, abstractmethod
+from collections.abc import Iterator
+from contextlib import contextmanager
 from types import FrameType
 from typing import Any, Self
 
@@ -14,6 +20,7 @@ BY_SIGNAL = 128
 _TERMINATING = tuple(
     getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)
 )
+_ALL = {signal.SIGINT, *_TERMINATING}
 
 
 class Terminated(KeyboardInterrupt):
@@ -96,3 +103,34 @@ class Interrupt(_Handlers):
     def _hear(self, number: int, _frame: FrameType | None) -> None:
         self._pending = number
         self._restore()
+
+
+@contextmanager
+def deaf() -> Iterator[None]:
+    """Keeps signals for later, so that processes are begun whole, and deaf too until they begin."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, _ALL)
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def begin_worker() -> None:
+    """What a process that works for another one does first; it ends with that one."""
+    # Ctrl-C reaches every process of a terminal; the first one ends the others.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    if hasattr(signal, "pthread_sigmask"):
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, _ALL)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    import multiprocessing
+
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)

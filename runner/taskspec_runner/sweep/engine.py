@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import multiprocessing
-import os
-import signal
-import threading
 from collections.abc import Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
 from contextlib import contextmanager
+from itertools import islice
 
 from taskspec.deferred_methods import dataclass
+from taskspec_runner.loop.fixed_step import NATIVE, PYTHON, loop_wanted
+from taskspec_runner.loop.interrupt import begin_worker, deaf
 from taskspec_runner.sweep.bundle import Bundle, program_of
 from taskspec_runner.sweep.world_run import Row, run_world
 from taskspec_runner.sweep.worlds import Worlds
@@ -51,16 +51,11 @@ def run_work(work: Work) -> list[Row]:
     ]
 
 
-def _loop() -> str | None:
+def _loop() -> str:
     """Machine code from the first tick on, where there is some: it serves all worlds."""
-    from taskspec_runner.loop.fixed_step import NATIVE, PYTHON
-    from taskspec_runner.session import LOOP
-
-    if named := os.environ.get(LOOP):
-        return named
     from taskspec.native.engine import missing
 
-    return PYTHON if missing() is not None else NATIVE
+    return loop_wanted(None) or (PYTHON if missing() else NATIVE)
 
 
 def rows(
@@ -86,14 +81,13 @@ def rows(
         for piece in pieces:
             yield from run_work(piece)
         return
+    left = iter(pieces)
     waiting: set[Future[list[Row]]] = set()
-    for piece in pieces:
-        waiting.add(executor.submit(run_work, piece))
-        if len(waiting) >= jobs * (1 + _WAITING):
-            done, waiting = wait(waiting, return_when=FIRST_COMPLETED)
-            for each in done:
-                yield from each.result()
-    while waiting:
+    while True:
+        room = jobs * (1 + _WAITING) - len(waiting)
+        waiting |= {executor.submit(run_work, piece) for piece in islice(left, room)}
+        if not waiting:
+            return
         done, waiting = wait(waiting, return_when=FIRST_COMPLETED)
         for each in done:
             yield from each.result()
@@ -105,8 +99,11 @@ def processes(jobs: int) -> Iterator[ProcessPoolExecutor]:
     # A process that was forked would share threads and locks with this one.
     context = multiprocessing.get_context("spawn")
     before = set(multiprocessing.active_children())
-    pool = ProcessPoolExecutor(jobs, context, initializer=_begin)
+    pool = ProcessPoolExecutor(jobs, context, initializer=begin_worker)
     try:
+        with deaf():
+            for _ in range(jobs):
+                pool.submit(_nothing)
         yield pool
     except BaseException:
         # What is under way is run again by whoever continues; nobody waits for it here.
@@ -117,14 +114,5 @@ def processes(jobs: int) -> Iterator[ProcessPoolExecutor]:
         pool.shutdown(wait=True, cancel_futures=True)
 
 
-def _begin() -> None:
-    # Ctrl-C reaches every process of a terminal; the first one ends the others.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threading.Thread(target=_end_with_parent, daemon=True).start()
-
-
-def _end_with_parent() -> None:
-    parent = multiprocessing.parent_process()
-    if parent is not None:
-        parent.join()
-        os._exit(1)
+def _nothing() -> None:
+    """What a process is begun with."""

@@ -10,7 +10,7 @@ from taskspec.analysis.worlds import component_dimension
 from taskspec.deferred_methods import dataclass
 from taskspec.spec import Task
 from taskspec.spec.sweep import SUCCESS, RateExpectation
-from taskspec.text.units import Dimension, scaled
+from taskspec.text.units import scaled
 from taskspec_runner.sweep.statistics import Influence, Rate, Region, influences, regions
 from taskspec_runner.sweep.world_run import BROKEN, Row, expectation_keys
 
@@ -197,13 +197,8 @@ def region_text(region: Region, task: Task) -> str:
     """Such as `fails where world.table.friction > 0.34 and world.table.stiffness <= 9 kN/m`."""
     parts = [
         f"{split.parameter} {'>' if split.above else '<='} "
-        f"{scaled(split.value, dimension_of(task, split.parameter), 3)}"
+        f"{scaled(split.value, component_dimension(task, split.parameter), 3)}"
         for split in region.splits
     ]
     share = 100 * region.failed / region.of if region.of else math.nan
     return f"fails where {' and '.join(parts)}: {region.failed} of {region.of} ({share:.0f} %)"
-
-
-def dimension_of(task: Task, parameter: str) -> Dimension:
-    """Of a parameter by its name in the table."""
-    return component_dimension(task, parameter)

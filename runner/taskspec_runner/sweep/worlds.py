@@ -3,12 +3,19 @@
 from __future__ import annotations
 
 import hashlib
-import itertools
 from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any
 
-from taskspec.analysis.worlds import World, corner_worlds, draws_of, grid_worlds, random_world
+from taskspec.analysis.worlds import (
+    World,
+    corner_count,
+    corner_world,
+    draws_of,
+    grid_count,
+    grid_world,
+    random_world,
+)
 from taskspec.deferred_methods import dataclass
 from taskspec.program.context import Context
 from taskspec_runner.errors import InputError
@@ -50,17 +57,16 @@ class Worlds:
         Raises:
             InputError: nothing varies, or there are too many.
         """
-        draws = draws_of(context)
-        if not draws:
+        if not draws_of(context):
             raise InputError(
                 "nothing varies in this task: give it a 'vary', such as "
                 "vary: {world.table.stiffness: 5..80 kN/m}"
             )
         kind = CORNERS if corners else GRID if points else RANDOM
         if corners:
-            count = sum(1 for _ in corner_worlds(context))
+            count = corner_count(context)
         elif points:
-            count = points ** len(draws)
+            count = grid_count(context, points)
         if count > MOST:
             raise InputError(
                 f"{count} worlds are more than the {MOST} that a sweep may have"
@@ -73,10 +79,8 @@ class Worlds:
         if self.kind == RANDOM:
             return random_world(context, self.seed, index)
         if self.kind == CORNERS:
-            found = corner_worlds(context, self.seed)
-        else:
-            found = grid_worlds(context, self.points, self.seed)
-        return next(itertools.islice(found, index, None))
+            return corner_world(context, index, self.seed)
+        return grid_world(context, self.points, index, self.seed)
 
     def as_data(self) -> dict[str, Any]:
         """What a sweep says of them."""

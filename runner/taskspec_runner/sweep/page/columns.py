@@ -8,12 +8,13 @@ from typing import Any
 
 import numpy as np
 
+from taskspec.analysis.worlds import component_dimension
 from taskspec.deferred_methods import dataclass
 from taskspec.spec import Task
 from taskspec.text.units import FORCE, MOMENT, TIME, VELOCITY, Dimension, in_unit, suited
 from taskspec_runner.report.template import prose
 from taskspec_runner.sweep.statistics import Influence, Vector, parameters
-from taskspec_runner.sweep.summary import dimension_of, expectation_texts
+from taskspec_runner.sweep.summary import expectation_texts
 from taskspec_runner.sweep.world_run import Row
 
 #: Of what a tool went through, the largest of a world.
@@ -69,7 +70,7 @@ def columns(task: Task, rows: Sequence[Row], influences: Sequence[Influence]) ->
     """What varies, the most influential first, then the margin, peaks, and how long it lasted."""
     known = parameters(rows)
     order = dict.fromkeys([*(each.parameter for each in influences), *known])
-    found = [_column(n, "parameter", known[n], dimension_of(task, n)) for n in order]
+    found = [_column(n, "parameter", known[n], component_dimension(task, n)) for n in order]
     # What a world that was broken off has met so far says nothing of it.
     margins = [row.get(MARGIN) if row["status"] == "done" else None for row in rows]
     found.append(WorldColumn(MARGIN, "margin", "%", 100 * _numbers(margins)))

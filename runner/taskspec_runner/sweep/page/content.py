@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from taskspec.analysis.worlds import component_dimension
 from taskspec.spec import Task
 from taskspec.text.units import in_unit, number, scaled
 from taskspec_runner.record.names import TASK
@@ -17,7 +18,6 @@ from taskspec_runner.sweep.statistics import Influence, parameters
 from taskspec_runner.sweep.summary import (
     MET,
     MISSED,
-    dimension_of,
     foretold_text,
     rate_text,
     worst_world,
@@ -159,7 +159,7 @@ def _region(each: Json, found: Sequence[WorldColumn]) -> Json:
 
 def _worst(row: Row, task: Task) -> Json:
     values = [
-        f"{name} = {scaled(value, dimension_of(task, name), 3)}"
+        f"{name} = {scaled(value, component_dimension(task, name), 3)}"
         for name, value in row.items()
         if name.startswith(("world.", "robot.")) and value is not None
     ]
@@ -197,7 +197,7 @@ def _everywhere(rows: Sequence[Row], task: Task) -> Iterator[tuple[str, str]]:
     for name in dict.fromkeys(n for row in rows for n in row if n.startswith(("world.", "robot."))):
         value = next((row[name] for row in rows if row.get(name) is not None), None)
         if name not in varying and value is not None:
-            yield name, scaled(value, dimension_of(task, name))
+            yield name, scaled(value, component_dimension(task, name))
 
 
 def _facts(result: SweepResult, said: Json) -> Iterator[tuple[str, str]]:
