@@ -86,7 +86,7 @@ class Rehearsal:
 def fits(task: TaskPlan) -> bool:
     """Whether the plain plant has all that the world of a task has."""
     context, spec = task.context, task.context.loaded.task
-    loose = any(shape.free for shape in spec.shapes.values())
+    loose = any(shape.gives_way for shape in spec.shapes.values())
     grasps_mechanism = spec.robot.grasp is None or bool(context.held)
     return grasps_mechanism and not loose
 

@@ -47,7 +47,7 @@ def _forces(stage: StagePlan) -> Vector:
     columns = [_NONE]
     for name, shape in task.shapes.items():
         moves = name in context.moving_bases and context.moving_bases[name].turns
-        level = context.surfaces[name].level and not shape.free and not moves
+        level = context.surfaces[name].level and not shape.gives_way and not moves
         if shape.friction > 0 or not (level or name == followed):
             return _ALL
         normal = stage.rotation[:, 2] if name == followed else stage.normal_of(name)

@@ -115,7 +115,7 @@ def _pressed_on(stage: StagePlan) -> tuple[str, Axis, float] | None:
     if contact is None or not value or contact in stage.context.moving_bases:
         return None
     shape = stage.context.loaded.task.shapes.get(contact)
-    if shape is None or shape.free or stage.context.surfaces[contact].level:
+    if shape is None or shape.gives_way or stage.context.surfaces[contact].level:
         return None
     if value * stage.facing(axis) > 0 or abs(stage.facing(axis)) < MOSTLY:
         return None

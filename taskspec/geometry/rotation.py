@@ -41,6 +41,18 @@ def cross(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]
     return np.array([a1 * b2 - a2 * b1, a2 * b0 - a0 * b2, a0 * b1 - a1 * b0])
 
 
+def to_rpy(R: NDArray[np.float64]) -> tuple[float, float, float]:
+    """Roll, pitch, yaw [rad] about fixed axes of a rotation matrix (3, 3).
+
+    Where the pitch is 90 deg, which leaves roll and yaw to each other, the roll is 0.
+    """
+    across = math.hypot(R[0, 0], R[1, 0])
+    pitch = math.atan2(-R[2, 0], across)
+    if across < 1e-12:
+        return 0.0, pitch, math.atan2(-R[0, 1], R[1, 1])
+    return math.atan2(R[2, 1], R[2, 2]), pitch, math.atan2(R[1, 0], R[0, 0])
+
+
 def from_rpy(rpy: Sequence[float]) -> NDArray[np.float64]:
     """R = Rz(yaw) Ry(pitch) Rx(roll) (3, 3) of roll, pitch, yaw [rad] about fixed axes."""
     (cr, cp, cy), (sr, sp, sy) = ([f(a) for a in rpy] for f in (math.cos, math.sin))

@@ -87,11 +87,27 @@ def _against_a_knob(stage: StagePlan, held: list[Axis]) -> Iterator[Finding]:
 
 @rule("TS248", "a frame that does not go with its loose body", phase=Phase.FRAME)
 def loose_frames(stage: StagePlan) -> Iterator[Finding]:
-    """A frame on a loose body, which stays where that is declared."""
+    """A frame on a loose body, or on one that turns with a mechanism: it stays where declared."""
     task, frame = stage.context.loaded.task, stage.frame
     owner = frame.surface_name or frame.owner
     shape = task.shapes.get(owner or "")
-    if shape is None or not shape.free or owner == task.robot.grasp:
+    if shape is None or owner == task.robot.grasp:
+        return
+    if shape.carrier is not None and shape.carrier.angular:
+        handle = f"take {shape.on}.handle, whose axes go around with the tool"
+        if not stage.context.mechanisms[shape.on or ""].swings:
+            handle = (
+                f"give {shape.on!r} a handle off its axis, and take its frame {shape.on}.handle"
+            )
+        yield warning(
+            "TS248",
+            f"{owner!r} turns with {shape.on!r}, and nothing tells the robot how far: frame "
+            f"{frame.name!r} stays where it is declared",
+            _frame_of(stage),
+            handle,
+            unless=("TS248",),
+        )
+    if not shape.free:
         return
     yield warning(
         "TS248",

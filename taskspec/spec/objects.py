@@ -66,8 +66,13 @@ def kinds_of(world: object) -> dict[str, str]:
 
 
 def shapes(world: Mapping[str, Object]) -> dict[str, Shape]:
-    """The shapes of a world."""
-    return {name: o for name, o in world.items() if isinstance(o, Shape)}
+    """The shapes of a world, those on mechanisms where they are with these at coordinate 0."""
+    found = {name: o for name, o in world.items() if isinstance(o, Shape)}
+    for name, shape in found.items():
+        carrier = world.get(shape.on) if shape.on is not None else None
+        if isinstance(carrier, Mechanism):
+            found[name] = shape.carried_by(carrier)
+    return found
 
 
 def equations(world: Mapping[str, Object]) -> dict[str, EquationObject]:

@@ -185,6 +185,8 @@ MEANINGS: dict[str, dict[str, Meaning]] = {
                    ({"z": "2 mm * sin(2*pi*clock*2 Hz)"},)),
         "free": ("Makes it a loose body, which falls and can be held.", ()),
         "mass": ("Of a loose body.", ("200 g",)),
+        "on": ("The mechanism that carries it, in whose axes it is then placed, at coordinate 0.",
+               ("door",)),
     },
     "Stage": {
         "contact": ("What its axes press on; by default its frame's surface, else what is ahead.",

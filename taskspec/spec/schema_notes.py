@@ -73,6 +73,7 @@ NOTES: dict[str, tuple[str, tuple[Any, ...]]] = {
     "Shape.shape": (_WORDS, ()),
     "Shape.free": ("true or false", (True,)),
     "Shape.friction": ("", (0.3,)),
+    "Shape.on": ("", ("door",)),
     "Slide.mechanism": ("Always this word", ()),
     "Stage.constraints": (
         "Set points of equations, by their names",

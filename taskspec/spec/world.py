@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal, cast
 
-from pydantic import Field, create_model
+from pydantic import Field, PrivateAttr, create_model
 
 from taskspec.geometry.axis import AXES, ROTATIONS, Axis
 from taskspec.shapes import BoundedSurface, SizeKey, all_shapes, size_keys
-from taskspec.spec.fields import RPY, XYZ
+from taskspec.spec.fields import RPY, XYZ, MechanismName
 from taskspec.spec.model import Model, complete
 from taskspec.spec.parse_context import ParseContext
 from taskspec.spec.quantities import Constant, Entries, Formula
@@ -84,6 +84,8 @@ def _field(key: SizeKey) -> tuple[Any, Any]:
 
 
 if TYPE_CHECKING:
+    from taskspec.spec.mechanism import Mechanism
+
     _SizedShape = _PlacedShape
 else:
     _SizedShape = create_model(
@@ -109,6 +111,8 @@ class Shape(_SizedShape):
         motion: how it moves by itself; None where it stands still.
         free: it is a loose body.
         mass: of a loose body [kg].
+        on: the mechanism that carries it; None for an object of its own. Its place is then in the
+            mechanism's axes at coordinate 0, until `Task.shapes` has it in the world.
     """
 
     noun = "an object"
@@ -129,6 +133,29 @@ class Shape(_SizedShape):
     mass: Annotated[float, Constant(MASS, above=0)] | None = Field(
         None, title="Mass of a loose body"
     )
+    on: MechanismName | None = Field(None, title="The mechanism that carries it")
+    _carrier: Any = PrivateAttr(None)
+
+    @property
+    def carrier(self) -> Mechanism | None:
+        """The mechanism that carries it, of a shape that is placed in the world."""
+        return cast("Mechanism | None", self._carrier)
+
+    @property
+    def gives_way(self) -> bool:
+        """Whether it may be pushed away: it is loose, or a mechanism carries it."""
+        return self.free or self.on is not None
+
+    def carried_by(self, mechanism: Mechanism) -> Shape:
+        """The shape in the world, where the mechanism that carries it is at coordinate 0."""
+        # To read a file no numerical library is needed.
+        from taskspec.geometry.rotation import from_rpy, to_rpy
+
+        R, own = from_rpy(mechanism.rpy), from_rpy(self.rpy)
+        origin = R @ self.xyz + mechanism.xyz
+        placed = self.model_copy(update={"xyz": tuple(origin.tolist()), "rpy": to_rpy(R @ own)})
+        placed._carrier = mechanism
+        return placed
 
     @property
     def kind(self) -> str:
@@ -162,6 +189,7 @@ class Shape(_SizedShape):
             needed = tuple(key.name for key in _SHAPES[shape].keys)
             check_sizes(shape, needed, needed, data, context)
         _check_free(data, context)
+        _check_carried(data, context)
 
 
 def _of_no_kind(data: Map, context: ParseContext, keys: list[str]) -> Map:
@@ -202,3 +230,19 @@ def _check_free(data: Map, context: ParseContext) -> None:
     if "mass" in data and not free and sure:
         message, span = "'mass' belongs to a loose body", data.node.key_span("mass")
         context.error("TS026", message, span, "add 'free: true'")
+
+
+def _check_carried(data: Map, context: ParseContext) -> None:
+    """Reports what a shape on a mechanism cannot be."""
+    if "on" not in data:
+        return
+    shape = data.get("shape")
+    kind = _SHAPES.get(shape) if isinstance(shape, str) else None
+    if kind is not None and not issubclass(kind, BoundedSurface):
+        message = f"a {kind.name} is endless and cannot ride on a mechanism"
+        other = next(name for name, k in _SHAPES.items() if issubclass(k, BoundedSurface))
+        context.error("TS302", message, data.node.key_span("on"), f"take a {other}")
+    for key, what in (("motion", "its own 'motion'"), ("free", "'free'")):
+        if key in data and (key != "free" or is_free(data)):
+            message = f"a shape on a mechanism goes with that: {what} does not go with 'on'"
+            context.error("TS026", message, data.node.key_span(key), "keep one of the two")

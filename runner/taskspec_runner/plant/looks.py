@@ -61,13 +61,22 @@ def dress(spec: mujoco.MjSpec) -> None:
     )
 
 
-def draw_mechanism(spec: mujoco.MjSpec, name: str, declared: Mechanism) -> None:
-    """Draws a mechanism: its axis or rail on the world, a bar to the handle, and a knob."""
+def draw_mechanism(
+    spec: mujoco.MjSpec, name: str, declared: Mechanism, *, handle: bool = True
+) -> None:
+    """Draws a mechanism: its axis or rail on the world, a bar to the handle, and a knob.
+
+    Args:
+        spec: which has the mechanism.
+        name: of the object.
+        declared: as the file has it.
+        handle: whether bar and knob are drawn: of what is only pushed there are none.
+    """
     body = spec.body(PREFIX + name)
     place = placed(declared)
-    handle = np.array(declared.handle)
-    foot = np.array([0.0, 0.0, handle[2]]) if declared.angular else np.zeros(3)
-    reach = _HALF_AXIS + abs(handle[2]) if declared.angular else 4 * _HALF_AXIS
+    grip = np.array(declared.handle)
+    foot = np.array([0.0, 0.0, grip[2]]) if declared.angular else np.zeros(3)
+    reach = _HALF_AXIS + abs(grip[2]) if declared.angular else 4 * _HALF_AXIS
     spec.worldbody.add_geom(
         type=mujoco.mjtGeom.mjGEOM_CYLINDER,
         size=[_AXIS_RADIUS if declared.angular else _BAR_RADIUS, reach, 0.0],
@@ -76,7 +85,9 @@ def draw_mechanism(spec: mujoco.MjSpec, name: str, declared: Mechanism) -> None:
         **place,
         **INERT,
     )
-    for a, b in ((foot, handle), (np.zeros(3), foot)):
+    if not handle:
+        return
+    for a, b in ((foot, grip), (np.zeros(3), foot)):
         if np.linalg.norm(b - a) > _SHORT:
             body.add_geom(
                 type=mujoco.mjtGeom.mjGEOM_CAPSULE,

@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 from taskspec.program.bound import Wiring
 from taskspec.spec import Mechanism
 from taskspec.spec.mechanism import Detent
-from taskspec_runner.plant.looks import draw_mechanism
 from taskspec_runner.plant.names import KNOB, PREFIX, placed, weightless
 
 Vector = NDArray[np.float64]
@@ -63,7 +62,6 @@ def add_mechanism(spec: mujoco.MjSpec, name: str, declared: Mechanism, period: f
         knob = body.add_body(name=PREFIX + name + KNOB, pos=list(declared.handle))
         weightless(knob, KNOB_MASS, KNOB_INERTIA)
         _add_joint(knob, f"{PREFIX}{name}{KNOB}", slides=False)
-    draw_mechanism(spec, name, declared)
 
 
 def _add_joint(body: mujoco.MjsBody, name: str, *, slides: bool) -> None:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.program.bound import Wiring
+from taskspec.program.world.mechanisms import mechanism_models
 from taskspec.robot import RobotModel
 from taskspec.spec import Task
 from taskspec_runner.plant.arm import SceneArm
@@ -68,16 +69,22 @@ class PlantArm:
         self.wrist = np.zeros(6) if self.sensor.at == "wrist" else None
         self.rests = self.grip is not None or self.wrist is not None
         tip = wiring.reads("tip", data.xpos[places.tip])
-        on_tip, objects = _contacts(scene, wiring.reads("contacts", data.sensordata), tip)
+        sensed = wiring.reads("contacts", data.sensordata)
+        on_tip, objects = _contacts(scene, sensed, tip)
+        efforts: dict[str, ca.SX] = {}
         if self.equations is not None:
             on_tip[:3] += wiring.reads("equations", self.equations.on_tip)
         if self.grip is not None:
             on_tip += self.grip.wrench
             if arm.held in task.mechanisms:
-                held = list(task.mechanisms).index(arm.held)
-                wiring.writes(self.grip.effort, views.mechanism_efforts[held : held + 1])
+                efforts = {arm.held: self.grip.effort}
             else:
                 objects[list(task.shapes).index(arm.held)] = self.grip.effort
+        for name, effort in _pushed(scene, sensed, task).items():
+            efforts[name] = efforts.get(name, 0) + effort
+        for i, name in enumerate(task.mechanisms):
+            if name in efforts:
+                wiring.writes(efforts[name], views.mechanism_efforts[i : i + 1])
         if self.wrist is not None:
             wiring.writes(wrist_wrench(model, data, arm, on_tip, wiring), self.wrist)
         wiring.writes(on_tip, self.wrench)
@@ -209,6 +216,24 @@ class Plant:
         if not energy < ENERGY_BOUND:
             return "energy_bound", f"the arm holds {energy:.3g} J; the simulation has diverged"
         return None
+
+
+def _pushed(scene: Scene, sensed: ca.SX, task: Task) -> dict[str, ca.SX]:
+    """What the tool applies to mechanisms by the shapes that they carry [N m, N], by their names.
+
+    Args:
+        scene: for where the contact sensors are.
+        sensed: all sensor data.
+        task: the true one.
+    """
+    models = mechanism_models(task)
+    found: dict[str, ca.SX] = {}
+    for shape, where in zip(task.shapes.values(), scene.sensors, strict=True):
+        if shape.on is not None:
+            force, torque, point = (sensed[where.start + 3 * i :][:3] for i in range(3))
+            effort = models[shape.on].effort(point, -force, -torque)
+            found[shape.on] = found.get(shape.on, 0) + effort
+    return found
 
 
 def _contacts(scene: Scene, sensed: ca.SX, tip: ca.SX) -> tuple[ca.SX, list[ca.SX]]:

@@ -7,11 +7,11 @@ import numpy as np
 
 from taskspec.deferred_methods import dataclass
 from taskspec.program.world.stiffness import IMPRATIO
-from taskspec.spec import Task
+from taskspec.spec import Shape, Task
 from taskspec_runner.plant import grasp
 from taskspec_runner.plant.arm import SceneArm
 from taskspec_runner.plant.contact import add_loose_pairs, add_tool_pairs
-from taskspec_runner.plant.looks import dress
+from taskspec_runner.plant.looks import draw_mechanism, dress
 from taskspec_runner.plant.mechanisms import add_mechanism, add_thread
 from taskspec_runner.plant.moving_base import moving
 from taskspec_runner.plant.names import PREFIX
@@ -59,14 +59,23 @@ def build_scene(arm: SceneArm, task: Task) -> Scene:
     weigh(spec, arm)
     begin = arm.declared.start
     near = None if begin is None or begin.xyz is None else np.array(begin.xyz)
+    carried = {}
     for number, (name, shape) in enumerate(task.shapes.items()):
-        add_shape(spec, name, shape, near, COLORS[number % len(COLORS)])
+        color = COLORS[number % len(COLORS)]
+        if shape.carrier is not None:
+            carried[name] = color
+        else:
+            add_shape(spec, name, shape, near, color)
         _add_sensor(spec, arm, name)
     add_tool_pairs(spec, arm, task)
     add_loose_pairs(spec, task)
     if arm.declared.sensor.at == "wrist":
         add_wrist(spec, arm)
     _add_mechanisms(spec, arm, task)
+    for name, color in carried.items():
+        own = task.world[name]
+        assert isinstance(own, Shape)
+        add_shape(spec, name, task.shapes[name], near, color, own)
     model = spec.compile()
     if arm.held:
         grasp.calibrate(model, arm)
@@ -97,8 +106,10 @@ def _set_options(option: mujoco.MjOption, period: float) -> None:
 def _add_mechanisms(spec: mujoco.MjSpec, arm: SceneArm, task: Task) -> None:
     """Mechanisms, the coupling of the tool to what it holds, and the threads of screws."""
     period = 1.0 / task.control.plant_rate
+    ridden = {shape.on for shape in task.shapes.values()}
     for name, declared in task.mechanisms.items():
         add_mechanism(spec, name, declared, period)
+        draw_mechanism(spec, name, declared, handle=name == arm.held or name not in ridden)
     # The grip's rows come first among the constraints.
     if arm.held:
         grasp.add_grip(spec, arm, task)

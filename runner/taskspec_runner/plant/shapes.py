@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec.program.world.frames import surface
+from taskspec.program.world.frames import pose, surface
 from taskspec.robot.geoms import add_geom
 from taskspec.spec import Shape
 from taskspec_runner.plant.loose import add_loose
@@ -26,9 +26,14 @@ _VISIBLE = np.array([0.22, 0.22])
 
 
 def add_shape(
-    spec: mujoco.MjSpec, name: str, shape: Shape, near: Vector | None, color: Color
+    spec: mujoco.MjSpec,
+    name: str,
+    shape: Shape,
+    near: Vector | None,
+    color: Color,
+    own: Shape | None = None,
 ) -> None:
-    """Adds a shape.
+    """Adds a shape; the mechanism that carries it is there already.
 
     Args:
         spec: to add to.
@@ -36,12 +41,16 @@ def add_shape(
         shape: as the file has it.
         near: (3,) where the tool starts [m], None where that is not known.
         color: red, green, blue, opacity.
+        own: the shape in the axes of the mechanism that carries it; None where none does.
     """
     body, solid, moves = spec.worldbody, surface(shape), shape.motion is not None
     origin, rotation = solid.origin, solid.rotation
     if shape.free or moves:
         body = (add_loose if shape.free else add_moving_base)(spec, name, shape)
         origin, rotation = np.zeros(3), np.eye(3)
+    elif own is not None:
+        body = spec.body(f"{PREFIX}{own.on}")
+        rotation, origin = pose(own)
     middle = np.zeros(3) if near is None else solid.rotation.T @ (near - solid.origin)
     visible = solid.visible_geom(middle, _VISIBLE)
     if visible is not None:

@@ -14,6 +14,7 @@ from taskspec.program.bound import RowFunction
 from taskspec.program.stages.stage import CompiledStage
 from taskspec.program.world import frames, kinematics
 from taskspec.program.world.equations import equation_models
+from taskspec.program.world.mechanisms import mechanism_models
 from taskspec.program.world.moving_base import moving_bases
 from taskspec.robot import RobotModel
 from taskspec.signals import MovingPose, ObjectState, Situation
@@ -26,8 +27,9 @@ class Truth:
     """Signals that the controller does not put out, or not as they truly are.
 
     The wrench is that of the tick's own step, and every distance is taken to the true objects. A
-    shape that moves is where the clock has it, a loose body where the plant has it. From an
-    equation the distance is r / |r_x|, to first order that from the constraint.
+    shape that moves is where the clock has it, one on a mechanism where that has it, a loose body
+    where the plant has it. From an equation the distance is r / |r_x|, to first order that from
+    the constraint.
 
     Attributes:
         names: of the signals, in the order of their rows.
@@ -107,7 +109,7 @@ def _objects(robot: RobotModel, task: Task, symbols: Mapping[str, ca.SX]) -> dic
     p, axes = symbols["tip"], ca.reshape(symbols["tip_rotation"], 3, 3)
     clock, loose = symbols["clock"], symbols["loose"]
     bodies = [name for name, shape in task.shapes.items() if shape.free]
-    bases = moving_bases(task)
+    bases, models, carriers = moving_bases(task), mechanism_models(task), list(task.mechanisms)
     found: dict[str, ObjectState] = {}
     for i, (name, shape) in enumerate(task.shapes.items()):
         place, turned = p, axes
@@ -117,6 +119,9 @@ def _objects(robot: RobotModel, task: Task, symbols: Mapping[str, ca.SX]) -> dic
         elif shape.motion is not None:
             now = bases[name].at(clock)
             place, turned = now.place(p), now.A.T @ axes
+        elif shape.on is not None:
+            at = symbols["mechanism_positions"][carriers.index(shape.on)]
+            place, turned = models[shape.on].taken_back(at, p, axes)
         gap = kinematics.gap(robot, frames.surface(shape), place, turned)
         found[name] = ObjectState("shape", gap, effort=symbols["objects"][i])
     for i, (name, model) in enumerate(equation_models(task).items()):

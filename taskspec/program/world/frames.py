@@ -123,6 +123,8 @@ def resolve(task: Task) -> dict[str, FrameModel]:
         described = f"fixed on {shape.shape}"
         if shape.motion is not None:
             described = f"moves with {shape.shape}"
+        elif shape.on is not None:
+            described = f"where the {shape.shape} is with {shape.on} at coordinate 0"
         elif shape.free:
             described = f"where the {shape.shape} lies as the run begins"
         frames[name] = FrameModel(name, "fixed", R, origin, owner=name, described=described)

@@ -74,6 +74,20 @@ class MechanismModel:
         origin = self.origin + self.lead * coordinate * axis
         return replace(self, rotation=self.rotation @ turn, origin=origin)
 
+    def taken_back(self, coordinate: ca.SX, p: ca.SX, R: ca.SX) -> tuple[ca.SX, ca.SX]:
+        """A world pose (3,), (3, 3) as what the mechanism carries sees it, taken back to 0.
+
+        Args:
+            coordinate: where the mechanism is [rad, m].
+            p, R: the pose.
+        """
+        axis = ca.DM(self.rotation[:, 2])
+        if not self.angular:
+            return p - coordinate * axis, R
+        turn = rotation.exp(-coordinate * axis)
+        origin = ca.DM(self.origin)
+        return origin + turn @ (p - origin - self.lead * coordinate * axis), turn @ R
+
     def local(self, p: ca.SX) -> ca.SX:
         """A world point (3,) in the mechanism's own axes [m]."""
         return ca.DM(self.rotation.T) @ (p - ca.DM(self.origin))

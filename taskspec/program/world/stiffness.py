@@ -10,11 +10,12 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from taskspec.deferred_methods import dataclass
+from taskspec.geometry.rotation import cross, from_rpy
 from taskspec.program.world import frames
 from taskspec.program.world.equations import EquationModel
 from taskspec.robot import RobotModel
 from taskspec.robot.poses import mirrored
-from taskspec.spec import EquationObject, Shape
+from taskspec.spec import EquationObject, Mechanism, Shape
 
 Vector = NDArray[np.float64]
 
@@ -86,6 +87,8 @@ def compliance(shape: Shape, robot: RobotModel, start: Vector, plant_period: flo
     mass = normal_mass(robot, start, shape)
     if shape.mass is not None:
         mass = 1.0 / (1.0 / mass + 1.0 / shape.mass)
+    if shape.carrier is not None:
+        mass = 1.0 / (1.0 / mass + _carried_mobility(robot, start, shape, shape.carrier))
     return pair_compliance(shape, mass, plant_period)
 
 
@@ -180,8 +183,28 @@ def virtual_mass_scale(robot: RobotModel) -> float:
 
 
 def mobility_of(shape: Shape) -> float:
-    """Inverse mass [1/kg] of a loose body; 0 for what stands still or is driven."""
+    """Inverse mass [1/kg] of an object as MuJoCo counts it; 0 for what stands still or is driven.
+
+    What rides on a mechanism has that one's at its origin: on its axis, which a hinge leaves where
+    it is. MuJoCo takes the mean over three directions, but for a body that only slides and carries
+    no other it takes the mass.
+    """
+    carrier = shape.carrier
+    if carrier is not None:
+        mass = getattr(carrier, "mass", None)
+        alone = carrier.mechanism == "slide" and carrier.knob == "fixed"
+        return 0.0 if mass is None else 1.0 / (mass if alone else 3.0 * mass)
     return 1.0 / shape.mass if shape.free and shape.mass else 0.0
+
+
+def _carried_mobility(robot: RobotModel, q: Vector, shape: Shape, mechanism: Mechanism) -> float:
+    """Inverse mass [1/kg] of a shape on a mechanism, along its normal towards the tip at q (n,)."""
+    normal = frames.normal_at(shape, _tip(robot, q)[0])[0]
+    moves = from_rpy(mechanism.rpy)[:, 2]
+    if mechanism.angular:
+        lever = np.array(shape.xyz) - np.array(mechanism.xyz)
+        moves = cross(moves, lever) + mechanism.lead * moves
+    return float(normal @ moves) ** 2 / mechanism.coordinate_inertia
 
 
 def contact_mobility(robot: RobotModel, shape: Shape) -> float:

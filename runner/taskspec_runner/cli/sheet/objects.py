@@ -39,6 +39,8 @@ def _shape(shape: Shape, contact: Compliance) -> Iterator[str]:
     yield f"{scaled(contact.stiffness, STIFFNESS)}{rigid}"
     yield show(contact.damping, DAMPING)
     yield f"friction {shape.friction:.3g}" if shape.friction else "frictionless"
+    if shape.on is not None:
+        yield f"on {shape.on}"
     if shape.motion is not None:
         yield "moves by " + " and ".join(f"{a} {e}" for a, e in shape.motion.axes.items())
 
