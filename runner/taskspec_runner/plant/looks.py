@@ -5,6 +5,7 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
+from taskspec.geometry.rotation import from_rpy
 from taskspec.spec import Mechanism
 from taskspec_runner.plant.names import INERT, KNOB, PREFIX, placed
 
@@ -70,13 +71,18 @@ def draw_mechanism(
         spec: which has the mechanism.
         name: of the object.
         declared: as the file has it.
-        handle: whether bar and knob are drawn: of what is only pushed there are none.
+        handle: whether it has one. What is only pushed has no bar and no knob, and its rail lies
+            behind it.
     """
     body = spec.body(PREFIX + name)
     place = placed(declared)
     grip = np.array(declared.handle)
     foot = np.array([0.0, 0.0, grip[2]]) if declared.angular else np.zeros(3)
     reach = _HALF_AXIS + abs(grip[2]) if declared.angular else 4 * _HALF_AXIS
+    if not handle and not declared.angular:
+        # The tool comes from the other side.
+        middle = np.array(declared.xyz) + reach * from_rpy(declared.rpy)[:, 2]
+        place["pos"] = middle.tolist()
     spec.worldbody.add_geom(
         type=mujoco.mjtGeom.mjGEOM_CYLINDER,
         size=[_AXIS_RADIUS if declared.angular else _BAR_RADIUS, reach, 0.0],
