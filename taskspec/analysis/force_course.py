@@ -11,7 +11,7 @@ from taskspec.analysis.loop import UnfitError
 from taskspec.analysis.sampled_stage import ReferenceDrive, SampledStage, SetPointDrive, loop_like
 from taskspec.deferred_methods import dataclass
 from taskspec.foresight.approach import approach, deepened, dwell, force_at_end
-from taskspec.foresight.flow import good_end
+from taskspec.foresight.flow import leading_to
 from taskspec.foresight.force_profile import set_points_at
 from taskspec.foresight.reference_motion import reference_motion
 from taskspec.geometry.axis import AXES, Axis
@@ -164,7 +164,7 @@ class ForceCourses:
         """Force on an axis [N, N m] and twist of the tip (6,) at first; None if unknown."""
         rest = np.zeros(6)
         stages = self._task.context.loaded.task.stages
-        before = [n for n in stages if n != stage.name and good_end(stages, n) == stage.name]
+        before = [n for n in leading_to(stages, stage.name) if n != stage.name]
         if not before:
             return (0.0, rest) if stage.gripped else None
         if len(before) > 1 or not self._task.stages[before[0]].followed:

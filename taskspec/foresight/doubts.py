@@ -14,7 +14,7 @@ import numpy as np
 
 from taskspec.foresight.approach import approach, dwell, rates_of, striking_mass
 from taskspec.foresight.conditions import names, parts
-from taskspec.foresight.flow import good_end
+from taskspec.foresight.flow import leading_to
 from taskspec.foresight.interval import ANY, Interval, IntervalAlgebra, point
 from taskspec.foresight.ranges import constant
 from taskspec.motion.blend import BLEND_TIME
@@ -173,7 +173,7 @@ def _settles(stage: StagePlan) -> float:
 def _blows(task: TaskPlan, stage: StagePlan) -> float:
     """The blow with which a stage meets its contact, or the one before it [N]."""
     stages = task.context.loaded.task.stages
-    before = [task.stages[n] for n in stages if good_end(stages, n) == stage.name]
+    before = [task.stages[n] for n in leading_to(stages, stage.name)]
     return max((_blow(each) for each in (stage, *before)), default=0.0)
 
 
@@ -217,7 +217,7 @@ def _released(task: TaskPlan, stage: StagePlan) -> float:
     if stage.set_points:
         return 0.0
     stages, most = task.context.loaded.task.stages, 0.0
-    for before in (task.stages[n] for n in stages if good_end(stages, n) == stage.name):
+    for before in (task.stages[n] for n in leading_to(stages, stage.name)):
         for axis, force in before.set_points.items():
             contact = None if axis.is_rotation else before.contact_of(axis)
             if contact is not None:

@@ -8,16 +8,36 @@ from taskspec.spec import Stage
 
 
 def good_end(stages: Mapping[str, Stage], name: str) -> str | None:
-    """The stage that follows one that ends as planned; None where the run ends."""
+    """The stage that follows one that ends as planned; None where the run ends.
+
+    Of several ways on it is the one that is taken where no condition holds.
+    """
+    to = stages[name].ways(_following(stages, name))[-1]
+    return to if to in stages else None
+
+
+def good_ends(stages: Mapping[str, Stage], name: str) -> set[str]:
+    """All stages that may follow one that ends as planned; itself, where it is repeated."""
+    found = {*stages[name].ways(_following(stages, name))}
+    if stages[name].repeat > 1:
+        found.add(name)
+    return found & stages.keys()
+
+
+def leading_to(stages: Mapping[str, Stage], name: str) -> list[str]:
+    """The stages that may lead to one when they end as planned, in order."""
+    return [each for each in stages if name in good_ends(stages, each)]
+
+
+def _following(stages: Mapping[str, Stage], name: str) -> str:
     names = list(stages)
     number = names.index(name) + 1
-    to = stages[name].next or (names[number] if number < len(names) else "end")
-    return to if to in stages else None
+    return names[number] if number < len(names) else "end"
 
 
 def followers(stages: Mapping[str, Stage], name: str) -> set[str]:
     """All stages that a stage may lead to."""
-    found = {good_end(stages, name), stages[name].on_fail}
+    found = {*good_ends(stages, name), stages[name].on_fail}
     return {to for to in found if to is not None and to in stages}
 
 

@@ -265,16 +265,18 @@ class NominalWalk:
         jumps = self._jumps(stage)
         if self._straight(stage) and not jumps:
             self._twist = twist_of(rates_at_end(stage, course), rotation)
+        if moved and stage.spec.repeat > 1 and any(moved.values()):
+            moved = None  # Where it ends the last time depends on how it turns on the way.
         if moved is None or jumps or not all(map(math.isfinite, moved.values())):
             self._known = False
         elif any(moved.values()):
             self._p, self._R = self._moved(moved, rotation)
 
     def _jumps(self, stage: StagePlan) -> bool:
-        """Whether another stage follows than the next one of the file."""
+        """Whether another stage may follow than the next one of the file."""
         following = list(self._context.loaded.task.stages)
         after = following[following.index(stage.name) + 1 :][:1]
-        return stage.spec.next is not None and [stage.spec.next] != after
+        return any([way.to] != after for way in stage.spec.next)
 
     def _until_contact(self, stage: StagePlan, rotation: Vector) -> dict[Axis, float] | None:
         """Displacement of a stage that moves towards its surface until a guard ends it."""

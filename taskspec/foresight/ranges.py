@@ -101,8 +101,8 @@ class Ranges:
             return f"the stage ends after {show(bound or 0.0, TIME)} at the latest"
         if str(node) == "travel" and within is not None and within.travel is not None:
             return f"the stage ends after {show(within.travel, LENGTH)} of travel at the latest"
-        if last == "visits" and head in task.stages and task.stages[head].attempts is not None:
-            return f"{head!r} is entered {task.stages[head].attempts} times at the most"
+        if last == "visits" and head in task.stages and math.isfinite(self._visits(head).high):
+            return f"{head!r} is entered {self._visits(head).high:g} times at the most"
         found = entry_of(task, node.path)
         limit = "" if found is None else found.signal.limit
         if last == "force" and head == self._context.held:
@@ -142,7 +142,8 @@ class Ranges:
     def _visits(self, stage: str) -> Interval:
         attempts = self._context.loaded.task.stages[stage].attempts
         least = 1.0 if stage == self._plan.name else 0.0
-        return Interval(least, math.inf if attempts is None else float(attempts))
+        repeat = self._context.loaded.task.stages[stage].repeat
+        return Interval(least, math.inf if attempts is None else float(attempts * repeat))
 
     def _joint(self, i: int, signal: str) -> Interval:
         robot = self._context.robot

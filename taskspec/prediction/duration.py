@@ -160,6 +160,10 @@ def mechanism_rate(here: StageAtStart) -> float | None:
     return coordinate_rate(here.stage.plan)
 
 
+def _times(duration: float | None, count: int) -> float | None:
+    return None if duration is None else count * duration
+
+
 def whole(stages: Mapping[str, Stage], found: Sequence[StagePrediction]) -> Duration:
     """Of the run, along the way on which every stage ends as planned."""
     durations = {stage.name: stage.duration for stage in found}
@@ -171,8 +175,11 @@ def whole(stages: Mapping[str, Stage], found: Sequence[StagePrediction]) -> Dura
     if name is not None:
         return Duration(None, None, f"it comes back to {name!r}")
     turns = [n for n in way if stages[n].on_fail not in (None, "fail", "end")]
-    expected = [durations[n].expected for n in way]
-    most = [durations[n].most for n in way]
+    branching = next((n for n in way if len(stages[n].next) > 1), None)
+    if branching is not None:
+        return Duration(None, None, f"conditions tell where {branching!r} leads")
+    expected = [_times(durations[n].expected, stages[n].repeat) for n in way]
+    most = [_times(durations[n].most, stages[n].repeat) for n in way]
     open_ = [n for n, time in zip(way, expected, strict=True) if time is None]
     why = "the stages in order"
     if open_:

@@ -21,11 +21,13 @@ class Event:
         kind: limit, fail_if, until, within or done.
         name: what a user calls it: force, speed, joint_position, `until`, time, travel, ...
         text: the condition as a sentence, with its bound.
+        way: which of the ways on of the stage it leads to, where that ends well.
     """
 
     kind: str
     name: str
     text: str
+    way: int = -1
 
 
 @dataclass(frozen=True, slots=True)

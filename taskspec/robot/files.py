@@ -22,7 +22,6 @@ register(
     {
         "TS401": "an unknown robot",
         "TS402": "a robot file that cannot be read",
-        "TS409": "a file outside of the task's project",
     }
 )
 

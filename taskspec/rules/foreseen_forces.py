@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from taskspec.analysis.force_course import ForceCourse, force_courses
 from taskspec.foresight.approach import approach, striking_mass
 from taskspec.foresight.conditions import names, parts
-from taskspec.foresight.flow import good_end
+from taskspec.foresight.flow import leading_to
 from taskspec.foresight.interval import ANY, IntervalAlgebra
 from taskspec.foresight.ranges import constant
 from taskspec.geometry.axis import Axis, as_axis
@@ -154,7 +154,7 @@ def _may_pass(task: TaskPlan, stage: StagePlan, axis: Axis, most: float) -> bool
     if contact is None or facing < MOSTLY:
         return False
     stages = task.context.loaded.task.stages
-    before = [n for n in stages if good_end(stages, n) == stage.name]
+    before = leading_to(stages, stage.name)
     ways = [approach(task.stages[n], task.stages[n].nominal.gap) for n in before]
     closing = max((way.closing for way in ways if way is not None), default=0.0)
     k, h = stage.context.compliances[contact].stiffness, striking_mass(stage, axis)

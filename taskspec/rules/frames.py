@@ -240,6 +240,7 @@ def _estimated_frames(stage: StagePlan) -> Iterator[tuple[FrameModel, Place | No
 
 def _expressions(stage: Stage) -> Iterator[Expression]:
     candidates: list[Expression | None] = [stage.until, stage.fail_if]
+    candidates += [way.when for way in stage.next]
     for axis in stage.axes.values():
         candidates += [expression for expression, _ in axis.expressions()]
     for expression in candidates:

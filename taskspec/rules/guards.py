@@ -9,7 +9,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from taskspec.foresight.conditions import names, parts, value_of
-from taskspec.foresight.flow import good_end
+from taskspec.foresight.flow import leading_to
 from taskspec.foresight.interval import Interval, IntervalAlgebra, point
 from taskspec.foresight.nominal import AT_SURFACE
 from taskspec.foresight.ranges import Ranges
@@ -247,7 +247,7 @@ def _pressed_before(stage: StagePlan, guard: Expression, algebra: IntervalAlgebr
     task, node = stage.context.loaded.task, guard.tree
     if isinstance(node, Held) or not stage.law.control_law.force_loop or stage.spec.tare:
         return ""
-    before = [n for n in task.stages if good_end(task.stages, n) == stage.name]
+    before = leading_to(task.stages, stage.name)
     if len(before) != 1 or any(each.on_fail == stage.name for each in task.stages.values()):
         return ""
     previous = StagePlan(stage.context, before[0])

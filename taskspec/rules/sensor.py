@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from taskspec.foresight.flow import good_end
+from taskspec.foresight.flow import leading_to
 from taskspec.laws.design import INTEGRAL_FREQUENCY
 from taskspec.program.context import Context
 from taskspec.program.plan import TaskPlan
@@ -57,7 +57,6 @@ def late_sensor(task: TaskPlan) -> Iterator[Finding]:
 def misleading_tares(task: TaskPlan) -> Iterator[Finding]:
     """Stages that tare the sensor while a force acts on it."""
     stages = task.context.loaded.task.stages
-    before = {good_end(stages, name): name for name in reversed(stages)}
     for number, (name, stage) in enumerate(stages.items()):
         if not stage.tare:
             continue
@@ -70,7 +69,7 @@ def misleading_tares(task: TaskPlan) -> Iterator[Finding]:
                 "tare in a stage of its own, that holds its axes away from everything",
             )
             continue
-        previous = before.get(name)
+        previous = next(iter(leading_to(stages, name)), None)
         if number == 0 and _force_at_start(task.context) > TOUCHING:
             why = "the tool touches at the start"
         elif previous is not None and _ends_in_contact(stages[previous]):

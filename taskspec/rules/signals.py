@@ -18,7 +18,7 @@ from taskspec.text.expression.tree import Call, Name, Node, children
 @rule("TS224", "a signal that this stage cannot evaluate", phase=Phase.AXES)
 def missing_signals(stage: StagePlan) -> Iterator[Finding]:
     """Signals in the expressions of a stage that it cannot evaluate."""
-    for condition in (stage.spec.until, stage.spec.fail_if):
+    for condition in (stage.spec.until, stage.spec.fail_if, *(w.when for w in stage.spec.next)):
         if condition is not None:
             yield from _missing(stage, condition, reference=False)
     for axis in stage.spec.axes.values():

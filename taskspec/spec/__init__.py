@@ -9,7 +9,7 @@ from taskspec.spec.gains import AxisValues
 from taskspec.spec.key_path import FILE, KeyPath, below, key_of
 from taskspec.spec.law import ForceGains, Law
 from taskspec.spec.limits import Limits
-from taskspec.spec.load import LoadedTask, load_task, load_text, read_text
+from taskspec.spec.load import LoadedTask, load_task, load_text, read_text, tree_of
 from taskspec.spec.mechanism import Hinge, Mechanism, Screw, Slide
 from taskspec.spec.objects import Object
 from taskspec.spec.path import Arc, Line, Lissajous, Path
@@ -61,4 +61,5 @@ __all__ = [
     "load_task",
     "load_text",
     "read_text",
+    "tree_of",
 ]

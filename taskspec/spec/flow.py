@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Iterator
+
+from taskspec.deferred_methods import dataclass
 from taskspec.spec.model import mapping
 from taskspec.spec.parse_context import ParseContext
 from taskspec.spec.words import ENDS
+from taskspec.text import nodes
 from taskspec.text.codes import register
-from taskspec.text.data import Map
+from taskspec.text.data import Items, Map, Text
 from taskspec.text.source import Span
 
 register(
@@ -16,7 +21,27 @@ register(
     }
 )
 
-Edges = dict[str, list[tuple[str, Span]]]
+#: A condition that a number of visits bounds: it, or a part of an `and`.
+_BOUND = re.compile(r"\(?\s*([A-Za-z]\w*)\.visits\s*<=?(?!\s*[-=])[^<>]*\Z")
+_AND = re.compile(r"\band\b")
+
+
+@dataclass(frozen=True, slots=True)
+class Edge:
+    """A way from a stage to another.
+
+    Attributes:
+        to: the stage.
+        span: what says so.
+        bound: a stage whose visits bound how often it is taken; empty for none.
+    """
+
+    to: str
+    span: Span
+    bound: str = ""
+
+
+Edges = dict[str, list[Edge]]
 
 
 def check_flow(stages: Map, context: ParseContext) -> None:
@@ -35,28 +60,54 @@ def _edges(stages: Map) -> Edges | None:
     for index, (name, value) in enumerate(stages.items()):
         stage = mapping(value)
         after = names[index + 1] if index + 1 < len(names) else "end"
+        own = stages.node.key_span(name)
         edges[name] = []
-        for key, default in (("next", after), ("on_fail", "fail")):
-            target = stage.get(key, default)
+        for target, span, bound in (*_good(stage, after, own), *_failing(stage, own)):
             if target in ENDS:
                 continue
             if isinstance(target, str) and target in stages:
-                span = (stage.node.entries[key][1].span if key in stage
-                        else stages.node.key_span(name))  # fmt: skip
-                edges[name].append((str(target), span))
+                edges[name].append(Edge(str(target), span, bound))
             else:
                 return None
     return edges
+
+
+Way = tuple[object, Span, str]
+
+
+def _good(stage: Map, after: str, own: Span) -> Iterator[Way]:
+    """Where a stage leads that ends well: a target, what says so, and what bounds it."""
+    given = stage.get("next")
+    if not isinstance(given, Items):
+        yield (given, nodes.pointer(stage.node.entries["next"][1]), "") if given else (
+            after, own, "")  # fmt: skip
+        return
+    for entry in given:
+        if isinstance(entry, Text):
+            yield entry, nodes.pointer(entry.node), ""
+            continue
+        branch = mapping(entry)
+        when = branch.get("when")
+        bound = ""
+        for part in _AND.split(when) if isinstance(when, Text) and " or " not in when else ():
+            found = _BOUND.match(part.strip())
+            bound = found.group(1) if found else bound
+        to = branch.node.get("to") if isinstance(entry, Map) else None
+        yield branch.get("to"), own if to is None else nodes.pointer(to), bound
+
+
+def _failing(stage: Map, own: Span) -> Iterator[Way]:
+    target = stage.get("on_fail", "fail")
+    yield target, nodes.pointer(stage.node.entries["on_fail"][1]) if "on_fail" in stage else own, ""
 
 
 def _check_reached(stages: Map, edges: Edges, context: ParseContext) -> None:
     waiting = [next(iter(stages))] if stages else []
     reached = set(waiting)
     while waiting:
-        for target, _ in edges[waiting.pop()]:
-            if target not in reached:
-                reached.add(target)
-                waiting.append(target)
+        new = _targets(edges, waiting.pop()) - reached
+        reached |= new
+        waiting += new
     for name in stages:
         if name not in reached and name not in ENDS:
             context.diagnostics.warning(
@@ -67,12 +118,34 @@ def _check_reached(stages: Map, edges: Edges, context: ParseContext) -> None:
             )
 
 
+def _targets(edges: Edges, name: str) -> set[str]:
+    return {edge.to for edge in edges[name]}
+
+
+def _is_bounded(name: str, edge: Edge, edges: Edges) -> bool:
+    """Whether every circle over a way goes through the stage whose visits bound it."""
+    if edge.bound not in edges:
+        return False
+    reached, waiting = {edge.bound, edge.to}, [edge.to]
+    if edge.bound in (name, edge.to):
+        return True
+    while waiting:
+        new = _targets(edges, waiting.pop()) - reached
+        reached |= new
+        waiting += new
+    return name not in reached
+
+
 def _check_cycles(stages: Map, edges: Edges, context: ParseContext) -> None:
     """Reports circles of stages without `attempts`, each at the edge that closes it.
 
     The walk keeps its own stack: there may be thousands of stages.
     """
     free = {name for name in stages if "attempts" not in mapping(stages[name])}
+    edges = {
+        name: [edge for edge in found if not (edge.bound and _is_bounded(name, edge, edges))]
+        for name, found in edges.items()
+    }
     done: set[str] = set()
     for root in stages:
         if root not in free or root in done:
@@ -80,21 +153,21 @@ def _check_cycles(stages: Map, edges: Edges, context: ParseContext) -> None:
         trail = {root: iter(edges[root])}
         while trail:
             name = next(reversed(trail))
-            target, span = next(trail[name], (None, None))
-            if target is None:
+            edge = next(trail[name], None)
+            if edge is None:
                 del trail[name]
                 done.add(name)
-            elif target in trail:
-                _report_circle(list(trail), target, span, context)
-            elif target in free and target not in done:
-                trail[target] = iter(edges[target])
+            elif edge.to in trail:
+                _report_circle(list(trail), edge, context)
+            elif edge.to in free and edge.to not in done:
+                trail[edge.to] = iter(edges[edge.to])
 
 
-def _report_circle(trail: list[str], target: str, span: Span | None, context: ParseContext) -> None:
+def _report_circle(trail: list[str], edge: Edge, context: ParseContext) -> None:
+    target = edge.to
     circle = [*trail[trail.index(target) :], target]
-    context.error(
-        "TS604",
-        f"stages in a circle without 'attempts': {' -> '.join(circle)}",
-        span,
-        f"add 'attempts: 3' to one of them, such as '{target}'",
-    )
+    hint = f"add 'attempts: 3' to one of them, such as '{target}'"
+    if edge.bound:
+        hint += f"; the visits of '{edge.bound}', which the circle leaves out, do not bound it"
+    message = f"stages in a circle without 'attempts': {' -> '.join(circle)}"
+    context.error("TS604", message, edge.span, hint)

@@ -15,12 +15,14 @@ from pydantic_core import ErrorDetails
 from taskspec.deferred_methods import dataclass
 from taskspec.spec import overrides as overriding
 from taskspec.spec.control import settle_rates
+from taskspec.spec.include import Inclusion
 from taskspec.spec.key_path import KeyPath, is_key, steps_of
 from taskspec.spec.model import REPORTED, mapping
 from taskspec.spec.names import collect_names, unused, warn_unused
 from taskspec.spec.params import evaluate_params
 from taskspec.spec.parse_context import ParseContext
 from taskspec.spec.task import Task
+from taskspec.spec.templates import expand
 from taskspec.spec.truth import grafted
 from taskspec.text import nodes
 from taskspec.text.characters import normal
@@ -56,6 +58,7 @@ class LoadedTask:
         overrides: dotted path to YAML text, as given.
         warnings: findings that do not keep the task from running.
         sources: every text that a place may refer to, by name.
+        included: SHA-256 of every file that was included, by its absolute path.
     """
 
     task: Task
@@ -66,6 +69,7 @@ class LoadedTask:
     overrides: Mapping[str, str]
     warnings: tuple[Diagnostic, ...]
     sources: Mapping[str, Source]
+    included: Mapping[Path, str]
     root: nodes.Mapping = field(repr=False, compare=False)
 
     def span(self, path: KeyPath) -> Span:
@@ -135,6 +139,20 @@ def load_text(
     return _load(text, name, overrides or {}, None, base)
 
 
+def tree_of(text: str, name: str, base: Path | None) -> nodes.Mapping | None:
+    """The tree of a task with what it includes and its templates; None where it cannot be read.
+
+    What is wrong with it is found out when it is loaded.
+    """
+    found = Diagnostics(name)
+    root = read(Source(name, normal(text)), found)
+    if not isinstance(root, nodes.Mapping):
+        return None
+    Inclusion(name, base, {}, found).into(root)
+    expand(root, found)
+    return root
+
+
 def _load(
     text: str, name: str, overrides: Mapping[str, str], path: Path | None, base: Path | None
 ) -> LoadedTask:
@@ -144,10 +162,18 @@ def _load(
     root = read(source, found)
     if not isinstance(root, nodes.Mapping):
         raise SpecError(found.sorted(), sources)
+    inclusion = Inclusion(name, base, sources, found)
+    inclusion.into(root)
+    if inclusion.missing:
+        raise SpecError(found.sorted(), sources)
     idle = unused(root)
+    changes = overriding.Overrides(overrides, tuple(Task.model_fields), found)
     if overrides:
-        keys = tuple(Task.model_fields)
-        sources[overriding.NAME] = overriding.apply(root, overrides, keys, found)
+        sources[overriding.NAME] = changes.source
+    # What a template is given is changed before it takes the place of a stage, a stage after that.
+    changes.apply(root, templates=True)
+    expand(root, found)
+    changes.apply(root, templates=False)
     task = _validate(root, found, path or Path(name))
     if task is None or found.has_errors:
         raise SpecError(found.sorted(), sources)
@@ -159,7 +185,16 @@ def _load(
     # An override may use a name, or take the place of what used one.
     warn_unused(root, idle & unused(root), found)
     return LoadedTask(
-        task, true_task, source, path, base, dict(overrides), found.sorted(), sources, root
+        task,
+        true_task,
+        source,
+        path,
+        base,
+        dict(overrides),
+        found.sorted(),
+        sources,
+        inclusion.files,
+        root,
     )
 
 

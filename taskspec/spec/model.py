@@ -42,7 +42,8 @@ class Model(BaseModel):
 
     Each class says in `noun` what it is, in `example` how it is written, in `reserved` which keys
     belong to the language but are not supported yet, in `advice` what takes the place of keys that
-    people write and it does not have, in `expand` which short form it has (`short`
+    people write and it does not have, in `composed` the JSON Schema of keys that are gone from the
+    tree when it is read, in `expand` which short form it has (`short`
     is its JSON Schema), and in `rules` which keys go together. Rules see the raw mapping, so they
     hold whatever else is wrong.
     """
@@ -53,6 +54,7 @@ class Model(BaseModel):
     reserved: ClassVar[frozenset[str]] = frozenset()
     example: ClassVar[str] = ""
     advice: ClassVar[Mapping[str, str]] = {}
+    composed: ClassVar[Mapping[str, dict[str, Any]]] = {}
     short: ClassVar[dict[str, Any] | None] = None
 
     @classmethod
@@ -83,6 +85,9 @@ class Model(BaseModel):
     ) -> dict[str, Any]:
         found = handler(schema)
         full = handler.resolve_ref_schema(found)
+        full.setdefault("properties", {}).update(
+            {key: dict(form) for key, form in cls.composed.items()}
+        )
         if cls.short is not None and "anyOf" not in full:
             form = {key: full.pop(key) for key in list(full) if key not in ("title", "description")}
             full["anyOf"] = [cls.short, form]
@@ -118,7 +123,8 @@ class Model(BaseModel):
                 context.unsupported(key, data.node.key_span(key))
                 context.quiet.add(id(data.node))
             else:
-                hint = cls.advice.get(key) or suggestion(key, cls.model_fields, "keys")
+                keys = [*cls.model_fields, *cls.composed]
+                hint = cls.advice.get(key) or suggestion(key, keys, "keys")
                 if (other := KEY_WORDS.get(key.lower(), "")) in cls.model_fields:
                     hint = f"did you mean '{other}'?"
                 message = f"unknown key '{key}' in {cls.noun}"

@@ -130,8 +130,8 @@ def unused(root: nodes.Mapping) -> set[tuple[str, str]]:
         (section, name)
         for section in _DECLARED
         if isinstance(declared := root.get(section), nodes.Mapping)
-        for name in declared.entries
-        if name not in words
+        for name, (key, _) in declared.entries.items()
+        if name not in words and not key.span.source
     }
 
 

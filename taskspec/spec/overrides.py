@@ -18,7 +18,7 @@ register({"TS027": "an override of something that the task does not have"})
 NAME = "--set"
 """The source in which overrides are shown."""
 
-_NAMED = ("params", "world", "frames", "stages", "vary", "expect")
+_NAMED = ("params", "world", "frames", "templates", "stages", "vary", "expect")
 """Sections whose keys the file invents: an override changes what is there, it adds nothing."""
 
 _BY_PATH = ("vary", "truth")
@@ -28,26 +28,48 @@ _SHORT = {"law": "kind", "within": "time"}
 """What the short form of a key stands for, so that another part of it can be set."""
 
 
-def apply(
-    root: MappingNode, overrides: Mapping[str, str], keys: tuple[str, ...], found: Diagnostics
-) -> Source:
-    """Changes the tree of a file; returns the text in which the changes are shown.
+class Overrides:
+    """Changes of a file's tree.
 
-    Args:
-        root: the tree, which is changed in place.
-        overrides: dotted path, or the bare name of a param, to YAML text.
-        keys: the keys that a task may have.
-        found: where findings go.
+    Attributes:
+        source: the text in which the changes are shown.
     """
-    pairs = [(_one_line(path), _one_line(text)) for path, text in overrides.items()]
-    source = Source(NAME, "\n".join(f"{path}={text}" for path, text in pairs))
-    for number, (path, text) in enumerate(pairs, 1):
-        value = _value(text, number, len(path) + 1, found)
-        span = Span(number, 1, number, max(len(path), 1) + 1, NAME)
-        key = Scalar(path, True, Origin(span, path, path))
-        if value is not None:
-            _put(root, key, _steps(root, path, keys), value, keys, found)
-    return source
+
+    def __init__(
+        self, overrides: Mapping[str, str], keys: tuple[str, ...], found: Diagnostics
+    ) -> None:
+        """Reads the values.
+
+        Args:
+            overrides: dotted path, or the bare name of a param, to YAML text.
+            keys: the keys that a task may have.
+            found: where findings go.
+        """
+        pairs = [(_one_line(path), _one_line(text)) for path, text in overrides.items()]
+        self.source = Source(NAME, "\n".join(f"{path}={text}" for path, text in pairs))
+        self._keys, self._found = keys, found
+        self._values: list[tuple[Scalar, Node]] = []
+        for number, (path, text) in enumerate(pairs, 1):
+            value = _value(text, number, len(path) + 1, found)
+            span = Span(number, 1, number, max(len(path), 1) + 1, NAME)
+            if value is not None:
+                self._values.append((Scalar(path, True, Origin(span, path, path)), value))
+
+    def apply(self, root: MappingNode, *, templates: bool) -> None:
+        """Changes a tree in place.
+
+        Args:
+            root: the tree.
+            templates: whether templates, and what stages give them, are changed, or all else.
+        """
+        for key, value in self._values:
+            steps = _steps(root, key.value, self._keys)
+            if _of_templates(steps) is templates:
+                _put(root, key, steps, value, self._keys, self._found)
+
+
+def _of_templates(steps: list[str]) -> bool:
+    return steps[0] == "templates" or (steps[0] == "stages" and steps[2:3] in (["use"], ["with"]))
 
 
 def _one_line(text: str) -> str:

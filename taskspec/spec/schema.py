@@ -21,6 +21,9 @@ def schema_text() -> str:
     generated = tidy(Task.model_json_schema())
     for name, form in {"Task": generated, **generated["$defs"]}.items():
         annotate(name, form)
+    # What a file needs may come from one that it includes.
+    generated["required"].remove("robot")
+    generated["anyOf"] = [{"required": ["robot"]}, {"required": ["include"]}]
     head = {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         "$id": _ID,

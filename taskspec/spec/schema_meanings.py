@@ -63,6 +63,8 @@ _GAIN = "; a value for all, {linear, angular}, or one for each axis. Left out, i
 MEANINGS: dict[str, dict[str, Meaning]] = {
     "Task": {
         "robot": ("The arm, its tool, and where the run begins.", ({"model": "panda"},)),
+        "include": ("Files that bring robot, world, params, frames and templates.", ()),
+        "templates": ("Stages with params, for stages to use.", ()),
         "frame": ("The frame of every stage that names none; by default the world.", ()),
         "law": ("Control law of every stage that names none; by default hybrid.",
                 ("hybrid", {"kind": "parallel", "force": {"integral": "12 /s"}})),
@@ -79,6 +81,10 @@ MEANINGS: dict[str, dict[str, Meaning]] = {
     "Sweep": {
         "worlds": ("How many random worlds 'taskspec sweep' runs; by default 100.", (1000,)),
         "expect": ("How often what is to hold, at 95 % confidence.", ("success >= 99 %",)),
+    },
+    "Branch": {
+        "when": ("Taken if this holds as the stage ends well; the last way has none.", ()),
+        "to": ("The stage that follows, end or fail.", ()),
     },
     "Control": {"rate": ("How often the controller acts, 20 Hz to 100 kHz; by default 1 kHz.",
                          ("1 kHz",))},
@@ -202,6 +208,9 @@ MEANINGS: dict[str, dict[str, Meaning]] = {
         "time": ("How long it lasts; not beside until.", ("4 s",)),
         "next": ("Where to go after ending well; by default the following stage.", ()),
         "on_fail": ("Where to go after a failure; by default the run fails.", ()),
+        "repeat": ("How often it is done in a row before what follows; by default once.", ()),
+        "use": ("The template that the stage is; its own keys go before those of it.", ()),
+        "with": ("What the params of the template are here; else their defaults.", ()),
         "attempts": ("Entering it once more than that fails the run; a cycle needs one.", ()),
         "frame": ("Its task frame; by default that of the file.", ()),
         "law": ("Its control law, in place of the file's.", ("hybrid",)),

@@ -80,6 +80,24 @@ NOTES: dict[str, tuple[str, tuple[Any, ...]]] = {
         ({"rail": {"force": "20 N"}},),
     ),
     "Stage.attempts": ("A whole number from 1 on", (3,)),
+    "Stage.repeat": ("A whole number from 1 on", (5,)),
+    "Stage.use": ("", ("press",)),
+    "Stage.with": ("By name", ({"level": "12 N"},)),
+    "Branch.when": ("", ("knock.visits < 5",)),
+    "Branch.to": ("", ("knock", "end", "fail")),
+    "Task.include": ("YAML files, relative to the task file", (["cell.yaml"],)),
+    "Task.templates": (
+        _ENTRIES,
+        (
+            {
+                "press": {
+                    "params": {"level": "12 N"},
+                    "axes": {"z": {"force": "-level"}},
+                    "time": "2 s",
+                }
+            },
+        ),
+    ),
     "Stage.until": ("", (_CONDITION,)),
     "Stage.fail_if": ("", ("norm(force) > 60 N",)),
     "Stage.next": ("", ("lift", "end", "fail")),

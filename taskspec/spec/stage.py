@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import re
-from typing import Annotated, ClassVar
+from typing import Annotated, Any, ClassVar
 
-from pydantic import Field
+from pydantic import Field, GetCoreSchemaHandler, GetJsonSchemaHandler
+from pydantic_core import CoreSchema, core_schema
 
 from taskspec.geometry.axis import Axis
 from taskspec.laws import LAWS
@@ -20,9 +21,10 @@ from taskspec.spec.parse_context import ParseContext, span_of
 from taskspec.spec.path import Path
 from taskspec.spec.quantities import Constant, Formula
 from taskspec.spec.set_point import SetPoint, SetPoints
+from taskspec.spec.templates import USE, WITH
 from taskspec.spec.words import Count, NameReference, Switch, Word, Words
 from taskspec.text.codes import register
-from taskspec.text.data import Map, Text
+from taskspec.text.data import Items, Map, Text
 from taskspec.text.expression import Expression, ScopeKind
 from taskspec.text.nodes import pointer
 from taskspec.text.units import LENGTH, TIME, alternatives
@@ -38,6 +40,7 @@ register(
         "TS602": "a stage that nothing ends",
         "TS603": "a stage with two ends",
         "TS607": "`path_done` in a stage without a path",
+        "TS608": "ways on without a last one",
     }
 )
 
@@ -46,7 +49,7 @@ def _no_condition(name: str, _context: ParseContext) -> str:
     """What to write in place of a condition on a stage that follows."""
     if len(name.split()) < 2:
         return ""
-    return "'next' and 'on_fail' are names of stages; what decides between them is 'until'"
+    return "a condition stands in a list: next: [{when: knock.visits < 5, to: knock}, {to: end}]"
 
 
 StageName = Annotated[
@@ -94,6 +97,80 @@ class Within(Model):
                           "within: {time: 5 s, travel: 50 mm}, or one of the two")  # fmt: skip
 
 
+class Branch(Model):
+    """Where a stage leads if a condition holds as it ends well.
+
+    Attributes:
+        when: the condition; None for the last one, which is taken where no other holds.
+        to: a stage, `end` or `fail`.
+    """
+
+    noun = "a way on"
+    example = "{when: knock.visits < 5, to: knock}"
+    advice: ClassVar = dict.fromkeys(("if", "unless"), "a condition stands under 'when'") | (
+        dict.fromkeys(("then", "goto", "next", "stage"), "the stage stands under 'to'")
+    )
+
+    short: ClassVar = {"type": "string"}
+
+    @classmethod
+    def expand(cls, data: object, context: ParseContext) -> object:  # noqa: ARG003
+        """`end` is short for `{to: end}`."""
+        return short_form(data, "to")
+
+    when: Condition | None = Field(None, title="The condition under which it is taken")
+    to: StageName = Field(title="Where it leads", description="A stage, end or fail")
+
+
+class Ways:
+    """Reads `next`: a name, or a list of branches of which the last one has no condition."""
+
+    def __get_pydantic_core_schema__(
+        self, source: Any, handler: GetCoreSchemaHandler
+    ) -> CoreSchema:
+        return core_schema.with_info_wrap_validator_function(_ways, handler(source))
+
+    def __get_pydantic_json_schema__(
+        self, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        listed = handler(schema)
+        return {"anyOf": [{"type": "string"}, {**listed, "minItems": 1}]}
+
+
+def _ways(
+    value: Any, handler: core_schema.ValidatorFunctionWrapHandler, info: core_schema.ValidationInfo
+) -> Any:
+    context: ParseContext | None = info.context
+    if context is None:
+        return handler(value)
+    if isinstance(value, Map):
+        message = "'next' is a stage or a list of ways, this is a mapping"
+        hint = "next: [{when: knock.visits < 5, to: knock}, {to: end}]"
+        context.error("TS022", message, span_of(value), hint)
+        return ()
+    if not isinstance(value, Items):
+        return handler([short_form(value, "to")])
+    _check_ways(value, context)
+    return handler(list(value))
+
+
+def _check_ways(ways: Items, context: ParseContext) -> None:
+    """Asks for one way without a condition, at the end."""
+    if not ways and not ways.node.broken:
+        context.error("TS023", "this list is empty", span_of(ways))
+    if not ways or ways.node.broken:
+        return
+    always = [isinstance(way, Text) or mapping(way).keys() == {"to"} for way in ways]
+    for number, way in enumerate(ways[:-1]):
+        if always[number]:
+            message = "nothing comes to the ways behind this one, which has no 'when'"
+            context.error("TS608", message, span_of(way), "put it last, or give it a 'when'")
+    if isinstance(ways[-1], Map) and not always[-1] and "when" in ways[-1]:
+        message = "nothing says where the stage leads if none of the conditions holds"
+        hint = "add a last way without 'when', such as {to: end}"
+        context.error("TS608", message, span_of(ways[-1]), hint)
+
+
 class Stage(Model):
     """A stage.
 
@@ -105,9 +182,11 @@ class Stage(Model):
         within: the bound of the guard.
         fail_if: the guard that ends the stage as a failure.
         time: planned length [s].
-        next: a stage, `end` or `fail`; None for the following stage.
+        next: stages, `end` or `fail`, the first whose condition holds; empty for the following
+            stage.
         on_fail: a stage, `end` or `fail`; None for `fail`.
-        attempts: entering the stage once more than that fails the run.
+        repeat: so often it ends well before `next` follows.
+        attempts: entering the stage once more than that fails the run; repeats do not count.
         frame: task frame; None for that of the task.
         contact: the object that its axes press on, or run into; None for that of each axis.
         law: control law; None for that of the task.
@@ -117,10 +196,11 @@ class Stage(Model):
     """
 
     noun = "a stage"
-    advice: ClassVar = {
-        "repeat": "go back by 'next' or 'on_fail'; 'attempts' says how often at most",
-    }
     example = "approach: {axes: {z: {move: -50 mm}}}"
+    composed: ClassVar = {
+        USE: {"type": "string", "title": "Template that it is"},
+        WITH: {"type": "object", "title": "Params of the template"},
+    }
     axes: Annotated[dict[Axis, AxisEntry], ByName()] = Field({}, title="What each axis does")
     path: Path | None = Field(None, title="A curve that drives axes")
     constraints: Annotated[dict[str, SetPoint], SetPoints()] = Field(
@@ -130,10 +210,13 @@ class Stage(Model):
     within: Within | None = Field(None, title="The bound of the condition")
     fail_if: Condition | None = Field(None, title="The condition that ends the stage as a failure")
     time: Annotated[float, Constant(TIME, above=0)] | None = Field(None, title="Planned length")
-    next: StageName | None = Field(None, title="What follows", description="A stage, end or fail")
+    next: Annotated[tuple[Branch, ...], Ways()] = Field(
+        (), title="What follows", description="A stage, end or fail; or a list of them by condition"
+    )
     on_fail: StageName | None = Field(
         None, title="What follows a failure", description="A stage, end or fail"
     )
+    repeat: Annotated[int, Count()] = Field(1, title="How often it is done in a row")
     attempts: Annotated[int, Count()] | None = Field(None, title="How often it may be entered")
     frame: FrameName | None = Field(None, title="Task frame")
     contact: ContactName | None = Field(None, title="Object that the stage presses on")
@@ -144,6 +227,14 @@ class Stage(Model):
     )
 
     allow: Annotated[tuple[str, ...], _ALLOWED] = Field((), title="Faults that a run may have")
+
+    def ways(self, following: str) -> tuple[str, ...]:
+        """Where it may lead when it ends well, the default last.
+
+        Args:
+            following: the next stage of the file, `end` after the last one.
+        """
+        return tuple(branch.to for branch in self.next) or (following,)
 
     @classmethod
     def rules(cls, data: Map, context: ParseContext) -> None:

@@ -15,6 +15,7 @@ from taskspec.spec.field_type import FieldType
 from taskspec.spec.fields import FrameName
 from taskspec.spec.flow import check_flow
 from taskspec.spec.frame import Frame, check_loops
+from taskspec.spec.include import Included
 from taskspec.spec.law import Law
 from taskspec.spec.limits import Limits
 from taskspec.spec.mechanism import Mechanism
@@ -25,6 +26,7 @@ from taskspec.spec.parse_context import ParseContext, span_of
 from taskspec.spec.robot import Robot
 from taskspec.spec.stage import Stage
 from taskspec.spec.sweep import Sweep
+from taskspec.spec.templates import Templates
 from taskspec.spec.truth import DeclaredTruth, Truths
 from taskspec.spec.value_path import ValuePath
 from taskspec.spec.varied import OBJECT, ROBOT, VariedValue
@@ -67,6 +69,7 @@ class Task(Model):
 
     Attributes:
         taskspec: version of the language.
+        include: files that bring further robot, world, params, frames and templates.
         name: of the task; from the file's name if it says none.
         about: what it does.
         robot: the arm and what it carries.
@@ -76,6 +79,7 @@ class Task(Model):
         frame: task frame of every stage that names none.
         law: control law of every stage that names none.
         limits: of every stage, key by key.
+        templates: as written; stages that use one are as if they were written out.
         stages: by name, in order.
         expect: what counts as success.
         vary: path of a value to an uncertain interval for each component.
@@ -88,6 +92,7 @@ class Task(Model):
     reserved = frozenset({"robots"})
 
     taskspec: Annotated[Literal[1], Version()] = Field(title="Version of the language")
+    include: Annotated[tuple[str, ...], Included()] = Field((), title="Files that it includes")
     name: Annotated[
         str,
         Free(
@@ -104,6 +109,9 @@ class Task(Model):
     frame: FrameName = Field("world", title="Task frame of all stages")
     law: Law = Field(Law(), title="Control law of all stages")
     limits: Limits = Field(Limits(), title="Limits of all stages")
+    templates: Annotated[Mapping[str, object], Templates()] = Field(
+        {}, title="Stages with params, by name"
+    )
     stages: dict[str, Stage] = Field(title="Stages by name, in order")
     expect: Annotated[tuple[Expectation, ...], Expectations()] = Field(
         (), title="What counts as success"

@@ -6,9 +6,14 @@ import os
 from pathlib import Path
 
 from taskspec.deferred_methods import dataclass
+from taskspec.text.codes import register
+
+register({"TS409": "a file outside of the task's project"})
 
 VARIABLE = "TASKSPEC_FILES"
 """Environment variable with further folders whose files a task may name, as in PATH."""
+OUTSIDE = "TS409"
+"""Code of a file that lies elsewhere."""
 REMEDY = (
     "keep it below the folder with .git or pyproject.toml, or the task's own where there is none; "
     f"or name its folder in the environment variable {VARIABLE}"

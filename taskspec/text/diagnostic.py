@@ -7,6 +7,7 @@ text of the file; from there on, and for everything that reading a file reports,
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from enum import StrEnum
 
 from taskspec.deferred_methods import dataclass
@@ -135,6 +136,7 @@ class Diagnostics:
             AssertionError: the code is not registered.
         """
         assert code in CODES, f"diagnostic code {code} is not registered"
+        led = span.via if span is not None else ()
         found = Diagnostic(
             code,
             severity,
@@ -142,7 +144,7 @@ class Diagnostics:
             self._name(span),
             span,
             hint,
-            tuple(Note(text, self._name(place), place) for text, place in notes),
+            tuple(Note(text, self._name(place), place) for text, place in (*notes, *led)),
         )
         self._found.setdefault(found)
 
@@ -152,8 +154,17 @@ class Diagnostics:
             self._found.setdefault(diagnostic)
 
     def sorted(self) -> tuple[Diagnostic, ...]:
-        """The findings by source and place; those without a place first."""
-        return tuple(sorted(self._found, key=_order))
+        """The findings by source and place; those without a place first.
+
+        What several uses of one text are told alike is told once, with all that led there.
+        """
+        told: dict[Diagnostic, dict[Note, None]] = {}
+        for found in self._found:
+            span = found.span and replace(found.span, via=())
+            notes = told.setdefault(replace(found, span=span, notes=()), {})
+            notes.update(dict.fromkeys(found.notes))
+        alike = (replace(found, notes=tuple(notes)) for found, notes in told.items())
+        return tuple(sorted(alike, key=_order))
 
     @property
     def has_errors(self) -> bool:

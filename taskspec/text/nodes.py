@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from dataclasses import field
 
@@ -108,7 +109,17 @@ def pointer(node: Node) -> Span:
     span = node.span
     if isinstance(node, Scalar) and node.value:
         return span
-    return Span(span.line, span.column, span.line, span.column + 1, span.source)
+    return span.covering(span.line, span.column, span.line, span.column + 1)
+
+
+def is_empty(node: Node) -> bool:
+    """Whether nothing is written at a place."""
+    return isinstance(node, Scalar) and node.empty
+
+
+def has_word(node: Scalar, word: str) -> bool:
+    """Whether a scalar has a word that is not a part of a path or of another word."""
+    return re.search(rf"(?<![\w.]){re.escape(word)}(?!\w)", node.value) is not None
 
 
 def scalars(node: Node) -> Iterator[Scalar]:

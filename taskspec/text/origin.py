@@ -39,7 +39,7 @@ class Origin:
         last = min(max(end, start + 1), len(self.value)) - 1
         line, column = self._position(offsets[start])
         end_line, end_column = self._position(offsets[last])
-        return Span(line, column, end_line, end_column + 1, self.span.source)
+        return self.span.covering(line, column, end_line, end_column + 1)
 
     def _position(self, offset: int) -> tuple[int, int]:
         before = self.raw[:offset]

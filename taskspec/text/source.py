@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import accumulate
 
 
@@ -11,7 +11,8 @@ class Span:
     """A stretch of text: 1-based, the end exclusive, columns counted in characters.
 
     `source` is empty for the file that is being read, and the name of another text (such as the
-    overrides of the command line) otherwise.
+    overrides of the command line) otherwise. `via` says what led here, the nearest first, as words
+    and places: the stage that uses a template, the line that includes a file.
     """
 
     line: int
@@ -19,6 +20,15 @@ class Span:
     end_line: int
     end_column: int
     source: str = ""
+    via: tuple[tuple[str, Span], ...] = ()
+
+    def reached(self, words: str, place: Span) -> Span:
+        """The same stretch, with a place that led to it."""
+        return replace(self, via=(*self.via, (words, place), *place.via))
+
+    def covering(self, line: int, column: int, end_line: int, end_column: int) -> Span:
+        """Another stretch of the same text that the same places led to."""
+        return Span(line, column, end_line, end_column, self.source, self.via)
 
 
 @dataclass(frozen=True, slots=True)

@@ -138,7 +138,7 @@ def _open(text: str) -> bool:
 
 def _joined(parts: list[Scalar], source: Source) -> Scalar:
     first, last = parts[0].span, parts[-1].span
-    span = Span(first.line, first.column, last.end_line, last.end_column, first.source)
+    span = first.covering(first.line, first.column, last.end_line, last.end_column)
     start = source.offset(span.line, span.column)
     end = source.offset(span.end_line, span.end_column)
     value = " ".join(source.text[start:end].split())
@@ -188,6 +188,6 @@ def _report_glued(span: Span, key: str, value: str, diagnostics: Diagnostics) ->
     diagnostics.error(
         "TS013",
         "a colon without a space after it is part of a word",
-        Span(span.line, at, span.line, at + 1, span.source),
+        span.covering(span.line, at, span.line, at + 1),
         f"write '{key}: {value}'",
     )

@@ -71,7 +71,8 @@ def overrides_of(path: Path) -> dict[str, str]:
 def rendered(path: Path) -> str:
     """Return the diagnostics of a file as they are shown, independent of where it lies."""
     diagnostics, sources = diagnostics_of(path)
-    return render(diagnostics, sources).replace(str(path), path.name) + "\n"
+    shown = render(diagnostics, sources).replace(f"{path.parent}/", "")
+    return shown.replace(f"{path.parent.parent}/", "../") + "\n"
 
 
 def expected(path: Path) -> list[tuple[str, str]]:

@@ -103,7 +103,7 @@ def positions(path: Path) -> list[tuple[str, int, int, str, str]]:
     """What the golden file says of one: file, line, column, severity and code of each finding."""
     text = path.with_suffix(".out").read_text(encoding="utf-8")
     found = [
-        (m["file"], int(m["line"]), int(m["column"]), m["severity"], m["code"])
+        (Path(m["file"]).name, int(m["line"]), int(m["column"]), m["severity"], m["code"])
         for m in HEADLINE.finditer(text)
     ]
     # No finding is left out for want of a place, but of a file that is empty.

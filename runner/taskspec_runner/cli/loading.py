@@ -10,13 +10,12 @@ from pathlib import Path
 from typing import TextIO
 
 from taskspec.laws import LAWS
-from taskspec.spec import LoadedTask, load_task, load_text, read_text
+from taskspec.spec import LoadedTask, load_task, load_text, read_text, tree_of
 from taskspec.spec.overrides import NAME as SET
 from taskspec.text import nodes
-from taskspec.text.characters import normal
-from taskspec.text.diagnostic import Diagnostic, Diagnostics, Note, SpecError
+from taskspec.text.diagnostic import Diagnostic, Note, SpecError
 from taskspec.text.source import Source, Span
-from taskspec.text.yaml import MAX_BYTES, read
+from taskspec.text.yaml import MAX_BYTES
 from taskspec_runner.errors import InputError
 
 #: The path that stands for standard input; a file of this name is `./-`.
@@ -123,10 +122,9 @@ def _laws(path: Path, law: str) -> dict[str, str]:
         with path.open("rb") as file:
             # A file that is too long or not UTF-8 is found out when it is loaded.
             text = file.read(MAX_BYTES).decode("utf-8", "replace")
-    text = normal(text)
-    root = read(Source(str(path), text), Diagnostics(str(path)))
-    stages = root.get("stages") if isinstance(root, nodes.Mapping) else None
-    owners = {"law": root}
+    root = tree_of(text, str(path), None if path == STDIN else path.parent)
+    stages = root.get("stages") if root is not None else None
+    owners: dict[str, nodes.Node | None] = {"law": root}
     if isinstance(stages, nodes.Mapping):
         owners |= {f"stages.{name}.law": stage for name, (_, stage) in stages.entries.items()}
     found = {}

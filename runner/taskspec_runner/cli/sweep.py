@@ -77,8 +77,9 @@ def merge_parts(parts: Sequence[Path], out: Path | None, *, quiet: bool, form: R
     file = parts[0] / TASK
     content = file.read_bytes()
     overrides = {str(key): str(value) for key, value in mapping(first["overrides"]).items()}
-    # Whatever else the task reads was read where its shares were run.
-    loaded = load_text(content.decode(), str(first["file"] or file), overrides)
+    # Whatever else the task reads was read where its shares were run, but for what it includes.
+    origin = Path(str(first["file"] or file))
+    loaded = load_text(content.decode(), str(origin), overrides, origin.parent)
     said = {key: first[key] for key in first if key in _OPENING} | {"shard": [1, 1]}
     with open_sweep(out, loaded.task.name, said) as folder:
         folder.begin(content)

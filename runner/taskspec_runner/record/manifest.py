@@ -86,7 +86,7 @@ def opening(program: Program, content: bytes, world: World) -> dict[str, Any]:
 
 
 def inputs(program: Program) -> dict[str, str]:
-    """SHA-256 of every file that a task draws on: its robot's, with meshes, and tables of points.
+    """SHA-256 of every file that a task draws on: of its robot, tables, and what it includes.
 
     Names are relative to the task file where they lie below its folder.
     """
@@ -102,7 +102,7 @@ def input_files(program: Program) -> dict[Path, str]:
     """The same by their absolute paths."""
     context = program.context
     base = (context.loaded.base or Path()).absolute()
-    files = dict(context.robot.files)
+    files = {**context.robot.files, **context.loaded.included}
     for stage in context.loaded.task.stages.values():
         if stage.path is not None and stage.path.file is not None:
             path = base / stage.path.file

@@ -7,14 +7,15 @@ tick ends nothing.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.geometry.axis import TRANSLATIONS
 from taskspec.program import events
-from taskspec.program.execution.transition import END, FAIL, leads_to
+from taskspec.program.execution.transition import END, FAIL, is_good, leads_to
 from taskspec.program.program import Program
 from taskspec.program.stages.stage import CompiledStage
 from taskspec.signals.entries import TOUCHING
@@ -100,6 +101,7 @@ class GuardWalk:
         found: list[tuple[int, str]] = []
         names = list(self._stages)
         start, name = 0, names[0]
+        rounds, tries = 1, {name: 1}
         while len(found) < _MOST_VISITS:
             found.append((start, name))
             self._visits[name] = self._visits.get(name, 0) + 1
@@ -108,10 +110,13 @@ class GuardWalk:
             if event is None:
                 return found, self._ticks, ""
             following = names[names.index(name) + 1] if name != names[-1] else END
-            to = leads_to(stage.plan.spec, event, following)
+            again = is_good(event) and rounds < stage.plan.spec.repeat
+            to = name if again else leads_to(stage.plan.spec, event, following)
             attempts = self._stages[to].plan.spec.attempts if to in self._stages else None
-            if attempts is not None and self._visits.get(to, 0) >= attempts:
+            if attempts is not None and not again and tries.get(to, 0) >= attempts:
                 to = FAIL
+            rounds = rounds + 1 if again else 1
+            tries[to] = tries.get(to, 0) + (not again)
             if to not in self._stages:
                 return found, end, to
             start, name = end, to
@@ -135,7 +140,8 @@ class GuardWalk:
         for kind, guard in ((events.FAIL_IF, spec.fail_if), (events.UNTIL, spec.until)):
             if guard is not None:
                 holds = self._guard(stage, kind, guard, rows, t)
-                found.append((holds, events.Event(kind, kind, str(guard))))
+                ended = events.Event(kind, kind, str(guard))
+                found += self._by_way(stage, holds, ended, rows, t)
         if spec.within is not None and spec.within.time is not None:
             late = t >= spec.within.time - self._period / 2
             found.append((late, events.Event(events.WITHIN, "time", "within")))
@@ -148,7 +154,7 @@ class GuardWalk:
                     "log; state the stages by a column ('stage') or by times ('stages') in the map"
                 )
             over = t >= spec.time - self._period / 2
-            found.append((over, events.Event(events.DONE, "done", "time")))
+            found += self._by_way(stage, over, events.Event(events.DONE, "done", "time"), rows, t)
         first, event = rows.stop, None
         for holds, each in found:
             # The first tick of a stage ends nothing.
@@ -156,6 +162,16 @@ class GuardWalk:
             if len(ends) and start + 1 + int(ends[0]) < first:
                 first, event = start + 1 + int(ends[0]), each
         return first, event
+
+    def _by_way(
+        self, stage: CompiledStage, holds: Mask, event: events.Event, rows: slice, t: Vector
+    ) -> Iterator[tuple[Mask, events.Event]]:
+        """An end as one event for each way on, as in a run."""
+        for number, branch in enumerate(stage.plan.spec.next[:-1] if is_good(event) else ()):
+            assert branch.when is not None
+            taken = holds & self._guard(stage, "'next'", branch.when, rows, t)
+            yield taken, replace(event, way=number)
+        yield holds, event
 
     def _guard(
         self, stage: CompiledStage, kind: str, guard: Expression, rows: slice, t: Vector

@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from taskspec.spec import LoadedTask
+from taskspec.spec.include import shown_from
 from taskspec.text.diagnostic import Diagnostic
 from taskspec.text.source import Span
 
@@ -27,7 +28,11 @@ def diagnosed(found: Iterable[Diagnostic], loaded: LoadedTask) -> list[dict[str,
             "severity": str(each.severity),
             "message": each.message,
             "hint": each.hint,
-            "source": "" if each.source == loaded.source.name else each.source,
+            "source": (
+                ""
+                if each.source == loaded.source.name
+                else shown_from(each.source, loaded.source.name)
+            ),
             "line": line_of(each.span) if each.source == loaded.source.name else None,
             "column": each.span.column if line_of(each.span) and each.span else None,
         }

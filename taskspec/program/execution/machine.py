@@ -91,6 +91,8 @@ class Machine:
         )
         self._exits = exits(stages, self._names)
         self._attempts = [s.plan.spec.attempts or np.inf for s in stages]
+        #: How often the stage has been done in a row, and how often each was come to otherwise.
+        self._rounds, self._tries = 0, [0] * len(stages)
         self.index, self.t = 0, 0.0
         self.stage_ticks = 0
         self._applied, self._fading = np.zeros(len(self.torque)), FadeOut(len(self.torque))
@@ -219,11 +221,14 @@ class Machine:
     def _change(self, clock: float, out: Exit) -> None:
         """Ends the stage by an event, and begins the one that follows it, if any may."""
         event, to, index, value = out.event, out.to, out.index, float(self.outputs[1])
+        again = self._rounds < out.repeat
+        if again:
+            to, index = self.stage.name, self.index
         if index is None:
             self._end(clock, event, value, to)
             return
         attempts = self._attempts[index]
-        if self.now[2 + index] >= attempts:
+        if not again and self._tries[index] >= attempts:
             text = f"{event.text}; stage {to!r} has had its {attempts} attempts"
             self._end(clock, events.Event(event.kind, "attempts", text), value, FAIL)
             return
@@ -238,7 +243,7 @@ class Machine:
             self._end(clock, events.Event(events.LIMIT, "frame_not_felt", text), 0.0, "")
             return
         self._note(clock, event, value, to)
-        self._enter(index, clock)
+        self._enter(index, clock, again=again)
         # What failed is not carried on: a law that presses too hard ends with the stage.
         carried = 0.0 if event.kind == events.FAIL_IF else after.carry(last)
         self._first_tick(clock, last, carried)
@@ -274,8 +279,10 @@ class Machine:
             Transition(clock, self.stage.name, event.kind, event.name, event.text, value, to)
         )
 
-    def _enter(self, index: int, clock: float) -> None:
-        """Begins a stage from what is handed over."""
+    def _enter(self, index: int, clock: float, *, again: bool = False) -> None:
+        """Begins a stage from what is handed over; `again` where it repeats itself."""
+        self._rounds = self._rounds + 1 if again else 1
+        self._tries[index] += not again
         self.index, self.runner = index, self.runners[index]
         self.stage_ticks, self.t = 0, 0.0
         self.outputs[_CONDITIONING] = 1.0

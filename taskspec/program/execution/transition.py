@@ -53,11 +53,13 @@ class Exit:
         event: that happens.
         to: name of the next stage, `end` or `fail`; empty where a limit stops the run.
         index: number of the next stage; None where there is none.
+        repeat: how often the stage is to end by it in a row before it leads there.
     """
 
     event: Event
     to: str
     index: int | None
+    repeat: int = 1
 
 
 def exits(stages: Sequence[CompiledStage], names: Sequence[str]) -> tuple[tuple[Exit, ...], ...]:
@@ -71,9 +73,10 @@ def exits(stages: Sequence[CompiledStage], names: Sequence[str]) -> tuple[tuple[
     def leads(stage: CompiledStage, event: Event, following: str) -> Exit:
         to = leads_to(stage.plan.spec, event, following)
         index = None if to in (END, FAIL, "") else names.index(to)
+        repeat = stage.plan.spec.repeat if is_good(event) else 1
         if index is not None and index >= len(stages):
-            return Exit(event, END, None)
-        return Exit(event, to, index)
+            return Exit(event, END, None, repeat)
+        return Exit(event, to, index, repeat)
 
     return tuple(
         tuple(leads(stage, event, following) for event in stage.events)
@@ -91,6 +94,11 @@ def leads_to(stage: Stage, event: Event, following: str) -> str:
     """
     if event.kind == events.LIMIT:
         return ""
-    if event.kind in (events.UNTIL, events.DONE):
-        return stage.next or following
+    if is_good(event):
+        return stage.ways(following)[event.way]
     return stage.on_fail or FAIL
+
+
+def is_good(event: Event) -> bool:
+    """Whether a stage ends as planned by it."""
+    return event.kind in (events.UNTIL, events.DONE)

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from dataclasses import replace
+
 import casadi as ca
 
 from taskspec.control import linear
@@ -94,7 +97,11 @@ def stage_conditions(stage: Stage, measurement: Measurement, period: float) -> l
             found.append(Condition(Event(kind, kind, str(expression)), holds, t))
 
     guard(events.FAIL_IF, stage.fail_if)
-    guard(events.UNTIL, stage.until)
+    if stage.until is not None:
+        until = Event(events.UNTIL, events.UNTIL, str(stage.until))
+        found += _by_way(
+            stage, Condition(until, measurement.translate(stage.until), t), measurement
+        )
     if stage.within is not None:
         time, travel = stage.within.time, stage.within.travel
         if time is not None:
@@ -107,8 +114,20 @@ def stage_conditions(stage: Stage, measurement: Measurement, period: float) -> l
     if stage.until is None:
         end = measurement.parameters.add("end")
         text = "its moves, path and time are done"
-        found.append(Condition(Event(events.DONE, "done", text), t >= end - period / 2, t))
+        done = Condition(Event(events.DONE, "done", text), t >= end - period / 2, t)
+        found += _by_way(stage, done, measurement)
     return found
+
+
+def _by_way(stage: Stage, end: Condition, measurement: Measurement) -> Iterator[Condition]:
+    """An end as one event for each way on: of those that hold, the first one counts."""
+    for number, branch in enumerate(stage.next[:-1]):
+        assert branch.when is not None
+        text = f"{end.event.text}; {branch.when}"
+        event = replace(end.event, text=text, way=number)
+        holds = ca.logic_and(end.holds, measurement.translate(branch.when))
+        yield Condition(event, holds, end.value)
+    yield end
 
 
 def _norm(table: SignalTable, kind: str, axes: tuple[Axis, ...]) -> ca.SX:

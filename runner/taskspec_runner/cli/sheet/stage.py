@@ -8,6 +8,7 @@ from taskspec.analysis.gain_paths import turns
 from taskspec.deferred_methods import dataclass
 from taskspec.laws.law import gain_named
 from taskspec.prediction import StagePrediction
+from taskspec.program.execution.transition import is_good
 from taskspec.program.program import Program
 from taskspec.program.stages.null_space import goals
 from taskspec.program.stages.stage import CompiledStage
@@ -167,14 +168,17 @@ def _ends(program: Program, stage: CompiledStage) -> Iterator[tuple[str, str]]:
     """What ends the stage and where it leads, in the order in which a tick decides."""
     spec, names = stage.plan.spec, [s.name for s in program.stages]
     number = names.index(stage.name)
-    after = spec.next or (names[number + 1] if number + 1 < len(names) else "end")
+    ways = spec.ways(names[number + 1] if number + 1 < len(names) else "end")
     failed = spec.on_fail or "fail"
     own = [e.text.removeprefix(_LIMIT) for e in stage.events if e.text.startswith(_LIMIT)]
     if own:
         yield "limits", ", ".join(own)
-    targets = {"fail_if": failed, "within": failed, "until": after, "done": after}
+    targets = {"fail_if": failed, "within": failed}
     for event in stage.events:
-        if event.kind in targets:
-            yield f"{event.kind} -> {targets[event.kind]}", event.text.removeprefix("within ")
+        to = ways[event.way] if is_good(event) else targets.get(event.kind)
+        if to is not None:
+            yield f"{event.kind} -> {to}", event.text.removeprefix("within ")
+    if spec.repeat > 1:
+        yield "repeat", f"done {spec.repeat} times in a row"
     if spec.attempts is not None:
         yield "attempts", f"entered {spec.attempts} times at most"
