@@ -63,6 +63,13 @@ def test_stiffness_over_its_range(simulate, stiffness, friction):
     assert -run["force.z"][-1] / -run["gap"][-1] == pytest.approx(declared, rel=1e-4)
 
 
+@pytest.mark.parametrize("true", ["robot.payload: 1 kg", "robot.tool.mass: 2 kg"])
+def test_what_a_tool_really_weighs_leaves_the_stiffness_as_declared(simulate, true):
+    text = press("plane", "stiffness: 20 kN/m") + f"truth: {{{true}}}\n"
+    run = simulate(text)
+    assert -run["force.z"][-1] / -run["gap"][-1] == pytest.approx(20_000, rel=1e-3)
+
+
 @pytest.mark.parametrize(
     "tool",
     [

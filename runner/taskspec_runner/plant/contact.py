@@ -19,7 +19,6 @@ from taskspec.program.world.stiffness import (
     IMPEDANCE,
     Compliance,
     compliance,
-    contact_mobility,
     creep,
     mobility_of,
     pair_compliance,
@@ -37,14 +36,20 @@ _NO_SPRING = 1e-9
 _LEAST_FRICTION = 1e-5
 
 
-def add_tool_pairs(spec: mujoco.MjSpec, arm: SceneArm, task: Task) -> None:
-    """Adds the contacts of an arm's tool with every shape that it does not hold."""
+def add_tool_pairs(spec: mujoco.MjSpec, arm: SceneArm, task: Task, mobility: float) -> None:
+    """Adds the contacts of an arm's tool with every shape that it does not hold.
+
+    Args:
+        spec: to add to.
+        arm: it.
+        task: whose shapes they are.
+        mobility: of the tool, as MuJoCo counts it [1/kg].
+    """
     robot, period = arm.robot, 1.0 / task.control.plant_rate
     for name, shape in task.shapes.items():
         if name == arm.held:
             continue
         declared = compliance(shape, robot, arm.start, period)
-        mobility = contact_mobility(robot, shape)
         for geom in robot.tool_geoms:
             pair = spec.add_pair(geomname1=PREFIX + name, geomname2=geom, condim=3)
             contact_parameters(
@@ -52,7 +57,7 @@ def add_tool_pairs(spec: mujoco.MjSpec, arm: SceneArm, task: Task) -> None:
                 declared,
                 shape.friction,
                 points=len(robot.tool_geoms),
-                mobility=mobility,
+                mobility=mobility + mobility_of(shape),
                 plant_period=period,
             )
 

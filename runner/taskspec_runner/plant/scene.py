@@ -56,7 +56,7 @@ def build_scene(arm: SceneArm, task: Task) -> Scene:
     for joint, viscous, dry in zip(joints, damping, friction, strict=True):
         spec.joint(joint).damping = [float(viscous), 0.0, 0.0]
         spec.joint(joint).frictionloss = float(dry)
-    weigh(spec, arm)
+    mobility = weigh(spec, arm)
     begin = arm.declared.start
     near = None if begin is None or begin.xyz is None else np.array(begin.xyz)
     carried = {}
@@ -67,7 +67,7 @@ def build_scene(arm: SceneArm, task: Task) -> Scene:
         else:
             add_shape(spec, name, shape, near, color)
         _add_sensor(spec, arm, name)
-    add_tool_pairs(spec, arm, task)
+    add_tool_pairs(spec, arm, task, mobility)
     add_loose_pairs(spec, task)
     if arm.declared.sensor.at == "wrist":
         add_wrist(spec, arm)

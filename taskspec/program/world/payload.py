@@ -1,0 +1,35 @@
+"""What a tool really weighs: its own mass, and what it carries without the controller's knowing."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+
+from taskspec.robot import RobotModel
+from taskspec.robot.tool import make_tool
+from taskspec.spec import Robot
+
+
+def modelled_inertia(robot: RobotModel) -> pin.Inertia:
+    """What the model of an arm has in the body of its tip, tip frame."""
+    body = robot.model.body(robot.tip_body)
+    axes = pin.Quaternion(*(float(x) for x in body.iquat)).matrix()
+    moments = axes @ np.diag(np.array(body.inertia)) @ axes.T
+    return pin.Inertia(float(body.mass[0]), np.array(body.ipos), moments)
+
+
+def true_inertia(robot: RobotModel, declared: Robot) -> pin.Inertia:
+    """What is really there, tip frame.
+
+    Args:
+        robot: the models that the controller has.
+        declared: what is true of the arm.
+    """
+    modelled = modelled_inertia(robot)
+    if declared.tool.mass == modelled.mass and declared.payload is None:
+        return modelled
+    inertia = make_tool(declared.tool, "z" not in robot.axes).inertia
+    if declared.payload is not None:
+        load = declared.payload
+        inertia += pin.Inertia(load.mass, np.array(load.xyz), np.zeros((3, 3)))
+    return inertia
