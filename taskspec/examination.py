@@ -53,7 +53,7 @@ def examine(loaded: LoadedTask, *, stability: bool = True) -> Examination:
         _examine_stages(task, diagnostics)
         for phase in (Phase.STABILITY, Phase.REHEARSAL) if stability else ():
             if not diagnostics.has_errors:
-                task.told = frozenset(d.code for d in diagnostics.sorted() if _speaks_of_run(d))
+                task.reported = frozenset(d.code for d in diagnostics.sorted() if _speaks_of_run(d))
                 apply_rules(phase, task, loaded, diagnostics)
     return Examination(loaded, task, diagnostics.sorted())
 

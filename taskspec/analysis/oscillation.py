@@ -21,10 +21,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.deferred_methods import dataclass
+from taskspec.spec import Sensor
 
 Vector = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
+#: Share of a set point, and of a speed that is wanted, from which an amplitude counts.
+OF_SET_POINT = 0.05
+#: Amplitudes that count at least [N], [N m], [m/s]. A moment is a force on 0.3 m, as elsewhere.
+LEAST_FORCE, LEAST_MOMENT, LEAST_SPEED = 1.0, 0.3, 5e-3
+#: Share of a joint's torque limit from which an amplitude counts.
+OF_TORQUE = 0.02
+#: A torque is at its limit from this share of it on; it lasts in more than so much of the ticks.
+AT_LIMIT, LASTS = 0.999, 0.5
+#: An amplitude of force is not of noise from so many times what noise has in a band of its own.
+OF_NOISE = 10.0
 #: Ticks of a half visit below which nothing can be told.
 LEAST_TICKS = 64
 #: Ticks, or means of ticks, that a spectrum is made of at most.
@@ -56,6 +67,24 @@ PERSISTS, NOW_AND_THEN = 0.25, 10
 _MEDIAN = np.log(2.0)
 #: What a filter cannot know at the ends of the half visit [share].
 _ENDS = 1 / 8
+
+
+def amid_noise(sensor: Sensor, period: float, ticks: int) -> tuple[float, float]:
+    """Amplitudes of force [N] and of moment [N m] from which they are not a sensor's noise.
+
+    Noise of deviation s has in a band of 2 LOBE + 1 of n/2 bins the amplitude s sqrt(20/n).
+
+    Args:
+        sensor: the true one.
+        period: of control [s].
+        ticks: that are looked at.
+    """
+    noise, n = sensor.noise, min(ticks, MOST_TICKS)
+    if noise is None or n == 0:
+        return 0.0, 0.0
+    hold = 1.0 if sensor.rate is None else max(1.0, 1 / (sensor.rate * period))
+    share = OF_NOISE * float(np.sqrt(20.0 * hold / n))
+    return share * noise.force, share * noise.torque
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,9 +1,10 @@
 """A plain plant of a task: the arm, what its tool touches or holds, and nothing else, as one step.
 
 Every contact is the spring and damper that the file declares, with Coulomb's friction, under each
-sphere of the tool; a grip is a spring and damper in six directions, a mechanism one coordinate. The
-step is semi-implicit Euler, as the simulator's is. It has no bodies but the arm's, and knows
-nothing of the simulator's solver: it is what `LinearPlant` is about an equilibrium, anywhere.
+sphere of the tool and of loose bodies; a grip is a spring and damper in six directions, a mechanism
+one coordinate, a loose body six. The step is semi-implicit Euler, as the simulator's is. It knows
+nothing of the simulator's solver: it is what `LinearPlant` is about an equilibrium, anywhere. Its
+world is the true one, where the file has another than it tells the controller of.
 
     (H + h D + G^T M G) a = tau - C q' - g - D q' - G^T f,    f = K e + B e',
     q'+ = q' + h a,    q+ = q + h q'+
@@ -14,29 +15,37 @@ where the period of control begins.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from itertools import combinations
 
 import casadi as ca
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from taskspec.analysis.loose_bodies import LooseBody, loose_bodies
+from taskspec.analysis.point_contacts import Ground, Mover, PointContact, Resistance, Spheres
+from taskspec.deferred_methods import dataclass
 from taskspec.program.bound import Wiring
 from taskspec.program.context import Context
 from taskspec.program.operators import quick_operators
 from taskspec.program.world import frames
 from taskspec.program.world.equations import equation_models, reaction
-from taskspec.program.world.mechanisms import MechanismModel
+from taskspec.program.world.holding import truly_holding
+from taskspec.program.world.mechanisms import MechanismModel, mechanism_models
+from taskspec.program.world.moving_base import moving_bases
+from taskspec.program.world.payload import modelled_inertia, true_inertia
 from taskspec.program.world.stiffness import (
     GRIP,
-    added_mass,
+    Compliance,
     compliance,
     contact_mobility,
-    creep,
     equation_compliance,
+    mobility_of,
+    pair_compliance,
 )
 from taskspec.robot.model_terms import ModelTerms
-from taskspec.spec import Mechanism, Shape
+from taskspec.robot.rebuild import GRAVITY
+from taskspec.spec import Mechanism, Task
 
 Vector = NDArray[np.float64]
 
@@ -44,21 +53,21 @@ Vector = NDArray[np.float64]
 #: back within so many steps, overdamped: as the simulator has them.
 _SETTLING, _STOP_STEPS, _STOP_DAMPING = 0.5, 3.0, 2.0
 _IMPEDANCE = 0.99
-#: A slip that is no slip [m/s].
-_NO_SLIP = 1e-12
 
 
 class PlainPlant:
-    """The plant of a task's own world, stepped from the arrays of a machine.
+    """The plant of a task's true world, stepped from the arrays of a machine.
 
     Attributes:
         q, v: (n,) of the joints after the last step.
         held: (2,) coordinate of the held mechanism, and its rate; zeros where there is none.
+        bodies: (13 bodies,) of each loose body position [m], quaternion (w x y z) and twist, world.
         wrench: (6,) by the environment on the tip in the last step, world axes [N, N m].
-        wrist: (6,) the same as a sensor between flange and tool feels it; `wrench` elsewhere.
+        wrist: (6,) the same as a sensor between flange and tool feels it; None elsewhere.
+        tip_rotation: (9,) the tip's axes in the last step, row by row.
         effort: (1,) what the robot applies to the coordinate [N m, N].
         reactions: (equations,) what it applies along each equation [N, N m].
-        step: one period of control with the torque held.
+        numbers: wrench, held, effort, reactions and bodies, one after the other; parts: these.
     """
 
     @quick_operators()
@@ -69,39 +78,51 @@ class PlainPlant:
             context: of the task.
             terms: evaluated at the state with which each period begins.
             torque: (n,) of the machine.
+
+        Raises:
+            RobotError: what the robot holds is where it cannot hold it.
         """
+        task = context.loaded.true_task
         n = len(torque)
-        self.q, self.v = context.start.copy(), np.zeros(n)
-        self.held, self.effort = np.zeros(2), np.zeros(1)
-        self._held = np.zeros(2)
-        self.wrench, self.clock = np.zeros(6), np.zeros(1)
-        self.reactions = np.zeros(len(context.equations))
-        at_wrist = context.loaded.task.robot.sensor.at == "wrist"
-        self.wrist = np.zeros(6) if at_wrist else self.wrench
+        self.q, self.v = truly_holding(context, task).copy(), np.zeros(n)
+        terms.at(self.q, self.v)
+        p, R = terms.tip()
+        self.tip_rotation, self.clock = R.ravel(), np.zeros(1)
+        step = _Step(context, task, terms, _Start(self.q.copy(), p, R))
+        bodies = step.at_start()
+        self.numbers = np.concatenate([np.zeros(9 + len(task.equations)), bodies])
+        self.parts = np.split(self.numbers, np.cumsum([6, 2, 1, len(task.equations)]))
+        self.wrench, self.held, self.effort, self.reactions, self.bodies = self.parts
+        self.wrist = np.zeros(6) if task.robot.sensor.at == "wrist" else None
+        self._before = np.zeros(2), np.zeros(len(self.bodies))
         wiring = Wiring()
-        names = ("H", "bias", "gravity", "J", "p", "R", "drift")
-        given = {name: wiring.reads(name, a) for name, a in zip(names, terms.arrays, strict=True)}
-        step = _Step(context, given)
-        state = _State(
-            wiring.reads("q", terms.q), wiring.reads("v", terms.v), wiring.reads("held", self._held)
-        )
+        step.read(wiring)
+        before = [wiring.reads("before", array) for array in self._before]
+        state = _State(wiring.reads("q", terms.q), wiring.reads("v", terms.v), *before)
         clock, tau = wiring.reads("clock", self.clock), wiring.reads("torque", torque)
         for i in range(step.substeps):
             state = step.once(state, tau, clock + i * step.period)
         wiring.writes(state.q, self.q)
         wiring.writes(state.v, self.v)
         wiring.writes(state.held, self.held)
+        wiring.writes(state.bodies, self.bodies)
         wiring.writes(step.wrench, self.wrench)
         wiring.writes(step.effort, self.effort)
         wiring.writes(step.reactions, self.reactions)
-        if at_wrist:
+        if self.wrist is not None:
             wiring.writes(step.at_wrist(), self.wrist)
+            # As the run begins the arm rests, and feels the weight of its tool.
+            self.wrist[:] = step.weight()
         # What comes more than once is not looked for: that takes as long as all its steps.
         self._function = wiring.bound("plant", cse=False)
+        self._terms = terms
 
     def step(self, clock: float) -> None:
         """One period of control that begins at run time `clock` [s]."""
-        self.clock[0], self._held[:] = clock, self.held
+        self.clock[0] = clock
+        for before, now in zip(self._before, (self.held, self.bodies), strict=True):
+            before[:] = now
+        self.tip_rotation[:] = self._terms.rotation.reshape(3, 3, order="F").ravel()
         self._function.evaluate()
 
 
@@ -110,38 +131,60 @@ class _State:
     q: ca.SX
     v: ca.SX
     held: ca.SX
+    bodies: ca.SX
 
 
-@dataclass(slots=True)
-class _Forces:
-    """What acts in one step: added mass (c, c), generalised force (c,), wrench on the tip (6,)."""
+@dataclass(frozen=True, slots=True)
+class _Start:
+    """Joint positions (n,) and the pose of the tip as the run begins."""
 
-    mass: ca.SX
-    on: ca.SX
-    wrench: ca.SX
+    q: Vector
+    p: Vector
+    R: Vector
 
 
 class _Step:
     """Steps of the plant within one period of control."""
 
-    def __init__(self, context: Context, given: dict[str, ca.SX]) -> None:
-        task, robot = context.loaded.task, context.robot
-        self._context, self._task = context, task
+    def __init__(self, context: Context, task: Task, terms: ModelTerms, start: _Start) -> None:
+        robot = context.robot
+        self._context, self._task, self._terms, self._start = context, task, terms, start
         n = self._n = robot.pin.nv
         self.period = 1.0 / task.control.plant_rate
         self.substeps = round(task.control.plant_rate / task.control.rate)
+        self._D = np.broadcast_to(np.array(task.robot.joint_damping, dtype=float), n)
+        name = (task.robot.grasp or "").removesuffix(".handle")
+        self._declared: Mechanism | None = task.mechanisms.get(name)
+        self._mechanism = mechanism_models(task).get(name)
+        self._bases = moving_bases(task)
+        at = n + (self._declared is not None)
+        self._loose = loose_bodies(task, at)
+        self._held = self._loose.get(name)
+        self._c = at + 6 * len(self._loose)
+        self._begun: ca.SX | None = None
+        self._tool = Spheres(robot.tool.centers, robot.tool.radii, len(robot.tool.centers))
+        self._inertia = true_inertia(robot, task.robot)
+        J = terms.jacobian[:3]
+        mobility = J @ np.linalg.solve(terms.inertia, J.T)
+        self._mobility = float(np.linalg.eigvalsh(mobility)[-1])
+        self.wrench, self.effort = ca.SX.zeros(6), ca.SX.zeros(1)
+        self.reactions = ca.SX.zeros(len(task.equations))
+        self._acceleration, self._twist = ca.SX.zeros(6), ca.SX.zeros(6)
+
+    def read(self, wiring: Wiring) -> None:
+        """Takes the arm's terms."""
+        n = self._n
+        names = ("H", "bias", "gravity", "J", "p", "R", "drift")
+        arrays = self._terms.arrays
+        given = {name: wiring.reads(name, a) for name, a in zip(names, arrays, strict=True)}
         self._H = ca.triu2symm(ca.SX(ca.Sparsity.upper(n), given["H"]))
         self._bias, self._drift = given["bias"], given["drift"]
         self._J = ca.reshape(given["J"], 6, n)
         self._p, self._R = given["p"], ca.reshape(given["R"], 3, 3)
-        self._D = np.broadcast_to(np.array(task.robot.joint_damping, dtype=float), n)
-        self._mechanism = context.mechanisms.get(context.held)
-        self._declared: Mechanism | None = task.mechanisms.get(context.held)
-        self._c = n + (self._declared is not None)
-        self._begun: ca.SX | None = None
-        self.wrench, self.effort = ca.SX.zeros(6), ca.SX.zeros(1)
-        self.reactions = ca.SX.zeros(len(context.equations))
-        self._acceleration = ca.SX.zeros(6)
+
+    def at_start(self) -> Vector:
+        """(13 bodies,) of the loose bodies as they lie."""
+        return np.concatenate([np.zeros(0), *(body.at_start() for body in self._loose.values())])
 
     def once(self, state: _State, tau: ca.SX, clock: ca.SX) -> _State:
         """One step."""
@@ -149,28 +192,35 @@ class _Step:
         begun = state.q if self._begun is None else self._begun
         self._begun = begun
         d = self._J @ (state.q - begun)
-        p, R = self._p + d[:3], self._R + ca.skew(d[3:]) @ self._R
-        twist = self._J @ state.v
-        forces = _Forces(ca.SX.zeros(c, c), ca.SX.zeros(c), ca.SX.zeros(6))
-        for name in self._task.shapes:
-            self._touch(forces, name, p, R, twist, clock)
-        self._constrain(forces, p, twist, state, clock)
-        H = ca.SX.zeros(c, c)
+        J = ca.SX(6, c)
+        J[:, :n] = self._J
+        R = self._R + ca.skew(d[3:]) @ self._R
+        tip = Mover(self._p + d[:3], R, self._J @ state.v, J, self._mobility)
+        bodies = {
+            name: body.mover(state.bodies[body.entries], c) for name, body in self._loose.items()
+        }
+        H = ca.SX(c, c)
         H[:n, :n] = self._H + h * ca.diag(ca.DM(self._D))
         on = ca.SX.zeros(c)
         on[:n] = tau - self._bias - self._D * state.v
+        self._carry(H, on, tip)
+        for name, body in self._loose.items():
+            body.weigh(H, on, bodies[name])
+        on_tip = self._constrain(on, tip, state, clock)
+        on_tool, others = self._contacts(tip, bodies, clock)
+        resistances = [*on_tool, *others]
         grip = None
-        if self._declared is not None and self._mechanism is not None:
+        if self._declared is not None:
             H[n, n] = self._declared.coordinate_inertia + h * self._declared.damping
             on[n] = -self._declared.damping * state.held[1] + self._detent(state.held[0])
-            grip = self._grip(p, R, twist, state.held)
-        mass = H + forces.mass
-        on += forces.on
-        if grip is not None:
-            G, f, M = grip
-            mass += G.T @ M @ G
-            on -= G.T @ f
-        factor = ca.ldl(mass, False)
+            grip = self._grip(tip, state.held)
+        elif self._held is not None:
+            grip = self._hold(tip, self._held, bodies[self._held.name])
+        resistances += [] if grip is None else [grip]
+        for each in resistances:
+            H += each.rows.T @ each.mass @ each.rows
+            on -= each.rows.T @ each.force
+        factor = ca.ldl(H, False)
         a = ca.ldl_solve(on, *factor)
         if self._declared is not None:
             unit = ca.SX.zeros(c)
@@ -178,11 +228,12 @@ class _Step:
             column = ca.ldl_solve(unit, *factor)
             a += column * self._rubs(state.held, a[n], column[n])
             a += column * self._stops(state.held, a[n], column[n])
-        self.wrench = forces.wrench
+        self.wrench = on_tip
+        for each in on_tool:
+            self.wrench = self.wrench + each.answer(a)
         if grip is not None:
-            G, f, M = grip
             # The rows of a free knob act across its axis alone.
-            pull = self._ways.T @ -(f + M @ (G @ a))
+            pull = self._ways.T @ grip.answer(a)
             self.wrench = self.wrench + pull
             self.effort = -ca.dot(self._moves, pull)
         v = state.v + h * a[:n]
@@ -190,87 +241,105 @@ class _Step:
         if self._declared is not None:
             rate = held[1] + h * a[n]
             held = ca.vertcat(held[0] + h * rate, rate)
-        self._acceleration = self._J @ a[:n] + self._drift
-        return _State(state.q + h * v, v, held)
+        moved = [
+            body.moved(state.bodies[body.entries], a[body.rows], h) for body in self._loose.values()
+        ]
+        self._acceleration, self._twist = self._J @ a[:n] + self._drift, tip.twist
+        return _State(state.q + h * v, v, held, ca.vertcat(ca.SX(0, 1), *moved))
 
-    # --- what the tool touches -----------------------------------------------------------------
+    # --- what touches ----------------------------------------------------------------------------
 
-    def _touch(
-        self, forces: _Forces, name: str, p: ca.SX, R: ca.SX, twist: ca.SX, clock: ca.SX
-    ) -> None:
-        """Adds a shape under every sphere of the tool; each bears its share."""
-        context, task, n = self._context, self._task, self._n
-        shape: Shape = task.shapes[name]
-        robot = context.robot
-        declared = compliance(shape, robot, context.start, self.period)
-        mobility = contact_mobility(robot, shape)
-        surface, count = frames.surface(shape), len(robot.tool.centers)
-        k, b, m = declared.stiffness / count, declared.damping / count, added_mass(mobility)
-        slip_force, slip_mass = creep(b, mobility, self.period)
-        base = context.moving_bases[name].at(clock) if name in context.moving_bases else None
-        point = ca.SX.sym("point", 3)
-        gradient = surface.gradient(point)
-        at = ca.Function("at", [point], [surface.distance(point), gradient])
-        for center, radius in zip(robot.tool.centers, robot.tool.radii, strict=True):
-            lever = R @ ca.DM(center)
-            distance, normal = at(p + lever if base is None else base.place(p + lever))
-            normal = normal if base is None else base.A @ normal
-            gap = distance - float(radius)
-            touched = lever - float(radius) * normal
-            rate = twist[:3] + ca.cross(twist[3:], touched)
-            if base is not None:
-                rate -= base.twist(p + touched)[:3]
-            own = self._J[:3, :] - ca.skew(touched) @ self._J[3:, :]
-            closing = ca.dot(normal, rate)
-            inside = gap < 0
-            row = normal.T @ own
-            push = ca.if_else(inside, ca.fmax(-(k * gap + b * closing), 0), 0)
-            forces.mass[:n, :n] += ca.if_else(push > 0, m, 0) * row.T @ row
-            force = push * normal
-            if shape.friction > 0:
-                slip = rate - closing * normal
-                size = ca.norm_2(slip) + _NO_SLIP
-                most = shape.friction * push
-                sticks = ca.logic_and(slip_force * size < most, inside)
-                force -= ca.if_else(sticks, slip_force, most / size) * slip
-                across = own - normal @ row
-                # What slides has its friction turn with it, at the step's end.
-                mass = ca.if_else(sticks, slip_mass, 0)
-                forces.mass[:n, :n] += mass * across.T @ across
-            forces.on[:n] += own.T @ force
-            forces.wrench += ca.vertcat(force, ca.cross(touched, force))
+    def _contacts(
+        self, tip: Mover, bodies: dict[str, Mover], clock: ca.SX
+    ) -> tuple[list[Resistance], list[Resistance]]:
+        """Of the tool with every shape, and of loose bodies with the others."""
+        task, robot, period = self._task, self._context.robot, self.period
+        grounds: dict[str, Ground] = {}
+        fixed: list[Resistance] = []
+        on_tool: list[Resistance] = []
+        others: list[Resistance] = []
+        for name, shape in task.shapes.items():
+            base = self._bases[name].at(clock) if name in self._bases else None
+            body = self._loose.get(name)
+            surface = frames.surface(shape) if body is None else body.solid
+            ground = grounds[name] = Ground(surface, base, bodies.get(name))
+            if body is not None and body is self._held:
+                continue
+            declared = compliance(shape, robot, self._start.q, period)
+            mobility = contact_mobility(robot, shape)
+            numbers = declared, shape.friction, mobility, period
+            made = PointContact(tip, self._tool, ground, *numbers).resistance()
+            (fixed if body is None else on_tool).append(made)
+        if fixed:
+            # Of all that does not yield the tool's ways are the same ones.
+            force = sum((each.force for each in fixed), ca.SX.zeros(6))
+            mass = sum((each.mass for each in fixed), ca.SX.zeros(6, 6))
+            on_tool.append(Resistance(tip.J, force, mass))
+        for name, other in combinations(task.shapes, 2):
+            # Of two bodies the later one touches with its points.
+            first, second = (other, name) if other in bodies else (name, other)
+            if first in bodies:
+                spheres, ground = self._loose[first].spheres, grounds[second]
+                numbers = *self._between(first, second), period
+                others.append(PointContact(bodies[first], spheres, ground, *numbers).resistance())
+        return on_tool, others
 
-    def _constrain(
-        self, forces: _Forces, p: ca.SX, twist: ca.SX, state: _State, clock: ca.SX
-    ) -> None:
-        """Adds the constraint equations."""
-        n, applied = self._n, []
+    def _between(self, body: str, other: str) -> tuple[Compliance, float, float]:
+        """What is declared of a loose body's contact with another shape, friction and mobility."""
+        own, shape = self._task.shapes[body], self._task.shapes[other]
+        mobility = mobility_of(own) + mobility_of(shape)
+        declared = pair_compliance(shape, 1.0 / mobility, self.period)
+        softer = pair_compliance(own, 1.0 / mobility, self.period)
+        if shape.free and softer.stiffness < declared.stiffness:
+            return softer, own.friction, mobility
+        return declared, shape.friction, mobility
+
+    def _constrain(self, on: ca.SX, tip: Mover, state: _State, clock: ca.SX) -> ca.SX:
+        """Adds the constraint equations, and returns their wrench (6,) on the tip."""
+        n, applied, wrench = self._n, [], ca.SX.zeros(6)
         for name, model in equation_models(self._task).items():
             declared = equation_compliance(
                 model,
                 self._context.robot,
-                self._context.start,
+                self._start.q,
                 self._task.equations[name],
                 self.period,
             )
-            place, rate = (state.q, state.v) if model.joints else (p, twist[:3])
+            place, rate = (state.q, state.v) if model.joints else (tip.p, tip.twist[:3])
             terms = model.terms(place, rate, clock)
             force = reaction(model, terms, rate, declared.stiffness, declared.damping)
             applied.append(force)
             if model.joints:
-                forces.on[:n] -= force * terms.normal.T
+                on[:n] -= force * terms.normal.T
             else:
-                forces.on[:n] -= self._J[:3, :].T @ (force * terms.normal.T)
-                forces.wrench[:3] -= force * terms.normal.T
+                on[:n] -= self._J[:3, :].T @ (force * terms.normal.T)
+                wrench[:3] -= force * terms.normal.T
         self.reactions = ca.vertcat(ca.SX(0, 1), *applied)
+        return wrench
 
     # --- what it holds ---------------------------------------------------------------------------
 
-    def _grip(self, p: ca.SX, R: ca.SX, twist: ca.SX, held: ca.SX) -> tuple[ca.SX, ca.SX, ca.DM]:
-        """Rows (r, c) of the coupling, its force (r,) before what it adds, and the mass it adds."""
+    def _carry(self, H: ca.SX, on: ca.SX, tip: Mover) -> None:
+        """Adds what the tool weighs beyond what the arm's model has."""
+        more, known = self._inertia, modelled_inertia(self._context.robot)
+        if more == known:
+            return
+        n = self._n
+        for sign, inertia in ((1.0, more), (-1.0, known)):
+            M = tip.R @ ca.DM(inertia.matrix()[:3, :3]) @ tip.R.T
+            lever = inertia.mass * (tip.R @ ca.DM(inertia.lever))
+            about = tip.R @ ca.DM(inertia.matrix()[3:, 3:]) @ tip.R.T
+            whole = ca.blockcat([[M, -ca.skew(lever)], [ca.skew(lever), about]])
+            H[:n, :n] += sign * self._J.T @ whole @ self._J
+            wrench = _inertial(inertia, tip.R, tip.twist, self._drift)
+            on[:n] -= sign * self._J.T @ wrench
+
+    def _grip(self, tip: Mover, held: ca.SX) -> Resistance:
+        """Of tool and handle."""
         n, model = self._n, self._mechanism
         assert model is not None
         assert self._declared is not None
+        p, R, twist = tip.p, tip.R, tip.twist
         axis = model.rotation[:, 2]
         handle, turn = _handle(model, held[0])
         moves = ca.DM(axis)
@@ -284,25 +353,35 @@ class _Step:
             ways = np.vstack([ways[:3], np.hstack([np.zeros((2, 3)), across])])
             self._moves = ca.vertcat(moves, ca.DM.zeros(3))
         self._ways = ca.DM(ways)
-        G = ca.SX.zeros(6, n + 1)
-        G[:, :n] = self._J
+        G = ca.SX(tip.J)
         G[:, n] = -ca.vertcat(moves, turns)
         G = self._ways @ G
-        apart = R @ (turn @ ca.DM(self._context.start_R)).T
         if self._declared.knob == "free":
             # Only how the axis leans counts.
-            lean = ca.cross(ca.DM(axis), R @ ca.DM(self._context.start_R.T @ axis))
-            askew = lean
+            askew = ca.cross(ca.DM(axis), R @ ca.DM(self._start.R.T @ axis))
         else:
-            askew = 0.5 * ca.vertcat(
-                apart[2, 1] - apart[1, 2], apart[0, 2] - apart[2, 0], apart[1, 0] - apart[0, 1]
-            )
+            askew = _askew(R @ (turn @ ca.DM(self._start.R)).T)
         e = self._ways @ ca.vertcat(p - handle, askew)
         rate = self._ways @ (twist - ca.vertcat(moves, turns) * held[1])
         turning = len(ways) - 3
         K = ca.DM([GRIP.stiffness] * 3 + [GRIP.angular_stiffness] * turning)
         B = ca.DM([GRIP.damping] * 3 + [GRIP.angular_damping] * turning)
-        return G, K * e + B * rate, ca.diag(B * self.period)
+        return Resistance(G, K * e + B * rate, ca.SX(ca.diag(B * self.period)))
+
+    def _hold(self, tip: Mover, held: LooseBody, body: Mover) -> Resistance:
+        """The same of a loose body, which is held as it lies."""
+        R, origin = frames.pose(held.shape)
+        handle = body.R @ ca.DM(R.T @ (self._start.p - origin))
+        G = ca.SX(tip.J)
+        G -= body.rows(body.p + handle)
+        self._ways, self._moves = ca.DM.eye(6), ca.DM.zeros(6)
+        e = ca.vertcat(
+            tip.p - body.p - handle, _askew(tip.R @ (body.R @ ca.DM(R.T @ self._start.R)).T)
+        )
+        rate = tip.twist - ca.vertcat(body.velocity(body.p + handle), body.twist[3:])
+        K = ca.DM([GRIP.stiffness] * 3 + [GRIP.angular_stiffness] * 3)
+        B = ca.DM([GRIP.damping] * 3 + [GRIP.angular_damping] * 3)
+        return Resistance(G, K * e + B * rate, ca.SX(ca.diag(B * self.period)))
 
     def _detent(self, place: ca.SX) -> ca.SX:
         detent = None if self._declared is None else self._declared.detent
@@ -340,15 +419,36 @@ class _Step:
 
     def at_wrist(self) -> ca.SX:
         """(6,) what a sensor between flange and tool feels, about the tip, world axes."""
-        body = self._context.robot.model.body(self._context.robot.tip_body)
-        mass, R = float(body.mass[0]), self._R
-        lever = R @ ca.DM(np.array(body.ipos))
-        turned = pin.Quaternion(*(float(x) for x in body.iquat)).matrix()
-        own = R @ ca.DM(turned @ np.diag(np.array(body.inertia)) @ turned.T) @ R.T
-        linear, angular = self._acceleration[:3], self._acceleration[3:]
-        at = linear + ca.cross(angular, lever) - ca.DM([0, 0, -9.81])
-        force = -mass * at
-        return self.wrench + ca.vertcat(force, ca.cross(lever, force) - own @ angular)
+        return self.wrench - _inertial(self._inertia, self._R, self._twist, self._acceleration)
+
+    def weight(self) -> Vector:
+        """(6,) the same of an arm at rest as the run begins, which touches nothing."""
+        rest = ca.SX.zeros(6)
+        return np.array(
+            ca.evalf(-_inertial(self._inertia, ca.SX(self._start.R), rest, rest))
+        ).ravel()
+
+
+def _inertial(inertia: pin.Inertia, R: ca.SX, twist: ca.SX, acceleration: ca.SX) -> ca.SX:
+    """(6,) wrench that moves and carries a rigid body, about the tip, world axes [N, N m].
+
+    Args:
+        inertia: of the body, in the tip frame.
+        R: (3, 3) of that frame.
+        twist, acceleration: (6,) of the tip.
+    """
+    c, w = inertia.mass * (R @ ca.DM(inertia.lever)), twist[3:]
+    about = R @ ca.DM(inertia.matrix()[3:, 3:]) @ R.T
+    linear, angular = acceleration[:3] - ca.DM(GRAVITY), acceleration[3:]
+    force = inertia.mass * linear + ca.cross(angular, c) + ca.cross(w, ca.cross(w, c))
+    return ca.vertcat(force, about @ angular + ca.cross(c, linear) + ca.cross(w, about @ w))
+
+
+def _askew(apart: ca.SX) -> ca.SX:
+    """(3,) small rotation [rad] of a rotation (3, 3)."""
+    return 0.5 * ca.vertcat(
+        apart[2, 1] - apart[1, 2], apart[0, 2] - apart[2, 0], apart[1, 0] - apart[0, 1]
+    )
 
 
 def _handle(model: MechanismModel, s: ca.SX) -> tuple[ca.SX, ca.SX]:

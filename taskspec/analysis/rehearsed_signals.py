@@ -6,11 +6,14 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from taskspec.analysis.loose_bodies import loose_bodies
+from taskspec.analysis.point_contacts import Ground
 from taskspec.analysis.rehearsal import Rehearsal
 from taskspec.geometry.axis import AXES, as_axis
 from taskspec.program.bound import RowFunction
 from taskspec.program.context import Context
 from taskspec.program.world import frames
+from taskspec.program.world.moving_base import moving_bases
 from taskspec.text.expression.series import Series
 from taskspec.text.expression.tree import Name
 
@@ -112,14 +115,23 @@ class RehearsedSignals:
 
     def _gap(self, name: str) -> Vector:
         """Of the tool from a shape [m]."""
-        context, run = self._context, self._run
-        tool, surface = context.robot.tool, frames.surface(context.loaded.task.shapes[name])
+        context, tool = self._context, self._context.robot.tool
+        run, task = self._run, context.loaded.true_task
+        shape, bodies = task.shapes[name], loose_bodies(task)
+        clock, where = ca.SX.sym("clock"), ca.SX.sym("where", run.bodies.shape[1])
+        ground = Ground(frames.surface(shape))
+        if shape.motion is not None:
+            ground = Ground(ground.surface, base=moving_bases(task)[name].at(clock))
+        elif name in bodies:
+            ground = bodies[name].ground(where[bodies[name].pose])
         p, R = ca.SX.sym("p", 3), ca.SX.sym("R", 9)
         axes = ca.reshape(R, 3, 3)
         gaps = [
-            surface.distance(p + axes @ ca.DM(center)) - float(radius)
+            ground.surface.distance(ground.place(p + axes @ ca.DM(center))) - float(radius)
             for center, radius in zip(tool.centers, tool.radii, strict=True)
         ]
-        function = ca.Function("gap", [p, R], [ca.densify(ca.mmin(ca.vertcat(*gaps)))])
-        (found,) = RowFunction(function)(run.field("tip"), run.field("tip_rotation"))
-        return found[:, 0]
+        least = ca.densify(ca.mmin(ca.vertcat(*gaps)))
+        function = ca.Function("gap", [p, R, clock, where], [least])
+        clocks: Vector = context.period * np.arange(len(run.times), dtype=np.float64)[:, None]
+        tip = run.field("tip"), run.field("tip_rotation")
+        return RowFunction(function)(*tip, clocks, run.bodies)[0][:, 0]

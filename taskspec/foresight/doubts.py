@@ -1,8 +1,8 @@
-"""Which stages are worth being run ahead: where what is foreseen of them otherwise leaves a doubt.
+"""Which stages are worth being run ahead: where other predictions leave a doubt.
 
 A look at a stage by itself is certain where its guard comes early, its limits are far away and a
 force loop brings its forces to their set points in time. It is not where a mechanism leads the
-arm, where a spring stands for a force loop, or where a bound is near to what is foreseen.
+arm, where a spring stands for a force loop, or where a bound is near to what is predicted.
 """
 
 from __future__ import annotations
@@ -14,16 +14,17 @@ import numpy as np
 
 from taskspec.foresight.approach import approach, dwell, rates_of, striking_mass
 from taskspec.foresight.conditions import names, parts
-from taskspec.foresight.flow import leading_to
+from taskspec.foresight.flow import followers, leading_to
 from taskspec.foresight.interval import ANY, Interval, IntervalAlgebra, point
 from taskspec.foresight.ranges import constant
 from taskspec.motion.blend import BLEND_TIME
 from taskspec.program.plan import StagePlan, TaskPlan
 from taskspec.program.reference.axis_plan import AxisPlan
+from taskspec.spec import Mechanism
 from taskspec.text.expression import evaluate
 from taskspec.text.expression.tree import Compare, Held, Name, Node, Reduce, walk
 
-#: A bound is near where what is foreseen takes this share of it.
+#: A bound is near where what is predicted takes this share of it.
 _TIME, _TRAVEL, _FORCE, _SPEED, _JOINT = 0.8, 0.8, 0.6, 0.7, 0.8
 #: A force comes to no more than so many times what it settles at with its blow.
 _FAR = 1.3
@@ -33,6 +34,8 @@ _LONG = 3.0
 _LITTLE = 40.0
 #: A force loop that is stable has settled after so long [s].
 _SETTLED = 1.2
+#: A rate that rises smoothly changes so many times as fast at most as on the average.
+_RISE = 1.5
 #: Of what a spring could give the tool as it is left, so much of its rate is seen at most.
 _THROWN = 0.3
 #: Friction is much from here on: it turns the force of a tool that is moved to and fro.
@@ -66,7 +69,18 @@ def _holds(task: TaskPlan, stage: StagePlan) -> bool:
         or bool(before)
         or (declared.knob == "free" and until is not None)
         or (most is not None and most < _LITTLE)
+        or _sets_off_with(stage, declared) > _FORCE * _most_force(task, stage)
     )
+
+
+def _sets_off_with(stage: StagePlan, held: Mechanism) -> float:
+    """The force at its handle that takes a mechanism from rest to a stage's speed [N]."""
+    model = stage.context.mechanisms[stage.context.held]
+    lever = model.radius if model.angular else 1.0
+    if model.angular and not model.swings:
+        return 0.0
+    mass = held.coordinate_inertia / lever**2
+    return _RISE * mass * float(np.linalg.norm(rates_of(stage))) / BLEND_TIME
 
 
 def _waits_for_effort(task: TaskPlan, stage: StagePlan) -> bool:
@@ -99,6 +113,38 @@ def _guard(task: TaskPlan, stage: StagePlan) -> bool:
         return True
     goes = gap / way.closing * way.speed
     return within.travel is not None and goes > _TRAVEL * within.travel
+
+
+def _bounces(task: TaskPlan, stage: StagePlan) -> bool:  # noqa: ARG001
+    """A touch that has to last for longer than the blow: the tool may lift off before."""
+    way, time = approach(stage, stage.nominal.gap), dwell(stage)
+    if way is None or time == 0.0:
+        return False
+    h, k = striking_mass(stage, way.axis), stage.context.compliances[way.contact].stiffness
+    return time > math.pi * math.sqrt(h / k)
+
+
+def _again(task: TaskPlan, stage: StagePlan) -> bool:
+    """A stage that goes back to one whose bounds do not reach as far as it takes the tool."""
+    stages = task.context.loaded.task.stages
+    order = list(stages)
+    before = order[: order.index(stage.name)]
+    for name in before:
+        within = stages[name].within
+        if within is None or name not in followers(stages, stage.name):
+            continue
+        speed = float(np.linalg.norm(rates_of(task.stages[name])))
+        travel, time = within.travel or math.inf, within.time or math.inf
+        if speed > 0 and _goes(stage) > min(_TRAVEL * travel, _TIME * time * speed):
+            return True
+    return False
+
+
+def _goes(stage: StagePlan) -> float:
+    """How far the moves of a stage take the tool at most [m]."""
+    ways = [stage.plans[a].mode.distance for a in stage.translations if a in stage.plans]
+    longest = stage.longest
+    return math.hypot(*(min(way, speed * longest) for way, speed in filter(None, ways)))
 
 
 def _acts(stage: StagePlan) -> bool:
@@ -142,9 +188,13 @@ def _may_fail(task: TaskPlan, stage: StagePlan, guard: Node) -> bool:
 
 def _force(task: TaskPlan, stage: StagePlan) -> bool:
     """A limit on force that set points and the blow before them come near to."""
+    return _settles(stage) + _blows(task, stage) > _FORCE * _most_force(task, stage)
+
+
+def _most_force(task: TaskPlan, stage: StagePlan) -> float:
+    """What forces of a stage are to stay below [N]."""
     bounds = [stage.limits.force, *_expected_peaks(task, stage)]
-    most = min((bound for bound in bounds if bound is not None), default=math.inf)
-    return _settles(stage) + _blows(task, stage) > _FORCE * most
+    return min((bound for bound in bounds if bound is not None), default=math.inf)
 
 
 def _expected_peaks(task: TaskPlan, stage: StagePlan) -> Iterator[float]:
@@ -235,17 +285,19 @@ def _lasts(stage: StagePlan, plan: AxisPlan) -> float:
 def _expected(task: TaskPlan, stage: StagePlan) -> bool:
     """A force that is expected of a stage in which no integral brings it there."""
     law, context = stage.law.control_law, task.context
-    felt = any(f.kind == "estimated" for f in context.frames.values())
+    estimated = any(f.kind == "estimated" for f in context.frames.values())
     friction = max((shape.friction for shape in context.loaded.task.shapes.values()), default=0.0)
     rubs = friction > 0
     bare = law.kind == "hybrid-reaction" and rubs and stage.nominal.passage is not None
     slides = any(plan.motion and plan.mode.moves for plan in stage.plans.values())
     bare = (bare or friction > _ROUGH) and slides
-    if not law.force_loop and stage.path is not None and stage.set_points:
+    presses = bool(stage.set_points or stage.spec.constraints)
+    if not law.force_loop and stage.path is not None and presses:
         return True
     equations = [model.constraint.residual.tree for model in context.equations.values()]
     sways = any(name.path == ("clock",) for tree in equations for name in names(tree))
-    if law.force_loop and not (bare or felt or sways):
+    loose = any(shape.free for shape in context.loaded.task.shapes.values())
+    if law.force_loop and not (bare or estimated or sways or loose):
         return False
     for expectation in task.context.loaded.task.expect:
         for node in walk(expectation.expression.tree):
@@ -260,6 +312,8 @@ def _expected(task: TaskPlan, stage: StagePlan) -> bool:
 _DOUBTS: tuple[Callable[[TaskPlan, StagePlan], bool], ...] = (
     _holds,
     _guard,
+    _bounces,
+    _again,
     _force,
     _speed,
     _expected,

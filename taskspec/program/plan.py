@@ -696,7 +696,7 @@ class TaskPlan:
         loops: the sampled loops of stages that were analysed, by name.
         courses: of their forces, once they were asked for.
         compiled: their functions, once they were asked for, by name.
-        told: codes that tell how its run ends before its stability is looked at.
+        reported: codes of what is found about how its run ends, before its stability is examined.
     """
 
     def __init__(
@@ -722,7 +722,7 @@ class TaskPlan:
         self.loops: dict[str, Any] = {}
         self.courses: tuple[Any, ...] = ()
         self.compiled: dict[str, Any] = {}
-        self.told: frozenset[str] = frozenset()
+        self.reported: frozenset[str] = frozenset()
 
     def unvaried(self) -> TaskPlan:
         """The plan of the same task with nothing that varies."""

@@ -99,7 +99,7 @@ def _fast_joints(stage: StagePlan) -> Iterator[Finding]:
             most = show(float(robot.velocity_limit[i]), unit, 3)
             yield warning(
                 "TS420",
-                f"in stage {stage.name!r}, {here.words}, joint {i + 1} goes at "
+                f"in stage {stage.name!r}, {here.words}, joint {i + 1} reaches "
                 f"{show(abs(float(here.v[i])), unit, 3)}, and its velocity limit is {most}",
                 motion_of(stage),
                 "move slower, or start in another posture",

@@ -1,4 +1,4 @@
-"""What a task is foreseen to come to where its closed loop is run ahead."""
+"""What a task is predicted to come to where its closed loop is run ahead."""
 
 from __future__ import annotations
 
@@ -6,12 +6,26 @@ import math
 from collections.abc import Iterator
 
 import numpy as np
+from numpy.typing import NDArray
 
-from taskspec.analysis.oscillation import References, judged, oscillation
+from taskspec.analysis.oscillation import (
+    AT_LIMIT,
+    LASTS,
+    LEAST_FORCE,
+    LEAST_MOMENT,
+    LEAST_SPEED,
+    OF_SET_POINT,
+    OF_TORQUE,
+    References,
+    amid_noise,
+    judged,
+    oscillation,
+)
 from taskspec.analysis.rehearsal import Rehearsal, rehearsal_of
 from taskspec.analysis.rehearsed_signals import RehearsedSignals
 from taskspec.foresight.conditions import names, parts
 from taskspec.foresight.doubts import last_doubt
+from taskspec.geometry.axis import ROTATIONS, TRANSLATIONS
 from taskspec.program.plan import StagePlan, TaskPlan
 from taskspec.rules import Finding, Phase, rule, warning
 from taskspec.rules.places import motion_of
@@ -20,7 +34,9 @@ from taskspec.spec.stage import OSCILLATION, SATURATION
 from taskspec.text.expression import Expression, evaluate
 from taskspec.text.expression.series import SeriesAlgebra
 from taskspec.text.expression.tree import Node
-from taskspec.text.units import show
+from taskspec.text.units import FORCE, MOMENT, VELOCITY, Dimension, show
+
+Vector = NDArray[np.float64]
 
 _SERIES = SeriesAlgebra()
 #: The plain plant's forces are those of the simulator to within this share, 0.4 % at their blows:
@@ -28,10 +44,6 @@ _SERIES = SeriesAlgebra()
 _CLOSE = 0.01
 #: Noise of a sensor passes so many of its deviations now and then in a stage.
 _NOISE = 3.5
-#: As a verdict has them: what counts as an oscillation of force [N, share of the set point], and as
-#: a torque that is at its limit for long.
-_LEAST_FORCE, _OF_SET_POINT = 1.0, 0.05
-_AT_LIMIT, _LASTS = 0.999, 0.5
 #: Codes that stand for how a run is stopped or fails, by its reason.
 _STOPS = {
     "force": "TS616",
@@ -41,9 +53,9 @@ _STOPS = {
     "joint_position": "TS424",
 }
 _FAILS = {"time": "TS611", "travel": "TS617", "fail_if": "TS618"}
-#: Codes that tell what a grip bears.
+#: Codes about what a grip bears.
 _OF_GRIPS = {"TS322", "TS328", "TS329", "TS420", "TS610", "TS616"}
-#: They tell it already where one of them is reported at the same place.
+#: Nothing is added where one of these is reported at the same place.
 _UNLESS = ("TS420", "TS424", "TS501", "TS610", "TS611", "TS616", "TS617", "TS618", "TS726")
 
 
@@ -54,8 +66,8 @@ _UNLESS = ("TS420", "TS424", "TS501", "TS610", "TS611", "TS616", "TS617", "TS618
 )
 def rehearsed_ends(task: TaskPlan) -> Iterator[Finding]:
     """Tasks that are stopped, fail or miss what they expect when their loop is run ahead."""
-    # What is told already is not looked for again; of a mechanism it may be told amiss.
-    if task.told and (not task.context.held or task.told & _OF_GRIPS):
+    # What is reported already is not looked for again; of a mechanism reports may be amiss.
+    if task.reported and (not task.context.held or task.reported & _OF_GRIPS):
         return
     run = rehearsal_of(task, last_doubt(task))
     if run is None or run.status == "open":
@@ -117,7 +129,7 @@ def _peak(run: Rehearsal) -> str:
 
 def _close_limits(task: TaskPlan, run: Rehearsal) -> Iterator[Finding]:
     """Limits that a run comes so near to that noise, or what is not modelled, may stop it."""
-    noise = task.context.loaded.task.robot.sensor.noise
+    noise = task.context.loaded.true_task.robot.sensor.noise
     least = 0.0 if noise is None else _NOISE * noise.force
     for name in run.names:
         stage, mine = task.stages[name], run.ticks(name)
@@ -150,13 +162,12 @@ def _close_limits(task: TaskPlan, run: Rehearsal) -> Iterator[Finding]:
 def _unrest(task: TaskPlan, run: Rehearsal, name: str) -> Iterator[Finding]:
     """An oscillation that does not decay, or a joint at its torque limit, as a verdict sees it."""
     stage, mine = task.stages[name], run.ticks(name)
-    count, robot = int(mine.sum()), task.context.robot
-    half = judged(count)
-    if not half or stage.law.solve == "qp":
+    half = judged(int(mine.sum()))
+    if not half:
         return
     torque = run.torque[mine]
-    at_limit = np.mean(np.abs(torque[-half:]) >= _AT_LIMIT * robot.torque_limit, axis=0)
-    if SATURATION not in stage.spec.allow and (at_limit > _LASTS).any():
+    at_limit = np.mean(np.abs(torque[-half:]) >= AT_LIMIT * task.context.robot.torque_limit, axis=0)
+    if SATURATION not in stage.spec.allow and (at_limit > LASTS).any():
         joint = int(np.argmax(at_limit))
         yield warning(
             "TS420",
@@ -168,25 +179,51 @@ def _unrest(task: TaskPlan, run: Rehearsal, name: str) -> Iterator[Finding]:
         )
     if OSCILLATION in stage.spec.allow:
         return
-    wanted = run.field("force_ref")[mine][:, :3]
-    largest = float(np.nanmax(np.abs(wanted[-half:]), initial=0.0))
-    least = max(_LEAST_FORCE, _OF_SET_POINT * largest)
-    forces = RehearsedSignals(task.context, run).forces[mine]
     moved = [run.field(f"{kind}_ref")[mine] for kind in ("position", "velocity", "force")]
-    references = [column for each in moved for column in each.T if np.isfinite(column).all()]
-    for axis in stage.translations:
-        found = oscillation(forces[:, axis.row], task.context.period, least, References(references))
+    columns = [column for each in moved for column in each.T if np.isfinite(column).all()]
+    references = References(columns)
+    noisy = task.context.loaded.true_task.robot.sensor.noise is not None
+    for signal, dimension, least, values in _watched(task, run, stage, half):
+        if np.ptp(values[-half:]) < least:
+            continue
+        found = oscillation(values, task.context.period, least, references, noisy=noisy)
         if found is not None:
             yield warning(
                 "TS502",
-                f"run ahead, force.{axis} of stage {name!r} oscillates at "
-                f"{found.frequency:.3g} Hz with an amplitude of {show(found.amplitude, 'N', 3)}, "
-                "which does not decay",
+                f"run ahead, {signal} of stage {name!r} oscillates at "
+                f"{found.frequency:.3g} Hz with an amplitude of "
+                f"{show(found.amplitude, dimension, 3)}, which does not decay",
                 _place(stage),
                 "lower the gains of its loop, or approach more slowly",
                 unless=("TS501", "TS502"),
             )
             return
+
+
+def _watched(
+    task: TaskPlan, run: Rehearsal, stage: StagePlan, half: int
+) -> Iterator[tuple[str, Dimension, float, Vector]]:
+    """Name, dimension, least amplitude that counts [SI] and values of what a verdict looks at."""
+    mine = run.ticks(stage.name)
+    forces = RehearsedSignals(task.context, run).forces[mine]
+    sensor = task.context.loaded.true_task.robot.sensor
+    force, moment = amid_noise(sensor, task.context.period, half)
+    for axes, dimension, least in (
+        (TRANSLATIONS, FORCE, max(LEAST_FORCE, force)),
+        (ROTATIONS, MOMENT, max(LEAST_MOMENT, moment)),
+    ):
+        rows = [axis.row for axis in axes]
+        wanted = run.field("force_ref")[mine][-half:, rows]
+        least = max(least, OF_SET_POINT * float(np.nanmax(np.abs(wanted), initial=0.0)))
+        for axis in (axis for axis in axes if axis in stage.axes):
+            yield f"{axis.effort}.{axis}", dimension, least, forces[:, axis.row]
+    wanted = run.field("velocity_ref")[mine][-half:, :3]
+    least = max(LEAST_SPEED, OF_SET_POINT * float(np.nanmax(np.abs(wanted), initial=0.0)))
+    for axis in stage.translations:
+        yield f"velocity.{axis}", VELOCITY, least, run.field("velocity")[mine][:, axis.row]
+    for i, most in enumerate(task.context.robot.torque_limit):
+        if math.isfinite(most):
+            yield f"joint.{i + 1}.torque", MOMENT, OF_TORQUE * float(most), run.torque[mine][:, i]
 
 
 def _misses(task: TaskPlan, run: Rehearsal, condition: Node) -> bool:

@@ -8,9 +8,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.analysis.oscillation import (
-    MOST_TICKS,
+    AT_LIMIT,
+    LASTS,
+    LEAST_FORCE,
+    LEAST_MOMENT,
+    LEAST_SPEED,
+    OF_SET_POINT,
+    OF_TORQUE,
     Oscillation,
     References,
+    amid_noise,
     judged,
     oscillation,
 )
@@ -29,16 +36,6 @@ from taskspec_runner.verdict.run_finding import RunFinding
 
 Vector = NDArray[np.float64]
 
-#: Share of a set point, and of a speed that is wanted, from which an amplitude counts.
-OF_SET_POINT = 0.05
-#: Amplitudes that count at least [N], [N m], [m/s]. A moment is a force on 0.3 m, as elsewhere.
-LEAST_FORCE, LEAST_MOMENT, LEAST_SPEED = 1.0, 0.3, 5e-3
-#: Share of a joint's torque limit from which an amplitude counts.
-OF_TORQUE = 0.02
-#: An amplitude of force is not of noise from so many times what noise has in a band of its own.
-OF_NOISE = 10.0
-#: A torque is at its limit from this share of it on; it lasts in more than so much of the ticks.
-AT_LIMIT, LASTS = 0.999, 0.5
 #: What references may be made of to be known beforehand.
 _CLOCKS = ("t", "clock", "pi")
 _MORE = 3
@@ -100,9 +97,7 @@ class _Look:
         self._columns = {name: values[visit.rows] for name, values in history.columns.items()}
         self._clock = self._columns["clock"]
         self._noise = sensor.noise
-        self._hold = 1.0
-        if sensor.rate is not None:
-            self._hold = max(1.0, 1 / (sensor.rate * program.context.period))
+        self._amid = amid_noise(sensor, program.context.period, judged(len(self._clock)))
 
     def oscillations(self) -> Iterator[tuple[float, RunFinding]]:
         """The oscillation of this visit, if any, and how many times its bound it is."""
@@ -168,17 +163,14 @@ class _Look:
         )
 
     def _watched(self) -> Iterator[_Watched]:
-        n = min(judged(len(self._clock)), MOST_TICKS)
-        noise = self._noise
-        # Noise of deviation s has in a band of 2 LOBE + 1 of n/2 bins the amplitude s sqrt(20/n).
-        of_noise = OF_NOISE * float(np.sqrt(20.0 * self._hold / n))
+        least_force, least_moment = self._amid
         forces = [f"force.{axis}" for axis in TRANSLATIONS]
         moments = [f"torque.{axis}" for axis in ROTATIONS]
         least = max(LEAST_FORCE, OF_SET_POINT * self._largest(forces))
-        least = max(least, of_noise * noise.force if noise else 0.0)
+        least = max(least, least_force)
         yield from (_Watched(name, FORCE, least) for name in forces)
         least = max(LEAST_MOMENT, OF_SET_POINT * self._largest(moments))
-        least = max(least, of_noise * noise.torque if noise else 0.0)
+        least = max(least, least_moment)
         yield from (_Watched(name, MOMENT, least) for name in moments)
         for name in set_points(self._columns):
             turns = name.endswith(".torque")
