@@ -15,7 +15,7 @@ in n/k means, and so the same amplitude in a band as in all n ticks.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -65,6 +65,8 @@ STAYS = 0.9
 PERSISTS, NOW_AND_THEN = 0.25, 10
 #: Median of the power of white noise in a bin, as a share of its mean.
 _MEDIAN = np.log(2.0)
+#: Lengths of visits whose window is kept: signals of a visit, and worlds of a sweep, share it.
+_LENGTHS = 8
 #: What a filter cannot know at the ends of the half visit [share].
 _ENDS = 1 / 8
 
@@ -228,16 +230,30 @@ def _is_peak(band: Vector, peak: int) -> bool:
 
 def _level(x: Vector) -> Vector:
     """A signal (n,) less its straight line."""
-    t = np.linspace(-1.0, 1.0, len(x))
-    level: Vector = x - x.mean() - t * (t @ x) / (t @ t)
+    t, square = _line(len(x))
+    level: Vector = x - x.mean() - t * (t @ x) / square
     return level
+
+
+@lru_cache(maxsize=_LENGTHS)
+def _line(n: int) -> tuple[Vector, float]:
+    """(n,) from -1 to 1, and the sum of its squares."""
+    t = np.linspace(-1.0, 1.0, n)
+    return t, float(t @ t)
+
+
+@lru_cache(maxsize=_LENGTHS)
+def _window(n: int) -> tuple[Vector, float]:
+    """(n,) Hann's window, and the sum of its squares."""
+    w = 0.5 - 0.5 * np.cos(2 * np.pi * np.arange(n) / n)
+    return w, float(w @ w)
 
 
 def _power(x: Vector) -> Vector:
     """(n // 2 + 1,) variance of x (n,) in each bin, that of the mirror image included."""
     n = len(x)
-    w = 0.5 - 0.5 * np.cos(2 * np.pi * np.arange(n) / n)
-    power = np.abs(np.fft.rfft(w * x)) ** 2 / (n * float(w @ w))
+    w, square = _window(n)
+    power = np.abs(np.fft.rfft(w * x)) ** 2 / (n * square)
     power[1 : (n + 1) // 2] *= 2.0
     return np.asarray(power)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import Any
+from typing import Any, Protocol
 
 import casadi as ca
 import numpy as np
@@ -16,6 +16,13 @@ Vector = NDArray[np.float64]
 CHUNK = 128
 
 
+class Addresses(Protocol):
+    """Machine code, for as long as it lives."""
+
+    def address(self, name: str) -> int:
+        """Of a function."""
+
+
 class BoundFunction:
     """Evaluates a function on arrays that are given once.
 
@@ -23,6 +30,7 @@ class BoundFunction:
         function: what is evaluated.
         arguments, results: 1-D arrays, in the function's order.
         evaluate: reads the arguments, writes the results.
+        code: whose address is the function's machine code; None where it has none.
     """
 
     def __init__(
@@ -35,6 +43,7 @@ class BoundFunction:
         """
         _fit(function, arguments, results)
         self.evaluate: Callable[[], Any]
+        self.code: Addresses | None = None
         self._buffer, self.evaluate = function.buffer()
         # The buffer keeps addresses, not references: everything it sees must outlive it.
         self.function, self.arguments, self.results = function, (*arguments,), (*results,)
@@ -84,6 +93,10 @@ class Wiring:
         symbol = ca.SX.sym(name, array.size)
         self._arguments.append((symbol, array))
         return symbol
+
+    def numbers(self, name: str, *values: float) -> ca.SX:
+        """(size,) symbol of numbers of this world alone, so that all worlds have the same code."""
+        return self.reads(name, np.array(values, dtype=np.float64))
 
     def writes(self, value: ca.SX, array: Vector) -> None:
         """Has the function write `value` (size,) into a 1-D contiguous `array`."""

@@ -68,13 +68,16 @@ class SensorModel:
         held = (self.hold_ticks - 1) / 2
         return (1 + self.delay_ticks + held + self.pole / (1 - self.pole)) * period
 
-    def update(self, memory: ca.SX, wrench: ca.SX, samples: ca.SX) -> tuple[ca.SX, ca.SX]:
+    def update(
+        self, memory: ca.SX, wrench: ca.SX, samples: ca.SX, pole: ca.SX | None = None
+    ) -> tuple[ca.SX, ca.SX]:
         """One tick, symbolically.
 
         Args:
             memory: (m, order) of m channels: x, s, then s[k-d] ... s[k-1], as far as they exist.
             wrench: (m,) w[k].
             samples: whether N divides k, 0 or 1.
+            pole: that stands for b; None for the number.
 
         Returns:
             The memory after the tick, and y[k] (m,).
@@ -82,7 +85,8 @@ class SensorModel:
         kept, at = [], 0
         value = wrench
         if self.pole > 0:
-            value = self.pole * memory[:, at] + (1 - self.pole) * wrench
+            b = self.pole if pole is None else pole
+            value = b * memory[:, at] + (1 - b) * wrench
             kept.append(value)
             at += 1
         if self.hold_ticks > 1:

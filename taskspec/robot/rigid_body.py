@@ -95,6 +95,16 @@ class RigidBody:
 
 
 @lru_cache(maxsize=_KEPT)
+def rigid_body(robot: RobotModel) -> RigidBody:
+    """A robot's rigid bodies; read once of each.
+
+    Raises:
+        ValueError: it is no chain of hinges and slides.
+    """
+    return RigidBody(robot)
+
+
+@lru_cache(maxsize=_KEPT)
 def _function(body: RigidBody) -> ca.Function:
     """The function, by what it follows from kept from run to run."""
     made = f"casadi {ca.CasadiMeta.version()} {sources(Path(__file__).parent)}"

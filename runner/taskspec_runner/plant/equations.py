@@ -29,7 +29,7 @@ class Equations:
         on_tip: (3,) what the Cartesian ones exert on the tool tip, world axes [N].
         on_joints: (n,) what those on joints exert [N m, N]; `joints` is where that acts.
         applied: (equations,) what the robot applies along each unit gradient [N, N m].
-        function: tip, its velocity, q, q', clock -> these three.
+        function: tip, its velocity, q, q', clock, compliances -> these three.
         clock: (1,) of the simulator [s].
         twist: (6,) of the tip, its angular part first; `body` is the tip's, `tip` its place.
         cartesian: whether any acts on the tip.
@@ -54,8 +54,8 @@ class Equations:
         )
         q, v = data.qpos[places.positions], data.qvel[places.velocities]
         self.function = BoundFunction(
-            reaction_function(arm.robot, task, arm.start),
-            [self.tip, self.twist[3:], q, v, self.clock],
+            reaction_function(task, len(q)),
+            [self.tip, self.twist[3:], q, v, self.clock, *_compliances(arm.robot, task, arm.start)],
             [self.on_tip, self.on_joints, self.applied],
         )
         self.cartesian = any(not e.equation.joints for e in task.equations.values())
@@ -75,25 +75,42 @@ class Equations:
         self.joints += self.on_joints
 
 
-def reaction_function(robot: RobotModel, task: Task, start: Vector) -> ca.Function:
-    """Tip position and velocity (3,), q, q' (n,), clock -> what all equations exert.
+def reaction_function(task: Task, joints: int) -> ca.Function:
+    """What all equations exert, which is the same function in worlds of other compliances.
 
-    Results are the force on the tip (3,) [N] in the world, the torques on the joints (n,), and the
-    (equations,) that the robot applies along each unit gradient [N, N m].
+    Args:
+        task: with the equations.
+        joints: of the arm.
+
+    Returns:
+        Tip position and velocity (3,), q, q' (n,), clock, stiffness and damping (equations,) -> the
+        force on the tip (3,) [N] in the world, the torques on the joints (n,), and the (equations,)
+        that the robot applies along each unit gradient [N, N m].
     """
-    n, period = robot.pin.nv, 1.0 / task.control.plant_rate
+    n, count = joints, len(task.equations)
     p, dp, clock = ca.SX.sym("p", 3), ca.SX.sym("dp", 3), ca.SX.sym("clock")
     q, v = ca.SX.sym("q", n), ca.SX.sym("v", n)
+    stiffness, damping = ca.SX.sym("stiffness", count), ca.SX.sym("damping", count)
     on_tip, on_joints, applied = ca.SX.zeros(3), ca.SX.zeros(n), []
-    for name, model in equation_models(task).items():
-        compliance = equation_compliance(model, robot, start, task.equations[name], period)
+    for i, model in enumerate(equation_models(task).values()):
         place, rate = (q, v) if model.joints else (p, dp)
         terms = model.terms(place, rate, clock)
-        force = reaction(model, terms, rate, compliance.stiffness, compliance.damping)
+        force = reaction(model, terms, rate, stiffness[i], damping[i])
         applied.append(force)
         if model.joints:
             on_joints -= force * terms.normal.T
         else:
             on_tip -= force * terms.normal.T
     outputs = [on_tip, on_joints, ca.vertcat(*applied)]
-    return ca.Function("equations", [p, dp, q, v, clock], [ca.densify(x) for x in outputs])
+    inputs = [p, dp, q, v, clock, stiffness, damping]
+    return ca.Function("equations", inputs, [ca.densify(x) for x in outputs])
+
+
+def _compliances(robot: RobotModel, task: Task, start: Vector) -> tuple[Vector, Vector]:
+    """(equations,) stiffness and damping [N/m, N s/m; N m/rad, N m s/rad]."""
+    period = 1.0 / task.control.plant_rate
+    found = [
+        equation_compliance(model, robot, start, task.equations[name], period)
+        for name, model in equation_models(task).items()
+    ]
+    return np.array([each.stiffness for each in found]), np.array([each.damping for each in found])

@@ -113,17 +113,21 @@ class Grip:
         rows = wiring.reads("rows", self.rows)
         tip_axes = wiring.reads("tip_axes", data.xquat[model.site_bodyid[tip]])
         body_axes = wiring.reads("body_axes", data.xquat[model.site_bodyid[handle]])
-        mount = ca.DM(np.array(model.site_quat[handle]))
+        mount = wiring.numbers("mount", *model.site_quat[handle])
         # The rows are s/2 times the vector part of conj(held) * rate * tip, rate the relative
         # angular velocity: the moment is the transposed map of their forces.
         moved = _product(_product(body_axes, mount), ca.vertcat(0, rows[6:9]))
         moment = _product(moved, ca.vertcat(tip_axes[0], -tip_axes[1:]))[1:]
-        half_scale = 0.5 * float(model.eq_data[weld, 10])
+        half_scale = wiring.numbers("half_scale", 0.5 * model.eq_data[weld, 10])
         self.wrench = ca.vertcat(rows[:3] + rows[3:6], half_scale * moment)
         held = model.body(PREFIX + arm.held).id
         axis = wiring.reads("held_axes", data.xmat[held])[2::3]
         point = wiring.reads("point", data.site_xpos[handle])
-        self._effort = self._on_coordinate(axis, point - wiring.reads("center", data.xpos[held]))
+        lever = point - wiring.reads("center", data.xpos[held])
+        lead = self._held.lead if isinstance(self._held, Mechanism) else 0.0
+        self._effort = self._on_coordinate(
+            axis, lever, wiring.numbers("lead", lead) if lead else ca.SX(0)
+        )
 
     def read(self) -> None:
         """Takes the forces of the last step."""
@@ -139,7 +143,7 @@ class Grip:
         """
         return self._effort
 
-    def _on_coordinate(self, axis: ca.SX, lever: ca.SX) -> ca.SX:
+    def _on_coordinate(self, axis: ca.SX, lever: ca.SX, lead: ca.SX) -> ca.SX:
         held, applied = self._held, opposite(self.wrench)
         if not isinstance(held, Mechanism):
             return ca.norm_2(self.wrench[:3])
@@ -149,7 +153,7 @@ class Grip:
         about = ca.dot(axis, ca.cross(lever, applied[:3]))
         if held.knob == "fixed":
             about += ca.dot(axis, applied[3:])
-        return about + held.lead * along
+        return about + lead * along
 
 
 def _product(a: ca.SX, b: ca.SX) -> ca.SX:

@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 
 from taskspec.program.bound import Wiring
 from taskspec.spec import Mechanism
-from taskspec.spec.mechanism import Detent
 from taskspec_runner.plant.names import KNOB, PREFIX, placed, weightless
 
 Vector = NDArray[np.float64]
@@ -98,7 +97,8 @@ class Mechanisms:
 
     Attributes:
         positions, dofs: where each coordinate is in `qpos`, its rate in `qvel`.
-        detents: writes the forces of the detents; None where there are none.
+        detents: writes the forces of the detents, F sin(pi (s - at) / width) within the width of
+            each; None where there are none.
         detent_forces: (detents,) [N m, N].
         detent_dofs: where each of them acts among the degrees of freedom.
     """
@@ -119,8 +119,14 @@ class Mechanisms:
             wiring = Wiring()
             places = wiring.reads("qpos", data.qpos)[self.positions[with_detent].tolist()]
             found = [m.detent for m in declared.values() if m.detent is not None]
-            forces = [detent_force(detent, places[i]) for i, detent in enumerate(found)]
-            wiring.writes(ca.vertcat(*forces), self.detent_forces)
+            at, width, force = (
+                wiring.numbers(name, *(getattr(detent, name) for detent in found))
+                for name in ("at", "width", "force")
+            )
+            away = (places - at) / width
+            wiring.writes(
+                ca.if_else(ca.fabs(away) < 1, force * ca.sin(math.pi * away), 0), self.detent_forces
+            )
             self.detents = wiring.bound("detents")
 
     def read(self, positions: Vector, rates: Vector) -> None:
@@ -133,9 +139,3 @@ class Mechanisms:
         if self.detents is not None:
             self.detents.evaluate()
             self._applied[self.detent_dofs] += self.detent_forces
-
-
-def detent_force(detent: Detent, place: ca.SX) -> ca.SX:
-    """F sin(pi (s - at) / width) at the coordinate s = `place`, within the detent's width."""
-    away = (place - detent.at) / detent.width
-    return ca.if_else(ca.fabs(away) < 1, detent.force * ca.sin(math.pi * away), 0)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import casadi as ca
 import mujoco
-import numpy as np
 
 from taskspec.program.bound import Wiring
 from taskspec_runner.plant.arm import SceneArm
@@ -43,7 +42,8 @@ def wrist_wrench(
         wiring: of the function that it is part of.
     """
     body = model.body(arm.robot.tip_body).id
-    mass, moments = float(model.body_mass[body]), ca.DM(np.array(model.body_inertia[body]))
+    mass = wiring.numbers("mass", model.body_mass[body])
+    moments = wiring.numbers("moments", *model.body_inertia[body])
     axes = ca.reshape(wiring.reads("inertia_axes", data.ximat[body]), 3, 3).T
     R = ca.reshape(wiring.reads("flange_axes", data.xmat[body]), 3, 3).T
     addresses = [int(model.sensor(arm.element(name)).adr[0]) for name in _MOTION]
@@ -55,5 +55,5 @@ def wrist_wrench(
     force = -mass * linear
     turned, spin = axes.T @ angular, axes.T @ turning
     moment = axes @ (-moments * turned - ca.cross(spin, moments * spin))
-    lever = R @ ca.DM(np.array(model.body_ipos[body]))
+    lever = R @ wiring.numbers("lever", *model.body_ipos[body])
     return on_tip + ca.vertcat(force, moment + ca.cross(lever, force))

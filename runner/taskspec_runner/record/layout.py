@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from functools import cached_property
 
 import numpy as np
 import pyarrow as pa
@@ -71,8 +72,17 @@ class LogLayout:
         self._layout = tuple(_columns(robot, stages, task))
         self._columns = {column.name: column for column in self._layout}
         true = [column.name for column in self._layout if not column.field]
+        together: dict[str, list[str]] = {}
+        for name in true:
+            signal = name.partition(".")[0]
+            sensed = signal in VECTORS and VECTORS[signal].sensed
+            together.setdefault("wrench" if sensed else signal, []).append(name)
+        self._together = {key: tuple(names) for key, names in together.items()}
         self._truth = Truth(robot, task, stages, slices, true)
-        self._schema = pa.schema([column_field(each.name, each.unit) for each in self._layout])
+
+    @cached_property
+    def _schema(self) -> pa.Schema:
+        return pa.schema([column_field(each.name, each.unit) for each in self._layout])
 
     @classmethod
     def of(cls, program: Program, task: Task) -> LogLayout:
@@ -94,23 +104,25 @@ class LogLayout:
         ]
         return pa.record_batch(arrays, schema=self._schema)
 
-    @property
-    def derived(self) -> tuple[str, ...]:
-        """The columns that follow from several numbers of a tick, in the order of `derive`."""
-        return self._truth.names
+    def beside(self, name: str) -> tuple[str, ...]:
+        """The derived columns that are worked out with one of them: what makes one makes all."""
+        return next(names for names in self._together.values() if name in names)
 
-    def derive(self, rows: Vector) -> Vector:
-        """(ticks, derived) values, from rows of the bus (ticks, fields)."""
-        return self._truth(rows)
+    def derive(self, rows: Vector, names: tuple[str, ...]) -> Vector:
+        """(ticks, names) values of derived columns, from rows of the bus (ticks, fields)."""
+        return self._truth(rows, names)
 
     def place(self, name: str) -> int | None:
-        """Where in a tick a column is; None of one that is derived.
+        """Where in a tick a column is; None of one that is derived from several numbers of it.
 
         Raises:
             KeyError: there is no such column.
         """
         column = self._columns[name]
-        return self._slices[column.field].start + column.row if column.field else None
+        if column.field:
+            start: int = self._slices[column.field].start
+            return start + column.row
+        return self._truth.place(name)
 
     def columns(self, rows: Vector) -> dict[str, tuple[Vector, str]]:
         """Column name to values and unit; `rows` are (ticks, fields)."""

@@ -83,8 +83,11 @@ class RowColumns(Mapping[str, Vector]):
             if name not in self.units:
                 raise KeyError(name)
             where = self._layout.place(name)
-            self._made[name] = self._true[name] if where is None else self._field(where)
+            self._made[name] = self._derived(name) if where is None else self._field(where)
         return self._made[name]
+
+    def __contains__(self, name: object) -> bool:
+        return name in self.units
 
     def __iter__(self) -> Iterator[str]:
         return iter(self.units)
@@ -99,22 +102,23 @@ class RowColumns(Mapping[str, Vector]):
     def _field(self, number: int) -> Vector:
         values, at = empty(self._ticks, np.float64), 0
         for part in self._parts:
-            values[at : at + len(part)] = part[:, number]
+            # As in a log, a zero has no sign where a true signal is a number of the bus as it is.
+            values[at : at + len(part)] = part[:, number] + 0.0
             at += len(part)
         return values
 
-    @cached_property
-    def _true(self) -> dict[str, Vector]:
-        """Signals that follow from several fields: all of them at once."""
-        names = self._layout.derived
+    def _derived(self, name: str) -> Vector:
+        """A signal that follows from several fields: all of its components at once."""
+        names = self._layout.beside(name)
         made, at = [empty(self._ticks, np.float64) for _ in names], 0
         for part in self._parts:
             for rows in blocks(len(part)):
-                values = self._layout.derive(np.asarray(part[rows]))
+                values = self._layout.derive(np.asarray(part[rows]), names)
                 for column, kept in zip(values.T, made, strict=True):
                     kept[at : at + len(values)] = column
                 at += len(values)
-        return dict(zip(names, made, strict=True))
+        self._made |= dict(zip(names, made, strict=True))
+        return self._made[name]
 
     def stages(self, stages: tuple[CompiledStage, ...]) -> NDArray[np.str_]:
         """(n,) the stage of each tick."""

@@ -43,7 +43,7 @@ class Truth:
         fields: Mapping[str, slice],
         names: Sequence[str],
     ) -> None:
-        """Compiles the formulas.
+        """Puts the formulas together, which are compiled as they are asked for.
 
         Args:
             robot: for its tool.
@@ -58,29 +58,54 @@ class Truth:
         objects = _objects(robot, task, parts)
         kinds = [(stage.plan.axes, stage.plan.gap_contact) for stage in stages]
         distinct = list(dict.fromkeys(kinds))
-        #: Number of the function of each stage, and where the bus has the stage.
+        #: Number of the situation of each stage, and where the bus has the stage.
         self._of_stage = np.array([distinct.index(kind) for kind in kinds])
         self._stage = fields["stage"].start
-        nothing = ca.SX(np.nan)
-        self._functions: list[RowFunction] = []
-        for axes, contact in distinct:
-            at = _situation(parts, objects)
+        self._row = row
+        self._places = {str(row[i]): i for i in range(row.numel())}
+        self._situations = [_situation(parts, objects) for _ in distinct]
+        for at, (axes, contact) in zip(self._situations, distinct, strict=True):
             at.axes, at.contact = axes, contact
-            found = [at.signal(*name.split(".")) for name in names]
-            values = ca.densify(ca.vertcat(*(nothing if x is None else x for x in found)))
-            self._functions.append(RowFunction(ca.Function("truth", [row], [values])))
+        self._made: dict[tuple[str, ...], tuple[RowFunction, ...]] = {}
 
-    def __call__(self, rows: Vector) -> Vector:
+    def __call__(self, rows: Vector, names: tuple[str, ...] | None = None) -> Vector:
         """(ticks, names) values, from rows of the bus (ticks, fields).
 
         A zero has no sign in them.
+
+        Args:
+            rows: of the ticks.
+            names: of the signals that are wanted; None for all.
         """
+        names = self.names if names is None else names
+        functions = self._functions(names)
+        if len(functions) == 1:
+            # Choosing rows copies them.
+            (values,) = functions[0](rows)
+            return values + 0.0
         number = self._of_stage[rows[:, self._stage].astype(int)]
-        values = np.empty((len(rows), len(self.names)))
+        values = np.empty((len(rows), len(names)))
         for each in np.unique(number):
             here = number == each
-            (values[here],) = self._functions[each](rows[here])
+            (values[here],) = functions[each](rows[here])
         return values + 0.0
+
+    def place(self, name: str) -> int | None:
+        """Which number of the bus a signal is as it is, in all stages; None of all others."""
+        found = {str(x) for x in (at.signal(*name.split(".")) for at in self._situations)}
+        return self._places.get(found.pop()) if len(found) == 1 else None
+
+    def _functions(self, names: tuple[str, ...]) -> tuple[RowFunction, ...]:
+        """Of each situation its function of a tick; made once for the same names."""
+        if names not in self._made:
+            self._made[names] = tuple(self._compiled(at, names) for at in self._situations)
+        return self._made[names]
+
+    def _compiled(self, at: Situation, names: tuple[str, ...]) -> RowFunction:
+        nothing = ca.SX(np.nan)
+        found = [at.signal(*name.split(".")) for name in names]
+        values = ca.densify(ca.vertcat(*(nothing if x is None else x for x in found)))
+        return RowFunction(ca.Function("truth", [self._row], [values]))
 
 
 def _situation(symbols: Mapping[str, ca.SX], objects: Mapping[str, ObjectState]) -> Situation:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import multiprocessing
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
 from contextlib import contextmanager
 from itertools import islice
+from typing import TypeVar
 
 from taskspec.deferred_methods import dataclass
 from taskspec_runner.loop.fixed_step import NATIVE, PYTHON, loop_wanted
@@ -14,6 +15,8 @@ from taskspec_runner.loop.interrupt import begin_worker, deaf
 from taskspec_runner.sweep.bundle import Bundle, program_of
 from taskspec_runner.sweep.world_run import Row, run_world
 from taskspec_runner.sweep.worlds import Worlds
+
+T = TypeVar("T")
 
 #: Worlds that a worker is given at once, at most.
 _AT_ONCE = 16
@@ -70,27 +73,35 @@ def rows(
         indices: of those that are to be run.
         jobs: how many workers the executor has.
     """
-    at_once = max(1, min(_AT_ONCE, len(indices) // (4 * jobs)))
-    if executor is None:
-        at_once = 1
+    at_once = 1 if executor is None else max(1, min(_AT_ONCE, len(indices) // (4 * jobs)))
     pieces = [
         Work(bundle, worlds, tuple(indices[first : first + at_once]))
         for first in range(0, len(indices), at_once)
     ]
+    for found in results(executor, run_work, pieces, jobs):
+        yield from found
+
+
+def results(
+    executor: Executor | None, function: Callable[[Work], T], pieces: Sequence[Work], jobs: int
+) -> Iterator[T]:
+    """What a function makes of pieces of work, in the order in which it is ready.
+
+    Only a few pieces are handed out at a time, so that little is lost where somebody stops.
+    """
     if executor is None:
-        for piece in pieces:
-            yield from run_work(piece)
+        yield from map(function, pieces)
         return
     left = iter(pieces)
-    waiting: set[Future[list[Row]]] = set()
+    waiting: set[Future[T]] = set()
     while True:
         room = jobs * (1 + _WAITING) - len(waiting)
-        waiting |= {executor.submit(run_work, piece) for piece in islice(left, room)}
+        waiting |= {executor.submit(function, piece) for piece in islice(left, room)}
         if not waiting:
             return
         done, waiting = wait(waiting, return_when=FIRST_COMPLETED)
         for each in done:
-            yield from each.result()
+            yield each.result()
 
 
 @contextmanager

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from concurrent.futures import Executor
 from dataclasses import replace
 from typing import Any
 
@@ -11,6 +12,8 @@ from taskspec.examination import examine
 from taskspec.program.program import Program
 from taskspec.spec.truth import DeclaredTruth
 from taskspec.text.diagnostic import Diagnostic, Severity
+from taskspec_runner.sweep.bundle import Bundle, program_of
+from taskspec_runner.sweep.engine import Work, results
 from taskspec_runner.sweep.world_run import Row
 from taskspec_runner.sweep.worlds import Worlds
 
@@ -18,33 +21,44 @@ from taskspec_runner.sweep.worlds import Worlds
 MOST = 10
 
 
-def foretold(program: Program, worlds: Worlds, rows: Sequence[Row]) -> dict[str, Any]:
+def foretold(
+    executor: Executor | None, bundle: Bundle, worlds: Worlds, rows: Sequence[Row], jobs: int
+) -> dict[str, Any]:
     """Examines some worlds as if the file said that they are the true one.
 
     Args:
-        program: of the task.
+        executor: any of `concurrent.futures`' kind; None to examine them here.
+        bundle: the task and what it reads.
         worlds: which worlds the sweep has.
         rows: of all of them.
+        jobs: how many workers the executor has.
 
     Returns:
         How many failed and how many good worlds were looked at, in how many of them there was an
         error or a warning, by which codes, and the worlds in which that was wrong.
     """
+    looked = {
+        name: [int(row["world"]) for row in rows if row["success"] is success][:MOST]
+        for name, success in (("failed", False), ("good", True))
+    }
+    pieces = [Work(bundle, worlds, (world,)) for some in looked.values() for world in some]
+    said = dict(results(executor, examine_work, pieces, jobs))
     found: dict[str, Any] = {}
-    for name, success in (("failed", False), ("good", True)):
-        some = [row for row in rows if row["success"] is success][:MOST]
-        said = {
-            int(row["world"]): codes(program, worlds.world(program.context, int(row["world"])))
-            for row in some
-        }
-        told = [world for world, found_codes in said.items() if found_codes]
+    for name, some in looked.items():
+        told = [world for world in some if said[world]]
         found[name] = {
-            "of": len(said),
+            "of": len(some),
             "announced": len(told),
-            "codes": sorted({code for each in said.values() for code in each}),
-            "wrong": sorted(set(said) - set(told)) if not success else sorted(told),
+            "codes": sorted({code for world in some for code in said[world]}),
+            "wrong": sorted(set(some) - set(told)) if name == "failed" else sorted(told),
         }
     return found
+
+
+def examine_work(work: Work) -> tuple[int, tuple[str, ...]]:
+    """A world and the codes of errors and warnings about it."""
+    program, (index,) = program_of(work.bundle), work.indices
+    return index, codes(program, work.worlds.world(program.context, index))
 
 
 def codes(program: Program, world: World) -> tuple[str, ...]:

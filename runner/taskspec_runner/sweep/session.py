@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Executor
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
@@ -113,14 +114,18 @@ def sweep(
     with open_sweep(out, name, said) as folder:
         folder.begin(task_bytes(loaded))
         continued = len(folder.rows)
-        _run_missing(folder, bundle, worlds, worlds.shard(*shard), workers, watch)
+        told: Json | None = None
+        with Crew(workers) as crew:
+            _run_missing(folder, bundle, worlds, worlds.shard(*shard), crew, watch)
+            if shard == _WHOLE:
+                told = _foretold(crew, bundle, worlds, _ordered(folder))
         if shard != _WHOLE:
             ordered = tuple(folder.rows[index] for index in sorted(folder.rows))
             good = sum(row["success"] for row in ordered)
             summary = {"shard": list(shard), "done": len(ordered), "good": good, "exit_code": 0}
             folder.end(**summary)
             return SweepResult(loaded.task, folder.path, ordered, summary, continued, shard)
-        ended = _ended(loaded.task, folder, foretold(program, worlds, _ordered(folder)))
+        ended = _ended(loaded.task, folder, told)
         chosen = kept.chosen(keep, ended.rows)
         kept.keep_runs(folder.path, bundle, worlds, chosen, workers.jobs)
         _write_page(ended, folder)
@@ -174,12 +179,52 @@ def opening(program: Program, bundle: Bundle, worlds: Worlds) -> dict[str, Any]:
     }
 
 
+class Crew:
+    """Who runs a sweep: the executor that is given, or processes of this machine, begun once.
+
+    Attributes:
+        jobs: how many worlds at once.
+    """
+
+    def __init__(self, workers: Workers) -> None:
+        self.jobs = workers.jobs
+        self._given = workers.executor
+        self._own: ExitStack | None = None
+        self._pool: Executor | None = None
+
+    def __enter__(self) -> Crew:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        if self._own is not None:
+            own, self._own, self._pool = self._own, None, None
+            # What ends them learns whether anybody still waits for what is under way.
+            own.__exit__(*error)  # type: ignore[arg-type]
+
+    @property
+    def there(self) -> Executor | None:
+        """The executor as far as there is one; None for this process."""
+        return self._pool if self._given is None else self._given
+
+    def executor(self) -> Executor | None:
+        """The executor; None for this process."""
+        if self._given is None and self.jobs > 1 and self._own is None:
+            self._own = ExitStack()
+            self._pool = self._own.enter_context(processes(self.jobs))
+        return self.there
+
+    def renew(self) -> bool:
+        """Lets processes go of which one has died; returns whether they were of this sweep."""
+        self.__exit__(None, None, None)
+        return self._given is None
+
+
 def _run_missing(
     folder: SweepFolder,
     bundle: Bundle,
     worlds: Worlds,
     wanted: Sequence[int],
-    workers: Workers,
+    crew: Crew,
     watch: Watch | None,
 ) -> None:
     """Runs the worlds that are not there; one that kills its process is a broken row."""
@@ -188,14 +233,13 @@ def _run_missing(
         return [index for index in wanted if index not in folder.rows]
 
     progress = _Progress(folder, len(wanted), watch)
-    if workers.executor is not None or workers.jobs <= 1 or len(missing()) < 2:
-        progress.run(workers.executor, bundle, worlds, missing(), workers.jobs)
-        return
     for _ in range(_DEATHS):
+        executor = crew.executor() if len(missing()) > 1 else crew.there
         try:
-            with processes(workers.jobs) as pool:
-                progress.run(pool, bundle, worlds, missing(), workers.jobs)
+            progress.run(executor, bundle, worlds, missing(), crew.jobs)
         except BrokenProcessPool:
+            if not crew.renew():
+                raise
             continue
         return
     for index in missing():
@@ -204,6 +248,16 @@ def _run_missing(
                 progress.run(pool, bundle, worlds, [index], 1)
         except BrokenProcessPool:
             folder.add(broken_row(index, "the process that ran it died"))
+
+
+def _foretold(crew: Crew, bundle: Bundle, worlds: Worlds, ordered: Sequence[Row]) -> Json:
+    """What is foretold of worlds, by the processes that ran them as far as they live."""
+    try:
+        return foretold(crew.there, bundle, worlds, ordered, crew.jobs)
+    except BrokenProcessPool:
+        if not crew.renew():
+            raise
+        return foretold(None, bundle, worlds, ordered, 1)
 
 
 class _Progress:

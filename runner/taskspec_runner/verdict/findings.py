@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -81,6 +81,25 @@ class _Watched:
     rank: int = 0
 
 
+class _VisitColumns(Mapping[str, Vector]):
+    """The columns of a visit; of a world of a sweep, each is made when it is asked for."""
+
+    def __init__(self, columns: Mapping[str, Vector], rows: slice) -> None:
+        self._columns, self._rows = columns, rows
+
+    def __getitem__(self, name: str) -> Vector:
+        return self._columns[name][self._rows]
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._columns
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._columns)
+
+    def __len__(self) -> int:
+        return len(self._columns)
+
+
 class _Look:
     """One visit of a stage."""
 
@@ -94,7 +113,7 @@ class _Look:
         sensor: Sensor,
     ) -> None:
         self._program, self._stage, self._visit, self._number = program, stage, visit, number
-        self._columns = {name: values[visit.rows] for name, values in history.columns.items()}
+        self._columns = _VisitColumns(history.columns, visit.rows)
         self._clock = self._columns["clock"]
         self._noise = sensor.noise
         self._amid = amid_noise(sensor, program.context.period, judged(len(self._clock)))

@@ -43,7 +43,7 @@ class RecordedWorld:
         context = recording.program.context
         task = recording.true
         start = truly_holding(context, task)
-        scene = build_scene(SceneArm(context.robot, task.robot, start), task)
+        scene = build_scene(SceneArm(context.robot, task.robot, start), task, seen=True)
         model = scene.model
         self.model, self.data = model, mujoco.MjData(model)
         model.vis.quality.offsamples = _SAMPLES

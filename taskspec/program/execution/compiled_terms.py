@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from taskspec.program.bound import BoundFunction
 from taskspec.robot import RobotModel
 from taskspec.robot.model_terms import ModelTerms
-from taskspec.robot.rigid_body import RigidBody
+from taskspec.robot.rigid_body import rigid_body
 
 Vector = NDArray[np.float64]
 
@@ -18,7 +18,7 @@ class CompiledTerms(ModelTerms):
 
     def __init__(self, robot: RobotModel, q: Vector | None = None, v: Vector | None = None) -> None:
         super().__init__(robot, q, v)
-        function = RigidBody(robot).function
+        function = rigid_body(robot).function
         self.bound = BoundFunction(function, (self.q, self.v), self.arrays)
 
     def update(self) -> None:

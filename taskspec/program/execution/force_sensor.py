@@ -62,16 +62,19 @@ class ForceSensor:
         self.memory, self.kept = np.zeros(6 * model.order), np.zeros(6 * model.order)
         wiring = Wiring()
         true, turned = wiring.reads("true", wrench), wiring.reads("turned", tip_rotation)
+        bias = wiring.numbers("bias", *sensor.bias)
         R = ca.reshape(turned, 3, 3).T
         # In the axes that the tool had when the wrench arose.
-        own = ca.vertcat(R.T @ true[:3], R.T @ true[3:]) + ca.DM(list(sensor.bias))
+        own = ca.vertcat(R.T @ true[:3], R.T @ true[3:]) + bias
         memory = ca.reshape(wiring.reads("memory", self.memory), 6, model.order)
         noisy = own + wiring.reads("noise", self.noise)
-        kept, reading = model.update(memory, noisy, wiring.reads("samples", self.samples))
+        samples, pole = wiring.reads("samples", self.samples), wiring.numbers("pole", model.pole)
+        kept, reading = model.update(memory, noisy, samples, pole)
         wiring.writes(reading, zero.reading)
         wiring.writes(ca.vec(kept), self.kept)
         self.function = wiring.bound("sensor")
-        (rest,) = evaluated(ca.Function("own", [true, turned], [own]), wrench, tip_rotation)
+        own_reading = ca.Function("own", [true, turned, bias], [own])
+        (rest,) = evaluated(own_reading, wrench, tip_rotation, np.array(sensor.bias))
         self.memory[:] = np.tile(rest, model.order)
 
     def read(self) -> None:

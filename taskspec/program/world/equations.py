@@ -116,7 +116,11 @@ def equation_models(
 
 
 def reaction(
-    model: EquationModel, terms: EquationTerms, rate: ca.SX, stiffness: float, damping: float
+    model: EquationModel,
+    terms: EquationTerms,
+    rate: ca.SX,
+    stiffness: float | ca.SX,
+    damping: float | ca.SX,
 ) -> ca.SX:
     """What the robot applies to a compliant constraint along the unit gradient [N, N m].
 

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import enum
+import hashlib
 from collections import OrderedDict
 from collections.abc import Callable, Hashable
 from concurrent.futures import Future, ThreadPoolExecutor
-from functools import cache
+from functools import cache, cached_property
 from threading import Lock
 from types import ModuleType
 from typing import Any
+from weakref import WeakValueDictionary
 
 import casadi as ca
 
@@ -42,27 +44,37 @@ class Compiling(enum.Enum):
     NOT_YET = "not yet"
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class _Source:
     """What an engine is made of.
 
     Attributes:
         key: by which this process finds it.
         holds: what has to live as long as the key is to mean this.
-        text: what its IR follows from.
+        written: what its IR follows from.
         ir: makes that.
         level: LLVM's optimisation.
     """
 
     key: Hashable
     holds: Any
-    text: Callable[[], bytes]
+    written: Callable[[], bytes]
     ir: Callable[[], str]
     level: int
 
+    @cached_property
+    def text(self) -> bytes:
+        """What its IR follows from."""
+        return self.written()
+
     def engine(self, *, compiles: bool) -> Engine:
         """The engine; a NotKeptError where none is kept and none is to be compiled."""
-        return Engine(lambda: [self.ir()], level=self.level, source=self.text(), compiles=compiles)
+        return Engine(lambda: [self.ir()], level=self.level, source=self.text, compiles=compiles)
+
+    @property
+    def content(self) -> bytes:
+        """By which it is found that another source is made of the same."""
+        return hashlib.sha256(b"%d " % self.level + self.text).digest()
 
 
 class _Engines:
@@ -70,7 +82,9 @@ class _Engines:
 
     def __init__(self) -> None:
         self._lock = Lock()
-        self._made: OrderedDict[Hashable, tuple[_Source, Engine]] = OrderedDict()
+        self._made: OrderedDict[Hashable, tuple[Any, Engine]] = OrderedDict()
+        # Worlds of a sweep have functions of their own that are alike: nothing is kept of them.
+        self._alike: WeakValueDictionary[bytes, Engine] = WeakValueDictionary()
         self._under_way: dict[Hashable, tuple[_Source, Future[Engine]]] = {}
 
     def of(self, source: _Source, compiling: Compiling) -> Engine:
@@ -79,9 +93,12 @@ class _Engines:
             if source.key in self._made:
                 self._made.move_to_end(source.key)
                 return self._made[source.key][1]
-            # With its source, which holds what the key is of for as long as the key is here.
+            # With what holds what the key is of for as long as the key is here.
             _, under_way = self._under_way.get(source.key, (None, None))
         if under_way is None:
+            alike = self._alike.get(source.content)
+            if alike is not None:
+                return alike
             try:
                 return self._keep(source, source.engine(compiles=compiling is Compiling.WAIT))
             except NotKeptError:
@@ -103,7 +120,8 @@ class _Engines:
 
     def _keep(self, source: _Source, engine: Engine) -> Engine:
         with self._lock:
-            self._made[source.key] = source, engine
+            self._made[source.key] = source.holds, engine
+            self._alike[source.content] = engine
             while len(self._made) > _MOST:
                 self._made.popitem(last=False)
         return engine

@@ -291,16 +291,18 @@ class TickMemory(Record):
         """
         missing: NotReadyError | None = None
         for name, bound in self._functions.items():
-            try:
-                engine = expression_engine(bound.function, compiling)
-            except NotReadyError as error:
-                missing = error
-                if compiling is Compiling.NOT_YET:
-                    break
-            else:
-                self._held[name] = engine
-                setattr(self, name, engine.address(CODE))
+            if bound.code is None:
+                try:
+                    engine = expression_engine(bound.function, compiling)
+                except NotReadyError as error:
+                    missing = error
+                    if compiling is Compiling.NOT_YET:
+                        break
+                    continue
+                bound.code = engine
                 # Ticks that are left to Python take the same code.
                 bound.evaluate_by(engine.function(CODE, None, *_SIGNATURE, brief=True))
+            # The code lives as long as the bound function, which is held here.
+            setattr(self, name, bound.code.address(CODE))
         if missing is not None:
             raise missing
