@@ -16,7 +16,7 @@ from taskspec.robot.bounds import MOST_DEPTH, MOST_ELEMENTS, check_text, too_lar
 from taskspec.robot.collada import as_obj
 from taskspec.robot.errors import RobotError
 from taskspec.text.codes import register
-from taskspec.text.confines import REMEDY, Confines
+from taskspec.text.confines import REMEDY, Confines, here
 
 register(
     {
@@ -173,7 +173,7 @@ def find_mesh(uri: str, folder: Path, roots: Roots) -> Path | None:
                 if relative and roots.hold(file) and is_regular(file):
                     return file
         return None
-    path = folder / rest
+    path = here(folder / rest)
     return path if roots.hold(path) and is_regular(path) else None
 
 

@@ -20,7 +20,7 @@ from taskspec.robot.files import (
     read_mesh,
     read_model,
 )
-from taskspec.text.confines import REMEDY
+from taskspec.text.confines import REMEDY, here
 
 _INCLUDES = 20
 _REFUSED = {
@@ -64,7 +64,7 @@ def _read_include(
 ) -> ElementTree.Element:
     """The elements of an included file, in which further includes are absolute paths."""
     name = include.get("file", "")
-    path = roots.model / name
+    path = here(roots.model / name)
     if not roots.hold(path):
         raise RobotError(
             "TS403", f"'{shown}' includes '{name}' from outside of the task's project", REMEDY

@@ -21,7 +21,7 @@ from taskspec.robot.errors import RobotError
 from taskspec.robot.files import Roots, parse_xml, read_model
 from taskspec.robot.mjcf import mjcf_spec, mjcf_text
 from taskspec.robot.urdf import check_urdf, drawable, urdf_mimics, urdf_spec, urdf_velocities
-from taskspec.text.confines import confines
+from taskspec.text.confines import confines, here
 
 MakeSpec = Callable[[bool], tuple["mujoco.MjSpec", list[str]]]
 
@@ -36,7 +36,7 @@ def read_own(shown: str, folder: Path) -> RobotFile:
     Raises:
         RobotError: TS401 to TS405, TS409.
     """
-    path = folder / shown
+    path = here(folder / shown)
     roots = Roots(path.parent, confines(folder))
     text = read_model(path, shown, roots.confines)
     root = parse_xml(text, shown)

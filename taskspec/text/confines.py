@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
 from pathlib import Path
 
 from taskspec.deferred_methods import dataclass
@@ -47,6 +50,32 @@ def confines(base: Path | None) -> Confines:
     opened = os.environ.get(VARIABLE, "").split(os.pathsep)
     further = [Path(folder).expanduser().resolve() for folder in opened if folder.strip()]
     return Confines((project(base or Path.cwd()), *further))
+
+
+_MOVED: ContextVar[tuple[Path, Path] | None] = ContextVar("moved", default=None)
+
+
+@contextmanager
+def moved(root: Path, folder: Path) -> Iterator[None]:
+    """Has files that are named by absolute paths below `root` be looked for below `folder`."""
+    token = _MOVED.set((root, folder))
+    try:
+        yield
+    finally:
+        _MOVED.reset(token)
+
+
+def here(path: Path) -> Path:
+    """Where a file lies that a task or one of its files names: elsewhere if they were moved."""
+    found = _MOVED.get()
+    if found is None:
+        return path
+    root, folder = found
+    # Folders that hold none of the files were not moved with them.
+    path = Path(os.path.normpath(path))
+    if path.is_relative_to(folder) or not path.is_relative_to(root):
+        return path
+    return folder / path.relative_to(root)
 
 
 def project(base: Path) -> Path:

@@ -55,7 +55,13 @@ def chain(rng):
             model.appendBodyToJoint(joint, pin.Inertia.Random(), pin.SE3.Random())
     model.appendBodyToJoint(joint, pin.Inertia.Random(), pin.SE3.Identity())
     model.armature = rng.uniform(0, 0.2, n)
-    return SimpleNamespace(pin=model, tip_joint=joint, tip=pin.SE3(_turn(rng), _shift(rng)))
+    return Arm(pin=model, tip_joint=joint, tip=pin.SE3(_turn(rng), _shift(rng)))
+
+
+class Arm(SimpleNamespace):
+    """The part of a robot that its equations follow from; as a robot, the same only as itself."""
+
+    __hash__ = object.__hash__
 
 
 def _gravity(rng):

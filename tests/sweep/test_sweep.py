@@ -19,10 +19,12 @@ from taskspec_runner.cli.app import app
 from taskspec_runner.runs import Run
 from taskspec_runner.session import execute
 from taskspec_runner.sweep.bundle import Bundle, program_of
+from taskspec_runner.sweep.engine import Work, run_work
 from taskspec_runner.sweep.executors import Workers
 from taskspec_runner.sweep.folder import JOURNAL, TABLE
 from taskspec_runner.sweep.session import sweep
 from taskspec_runner.sweep.table import read_table
+from taskspec_runner.sweep.world_run import run_world
 from taskspec_runner.sweep.worlds import Worlds
 
 TAP = """taskspec: 1
@@ -144,6 +146,36 @@ def test_killed_workers_and_killed_sweeps_lose_nothing(tap, tmp_path):
     assert (out / TABLE).read_bytes() == (tmp_path / "whole" / TABLE).read_bytes()
 
 
+SCRIPT = """import sys
+from pathlib import Path
+from taskspec.compiler import compile_task
+from taskspec.spec import load_task
+from taskspec_runner.errors import InputError
+from taskspec_runner.sweep.engine import Work, run_work
+from taskspec_runner.sweep.executors import Workers
+from taskspec_runner.sweep.session import sweep
+from taskspec_runner.sweep.worlds import Worlds
+
+program = compile_task(load_task(Path(sys.argv[1])))
+worlds = Worlds.of(program.context, 0, 4)
+try:
+    sweep(program, worlds, Path("s"), workers=Workers(None, 2), keep="none")
+except InputError as error:
+    print("refused:", error)
+"""
+
+
+def test_a_script_that_every_process_would_run_is_told_so(tap, tmp_path):
+    """Its processes import it: without a guard each would sweep, and none comes to its work."""
+    (tmp_path / "script.py").write_text(SCRIPT, encoding="utf-8")
+    command = [sys.executable, "script.py", str(tap)]
+    ran = subprocess.run(command, capture_output=True, text=True, check=True, cwd=tmp_path)
+    assert ran.stdout.count("refused: no process of this sweep could begin") == 1
+    assert 'if __name__ == "__main__":' in ran.stdout
+    assert ran.stderr == ""
+    assert (tmp_path / "s" / JOURNAL).read_bytes() == b""
+
+
 def _children(pid: int) -> list[int]:
     found = []
     for entry in Path("/proc").iterdir():
@@ -184,11 +216,68 @@ vary: {world.door.xyz: [0..2 m, 0, 0]}
     assert result.summary["ends"]["broken"] >= 1
 
 
-def test_a_bundle_is_all_that_a_worker_needs():
-    """The file, its robot and its tables, unpacked elsewhere: the same rows."""
-    here = Path(__file__).resolve().parents[2] / "tasks"
-    program = compile_task(load_task(here / "wipe-table.yaml"))
+OWN = """taskspec: 1
+robot: {{model: {robot}, start: {{xyz: [500 mm, 300 mm, 0]}}}}
+world: {{wall: {{shape: plane, xyz: [600 mm, 0, 0], rpy: [0, -90 deg, 0]}}}}
+stages: {{go: {{path: {{file: {table}, speed: 50 mm/s}}}}}}
+vary: {{world.wall.stiffness: 1..100 kN/m}}
+"""
+ARM = """<mujoco>
+  <compiler meshdir="{meshes}"/>
+  <include file="{links}"/>
+  <asset><mesh name="palm" file="palm.obj"/></asset>
+</mujoco>
+"""
+LINKS = """<mujoco><worldbody>
+  <body name="a"><joint name="a" axis="0 0 1"/>
+    <geom type="capsule" size="0.03" fromto="0 0 0 0.4 0 0" mass="2"/>
+    <body name="b" pos="0.4 0 0"><joint name="b" axis="0 0 1"/>
+      <geom type="capsule" size="0.03" fromto="0 0 0 0.3 0 0" mass="1"/>
+      <body name="c" pos="0.3 0 0"><joint name="c" axis="0 0 1"/>
+        <geom type="mesh" mesh="palm" density="800"/>
+        <site name="flange" pos="0.1 0 0" euler="0 90 0"/>
+      </body>
+    </body>
+  </body>
+</worldbody></mujoco>
+"""
+PALM = "v 0 0 0\nv .1 0 0\nv 0 .05 0\nv 0 0 .05\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
+
+
+@pytest.mark.parametrize("named", ["beside", "absolute"])
+def test_a_bundle_is_all_that_a_worker_needs(named, tmp_path):
+    """The file, its robot and its tables, unpacked where none of them exists: the same row."""
+    home = tmp_path / "here"
+    files = {
+        "project/tasks/own.yaml": OWN,
+        "project/robots/arm.xml": ARM,
+        "project/parts/links.xml": LINKS,
+        "project/parts/palm.obj": PALM,
+        "project/tables/way.csv": "x [mm],y [mm]\n0,0\n-20,10\n-40,0\n",
+    }
+    above = f"{home}/project" if named == "absolute" else ".."
+    places = {
+        "robot": f"{above}/robots/arm.xml",
+        "table": f"{above}/tables/way.csv",
+        "links": f"{above}/parts/links.xml",
+        "meshes": f"{above}/parts",
+    }
+    for name, text in files.items():
+        (home / name).parent.mkdir(parents=True, exist_ok=True)
+        braces = name.endswith((".yaml", "arm.xml"))
+        (home / name).write_text(text.format(**places) if braces else text, encoding="utf-8")
+    (home / "project" / "pyproject.toml").touch()
+    program = compile_task(load_task(home / "project" / "tasks" / "own.yaml"))
+    worlds = Worlds.of(program.context, 0, 2)
+    row = run_world(program, 1, worlds.world(program.context, 1))
+    assert row["status"] == "done"
     bundle = Bundle.of(program)
-    again = program_of(bundle)
-    assert again.context.loaded.path != program.context.loaded.path
-    assert again.context.start.tobytes() == program.context.start.tobytes()
+    assert len(bundle.contents) == len(files)
+    home.rename(tmp_path / "elsewhere")
+    (found,) = run_work(Work(bundle, worlds, (1,)))
+    assert found == row
+    assert not str(program_of(bundle).context.loaded.path).startswith(str(tmp_path))
+    if named == "beside":
+        # The same files elsewhere are the same sweep.
+        again = load_task(tmp_path / "elsewhere" / "project" / "tasks" / "own.yaml")
+        assert Bundle.of(compile_task(again)).key == bundle.key

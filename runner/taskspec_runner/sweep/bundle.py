@@ -15,6 +15,7 @@ from taskspec.compiler import compile_task
 from taskspec.deferred_methods import dataclass
 from taskspec.program.program import Program
 from taskspec.spec import load_task
+from taskspec.text.confines import moved
 from taskspec_runner.errors import InputError
 from taskspec_runner.record import manifest
 
@@ -27,13 +28,15 @@ class Bundle:
     """A task file and what it reads, by their places relative to each other.
 
     Attributes:
-        file: the task file, relative to the root of all.
+        root: that all of them lie below where it was made.
+        file: the task file, relative to that.
         contents: of every file, by its path from the root.
         overrides: dotted path to YAML text.
         force: whether findings are lifted behind which it still compiles.
         versions: that its numbers depend on, where it was made.
     """
 
+    root: str
     file: str
     contents: Mapping[str, bytes]
     overrides: Mapping[str, str]
@@ -48,17 +51,18 @@ class Bundle:
             InputError: a file cannot be read any more.
         """
         loaded = program.context.loaded
-        base = (loaded.base or Path()).absolute()
+        base = _plain((loaded.base or Path()).absolute())
         task = base / (loaded.path.name if loaded.path is not None else "task.yaml")
         contents = {task: manifest.task_bytes(loaded)}
         for path in manifest.input_files(program):
             try:
-                contents[path] = path.read_bytes()
+                contents[_plain(path)] = path.read_bytes()
             except OSError as error:
                 raise InputError(f"{path} cannot be read any more: {error.strerror}") from error
         root = Path(os.path.commonpath([path.parent for path in contents]))
         placed = {path.relative_to(root).as_posix(): text for path, text in contents.items()}
         return Bundle(
+            str(root),
             task.relative_to(root).as_posix(),
             dict(sorted(placed.items())),
             dict(loaded.overrides),
@@ -68,7 +72,7 @@ class Bundle:
 
     @cached_property
     def key(self) -> str:
-        """SHA-256 of all of it."""
+        """SHA-256 of all of it, wherever it was."""
         digest = hashlib.sha256(repr((self.file, self.force)).encode())
         for part in (*self.contents.items(), *sorted(self.overrides.items())):
             digest.update(repr(part).encode())
@@ -105,8 +109,10 @@ def program_of(bundle: Bundle) -> Program:
         bundle.check_versions()
         while len(_programs) >= _KEPT:
             del _programs[next(iter(_programs))]
-        loaded = load_task(_unpacked(bundle), dict(bundle.overrides))
-        _programs[bundle.key] = compile_task(loaded, force=bundle.force)
+        folder = _unpacked(bundle)
+        with moved(Path(bundle.root), folder):
+            loaded = load_task(folder / PurePosixPath(bundle.file), dict(bundle.overrides))
+            _programs[bundle.key] = compile_task(loaded, force=bundle.force)
     return _programs[bundle.key]
 
 
@@ -115,11 +121,19 @@ def keep_program(bundle: Bundle, program: Program) -> None:
     _programs[bundle.key] = program
 
 
+def _plain(path: Path) -> Path:
+    """A path without steps up, as these are from folders that a bundle need not have."""
+    return Path(os.path.normpath(path))
+
+
 def _unpacked(bundle: Bundle) -> Path:
+    """The folder that has its files as they lay below its root."""
     folder = Path(tempfile.mkdtemp(prefix="taskspec-"))
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
     for name, content in bundle.contents.items():
         path = folder / PurePosixPath(name)
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_bytes(content)
-    return folder / PurePosixPath(bundle.file)
+    # What it reads may lie beside and above the task file: all of it is one project.
+    (folder / ".git").touch()
+    return folder

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
 from contextlib import contextmanager
 from itertools import islice
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 from taskspec.deferred_methods import dataclass
 from taskspec_runner.loop.fixed_step import NATIVE, PYTHON, loop_wanted
@@ -15,6 +15,9 @@ from taskspec_runner.loop.interrupt import begin_worker, deaf
 from taskspec_runner.sweep.bundle import Bundle, program_of
 from taskspec_runner.sweep.world_run import Row, run_world
 from taskspec_runner.sweep.worlds import Worlds
+
+if TYPE_CHECKING:
+    from multiprocessing.synchronize import Event
 
 T = TypeVar("T")
 
@@ -104,13 +107,40 @@ def results(
             yield each.result()
 
 
+class Processes(ProcessPoolExecutor):
+    """Processes of this machine; `begun` tells whether any has come so far as to take work."""
+
+    def __init__(self, jobs: int) -> None:
+        # A process that was forked would share threads and locks with this one.
+        context = multiprocessing.get_context("spawn")
+        self._begun = context.Event()
+        super().__init__(jobs, context, initializer=_begin, initargs=(self._begun,))
+
+    @property
+    def begun(self) -> bool:
+        """Whether any process has begun."""
+        return self._begun.is_set()
+
+
+def _begin(begun: Event) -> None:
+    begin_worker()
+    begun.set()
+
+
+def leave_if_imported() -> None:
+    """Ends a process that helps a sweep and runs the sweep's own script as it imports it.
+
+    Python would end it anyway, with a trace; the sweep that began it says what is wrong.
+    """
+    if getattr(multiprocessing.current_process(), "_inheriting", False):
+        raise SystemExit(1)
+
+
 @contextmanager
-def processes(jobs: int) -> Iterator[ProcessPoolExecutor]:
+def processes(jobs: int) -> Iterator[Processes]:
     """Processes of this machine, which end with this one."""
-    # A process that was forked would share threads and locks with this one.
-    context = multiprocessing.get_context("spawn")
     before = set(multiprocessing.active_children())
-    pool = ProcessPoolExecutor(jobs, context, initializer=begin_worker)
+    pool = Processes(jobs)
     try:
         with deaf():
             for _ in range(jobs):

@@ -18,7 +18,7 @@ from taskspec_runner.record.folder import Json
 from taskspec_runner.record.manifest import task_bytes, versions
 from taskspec_runner.sweep import kept
 from taskspec_runner.sweep.bundle import Bundle, keep_program
-from taskspec_runner.sweep.engine import processes, rows
+from taskspec_runner.sweep.engine import Processes, leave_if_imported, processes, rows
 from taskspec_runner.sweep.executors import Workers
 from taskspec_runner.sweep.folder import FORMAT, PAGE, TABLE, SweepFolder, open_sweep
 from taskspec_runner.sweep.foretold import foretold
@@ -99,10 +99,12 @@ def sweep(
 
     Raises:
         OutputError: the folder cannot be written, or holds something else.
-        InputError: a worker has other versions installed, or `keep` names no worlds.
+        InputError: a worker has other versions installed, `keep` names no worlds, or processes
+            cannot begin as the script that calls has no `if __name__ == "__main__":`.
         KeyboardInterrupt: interrupted; the same call continues.
     """
     kept.check(keep)
+    leave_if_imported()
     workers = Workers(None, 1) if workers is None else workers
     bundle = Bundle.of(program)
     keep_program(bundle, program)
@@ -190,13 +192,15 @@ class Crew:
         self.jobs = workers.jobs
         self._given = workers.executor
         self._own: ExitStack | None = None
-        self._pool: Executor | None = None
+        self._pool: Processes | None = None
+        self._begun = False
 
     def __enter__(self) -> Crew:
         return self
 
     def __exit__(self, *error: object) -> None:
-        if self._own is not None:
+        if self._own is not None and self._pool is not None:
+            self._begun |= self._pool.begun
             own, self._own, self._pool = self._own, None, None
             # What ends them learns whether anybody still waits for what is under way.
             own.__exit__(*error)  # type: ignore[arg-type]
@@ -217,6 +221,18 @@ class Crew:
         """Lets processes go of which one has died; returns whether they were of this sweep."""
         self.__exit__(None, None, None)
         return self._given is None
+
+    def check_begun(self) -> None:
+        """Tells processes that died of their work from those that never came to it.
+
+        Raises:
+            InputError: none has come to it.
+        """
+        if not self._begun:
+            raise InputError(
+                "no process of this sweep could begin: each first imports the script that sweeps; "
+                "put what that script does under 'if __name__ == \"__main__\":', or take one job"
+            )
 
 
 def _run_missing(
@@ -242,6 +258,7 @@ def _run_missing(
                 raise
             continue
         return
+    crew.check_begun()
     for index in missing():
         try:
             with processes(1) as pool:

@@ -14,7 +14,7 @@ from taskspec.program.context import Context
 from taskspec.program.errors import spec_error
 from taskspec.spec import FILE, Path, Stage
 from taskspec.text.codes import register
-from taskspec.text.confines import REMEDY, confines
+from taskspec.text.confines import REMEDY, confines, here
 from taskspec.text.units import ANGLE, LENGTH, TIME, alternatives, fitting, parse_unit
 
 register(
@@ -110,7 +110,7 @@ def _table(context: Context, name: str, path: Path) -> Table:
     folder = loaded.base or FilePath()
     place = FILE.stages[name].path.file
     try:
-        table = read_table(folder / path.file, _factor, confines(loaded.base))
+        table = read_table(here(folder / path.file), _factor, confines(loaded.base))
     except OutsideError as error:
         message = f"{path.file!r} lies outside of the task's project"
         raise spec_error(loaded, place, "TS409", message, REMEDY) from error
