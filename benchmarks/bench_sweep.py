@@ -3,7 +3,8 @@
 A sweep of a task on the processors of this machine, without logs, as multiples of a bare `mj_step`
 of the same scene in one process: the time on the wall from its beginning to its last row, by the
 steps that all worlds have taken together. Bare steps are timed before and after it, so that a
-machine that slows down slows both.
+machine that slows down slows both. Where others use the processors, the time on the wall says
+little: processor time of all processes, shared out to so many, is what is left of it.
 
     python benchmarks/bench_sweep.py [--worlds N] [--jobs N] [--task NAME] [--loop native|python]
 """
@@ -88,6 +89,12 @@ def start(program: Program) -> float:
     return statistics.median(found)
 
 
+def processor_time() -> float:
+    """Of this process and of those that it has begun and that have ended [s]."""
+    both = (resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
+    return sum(each.ru_utime + each.ru_stime for each in both)
+
+
 def main() -> None:
     """Prints the ratios."""
     options = argparse.ArgumentParser()
@@ -103,11 +110,11 @@ def main() -> None:
     before = bare_step(program)
     with tempfile.TemporaryDirectory() as folder:
         worlds = Worlds.of(program.context, 0, given.worlds)
-        began = time.perf_counter()
+        began, used = time.perf_counter(), processor_time()
         result = sweep(
             program, worlds, Path(folder) / "s", workers=Workers(None, given.jobs), keep="none"
         )
-        wall = time.perf_counter() - began
+        wall, used = time.perf_counter() - began, processor_time() - used
     after = bare_step(program)
     ticks = sum(row["ticks"] for row in result.rows)
     steps = ticks * round(
@@ -118,7 +125,9 @@ def main() -> None:
     print(f"{given.task}, {given.worlds} worlds, {given.jobs} jobs, loop {given.loop}")
     print(f"bare step         {1e6 * before:.2f} us before, {1e6 * after:.2f} us after")
     print(f"a step of a world {1e6 * wall / steps:.2f} us on the wall, {wall / steps / bare:.2f} x")
-    print(f"a world           {1e3 * wall * given.jobs / given.worlds:.0f} ms of a worker")
+    shared = used / given.jobs / steps
+    print(f"                  {1e6 * shared:.2f} us of processors, {shared / bare:.2f} x")
+    print(f"a world           {1e3 * used / given.worlds:.0f} ms of processors")
     if given.loop == "native":
         print(f"start of a world  {1e3 * start(program):.1f} ms")
     print(f"memory            {memory:.0f} MB of the largest worker")
