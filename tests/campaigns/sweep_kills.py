@@ -35,7 +35,7 @@ stages:
 vary: {world.wall.stiffness: 1..100 kN/m, world.wall.xyz: [normal(1 mm), 0, 0]}
 expect: [max(norm(force)) < 12 N]
 """
-WORLDS, JOBS = 24, 2
+WORLDS, JOBS = 20, 2
 #: A moment that does not come within this time never does [s].
 _PATIENCE = 300.0
 _MARK = "<!-- table: kills -->"
@@ -72,8 +72,8 @@ def main() -> None:
     sys.stdout.write("".join(f"{failure}\n" for failure in failures))
     if given.table is not None:
         before, _, after = given.table.read_text(encoding="utf-8").split(_MARK)
-        body = "\n".join(lines)
-        given.table.write_text(f"{before}{_MARK}\n{body}\n{_MARK}{after}", encoding="utf-8")
+        table = "\n".join(lines)
+        given.table.write_text(f"{before}{_MARK}\n{table}\n{_MARK}{after}", encoding="utf-8")
     sys.exit(bool(failures))
 
 
