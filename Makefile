@@ -79,11 +79,12 @@ lowest: $(READY)  ## a fresh environment with the lowest versions that are allow
 	rm -rf $(LOWEST)
 	$(PYTHON) -m venv $(LOWEST)
 	$(BIN)/python tests/packaging/lowest.py > $(LOWEST)/pins.txt
-	$(LOWEST)/bin/pip install --quiet --editable '.[mcap,dev]' --constraint $(LOWEST)/pins.txt
+	$(LOWEST)/bin/pip install --quiet --editable '.[mcap,dask,dev]' --constraint $(LOWEST)/pins.txt
 	$(LOWEST)/bin/taskspec validate tasks/
 	$(LOWEST)/bin/taskspec run tasks/wipe-table.yaml --out $(LOWEST)/run
 	$(LOWEST)/bin/taskspec export $(LOWEST)/run --csv --parquet --mcap
-	$(LOWEST)/bin/pytest -n 2 tests/spec tests/text tests/control tests/laws tests/native tests/plant tests/runner/test_cli.py
+	$(LOWEST)/bin/pytest -n 2 tests/spec tests/text tests/control tests/laws tests/native tests/plant tests/runner/test_cli.py \
+		tests/sweep/test_sweep.py
 
 bench: $(READY)  ## what control costs, as multiples of bare mj_step, and a change of stage of a tick
 	$(BIN)/python benchmarks/bench_loop.py

@@ -20,7 +20,7 @@ def pins(requirements: Iterable[str]) -> Iterator[str]:
             yield f"{match[1]}=={match[2]}"
 
 
-def all_pins(extras: Iterable[str] = ("mcap",)) -> list[str]:
+def all_pins(extras: Iterable[str] = ("mcap", "dask")) -> list[str]:
     """Pins of all that the project needs, and of some of its extras."""
     project = tomllib.loads(PROJECT.read_text(encoding="utf-8"))["project"]
     optional = project["optional-dependencies"]
