@@ -1,4 +1,4 @@
-"""Spoiled run folders: what is done to one, and what a command makes of it.
+"""Spoiled folders of runs, comparisons, sweeps and logs: what a command makes of one.
 
 A corruption is its number: the same number spoils the same folder in the same way.
 """
@@ -16,14 +16,17 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
+import typer
 from typer.testing import CliRunner
 
+import taskspec_runner
 from taskspec_runner.cli import app
+from taskspec_runner.cli.guard import guarded
 from taskspec_runner.runs import Run
 
-EVIDENCE = ("log.arrow", "summary.json", "manifest.json", "task.yaml", "log.block")
+_RUN = ("log.arrow", "summary.json", "manifest.json", "task.yaml", "log.block")
 #: Commands that read a run; `{run}` is its folder, `{good}` that of one which is whole.
-COMMANDS = (
+_READERS = (
     ("report", "{run}"),
     ("export", "{run}", "--csv"),
     ("export", "{run}", "--parquet"),
@@ -32,8 +35,35 @@ COMMANDS = (
     ("diff", "{good}", "{run}", "--format", "json"),
     ("judge", "{run}"),
     ("judge", "{run}", "--format", "json"),
+    ("read", "{run}"),
     ("replay", "{run}", "--video", "{run}/run.mp4", "--to=0.1", "--fps=10", "--size=320x180"),
 )
+_OUT = ("--out", "{run}/judged")
+_SWEEP = ("sweep.json", "worlds.jsonl", "task.yaml", "worlds.parquet")
+
+
+@dataclass(frozen=True)
+class Subject:
+    """A kind of folder, and who reads it.
+
+    Attributes:
+        folder: its name among those that `faults.made` makes.
+        names: of the files that are spoiled.
+        commands: one of them reads it; `{run}` is the folder.
+        same: whether what was read is still so, of the spoiled folder and the one as it was.
+    """
+
+    folder: str
+    names: tuple[str, ...]
+    commands: tuple[tuple[str, ...], ...]
+    same: Callable[[Path, Path], bool]
+
+    @staticmethod
+    def of(number: int) -> Subject:
+        """That of a corruption: three of four are of runs."""
+        return SUBJECTS[number % len(SUBJECTS)]
+
+
 #: Seconds after which a command hangs.
 PATIENCE = 60
 #: What a reader may answer: all is well, the run is damaged or missed, it cannot be read.
@@ -218,10 +248,10 @@ PLACES: dict[str, Callable[[Path], None]] = {
 _WEIGHTS = {**dict.fromkeys(BYTES, 6), "bits flipped": 24, **dict.fromkeys(PLACES, 1)}
 
 
-def spoil(folder: Path, number: int) -> Spoiled:
-    """Spoils one file of a run's folder."""
+def spoil(folder: Path, number: int, names: tuple[str, ...] = _RUN) -> Spoiled:
+    """Spoils one of some files of a folder."""
     dice = random.Random(number)
-    names = [name for name in EVIDENCE if (folder / name).is_file()]
+    names = tuple(name for name in names if (folder / name).is_file())
     name = dice.choice([*names, names[0]])
     kinds = [*BYTES, *PLACES]
     kind = dice.choices(kinds, [_WEIGHTS[each] for each in kinds])[0]
@@ -263,25 +293,25 @@ def _drawing(*, on: bool) -> Iterator[None]:
             os.environ["MUJOCO_GL"] = usual
 
 
-def answer(source: Path, good: Path, work: Path, number: int) -> Answer:
-    """Spoils a copy of a run's folder and has a command read it.
+def answer(folders: Path, work: Path, number: int) -> Answer:
+    """Spoils a copy of a folder and has a command read it.
 
     Args:
-        source: the folder.
-        good: one that is whole.
+        folders: those that `faults.made` made.
         work: a folder to work in.
         number: of the corruption.
     """
-    run = work / "run"
+    subject, run, good = Subject.of(number), work / "run", folders / "whole"
+    source = folders / subject.folder
     _remove(run)
     shutil.copytree(source, run)
-    spoiled = spoil(run, number)
-    template = random.Random(f"command {number}").choice(COMMANDS)
+    spoiled = spoil(run, number, subject.names)
+    template = random.Random(f"command {number}").choice(subject.commands)
     command = tuple(part.format(run=run, good=good) for part in template)
     try:
         with _watched(PATIENCE), _drawing(on=command[0] == "replay"):
-            result = CliRunner().invoke(app, list(command))
-            true = result.exit_code != 0 or _same(Run(run), Run(source))
+            result = CliRunner().invoke(READERS, list(command))
+            true = result.exit_code != 0 or subject.same(run, source)
     except HangError:
         return Answer(spoiled, command, -1, "hangs")
     finally:
@@ -289,12 +319,29 @@ def answer(source: Path, good: Path, work: Path, number: int) -> Answer:
     return Answer(spoiled, command, result.exit_code, result.output, true)
 
 
-def _same(spoiled: Run, run: Run) -> bool:
+READERS = typer.Typer()
+READERS.registered_commands = [*app.registered_commands]
+
+
+@READERS.command("read")
+@guarded
+def _read(folder: Path) -> int:
+    """Reads a run in Python, all of it."""
+    run = taskspec_runner.read(folder)
+    for column in run.columns.values():
+        column.sum()
+    typer.echo(f"{run.verdict}: {run.reason} {run!r} {run.visits} {run.expectations} {run.metrics}")
+    run._repr_html_()
+    return int(bool(run.damage) or not run.passed)
+
+
+def _same_run(spoiled: Path, source: Path) -> bool:
     """Whether ticks are the first ones of another run, bit by bit, and the verdict is the same."""
-    found, whole = spoiled.history, run.history
+    run, was = Run(spoiled), Run(source)
+    found, whole = run.history, was.history
     ticks = len(found)
     return (
-        spoiled.verdict == run.verdict
+        run.verdict == was.verdict
         and ticks <= len(whole)
         and bool((found.stages == whole.stages[:ticks]).all())
         and all(
@@ -304,6 +351,56 @@ def _same(spoiled: Run, run: Run) -> bool:
     )
 
 
+def _judged(spoiled: Path, _source: Path) -> bool:
+    """Whether the folder of a judged log is one; of what a log says there is no other witness."""
+    return Run(spoiled / "judged").damage == ""
+
+
+def _alike(name: str, of: str = "") -> Callable[[Path, Path], bool]:
+    """Whether a file that was made is, byte by byte, what it was."""
+    return lambda spoiled, source: (
+        (spoiled / name).read_bytes() == (source / (of or name)).read_bytes()
+    )
+
+
+def _ran(spoiled: Path, source: Path) -> bool:
+    """Whether the world of a row is that of the table."""
+    world = Run(spoiled / "one").summary["world"]
+    return bool(world == Run(source / "one").summary["world"])
+
+
+def _recorded(form: str) -> Subject:
+    command = ("judge", "{run}/tap.yaml", f"{{run}}/log.{form}", "--columns", "{run}/map.yaml")
+    return Subject("recorded", (f"log.{form}", "map.yaml"), ((*command, *_OUT),), _judged)
+
+
+def _inside(folder: str, names: tuple[str, ...]) -> tuple[str, ...]:
+    return tuple(f"{folder}/{name}" for name in names)
+
+
+_RUNS = (
+    Subject("whole", _RUN, _READERS, _same_run),
+    Subject("killed", _RUN, _READERS, _same_run),
+)
+_ONE = ("run", "{run}/tap.yaml", "--world", "{run}/all/worlds.parquet:1", "--out", "{run}/one")
+_CONTINUE = ("sweep", "{run}/tap.yaml", "--out", "{run}/all", "--jobs=1", "--keep=none")
+_MERGE = ("sweep", "--merge", "{run}/1", "{run}/2", "--out", "{run}/merged")
+_OTHERS = (
+    *(_recorded(form) for form in ("csv", "parquet", "mcap")),
+    Subject("compared", ("compare.json",), (("report", "{run}"),), _alike("compare.html")),
+    Subject("swept", _inside("all", _SWEEP), (("report", "{run}/all"),), _alike("all/sweep.html")),
+    Subject("swept", _inside("all", _SWEEP), (_CONTINUE,), _alike("all/worlds.parquet")),
+    Subject(
+        "swept",
+        _inside("1", _SWEEP),
+        (_MERGE,),
+        _alike("merged/worlds.parquet", "all/worlds.parquet"),
+    ),
+    Subject("swept", ("all/worlds.parquet",), (_ONE,), _ran),
+)
+SUBJECTS = tuple(each for other in _OTHERS for each in (*_RUNS, other, _RUNS[0]))
+
+
 def _remove(folder: Path) -> None:
     if folder.exists():
         shutil.rmtree(folder)
@@ -311,6 +408,6 @@ def _remove(folder: Path) -> None:
 
 if __name__ == "__main__":
     # One by one, to look at.
-    source, good, work = map(Path, sys.argv[1:4])
-    for text in sys.argv[4:]:
-        sys.stdout.write(f"{answer(source, good, work, int(text))}\n")
+    folders, work = map(Path, sys.argv[1:3])
+    for text in sys.argv[3:]:
+        sys.stdout.write(f"{answer(folders, work, int(text))}\n")

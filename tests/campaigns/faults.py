@@ -39,10 +39,12 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "runner"))
 import numpy as np
 from corruptions import BYTES, PLACES, Answer, answer
 from short_tasks import TAP
+from typer.testing import CliRunner
 
 from taskspec.compiler import compile_task
 from taskspec.program.program import Program
 from taskspec.spec import load_text
+from taskspec_runner.cli import app
 from taskspec_runner.errors import OutputError
 from taskspec_runner.loop.fixed_step import NATIVE, PYTHON
 from taskspec_runner.record.log import read_log
@@ -56,6 +58,9 @@ LONG = TAP.replace("time: 0.3 s", "time: 36000 s")
 SHORT = TAP.replace("time: 0.3 s", "time: 1.2 s")
 #: Corruptions that one process takes at a time; seconds after which it hangs in C.
 CHUNK, LOST = 100, 300
+#: What varies in a sweep; and what a column map may say of a log.
+VARY = "vary: {world.wall.stiffness: 5..20 kN/m}\n"
+MAP = "signals: {force.x: {column: force.x, unit: N, sign: 1}}\ngap: 20 ms\n"
 MARK = "<!-- table: faults -->"
 
 
@@ -263,56 +268,78 @@ def disks(number: int, work: Path, seed: int = 0) -> tuple[Tally, Tally]:
     return tallies
 
 
-def made(work: Path) -> tuple[Path, Path]:
-    """The folder of a run that came to its end, and of one that was killed."""
-    whole, killed, counted = work / "whole", work / "killed", Counted()
-    execute_program(program(SHORT), whole)
-    pid = forked(lambda: counted.run(LONG, killed, NATIVE))
+def made(work: Path) -> Path:
+    """Folders to be spoiled: runs, a log of elsewhere, a comparison, a sweep and its shares."""
+    counted = Counted()
+    execute_program(program(SHORT), work / "whole")
+    pid = forked(lambda: counted.run(LONG, work / "killed", NATIVE))
     # The log is written by a thread of its own, which may be behind.
-    log = killed / "log.arrow"
+    log = work / "killed" / "log.arrow"
     wait_until(
         lambda: counted.ticks > 1234 and log.stat().st_size > 0 and len(read_log(log)) >= 1000
     )
     os.kill(pid, signal.SIGKILL)
     os.waitpid(pid, 0)
-    return whole, killed
+    recorded, swept = work / "recorded", work / "swept"
+    for folder in (recorded, swept):
+        folder.mkdir()
+        (folder / "tap.yaml").write_text(SHORT + VARY, encoding="utf-8")
+    (recorded / "map.yaml").write_text(MAP, encoding="utf-8")
+    for form in ("csv", "parquet", "mcap"):
+        Run.load(work / "whole").export(form, recorded / f"log.{form}")
+    task = swept / "tap.yaml"
+    ran("compare", task, "--law=parallel", "--law=impedance", "--out", work / "compared")
+    ran("sweep", task, "--worlds=4", "--out", swept / "all", "--keep=none")
+    for share in ("1", "2"):
+        ran("sweep", task, "--worlds=4", "--shard", f"{share}/2", "--out", swept / share)
+    ran("run", task, "--world", f"{swept / 'all' / 'worlds.parquet'}:1", "--out", swept / "one")
+    return work
 
 
-def spoiled(whole: Path, killed: Path, first: int, count: int) -> list[Answer]:
-    """Answers to some corruptions, of both folders in turn."""
+def ran(*arguments: object) -> None:
+    """Has a command make a folder."""
+    result = CliRunner().invoke(app, [str(each) for each in arguments])
+    assert result.exit_code in (0, 1), result.output
+
+
+def spoiled(folders: Path, first: int, count: int) -> list[Answer]:
+    """Answers to some corruptions."""
     with tempfile.TemporaryDirectory(prefix="taskspec-faults-") as work:
         found = []
         for number in range(first, first + count):
             faulthandler.dump_traceback_later(LOST, exit=True)
-            found.append(answer(killed if number % 2 else whole, whole, Path(work), number))
+            found.append(answer(folders, Path(work), number))
             faulthandler.cancel_dump_traceback_later()
         return found
 
 
 def corruptions(number: int, work: Path, first: int, processes: int) -> list[Tally]:
     """Folders with one file spoiled: exit 0, 1 or 2 with a message, and nothing that is not so."""
-    whole, killed = made(work)
-    tallies = {kind: Tally(f"{kind} in a run's folder") for kind in (*BYTES, *PLACES)}
+    folders, tallies = made(work), dict[str, Tally]()
     codes, began = Counter[int](), time.monotonic()
     context = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(processes, context) as pool:
         last = first + number
         starts = range(first, last, CHUNK)
-        jobs = [pool.submit(spoiled, whole, killed, s, min(CHUNK, last - s)) for s in starts]
+        jobs = [pool.submit(spoiled, folders, s, min(CHUNK, last - s)) for s in starts]
         for job in as_completed(jobs):
             for each in job.result():
-                tally = tallies[each.spoiled.kind]
-                tally.tried += 1
                 codes[each.code] += 1
-                if not each.survived:
-                    said = each.output.strip()[-200:]
-                    told = f"{each.spoiled.name}: {each.command[0]} ends with {each.code}: {said}"
-                    tally.failures.append(f"corruption {each.spoiled.number}: {told}")
+                told = f"{each.spoiled.name}: {' '.join(each.command)} ends with {each.code}"
+                failure = f"corruption {each.spoiled.number}, {each.spoiled.kind}: {told}: "
+                for what in (each.spoiled.kind, f"of what `{each.command[0]}` reads"):
+                    tally = tallies.setdefault(what, Tally(f"corruption: {what}"))
+                    tally.tried += 1
+                    if not each.survived:
+                        tally.failures.append(f"{failure}{each.output.strip()[-200:]}")
             say(f"{sum(codes.values())} corruptions, {time.monotonic() - began:.0f} s, {codes}")
-    for tally in tallies.values():
-        tally.what = tally.what.replace("in a run's folder", "")
-        tally.what = f"corruption: {tally.what.strip()}"
-    return [tally for tally in tallies.values() if tally.tried]
+    return [tallies[what] for what in sorted(tallies, key=_place)]
+
+
+def _place(what: str) -> tuple[int, str]:
+    """Kinds of corruptions as they are listed, then commands."""
+    kinds = [*BYTES, *PLACES]
+    return (kinds.index(what), "") if what in kinds else (len(kinds), what)
 
 
 def table(tallies: Sequence[Tally]) -> str:
@@ -332,6 +359,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--corruptions", type=int, default=10_000)
     parser.add_argument("--first", type=int, default=0, help="number of the first corruption")
+    parser.add_argument("--folders", type=Path, help="keeps the folders that are spoiled here")
     parser.add_argument("--kills", type=int, default=100)
     parser.add_argument("--locks", type=int, default=20)
     parser.add_argument("--disks", type=int, default=40)
@@ -344,9 +372,11 @@ def main() -> int:
         tallies.append(kills(asked.kills, work))
         tallies.append(locks(asked.locks, work))
         tallies.extend(tally for tally in disks(asked.disks, work) if tally.tried)
-        tallies.extend(corruptions(asked.corruptions, work, asked.first, asked.processes))
+        folders = asked.folders or work / "folders"
+        folders.mkdir(parents=True)
+        tallies.extend(corruptions(asked.corruptions, folders, asked.first, asked.processes))
     say(table(tallies))
-    failures = [line for tally in tallies for line in tally.failures]
+    failures = list(dict.fromkeys(line for tally in tallies for line in tally.failures))
     for line in failures:
         say(line)
     if asked.table is not None:

@@ -9,14 +9,14 @@ import pytest
 
 
 @pytest.fixture(scope="module")
-def folders(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
-    """Of a run that came to its end, and of one that was killed."""
+def folders(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Of runs, of a comparison, of a sweep and of a log of elsewhere."""
     return faults.made(tmp_path_factory.mktemp("faults"))
 
 
 @pytest.mark.parametrize("first", [0, 40])
-def test_spoiled_folders_are_told(folders: tuple[Path, Path], first: int) -> None:
-    found = faults.spoiled(*folders, first, 40)
+def test_spoiled_folders_are_told(folders: Path, first: int) -> None:
+    found = faults.spoiled(folders, first, 40)
     assert [each for each in found if not each.survived] == []
     assert len({each.spoiled.kind for each in found}) > 7
 

@@ -6,7 +6,6 @@ the same lengths of texts and lists, a field has one place in all of them, and i
 
 from __future__ import annotations
 
-import json
 import re
 import struct
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -21,7 +20,9 @@ from taskspec.deferred_methods import dataclass
 from taskspec_runner.errors import InputError
 from taskspec_runner.export.missing import library
 from taskspec_runner.record.file_array import blocks
+from taskspec_runner.record.folder import parse_json
 from taskspec_runner.record.mapped import KeptArrays, gathered
+from taskspec_runner.record.whole import open_regular
 from taskspec_runner.recorded.sample_texts import SampleTexts, SampleTextsBuilder
 
 Vector = NDArray[np.float64]
@@ -289,6 +290,32 @@ class _Topic:
         return self._times[key]
 
 
+def _messages(path: Path) -> Iterator[tuple[Any, Any, Any]]:
+    """Schema, channel and message of each message of a file.
+
+    Raises:
+        InputError: it is no whole MCAP file.
+    """
+    make_reader = library("mcap.reader", "MCAP", "mcap").make_reader
+    try:
+        with open_regular(path) as file:
+            yield from make_reader(file, validate_crcs=True).iter_messages()
+    except OSError as error:
+        raise InputError(f"cannot read {path}: {error.strerror or error}") from error
+    except Exception as error:
+        # The library lets through whatever its decompressors and unpackers raise.
+        said = " ".join(str(error).split()) or type(error).__name__
+        raise InputError(f"cannot read {path}: it is no whole MCAP file ({said})") from error
+
+
+def _stated(path: Path, channel: Any) -> Mapping[str, Any]:
+    """The units that a channel states."""
+    try:
+        return parse_json(channel.metadata.get("units", "{}").encode())
+    except (RecursionError, ValueError) as error:
+        raise InputError(f"cannot read {path}: units of {channel.topic} are no JSON") from error
+
+
 def read_mcap(path: Path) -> MessageLog:
     """An MCAP file of ROS 2 messages; times are those at which they were logged.
 
@@ -296,36 +323,33 @@ def read_mcap(path: Path) -> MessageLog:
         MissingLibraryError: the library mcap is not installed.
         InputError: it is no such file, cut short, or without a message that can be read.
     """
-    make_reader = library("mcap.reader", "MCAP", "mcap").make_reader
-    errors = library("mcap.exceptions", "MCAP", "mcap").McapError
+    library("mcap.reader", "MCAP", "mcap")
     topics: dict[str, tuple[Any, Any, _Topic]] = {}
     kept, topic = KeptArrays(), ""
     try:
-        with path.open("rb") as file:
-            reader = make_reader(file, validate_crcs=True)
-            for schema, channel, message in reader.iter_messages():
-                if schema is not None and schema.encoding == "ros2msg":
-                    topic = channel.topic
-                    if topic not in topics:
-                        definition = _Definition(schema.name, schema.data.decode())
-                        topics[topic] = schema, channel, _Topic(definition, kept)
-                    topics[topic][2].add(message.log_time, message.data)
+        for schema, channel, message in _messages(path):
+            if schema is not None and schema.encoding == "ros2msg":
+                topic = channel.topic
+                if topic not in topics:
+                    definition = _Definition(schema.name, schema.data.decode())
+                    topics[topic] = schema, channel, _Topic(definition, kept)
+                topics[topic][2].add(message.log_time, message.data)
         for topic in topics:
             topics[topic][2].finish()
-    except OSError as error:
-        raise InputError(f"cannot read {path}: {error.strerror or error}") from error
     except _TornError:
         raise InputError(f"cannot read {path}: a message of {topic} is cut short") from None
-    except (errors, struct.error, ValueError, EOFError, KeyError) as error:
-        said = " ".join(str(error).split()) or type(error).__name__
-        raise InputError(f"cannot read {path}: it is no whole MCAP file ({said})") from error
+    except (RecursionError, ValueError) as error:
+        said = " ".join(str(error).split())
+        raise InputError(
+            f"cannot read {path}: {topic} has a damaged definition ({said})"
+        ) from error
     if not topics:
         raise InputError(f"cannot read {path}: it holds no message of ROS 2 (ros2msg, CDR)")
     begin = min(own.first for _, _, own in topics.values())
     units: dict[str, str] = {}
     for topic, (schema, channel, own) in topics.items():
         own.begin = begin
-        stated = json.loads(channel.metadata.get("units", "{}"))
+        stated = _stated(path, channel)
         known = _SI.get(schema.name.rpartition("/")[2], {})
         for name in own.fields:
             usual = (unit for begins, unit in known.items() if name.startswith(begins))
