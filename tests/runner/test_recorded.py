@@ -129,6 +129,7 @@ def test_own_export_needs_no_map_and_is_judged_as_the_run_was(
     assert call("judge", tmp_path / "out").exit_code == 0
     page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
     assert "as measured" in page
+    assert "taskspec judge, measured elsewhere" in page
     assert "Columns of the log" in page
     assert "recorded.columns" not in page
     # That a log goes on with the next stage is no fault.

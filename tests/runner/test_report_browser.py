@@ -341,7 +341,7 @@ def test_on_a_phone_tables_are_cards_and_targets_are_large(
         assert each[1]["width"] >= 44, each
 
 
-@pytest.mark.parametrize("name", ["good", "missed"])
+@pytest.mark.parametrize("name", ["good", "missed", "diff", "judged"])
 def test_no_printed_page_is_nearly_empty(
     browser: Browser, pages: dict[str, Path], name: str
 ) -> None:

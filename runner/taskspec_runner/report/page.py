@@ -60,6 +60,7 @@ def render(run: Run, still: tuple[str, float] | None = None) -> str:
     return template("report.html.j2").render(
         title=_text(run.summary.get("task") or run.manifest.get("task")) or "run",
         about=_text(run.summary.get("about")),
+        recorded=bool(run.manifest.get("recorded")),
         verdict=told,
         around=_around(run),
         facts=list(_facts(run)),

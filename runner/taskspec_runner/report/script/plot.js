@@ -134,10 +134,10 @@ class Plot {
     return drawn;
   }
 
-  /** The allowed area of a band; of one that was missed, what is not allowed. */
+  /** The allowed area of a band, of one with a single bound a strip of it; of one that was missed, what is not allowed. */
   area([left, right], [high, low], kind) {
-    const end = this.inner.height + 10, box = (top, foot) => `M${px(left)} ${px(top)}H${px(right)}V${px(Math.max(foot, top))}H${px(left)}Z`;
-    if (kind !== "bad") return box(high ?? -10, low ?? end);
+    const end = this.inner.height + 10, strip = 12, box = (top, foot) => `M${px(left)} ${px(top)}H${px(right)}V${px(Math.max(foot, top))}H${px(left)}Z`;
+    if (kind !== "bad") return box(high ?? low - strip, low ?? high + strip);
     return (high === null ? "" : box(-10, high)) + (low === null ? "" : box(low, end));
   }
 
