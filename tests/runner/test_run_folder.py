@@ -339,14 +339,85 @@ def test_manifest_has_room_on_a_full_disk(tmp_path: Path, monkeypatch: pytest.Mo
     folder.close()
 
 
+#: Commands that write where a user says; `{run}` is the folder of a run, `{target}` the file.
+WRITERS = (
+    ("export", "{run}", "{target}", "--csv"),
+    ("schema", "--write", "{target}"),
+    ("test", "{task}", "--junit", "{target}", "--out", "{run}-tests"),
+)
+
+
+@pytest.mark.parametrize("command", WRITERS, ids=lambda command: command[0])
 @pytest.mark.parametrize("name", ["log.arrow", "summary.json", "manifest.json", "task.yaml"])
-def test_evidence_is_never_the_target_of_an_export(name: str, tap: Path, tmp_path: Path) -> None:
+def test_evidence_is_never_the_target_of_a_command(
+    name: str, command: tuple[str, ...], tap: Path, tmp_path: Path
+) -> None:
     out = tmp_path / "run"
     assert call("run", tap, "--out", out, "--quiet").exit_code == 0
     (tmp_path / "linked.csv").symlink_to(out / name)
     before = contents(out)
     for target in (out / name, tmp_path / "linked.csv"):
-        result = call("export", out, target, "--csv")
+        result = call(*(part.format(run=out, target=target, task=tap) for part in command))
         assert result.exit_code == 2
         assert "it is part of the evidence of a run; choose another name" in result.stderr
     assert contents(out) == before
+
+
+@pytest.mark.parametrize(
+    ("marker", "name", "said"),
+    [
+        ("compare.json", "compare.json", {"format": 1, "laws": []}),
+        ("sweep.json", "sweep.json", {"format": 1, "identity": "a"}),
+        ("sweep.json", "worlds.jsonl", {"format": 1, "identity": "a"}),
+        ("sweep.json", "worlds.parquet", {"format": 1, "identity": "a"}),
+        ("sweep.json", "task.yaml", {"format": 1, "identity": "a"}),
+    ],
+)
+def test_evidence_of_comparisons_and_sweeps_is_no_target_either(
+    marker: str, name: str, said: dict[str, object], tmp_path: Path
+) -> None:
+    (tmp_path / name).write_text("evidence")
+    (tmp_path / marker).write_text(json.dumps(said))
+    before = contents(tmp_path)
+    result = call("schema", "--write", tmp_path / name)
+    assert result.exit_code == 2
+    assert "it is part of the evidence of a" in result.stderr
+    assert contents(tmp_path) == before
+    # Elsewhere the name is one like any other.
+    (tmp_path / marker).unlink()
+    assert call("schema", "--write", tmp_path / name).exit_code == 0
+
+
+def test_targets_that_a_command_knows_by_their_suffix_are_no_evidence(
+    tap: Path, tmp_path: Path
+) -> None:
+    out = tmp_path / "run"
+    assert call("run", tap, "--out", out, "--quiet").exit_code == 0
+    before = contents(out)
+    for command, target in (
+        (("diff", out, out, "--html"), out / "log.arrow"),
+        (("replay", out, "--video"), out / "summary.json"),
+    ):
+        result = call(*command, target)
+        assert result.exit_code == 2
+        assert str(target) in result.stderr
+    result = call("new", "wipe-table", "--out", out / "task.yaml")
+    assert result.exit_code == 2
+    assert "exists already" in result.stderr
+    assert contents(out) == before
+
+
+def test_what_tests_keep_is_not_put_over_a_file_of_others(tap: Path, tmp_path: Path) -> None:
+    out = tmp_path / "kept"
+    (out / "tap").mkdir(parents=True)
+    (out / "last.json").write_text("[1, 2]")
+    result = call("test", tap, "--out", out)
+    assert result.exit_code == 2
+    assert "last.json: taskspec test did not write it; choose another --out" in result.stderr
+    assert (out / "last.json").read_text() == "[1, 2]"
+    # Nor is a note lost that lies beside a run that passed and is not kept.
+    (out / "last.json").unlink()
+    assert call("test", tap, "--out", out, "--keep").exit_code == 0
+    (out / "tap" / "note.txt").write_text("mine")
+    assert call("test", tap, "--out", out).exit_code == 0
+    assert [path.name for path in (out / "tap").iterdir()] == ["note.txt"]

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
 import os
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -16,12 +18,16 @@ from typer.testing import CliRunner
 from taskspec.compiler import compile_task
 from taskspec.spec import load_task, load_text
 from taskspec_runner.cli.app import app
+from taskspec_runner.errors import OutputError
+from taskspec_runner.record.lock import FolderLock
+from taskspec_runner.record.manifest import seal
+from taskspec_runner.record.names import JOURNAL, LOG, SWEEP, TABLE, TASK
 from taskspec_runner.runs import Run
 from taskspec_runner.session import execute
 from taskspec_runner.sweep.bundle import Bundle, program_of
 from taskspec_runner.sweep.engine import Work, run_work
 from taskspec_runner.sweep.executors import Workers
-from taskspec_runner.sweep.folder import JOURNAL, TABLE
+from taskspec_runner.sweep.folder import PAGE, SweepFolder
 from taskspec_runner.sweep.session import sweep
 from taskspec_runner.sweep.table import read_table
 from taskspec_runner.sweep.world_run import run_world
@@ -128,6 +134,149 @@ def test_the_same_command_continues(tap, tmp_path):
     result = CLI.invoke(app, ["sweep", str(tap), "--out", str(out), "--seed", "1"])
     assert result.exit_code == 2
     assert "it holds the sweep of other worlds, which is not thrown away" in result.output
+
+
+def test_a_sweep_has_one_writer(tap, tmp_path):
+    """A second one into its folder ends at once and names the first; so do its page and a merge."""
+    out = tmp_path / "s"
+    ran("sweep", tap, "--out", out, "-j", 1, "--keep", "none", "-q")
+    before = {path.name: path.read_bytes() for path in out.iterdir()}
+    lock = FolderLock(out)
+    said = f"process {os.getpid()} on {socket.gethostname()} since "
+    for command in (
+        ["sweep", str(tap), "--out", str(out), "-j", "1"],
+        ["sweep", "--merge", str(out), "--out", str(out)],
+        ["report", str(out)],
+    ):
+        result = CLI.invoke(app, command)
+        assert result.exit_code == 2
+        assert said in result.output
+    lock.close()
+    assert {path.name: path.read_bytes() for path in out.iterdir()} == before
+
+
+@pytest.mark.parametrize("content", [{"sweep.json": "{}"}, {"notes.txt": "x"}, {LOG: "x"}])
+def test_a_folder_of_something_else_is_left_alone(content, tap, tmp_path):
+    out = tmp_path / "s"
+    out.mkdir()
+    for name, text in content.items():
+        (out / name).write_text(text)
+    result = CLI.invoke(app, ["sweep", str(tap), "--out", str(out), "-j", "1"])
+    assert result.exit_code == 2
+    assert "the folder is not empty and holds no sweep" in result.output
+    assert {path.name: path.read_text() for path in out.iterdir()} == content
+
+
+def test_rows_are_not_written_through_links(tap, tmp_path):
+    out, other = tmp_path / "s", tmp_path / "precious"
+    ran("sweep", tap, "--out", out, "-j", 1, "--keep", "none", "-q")
+    other.write_bytes(b"")
+    (out / JOURNAL).unlink()
+    (out / JOURNAL).symlink_to(other)
+    result = CLI.invoke(app, ["sweep", str(tap), "--out", str(out), "-j", "1"])
+    assert result.exit_code == 2
+    assert f"cannot write {out / JOURNAL}: " in result.output
+    assert other.read_bytes() == b""
+
+
+def test_a_row_that_the_disk_takes_a_part_of_ends_the_sweep_and_is_cut_off(tap, tmp_path):
+    program = compile_task(load_task(tap))
+    worlds = Worlds.of(program.context, 0, 3)
+    whole = sweep(program, worlds, tmp_path / "whole", keep="none")
+
+    class Full:
+        """A file on a disk that is full after so many bytes."""
+
+        def __init__(self, folder, room):
+            self.file, self.room = (folder / JOURNAL).open("ab", buffering=0), room
+
+        def write(self, data):
+            self.room -= len(data)
+            return self.file.write(data if self.room > 0 else data[: len(data) // 2])
+
+        def close(self):
+            self.file.close()
+
+    usual = SweepFolder.begin
+    out = tmp_path / "s"
+
+    def begin(folder, content):
+        usual(folder, content)
+        folder._journal.close()
+        folder._journal = Full(folder.path, 1500)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(SweepFolder, "begin", begin)
+        with pytest.raises(OutputError, match=r"worlds\.jsonl: No space left on device"):
+            sweep(program, worlds, out, keep="none")
+    again = sweep(program, worlds, out, keep="none")
+    assert again.rows == whole.rows
+    assert 0 < again.continued < 3
+    assert (out / JOURNAL).read_bytes() == (tmp_path / "whole" / JOURNAL).read_bytes()
+
+
+def test_the_page_is_rendered_again_from_rows_that_are_as_they_were(tap, tmp_path):
+    out = tmp_path / "s"
+    ran("sweep", tap, "--out", out, "-j", 1, "--keep", "none", "-q")
+    page, lines = (out / PAGE).read_bytes(), (out / JOURNAL).read_bytes().splitlines(True)
+    (out / PAGE).unlink()
+    assert ran("report", out).exit_code == 0
+    assert (out / PAGE).read_bytes() == page
+
+    def told(name, content):
+        usual = (out / name).read_bytes()
+        (out / name).write_bytes(content)
+        result = CLI.invoke(app, ["report", str(out)])
+        (out / name).write_bytes(usual)
+        return result.exit_code, result.output
+
+    # The table is not what the page is made of; it is told that it was altered.
+    code, said = told(TABLE, b"PAR1")
+    assert (code, f"{TABLE} was altered" in said) == (1, True)
+    assert (out / PAGE).read_bytes() == page
+    for name, old, new, why in (
+        (JOURNAL, b'"world": 0', b'"world": 9', "has 0 of 6 worlds: worlds.jsonl was"),
+        (SWEEP, b'"good": ', b'"good": 1', "it was altered"),
+        (TASK, b"50 %", b"10 %", "it is not what was swept"),
+    ):
+        content = (out / name).read_bytes()
+        assert old in content
+        code, said = told(name, content.replace(old, new, 1))
+        assert (code, why in said) == (2, True), said
+    # A verdict that is written into it is not taken over: it follows from the rows.
+    sweep_json = json.loads((out / SWEEP).read_text())
+    forged = {**sweep_json, "exit_code": 7, "judged": []}
+    forged["seal"] = seal(forged)
+    (out / SWEEP).write_text(json.dumps(forged))
+    assert ran("report", out).exit_code == 0
+    assert (out / PAGE).read_bytes() == page
+    (out / JOURNAL).write_bytes(b"".join(lines[:4]))
+    result = CLI.invoke(app, ["report", str(out)])
+    assert result.exit_code == 2
+    assert "has 4 of 6 worlds; the command that it was made with goes on" in result.output
+
+
+def test_shares_that_were_altered_are_not_merged(tap, tmp_path):
+    for number in (1, 2):
+        share = ["--shard", f"{number}/2", "-j", 1, "-q"]
+        ran("sweep", tap, "--out", tmp_path / f"part{number}", *share)
+    parts = [str(tmp_path / f"part{number}") for number in (1, 2)]
+    result = CLI.invoke(app, ["report", parts[0]])
+    assert result.exit_code == 2
+    assert "holds share 1 of 2 of a sweep; taskspec sweep --merge" in result.output
+    for name, old, new, why in (
+        (SWEEP, '"count": 6', '"count": 3', "it was altered"),
+        (SWEEP, '"format": 1', '"format": 9', "a newer taskspec made it (format 9"),
+        (TASK, "50 %", "10 %", "it is not what was swept"),
+    ):
+        path = tmp_path / "part1" / name
+        usual = path.read_text()
+        assert old in usual
+        path.write_text(usual.replace(old, new))
+        result = CLI.invoke(app, ["sweep", "--merge", *parts, "--out", str(tmp_path / "all")])
+        path.write_text(usual)
+        assert (result.exit_code, why in result.output) == (2, True), result.output
+    assert not (tmp_path / "all").exists()
 
 
 def test_killed_workers_and_killed_sweeps_lose_nothing(tap, tmp_path):

@@ -360,10 +360,11 @@ def new(
 @guarded
 def report(
     folder: Annotated[
-        Path, typer.Argument(metavar="RUN", help="The folder of a run, or of a comparison.")
+        Path,
+        typer.Argument(metavar="RUN", help="The folder of a run, of a comparison or of a sweep."),
     ],
 ) -> int:
-    """Render the report of a run, or the page of a comparison, again."""
+    """Render the report of a run, or the page of a comparison or a sweep, again."""
     from taskspec_runner.cli.report import render_report
 
     return render_report(folder)

@@ -25,7 +25,6 @@ from taskspec_runner.cli.progress import progress_line
 from taskspec_runner.compare.attempt import AS_WRITTEN, Attempt, attempt
 from taskspec_runner.compare.comparison import comparison
 from taskspec_runner.compare.folder import (
-    COMPARISON,
     PAGE,
     PICTURE,
     check_comparison,
@@ -38,6 +37,7 @@ from taskspec_runner.errors import InputError
 from taskspec_runner.loop.interrupt import Termination
 from taskspec_runner.record import folder as folders
 from taskspec_runner.record.folder import RunFolder, check_unlocked
+from taskspec_runner.record.names import COMPARISON
 from taskspec_runner.session import Progress
 
 

@@ -1,4 +1,4 @@
-"""`taskspec report`: the report of a run, or the page of a comparison, again."""
+"""`taskspec report`: the report of a run, or the page of a comparison or a sweep, again."""
 
 from __future__ import annotations
 
@@ -7,14 +7,16 @@ from pathlib import Path
 import typer
 
 from taskspec_runner.cli.run_damage import warn_of_damage
-from taskspec_runner.compare.folder import COMPARISON
 from taskspec_runner.errors import InputError
+from taskspec_runner.record.names import COMPARISON, SWEEP
 
 
 def render_report(folder: Path) -> int:
-    """Renders the report of a run's folder, or of a comparison's, anew and says where it is."""
+    """Renders the page of a run's, a comparison's or a sweep's folder anew and says where it is."""
     if (folder / COMPARISON).is_file():
         return _render_comparison(folder)
+    if (folder / SWEEP).is_file():
+        return _render_sweep(folder)
     from taskspec_runner.report import write_report
     from taskspec_runner.runs import Run
 
@@ -35,3 +37,13 @@ def _render_comparison(folder: Path) -> int:
     return max(
         (warn_of_damage(run, "the page", name=law) for law, run in read.runs.items()), default=0
     )
+
+
+def _render_sweep(folder: Path) -> int:
+    from taskspec_runner.sweep.session import read_result, write_page
+
+    result, read = read_result(folder)
+    typer.echo(str(write_page(result, read)))
+    if read.damage:
+        typer.echo(f"taskspec: {read.damage}; the page shows its worlds", err=True)
+    return int(bool(read.damage))

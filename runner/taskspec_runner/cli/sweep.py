@@ -11,16 +11,14 @@ from pathlib import Path
 
 import typer
 
-from taskspec.spec import load_text
 from taskspec_runner.cli.formats import RunFormat
 from taskspec_runner.cli.parallel import processors
 from taskspec_runner.cli.run import admitted
 from taskspec_runner.errors import InputError
 from taskspec_runner.loop.interrupt import Termination
-from taskspec_runner.record.folder import mapping
-from taskspec_runner.record.names import TASK
+from taskspec_runner.record.names import TABLE
 from taskspec_runner.sweep.executors import workers
-from taskspec_runner.sweep.folder import PAGE, TABLE, open_sweep, read_part
+from taskspec_runner.sweep.folder import PAGE, open_sweep, read_written
 from taskspec_runner.sweep.kept import check as check_keep
 from taskspec_runner.sweep.session import SweepGlimpse, SweepResult, Watch, merged, sweep
 from taskspec_runner.sweep.worlds import Worlds
@@ -69,22 +67,17 @@ def sweep_task(
 
 def merge_parts(parts: Sequence[Path], out: Path | None, *, quiet: bool, form: RunFormat) -> int:
     """Puts shares of a sweep together and tells what they say."""
-    read = [read_part(path) for path in parts]
-    first = read[0][0]
-    for path, (said, _) in zip(parts, read, strict=True):
-        if said["identity"] != first["identity"]:
+    read = [read_written(path) for path in parts]
+    first = read[0]
+    for path, part in zip(parts, read, strict=True):
+        if part.said["identity"] != first.said["identity"]:
             raise InputError(f"{path} and {parts[0]} are of different sweeps")
-    file = parts[0] / TASK
-    content = file.read_bytes()
-    overrides = {str(key): str(value) for key, value in mapping(first["overrides"]).items()}
-    # Whatever else the task reads was read where its shares were run, but for what it includes.
-    origin = Path(str(first["file"] or file))
-    loaded = load_text(content.decode(), str(origin), overrides, origin.parent)
-    said = {key: first[key] for key in first if key in _OPENING} | {"shard": [1, 1]}
-    with open_sweep(out, loaded.task.name, said) as folder:
-        folder.begin(content)
-        count = int(mapping(first["worlds"])["count"])
-        result = merged(loaded.task, [rows for _, rows in read], folder, count)
+    # Whatever else the task reads was read where its shares were run.
+    task = first.task.task
+    said = {key: first.said[key] for key in first.said if key in _OPENING} | {"shard": [1, 1]}
+    with open_sweep(out, task.name, said) as folder:
+        folder.begin(first.content)
+        result = merged(task, [part.rows for part in read], folder, first.count)
     return _told(result, quiet=quiet, form=form)
 
 

@@ -11,7 +11,8 @@ from rich.text import Text
 from taskspec.analysis.worlds import component_dimension
 from taskspec.text.units import number, scaled
 from taskspec_runner.cli.console import show, table
-from taskspec_runner.sweep.folder import PAGE, TABLE
+from taskspec_runner.record.names import TABLE
+from taskspec_runner.sweep.folder import PAGE
 from taskspec_runner.sweep.session import SweepResult
 from taskspec_runner.sweep.summary import MET, UNDECIDED, foretold_text, rate_text
 

@@ -8,9 +8,9 @@ from taskspec.laws import LAWS
 from taskspec_runner.compare.attempt import AS_WRITTEN, folder_of
 from taskspec_runner.record import folder as folders
 from taskspec_runner.record.folder import RUNS, RunFolder
-from taskspec_runner.record.names import MANIFEST
+from taskspec_runner.record.names import COMPARISON, MANIFEST
 
-COMPARISON, PAGE, PICTURE = "compare.json", "compare.html", "compare.svg"
+PAGE, PICTURE = "compare.html", "compare.svg"
 #: What the folder's name adds to that of the task.
 _SUFFIX = "-compare"
 #: The folders that runs of a comparison have.
@@ -38,8 +38,7 @@ def check_comparison(path: Path) -> None:
     Raises:
         OutputError: it may not; or another process writes into the run of a law.
     """
-    said = folders.read_json(path / COMPARISON)
-    own = isinstance(said.get("format"), int) and isinstance(said.get("laws"), list)
+    own = folders.is_comparison(path / COMPARISON)
     folders.check_own(path, "comparison", own, (COMPARISON, PAGE, PICTURE))
     for law in _RUNS:
         folders.check_folder(path / law)

@@ -19,12 +19,16 @@ from taskspec_runner.record.lock import LOCK, FolderLock, holder
 from taskspec_runner.record.manifest import RUNNING, SEAL, now, seal
 from taskspec_runner.record.names import (
     BLOCK,
+    COMPARISON,
     CRASH,
     EXPORTS,
+    JOURNAL,
     LOG,
     MANIFEST,
     REPORT,
     SUMMARY,
+    SWEEP,
+    TABLE,
     TASK,
 )
 from taskspec_runner.record.whole import PARTIAL, open_regular, write_whole
@@ -320,11 +324,17 @@ def check_target(path: Path) -> None:
     """Finds out whether a file may be written that a user names.
 
     Raises:
-        OutputError: the outcome of a run follows from it.
+        OutputError: the outcome of a run, a comparison or a sweep follows from it.
     """
-    evidence, place = (TASK, MANIFEST, LOG, BLOCK, SUMMARY), path.resolve()
-    if place.name in evidence and is_manifest(place.parent / MANIFEST):
-        raise OutputError(path, "it is part of the evidence of a run; choose another name")
+    place = path.resolve()
+    evidence = (
+        ("run", MANIFEST, is_manifest, (TASK, MANIFEST, LOG, BLOCK, SUMMARY)),
+        ("comparison", COMPARISON, is_comparison, (COMPARISON,)),
+        ("sweep", SWEEP, is_sweep, (TASK, SWEEP, JOURNAL, TABLE)),
+    )
+    for what, marker, own, names in evidence:
+        if place.name in names and own(place.parent / marker):
+            raise OutputError(path, f"it is part of the evidence of a {what}; choose another name")
 
 
 def is_manifest(path: Path) -> bool:
@@ -332,6 +342,18 @@ def is_manifest(path: Path) -> bool:
     said = read_json(path)
     made_by = mapping(said.get("versions")).get("taskspec")
     return isinstance(said.get("format"), int) and isinstance(made_by, str)
+
+
+def is_comparison(path: Path) -> bool:
+    """Whether a file is what is said of a comparison."""
+    said = read_json(path)
+    return isinstance(said.get("format"), int) and isinstance(said.get("laws"), list)
+
+
+def is_sweep(path: Path) -> bool:
+    """Whether a file is what is said of a sweep."""
+    said = read_json(path)
+    return isinstance(said.get("format"), int) and isinstance(said.get("identity"), str)
 
 
 def clear(path: Path) -> None:

@@ -1,4 +1,4 @@
-"""The files of a run's folder, for those who do not look into it."""
+"""The files of the folders of runs, comparisons and sweeps, for those who do not look into them."""
 
 from __future__ import annotations
 
@@ -9,3 +9,7 @@ BLOCK = "log.block"
 SUMMARY, REPORT, CRASH = "summary.json", "report.html", "crash.txt"
 #: What `export` puts beside them.
 EXPORTS = ("log.csv", "log.parquet", "log.mcap", "log.rrd")
+#: What is said of all laws of a comparison.
+COMPARISON = "compare.json"
+#: Of a sweep: what is said of it, a row a world as they come, and all of them as a table.
+SWEEP, JOURNAL, TABLE = "sweep.json", "worlds.jsonl", "worlds.parquet"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import json
 import os
@@ -9,20 +10,24 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, BinaryIO
 
+from taskspec.deferred_methods import dataclass
+from taskspec.spec import LoadedTask, load_text
 from taskspec_runner.errors import InputError, OutputError
 from taskspec_runner.record import folder as folders
-from taskspec_runner.record.folder import RUNS, Json, RunFolder, plain
+from taskspec_runner.record.folder import LARGEST, RUNS, Json, RunFolder, mapping, plain
 from taskspec_runner.record.lock import FolderLock
-from taskspec_runner.record.names import TASK
+from taskspec_runner.record.manifest import SEAL, seal
+from taskspec_runner.record.names import JOURNAL, SWEEP, TABLE, TASK
 from taskspec_runner.record.whole import open_regular
 from taskspec_runner.sweep.world_run import Row
 
-SWEEP, TABLE, PAGE, JOURNAL = "sweep.json", "worlds.parquet", "sweep.html", "worlds.jsonl"
+PAGE = "sweep.html"
 #: Of runs that are kept, below the sweep's folder.
 KEPT = "worlds"
 FORMAT = 1
 #: Of a row's checksum, which stands before it.
 _DIGITS = 16
+_APPEND = os.O_RDWR | os.O_APPEND | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
 
 
 class SweepFolder:
@@ -58,9 +63,10 @@ class SweepFolder:
         path = self.path / JOURNAL
         try:
             self.rows, good = _read(path)
-            self._folder.write(TASK, content)
+            self.write(TASK, content)
             self._folder.write_sealed(SWEEP, self.said)
-            self._journal = path.open("ab", buffering=0)
+            # Never through a link.
+            self._journal = os.fdopen(os.open(path, _APPEND, 0o666), "ab", buffering=0)
             # What a killed process has left half written.
             os.ftruncate(self._journal.fileno(), good)
         except OSError as error:
@@ -74,15 +80,26 @@ class SweepFolder:
         """
         assert self._journal is not None
         text = json.dumps(plain(row), ensure_ascii=False).encode()
+        line = _sum(text) + b" " + text + b"\n"
         try:
-            self._journal.write(_sum(text) + b" " + text + b"\n")
+            written = self._journal.write(line)
         except OSError as error:
             raise OutputError.of(self.path / JOURNAL, error) from error
+        if written != len(line):
+            # The disk took a part of it, which the next who continues cuts off.
+            raise OutputError(self.path / JOURNAL, os.strerror(errno.ENOSPC))
         self.rows[int(row["world"])] = row
 
     def write(self, name: str, content: bytes | str) -> Path:
-        """Writes a file whole or not at all."""
-        return self._folder.write(name, content)
+        """Writes a file whole or not at all; `sweep.json` has its checksum when it is written next.
+
+        Raises:
+            OutputError: it cannot be written.
+        """
+        found = content.encode() if isinstance(content, str) else content
+        sums = mapping(self.said.get("sha256"))
+        self.said["sha256"] = {**sums, name: hashlib.sha256(found).hexdigest()}
+        return self._folder.write(name, found)
 
     def end(self, **entries: Any) -> None:
         """Says in `sweep.json` what came of it; the journal is not needed any more.
@@ -134,8 +151,7 @@ def _usual(usual: Path, said: Mapping[str, Any]) -> Path:
 
 
 def _check(path: Path, said: Mapping[str, Any]) -> None:
-    found = read_sweep(path)
-    own = isinstance(found.get("format"), int) and isinstance(found.get("identity"), str)
+    found, own = read_sweep(path), folders.is_sweep(path / SWEEP)
     folders.check_own(path, "sweep", own, (SWEEP, TABLE, PAGE, JOURNAL, TASK))
     if own and found["identity"] == said["identity"] and found.get("shard") != said["shard"]:
         raise OutputError(path, "it holds another share of this sweep; name another folder")
@@ -148,16 +164,78 @@ def _check(path: Path, said: Mapping[str, Any]) -> None:
         )
 
 
-def read_part(path: Path) -> tuple[Json, dict[int, Row]]:
-    """What a share of a sweep says of itself, and its rows.
+@dataclass(frozen=True, slots=True)
+class WrittenSweep:
+    """What the folder of a sweep, or of a share of one, holds.
+
+    Attributes:
+        said: by `sweep.json`, which has its own checksum.
+        content: of the task file, byte by byte.
+        rows: by the number of their world, as far as they are as they were written.
+        damage: what else is not as it was written; empty if all is.
+    """
+
+    said: Json
+    content: bytes
+    rows: Mapping[int, Row]
+    damage: str
+
+    @property
+    def task(self) -> LoadedTask:
+        """The task of the sweep.
+
+        Raises:
+            SpecError: this version does not take it.
+        """
+        overrides = mapping(self.said["overrides"])
+        sets = {str(key): str(value) for key, value in overrides.items()}
+        # What else the file reads was read where it was run, but for what it includes.
+        origin = Path(str(self.said["file"] or TASK))
+        return load_text(self.content.decode(), str(origin), sets, origin.parent)
+
+    @property
+    def count(self) -> int:
+        """Worlds that the sweep has, all shares together."""
+        return int(mapping(self.said["worlds"])["count"])
+
+
+def read_written(path: Path) -> WrittenSweep:
+    """Reads the folder of a sweep.
 
     Raises:
-        InputError: it is no folder of a sweep.
+        InputError: it is none, or what it says of itself or its task was altered.
     """
     said = read_sweep(path)
-    if not isinstance(said.get("identity"), str):
+    if not folders.is_sweep(path / SWEEP):
         raise InputError(f"{path} is no folder of a sweep")
-    return said, _read(path / JOURNAL)[0]
+    if said["format"] > FORMAT:
+        raise InputError(
+            f"cannot read {path}: a newer taskspec made it (format {said['format']}, this one "
+            f"reads up to {FORMAT})"
+        )
+    if said.get(SEAL) != seal(said):
+        raise InputError(f"cannot read {path / SWEEP}: it was altered, or an earlier taskspec "
+                         "wrote it")  # fmt: skip
+    try:
+        with open_regular(path / TASK) as file:
+            content = file.read(LARGEST)
+        rows, good = _read(path / JOURNAL)
+        whole = good == _size(path / JOURNAL)
+        table = RunFolder(path).digest(TABLE)
+    except OSError as error:
+        raise InputError(f"cannot read {path}: {error.strerror or error}") from error
+    sums = mapping(said.get("sha256"))
+    if sums.get(TASK) != hashlib.sha256(content).hexdigest():
+        raise InputError(f"cannot read {path / TASK}: it was altered: it is not what was swept")
+    damage = "" if whole else f"{JOURNAL} was altered or cut short after {len(rows)} worlds"
+    if whole and table != sums.get(TABLE):
+        what = "is missing" if table is None else "was altered: it is not what was written"
+        damage = f"{TABLE} {what}"
+    return WrittenSweep(said, content, rows, damage)
+
+
+def _size(path: Path) -> int:
+    return path.stat().st_size if path.exists() else 0
 
 
 def read_sweep(path: Path) -> Json:
@@ -175,7 +253,7 @@ def _read(path: Path) -> tuple[dict[int, Row], int]:
     good = 0
     try:
         with open_regular(path) as file:
-            for line in file:
+            while line := file.readline(LARGEST):
                 digits, _, text = line.rstrip(b"\n").partition(b" ")
                 if not line.endswith(b"\n") or _sum(text) != digits:
                     break

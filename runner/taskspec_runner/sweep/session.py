@@ -14,13 +14,22 @@ from taskspec.deferred_methods import dataclass
 from taskspec.program.program import Program
 from taskspec.spec import Task
 from taskspec_runner.errors import InputError
-from taskspec_runner.record.folder import Json
+from taskspec_runner.record.folder import Json, check_unlocked
 from taskspec_runner.record.manifest import task_bytes, versions
+from taskspec_runner.record.names import TABLE
+from taskspec_runner.record.whole import write_whole
 from taskspec_runner.sweep import kept
 from taskspec_runner.sweep.bundle import Bundle, keep_program
 from taskspec_runner.sweep.engine import Processes, leave_if_imported, processes, rows
 from taskspec_runner.sweep.executors import Workers
-from taskspec_runner.sweep.folder import FORMAT, PAGE, TABLE, SweepFolder, open_sweep
+from taskspec_runner.sweep.folder import (
+    FORMAT,
+    PAGE,
+    SweepFolder,
+    WrittenSweep,
+    open_sweep,
+    read_written,
+)
 from taskspec_runner.sweep.foretold import foretold
 from taskspec_runner.sweep.summary import summarise
 from taskspec_runner.sweep.table import table_bytes
@@ -163,6 +172,43 @@ def merged(
     ended = _ended(task, folder, None)
     _write_page(ended, folder)
     return ended
+
+
+def read_result(path: Path) -> tuple[SweepResult, WrittenSweep]:
+    """A sweep that is over, from its folder: what its rows say, judged again.
+
+    Raises:
+        InputError: it is no folder of a sweep, it was altered, or worlds are missing.
+        SpecError: this version does not take its task.
+    """
+    read = read_written(path)
+    if tuple(read.said["shard"]) != _WHOLE:
+        number, of = read.said["shard"]
+        raise InputError(
+            f"{path} holds share {number} of {of} of a sweep; taskspec sweep --merge puts shares "
+            "together"
+        )
+    if len(read.rows) < read.count:
+        why = f": {read.damage}" if read.damage else ""
+        raise InputError(
+            f"{path} has {len(read.rows)} of {read.count} worlds{why}; the command that it was "
+            "made with goes on with those that are missing"
+        )
+    task, rows = read.task.task, tuple(read.rows[index] for index in sorted(read.rows))
+    summary = {**summarise(task, rows), "foretold": read.said.get("foretold")}
+    return SweepResult(task, path, rows, summary), read
+
+
+def write_page(result: SweepResult, read: WrittenSweep) -> Path:
+    """Writes the page of a sweep that was read.
+
+    Raises:
+        OutputError: it cannot be written, or another process writes into the folder.
+    """
+    from taskspec_runner.sweep.page import render
+
+    check_unlocked(result.path)
+    return write_whole(result.path / PAGE, render(result, read.said))
 
 
 def opening(program: Program, bundle: Bundle, worlds: Worlds) -> dict[str, Any]:

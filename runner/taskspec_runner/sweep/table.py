@@ -14,6 +14,7 @@ from taskspec.analysis.worlds import World, world_from
 from taskspec.program.context import Context
 from taskspec_runner.errors import InputError
 from taskspec_runner.record.folder import parse_json
+from taskspec_runner.record.whole import open_regular
 from taskspec_runner.sweep.world_run import Row
 
 _WHOLE = ("world", "seed", "number", "ticks")
@@ -33,7 +34,7 @@ def table_bytes(rows: Mapping[int, Row], said: Mapping[str, str]) -> bytes:
     file = io.BytesIO()
     metadata = {key: value.encode() for key, value in sorted(said.items())}
     table = as_table([rows[number] for number in sorted(rows)]).replace_schema_metadata(metadata)
-    pq.write_table(table, file, compression="zstd", version="2.6")
+    pq.write_table(table, file, compression="zstd", version="2.6", write_page_checksum=True)
     return file.getvalue()
 
 
@@ -63,7 +64,8 @@ def read_table(path: Path) -> pa.Table:
         InputError: it is none of a sweep.
     """
     try:
-        table = pq.read_table(path)
+        with open_regular(path) as file:
+            table = pq.read_table(file, page_checksum_verification=True)
     except (OSError, pa.ArrowException) as error:
         raise InputError(f"cannot read {path}: {error}") from error
     if any(name not in table.column_names for name in _ALWAYS):

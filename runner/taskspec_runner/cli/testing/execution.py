@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import shutil
+import contextlib
 import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -20,6 +20,7 @@ from taskspec_runner.cli.testing.outcome import (
     refused_by,
 )
 from taskspec_runner.errors import InputError, OutputError, RunCrashedError
+from taskspec_runner.record.folder import clear
 
 
 @dataclass(frozen=True)
@@ -77,7 +78,10 @@ def _tried(path: Path, manner: Manner, began: float) -> FileOutcome:
     run = execute_program(program, manner.folders[path], world=world, report=False)
     seconds = time.perf_counter() - began
     if run.exit_code == 0 and not manner.keeps:
-        shutil.rmtree(run.folder)
+        clear(run.folder)
+        # What somebody else has put beside it stays.
+        with contextlib.suppress(OSError):
+            run.folder.rmdir()
         return outcome_of(run, path, seconds)
     from taskspec_runner.report import write_report
 

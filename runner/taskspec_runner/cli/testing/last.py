@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 from taskspec_runner.cli.testing.outcome import FileOutcome
@@ -18,8 +18,16 @@ class LastOutcomes:
     """Exit codes by the paths of files; none where nothing that can be read is kept."""
 
     def __init__(self, folder: Path) -> None:
+        """What a folder has.
+
+        Raises:
+            OutputError: it has a file of this name that is something else.
+        """
         self._path = folder / NAME
-        known = mapping(read_json(self._path).get("exit_codes"))
+        said = read_json(self._path).get("exit_codes")
+        if self._path.exists() and not isinstance(said, Mapping):
+            raise OutputError(self._path, "taskspec test did not write it; choose another --out")
+        known = mapping(said)
         self._codes = {path: int(number(code) or 0) for path, code in known.items()}
 
     def failed(self, files: Iterable[Path]) -> list[Path]:

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from taskspec_runner.record.folder import Json, mapping
-from taskspec_runner.record.names import REPORT, TASK
-from taskspec_runner.sweep.folder import KEPT, TABLE
+from taskspec_runner.record.names import REPORT, TABLE, TASK
+from taskspec_runner.sweep.folder import KEPT
 from taskspec_runner.sweep.kept import folder_of
 from taskspec_runner.sweep.world_run import Row
 from taskspec_runner.sweep.worlds import RANDOM
