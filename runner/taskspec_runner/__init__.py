@@ -6,8 +6,10 @@ from typing import TYPE_CHECKING, Literal
 
 if TYPE_CHECKING:
     import os
+    from pathlib import Path
 
     from taskspec.spec import LoadedTask
+    from taskspec_runner.link.robot import Robot
     from taskspec_runner.runs import Run
 
 __all__ = ["Run", "read", "run"]
@@ -23,6 +25,9 @@ def run(
     telemetry: str | None = None,
     force: bool = False,
     loop: Literal["native", "python"] | None = None,
+    robot: str | Robot | None = None,
+    lost: Literal["catch-up", "hold"] = "catch-up",
+    stop_after: int = 20,
 ) -> Run:
     """Runs a task in simulation, as `taskspec run` does.
 
@@ -37,11 +42,17 @@ def run(
         force: whether to run it in spite of errors behind which it still compiles.
         loop: what runs its ticks; the numbers are the same. None for machine code as soon as there
             is some, and Python until then.
+        robot: to run it on instead of in simulation: an address such as `udp://127.0.0.1:39017`, or
+            an object with the methods of `taskspec_runner.link.robot.Robot`. What is judged then is
+            what was measured; `seed` and `world` are not used.
+        lost: what becomes of a sample of the robot that is lost; see docs/protocol.md.
+        stop_after: how many in a row may be lost.
 
     Raises:
         SpecError: the task is refused, as `taskspec validate` finds it; it carries everything that
             was found.
-        InputError: `telemetry` is no address, or there is no native loop though it is wanted.
+        InputError: `telemetry` is no address, or there is no native loop though it is wanted; or
+            the robot is not there, or not the task's.
         OutputError: the folder cannot be written.
         RunCrashedError: an internal error.
         KeyboardInterrupt: interrupted outside the simulation itself. Within it, the run ends as
@@ -53,6 +64,8 @@ def run(
     from taskspec_runner.session import execute
 
     folder = None if out is None else Path(out)
+    if robot is not None:
+        return _run_on(robot, task, folder, (lost, stop_after), telemetry, report, force)
     with sending(telemetry) as sink:
         return execute(
             task,
@@ -64,6 +77,32 @@ def run(
             force=force,
             loop=loop,
         )
+
+
+def _run_on(
+    robot: str | Robot,
+    task: LoadedTask,
+    folder: Path | None,
+    policy: tuple[str, int],
+    telemetry: str | None,
+    report: bool,
+    force: bool,
+) -> Run:
+    from taskspec.compiler import compile_task
+    from taskspec_runner.link.found import open_robot
+    from taskspec_runner.link.on_robot import LostPolicy, OnRobot
+    from taskspec_runner.loop.telemetry import sending
+    from taskspec_runner.session import execute_program
+
+    rule, program = LostPolicy(*policy), compile_task(task, force=force)
+    found = open_robot(robot) if isinstance(robot, str) else robot
+    link = OnRobot(found, rule, robot if isinstance(robot, str) else type(robot).__name__)
+    try:
+        link.check(program)
+        with sending(telemetry) as sink:
+            return execute_program(program, folder, report=report, telemetry=sink, link=link)
+    finally:
+        link.finish("the run was broken off")
 
 
 def read(folder: str | os.PathLike[str]) -> Run:

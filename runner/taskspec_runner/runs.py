@@ -309,8 +309,10 @@ class Run(Window):
         Raises:
             RebuildError: the task cannot be read any more, or the manifest has no world of it.
         """
-        from taskspec.analysis.worlds import true_world, world_from
+        from taskspec.analysis.worlds import World, true_world, world_from
 
+        if self.link.get("measured") is True:
+            return World(self.program.context.loaded.task)
         seed, said = number(self.manifest.get("seed")), mapping(self.manifest.get("world"))
         if not said:
             return true_world(self.program.context, int(seed or 0))
@@ -318,6 +320,11 @@ class Run(Window):
             return world_from(self.program.context, said, int(seed or 0))
         except (KeyError, TypeError, ValueError) as error:
             raise RebuildError(f"the manifest describes no world: {error!r}") from error
+
+    @property
+    def link(self) -> Json:
+        """How plant and controller met, empty where they were one loop."""
+        return mapping(self.manifest.get("link"))
 
     @property
     def name(self) -> str:
@@ -377,7 +384,10 @@ class Run(Window):
     def _recovered(self, left: LeftTicks, ticks: int) -> Iterator[pa.RecordBatch]:
         rows = left.rows[ticks - left.first :]
         try:
-            layout = LogLayout.of(self.program, self.world.task)
+            link = self.link
+            linked, measured = link.get("lock_step") is False, link.get("measured") is True
+            task = self.world.task
+            layout = LogLayout.of(self.program, task, linked=linked, measured=measured)
         except RebuildError as error:
             self._lost = f"{len(rows)} more lie in {BLOCK}, which needs the task: {error}"
             return

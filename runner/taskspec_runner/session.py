@@ -16,8 +16,16 @@ from taskspec.program.program import Program
 from taskspec.robot.description import listening
 from taskspec.spec import LoadedTask
 from taskspec_runner.errors import InputError, OutputError, RunCrashedError
-from taskspec_runner.loop.assembly import assemble
-from taskspec_runner.loop.fixed_step import STOPPED, Outcome, TickSink, loop_wanted
+from taskspec_runner.link.link import Link, link_summary
+from taskspec_runner.loop.assembly import Assembly, assemble
+from taskspec_runner.loop.fixed_step import (
+    PYTHON,
+    STOPPED,
+    Driven,
+    Outcome,
+    TickSink,
+    loop_wanted,
+)
 from taskspec_runner.loop.fixed_step import run as simulate
 from taskspec_runner.loop.interrupt import BY_SIGNAL, Interrupt, Termination, signal_of
 from taskspec_runner.loop.telemetry import Tap, Telemetry
@@ -67,13 +75,14 @@ def execute(
     telemetry: Telemetry | None = None,
     force: bool = False,
     loop: str | None = None,
+    link: Link | None = None,
 ) -> Run:
     """Compiles a task, runs it and leaves the run's folder; see `execute_program`.
 
     Args:
         world: number of a random world of `vary` under the seed; None for the true one.
         force: whether findings are lifted behind which a program still compiles.
-        loop: as in `execute_program`.
+        loop, link: as in `execute_program`.
 
     Raises:
         SpecError: the task is refused; no folder is made.
@@ -87,6 +96,7 @@ def execute(
         report=report,
         telemetry=telemetry,
         loop=loop,
+        link=link,
     )
 
 
@@ -116,6 +126,7 @@ def execute_program(
     report: bool = True,
     telemetry: Telemetry | None = None,
     loop: str | None = None,
+    link: Link | None = None,
 ) -> Run:
     """Runs a compiled task and leaves the run's folder.
 
@@ -129,17 +140,28 @@ def execute_program(
         telemetry: gets the signals as the run goes on.
         loop: `native` or `python`, which give the same; None for what `TASKSPEC_LOOP` names, else
             for machine code as soon as there is some, and Python until then.
+        link: the robot that it runs on, or what serves its plant, for which Python runs all ticks;
+            None for a plant in this process.
 
     Raises:
-        InputError: there is no native loop, and no other is wanted.
+        InputError: there is no native loop, and no other is wanted; or what the link is to is not
+            what the task is for.
         OutputError: the folder cannot be written.
         RunCrashedError: an internal error; the log holds every tick up to it.
         KeyboardInterrupt: interrupted outside the simulation itself; `Terminated` unless by SIGINT.
     """
-    wanted = loop_wanted(loop)
+    wanted = loop_wanted(loop) if link is None else PYTHON
     with Termination():
+        if link is not None and link.measured:
+            # Nobody knows what is true of it.
+            world = World(program.context.loaded.task)
         world = true_world(program.context) if world is None else world
-        return _execute(program, out, _Manner(world, progress, report, telemetry, wanted))
+        manner = _Manner(world, progress, report, telemetry, wanted, link)
+        try:
+            return _execute(program, out, manner)
+        finally:
+            if link is not None:
+                link.finish("the run was broken off")
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,6 +173,7 @@ class _Manner:
     report: bool
     telemetry: Telemetry | None
     loop: str | None
+    link: Link | None = None
 
 
 def _execute(program: Program, out: Path | None, manner: _Manner) -> Run:
@@ -164,7 +187,11 @@ def _kept(program: Program, folder: RunFolder, content: bytes, manner: _Manner) 
     """Makes a run in its folder; whatever happens, the manifest says it."""
     try:
         with folder.failures_noted():
-            folder.note(**manifest.opening(program, content, manner.world))
+            opening, link = manifest.opening(program, content, manner.world), manner.link
+            if link is not None:
+                opening["link"] = {"measured": link.measured, "lock_step": link.lock_step}
+                opening["seed"] = None if link.measured else opening["seed"]
+            folder.note(**opening)
             folder.write(TASK, content)
             return _run(program, folder, content, manner)
     except KeyboardInterrupt as error:
@@ -195,6 +222,9 @@ def _run(program: Program, folder: RunFolder, content: bytes, manner: _Manner) -
         simulated = simulated.as_logged(history, program.context.period)
     outcome, judged = simulated.outcome, judge_run(program, history)
     made = summarise(program, simulated, history, judged, manner.world)
+    if manner.link is not None:
+        made["link"] = link_summary(manner.link, history)
+        made["seed"] = None if manner.link.measured else made["seed"]
     summary = folder.keep_summary(made, log)
     folder.end(
         outcome.status,
@@ -214,8 +244,10 @@ def _run(program: Program, folder: RunFolder, content: bytes, manner: _Manner) -
 
 
 def _simulate(program: Program, folder: RunFolder, manner: _Manner) -> tuple[Simulated, Log]:
-    context = program.context
-    parts = assemble(program, manner.world)
+    context, link = program.context, manner.link
+    parts: Assembly[Driven] = (
+        assemble(program, manner.world) if link is None else link.assemble(program, manner.world)
+    )
     log = Log(folder.log, run=manifest.run_mark(folder.manifest))
     machine, recorder = parts.machine, parts.recorder(log)
     rows: TickSink = recorder
@@ -234,12 +266,25 @@ def _simulate(program: Program, folder: RunFolder, manner: _Manner) -> tuple[Sim
                 watch,
                 manner.world.noise_seed,
                 manner.loop,
+                parts.sensing,
             )
         except KeyboardInterrupt as error:
             by_signal = signal_of(error)
             text, reason = str(error) or "interrupted by the user", reason_of(by_signal)
             outcome = Outcome(STOPPED, reason, text, machine.stage.name, 0.0, 0)
+        finally:
+            if link is not None:
+                link.finish(_last_words(machine))
     return Simulated(outcome, machine.transitions, solver_counts(machine), by_signal), log
+
+
+def _last_words(machine: Machine) -> str:
+    """Why a run has ended, for who is at the other end."""
+    if not machine.transitions:
+        return "the run was broken off"
+    last = machine.transitions[-1]
+    where = f"stage {last.stage!r}"
+    return f"{where} led to {last.to}: {last.text}" if last.to else f"in {where}: {last.text}"
 
 
 def _watch(interrupt: Interrupt, progress: Progress | None) -> Callable[[Machine, float], None]:

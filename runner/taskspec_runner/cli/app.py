@@ -60,9 +60,12 @@ def run(
     loop: Annotated[
         LoopName, typer.Option(help="Machine code where there is some, or one of the two.")
     ] = LoopName.AUTO,
+    on: options.On = None,
+    lost: options.Lost = "catch-up",
+    stop_after: options.StopAfter = 20,
 ) -> int:
     """Run a task in simulation, record it and judge what it expects."""
-    from taskspec_runner.cli.run import run_task
+    from taskspec_runner.cli.run import Connection, run_task
 
     return run_task(
         file,
@@ -77,6 +80,62 @@ def run(
         force=force,
         loop=None if loop is LoopName.AUTO else loop.value,
         world=world,
+        on=None if on is None else Connection(on, lost, stop_after),
+    )
+
+
+@app.command()
+@guarded
+def plant(
+    file: options.TaskFile,
+    listen: Annotated[
+        str, typer.Option(metavar="udp://HOST:PORT", help="Where; port 0 is any that is free.")
+    ] = "udp://127.0.0.1:39017",
+    free_running: Annotated[
+        bool, typer.Option("--free-running", help="At the wall clock; else wait for each answer.")
+    ] = False,
+    stop_after: options.StopAfter = 20,
+    wait: Annotated[
+        float, typer.Option(min=0, metavar="S", help="How long to wait for a controller.")
+    ] = 600.0,
+    answer: Annotated[
+        float, typer.Option(min=0.1, metavar="S", help="In lock-step, how long for an answer.")
+    ] = 2.0,
+    open_: Annotated[
+        bool, typer.Option("--open", help="Listen where other machines may reach it.")
+    ] = False,
+    set_: options.Overrides = None,
+    law: options.Law = None,
+    seed: options.Seed = 0,
+    world: options.World = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            help="The run's folder; an earlier run in it is replaced.", show_default="runs/NAME"
+        ),
+    ] = None,
+    telemetry: options.Telemetry = None,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Say only what failed.")] = False,
+    form: Annotated[
+        OutcomeFormat, typer.Option("--format", help="Of the outcome.")
+    ] = OutcomeFormat.TEXT,
+    force: options.Force = False,
+) -> int:
+    """Serve a task's plant: whoever answers with torques drives it, and is judged by the file."""
+    from taskspec_runner.cli.plant import Listening, serve_plant
+
+    return serve_plant(
+        file,
+        set_ or [],
+        law,
+        Listening(listen, open_, free_running, stop_after, wait, answer),
+        seed=seed,
+        world=world,
+        out=out,
+        telemetry=telemetry,
+        quiet=quiet,
+        form=form,
+        force=force,
     )
 
 

@@ -48,6 +48,25 @@ Force = Annotated[
     bool, typer.Option("--force", help="Run in spite of errors behind which the task compiles.")
 ]
 
+On = Annotated[
+    str | None,
+    typer.Option(
+        "--on",
+        metavar="udp://HOST:PORT",
+        help="Run on a robot, or on the plant that 'taskspec plant' serves; judged as measured.",
+    ),
+]
+Lost = Annotated[
+    str,
+    typer.Option(
+        metavar="catch-up|hold",
+        help="With --on, of a lost sample: a tick on the one before, or the task's time stands.",
+    ),
+]
+StopAfter = Annotated[
+    int, typer.Option(min=0, help="At the wall clock, stop when more in a row are lost.")
+]
+
 # replay
 Video = Annotated[
     Path | None, typer.Option(metavar="OUT.MP4", help="Write a video; no screen is needed.")

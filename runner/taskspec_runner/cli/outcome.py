@@ -10,10 +10,12 @@ import typer
 
 from taskspec.text.units import FORCE, LENGTH, MOMENT, Dimension, scaled
 from taskspec_runner.cli.console import show, table
+from taskspec_runner.link.link import sentence
 from taskspec_runner.runs import Run
 from taskspec_runner.verdict import torque_steps
 from taskspec_runner.verdict.judged import title_of
 from taskspec_runner.verdict.limit_effects import sentences
+from taskspec_runner.verdict.outcome import is_measured
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -41,6 +43,8 @@ def show_outcome(run: Run, *, quiet: bool) -> None:
         steps = torque_steps.sentences(run.summary)
         for line in _truth(run.summary):
             show(line)
+        if "link" in run.summary:
+            show(sentence(run.summary["link"]))
         for line in (*_forced(run.summary), *sentences(run.summary), *_lost(run.summary), *steps):
             show(Text(line, style="yellow"))
     for fault in run.faults:
@@ -83,7 +87,7 @@ def ending(run: Run) -> str:
         text += f"; {sentences}"
     if faults := len(run.faults):
         text += f"; {faults} finding{'s' if faults > 1 else ''} beside"
-    if run.summary.get("recorded"):
+    if is_measured(run):
         return f"{text}; as measured"
     return f"{text}; {run.manifest['real_time_factor']:.3g} x real time"
 
@@ -111,7 +115,7 @@ def _metrics(summary: Mapping[str, Any]) -> Table:
         numbers += ["overshoot", "settled after"]
     made = table("stage", *numbers, indent=0, right=tuple(numbers))
     # Of a log from elsewhere, a peak may be of what was not recorded.
-    none = "-" if summary.get("recorded") else _NOT_FINITE
+    none = "-" if summary.get("recorded") or "link" in summary else _NOT_FINITE
     for stage, signals in summary["metrics"].items():
         cells = [
             stage,

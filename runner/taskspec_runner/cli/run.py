@@ -5,16 +5,18 @@ from __future__ import annotations
 import json
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import typer
 
+from taskspec.deferred_methods import dataclass
 from taskspec.text.diagnostic import SpecError
 from taskspec_runner.cli.diagnostics import record, show_diagnostics
 from taskspec_runner.cli.formats import OutcomeFormat
 from taskspec_runner.cli.loading import load
+from taskspec_runner.errors import InputError
 from taskspec_runner.loop.interrupt import BY_SIGNAL
 from taskspec_runner.record.folder import check_folder, check_unlocked
 
@@ -22,6 +24,8 @@ if TYPE_CHECKING:
     from taskspec.examination import Examination
     from taskspec.program.program import Program
     from taskspec_runner.cli.testing.outcome import FileOutcome
+    from taskspec_runner.link.link import Link
+    from taskspec_runner.link.on_robot import LostPolicy
     from taskspec_runner.runs import Run
 
 
@@ -39,26 +43,21 @@ def run_task(
     force: bool = False,
     loop: str | None = None,
     world: str | None = None,
+    on: Connects | None = None,
 ) -> int:
     """Runs a task file and tells how it went; afterwards draws it as a video."""
     from taskspec_runner.cli.outcome import show_outcome
     from taskspec_runner.cli.progress import progress_line
     from taskspec_runner.cli.testing.outcome import outcome_of, refused_by
-    from taskspec_runner.loop.telemetry import read_address, sending
+    from taskspec_runner.loop.telemetry import sending
     from taskspec_runner.session import execute_program
     from taskspec_runner.sweep.chosen import chosen_world
 
     as_text, began = form is OutcomeFormat.TEXT, time.perf_counter()
-    if telemetry is not None:
-        # Before anything is read or compiled.
-        read_address(telemetry)
-    if out is not None:
-        check_unlocked(out)
-        check_folder(out)
-    if video is not None:
-        from taskspec_runner.video.film import check_video
-
-        check_video(video)
+    # Before anything is read or compiled.
+    if on is not None:
+        on.check(world=world, loop=loop, video=video)
+    _check(telemetry, out, video)
     try:
         program = admitted(file, sets, law, force=force)
     except SpecError as error:
@@ -72,12 +71,13 @@ def run_task(
     if program.findings and not quiet:
         show_diagnostics(program.findings, program.context.loaded.sources, err=True)
     chosen = chosen_world(program, seed, world)
+    link = None if on is None else on.link(program, None if quiet else _say)
     with (
         sending(telemetry, _say) as sink,
         progress_line(shown=not quiet and sys.stderr.isatty()) as progress,
     ):
         run = execute_program(
-            program, out, world=chosen, progress=progress, telemetry=sink, loop=loop
+            program, out, world=chosen, progress=progress, telemetry=sink, loop=loop, link=link
         )
     # Who breaks off a run does not wait for its video.
     if video is not None and run.exit_code < BY_SIGNAL:
@@ -93,6 +93,93 @@ def run_task(
     else:
         _report(form, outcome_of(run, file, time.perf_counter() - began, str(run.report)))
     return run.exit_code
+
+
+def _check(telemetry: str | None, out: Path | None, video: Path | None) -> None:
+    """Finds out whether there is a way for what is to be written or sent."""
+    if telemetry is not None:
+        from taskspec_runner.loop.telemetry import read_address
+
+        read_address(telemetry)
+    if out is not None:
+        check_unlocked(out)
+        check_folder(out)
+    if video is not None:
+        from taskspec_runner.video.film import check_video
+
+        check_video(video)
+
+
+class Connects(Protocol):
+    """What makes the link of a run, as a command line has it."""
+
+    def check(self, *, world: str | None, loop: str | None, video: Path | None) -> None:
+        """Finds out what can be known before anything is read.
+
+        Raises:
+            InputError: something of it cannot be used.
+        """
+
+    def link(self, program: Program, say: Callable[[str], None] | None) -> Link:
+        """Waits for the other end; `say` is told that it is waited for.
+
+        Raises:
+            InputError: it is not there, or not what the program is for.
+        """
+
+
+@dataclass(frozen=True, slots=True)
+class Connection:
+    """The robot that a run is to be on, as a command line has it.
+
+    Attributes:
+        url: where it is.
+        lost: what becomes of lost samples.
+        stop_after: how many in a row are borne.
+    """
+
+    url: str
+    lost: str
+    stop_after: int
+
+    def check(self, *, world: str | None, loop: str | None, video: Path | None) -> None:
+        """Finds out what can be known before anything is read.
+
+        Raises:
+            InputError: the address or the policy is none, or an option is of a simulated plant.
+        """
+        from taskspec_runner.link.address import read_endpoint
+
+        if "://" not in self.url or self.url.startswith("udp:"):
+            read_endpoint(self.url, "--on")
+        self._policy()
+        simulated = {"--world": world, "--loop native": loop == "native", "--video": video}
+        for option, given in simulated.items():
+            if given:
+                raise InputError(f"{option} is of a simulated plant; leave it out with --on")
+
+    def _policy(self) -> LostPolicy:
+        from taskspec_runner.link.on_robot import LostPolicy
+
+        return LostPolicy(self.lost, self.stop_after)
+
+    def link(self, program: Program, say: Callable[[str], None] | None) -> Link:
+        """Connects, and finds out whether it is the program's robot.
+
+        Raises:
+            InputError: it is not there, or another one.
+        """
+        from taskspec_runner.link.found import open_robot
+        from taskspec_runner.link.on_robot import OnRobot
+
+        robot = open_robot(self.url, say)
+        link = OnRobot(robot, self._policy(), self.url)
+        try:
+            link.check(program)
+        except InputError as error:
+            robot.stop(str(error))
+            raise
+        return link
 
 
 def _as_data(run: Run, program: Program, video: Path | None) -> dict[str, Any]:

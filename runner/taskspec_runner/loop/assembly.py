@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Generic, TypeVar
+
 import numpy as np
 
 from taskspec.analysis.worlds import World, true_world
@@ -12,14 +14,17 @@ from taskspec.program.program import Program
 from taskspec.program.world.holding import truly_holding
 from taskspec.robot import RobotError
 from taskspec_runner.errors import InputError
+from taskspec_runner.loop.fixed_step import Driven, Senses
 from taskspec_runner.plant.plant import Plant
 from taskspec_runner.record.bus import Bus
 from taskspec_runner.record.log import Log
 from taskspec_runner.record.recorder import Recorder
 
+P = TypeVar("P", bound=Driven, covariant=True)
+
 
 @dataclass(frozen=True, slots=True)
-class Assembly:
+class Assembly(Generic[P]):
     """What a run is made of.
 
     Attributes:
@@ -28,33 +33,43 @@ class Assembly:
         bus: one tick's numbers.
         plant: writes into it.
         machine: reads from it and writes into it.
+        sensing: gives the machine what is measured; None for the plant's own sensors.
+        measured: whether the log is of what was measured, as nobody knows the truth.
     """
 
     program: Program
     world: World
     bus: Bus
-    plant: Plant
+    plant: P
     machine: Machine
+    sensing: Senses | None = None
+    measured: bool = False
 
     def recorder(self, log: Log | None) -> Recorder:
         """A recorder of the bus into a log; None for one that keeps nothing."""
         program = self.program
-        return Recorder(log, self.bus, program.context.robot, program.stages, self.world.task)
+        robot = program.context.robot
+        return Recorder(
+            log, self.bus, robot, program.stages, self.world.task, measured=self.measured
+        )
 
 
-def assemble(program: Program, world: World | None = None) -> Assembly:
+def assemble(
+    program: Program, world: World | None = None, *, linked: bool = False
+) -> Assembly[Plant]:
     """Builds the plant at the start of a run, and a fresh machine, on one bus.
 
     Args:
         program: the compiled task.
         world: that the plant is; None for the one that the file says is true.
+        linked: whether its ticks have a `link`, as `Bus` has it.
 
     Raises:
         InputError: what the robot holds is where it cannot hold it.
     """
     context = program.context
     world = true_world(context) if world is None else world
-    bus = Bus(context.robot.pin.nv, world.task)
+    bus = Bus(context.robot.pin.nv, world.task, linked=linked)
     try:
         start = truly_holding(context, world.task)
     except RobotError as error:

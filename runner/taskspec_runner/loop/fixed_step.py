@@ -9,11 +9,15 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
+import numpy as np
+from numpy.typing import NDArray
+
 from taskspec.deferred_methods import dataclass
 from taskspec.program import events
 from taskspec.program.execution.machine import Machine
 from taskspec.program.execution.transition import END, Transition
 from taskspec_runner.errors import InputError
+from taskspec_runner.link.robot import LinkError
 from taskspec_runner.loop.sensing import Sensing
 from taskspec_runner.plant.plant import Plant
 from taskspec_runner.record.block import Block
@@ -21,6 +25,8 @@ from taskspec_runner.record.bus import Bus
 
 if TYPE_CHECKING:
     from taskspec_runner.loop.native.loop import NativeLoop
+
+Vector = NDArray[np.float64]
 
 #: Squared joint torques, velocities and positions of a sane run stay far below this.
 HEALTHY = 1e12
@@ -91,6 +97,45 @@ class BlockSink(TickSink, Protocol):
         """Takes ticks that are in the block."""
 
 
+class Arm(Protocol):
+    """What the loop asks an arm.
+
+    Attributes:
+        diverged: whether alarms are to be looked at now.
+    """
+
+    diverged: bool
+
+
+class Driven(Protocol):
+    """What the loop steps: a plant, or what stands for one that is elsewhere."""
+
+    @property
+    def arm(self) -> Arm:
+        """The arm."""
+
+    def step(self, torque: Vector) -> None:
+        """Holds joint torques (n,) [N m] for one control period.
+
+        Raises:
+            LinkError: it is no longer there.
+        """
+
+    def alarm(self) -> tuple[str, str] | None:
+        """Its own alarm as (name, text), if any."""
+
+
+class Senses(Protocol):
+    """What gives the controller what is measured."""
+
+    def read(self) -> None:
+        """Writes the measurement into the controller's inputs.
+
+        Raises:
+            LinkError: there is none any more.
+        """
+
+
 @dataclass(frozen=True, slots=True)
 class ClosedLoop:
     """What a tick goes through.
@@ -102,9 +147,9 @@ class ClosedLoop:
     """
 
     machine: Machine
-    plant: Plant
+    plant: Driven
     bus: Bus
-    sensing: Sensing
+    sensing: Senses
     recorder: TickSink
 
 
@@ -132,13 +177,14 @@ def loop_wanted(loop: str | None) -> str | None:
 
 def run(
     machine: Machine,
-    plant: Plant,
+    plant: Driven,
     bus: Bus,
     recorder: TickSink,
     period: float,
     progress: Progress | None = None,
     seed: int = 0,
     loop: str | None = None,
+    sensing: Senses | None = None,
 ) -> Outcome:
     """Runs a task to its end; the recorder holds every tick up to there.
 
@@ -149,14 +195,22 @@ def run(
         progress: called now and then.
         seed: of everything random in the run: the noise of the sensor.
         loop: `native`, `python`, or None for the native one where there is one.
+        sensing: of a plant that is elsewhere, for which Python runs all ticks; None for the
+            sensors of `plant`.
 
     Raises:
         InputError: there is no native loop, and no other is wanted.
     """
-    sensing = Sensing(plant.arm, plant.views.equations, machine, seed)
+    if sensing is None:
+        assert isinstance(plant, Plant)
+        sensing = Sensing(plant.arm, plant.views.equations, machine, seed)
     closed = ClosedLoop(machine, plant, bus, sensing, recorder)
     inner = _Native(closed, loop)
-    outcome = _run(closed, period, progress or _unseen, inner)
+    try:
+        outcome = _run(closed, period, progress or _unseen, inner)
+    except LinkError as error:
+        clock = error.ticks * period
+        outcome = _stopped(error.name, error.text, machine, clock, error.ticks)
     return replace(outcome, loop=inner.name, why_python=inner.why)
 
 
@@ -230,7 +284,7 @@ class _Native:
         self._loop: NativeLoop | None = None
         self._sink = closed.recorder if isinstance(closed.recorder, BlockSink) else None
         self._next = 0.0 if wanted == NATIVE or "llvmlite" in sys.modules else _WORTH
-        if wanted == PYTHON or self._sink is None:
+        if wanted == PYTHON or self._sink is None or not isinstance(closed.sensing, Sensing):
             self._next = math.inf
 
     @property

@@ -2,14 +2,38 @@
 
 from __future__ import annotations
 
+from typing import Protocol
+
 import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.program.execution.force_sensor import ForceSensor
-from taskspec.program.execution.machine import Machine
+from taskspec.program.execution.sensor_zero import SensorZero
 from taskspec_runner.plant.plant import PlantArm
 
 Vector = NDArray[np.float64]
+
+
+class Inputs(Protocol):
+    """Where what is measured goes, as a `Machine` has it."""
+
+    @property
+    def q(self) -> Vector: ...  # noqa: D102
+
+    @property
+    def v(self) -> Vector: ...  # noqa: D102
+
+    @property
+    def wrench(self) -> Vector: ...  # noqa: D102
+
+    @property
+    def reactions(self) -> Vector: ...  # noqa: D102
+
+    @property
+    def sensor(self) -> SensorZero | None: ...  # noqa: D102
+
+    @property
+    def period(self) -> float: ...  # noqa: D102
 
 
 class Sensing:
@@ -22,7 +46,7 @@ class Sensing:
         sensor: makes the readings; None where the wrench is measured as it is.
     """
 
-    def __init__(self, arm: PlantArm, reactions: Vector, machine: Machine, seed: int = 0) -> None:
+    def __init__(self, arm: PlantArm, reactions: Vector, machine: Inputs, seed: int = 0) -> None:
         """Connects an arm to its controller.
 
         Args:

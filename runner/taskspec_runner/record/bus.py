@@ -23,10 +23,12 @@ class Bus:
         array: (size,) the whole tick.
         slices: by name.
         truth: the views that the plant fills.
+        linked: whether plant and controller meet at the wall clock, so that ticks have a `link`:
+            how late what came for it came [s], and how many in a row did not come.
     """
 
-    def __init__(self, joints: int, task: Task) -> None:
-        truth = view_fields(task)
+    def __init__(self, joints: int, task: Task, *, linked: bool = False) -> None:
+        truth, self.linked = view_fields(task), linked
         fields = [
             ("clock", 1),
             ("t", 1),
@@ -34,6 +36,7 @@ class Bus:
             ("q", joints),
             ("v", joints),
             ("torque", joints),
+            *([("link", 2)] if linked else ()),
             *truth,
             *fields_of(len(task.equations)),
         ]
@@ -44,6 +47,18 @@ class Bus:
     def view(self, name: str) -> Vector:
         """A view of one field."""
         return self.array[self.slices[name]]
+
+    def forget_truth(self) -> None:
+        """Makes unknown what only a plant knows: nobody fills it where there is none."""
+        truth = self.truth
+        for unknown in (
+            truth.objects,
+            truth.mechanism_positions,
+            truth.mechanism_rates,
+            truth.mechanism_efforts,
+            truth.loose,
+        ):
+            unknown[:] = np.nan
 
     @property
     def outputs(self) -> Vector:

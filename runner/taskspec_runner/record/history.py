@@ -84,8 +84,7 @@ class History:
         # Where the recorder has it.
         names.insert(names.index("t") + 1 if "t" in names else 0, STAGE)
         fields = [column_field(name, self.units.get(name, "")) for name in names]
-        said = {_UNRECORDED: json.dumps(sorted(self.unrecorded))} if self.unrecorded else None
-        return pa.schema(fields, metadata=said)
+        return log_schema(fields, self.unrecorded)
 
     def batches(self, rows: int) -> Iterator[pa.RecordBatch]:
         """The ticks in order as a log has them, up to some `rows` at a time."""
@@ -223,6 +222,12 @@ def unrecorded_of(schema: pa.Schema) -> frozenset[str]:
     except ValueError:
         names = []
     return frozenset(map(str, names)) if isinstance(names, list) else frozenset()
+
+
+def log_schema(fields: Sequence[pa.Field], unrecorded: frozenset[str]) -> pa.Schema:
+    """The schema of a log; `unrecorded` are columns of a run that it does not have."""
+    said = {_UNRECORDED: json.dumps(sorted(unrecorded))} if unrecorded else None
+    return pa.schema(fields, metadata=said)
 
 
 def column_field(name: str, unit: str) -> pa.Field:

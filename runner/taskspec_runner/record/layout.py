@@ -20,7 +20,7 @@ from taskspec.signals.table import MEASURED
 from taskspec.spec import Task
 from taskspec.text.units import si_unit
 from taskspec_runner.record.bus import Bus
-from taskspec_runner.record.history import column_field
+from taskspec_runner.record.history import column_field, log_schema
 from taskspec_runner.record.truth import Truth
 
 Vector = NDArray[np.float64]
@@ -59,6 +59,8 @@ class LogLayout:
         robot: RobotModel,
         stages: tuple[CompiledStage, ...],
         task: Task,
+        *,
+        measured: bool = False,
     ) -> None:
         """Compiles the true signals.
 
@@ -66,10 +68,14 @@ class LogLayout:
             slices: where the bus has each of its fields.
             robot, stages: of the program.
             task: with the true world.
+            measured: whether it is of a robot, of which nobody knows the truth: the measurement
+                takes its place, and what nobody measures is left out.
         """
         self._slices, self._stages = slices, stages
         self.fields = max(each.stop for each in slices.values())
-        self._layout = tuple(_columns(robot, stages, task))
+        whole = [*_columns(robot, stages, task), *(LINK_COLUMNS if "link" in slices else ())]
+        unknown = frozenset(_unmeasured(task) if measured else ())
+        self._layout = tuple(column for column in whole if column.name not in unknown)
         self._columns = {column.name: column for column in self._layout}
         true = [column.name for column in self._layout if not column.field]
         together: dict[str, list[str]] = {}
@@ -79,17 +85,28 @@ class LogLayout:
             together.setdefault("wrench" if sensed else signal, []).append(name)
         self._together = {key: tuple(names) for key, names in together.items()}
         self._truth = Truth(robot, task, stages, slices, true)
+        self._unknown = unknown
 
     @cached_property
     def _schema(self) -> pa.Schema:
-        return pa.schema([column_field(each.name, each.unit) for each in self._layout])
+        fields = [column_field(each.name, each.unit) for each in self._layout]
+        return log_schema(fields, self._unknown)
 
     @classmethod
-    def of(cls, program: Program, task: Task) -> LogLayout:
-        """Of a run of a program in the world of a task."""
+    def of(
+        cls, program: Program, task: Task, *, linked: bool = False, measured: bool = False
+    ) -> LogLayout:
+        """Of a run of a program in the world of a task.
+
+        Args:
+            program: that ran.
+            task: whose world it was.
+            linked: whether plant and controller met at the wall clock.
+            measured: whether it ran on a robot.
+        """
         context = program.context
-        slices = Bus(context.robot.pin.nv, task).slices
-        return cls(slices, context.robot, program.stages, task)
+        slices = Bus(context.robot.pin.nv, task, linked=linked).slices
+        return cls(slices, context.robot, program.stages, task, measured=measured)
 
     @property
     def units(self) -> dict[str, str]:
@@ -138,6 +155,22 @@ class LogLayout:
             values = field(column.field)[column.row] if column.field else next(true)
             columns[column.name] = (values, column.unit)
         return columns
+
+
+#: What the log has of a link at the wall clock.
+LINK_COLUMNS = (Column("link.late", "s", "link", 0), Column("link.lost", "", "link", 1))
+
+
+def _unmeasured(task: Task) -> Iterator[str]:
+    """Columns that a robot does not measure: forces of single objects, and other motions."""
+    equations = task.equations
+    for owner, declared in task.world.items():
+        if owner in equations:
+            continue
+        shape = task.shapes.get(owner)
+        known = shape is not None and not shape.free and shape.on is None
+        still = ("gap",) if known else ()
+        yield from (f"{owner}.{name}" for name in OBJECT[declared.kind] if name not in still)
 
 
 def _columns(robot: RobotModel, stages: tuple[CompiledStage, ...], task: Task) -> Iterator[Column]:

@@ -45,6 +45,8 @@ class Recorder:
         robot: RobotModel,
         stages: tuple[CompiledStage, ...],
         task: Task,
+        *,
+        measured: bool = False,
     ) -> None:
         """Begins a log.
 
@@ -53,12 +55,13 @@ class Recorder:
             bus: to record.
             robot, stages: of the program.
             task: with the true world.
+            measured: whether it is of a robot, of which nobody knows the truth.
 
         Raises:
             OutputError: there is no room for the newest ticks.
         """
         self._stages, self._array, self._log = stages, bus.array, log
-        self._layout = LogLayout(bus.slices, robot, stages, task)
+        self._layout = LogLayout(bus.slices, robot, stages, task, measured=measured)
         self.block = None if log is None else log.block(ROOM, len(bus.array))
         self._take = None if self.block is None else self.block.taking(bus.array)
         self.ticks = 0

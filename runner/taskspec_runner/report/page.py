@@ -10,6 +10,7 @@ from typing import Any
 from markupsafe import Markup
 
 from taskspec.program.execution.transition import FAIL
+from taskspec_runner.link.link import sentence
 from taskspec_runner.record.folder import Json, mapping, mappings, number
 from taskspec_runner.record.names import REPORT
 from taskspec_runner.record.whole import write_whole
@@ -21,7 +22,7 @@ from taskspec_runner.report.quantities import figure
 from taskspec_runner.report.template import part, script, template
 from taskspec_runner.runs import Run, StageVisit
 from taskspec_runner.verdict.judged import SHARE, Judged, Margin
-from taskspec_runner.verdict.outcome import first_broken, so_far, verdict
+from taskspec_runner.verdict.outcome import first_broken, is_measured, so_far, verdict
 from taskspec_runner.video.still import still_for_report
 
 #: The chart on which a limit is drawn, by its name.
@@ -218,6 +219,11 @@ def _facts(run: Run) -> Iterator[tuple[str, str]]:
     yield "Seed", _text(seed)
     yield "Random world", _text(mapping(run.summary.get("world")).get("number"))
     yield "taskspec", _text(version)
+    if "link" in run.summary:
+        yield (
+            "As measured" if is_measured(run) else "Driven",
+            sentence(mapping(run.summary["link"])),
+        )
     yield "Findings", annotated.counted(run)
     yield "Run in spite of", ", ".join(run.forced)
 

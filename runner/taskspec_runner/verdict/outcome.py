@@ -109,7 +109,7 @@ def _undecided(run: Run) -> str:
 
 
 def _missed_verdict(run: Run, missed: int) -> Verdict:
-    rest = _missed(missed, len(run.expectations), recorded=is_recorded(run))
+    rest = _missed(missed, len(run.expectations), _missing(run))
     first = first_broken(run)
     if first is None or first.broken is None:
         return Verdict("missed", rest)
@@ -143,8 +143,20 @@ def is_recorded(run: Run) -> bool:
     return bool(run.summary.get("recorded"))
 
 
-def _missed(missed: int, total: int, *, recorded: bool) -> str:
-    end = "As measured, the log" if recorded else "The run reached its end, but"
+def is_measured(run: Run) -> bool:
+    """Whether what is judged was measured, and nobody knows what was true."""
+    return is_recorded(run) or run.link.get("measured") is True
+
+
+def _missing(run: Run) -> str:
+    """Who missed something, as the beginning of a sentence."""
+    if is_recorded(run):
+        return "As measured, the log"
+    end = "The run reached its end, but"
+    return f"{end}, as measured, it" if is_measured(run) else end
+
+
+def _missed(missed: int, total: int, end: str) -> str:
     if total == 1:
         return f"{end} missed its expectation."
     return f"{end} missed {missed} of {total} expectations."
@@ -163,4 +175,5 @@ def _reached_end(run: Run) -> str:
         after = f" after {visits} visits of {stages} stage{'s' if stages != 1 else ''}"
     if is_recorded(run):
         return f"This is as measured; the log ends{after}."
-    return f"The run reached its end{after}."
+    measured = " This is as measured." if is_measured(run) else ""
+    return f"The run reached its end{after}.{measured}"

@@ -63,6 +63,9 @@ class Machine:
         stage_ticks: since it began.
         ended: `end` or `fail` once the task is over, else empty.
         transitions: so far.
+        followed: whether its torques drive the arm; else it runs beside another controller, whose
+            torques are written into `torque`, and a program of its own without an answer ends
+            nothing.
     """
 
     def __init__(
@@ -99,6 +102,7 @@ class Machine:
         self.runner = self.runners[0]
         self.ended = ""
         self.transitions: list[Transition] = []
+        self.followed = True
 
     @property
     def stage(self) -> CompiledStage:
@@ -207,7 +211,7 @@ class Machine:
         """
         assert runner.solver is not None
         runner.solver.hold(self._fading.step(self._applied, self.terms.gravity))
-        if self._fading.over:
+        if self._fading.over and self.followed:
             self._end(clock, unanswered(runner.solver.status), 0.0, "")
             return 1.0
         # What the tick could not compute is no reason to stop yet.

@@ -54,13 +54,16 @@ class NativeLoop:
             LayoutError: MuJoCo's data lie otherwise than expected.
         """
         self.look = self.sensed = self.stands = False
-        machine, plant, bus = loop.machine, loop.plant, loop.bus
-        self._machine, self._plant, self._sensing = machine, plant, loop.sensing
+        machine, plant, bus, sensing = loop.machine, loop.plant, loop.bus, loop.sensing
+        # A plant that is elsewhere has no memory to share.
+        assert isinstance(plant, Plant)
+        assert isinstance(sensing, Sensing)
+        self._machine, self._plant, self._sensing = machine, plant, sensing
         self._room = 0 if block is None else len(block.rows)
         base = TickMemory()
         _library(base)
         _controller(base, machine, plant)
-        _sensor(base, machine, loop.sensing)
+        _sensor(base, machine, sensing)
         _plant(base, plant)
         base.take(look_every=LOOK_EVERY, period=machine.period, bus=bus.array)
         places = bus.slices

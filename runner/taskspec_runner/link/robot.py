@@ -1,0 +1,188 @@
+"""What a robot is to a run: joint state and wrench come from it, torques go to it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import field
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taskspec.deferred_methods import dataclass
+from taskspec.program.execution.sensor_zero import sensor_zero
+from taskspec.program.program import Program
+from taskspec.robot import RobotModel
+from taskspec_runner.errors import InputError
+
+Vector = NDArray[np.float64]
+
+#: What a robot's wrench is: of the contact in world axes, or a reading in the tool's axes from
+#: which weight and zero are still to be taken.
+CONTACT, READING = "contact", "reading"
+#: Two rates are the same within this share.
+_SAME_RATE = 1e-6
+
+
+@dataclass(frozen=True, slots=True)
+class RobotLimits:
+    """What a robot can do, by joint.
+
+    Attributes:
+        torque: (n,) [N m, N].
+        velocity: (n,) [rad/s, m/s].
+        lower, upper: (n,) ends of its range [rad, m].
+    """
+
+    torque: tuple[float, ...]
+    velocity: tuple[float, ...]
+    lower: tuple[float, ...]
+    upper: tuple[float, ...]
+
+    @classmethod
+    def of(cls, robot: RobotModel) -> RobotLimits:
+        """Those of a model."""
+        parts = (robot.torque_limit, robot.velocity_limit, robot.lower, robot.upper)
+        return cls(*(tuple(map(float, part)) for part in parts))
+
+
+@dataclass(frozen=True, slots=True)
+class RobotFacts:
+    """What a robot says of itself before it moves.
+
+    Attributes:
+        name: of the robot.
+        joints: names, in the order of all its vectors.
+        period: from one sample to the next [s].
+        wrench: `contact` or `reading`.
+        reactions: names of the constraints on joints whose reactions it measures.
+        lock_step: whether it waits for the answer to each sample; else its clock goes on.
+    """
+
+    name: str
+    joints: tuple[str, ...]
+    period: float
+    wrench: str = CONTACT
+    reactions: tuple[str, ...] = ()
+    lock_step: bool = False
+
+    @classmethod
+    def of(cls, program: Program, *, lock_step: bool) -> RobotFacts:
+        """What a task wants of the robot that it runs on."""
+        context = program.context
+        task = context.loaded.task
+        zero = sensor_zero(task, task.robot.sensor, context.robot)
+        return cls(
+            context.robot.name,
+            tuple(context.robot.joint_names),
+            context.period,
+            CONTACT if zero is None else READING,
+            tuple(context.equations),
+            lock_step,
+        )
+
+    def check(self, robot: RobotFacts, where: str) -> None:
+        """Finds out whether a robot is the one that these facts speak of.
+
+        Args:
+            robot: what it says of itself.
+            where: it is, for the message.
+
+        Raises:
+            InputError: it is another one, or runs at another rate.
+        """
+        if len(robot.joints) != len(self.joints) or robot.joints != self.joints:
+            raise InputError(
+                f"the robot at {where} is {robot.name!r} with {_listed(robot.joints)}; the task is "
+                f"for {self.name!r} with {_listed(self.joints)}; connect to that robot, or name "
+                "this one as the task's 'robot.model'"
+            )
+        if abs(robot.period - self.period) > _SAME_RATE * self.period:
+            theirs, ours = 1 / robot.period, 1 / self.period
+            raise InputError(
+                f"the robot at {where} runs at {theirs:.6g} Hz, the task's control at "
+                f"{ours:.6g} Hz; run it with --set control.rate={theirs:.6g}Hz"
+            )
+        if robot.wrench != self.wrench:
+            raise InputError(
+                f"the robot at {where} gives {_WRENCHES[robot.wrench]}, and the task's "
+                f"'robot.sensor' asks for {_WRENCHES[self.wrench]}; make the two the same"
+            )
+        if robot.reactions != self.reactions:
+            raise InputError(
+                f"the robot at {where} measures the constraints {_listed(robot.reactions)}, the "
+                f"task has {_listed(self.reactions)}; serve the same task file at both ends"
+            )
+
+
+_WRENCHES = {
+    CONTACT: "the wrench of the contact in world axes",
+    READING: "readings of a sensor on the tool",
+}
+
+
+def _listed(names: Sequence[str]) -> str:
+    return ", ".join(names) or "none"
+
+
+@dataclass(slots=True, eq=False)
+class Sample:
+    """What a robot has measured at an instant.
+
+    Attributes:
+        q, v: (n,) joint positions and velocities [rad or m], [rad/s or m/s].
+        wrench: (6,) by the environment on the tool tip, as `RobotFacts.wrench` has it [N, N m].
+        stamp: the robot's own time [s].
+        reactions: (equations,) what the robot applies along each constraint's gradient [N, N m].
+        last: whether the robot has ended, and takes no answer to it.
+    """
+
+    q: Vector
+    v: Vector
+    wrench: Vector
+    stamp: float
+    reactions: Vector = field(default_factory=lambda: np.zeros(0))
+    last: bool = False
+
+
+class Robot(Protocol):
+    """A robot that takes torques. `taskspec.robots` is the group of entry points that find one.
+
+    Attributes:
+        facts: what it says of itself.
+        limits: what it can do.
+    """
+
+    facts: RobotFacts
+    limits: RobotLimits
+
+    def read(self) -> Sample:
+        """Waits for the next sample. The first one is where the run starts: it is not answered.
+
+        Raises:
+            LinkError: there is none.
+        """
+
+    def write(self, torque: Vector) -> None:
+        """Answers the last sample with joint torques (n,), gravity included [N m, N].
+
+        Raises:
+            LinkError: they cannot be sent.
+        """
+
+    def stop(self, reason: str) -> None:
+        """Ends: from now on the robot brings itself to rest. May be called twice."""
+
+
+class LinkError(Exception):
+    """A robot, or who drives it, is no longer there.
+
+    Attributes:
+        name: a short name, such as `connection_lost`.
+        text: the same as a sentence.
+        ticks: of the run that were complete by then.
+    """
+
+    def __init__(self, name: str, text: str) -> None:
+        super().__init__(text)
+        self.name, self.text, self.ticks = name, text, 0

@@ -1,0 +1,507 @@
+"""The task's plant as a server: whoever answers its samples with torques drives the arm.
+
+The file's own machine runs beside: it says which stage it is and what is asked for, ends stages by
+the file's guards, and stops at its limits. Its torques are not applied; those of the answers are.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import secrets
+import socket
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taskspec import __version__
+from taskspec.analysis.worlds import World
+from taskspec.deferred_methods import dataclass
+from taskspec.program.ports import fields
+from taskspec.program.program import Program
+from taskspec.text.units import FORCE, LENGTH, VELOCITY, si_unit
+from taskspec_runner.errors import InputError
+from taskspec_runner.link import packets
+from taskspec_runner.link.address import Endpoint
+from taskspec_runner.link.packets import Packet, PacketError, State
+from taskspec_runner.link.robot import LinkError, RobotFacts, RobotLimits
+from taskspec_runner.link.waiting import received
+from taskspec_runner.loop.assembly import Assembly, assemble
+from taskspec_runner.loop.sensing import Sensing
+from taskspec_runner.plant.plant import Plant
+
+Vector = NDArray[np.float64]
+Peer = tuple[Any, ...]
+
+#: In lock-step a sample that is not answered is sent again after this time [s].
+_AGAIN = 0.05
+#: How long the end is told to a controller that does not answer [s].
+_FAREWELL = 0.3
+#: Samples in a row that may go without an answer at the wall clock.
+STOP_AFTER = 20
+#: How long a controller is waited for at first, and an answer in lock-step [s].
+WAIT, ANSWER = 600.0, 2.0
+#: How long the answer to the start may take [s].
+_READY = 30.0
+#: What a state has beside what is measured: of the arm's model, then of the machine's outputs.
+_MODEL = ("gravity", "jacobian")
+_OUTPUTS = (
+    *("tip", "tip_rotation", "offset", "frame"),
+    *("position", "position_ref", "velocity", "velocity_ref", "force", "force_ref"),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class ServerOptions:
+    """How a plant is served.
+
+    Attributes:
+        free_running: at the wall clock; else in lock-step.
+        stop_after: at the wall clock, so many samples in a row may go without an answer.
+        wait: for a controller [s].
+        answer: in lock-step, how long an answer is waited for [s].
+    """
+
+    free_running: bool = False
+    stop_after: int = STOP_AFTER
+    wait: float = WAIT
+    answer: float = ANSWER
+
+
+class PlantServer:
+    """The socket of a plant, and the one controller that drives it.
+
+    Attributes:
+        endpoint: where it listens.
+        client: what the controller calls itself.
+        rejected: packets that were none, or of another session.
+    """
+
+    def __init__(self, endpoint: Endpoint) -> None:
+        """Listens.
+
+        Raises:
+            InputError: it cannot.
+        """
+        try:
+            found = socket.getaddrinfo(
+                endpoint.host, endpoint.port, type=socket.SOCK_DGRAM, flags=socket.AI_PASSIVE
+            )
+            family, kind, protocol, _, address = found[0]
+            self._socket = socket.socket(family, kind, protocol)
+        except (OSError, UnicodeError) as error:
+            why = getattr(error, "strerror", None) or str(error)
+            raise InputError(
+                f"cannot listen at {endpoint.text}: {why}; name an address of this machine, such "
+                "as udp://127.0.0.1:39017"
+            ) from error
+        try:
+            self._socket.setblocking(False)
+            self._socket.bind(address)
+        except OSError as error:
+            self._socket.close()
+            raise InputError(
+                f"cannot listen at {endpoint.text}: {error.strerror or error}; choose another "
+                "port, or port 0 for any that is free"
+            ) from error
+        self.endpoint = Endpoint(endpoint.host, int(self._socket.getsockname()[1]))
+        self.client, self.rejected = "", 0
+        self._peer: Peer | None = None
+        self._session, self._welcome = 0, b""
+
+    def close(self) -> None:
+        """Gives the socket back."""
+        self._socket.close()
+
+    @property
+    def closed(self) -> bool:
+        """Whether it listens no more."""
+        return self._socket.fileno() < 0
+
+    def wait(
+        self, welcome: dict[str, Any], patience: float, say: Callable[[str], None] | None = None
+    ) -> None:
+        """Waits for a controller, and welcomes it.
+
+        Args:
+            welcome: what it is told.
+            patience: how long [s].
+            say: is told now and then that nobody has come.
+
+        Raises:
+            InputError: nobody has come.
+        """
+        self._session = secrets.randbelow(0xFFFFFFFE) + 1
+        body = packets.json_body(welcome)
+        self._welcome = Packet(packets.WELCOME, self._session, 0, 0.0, body).to_bytes()
+        if len(self._welcome) > packets.LONGEST:
+            raise InputError("the task has too many names for a welcome of 16384 bytes")
+        began, told = time.monotonic(), 0.0
+        while (waited := time.monotonic() - began) < patience:
+            if say is not None and waited >= told + 5:
+                told = waited
+                say(f"waiting for a controller at {self.endpoint.text}: {waited:.0f} s")
+            data, peer = self._received(0.2)
+            if data is None:
+                continue
+            try:
+                packet = packets.read_packet(data)
+                if packet.kind != packets.HELLO:
+                    raise PacketError("it is no hello")
+                said = packets.read_json_body(packet.body)
+            except PacketError as error:
+                self.rejected += 1
+                if "of version" in str(error):
+                    self._refuse(peer, str(error))
+                continue
+            self._peer, self.client = peer, _line(said.get("client"))
+            self._send(self._welcome)
+            return
+        raise InputError(
+            f"no controller has said hello at {self.endpoint.text} in {patience:g} s; start one, "
+            f"such as 'taskspec run FILE --on {self.endpoint.text}', or wait longer with --wait"
+        )
+
+    def receive(self, until: float) -> Packet | None:
+        """The controller's next command; None if none comes until a time [s, monotonic].
+
+        Raises:
+            LinkError: the controller stops.
+        """
+        late = False
+        while not late:
+            data, peer = self._received(until - time.monotonic())
+            if data is None:
+                return None
+            # A flood of rubbish is looked at no longer than that.
+            late = time.monotonic() > until
+            try:
+                packet = packets.read_packet(data)
+                if peer != self._peer:
+                    if packet.kind == packets.HELLO:
+                        self._refuse(peer, f"{self.client or 'another controller'} drives it")
+                    raise PacketError("it is of somebody else")
+                if packet.kind == packets.HELLO:
+                    # Its welcome was lost.
+                    self._send(self._welcome)
+                    continue
+                if packet.session != self._session:
+                    raise PacketError("it is of another session")
+                if packet.kind == packets.STOP:
+                    text = packets.read_stop(packet.body)
+                    raise LinkError("controller_stopped", f"the controller ended the run: {text}")
+                if packet.kind == packets.COMMAND:
+                    return packet
+                raise PacketError("a controller sends hello, command or stop")
+            except PacketError:
+                self.rejected += 1
+        return None
+
+    def send(self, number: int, stamp: float, state: State) -> None:
+        """Sends a state."""
+        body = state.to_bytes()
+        self._send(Packet(packets.STATE, self._session, number, stamp, body).to_bytes())
+
+    def say_stop(self, text: str) -> None:
+        """Tells the controller that nothing follows."""
+        body = packets.stop_body(text)
+        self._send(Packet(packets.STOP, self._session, 0, 0.0, body).to_bytes())
+
+    def _refuse(self, peer: Peer, why: str) -> None:
+        body = packets.stop_body(why)
+        self._send(Packet(packets.STOP, 0, 0, 0.0, body).to_bytes(), peer)
+
+    def _send(self, data: bytes, peer: Peer | None = None) -> None:
+        to = self._peer if peer is None else peer
+        # What cannot be sent is as lost as what is lost on the way: silence is given up in time.
+        with contextlib.suppress(OSError):
+            self._socket.sendto(data, to)  # type: ignore[arg-type]
+
+    def _received(self, wait: float) -> tuple[bytes | None, Peer]:
+        try:
+            return received(self._socket, wait) or (None, ())
+        except OSError:
+            # What was sent to somebody who has gone.
+            return None, ()
+
+
+def _line(text: object) -> str:
+    said = text[:60] if isinstance(text, str) else ""
+    return "".join(c for c in said if c.isprintable())
+
+
+class ServedPlant:
+    """What the loop senses and steps, where a controller elsewhere has the torques.
+
+    In lock-step a sample is sent until it is answered. At the wall clock an answer counts that is
+    there when the period is over; without one the last torque is held. Where this process itself
+    comes too late, the plant's clock waits for it.
+
+    Attributes:
+        arm: itself, which the loop asks whether it has diverged.
+        diverged: as the plant's arm.
+        lost, in_a_row, late, repeated, clipped: answers so far, by what became of them.
+        slipped: how long the plant's clock has waited [s].
+    """
+
+    def __init__(
+        self, server: PlantServer, parts: Assembly[Plant], sensing: Sensing, options: ServerOptions
+    ) -> None:
+        self._plant, self._sensing, self._machine = parts.plant, sensing, parts.machine
+        self._server, self._options, self._bus = server, options, parts.bus
+        self._most = parts.program.context.robot.torque_limit
+        self._period = parts.program.context.period
+        self.diverged = False
+        self.lost = self.in_a_row = self.late = self.repeated = self.clipped = 0
+        self.slipped = 0.0
+        self._missed, self._newest, self._ticks = 0, 0, 0
+        self._started = False
+        self._torque = np.zeros(len(self._machine.torque))
+        self._due, self._late_now = math.nan, 0.0
+        terms, outputs = self._machine.terms, slices_of(parts)
+        model = {"gravity": terms.gravity, "jacobian": terms.arrays[3]}
+        views = [model[name] for name in _MODEL] + [outputs[name] for name in _OUTPUTS]
+        self.extras = tuple(zip((*_MODEL, *_OUTPUTS), views, strict=True))
+
+    @property
+    def arm(self) -> ServedPlant:
+        """The arm, as the loop asks for it."""
+        return self
+
+    def read(self) -> None:
+        """Senses; the first time, the controller is given where the run starts."""
+        self._sensing.read()
+        if not self._started:
+            self._started = True
+            self._machine.update_terms()
+            self._torque[:] = self._machine.terms.gravity
+            try:
+                # The controller may compile its part before it answers.
+                patience = max(_READY, self._options.answer)
+                self._in_lock_step(0, self._state(packets.START), patience)
+            except LinkError as error:
+                error.ticks = 0
+                raise
+            self._due = time.monotonic()
+
+    def step(self, torque: Vector) -> None:
+        """Sends the sample, and holds the answer's torques for one control period.
+
+        Raises:
+            LinkError: the controller is gone.
+        """
+        number = self._ticks + 1
+        try:
+            if self._options.free_running:
+                self._at_the_wall_clock(number)
+            else:
+                state, patience = self._state(0), self._options.answer
+                self._hold(self._in_lock_step(number, state, patience))
+        except LinkError as error:
+            error.ticks = self._ticks
+            raise
+        torque[:] = self._torque
+        if self._bus.linked:
+            self._bus.view("link")[:] = self._late_now, self._missed
+        self._plant.step(torque)
+        self.diverged = self._plant.arm.diverged
+        self._ticks += 1
+
+    def alarm(self) -> tuple[str, str] | None:
+        """The simulator's own."""
+        return self._plant.alarm()
+
+    def _state(self, flags: int) -> State:
+        machine = self._machine
+        wrench = machine.wrench if machine.sensor is None else machine.sensor.reading
+        start = flags & packets.START
+        return State(
+            flags,
+            machine.index,
+            self._missed,
+            0 if start else machine.visits[machine.stage.name],
+            machine.t,
+            machine.q,
+            machine.v,
+            wrench,
+            machine.reactions,
+            np.concatenate([view for _, view in self.extras]),
+        )
+
+    def _in_lock_step(self, number: int, state: State, patience: float) -> Vector:
+        """The answer to a sample, which is sent until there is one, or `patience` [s] is over."""
+        until, stamp = time.monotonic() + patience, self._ticks * self._period
+        while True:
+            self._server.send(number, stamp, state)
+            again = time.monotonic() + _AGAIN
+            while (packet := self._server.receive(again)) is not None:
+                torque = self._answer(packet)
+                if packet.number == number and torque is not None:
+                    return torque
+                self.repeated += torque is not None
+                if time.monotonic() > until:
+                    break
+            if time.monotonic() > until:
+                text = f"no answer from the controller for {patience:g} s"
+                raise LinkError("connection_lost", text)
+
+    def _answer(self, packet: Packet) -> Vector | None:
+        try:
+            return packets.read_command(packet.body, len(self._torque))
+        except PacketError:
+            self._server.rejected += 1
+            return None
+
+    def _at_the_wall_clock(self, number: int) -> None:
+        """Sends a sample, and takes the newest answer when its period is over."""
+        now = time.monotonic()
+        # Behind by more than a period: rather the clock waits than ticks without a chance.
+        if now > self._due + self._period:
+            self.slipped += now - self._due
+            self._due = now
+        self._due += self._period
+        self._server.send(number, self._ticks * self._period, self._state(0))
+        found: Vector | None = None
+        while (packet := self._server.receive(self._due)) is not None:
+            torque = self._answer(packet)
+            if torque is not None and self._newest < packet.number <= number:
+                found, self._newest = torque, packet.number
+            else:
+                self.repeated += torque is not None
+            if time.monotonic() > self._due + self._period:
+                break
+        self._late_now = max(time.monotonic() - self._due, 0.0)
+        self._missed = number - self._newest
+        if self._missed:
+            self.lost += 1
+            self.in_a_row = max(self.in_a_row, self._missed)
+            self.late += found is not None
+        if found is not None:
+            self._hold(found)
+        if self._missed > self._options.stop_after:
+            raise LinkError(
+                "answers_lost",
+                f"{self._missed} samples in a row went without an answer; up to "
+                f"{self._options.stop_after} are borne (--stop-after)",
+            )
+
+    def _hold(self, torque: Vector) -> None:
+        """Takes torques (n,), within what the motors can do."""
+        np.clip(torque, -self._most, self._most, out=self._torque)
+        self.clipped += not np.array_equal(torque, self._torque)
+
+    def farewell(self, text: str) -> None:
+        """Gives the controller the sample that ended the run, and says why it did."""
+        until = time.monotonic() + _FAREWELL
+        number, stamp = self._ticks + 1, self._ticks * self._period
+        state = self._state(packets.LAST)
+        try:
+            while time.monotonic() < until:
+                self._server.send(number, stamp, state)
+                while self._server.receive(time.monotonic() + _AGAIN) is not None:
+                    if time.monotonic() > until:
+                        break
+        except LinkError:
+            # It has said that it stops, too.
+            return
+        self._server.say_stop(text)
+
+    def as_data(self) -> dict[str, Any]:
+        """What a summary says of answers."""
+        counts = ("lost", "in_a_row", "late", "repeated", "clipped")
+        return {name: getattr(self, name) for name in counts}
+
+
+def slices_of(parts: Assembly[Plant]) -> dict[str, Vector]:
+    """The machine's outputs by name, as views."""
+    return {name: parts.bus.view(name) for name in _OUTPUTS}
+
+
+class Served:
+    """How a program's plant is served: the run of whoever drives it.
+
+    Attributes:
+        server: that it is served by.
+        options: how.
+    """
+
+    #: Its logs have the truth.
+    measured = False
+
+    def __init__(self, server: PlantServer, options: ServerOptions) -> None:
+        self.server, self.options = server, options
+        self._plant: ServedPlant | None = None
+
+    @property
+    def lock_step(self) -> bool:
+        """Whether the plant waits for each answer."""
+        return not self.options.free_running
+
+    def assemble(self, program: Program, world: World) -> Assembly[ServedPlant]:
+        """What the run is made of; answers drive the plant."""
+        parts = assemble(program, world, linked=not self.lock_step)
+        # Its torques are not applied: what its program cannot answer is no reason to stop.
+        parts.machine.followed = False
+        plant = parts.plant
+        sensing = Sensing(plant.arm, plant.views.equations, parts.machine, world.noise_seed)
+        self._plant = ServedPlant(self.server, parts, sensing, self.options)
+        return Assembly(program, world, parts.bus, self._plant, parts.machine, sensing=self._plant)
+
+    def finish(self, text: str) -> None:
+        """Tells the controller that the run has ended, and why. May be called twice."""
+        if self.server.closed:
+            return
+        if self._plant is not None:
+            self._plant.farewell(text)
+        else:
+            self.server.say_stop(text)
+        self.server.close()
+
+    def as_data(self) -> dict[str, Any]:
+        """What a summary says of the link."""
+        assert self._plant is not None
+        mode = "lock-step" if self.lock_step else "free-running"
+        said = {"end": "plant", "mode": mode, "name": self.server.client}
+        policy: dict[str, Any] = {}
+        if not self.lock_step:
+            policy = {"stop_after": self.options.stop_after, "slipped": self._plant.slipped}
+        return {**said, **policy, "rejected": self.server.rejected, **self._plant.as_data()}
+
+
+def welcome(program: Program, options: ServerOptions) -> dict[str, Any]:
+    """What a controller is told before it drives a plant."""
+    context = program.context
+    robot, facts = context.robot, RobotFacts.of(program, lock_step=not options.free_running)
+    limits, hinges = RobotLimits.of(robot), robot.hinges
+    n, outputs = len(facts.joints), dict(fields(len(facts.reactions)))
+    extras = [("gravity", n), ("jacobian", 6 * n), *((name, outputs[name]) for name in _OUTPUTS)]
+    return {
+        "protocol": packets.VERSION,
+        "server": f"taskspec {__version__}",
+        "task": context.loaded.task.name,
+        "mode": "lock-step" if facts.lock_step else "free-running",
+        "period": facts.period,
+        "rate": 1 / facts.period,
+        "robot": {
+            "name": facts.name,
+            "joints": list(facts.joints),
+            "units": {
+                "position": [si_unit(LENGTH.on(rotation=t)) for t in hinges],
+                "velocity": [si_unit(VELOCITY.on(rotation=t)) for t in hinges],
+                "torque": [si_unit(FORCE.on(rotation=t)) for t in hinges],
+            },
+            "limits": {
+                name: [x if math.isfinite(x) else None for x in getattr(limits, name)]
+                for name in ("torque", "velocity", "lower", "upper")
+            },
+        },
+        "wrench": facts.wrench,
+        "equations": list(facts.reactions),
+        "stages": [stage.name for stage in program.stages],
+        "extras": [[name, length] for name, length in extras],
+        "stop_after": options.stop_after if options.free_running else None,
+        "answer_within": options.answer if facts.lock_step else facts.period,
+    }

@@ -1,0 +1,275 @@
+"""A robot at the other end of a UDP socket: the controller's side of docs/protocol.md."""
+
+from __future__ import annotations
+
+import math
+import socket
+import time
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taskspec import __version__
+from taskspec_runner.errors import InputError
+from taskspec_runner.link import packets
+from taskspec_runner.link.address import Endpoint, read_endpoint
+from taskspec_runner.link.packets import Packet, PacketError
+from taskspec_runner.link.robot import (
+    CONTACT,
+    READING,
+    LinkError,
+    RobotFacts,
+    RobotLimits,
+    Sample,
+)
+from taskspec_runner.link.waiting import received
+
+Vector = NDArray[np.float64]
+
+#: From one hello to the next [s].
+_AGAIN = 0.2
+#: How long a plant that says nothing is waited for, at the start and then [s].
+PATIENCE, SILENCE = 10.0, 2.0
+#: A stop is said so many times, as one may be lost.
+_STOPS = 3
+_MOST_JOINTS = 64
+
+
+class UdpRobot:
+    """A robot, or a `taskspec plant`, that speaks the protocol.
+
+    Attributes:
+        where: its address.
+        welcome: all that it says of itself.
+        facts, limits: the same as a robot has them.
+        rejected, resent: packets that were none, and answers that were sent again.
+    """
+
+    facts: RobotFacts
+    limits: RobotLimits
+
+    def __init__(
+        self,
+        url: str,
+        *,
+        patience: float = PATIENCE,
+        silence: float = SILENCE,
+        say: Callable[[str], None] | None = None,
+    ) -> None:
+        """Says hello, and waits for the welcome.
+
+        Args:
+            url: where it is.
+            patience: how long it is waited for [s].
+            silence: after which it is given up in a run [s].
+            say: is told now and then that it is still waited for.
+
+        Raises:
+            InputError: there is none, or it speaks another version.
+        """
+        endpoint = read_endpoint(url, "--on")
+        self.where, self._silence = endpoint.text, silence
+        self.rejected = self.resent = 0
+        self._session, self._number, self._started = 0, -1, False
+        self._answer = b""
+        self._socket = _connected(endpoint)
+        try:
+            self.welcome = self._introduced(patience, say)
+            self.facts, self.limits = _facts(self.welcome, self.where)
+        except BaseException:
+            self._socket.close()
+            raise
+
+    def _introduced(self, patience: float, say: Callable[[str], None] | None) -> dict[str, Any]:
+        body = packets.json_body({"protocol": packets.VERSION, "client": f"taskspec {__version__}"})
+        hello = Packet(packets.HELLO, 0, 0, 0.0, body).to_bytes()
+        began, told, last = time.monotonic(), 0, "nothing came back"
+        while (waited := time.monotonic() - began) < patience:
+            if say is not None and int(waited) > told:
+                told = int(waited)
+                say(f"waiting for {self.where}: {told} s of {patience:.0f} s")
+            try:
+                self._socket.send(hello)
+                until = time.monotonic() + _AGAIN
+                while (data := self._received(until)) is not None:
+                    packet = packets.read_packet(data)
+                    if packet.kind == packets.STOP:
+                        why = packets.read_stop(packet.body)
+                        raise InputError(f"the plant at {self.where} takes no controller: {why}")
+                    if packet.kind == packets.WELCOME:
+                        self._session = packet.session
+                        return packets.read_json_body(packet.body)
+            except PacketError as error:
+                if "of version" in str(error):
+                    raise InputError(
+                        f"cannot talk to {self.where}: {error}; install the same version of "
+                        "taskspec at both ends"
+                    ) from error
+                last = f"what came back is no packet: {error}"
+            except ConnectionRefusedError:
+                last = "nothing listens there"
+                time.sleep(_AGAIN)
+            except OSError as error:
+                last = error.strerror or str(error)
+                time.sleep(_AGAIN)
+        raise InputError(
+            f"no plant answers at {self.where} in {patience:g} s ({last}); start one with "
+            f"'taskspec plant FILE --listen {self.where}', or name where it listens"
+        )
+
+    def _received(self, until: float) -> bytes | None:
+        """What comes next; None if nothing does until a time of `time.monotonic` [s]."""
+        found = received(self._socket, until - time.monotonic())
+        return None if found is None else found[0]
+
+    def read(self) -> Sample:
+        """Waits for the next sample; in lock-step, one that comes again is answered again.
+
+        Raises:
+            LinkError: the plant has stopped, or says nothing for too long.
+        """
+        if self._number == 0 and not self._started:
+            self._started = True
+            self._send_answer(np.zeros(len(self.facts.joints)))
+        until = time.monotonic() + self._silence
+        while True:
+            try:
+                data = self._received(until)
+                if data is None:
+                    text = f"no sample from {self.where} for {self._silence:g} s"
+                    raise LinkError("connection_lost", f"{text}; is the plant still running?")
+                packet = packets.read_packet(data)
+                if packet.session != self._session:
+                    raise PacketError("it is of another session")
+                if packet.kind == packets.STOP:
+                    text = packets.read_stop(packet.body)
+                    raise LinkError("robot_stopped", f"the robot at {self.where} ended: {text}")
+                if packet.kind != packets.STATE:
+                    continue
+                sample = self._sample(packet)
+            except PacketError:
+                self.rejected += 1
+                # A flood of rubbish is no reason to wait for ever.
+                if time.monotonic() > until:
+                    text = f"no sample from {self.where} for {self._silence:g} s, only rubbish"
+                    raise LinkError("connection_lost", text) from None
+            except OSError as error:
+                text = f"nothing listens at {self.where} any more: {error.strerror or error}"
+                raise LinkError("connection_lost", text) from error
+            else:
+                if sample is not None:
+                    return sample
+
+    def _sample(self, packet: Packet) -> Sample | None:
+        """The sample of a state; None of one that has been answered."""
+        state = packets.read_state(packet.body)
+        n, m = len(self.facts.joints), len(self.facts.reactions)
+        if len(state.q) != n or len(state.reactions) != m:
+            raise PacketError(f"it is not of {n} joints and {m} equations")
+        start = bool(state.flags & packets.START)
+        old = packet.number <= self._number and self._number >= 0
+        # Of a clock that goes on, whoever reads decides what an old sample is.
+        if (start and old) or (self.facts.lock_step and old):
+            if packet.number == self._number and self._answer:
+                self.resent += 1
+                self._socket.send(self._answer)
+            return None
+        if not start:
+            self._started = True
+        self._number, self._answer = packet.number, b""
+        last = bool(state.flags & packets.LAST)
+        return Sample(state.q, state.v, state.wrench, packet.stamp, state.reactions, last)
+
+    def write(self, torque: Vector) -> None:
+        """Answers the last sample with joint torques (n,) [N m, N].
+
+        Raises:
+            LinkError: they cannot be sent.
+        """
+        self._send_answer(torque)
+
+    def _send_answer(self, torque: Vector) -> None:
+        body = packets.command_body(torque)
+        packet = Packet(packets.COMMAND, self._session, self._number, 0.0, body)
+        self._answer = packet.to_bytes()
+        try:
+            self._socket.send(self._answer)
+        except BlockingIOError:
+            pass
+        except OSError as error:
+            text = f"torques do not get through to {self.where}: {error.strerror or error}"
+            raise LinkError("connection_lost", text) from error
+
+    def stop(self, reason: str) -> None:
+        """Says that nothing follows; the robot brings itself to rest."""
+        if self._socket.fileno() < 0:
+            return
+        body = packets.stop_body(reason)
+        packet = Packet(packets.STOP, self._session, max(self._number, 0), 0.0, body).to_bytes()
+        for _ in range(_STOPS):
+            try:
+                self._socket.send(packet)
+            except OSError:
+                break
+        self._socket.close()
+
+
+def _connected(endpoint: Endpoint) -> socket.socket:
+    try:
+        found = socket.getaddrinfo(endpoint.host, endpoint.port, type=socket.SOCK_DGRAM)
+    except (OSError, UnicodeError) as error:
+        why = getattr(error, "strerror", None) or str(error)
+        raise InputError(
+            f"{endpoint.text} cannot be reached: host {endpoint.host!r} has no address ({why}); "
+            "check the name, or write the number of the address"
+        ) from error
+    family, kind, protocol, _, target = found[0]
+    made = socket.socket(family, kind, protocol)
+    try:
+        made.setblocking(False)
+        made.connect(target)
+    except OSError as error:
+        made.close()
+        raise InputError(
+            f"{endpoint.text} cannot be reached: {error.strerror or error}; check the network, "
+            "and that the address is right"
+        ) from error
+    return made
+
+
+def _facts(said: Mapping[str, Any], where: str) -> tuple[RobotFacts, RobotLimits]:
+    """What a welcome says.
+
+    Raises:
+        InputError: it does not say it.
+    """
+    try:
+        robot, limits = said["robot"], said["robot"]["limits"]
+        joints = tuple(map(str, robot["joints"]))
+        period = float(said["period"])
+        wrench, mode = str(said["wrench"]), str(said["mode"])
+        facts = RobotFacts(
+            str(robot["name"]),
+            joints,
+            period,
+            wrench,
+            tuple(map(str, said["equations"])),
+            mode == "lock-step",
+        )
+        parts = [_numbers(limits[name]) for name in ("torque", "velocity", "lower", "upper")]
+        good = 0 < len(joints) <= _MOST_JOINTS and period > 0 and math.isfinite(period)
+        good = good and wrench in (CONTACT, READING) and mode in ("lock-step", "free-running")
+        if not good or any(len(part) != len(joints) for part in parts):
+            raise ValueError("its numbers do not fit each other")
+    except (KeyError, TypeError, ValueError) as error:
+        raise InputError(
+            f"the welcome of {where} is not what version {packets.VERSION} of the protocol asks "
+            f"for: {error!r}; see docs/protocol.md"
+        ) from error
+    return facts, RobotLimits(*parts)
+
+
+def _numbers(values: Sequence[float | None]) -> tuple[float, ...]:
+    return tuple(math.inf if value is None else float(value) for value in values)
