@@ -73,7 +73,8 @@ class LogLayout:
         """
         self._slices, self._stages = slices, stages
         self.fields = max(each.stop for each in slices.values())
-        whole = [*_columns(robot, stages, task), *(LINK_COLUMNS if "link" in slices else ())]
+        whole: list[Column] = list(_columns(robot, stages, task))
+        whole += LINK_COLUMNS if "link" in slices else ()
         unknown = frozenset(_unmeasured(task) if measured else ())
         self._layout = tuple(column for column in whole if column.name not in unknown)
         self._columns = {column.name: column for column in self._layout}
