@@ -31,6 +31,10 @@ contacts are 4 % softer: errors begin 2 % inside the boundary, and 2 % beyond it
 
 **Announced** is a bad run if there was an error or warning whose code announces its end; which code
 announces which is in `tests/campaigns/announcements.yaml`.
+
+**Run ahead.** Where looks at single stages leave a doubt, `validate` runs the closed loop ahead
+itself, on a plain plant that knows nothing of the simulator's solver, with the sensor's noise of a
+run's first seed: see [the language](language.md#tasks-that-are-run-ahead).
 """
 #: Of a seed whose disagreements were looked into.
 TRACED = (
