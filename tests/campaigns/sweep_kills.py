@@ -132,7 +132,17 @@ def _kill_all(folder: Path, out: str, rows: int) -> str:
 
 def _command(folder: Path, out: str) -> list[str]:
     command = [sys.executable, "-m", "taskspec_runner", "sweep", str(folder / "tap.yaml")]
-    return [*command, "--out", str(folder / out), "-j", str(JOBS), "--worlds", str(WORLDS)]
+    return [
+        *command,
+        "--out",
+        str(folder / out),
+        "-j",
+        str(JOBS),
+        "--worlds",
+        str(WORLDS),
+        "--keep",
+        "none",
+    ]
 
 
 def _run(folder: Path, out: str) -> subprocess.CompletedProcess[str]:
