@@ -18,7 +18,7 @@ from taskspec.spec.parse_context import ParseContext
 from taskspec.text import nodes
 from taskspec.text.characters import normal
 from taskspec.text.codes import register
-from taskspec.text.confines import OUTSIDE, REMEDY, Confines, confines
+from taskspec.text.confines import OUTSIDE, REMEDY, Confines, confines, here
 from taskspec.text.diagnostic import Diagnostics, Note
 from taskspec.text.nodes import Mapping as MappingNode
 from taskspec.text.nodes import Node, Scalar, Sequence
@@ -109,7 +109,7 @@ class Inclusion:
 
     def _file(self, entry: Scalar, folder: PurePath, chain: tuple[str, ...]) -> MappingNode | None:
         """The tree of one file with what it includes itself; None where there is none to add."""
-        path = self._base / folder / entry.value
+        path = here(self._base / folder / entry.value)
         real = os.path.realpath(path) if "\0" not in entry.value else ""
         if not self._is_sound(entry, path, real, chain):
             return None

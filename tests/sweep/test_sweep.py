@@ -366,10 +366,13 @@ vary: {world.door.xyz: [0..2 m, 0, 0]}
 
 
 OWN = """taskspec: 1
+include: {cell}
 robot: {{model: {robot}, start: {{xyz: [500 mm, 300 mm, 0]}}}}
-world: {{wall: {{shape: plane, xyz: [600 mm, 0, 0], rpy: [0, -90 deg, 0]}}}}
 stages: {{go: {{path: {{file: {table}, speed: 50 mm/s}}}}}}
 vary: {{world.wall.stiffness: 1..100 kN/m}}
+"""
+CELL = """taskspec: 1
+world: {wall: {shape: plane, xyz: [600 mm, 0, 0], rpy: [0, -90 deg, 0]}}
 """
 ARM = """<mujoco>
   <compiler meshdir="{meshes}"/>
@@ -399,6 +402,7 @@ def test_a_bundle_is_all_that_a_worker_needs(named, tmp_path):
     home = tmp_path / "here"
     files = {
         "project/tasks/own.yaml": OWN,
+        "project/parts/cell.yaml": CELL,
         "project/robots/arm.xml": ARM,
         "project/parts/links.xml": LINKS,
         "project/parts/palm.obj": PALM,
@@ -406,6 +410,7 @@ def test_a_bundle_is_all_that_a_worker_needs(named, tmp_path):
     }
     above = f"{home}/project" if named == "absolute" else ".."
     places = {
+        "cell": f"{above}/parts/cell.yaml",
         "robot": f"{above}/robots/arm.xml",
         "table": f"{above}/tables/way.csv",
         "links": f"{above}/parts/links.xml",
@@ -413,7 +418,7 @@ def test_a_bundle_is_all_that_a_worker_needs(named, tmp_path):
     }
     for name, text in files.items():
         (home / name).parent.mkdir(parents=True, exist_ok=True)
-        braces = name.endswith((".yaml", "arm.xml"))
+        braces = name.endswith(("own.yaml", "arm.xml"))
         (home / name).write_text(text.format(**places) if braces else text, encoding="utf-8")
     (home / "project" / "pyproject.toml").touch()
     program = compile_task(load_task(home / "project" / "tasks" / "own.yaml"))
