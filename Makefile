@@ -53,10 +53,11 @@ long: $(READY)  ## memory of runs of 1, 10 and 60 simulated minutes; table in do
 
 FOREIGN := runs/foreign
 
-foreign: $(READY)  ## model terms of 24 robots of other people against Pinocchio; 1.1 GB of packages
+foreign: $(READY)  ## 42 robots of other people: model terms, and a first task that wipes; 1.1 GB
 	$(BIN)/python tests/campaigns/foreign_robots.py --names | \
 		xargs $(BIN)/pip install --quiet --no-deps --upgrade --target $(FOREIGN)
 	$(BIN)/python tests/campaigns/foreign_robots.py --packages $(FOREIGN)
+	$(BIN)/python tests/campaigns/first_tasks.py --packages $(FOREIGN) --page docs/robots.md
 
 BASE ?= 19f4a73
 equivalence: $(READY)  ## hold the tree against commit BASE: shipped and 200 random tasks, diagnostics

@@ -19,7 +19,7 @@ import pinocchio as pin
 from taskspec.deferred_methods import dataclass
 from taskspec.geometry.axis import Axis
 from taskspec.robot.pinocchio_model import Bodies
-from taskspec.robot.types import ToolBody, ToolGeometry
+from taskspec.robot.types import FileRemark, ToolBody, ToolGeometry
 from taskspec.store import Store, sources
 
 if TYPE_CHECKING:
@@ -57,6 +57,7 @@ class KnownArm:
     source: str
     flange: str
     notes: tuple[str, ...]
+    remarks: tuple[FileRemark, ...]
 
 
 def arm_key(name: str, section: object, content: Sequence[bytes]) -> str:

@@ -36,6 +36,7 @@ class Description:
         source: Where the numbers come from.
         velocity: Velocity limits by joint id [rad/s or m/s].
         mimics: Joints that follow another one, which none of an arm's may.
+        followed: Joints that others follow, as the driven finger of a gripper is.
         notes: What could not be read as it is written.
     """
 
@@ -44,6 +45,7 @@ class Description:
     source: str
     velocity: Mapping[int, float] = field(default_factory=dict)
     mimics: tuple[str, ...] = ()
+    followed: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
 
 

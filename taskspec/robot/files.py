@@ -25,7 +25,7 @@ register(
     }
 )
 
-SUFFIXES = (".xml", ".mjcf", ".urdf")
+SUFFIXES = (".xml", ".mjcf", ".urdf", ".xacro")
 MESH_SUFFIXES = (".stl", ".obj", ".msh", ".dae")
 
 _MODEL_BYTES = 8 * 2**20
@@ -95,13 +95,10 @@ def read_model(path: Path, shown: str, confines: Confines) -> str:
             kind, TS409 when it lies elsewhere.
     """
     if not {path.suffix.lower(), _real_suffix(path)} <= set(SUFFIXES):
-        hint = (
-            "expand it first: xacro arm.urdf.xacro > arm.urdf" if ".xacro" in path.suffixes else ""
-        )
         raise RobotError(
             "TS402",
             f"'{shown}' is neither MJCF nor URDF by its ending",
-            hint or f"known endings are {', '.join(SUFFIXES)}",
+            f"known endings are {', '.join(SUFFIXES)}",
         )
     if not confines.hold(path):
         raise RobotError("TS409", f"'{shown}' lies outside of the task's project", REMEDY)
@@ -141,6 +138,15 @@ def read_mesh(path: Path, others: Mapping[str, bytes]) -> bytes | None:
     except RobotError:
         return None
     return as_obj(data) if data and path.suffix.lower() == ".dae" else data
+
+
+def read_part(path: Path, shown: str) -> None:
+    """Notes a file that something else has read for the robot; see `noting_files`.
+
+    Raises:
+        RobotError: TS402 when it is not a regular file, or too large.
+    """
+    _read(path, shown, _MODEL_BYTES)
 
 
 def mesh_token(number: int, path: Path) -> str:

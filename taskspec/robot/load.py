@@ -21,10 +21,12 @@ from taskspec.robot.errors import RobotError
 from taskspec.robot.files import looks_like_path, noting_files
 from taskspec.robot.library import builtin_names, is_builtin, read_builtin
 from taskspec.robot.mobility import is_planar, tip_axes
-from taskspec.robot.own import read_own
+from taskspec.robot.own import read_own, read_packaged
+from taskspec.robot.packages import is_packaged
 from taskspec.robot.pinocchio_model import Bodies, pinocchio_model
 from taskspec.robot.poses import mirrored, pose_of_rpy
 from taskspec.robot.rebuild import rebuild
+from taskspec.robot.remarks import remarks
 from taskspec.robot.tool import attach, make_tool
 from taskspec.robot.types import MujocoArm, RobotLike, RobotModel, ToolBody
 from taskspec.text.codes import register
@@ -67,6 +69,15 @@ class _Placed:
 
 
 @dataclass(frozen=True, slots=True)
+class _Carrier:
+    """A `FlangeLike` that can be looked up."""
+
+    body: str | None
+    xyz: tuple[float, ...]
+    rpy: tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True)
 class _Mounted:
     """A `ToolLike` that can be looked up."""
 
@@ -82,7 +93,7 @@ class _Section:
     """A `RobotLike` that can be looked up."""
 
     model: str
-    flange: str | None
+    flange: _Carrier | None
     base: _Placed
     tool: _Mounted
     balanced: bool
@@ -90,11 +101,11 @@ class _Section:
     @staticmethod
     def of(robot: RobotLike) -> _Section:
         """What the models of a robot are made from."""
-        tool, base = robot.tool, robot.base
+        tool, base, flange = robot.tool, robot.base, robot.flange
         size = None if tool.size is None else tuple(tool.size)
         return _Section(
             robot.model,
-            robot.flange,
+            None if flange is None else _Carrier(flange.body, tuple(flange.xyz), tuple(flange.rpy)),
             _Placed(tuple(base.xyz), tuple(base.rpy)),
             _Mounted(tool.shape, tool.radius, size, tool.length, tool.mass),
             robot.balanced,
@@ -140,6 +151,7 @@ def _made(section: _Section, source: RobotFile) -> RobotModel:
         source=arm.source,
         flange=arm.flange,
         notes=arm.notes,
+        remarks=arm.remarks,
     )
 
 
@@ -148,7 +160,7 @@ def _compiled(
 ) -> tuple[KnownArm, tuple[mujoco.MjSpec, mujoco.MjModel]]:
     """The arm that a description tells, and MuJoCo's specification and model of it."""
     m = description.model
-    chain = find_chain(m, robot.flange)
+    chain = find_chain(m, robot.flange, (*description.mimics, *description.followed))
     joints = list(chain.joints)
     _check_mimics(description, chain)
     whole_home = home_configuration(m)
@@ -193,6 +205,7 @@ def _compiled(
         source=description.source,
         flange=chain.label,
         notes=description.notes + arm.notes + _short_of(axes, m, chain),
+        remarks=() if planar else remarks(m, chain, whole_home),
     )
     return known, (arm.spec, model)
 
@@ -263,6 +276,8 @@ def _check_inertia(twin: pin.Model, home: Array) -> None:
 
 
 def _read(name: str, base_dir: Path | None) -> RobotFile:
+    if is_packaged(name):
+        return read_packaged(name)
     if looks_like_path(name):
         return read_own(name, base_dir or Path.cwd())
     close = difflib.get_close_matches(name, builtin_names(), 1)
@@ -271,7 +286,8 @@ def _read(name: str, base_dir: Path | None) -> RobotFile:
         f"there is no robot '{name}'",
         f"did you mean '{close[0]}'?"
         if close
-        else f"built in are {', '.join(builtin_names())}; or give the path of an MJCF or URDF file",
+        else f"built in are {', '.join(builtin_names())}; or give the path of an MJCF or URDF "
+        "file, or PACKAGE:NAME of one that pip has installed",
     )
 
 

@@ -20,8 +20,17 @@ from taskspec.robot.description import (
 from taskspec.robot.errors import RobotError
 from taskspec.robot.files import Roots, parse_xml, read_model
 from taskspec.robot.mjcf import mjcf_spec, mjcf_text
-from taskspec.robot.urdf import check_urdf, drawable, urdf_mimics, urdf_spec, urdf_velocities
-from taskspec.text.confines import confines, here
+from taskspec.robot.packages import find_packaged
+from taskspec.robot.urdf import (
+    check_urdf,
+    drawable,
+    urdf_followed,
+    urdf_mimics,
+    urdf_spec,
+    urdf_velocities,
+)
+from taskspec.robot.xacro_file import SUFFIX, expanded
+from taskspec.text.confines import Confines, confines, here
 
 MakeSpec = Callable[[bool], tuple["mujoco.MjSpec", list[str]]]
 
@@ -37,9 +46,25 @@ def read_own(shown: str, folder: Path) -> RobotFile:
         RobotError: TS401 to TS405, TS409.
     """
     path = here(folder / shown)
-    roots = Roots(path.parent, confines(folder))
+    return _read_file(path, shown, Roots(path.parent, confines(folder)))
+
+
+def read_packaged(shown: str) -> RobotFile:
+    """The robot that `PACKAGE:NAME` means; its files lie in the folder of that package.
+
+    Raises:
+        RobotError: TS401 to TS405, TS409.
+    """
+    robot = find_packaged(shown)
+    return _read_file(robot.path, shown, Roots(robot.path.parent, Confines((robot.folder,))))
+
+
+def _read_file(path: Path, shown: str, roots: Roots) -> RobotFile:
     text = read_model(path, shown, roots.confines)
     root = parse_xml(text, shown)
+    if path.suffix.lower() == SUFFIX or any("xacro" in str(each.tag) for each in root.iter()):
+        text = expanded(path, shown, roots.confines)
+        root = parse_xml(text, shown)
     if root.tag == "robot":
         return _urdf(text, root, shown, roots, path.stem)
     if root.tag == "mujoco":
@@ -53,9 +78,9 @@ def read_own(shown: str, folder: Path) -> RobotFile:
 
 def _urdf(text: str, root: ElementTree.Element, shown: str, roots: Roots, name: str) -> RobotFile:
     check_growth(root, shown)
-    mended = check_urdf(root, shown)
+    mended = check_urdf(root)
     drawn = drawable(root, roots, meshes=True)
-    mimics = urdf_mimics(root)
+    mimics, followed = urdf_mimics(root), urdf_followed(root)
 
     def describe() -> Description:
         notes = list(mended)
@@ -68,7 +93,7 @@ def _urdf(text: str, root: ElementTree.Element, shown: str, roots: Roots, name: 
         ids = {m.joint(j).name: j for j in range(m.njnt)}
         limits = urdf_velocities(root).items()
         velocity = {ids[joint]: limit for joint, limit in limits if joint in ids}
-        return Description(name, m, shown, velocity, mimics, tuple(notes))
+        return Description(name, m, shown, velocity, mimics, followed, tuple(notes))
 
     assets = [part for token, data in drawn.assets.items() for part in (token.encode(), data)]
     absent = [word.encode() for word in drawn.absent]
@@ -80,7 +105,7 @@ def _mjcf(text: str, root: ElementTree.Element, shown: str, roots: Roots, name: 
         notes: list[str] = []
         m = _compile(shown, lambda meshes: mjcf_spec(text, roots, meshes=meshes), notes)
         check_numbers(m, shown)
-        return Description(name, m, shown, velocity_limits(m), (), tuple(notes))
+        return Description(name, m, shown, velocity_limits(m), notes=tuple(notes))
 
     # Which files are meant MuJoCo alone can tell.
     alone = not any("file" in key for element in root.iter() for key in element.attrib)

@@ -161,6 +161,11 @@ def _turned(solver: InverseKinematics, target: Target, q: Array, *, given: bool)
     short = np.degrees(np.linalg.norm(solver.error(q, target)[3:]))
     orientation = "as rpy asks" if given else "straight down"
     choice = "give another rpy" if given else "give an rpy"
+    aside = next((r.hint for r in solver.robot.remarks if r.code == "TS441"), "")
+    if aside:
+        choice = (
+            f"the tool does not go where the arm does: {aside.partition(';')[0]}; else {choice}"
+        )
     place = _place_for(solver, target, q)
     return RobotError(
         "TS413",

@@ -30,6 +30,13 @@ class PoseLike(Protocol):
     def rpy(self) -> Sequence[float]: ...  # noqa: D102
 
 
+class FlangeLike(PoseLike, Protocol):
+    """What carries the tool: a frame of the robot's file, and a pose in it, z along the tool."""
+
+    @property
+    def body(self) -> str | None: ...  # noqa: D102
+
+
 class ToolLike(Protocol):
     """A tool as a task file gives it; lengths [m], mass [kg]."""
 
@@ -51,13 +58,32 @@ class RobotLike(Protocol):
     @property
     def model(self) -> str: ...  # noqa: D102
     @property
-    def flange(self) -> str | None: ...  # noqa: D102
+    def flange(self) -> FlangeLike | None: ...  # noqa: D102
     @property
     def base(self) -> PoseLike: ...  # noqa: D102
     @property
     def tool(self) -> ToolLike: ...  # noqa: D102
     @property
     def balanced(self) -> bool: ...  # noqa: D102
+
+
+@dataclass(frozen=True, slots=True)
+class FileRemark:
+    """What is worth saying of a robot's file that loads.
+
+    Attributes:
+        code: Its diagnostic code.
+        message: What it is, without a full stop.
+        hint: What to do about it, or empty.
+        field: Where in a task file's `robot` section it belongs.
+        line: Of that section, which settles it; or empty.
+    """
+
+    code: str
+    message: str
+    hint: str
+    field: tuple[str, ...]
+    line: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,6 +173,7 @@ class RobotModel:
         flange: The body, site or frame of the robot's file on which the tool is mounted.
         source: Where the numbers come from.
         notes: What was left out of the robot's file, or changed, one sentence each.
+        remarks: What is worth saying of the file, for rules.
         files: SHA-256 of every file that was read for it, by its path; of a built-in robot none.
     """
 
@@ -170,6 +197,7 @@ class RobotModel:
     source: str
     flange: str = ""
     notes: tuple[str, ...] = ()
+    remarks: tuple[FileRemark, ...] = ()
     files: Mapping[Path, str] = field(default_factory=dict)
 
     @property

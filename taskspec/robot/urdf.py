@@ -18,18 +18,12 @@ from taskspec.robot.files import Roots, find_mesh, mesh_token, on_one_line, read
 _MOMENTS = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
 
 
-def check_urdf(root: ElementTree.Element, shown: str) -> list[str]:
+def check_urdf(root: ElementTree.Element) -> list[str]:
     """Checks a URDF file, repairs inertias that MuJoCo would not take, and says which.
 
     Raises:
-        RobotError: TS402 when it is still xacro; TS405 when its numbers make no arm.
+        RobotError: TS405 when its numbers make no arm.
     """
-    if any("xacro" in str(element.tag) for element in root.iter()):
-        raise RobotError(
-            "TS402",
-            f"'{shown}' is not expanded yet",
-            "run xacro first: xacro arm.urdf.xacro > arm.urdf",
-        )
     for joint in root.findall("joint"):
         limit, name = joint.find("limit"), joint.get("name", "")
         if limit is not None:
@@ -83,6 +77,12 @@ def urdf_mimics(root: ElementTree.Element) -> tuple[str, ...]:
     return tuple(
         joint.get("name", "") for joint in root.findall("joint") if joint.find("mimic") is not None
     )
+
+
+def urdf_followed(root: ElementTree.Element) -> tuple[str, ...]:
+    """Names of the joints that another joint follows."""
+    mimics = (joint.find("mimic") for joint in root.findall("joint"))
+    return tuple(mimic.get("joint", "") for mimic in mimics if mimic is not None)
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,7 +11,7 @@ from taskspec.control.state import ARM_LENGTH
 from taskspec.program.plan import StagePlan, TaskPlan
 from taskspec.robot import RobotError, check_joints
 from taskspec.robot.inverse_kinematics import turns_at
-from taskspec.rules import Finding, Phase, error, rule, warning
+from taskspec.rules import Finding, Phase, error, info, rule, warning
 from taskspec.signals.entries import TOUCHING
 from taskspec.spec import FILE, KeyPath, below, key_of
 from taskspec.text.units import FORCE, LENGTH, show
@@ -22,6 +22,11 @@ _AWAY = 0.5
 _PLANAR = 3
 #: A joint that starts nearer to a limit soon stops the run [rad; of a slide, times 0.3 m].
 _NEAR = math.radians(2.0)
+#: How a robot's file gives what it leaves out.
+_LIMITS = {
+    "torque": "give the real one: effort in URDF's <limit>, actuatorfrcrange of MJCF's <joint>",
+    "speed": "give the real one: velocity in URDF's <limit>, velocity_limit in MJCF's <custom>",
+}
 #: A link that weighs less has no mass in its file [kg].
 _MASSLESS = 1e-6
 
@@ -102,7 +107,8 @@ def arm_at_start(task: TaskPlan) -> Iterator[Finding]:
             f"joint {weakest + 1} ({robot.joint_names[weakest]}) has to bear {holds} to hold the "
             f"arm where it starts, and its motor has {most}: the arm falls",
             key_of(place),
-            "start with the arm less stretched, or take a lighter tool",
+            "start with the arm less stretched, or take a lighter tool; an arm "
+            "whose weight springs or counterweights carry has `balanced: true`",
         )
     for i, name in enumerate(robot.joint_names):
         unit = LENGTH.on(rotation=turns_at(robot, i))
@@ -122,6 +128,38 @@ def arm_at_start(task: TaskPlan) -> Iterator[Finding]:
                 "inertia resists, is left out of the arm",
                 key_of(FILE.robot.model),
                 "give the link its <inertial>, or the tool a mass",
+            )
+
+
+@rule(
+    {
+        "TS440": "joints of a gripper at the end of the arm",
+        "TS441": "a flange whose z does not point out of the arm",
+        "TS442": "a joint without a limit of torque or speed",
+    },
+    phase=Phase.TASK,
+)
+def robot_file(task: TaskPlan) -> Iterator[Finding]:
+    """What the robot's file leaves open, or means otherwise than it looks."""
+    robot = task.context.robot
+    for remark in robot.remarks:
+        place = below(FILE.robot, *remark.field)
+        say = warning if remark.code == "TS441" or remark.field == ("flange",) else info
+        yield say(remark.code, remark.message, place, remark.hint)
+    lacking = {
+        "torque": np.isinf(robot.torque_limit),
+        "speed": np.isinf(robot.velocity_limit),
+    }
+    n = len(robot.joint_names)
+    for what, without in lacking.items():
+        names = [name for name, open_ in zip(robot.joint_names, without, strict=True) if open_]
+        if names:
+            which = "any joint" if len(names) == n else ", ".join(names)
+            yield info(
+                "TS442",
+                f"the robot's file gives no limit for the {what} of {which}",
+                FILE.robot.model,
+                _LIMITS[what],
             )
 
 

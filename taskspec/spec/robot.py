@@ -50,6 +50,35 @@ class Pose(Model):
     rpy: RPY = Field((0.0, 0.0, 0.0), title="Orientation", description="[roll, pitch, yaw], angles")
 
 
+class Flange(Model):
+    """What carries the tool: a frame of the robot's file, and one of one's own in it.
+
+    Attributes:
+        body: the body, site or frame; None for the end of the arm, where it is clear.
+        xyz: where in its frame the tool is mounted [m].
+        rpy: how that is turned [rad]; the tool goes along its z.
+    """
+
+    noun = "a flange"
+    example = "flange: {body: wrist_link, rpy: [0, 90 deg, 0]}"
+    short: ClassVar = Free(filled=True).json()
+
+    body: Annotated[str, Free(filled=True)] | None = Field(
+        None, title="Body", description="The body, site or frame that carries the tool"
+    )
+    xyz: XYZ = Field(
+        (0.0, 0.0, 0.0), title="Position", description="[x, y, z] in the frame of that body"
+    )
+    rpy: RPY = Field(
+        (0.0, 0.0, 0.0), title="Orientation", description="[roll, pitch, yaw] of the tool's frame"
+    )
+
+    @classmethod
+    def expand(cls, data: object, context: ParseContext) -> object:  # noqa: ARG003
+        """Reads a bare name."""
+        return short_form(data, "body")
+
+
 class Tool(Model):
     """The tool. Its tip is its extreme point on the tool axis.
 
@@ -207,7 +236,7 @@ class Robot(Model):
 
     Attributes:
         model: a built-in name, or a path relative to the task file.
-        flange: the body or frame that carries the tool; None if it is clear without.
+        flange: what carries the tool; None if it is clear without.
         base: placement of the robot's base in the world.
         tool: what is mounted on the flange.
         start: where the run begins; None for the model's home position.
@@ -227,9 +256,10 @@ class Robot(Model):
     example = "robot: {model: panda}"
     model: Annotated[str, Free(filled=True)] = Field(
         title="Robot model",
-        description="A built-in name (taskspec robots), or the path of an MJCF or URDF file",
+        description="A built-in name, the path of an MJCF, URDF or xacro file, or "
+        "PACKAGE:NAME of a robot that pip has installed (taskspec robots)",
     )
-    flange: Annotated[str, Free(filled=True)] | None = Field(
+    flange: Flange | None = Field(
         None, title="Flange", description="The body or frame that carries the tool"
     )
     base: Pose = Field(Pose(), title="Placement of the base in the world")

@@ -73,6 +73,12 @@ MEANINGS: dict[str, dict[str, Meaning]] = {
     },
     "Arc": {"center": ("The point that it goes about, in the frame's coordinates.",
                        (["60 mm", 0],))},
+    "Flange": {
+        "xyz": ("Where the tool is mounted in that body's frame; by default at its origin.",
+                ([0, 0, "40 mm"],)),
+        "rpy": ("How the mount is turned in that frame; the tool goes along its z.",
+                ([0, "90 deg", 0],)),
+    },
     "Payload": {
         "mass": ("Of what the tool really carries besides; a point.", ("300 g",)),
         "xyz": ("Where it is in the tool's axes, from the tip; by default at the tip.",

@@ -34,7 +34,7 @@ from taskspec.spec.quantities import (
     IntervalAroundZero,
     QuantityList,
 )
-from taskspec.spec.robot import Noise, Payload, Pose, Sensor, Start, Tool
+from taskspec.spec.robot import Flange, Noise, Payload, Pose, Sensor, Start, Tool
 from taskspec.spec.set_point import SetPoint
 from taskspec.spec.stage import Branch, Stage, Within
 from taskspec.spec.sweep import Sweep
@@ -43,6 +43,7 @@ from taskspec.spec.world import Motion, Shape
 KEYS: dict[str, tuple[type[Model], ...]] = {
     "task": (Task,),
     "robot": (Robot,),
+    "robot.flange": (Flange,),
     "robot.base": (Pose,),
     "robot.tool": (Tool,),
     "robot.start": (Start,),

@@ -18,18 +18,29 @@ DATA = Path(__file__).parent / "data"
 
 
 def section(model: str, **keys: Any) -> Any:
-    """A task file's `robot` section; tool keys begin with `tool_`, base keys with `base_`."""
+    """A task file's `robot` section; tool keys begin with `tool_`, those of its base with `base_`.
+
+    `flange` is a body's name, `flange_xyz` and `flange_rpy` a pose in it.
+    """
     tool: dict[str, Any] = {
         "shape": "sphere", "radius": None, "size": None, "length": None, "mass": 0.3
     }  # fmt: skip
     base: dict[str, Any] = {"xyz": (0.0, 0.0, 0.0), "rpy": (0.0, 0.0, 0.0)}
+    zero = (0.0, 0.0, 0.0)
+    flange = {
+        "body": keys.get("flange"),
+        "xyz": keys.get("flange_xyz", zero),
+        "rpy": keys.get("flange_rpy", zero),
+    }
     for key, value in keys.items():
         part, _, name = key.partition("_")
         if part in ("tool", "base"):
             (tool if part == "tool" else base)[name] = value
     return SimpleNamespace(
         model=model,
-        flange=keys.get("flange"),
+        flange=SimpleNamespace(**flange)
+        if flange != {"body": None, "xyz": zero, "rpy": zero}
+        else None,
         base=SimpleNamespace(**base),
         tool=SimpleNamespace(**tool),
         balanced=keys.get("balanced", False),

@@ -31,12 +31,11 @@ def test_absent(load: Load, tmp_path: Path) -> None:
     assert caught.value.code == "TS401"
 
 
-@pytest.mark.parametrize("name", ["arm.txt", "arm.mjb", "arm.urdf.xacro", "robots/arm"])
+@pytest.mark.parametrize("name", ["arm.txt", "arm.mjb", "robots/arm"])
 def test_other_endings(load: Load, tmp_path: Path, name: str) -> None:
     with pytest.raises(RobotError, match="neither MJCF nor URDF by its ending") as caught:
         load(name, tmp_path)
     assert caught.value.code == "TS402"
-    assert ("xacro arm" in caught.value.hint) == name.endswith("xacro")
 
 
 def test_not_a_regular_file(load: Load, tmp_path: Path) -> None:

@@ -388,7 +388,7 @@ def schema(
 @app.command()
 @guarded
 def robots() -> int:
-    """List the built-in robots."""
+    """List the built-in robots, and those of installed packages."""
     from taskspec_runner.cli.robots import list_robots
 
     return list_robots()
@@ -408,11 +408,20 @@ def new(
     out: Annotated[
         Path | None, typer.Option(help="The new task file.", show_default="my-TEMPLATE.yaml")
     ] = None,
+    model: Annotated[
+        str | None,
+        typer.Option(
+            metavar="ROBOT", help="Write a first task for this file, PACKAGE:NAME or built-in name."
+        ),
+    ] = None,
+    flange: Annotated[
+        str | None, typer.Option(metavar="BODY", help="With --model: what carries the tool.")
+    ] = None,
 ) -> int:
-    """Begin a task of your own from a template."""
+    """Begin a task of your own from a template, or for a robot of your own."""
     from taskspec_runner.cli.new import new_task
 
-    return new_task(template, out)
+    return new_task(template, out, model, flange)
 
 
 @app.command()

@@ -25,8 +25,16 @@ _COMPLETION = (
 _NAME_LINE = re.compile(r"^name:.*?(?=[ \t]+#|$)", re.MULTILINE)
 
 
-def new_task(template: str | None, out: Path | None) -> int:
-    """Copies a template, or lists the templates."""
+def new_task(
+    template: str | None, out: Path | None, model: str | None = None, flange: str | None = None
+) -> int:
+    """Copies a template, lists the templates, or writes a first task for a robot."""
+    if model is not None:
+        if template is not None:
+            raise InputError("a task begins from a template or from --model, not from both")
+        return _for_robot(model, out, flange)
+    if flange is not None:
+        raise InputError("--flange goes with --model")
     if template is None:
         _list_templates()
         return 0
@@ -38,6 +46,21 @@ def new_task(template: str | None, out: Path | None) -> int:
         typer.echo(f"wrote {path}", err=True)
     if not _MODEL_LINE.search(target.read_text(encoding="utf-8")):
         typer.echo(_COMPLETION, err=True)
+    typer.echo(str(target))
+    return 0
+
+
+def _for_robot(model: str, out: Path | None, flange: str | None) -> int:
+    from taskspec_runner.cli.first_task import first_task
+
+    stem = re.sub(r"[^a-z0-9]+", "-", Path(model.rpartition(":")[2]).name.partition(".")[0].lower())
+    name = f"{stem.strip('-') or 'robot'}-first{_SUFFIX}"
+    target = out or Path(name)
+    if target.is_dir():
+        target = target / name
+    for line in first_task(model, target, flange):
+        typer.echo(line, err=True)
+    typer.echo(f"wrote {target}, which has passed once: taskspec run {target}", err=True)
     typer.echo(str(target))
     return 0
 

@@ -1,13 +1,16 @@
-"""`taskspec robots`: the arms that come along."""
+"""`taskspec robots`: the arms that come along, and those that pip has installed."""
 
 from __future__ import annotations
 
+from itertools import groupby
+
 
 def list_robots() -> int:
-    """Prints the built-in robots."""
+    """Prints the built-in robots, and what `PACKAGE:NAME` finds in installed packages."""
     from rich.text import Text
 
     from taskspec.robot import builtin_robots
+    from taskspec.robot.packages import packaged_robots
     from taskspec_runner.cli.console import show, table
 
     made = table("robot", "joints", "axes of the tip", "about", "figures from", indent=0)
@@ -15,4 +18,10 @@ def list_robots() -> int:
         cells = (robot.name, str(robot.joints), " ".join(robot.axes), robot.about, robot.source)
         made.add_row(*map(Text, cells))
     show(made)
+    installed = table("package", "robots, as PACKAGE:NAME", indent=0)
+    for package, robots in groupby(packaged_robots(), key=lambda robot: robot.package):
+        names = dict.fromkeys(robot.name for robot in robots)
+        installed.add_row(Text(package), Text(", ".join(names)))
+    if installed.row_count:
+        show("", installed)
     return 0

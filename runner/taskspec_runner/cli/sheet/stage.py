@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+import numpy as np
+
 from taskspec.analysis.gain_paths import turns
 from taskspec.deferred_methods import dataclass
 from taskspec.laws.law import gain_named
@@ -13,7 +15,8 @@ from taskspec.program.program import Program
 from taskspec.program.stages.null_space import goals
 from taskspec.program.stages.stage import CompiledStage
 from taskspec.program.world.stiffness import GRIP
-from taskspec.text.units import STIFFNESS, scaled, show
+from taskspec.robot.types import RobotModel
+from taskspec.text.units import MASS, STIFFNESS, in_unit, number, scaled, show
 from taskspec_runner.cli.sheet.axes import AxisRow, axis_row, equation_row
 from taskspec_runner.cli.sheet.limits import limit_rows
 from taskspec_runner.cli.sheet.predicted import PredictedRow, predicted_rows, selection_rows
@@ -67,11 +70,33 @@ def robot_rows(program: Program) -> tuple[tuple[str, str], ...]:
     sizes = [show(float(v), "mm") for v in (tool.radius, *(tool.size or ())) if v is not None]
     return (
         ("robot", f"{robot.name}, {len(robot.joint_names)} joints: {robot.source}"),
+        ("flange", f"{robot.flange}"),
+        *_joints(robot),
         ("tool", ", ".join([f"{tool.shape} {' x '.join(sizes)}".rstrip(), show(tool.mass, "g")])),
         *_holds(context.loaded.task.robot.grasp),
         ("start", f"tool tip at [{position}] mm in the world"),
         *(("note", note) for note in robot.notes),
     )
+
+
+def _joints(robot: RobotModel) -> Iterator[tuple[str, str]]:
+    """Each joint with its limits, and with the mass of the link that it carries."""
+    for i, name in enumerate(robot.joint_names):
+        turn = robot.hinges[i]
+        angle, speed, moment = ("deg", "deg/s", "N*m") if turn else ("mm", "mm/s", "N")
+        low, high = float(robot.lower[i]), float(robot.upper[i])
+        span = "turns freely" if turn else "slides freely"
+        if np.isfinite(high - low):
+            span = f"{number(in_unit(low, angle))} to {show(high, angle)}"
+        most = [
+            show(float(limit), unit) if np.isfinite(limit) else f"no limit of {what}"
+            for limit, unit, what in (
+                (robot.velocity_limit[i], speed, "speed"),
+                (robot.torque_limit[i], moment, "torque"),
+            )
+        ]
+        mass = scaled(float(robot.pin.inertias[i + 1].mass), MASS)
+        yield f"joint {i + 1}", ", ".join((name, span, *most, f"carries {mass}"))
 
 
 def _holds(grasp: str | None) -> Iterator[tuple[str, str]]:
