@@ -16,7 +16,13 @@ from taskspec.deferred_methods import dataclass
 from taskspec.geometry.axis import Axis
 from taskspec.robot.arm import KnownArm, arm_key, keep_arm, known_arm
 from taskspec.robot.chain import Chain, find_chain
-from taskspec.robot.description import Description, RobotFile, listening, torque_limit
+from taskspec.robot.description import (
+    BOUND_MASS,
+    Description,
+    RobotFile,
+    listening,
+    torque_limit,
+)
 from taskspec.robot.errors import RobotError
 from taskspec.robot.files import looks_like_path, noting_files
 from taskspec.robot.library import builtin_names, is_builtin, read_builtin
@@ -179,7 +185,7 @@ def _compiled(
     model = _compile(arm.spec, description.name)
     bodies, tip_number = Bodies.of(model), model.body(tip_body).id
     twin, tip_joint, tip = _twin(bodies, tip_number, balanced=robot.balanced)
-    _check_inertia(twin, home)
+    _check_inertia(twin, home, _bare(bodies, tip_number), tool.mass)
     axes = tip_axes(twin, tip_joint, tip)
     limited = m.jnt_limited[joints].astype(bool)
     known = KnownArm(
@@ -262,16 +268,31 @@ def _short_of(axes: tuple[Axis, ...], m: mujoco.MjModel, chain: Chain) -> tuple[
     return (f"only {', '.join(axes)} of the tool tip can be controlled: orientations follow",)
 
 
-def _check_inertia(twin: pin.Model, home: Array) -> None:
-    """Refuses an arm of which a joint moves nothing that has a mass."""
+def _bare(bodies: Bodies, tip: int) -> str:
+    """How many bodies of an arm have no mass, in words; empty where all have one."""
+    masses = np.delete(bodies.body_mass, [0, tip])
+    bare = int((masses <= 2 * BOUND_MASS).sum())
+    return f": {bare} of the robot's {len(masses)} bodies have none" if bare else ""
+
+
+def _check_inertia(twin: pin.Model, home: Array, bare: str, tool: float) -> None:
+    """Refuses an arm of which a joint moves nothing that has a mass.
+
+    Args:
+        twin: The arm with its tool.
+        home: (n,) its configuration.
+        bare: How many of its bodies have no mass, in words.
+        tool: The tool's mass [kg].
+    """
     data = twin.createData()
     moments, directions = np.linalg.eigh(mirrored(pin.crba(twin, data, home)))
     if moments[0] < _LEAST_INERTIA:
         name = twin.names[1 + int(np.abs(directions[:, 0]).argmax())]
         raise RobotError(
             "TS405",
-            f"joint '{name}' moves nothing that has a mass",
-            "give the bodies behind it an <inertial> with mass and inertia, or the tool a mass",
+            f"joint '{name}' moves nothing that has a mass{bare}",
+            "give the bodies behind it an <inertial> with mass and inertia"
+            + ("" if tool else ", or the tool a mass"),
         )
 
 

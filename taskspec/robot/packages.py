@@ -123,7 +123,7 @@ def _name(path: Path) -> str:
     stem = next(path.name.removesuffix(end) for end in _ENDINGS if path.name.endswith(end))
     stem = stem.removesuffix("_robot")
     folders = (folder.name.removesuffix("_description") for folder in path.parents)
-    return stem if stem not in _PLAIN else next(f for f in folders if f not in _PLAIN)
+    return stem if stem not in _PLAIN else next((f for f in folders if f not in _PLAIN), stem)
 
 
 def _is_robot(path: Path) -> bool:

@@ -24,8 +24,8 @@ _PLANAR = 3
 _NEAR = math.radians(2.0)
 #: How a robot's file gives what it leaves out.
 _LIMITS = {
-    "torque": "give the real one: effort in URDF's <limit>, actuatorfrcrange of MJCF's <joint>",
-    "speed": "give the real one: velocity in URDF's <limit>, velocity_limit in MJCF's <custom>",
+    "torque": "effort in URDF's <limit>, actuatorfrcrange of MJCF's <joint>",
+    "speed": "velocity in URDF's <limit>, velocity_limit in MJCF's <custom>",
 }
 #: A link that weighs less has no mass in its file [kg].
 _MASSLESS = 1e-6
@@ -150,17 +150,19 @@ def robot_file(task: TaskPlan) -> Iterator[Finding]:
         "torque": np.isinf(robot.torque_limit),
         "speed": np.isinf(robot.velocity_limit),
     }
-    n = len(robot.joint_names)
+    n, open_ended = len(robot.joint_names), {}
     for what, without in lacking.items():
-        names = [name for name, open_ in zip(robot.joint_names, without, strict=True) if open_]
+        names = [name for name, each in zip(robot.joint_names, without, strict=True) if each]
         if names:
-            which = "any joint" if len(names) == n else ", ".join(names)
-            yield info(
-                "TS442",
-                f"the robot's file gives no limit for the {what} of {which}",
-                FILE.robot.model,
-                _LIMITS[what],
-            )
+            open_ended[what] = "any joint" if len(names) == n else ", ".join(names)
+    if open_ended:
+        which = " nor for ".join(f"the {what} of {whose}" for what, whose in open_ended.items())
+        yield info(
+            "TS442",
+            f"the robot's file gives no limit for {which}",
+            FILE.robot.model,
+            "give the real ones: " + "; ".join(_LIMITS[what] for what in open_ended),
+        )
 
 
 @rule("TS326", "a tool that points away from its surface", phase=Phase.AXES)

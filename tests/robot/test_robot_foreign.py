@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -202,3 +203,13 @@ def test_robots_that_no_package_has(
     with pytest.raises(RobotError, match=message) as caught:
         load(model)
     assert hint in caught.value.hint
+
+
+def test_bodies_without_mass_are_counted(load: Load, folder: Path) -> None:
+    """A weightless tool may be what lacks a mass; where it has one, that is not said."""
+    text = re.sub(r"<inertial>.*?</inertial>", "", (ERR / "bent.urdf").read_text(), flags=re.DOTALL)
+    (folder / "bare.urdf").write_text(text)
+    for mass, also in ((0.0, True), (1e-9, False)):
+        with pytest.raises(RobotError, match="4 of the robot's 4 bodies have none") as caught:
+            load("bare.urdf", folder, tool_mass=mass)
+        assert ("or the tool a mass" in caught.value.hint) == also

@@ -29,7 +29,7 @@ def test_what_was_made_of_the_file_is_told() -> None:
     made = call("new", "--model", "gripping.urdf", "--out", "jaw.yaml")
     assert made.exit_code == 0, made.stderr
     assert made.stdout == "jaw.yaml\n"
-    assert "it has flange: {body: hand, rpy: [0, 90 deg, 0]}" in made.stderr
+    assert "the task has flange: {body: hand, rpy: [0, 90 deg, 0]}" in made.stderr
     assert "'jaw' behind it is taken for a gripper's" in made.stderr
 
 

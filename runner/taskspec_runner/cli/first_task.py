@@ -49,7 +49,7 @@ def first_task(model: str, target: Path, flange: str | None) -> list[str]:
     lines = [] if flange is None else [f"flange: {flange}"]
     robot = _robot(shown, target.parent, lines)
     remarks = robot.remarks
-    said = [f"{r.message}{f': it has {r.line}' if r.line else ''}" for r in remarks]
+    said = [f"{r.message}{f'; the task has {r.line}' if r.line else ''}" for r in remarks]
     settled = [remark.line for remark in remarks if remark.line]
     if settled:
         lines = settled[:1]
