@@ -247,10 +247,15 @@ def _rebase(node: Node, folder: PurePath, way: tuple[str, ...]) -> None:
     elif isinstance(node, Sequence):
         for item in node.items:
             _rebase(item, folder, way)
-    elif way[-2:] in _PATHS and any(mark in node.value for mark in "/\\."):
+    elif way[-2:] in _PATHS and _is_path(node.value):
         o = node.origin
         node.value = str(folder / node.value)
         node.origin = Origin(o.span, node.value, o.raw, o.skip)
+
+
+def _is_path(value: str) -> bool:
+    """Whether a value is a path of a file; PACKAGE:NAME, with parts of a path in it, is none."""
+    return any(mark in value for mark in "/\\.") and ":" not in value
 
 
 def shown_from(source: str, task: str) -> str:

@@ -14,6 +14,7 @@ import pytest
 from taskspec.robot import RobotError, RobotModel
 from taskspec.robot.inverse_kinematics import InverseKinematics
 from taskspec.robot.packages import _robots, packaged_robots
+from taskspec.spec import load_task
 
 Load = Callable[..., RobotModel]
 ERR = Path(__file__).parents[1] / "corpus" / "err"
@@ -187,6 +188,15 @@ def test_the_end_of_a_path_tells_robots_of_one_name_apart(load: Load, package: P
         load("some-arms:left")
     assert "some-arms:left/robot.urdf" in caught.value.hint
     assert load("some-arms:right/left.urdf").remarks[0].code == "TS440"
+
+
+def test_an_included_robot_of_a_package_keeps_its_name(tmp_path: Path) -> None:
+    cell = tmp_path / "parts" / "cell.yaml"
+    cell.parent.mkdir()
+    cell.write_text("robot: {model: 'some-arms:right/left.urdf'}\n")
+    task = tmp_path / "task.yaml"
+    task.write_text("taskspec: 1\ninclude: [parts/cell.yaml]\nstages: {wait: {time: 1 s}}\n")
+    assert load_task(task).task.robot.model == "some-arms:right/left.urdf"
 
 
 @pytest.mark.parametrize(
