@@ -5,7 +5,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
-.PHONY: demo test theory proof stability lint types schema validate fuzz corruptions kills long lowest bench docs docs-shown docs-site
+.PHONY: demo test theory proof stability lint types schema validate fuzz corruptions faults kills long lowest bench docs docs-shown docs-site
 .PHONY: docs-serve steps foreign native designs equivalence truth check clean
 
 demo: $(READY)  ## run the wiping task and say where its report is
@@ -47,6 +47,9 @@ corruptions: $(READY)  ## kills, locks, full disks, 10 000 spoiled run folders; 
 
 kills: $(READY)  ## SIGKILL of a sweep and of its processes at 20 moments each; table in docs/faults.md
 	$(BIN)/python tests/campaigns/sweep_kills.py --moments 20 --table docs/faults.md
+
+faults: $(READY)  ## 30 declared faults in every shipped task; table in docs/faults.md
+	$(BIN)/python tests/campaigns/declared_faults.py --table docs/faults.md
 
 long: $(READY)  ## memory of runs of 1, 10 and 60 simulated minutes; table in docs/faults.md
 	$(BIN)/python tests/campaigns/long_runs.py --minutes 1 10 60 --table docs/faults.md

@@ -111,6 +111,7 @@ def _simulation(task: str, overrides: tuple[tuple[str, str], ...], seed: int) ->
                 program.context.period,
                 seed=seed,
                 loop="python",
+                faults=parts.faults,
             )
         history = log.history()
     for column in history.columns.values():

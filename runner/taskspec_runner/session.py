@@ -245,6 +245,9 @@ def _run(program: Program, folder: RunFolder, content: bytes, manner: _Manner) -
 
 def _simulate(program: Program, folder: RunFolder, manner: _Manner) -> tuple[Simulated, Log]:
     context, link = program.context, manner.link
+    if link is not None and manner.world.task.truth.faults:
+        message = "the faults of 'truth' happen to a plant that is simulated here, not over a link"
+        raise InputError(f"{message}: --set 'truth.faults=[]' leaves them out")
     parts: Assembly[Driven] = (
         assemble(program, manner.world) if link is None else link.assemble(program, manner.world)
     )
@@ -267,6 +270,7 @@ def _simulate(program: Program, folder: RunFolder, manner: _Manner) -> tuple[Sim
                 manner.world.noise_seed,
                 manner.loop,
                 parts.sensing,
+                parts.faults,
             )
         except KeyboardInterrupt as error:
             by_signal = signal_of(error)
@@ -275,7 +279,9 @@ def _simulate(program: Program, folder: RunFolder, manner: _Manner) -> tuple[Sim
         finally:
             if link is not None:
                 link.finish(_last_words(machine))
-    return Simulated(outcome, machine.transitions, solver_counts(machine), by_signal), log
+    faults = () if parts.faults is None else parts.faults.times()
+    counts = solver_counts(machine)
+    return Simulated(outcome, machine.transitions, counts, by_signal, faults), log
 
 
 def _last_words(machine: Machine) -> str:

@@ -1,4 +1,4 @@
-"""`control`: how often the controller and the plant step."""
+"""`control`: how often the controller and the plant step, and how long one waits for readings."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from taskspec.spec.model import Model
 from taskspec.spec.parse_context import ParseContext, span_of
 from taskspec.spec.quantities import Constant
 from taskspec.text.data import Map
-from taskspec.text.units import FREQUENCY
+from taskspec.text.units import FREQUENCY, TIME
 
 USUAL = 1000.0
 SLOWEST = 20.0
@@ -19,11 +19,13 @@ FASTEST = 100e3
 
 
 class Control(Model):
-    """Rates [Hz].
+    """When the controller steps, and when it gives up.
 
     Attributes:
-        rate: of the controller.
-        plant_rate: of the simulated plant, a whole multiple of `rate`.
+        rate: of the controller [Hz].
+        plant_rate: of the simulated plant, a whole multiple of `rate` [Hz].
+        timeout: how long it goes on with the last value of a sensor or an encoder that gives none
+            [s]; then it stops.
     """
 
     noun = "'control'"
@@ -36,6 +38,11 @@ class Control(Model):
         USUAL,
         title="Rate of the plant",
         description="A whole multiple of the controller's rate; by default the first from 1 kHz on",
+    )
+    timeout: Annotated[float, Constant(TIME, above=0)] = Field(
+        0.02,
+        title="How long it goes on without a reading",
+        description="With the last value of a sensor or an encoder that gives none; then it stops",
     )
 
 

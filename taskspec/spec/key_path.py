@@ -15,9 +15,10 @@ from typing import Annotated, Any, Union, get_args, get_origin
 from pydantic import BaseModel
 
 from taskspec.geometry.axis import AXES
+from taskspec.spec.fault import Fault
 from taskspec.spec.gains import AxisValues
 from taskspec.spec.task import Task
-from taskspec.spec.truth import DeclaredTruth
+from taskspec.spec.truth import FAULTS, DeclaredTruth
 
 Step = str | int
 
@@ -136,7 +137,7 @@ def _child(kind: Any, step: Step) -> tuple[Any, ...]:
     if kind is AxisValues:
         return (float,) if step in _OF_A_GAIN else ()
     if kind is DeclaredTruth:
-        return (str,) if isinstance(step, str) else ()
+        return (tuple[Fault, ...],) if step == FAULTS else (str,) if isinstance(step, str) else ()
     if isinstance(kind, type) and issubclass(kind, BaseModel):
         return _fields(kind).get(str(step), ())
     return ()

@@ -178,7 +178,7 @@ def _load(
     if task is None or found.has_errors:
         raise SpecError(found.sorted(), sources)
     true_task: Task | None = task
-    if task.truth:
+    if task.truth.paths:
         true_task = _validate(grafted(root, task.truth), found, path or Path(name), truth=True)
     if true_task is None or found.has_errors:
         raise SpecError(found.sorted(), sources)

@@ -8,6 +8,7 @@ from typing import Any
 
 from taskspec.spec.schema_notes import annotate
 from taskspec.spec.task import VERSION, Task
+from taskspec.spec.truth import FAULTS
 
 FILE_NAME = f"taskspec-{VERSION}.schema.json"
 _ID = f"urn:taskspec:schema:{VERSION}"
@@ -19,6 +20,10 @@ def schema_text() -> str:
     It rejects nothing that `load_task` accepts; what only the compiler can know, it lets pass.
     """
     generated = tidy(Task.model_json_schema())
+    # It stands in a list that is read by hand.
+    faults = generated["properties"]["truth"]["properties"][FAULTS]
+    generated["$defs"]["Fault"] = faults["items"]
+    faults["items"] = {"$ref": "#/$defs/Fault"}
     for name, form in {"Task": generated, **generated["$defs"]}.items():
         annotate(name, form)
     # What a file needs may come from one that it includes.

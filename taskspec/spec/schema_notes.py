@@ -35,7 +35,10 @@ NOTES: dict[str, tuple[str, tuple[Any, ...]]] = {
     ),
     "Task.truth": (
         "The path of a value, and what it really is; nothing of it reaches the controller",
-        ({"world.table.xyz": [0, 0, "302 mm"]},),
+        (
+            {"world.table.xyz": [0, 0, "302 mm"]},
+            {"faults": [{"sensor": "sticks", "at": "2 s", "for": "50 ms"}]},
+        ),
     ),
     "Task.sweep": (
         "How many random worlds are run, and how often they are to succeed",

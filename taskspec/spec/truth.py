@@ -4,20 +4,26 @@ from __future__ import annotations
 
 from typing import Any
 
+from pydantic import GetJsonSchemaHandler, ValidationError
+from pydantic_core import CoreSchema
+
 from taskspec.deferred_methods import dataclass
+from taskspec.spec.fault import Fault
 from taskspec.spec.field_type import FieldType
 from taskspec.spec.parse_context import ParseContext, kind_of, span_of
 from taskspec.spec.value_path import ValuePath
 from taskspec.spec.varied import OBJECT, ROBOT
 from taskspec.spec.vary import target_of
 from taskspec.text import nodes
-from taskspec.text.data import Map
+from taskspec.text.data import Items, Map
 from taskspec.text.nodes import Mapping, Node
 from taskspec.text.suggest import suggestion
 
 #: Values of the robot that are given as a whole too.
 _WHOLE = frozenset({"payload", "sensor.noise", "sensor.rate"})
 _MOTION = "motion"
+FAULTS = "faults"
+"""The key of what happens while a run goes on."""
 
 
 @dataclass(frozen=True)
@@ -26,12 +32,15 @@ class DeclaredTruth:
 
     Attributes:
         paths: of values of `world` and `robot`, as `vary` has them.
+        faults: what happens while a run goes on, in the order of the file.
     """
 
     paths: tuple[str, ...] = ()
+    faults: tuple[Fault, ...] = ()
 
-    def __bool__(self) -> bool:
-        return bool(self.paths)
+    def of(self, device: str) -> tuple[Fault, ...]:
+        """The faults of one device."""
+        return tuple(fault for fault in self.faults if fault.device == device)
 
 
 @dataclass(frozen=True)
@@ -48,16 +57,59 @@ class Truths(FieldType):
             hint = "truth: {world.table.xyz: [0, 0, 302 mm]}"
             context.error("TS022", message, span_of(value), hint)
             return DeclaredTruth()
-        found = [path for path in value if _names_a_value(path, value, context)]
-        return DeclaredTruth(tuple(found))
+        paths = [path for path in value if path != FAULTS and _names_a_value(path, value, context)]
+        return DeclaredTruth(
+            tuple(paths), _faults(value[FAULTS], context) if FAULTS in value else ()
+        )
 
     def json(self) -> dict[str, Any]:
         """Describes the mapping."""
         forms = [{"type": ["string", "number"]}, {"type": "array"}, {"type": "object"}]
-        return {"type": "object", "additionalProperties": {"anyOf": forms}}
+        faults = {
+            "title": "Faults",
+            "description": "What happens to sensor, encoders and torques while a run goes on",
+            "type": "array",
+        }
+        return {
+            "type": "object",
+            "properties": {FAULTS: faults},
+            "additionalProperties": {"anyOf": forms},
+        }
+
+    def __get_pydantic_json_schema__(
+        self, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        found = super().__get_pydantic_json_schema__(schema, handler)
+        found["properties"][FAULTS]["items"] = handler(Fault.__pydantic_core_schema__)
+        return found
+
+
+def _faults(value: object, context: ParseContext) -> tuple[Fault, ...]:
+    """The faults of a list, without those that are reported."""
+    if not isinstance(value, Items):
+        message = f"'{FAULTS}' is a list of faults, this is {kind_of(value)}"
+        context.error("TS022", message, span_of(value), f"{FAULTS}: [{Fault.example}]")
+        return ()
+    found = []
+    for entry in value:
+        before = len(context.diagnostics)
+        try:
+            fault = Fault.model_validate(entry, context=context)
+        except ValidationError:
+            # No key of a fault is needed by itself, so whatever is wrong is reported.
+            continue
+        if len(context.diagnostics) == before:
+            assert isinstance(entry, Map)
+            fault.report_unfit(entry, context)
+            found.append(fault)
+    return tuple(found)
 
 
 def _names_a_value(path: str, data: Map, context: ParseContext) -> bool:
+    if path in ("fault", "sensor", "torque", "encoder"):
+        hint = f"what happens while a run goes on is a list: {FAULTS}: [{Fault.example}]"
+        context.error("TS710", f"'{path}' is no value", data.node.key_span(path), hint)
+        return False
     of = ValuePath.of(path)
     if of.section == "robot" and of.key in _WHOLE:
         return True

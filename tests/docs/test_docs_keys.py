@@ -13,6 +13,7 @@ from taskspec.spec import Law, Robot, Task
 from taskspec.spec.axis import Rotation, Translation
 from taskspec.spec.control import Control
 from taskspec.spec.equation import EquationObject, JointEquation
+from taskspec.spec.fault import Fault
 from taskspec.spec.frame import Frame
 from taskspec.spec.gains import GainField
 from taskspec.spec.law import ForceGains
@@ -67,6 +68,7 @@ KEYS: dict[str, tuple[type[Model], ...]] = {
     "control": (Control,),
     "payload": (Payload,),
     "sweep": (Sweep,),
+    "fault": (Fault,),
 }
 
 

@@ -11,6 +11,7 @@ import typer
 from taskspec.text.units import FORCE, LENGTH, MOMENT, Dimension, scaled
 from taskspec_runner.cli.console import show, table
 from taskspec_runner.link.link import sentence
+from taskspec_runner.record.fault_time import fault_times
 from taskspec_runner.runs import Run
 from taskspec_runner.verdict import torque_steps
 from taskspec_runner.verdict.judged import title_of
@@ -57,12 +58,15 @@ def show_outcome(run: Run, *, quiet: bool) -> None:
 
 
 def _truth(summary: Mapping[str, Any]) -> Iterator[str]:
-    """Where the world or the robot is not as the controller is told."""
+    """Where the world or the robot is not as the controller is told, and what failed when."""
     world = summary.get("world") or {}
     parts = [f"{e['path']} {e['written'][1]} (told {e['written'][0]})" for e in world["differs"]]
     if parts:
         label = f"{world['label']}: " if world["label"] else ""
         yield f"{label}in truth {', '.join(parts)}"
+    faults = [f"{each.text} ({each.when})" for each in fault_times(summary)]
+    if faults:
+        yield f"fault{'s' if len(faults) > 1 else ''} in truth: {', '.join(faults)}"
 
 
 def ending(run: Run) -> str:

@@ -10,6 +10,7 @@ from taskspec.deferred_methods import dataclass
 from taskspec.spec import Limits
 from taskspec.text.units import si_unit
 from taskspec_runner.diff.logs import LogDifference, diff_logs
+from taskspec_runner.record.fault_time import fault_times
 from taskspec_runner.record.folder import mapping, mappings, number
 from taskspec_runner.record.names import TASK
 from taskspec_runner.runs import Run
@@ -96,6 +97,9 @@ def _inputs(a: Run, b: Run) -> Iterator[Json]:
     for path in dict.fromkeys([*true[0], *true[1]]):
         values = [side.get(path) for side in true]
         yield _row(f"in truth {path}", [v[1] if isinstance(v, list) else "" for v in values])
+    faults = [{each.text: each.when for each in fault_times(run.summary)} for run in (a, b)]
+    for text in dict.fromkeys([*faults[0], *faults[1]]):
+        yield _row(f"fault in truth, {text}", [side.get(text, "") for side in faults])
     sets = [mapping(run.manifest.get("overrides")) for run in (a, b)]
     for key in dict.fromkeys([*sets[0], *sets[1]]):
         yield _row(f"--set {key}", [side.get(key) for side in sets])

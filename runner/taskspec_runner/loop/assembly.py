@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Generic, TypeVar
+from typing import TYPE_CHECKING, Generic, TypeVar
 
 import numpy as np
 
@@ -20,6 +20,9 @@ from taskspec_runner.record.bus import Bus
 from taskspec_runner.record.log import Log
 from taskspec_runner.record.recorder import Recorder
 
+if TYPE_CHECKING:
+    from taskspec_runner.loop.faults import Faults
+
 P = TypeVar("P", bound=Driven, covariant=True)
 
 
@@ -35,6 +38,7 @@ class Assembly(Generic[P]):
         machine: reads from it and writes into it.
         sensing: gives the machine what is measured; None for the plant's own sensors.
         measured: whether the log is of what was measured, as nobody knows the truth.
+        faults: between the two; None where the task has none.
     """
 
     program: Program
@@ -44,6 +48,7 @@ class Assembly(Generic[P]):
     machine: Machine
     sensing: Senses | None = None
     measured: bool = False
+    faults: Faults | None = None
 
     def recorder(self, log: Log | None) -> Recorder:
         """A recorder of the bus into a log; None for one that keeps nothing."""
@@ -77,4 +82,11 @@ def assemble(
     plant = Plant(context.robot, world.task, start, bus.truth)
     measured = (np.zeros(6), np.zeros(len(context.equations)))
     views = (bus.view("q"), bus.view("v"), *measured, bus.view("torque"), bus.outputs)
-    return Assembly(program, world, bus, plant, program.machine(views, own=dual_solver))
+    machine = program.machine(views, own=dual_solver)
+    faults = None
+    if world.task.truth.faults:
+        # Most tasks have none, and need nothing of them.
+        from taskspec_runner.loop.faults import Faults
+
+        faults = Faults(world.task, context.robot, machine, plant, bus, world.noise_seed)
+    return Assembly(program, world, bus, plant, machine, faults=faults)

@@ -7,6 +7,7 @@ import os
 import sys
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 import numpy as np
@@ -24,6 +25,7 @@ from taskspec_runner.record.block import Block
 from taskspec_runner.record.bus import Bus
 
 if TYPE_CHECKING:
+    from taskspec_runner.loop.faults import Faults
     from taskspec_runner.loop.native.loop import NativeLoop
 
 Vector = NDArray[np.float64]
@@ -144,6 +146,7 @@ class ClosedLoop:
         machine, plant, bus: of the run.
         sensing: what the machine measures by.
         recorder: takes every tick; without a block, Python runs them all.
+        faults: of the run, between plant and machine; None for none.
     """
 
     machine: Machine
@@ -151,6 +154,18 @@ class ClosedLoop:
     bus: Bus
     sensing: Senses
     recorder: TickSink
+    faults: Faults | None = None
+
+    @property
+    def read(self) -> Callable[[], None]:
+        """Measures."""
+        read = self.sensing.read
+        return read if self.faults is None else partial(self.faults.read, self.sensing)
+
+    @property
+    def step(self) -> Callable[[Vector], None]:
+        """Holds joint torques (n,) for one control period [N m]."""
+        return self.plant.step if self.faults is None else self.faults.step
 
 
 #: Called now and then with the machine and the simulated time.
@@ -185,6 +200,7 @@ def run(
     seed: int = 0,
     loop: str | None = None,
     sensing: Senses | None = None,
+    faults: Faults | None = None,
 ) -> Outcome:
     """Runs a task to its end; the recorder holds every tick up to there.
 
@@ -197,6 +213,7 @@ def run(
         loop: `native`, `python`, or None for the native one where there is one.
         sensing: of a plant that is elsewhere, for which Python runs all ticks; None for the
             sensors of `plant`.
+        faults: of the run, which Python runs then; None for none.
 
     Raises:
         InputError: there is no native loop, and no other is wanted.
@@ -204,7 +221,7 @@ def run(
     if sensing is None:
         assert isinstance(plant, Plant)
         sensing = Sensing(plant.arm, plant.views.equations, machine, seed)
-    closed = ClosedLoop(machine, plant, bus, sensing, recorder)
+    closed = ClosedLoop(machine, plant, bus, sensing, recorder, faults)
     inner = _Native(closed, loop)
     try:
         outcome = _run(closed, period, progress or _unseen, inner)
@@ -220,7 +237,7 @@ def _run(closed: ClosedLoop, period: float, progress: Progress, inner: _Native) 
     clock_slot, t_slot, stage_slot = (bus.slices[name].start for name in ("clock", "t", "stage"))
     array, torque, arm = bus.array, machine.torque, plant.arm
     health = bus.slices["health"].start
-    tick, read, step, add = machine.tick, closed.sensing.read, plant.step, closed.recorder.add
+    tick, read, step, add = machine.tick, closed.read, closed.step, closed.recorder.add
     read()
     machine.start()
     ticks, clock = 0, 0.0
@@ -286,6 +303,10 @@ class _Native:
         self._next = 0.0 if wanted == NATIVE or "llvmlite" in sys.modules else _WORTH
         if wanted == PYTHON or self._sink is None or not isinstance(closed.sensing, Sensing):
             self._next = math.inf
+        if closed.faults is not None:
+            self.why, self._next = "the faults of the task's truth are Python's", math.inf
+            if wanted == NATIVE:
+                raise InputError(f"the native loop cannot be had: {self.why}")
 
     @property
     def name(self) -> str:

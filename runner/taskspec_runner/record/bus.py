@@ -8,12 +8,16 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from taskspec.faults import ENCODER, TORQUE
 from taskspec.program.ports import INTERNAL, slices
 from taskspec.program.ports import fields as fields_of
 from taskspec.spec import Task
 from taskspec_runner.plant.views import PlantViews, view_fields
 
 Vector = NDArray[np.float64]
+
+TRUE = "true."
+"""What fields begin with that have the truth of what is measured or commanded otherwise."""
 
 
 class Bus:
@@ -25,10 +29,14 @@ class Bus:
         truth: the views that the plant fills.
         linked: whether plant and controller meet at the wall clock, so that ticks have a `link`:
             how late what came for it came [s], and how many in a row did not come.
+
+    Where encoders fail, it also has the true state, and what stages would put out if they measured
+    that, each field as `true.` and its name; where torques do, those that the motors exert.
     """
 
     def __init__(self, joints: int, task: Task, *, linked: bool = False) -> None:
         truth, self.linked = view_fields(task), linked
+        outputs = fields_of(len(task.equations))
         fields = [
             ("clock", 1),
             ("t", 1),
@@ -38,8 +46,14 @@ class Bus:
             ("torque", joints),
             *([("link", 2)] if linked else ()),
             *truth,
-            *fields_of(len(task.equations)),
+            *outputs,
         ]
+        self._outputs = sum(length for _, length in outputs)
+        if task.truth.of(ENCODER):
+            state = (("q", joints), ("v", joints), *outputs)
+            fields += [(f"{TRUE}{name}", length) for name, length in state]
+        if task.truth.of(TORQUE):
+            fields.append((f"{TRUE}torque", joints))
         self.slices = slices(fields)
         self.array: Vector = np.zeros(sum(length for _, length in fields))
         self.truth = PlantViews(*(self.view(name) for name, _ in truth))
@@ -63,5 +77,13 @@ class Bus:
     @property
     def outputs(self) -> Vector:
         """A view of all outputs of a stage's function."""
-        start = self.slices[INTERNAL[0][0]].start
-        return self.array[start:]
+        return self._outputs_from(INTERNAL[0][0])
+
+    @property
+    def true_outputs(self) -> Vector:
+        """A view of what they would be of the true state; where encoders fail."""
+        return self._outputs_from(f"{TRUE}{INTERNAL[0][0]}")
+
+    def _outputs_from(self, name: str) -> Vector:
+        start = self.slices[name].start
+        return self.array[start : start + self._outputs]

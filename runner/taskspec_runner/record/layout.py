@@ -10,6 +10,7 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from taskspec.deferred_methods import dataclass
+from taskspec.faults import ENCODER, TORQUE
 from taskspec.geometry.axis import AXES
 from taskspec.program import ports
 from taskspec.program.program import Program
@@ -19,11 +20,14 @@ from taskspec.signals import JOINT, OBJECT, SCALARS, VECTORS
 from taskspec.signals.table import MEASURED
 from taskspec.spec import Task
 from taskspec.text.units import si_unit
-from taskspec_runner.record.bus import Bus
+from taskspec_runner.record.bus import TRUE, Bus
 from taskspec_runner.record.history import column_field, log_schema
 from taskspec_runner.record.truth import Truth
 
 Vector = NDArray[np.float64]
+
+#: Signals without axes that are the arm's alone, and of which the controller may be wrong.
+_OF_MOTION = ("tilt", "speed", "travel")
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +51,8 @@ class LogLayout:
     """What the columns of a log are, and what each of them takes from the bus.
 
     Signals are the truth: the wrench is that of the tick's own step, and every `gap` is taken to
-    the true objects. What the controller measured stands beside it as `force.*.measured`.
+    the true objects. What the controller measured stands beside it as `force.*.measured`;
+    where encoders fail, also `position.*.measured`, `joint.*.position.measured` and so on.
 
     Attributes:
         fields: how many numbers a tick has.
@@ -176,6 +181,8 @@ def _unmeasured(task: Task) -> Iterator[str]:
 
 def _columns(robot: RobotModel, stages: tuple[CompiledStage, ...], task: Task) -> Iterator[Column]:
     """The columns of a log, in their order."""
+    # Where encoders fail, what is measured of the arm stands beside what is true.
+    spoiled = bool(task.truth.of(ENCODER))
     yield Column("clock", "s", "clock")
     yield Column("t", "s", "t")
     yield Column("stage", "stage", "stage")
@@ -187,20 +194,22 @@ def _columns(robot: RobotModel, stages: tuple[CompiledStage, ...], task: Task) -
             for axis in signal.axes
             if signal.group == group and axis in axes
         ]
+        true = f"{TRUE}{group}" if spoiled else group
         for axis, name, unit, sensed in members:
-            yield Column(name, unit, "" if sensed else group, axis.row)
+            yield Column(name, unit, "" if sensed else true, axis.row)
+        if spoiled and MEASURED not in beside:
+            beside = (*beside, MEASURED)
         for suffix in beside:
             field = group if suffix == MEASURED else f"{group}_{suffix}"
             for axis, name, unit, _ in members:
                 yield Column(f"{name}.{suffix}", unit, field, axis.row)
     for name, signal in SCALARS.items():
-        yield Column(name, si_unit(signal.dimension), name if signal.port else "")
+        field = f"{TRUE}{name}" if spoiled and name in _OF_MOTION else name
+        yield Column(name, si_unit(signal.dimension), field if signal.port else "")
     if any(stage.resolution is not None for stage in stages):
         yield Column("limits", "", "limits")
         yield Column("residual", "", "residual")
-    for i in range(robot.pin.nv):
-        for name, signal in JOINT.items():
-            yield Column(f"joint.{i + 1}.{name}", si_unit(signal.dimension), "")
+    yield from _of_joints(robot.pin.nv, task)
     for owner, declared in task.world.items():
         for name, signal in OBJECT[declared.kind].items():
             yield Column(f"{owner}.{name}", si_unit(signal.dimensions[declared.kind]), "")
@@ -209,6 +218,19 @@ def _columns(robot: RobotModel, stages: tuple[CompiledStage, ...], task: Task) -
         unit = si_unit(signal.dimensions[equation.kind])
         yield Column(f"{owner}.{name}.ref", unit, "reaction_ref", i)
         yield Column(f"{owner}.{name}.measured", unit, "reaction", i)
+
+
+def _of_joints(joints: int, task: Task) -> Iterator[Column]:
+    """The columns of all joints: where devices fail, also what is not the truth, or is it."""
+    beside = [("position", MEASURED, "q"), ("velocity", MEASURED, "v")]
+    beside = beside if task.truth.of(ENCODER) else []
+    beside += [("torque", "exerted", f"{TRUE}torque")] if task.truth.of(TORQUE) else []
+    for i in range(joints):
+        for name, signal in JOINT.items():
+            yield Column(f"joint.{i + 1}.{name}", si_unit(signal.dimension), "")
+        for name, suffix, field in beside:
+            unit = si_unit(JOINT[name].dimension)
+            yield Column(f"joint.{i + 1}.{name}.{suffix}", unit, field, i)
 
 
 def _stage_array(values: Vector, stages: tuple[CompiledStage, ...]) -> pa.Array:

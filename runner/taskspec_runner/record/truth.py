@@ -19,6 +19,7 @@ from taskspec.program.world.moving_base import moving_bases
 from taskspec.robot import RobotModel
 from taskspec.signals import MovingPose, ObjectState, Situation
 from taskspec.spec import Shape, Task
+from taskspec_runner.record.bus import TRUE
 
 Vector = NDArray[np.float64]
 
@@ -55,6 +56,10 @@ class Truth:
         self.names = tuple(names)
         row = ca.SX.sym("row", max(where.stop for where in fields.values()))
         parts = {name: row[where] for name, where in fields.items()}
+        # Where encoders fail, what the controller has of them is not the truth.
+        for name in list(parts):
+            if name.startswith(TRUE) and name != f"{TRUE}torque":
+                parts[name.removeprefix(TRUE)] = parts[name]
         objects = _objects(robot, task, parts)
         kinds = [(stage.plan.axes, stage.plan.gap_contact) for stage in stages]
         distinct = list(dict.fromkeys(kinds))

@@ -9,6 +9,7 @@ from itertools import zip_longest
 
 import numpy as np
 
+from taskspec_runner.record.fault_time import fault_times
 from taskspec_runner.record.file_array import blocks
 from taskspec_runner.record.folder import Json
 from taskspec_runner.record.history import Vector
@@ -37,7 +38,12 @@ def page_data(run: Run, charts: dict[str, Chart]) -> Json:
             {"name": run.label(v), "start": v.start, "end": v.end, "tint": tint[v.stage]}
             for v in run.visits
         ],
-        "events": [*_endings(run), *_breaks(run)],
+        "events": [*_endings(run), *_breaks(run), *_begun(run)],
+        "faults": [
+            {"start": each.start, "end": run.end if each.end is None else each.end}
+            for each in fault_times(run.summary)
+            if each.start is not None
+        ],
         "charts": drawn,
     }
 
@@ -152,6 +158,17 @@ def _ending(run: Run, visit: StageVisit, following: StageVisit | None) -> str:
     why = str(visit.ended_by.get("text") or "")
     text = f"{visit.end:.3f} s: {run.label(visit)} → {to}"
     return f"{text}, {why}" if why else text
+
+
+def _begun(run: Run) -> Iterator[Json]:
+    """Where faults of the true world begin and end."""
+    for each in fault_times(run.summary):
+        if each.start is not None:
+            text = f"{each.start:.3f} s: fault, {each.text}"
+            yield {"at": each.start, "kind": "fault", "text": text, "short": each.text}
+        if each.end is not None:
+            text = f"{each.end:.3f} s: end of the fault, {each.text}"
+            yield {"at": each.end, "kind": "fault", "text": text, "short": "over"}
 
 
 def _breaks(run: Run) -> Iterator[Json]:

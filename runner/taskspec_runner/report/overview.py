@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from taskspec_runner.record.fault_time import fault_times
 from taskspec_runner.record.history import Vector
 from taskspec_runner.record.whole import write_whole
 from taskspec_runner.report import figures, predictions
@@ -91,6 +92,11 @@ def overview_svg(run: Run, wanted: Sequence[Chart] | None = None) -> str:
         subtitle=_subtitle(run),
         verdict=verdict(run).kind,
         stages=stages,
+        faults=[
+            times.stage("", 0, each.start, run.end if each.end is None else each.end)
+            for each in fault_times(run.summary)
+            if each.start is not None
+        ],
         panels=panels,
         times=times.marks(8),
         square=square,

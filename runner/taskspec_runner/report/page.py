@@ -11,6 +11,7 @@ from markupsafe import Markup
 
 from taskspec.program.execution.transition import FAIL
 from taskspec_runner.link.link import sentence
+from taskspec_runner.record.fault_time import fault_times
 from taskspec_runner.record.folder import Json, mapping, mappings, number
 from taskspec_runner.record.names import REPORT
 from taskspec_runner.record.whole import write_whole
@@ -69,6 +70,7 @@ def render(run: Run, still: tuple[str, float] | None = None) -> str:
         partial=told.kind not in ("passed", "done", "missed"),
         findings=run.findings,
         truth=list(_truth(run)),
+        faults=fault_times(run.summary),
         so_far="Judged on what there was until then." if so_far(run) else "",
         visits=[_visit_row(run, v) for v in run.visits],
         main=main,

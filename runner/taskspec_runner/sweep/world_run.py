@@ -71,6 +71,7 @@ def _ran(program: Program, world: World, loop: str | None) -> Row:
             context.period,
             seed=world.noise_seed,
             loop=loop,
+            faults=parts.faults,
         )
     history = keeper.history(LogLayout.of(program, world.task), program.stages)
     judged = judge_run(program, history)

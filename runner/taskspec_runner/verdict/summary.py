@@ -23,6 +23,7 @@ from taskspec.spec import Limits
 from taskspec.text.units import LENGTH, VELOCITY, show
 from taskspec_runner.loop.fixed_step import DONE, Outcome
 from taskspec_runner.loop.interrupt import BY_SIGNAL
+from taskspec_runner.record.fault_time import FaultTime
 from taskspec_runner.record.history import History
 from taskspec_runner.verdict.diagnosed import diagnosed
 from taskspec_runner.verdict.findings import findings
@@ -71,12 +72,14 @@ class Simulated:
         transitions: what ended each stage.
         solver_counts: what the solver did, by stage.
         by_signal: number of the signal that has broken it off, or 0.
+        faults: when each fault of `truth` was.
     """
 
     outcome: Outcome
     transitions: Sequence[Transition]
     solver_counts: Mapping[str, SolverCounts]
     by_signal: int = 0
+    faults: Sequence[FaultTime] = ()
 
     def as_logged(self, history: History, period: float) -> Simulated:
         """The same of a run that was broken off, which came as far as its log has it."""
@@ -115,7 +118,9 @@ def summarise(
                 {"path": d.name, "told": d.told, "true": d.true, "written": list(d.written)}
                 for d in deviations(context, world)
             ]
-        },
+        }
+        # What has no faults says nothing of them.
+        | ({"faults": [each.as_data() for each in simulated.faults]} if simulated.faults else {}),
         "ending": {
             "reason": outcome.reason,
             "text": text,

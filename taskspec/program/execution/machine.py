@@ -56,6 +56,7 @@ class Machine:
         terms: the model terms.
         now: stage time, run time [s], and how often each stage has been entered.
         estimation: what is measured for later stages.
+        handed: the numbers of `HANDED`, as the current stage got them.
         torque: (n,) the command [N m].
         outputs: the numbers of `ports.fields`.
         index: number of the current stage.
@@ -87,9 +88,9 @@ class Machine:
         self._names = [*names] or [s.name for s in stages]
         self.now = np.zeros(2 + len(self._names))
         self._inputs = (self.now, self.q, self.v, *self.terms.arrays, self.wrench, self.reactions)
-        self._handed = np.zeros(hand_over.SIZE)
+        self.handed = np.zeros(hand_over.SIZE)
         self.runners = tuple(
-            StageRunner(s, self._inputs, self._handed, self.torque, self.outputs, own)
+            StageRunner(s, self._inputs, self.handed, self.torque, self.outputs, own)
             for s in stages
         )
         self._exits = exits(stages, self._names)
@@ -144,9 +145,9 @@ class Machine:
 
     def _rest_here(self) -> None:
         """Hands over a reference that rests where the tip is measured."""
-        self._handed[:] = 0.0
-        self._handed[_HANDED["p"]], R = self.terms.tip()
-        self._handed[_HANDED["R"]] = R.ravel(order="F")
+        self.handed[:] = 0.0
+        self.handed[_HANDED["p"]], R = self.terms.tip()
+        self.handed[_HANDED["R"]] = R.ravel(order="F")
 
     def update_terms(self) -> None:
         """Evaluates the model terms and the contact wrench at the measured joint state."""
@@ -238,7 +239,7 @@ class Machine:
             return
         before, after, last = self.runner, self.runners[index], self.torque.copy()
         before.leave()
-        self._handed[_SAME] = float(before.stage.tracked == after.stage.tracked)
+        self.handed[_SAME] = float(before.stage.tracked == after.stage.tracked)
         if self.estimation.on:
             self.estimation.end(before.stage, self.terms.tip(), self.wrench)
         unknown = self.estimation.missing(after.stage)

@@ -6,6 +6,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from taskspec.faults import ENCODER
 from taskspec.program.bound import Wiring
 from taskspec.robot import RobotModel
 from taskspec.robot.rebuild import GRAVITY
@@ -80,7 +81,7 @@ def sensor_zero(task: Task, sensor: Sensor, robot: RobotModel) -> SensorZero | N
     """What corrects the readings of an arm's sensor.
 
     Args:
-        task: for what varies, and for stages that tare.
+        task: for what varies, for faults, and for stages that tare.
         sensor: as the file has it.
         robot: the arm.
 
@@ -89,6 +90,8 @@ def sensor_zero(task: Task, sensor: Sensor, robot: RobotModel) -> SensorZero | N
     """
     paths = (*task.vary, *task.truth.paths)
     varied = any(path.startswith("robot.sensor") for path in paths)
+    # With what encoders show, a reading is turned otherwise than the tool truly is.
+    varied = varied or bool(task.truth.of(ENCODER))
     if sensor == Sensor() and not varied and not any(s.tare for s in task.stages.values()):
         return None
     return SensorZero(robot, weighs=sensor.at == "wrist")

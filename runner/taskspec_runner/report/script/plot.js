@@ -79,11 +79,13 @@ class Plot {
     return to < 0.01 || from > width - 0.01 ? null : [Math.max(from, -10), Math.min(to, width + 10)];
   }
 
+  /** The ground of each stage, and of the time of each fault. */
   grounds() {
-    return run.stages.map((s) => {
-      const at = this.span(s);
-      return at ? `<rect class="ground ink${s.tint}" x="${px(at[0])}" y="0" width="${px(at[1] - at[0])}" height="100%"/>` : "";
-    }).join("");
+    const ground = (piece, kind) => {
+      const at = this.span(piece);
+      return at ? `<rect class="ground ${kind}" x="${px(at[0])}" y="0" width="${px(at[1] - at[0])}" height="100%"/>` : "";
+    };
+    return run.stages.map((s) => ground(s, `ink${s.tint}`)).join("") + (run.faults ?? []).map((f) => ground(f, "fault")).join("");
   }
 
   /** A strip in each stage's colour above the chart, with its name where there is room. */
