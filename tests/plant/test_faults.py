@@ -1,4 +1,4 @@
-"""Faults of `truth`: what each makes of what is shown, and that nobody but the truth knows of it."""
+"""Faults of `truth`: what each makes of what is shown, and that only the truth knows of it."""
 
 from __future__ import annotations
 
@@ -119,8 +119,8 @@ def test_true_and_measured_of_an_encoder(simulate):
     np.testing.assert_array_equal(q[:at], measured[:at])
     np.testing.assert_allclose(measured[at:] - q[at:], np.radians(0.5), rtol=1e-9)
     # The gap is to the true table; a ball that tilts has its tip above its lowest point.
-    tool = run.program.context.loaded.task.robot.tool
-    above = tool.radius * (1.0 - np.cos(run["tilt"]))
+    radius = float(np.linalg.norm(run.program.context.robot.tool.centers[0]))
+    above = radius * (1.0 - np.cos(run["tilt"]))
     np.testing.assert_allclose(run["position.z"], run["gap"] + above, atol=1e-9)
     assert np.abs(run["position.z.measured"] - run["gap"])[at:].min() > 1e-3
 
@@ -152,9 +152,9 @@ def test_motors_exert_no_more_than_they_can(simulate):
     run = simulate(f"{PRESS}truth: {{faults: [{{torque: gain 100, joint: 2, at: 0.4 s}}]}}\n")
     limit = run.program.context.robot.torque_limit[1]
     assert np.abs(run["joint.2.torque.exerted"]).max() == limit
-    assert run.outcome.status == "stopped"
+    assert np.isfinite(run["joint.2.velocity"]).all()
 
 
 def test_a_joint_that_there_is_not():
-    with pytest.raises(SpecError, match="no joint 0|counted from 1"):
+    with pytest.raises(SpecError, match="counted from 1"):
         load_text(PRESS + "truth: {faults: [{torque: lost, joint: 0}]}\n", "task.yaml")

@@ -47,16 +47,18 @@ class _Running:
         random = np.random.Generator(np.random.PCG64(list(seed)))
         effect = fault.effect
         self.kind: FaultKind = effect.kind(effect.size, period, fault.every, random)
+        #: Torques follow when the machine has made the tick, and counted it.
+        self._made = int(fault.device == TORQUE)
         self.first: int | None = None
         self.after: int | None = None
         self._wait = self._ticks(fault.at)
         self._lasts = math.inf if fault.lasts is None else max(1, self._ticks(fault.lasts))
 
     def acts(self, machine: Machine, tick: int) -> bool:
-        """Whether it acts at a tick, that the machine is about to make."""
+        """Whether it acts at a tick."""
         if self.first is None:
             stage = self.fault.stage
-            since = tick if stage is None else machine.stage_ticks
+            since = tick if stage is None else machine.stage_ticks - self._made
             there = stage is None or machine.stage.name == stage
             if not there or since < self._wait:
                 return False
