@@ -5,10 +5,17 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from taskspec.analysis.worlds import true_world
+from taskspec.compiler import compile_task
 from taskspec.faults import ENCODER, KINDS, SENSOR, Shown, kinds_of
 from taskspec.spec import load_text
 from taskspec.text.diagnostic import SpecError
 from taskspec.text.units import ANGLE, ANGULAR_VELOCITY, FORCE, NUMBER, TIME, Quantity
+from taskspec_runner.errors import InputError
+from taskspec_runner.loop.assembly import assemble
+from taskspec_runner.loop.fixed_step import NATIVE, run
+from taskspec_runner.record.rows import RowKeeper
+from taskspec_runner.sweep.world_run import run_world
 
 PERIOD = 1e-3
 PRESS = """
@@ -158,3 +165,19 @@ def test_motors_exert_no_more_than_they_can(simulate):
 def test_a_joint_that_there_is_not():
     with pytest.raises(SpecError, match="counted from 1"):
         load_text(PRESS + "truth: {faults: [{torque: lost, joint: 0}]}\n", "task.yaml")
+
+
+def test_worlds_of_a_sweep_have_the_faults():
+    """Whatever loop serves other worlds."""
+    task = f"{PRESS}truth: {{faults: [{{sensor: drops, at: 0.4 s}}]}}\n"
+    program = compile_task(load_text(task, "task.yaml"))
+    row = run_world(program, 0, true_world(program.context), NATIVE)
+    assert (row["status"], row["reason"]) == ("stopped", "sensor_lost")
+
+
+def test_who_wants_machine_code_is_told():
+    task = f"{PRESS}truth: {{faults: [{{sensor: drops, at: 0.4 s}}]}}\n"
+    parts = assemble(compile_task(load_text(task, "task.yaml")))
+    with pytest.raises(InputError, match="faults"):
+        run(parts.machine, parts.plant, parts.bus, RowKeeper(parts.bus), PERIOD,
+            loop=NATIVE, faults=parts.faults)  # fmt: skip

@@ -13,7 +13,7 @@ from taskspec.robot.description import listening
 from taskspec.spec import Task
 from taskspec_runner.errors import InputError
 from taskspec_runner.loop.assembly import assemble
-from taskspec_runner.loop.fixed_step import DONE, Outcome
+from taskspec_runner.loop.fixed_step import DONE, PYTHON, Outcome
 from taskspec_runner.loop.fixed_step import run as simulate
 from taskspec_runner.record.layout import LogLayout
 from taskspec_runner.record.rows import RowKeeper
@@ -70,7 +70,8 @@ def _ran(program: Program, world: World, loop: str | None) -> Row:
             keeper,
             context.period,
             seed=world.noise_seed,
-            loop=loop,
+            # Faults are Python's, whatever loop serves other worlds.
+            loop=loop if parts.faults is None else PYTHON,
             faults=parts.faults,
         )
     history = keeper.history(LogLayout.of(program, world.task), program.stages)
