@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,10 +21,12 @@ from taskspec.spec import Task
 from taskspec.spec.fault import Fault
 from taskspec.text.units import TIME, scaled
 from taskspec_runner.link.robot import LinkError
-from taskspec_runner.loop.sensing import Sensing
 from taskspec_runner.plant.plant import Plant
 from taskspec_runner.record.bus import Bus
 from taskspec_runner.record.fault_time import FaultTime
+
+if TYPE_CHECKING:
+    from taskspec_runner.loop.fixed_step import Senses
 
 Vector = NDArray[np.float64]
 
@@ -138,7 +141,7 @@ class Faults:
             self._true = bus.view("true.q"), bus.view("true.v")
         self._log = bus.view("true.torque") if self._of[TORQUE] else None
 
-    def read(self, sensing: Sensing) -> None:
+    def read(self, sensing: Senses) -> None:
         """Measures what there is, and spoils it.
 
         Raises:
