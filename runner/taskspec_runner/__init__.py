@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from taskspec.spec import LoadedTask
-    from taskspec_runner.link.robot import Robot
+    from taskspec_runner.link.robot import TorqueRobot
     from taskspec_runner.runs import Run
 
 __all__ = ["Run", "read", "run"]
@@ -25,7 +25,7 @@ def run(
     telemetry: str | None = None,
     force: bool = False,
     loop: Literal["native", "python"] | None = None,
-    robot: str | Robot | None = None,
+    robot: str | TorqueRobot | None = None,
     lost: Literal["catch-up", "hold"] = "catch-up",
     stop_after: int = 20,
 ) -> Run:
@@ -43,8 +43,8 @@ def run(
         loop: what runs its ticks; the numbers are the same. None for machine code as soon as there
             is some, and Python until then.
         robot: to run it on instead of in simulation: an address such as `udp://127.0.0.1:39017`, or
-            an object with the methods of `taskspec_runner.link.robot.Robot`. What is judged then is
-            what was measured; `seed` and `world` are not used.
+            a `taskspec_runner.link.robot.TorqueRobot`. What is judged then is what was measured;
+            `seed` and `world` are not used.
         lost: what becomes of a sample of the robot that is lost; see docs/protocol.md.
         stop_after: how many in a row may be lost.
 
@@ -80,7 +80,7 @@ def run(
 
 
 def _run_on(
-    robot: str | Robot,
+    robot: str | TorqueRobot,
     task: LoadedTask,
     folder: Path | None,
     policy: tuple[str, int],

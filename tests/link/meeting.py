@@ -21,7 +21,7 @@ from taskspec.program.program import Program
 from taskspec.spec import load_task, load_text
 from taskspec_runner.link.address import Endpoint
 from taskspec_runner.link.on_robot import LostPolicy, OnRobot
-from taskspec_runner.link.robot import LinkError, Robot, RobotFacts, RobotLimits, Sample
+from taskspec_runner.link.robot import LinkError, RobotFacts, RobotLimits, Sample, TorqueRobot
 from taskspec_runner.link.server import PlantServer, Served, ServerOptions, welcome
 from taskspec_runner.link.simulated import SimulatedRobot
 from taskspec_runner.link.udp_robot import UdpRobot
@@ -142,7 +142,7 @@ class Serving:
         return self._run
 
 
-def drive(task: str, robot: Robot, out: Path, policy: LostPolicy | None = None) -> Run:
+def drive(task: str, robot: TorqueRobot, out: Path, policy: LostPolicy | None = None) -> Run:
     """Runs a task on a robot."""
     link = OnRobot(robot, policy or LostPolicy(), "test")
     link.check(program_of(task))

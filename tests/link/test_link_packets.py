@@ -15,17 +15,17 @@ from meeting import ROOT, TOUCH, program_of, shipped, spoilt
 from taskspec.compiler import compile_unchecked
 from taskspec.spec import load_task
 from taskspec_runner.link import packets
-from taskspec_runner.link.packets import Packet, PacketError, State
+from taskspec_runner.link.packets import Packet, PacketError, StateBody
 from taskspec_runner.link.server import ServerOptions, welcome
 
 PAGE = ROOT / "docs" / "protocol.md"
 SIZES = {"s": "bytes", "B": "u8", "H": "u16", "I": "u32", "d": "f64"}
 
 
-def state(n: int = 7, m: int = 2, k: int = 60) -> State:
+def state(n: int = 7, m: int = 2, k: int = 60) -> StateBody:
     numbers = np.random.Generator(np.random.PCG64(1)).standard_normal(2 * n + 6 + m + k)
     parts = np.split(numbers, np.cumsum([n, n, 6, m]))
-    return State(0, 1, 3, 2, 0.25, *parts)
+    return StateBody(0, 1, 3, 2, 0.25, *parts)
 
 
 @given(st.integers(1, 16), st.integers(0, 5), st.integers(0, 300), st.integers(0, 0xFFFFFFFF))

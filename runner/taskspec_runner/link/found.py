@@ -7,15 +7,15 @@ from importlib.metadata import entry_points
 
 from taskspec.text.suggest import suggestion
 from taskspec_runner.errors import InputError
-from taskspec_runner.link.robot import LinkError, Robot
+from taskspec_runner.link.robot import LinkError, TorqueRobot
 from taskspec_runner.link.udp_robot import UdpRobot
 
-#: Entry points: scheme to a function of the whole address that gives a `Robot`.
+#: Entry points: scheme to a function of the whole address that gives a `TorqueRobot`.
 GROUP = "taskspec.robots"
 _UDP = "udp"
 
 
-def open_robot(url: str, say: Callable[[str], None] | None = None) -> Robot:
+def open_robot(url: str, say: Callable[[str], None] | None = None) -> TorqueRobot:
     """The robot of an address, connected.
 
     Args:
@@ -36,7 +36,7 @@ def open_robot(url: str, say: Callable[[str], None] | None = None) -> Robot:
             f"group {GROUP!r}"
         )
     try:
-        robot: Robot = known[scheme].load()(url)
+        robot: TorqueRobot = known[scheme].load()(url)
     except (InputError, KeyboardInterrupt):
         raise
     except LinkError as error:

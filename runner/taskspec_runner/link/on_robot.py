@@ -15,7 +15,7 @@ from taskspec.deferred_methods import dataclass
 from taskspec.program.execution.machine import Machine
 from taskspec.program.program import Program
 from taskspec_runner.errors import InputError
-from taskspec_runner.link.robot import LinkError, Robot, RobotFacts, Sample
+from taskspec_runner.link.robot import LinkError, RobotFacts, Sample, TorqueRobot
 from taskspec_runner.loop.assembly import Assembly
 from taskspec_runner.record.bus import Bus
 
@@ -67,7 +67,7 @@ class RobotPlant:
         lost, in_a_row, late, repeated, reordered, early: samples so far, by what became of them.
     """
 
-    def __init__(self, robot: Robot, program: Program, bus: Bus, machine: Machine) -> None:
+    def __init__(self, robot: TorqueRobot, program: Program, bus: Bus, machine: Machine) -> None:
         self.diverged = False
         self.lost = self.in_a_row = self.late = self.repeated = self.reordered = self.early = 0
         self.policy = LostPolicy()
@@ -222,7 +222,7 @@ class OnRobot:
     #: Its logs are of what was measured.
     measured = True
 
-    def __init__(self, robot: Robot, policy: LostPolicy, where: str) -> None:
+    def __init__(self, robot: TorqueRobot, policy: LostPolicy, where: str) -> None:
         self.robot, self.policy, self._where = robot, policy, where
         self._plant: RobotPlant | None = None
         self._finished = False

@@ -121,7 +121,7 @@ def read_packet(data: bytes) -> Packet:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class State:
+class StateBody:
     """The body of a state.
 
     Attributes:
@@ -159,7 +159,7 @@ class State:
         return head + np.concatenate(parts).astype("<f8").tobytes()
 
 
-def read_state(body: bytes) -> State:
+def read_state(body: bytes) -> StateBody:
     """A state.
 
     Raises:
@@ -175,7 +175,7 @@ def read_state(body: bytes) -> State:
     if not np.isfinite(values[: 2 * n + 6 + m]).all() or not math.isfinite(time):
         raise PacketError("a state has numbers that are not finite")
     q, v, wrench, reactions, extras = np.split(values, np.cumsum(counts)[:-1])
-    return State(flags, stage, missed, visit, time, q, v, wrench, reactions, extras)
+    return StateBody(flags, stage, missed, visit, time, q, v, wrench, reactions, extras)
 
 
 def command_body(torque: Vector) -> bytes:

@@ -145,7 +145,7 @@ class Sample:
     last: bool = False
 
 
-class Robot(Protocol):
+class TorqueRobot(Protocol):
     """A robot that takes torques. `taskspec.robots` is the group of entry points that find one.
 
     Attributes:

@@ -26,7 +26,7 @@ from taskspec.text.units import FORCE, LENGTH, VELOCITY, si_unit
 from taskspec_runner.errors import InputError
 from taskspec_runner.link import packets
 from taskspec_runner.link.address import Endpoint
-from taskspec_runner.link.packets import Packet, PacketError, State
+from taskspec_runner.link.packets import Packet, PacketError, StateBody
 from taskspec_runner.link.robot import LinkError, RobotFacts, RobotLimits
 from taskspec_runner.link.waiting import received
 from taskspec_runner.loop.assembly import Assembly, assemble
@@ -200,7 +200,7 @@ class PlantServer:
                 self.rejected += 1
         return None
 
-    def send(self, number: int, stamp: float, state: State) -> None:
+    def send(self, number: int, stamp: float, state: StateBody) -> None:
         """Sends a state."""
         body = state.to_bytes()
         self._send(Packet(packets.STATE, self._session, number, stamp, body).to_bytes())
@@ -314,11 +314,11 @@ class ServedPlant:
         """The simulator's own."""
         return self._plant.alarm()
 
-    def _state(self, flags: int) -> State:
+    def _state(self, flags: int) -> StateBody:
         machine = self._machine
         wrench = machine.wrench if machine.sensor is None else machine.sensor.reading
         start = flags & packets.START
-        return State(
+        return StateBody(
             flags,
             machine.index,
             self._missed,
@@ -331,7 +331,7 @@ class ServedPlant:
             np.concatenate([view for _, view in self.extras]),
         )
 
-    def _in_lock_step(self, number: int, state: State, patience: float) -> Vector:
+    def _in_lock_step(self, number: int, state: StateBody, patience: float) -> Vector:
         """The answer to a sample, which is sent until there is one, or `patience` [s] is over."""
         until, stamp = time.monotonic() + patience, self._ticks * self._period
         while True:

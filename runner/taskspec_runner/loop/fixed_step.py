@@ -99,7 +99,7 @@ class BlockSink(TickSink, Protocol):
         """Takes ticks that are in the block."""
 
 
-class Arm(Protocol):
+class DrivenArm(Protocol):
     """What the loop asks an arm.
 
     Attributes:
@@ -113,7 +113,7 @@ class Driven(Protocol):
     """What the loop steps: a plant, or what stands for one that is elsewhere."""
 
     @property
-    def arm(self) -> Arm:
+    def arm(self) -> DrivenArm:
         """The arm."""
 
     def step(self, torque: Vector) -> None:

@@ -14,7 +14,7 @@ from taskspec_runner.plant.plant import PlantArm
 Vector = NDArray[np.float64]
 
 
-class Inputs(Protocol):
+class Sensed(Protocol):
     """Where what is measured goes, as a `Machine` has it."""
 
     @property
@@ -46,7 +46,7 @@ class Sensing:
         sensor: makes the readings; None where the wrench is measured as it is.
     """
 
-    def __init__(self, arm: PlantArm, reactions: Vector, machine: Inputs, seed: int = 0) -> None:
+    def __init__(self, arm: PlantArm, reactions: Vector, machine: Sensed, seed: int = 0) -> None:
         """Connects an arm to its controller.
 
         Args:
