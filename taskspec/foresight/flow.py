@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from taskspec.spec import Stage
+from taskspec.spec import Stage, Task
 
 
 def good_end(stages: Mapping[str, Stage], name: str) -> str | None:
@@ -35,24 +35,25 @@ def _following(stages: Mapping[str, Stage], name: str) -> str:
     return names[number] if number < len(names) else "end"
 
 
-def followers(stages: Mapping[str, Stage], name: str) -> set[str]:
+def followers(task: Task, name: str) -> set[str]:
     """All stages that a stage may lead to."""
-    found = {*good_ends(stages, name), stages[name].on_fail}
-    return {to for to in found if to is not None and to in stages}
+    stage = task.stages[name]
+    found = {*good_ends(task.stages, name), stage.on_fail, *task.limits_of(stage).targets()}
+    return {to for to in found if to is not None and to in task.stages}
 
 
-def reached(stages: Mapping[str, Stage], start: set[str], without: str | None = None) -> set[str]:
+def reached(task: Task, start: set[str], without: str | None = None) -> set[str]:
     """The stages that a run in one of `start` may come to, `start` included.
 
     Args:
-        stages: of the task, in order.
+        task: the task.
         start: where to begin.
         without: a stage that may be entered, but not left.
     """
     found, waiting = set(start), list(start)
     while waiting:
         name = waiting.pop()
-        new = set() if name == without else followers(stages, name) - found
+        new = set() if name == without else followers(task, name) - found
         found |= new
         waiting.extend(new)
     return found

@@ -41,7 +41,7 @@ class Ranges:
 
     def __init__(self, stage: StagePlan, known: Mapping[str, Interval] | None = None) -> None:
         self._plan, self._context, self._stage = stage, stage.context, stage.spec
-        self._limits = stage.limits
+        self._limits = stage.limits.stopping()
         self._known = dict(known or {})
 
     def __call__(self, node: Name) -> Interval:

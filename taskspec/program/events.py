@@ -8,9 +8,11 @@ import casadi as ca
 
 from taskspec.deferred_methods import dataclass
 
-#: Kinds in falling precedence: a limit before `fail_if` before `until` before `within`.
-LIMIT, FAIL_IF, UNTIL, WITHIN, DONE = "limit", "fail_if", "until", "within", "done"
-_ORDER = (LIMIT, FAIL_IF, UNTIL, WITHIN, DONE)
+#: Kinds in falling precedence: a limit that stops the run, one that leads to a stage, `fail_if`,
+#: `until`, `within`.
+LIMIT, REACTION = "limit", "reaction"
+FAIL_IF, UNTIL, WITHIN, DONE = "fail_if", "until", "within", "done"
+_ORDER = (LIMIT, REACTION, FAIL_IF, UNTIL, WITHIN, DONE)
 
 
 @dataclass(frozen=True, slots=True)
@@ -18,9 +20,10 @@ class Event:
     """One reason for a stage to end.
 
     Attributes:
-        kind: limit, fail_if, until, within or done.
+        kind: limit, reaction, fail_if, until, within or done.
         name: what a user calls it: force, speed, joint_position, `until`, time, travel, ...
         text: the condition as a sentence, with its bound.
+        then: the stage that a limit leads to.
         way: which of the ways on of the stage it leads to, where that ends well.
     """
 
@@ -28,6 +31,7 @@ class Event:
     name: str
     text: str
     way: int = -1
+    then: str = ""
 
 
 @dataclass(frozen=True, slots=True)

@@ -118,11 +118,7 @@ class StagePlan:
     @cached_property
     def limits(self) -> Limits:
         """The file's limits, with those of the stage put over them key by key."""
-        common = self.context.loaded.task.limits
-        if self.spec.limits is None:
-            return common
-        own = {k: v for k, v in self.spec.limits.model_dump().items() if v is not None}
-        return common.model_copy(update=own)
+        return self.context.loaded.task.limits_of(self.spec)
 
     @cached_property
     def longest(self) -> float:

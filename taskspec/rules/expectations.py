@@ -33,7 +33,7 @@ _LATE = ("last",)
 def unvisited_stages(task: TaskPlan) -> Iterator[Finding]:
     """Expectations of stages that no run enters, or only one with a failure."""
     stages, way = task.context.loaded.task.stages, _well(task.context)
-    entered = reached(stages, {next(iter(stages))})
+    entered = reached(task.context.loaded.task, {next(iter(stages))})
     for expectation in task.context.loaded.task.expect:
         expression = expectation.expression
         places: dict[str, Name] = {}

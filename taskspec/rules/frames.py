@@ -173,13 +173,13 @@ def skewed_frames(stage: StagePlan) -> Iterator[Finding]:
 )
 def frames_without_estimate(task: TaskPlan) -> Iterator[Finding]:
     """Stages that use a measured frame before it has been measured."""
-    context, stages = task.context, task.context.loaded.task.stages
-    first = {next(iter(stages))}
+    context, task_spec = task.context, task.context.loaded.task
+    first = {next(iter(task_spec.stages))}
     once = ("TS245",)  # The file's frame is that of several stages.
     for name, stage in task.stages.items():
         for frame, place in _estimated_frames(stage):
             estimate = context.frames[frame.estimated_in].estimate
-            if name not in reached(stages, followers(stages, estimate)):
+            if name not in reached(task_spec, followers(task_spec, estimate)):
                 yield error(
                     "TS245",
                     f"stage {name!r} uses frame {frame.name!r}, which is measured at the end of "
@@ -189,7 +189,7 @@ def frames_without_estimate(task: TaskPlan) -> Iterator[Finding]:
                     "one",
                     unless=once,
                 )
-            elif name in reached(stages, first, without=estimate) and name != estimate:
+            elif name in reached(task_spec, first, without=estimate) and name != estimate:
                 yield warning(
                     "TS246",
                     f"stage {name!r} can be entered without stage {estimate!r} before it, which "

@@ -74,6 +74,8 @@ def changing_set_points(stage: StagePlan) -> Iterator[Finding]:
         ]  # fmt: skip
         if beyond and most is not None:
             effect = "keeps it there" if stage.law.solve == "qp" else "stops the run there"
+            if then := stage.limits.then("force"):
+                effect = f"leads to stage {then!r}"
             yield warning(
                 "TS610",
                 f"at t = {show(beyond[0], 's', 3)} this passes the limit on force, "

@@ -46,14 +46,14 @@ Edges = dict[str, list[Edge]]
 
 def check_flow(stages: Map, context: ParseContext) -> None:
     """Reports cycles without `attempts`, and stages that nothing leads to."""
-    edges = _edges(stages)
+    edges = _edges(stages, context)
     if edges is None:
         return
     _check_reached(stages, edges, context)
     _check_cycles(stages, edges, context)
 
 
-def _edges(stages: Map) -> Edges | None:
+def _edges(stages: Map, context: ParseContext) -> Edges | None:
     """Where each stage may lead and what says so; None if that cannot be known."""
     names = list(stages)
     edges: Edges = {}
@@ -62,7 +62,9 @@ def _edges(stages: Map) -> Edges | None:
         after = names[index + 1] if index + 1 < len(names) else "end"
         own = stages.node.key_span(name)
         edges[name] = []
-        for target, span, bound in (*_good(stage, after, own), *_failing(stage, own)):
+        limits = [mapping(owner.get("limits")) for owner in (context.data, stage)]
+        ways = (*_good(stage, after, own), *_failing(stage, own), *_reacting(name, *limits))
+        for target, span, bound in ways:
             if target in ENDS:
                 continue
             if isinstance(target, str) and target in stages:
@@ -99,6 +101,15 @@ def _good(stage: Map, after: str, own: Span) -> Iterator[Way]:
 def _failing(stage: Map, own: Span) -> Iterator[Way]:
     target = stage.get("on_fail", "fail")
     yield target, nodes.pointer(stage.node.entries["on_fail"][1]) if "on_fail" in stage else own, ""
+
+
+def _reacting(name: str, common: Map, own: Map) -> Iterator[Way]:
+    """Where limits lead; in the stage to which one leads it stops the run."""
+    for key in common | own:
+        limits = own if key in own else common
+        given = mapping(limits[key])
+        if "then" in given and given["then"] != name:
+            yield given["then"], nodes.pointer(given.node.entries["then"][1]), ""
 
 
 def _check_reached(stages: Map, edges: Edges, context: ParseContext) -> None:

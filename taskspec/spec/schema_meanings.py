@@ -143,7 +143,8 @@ MEANINGS: dict[str, dict[str, Meaning]] = {
         "solver": ("Of the quadratic program; daqp by default.", ()),
     },
     "Limits": {
-        "force": ("Greatest contact force.", ("60 N",)),
+        "force": ("Greatest contact force; it stops the run, or leads to a stage.",
+                  ("60 N", {"max": "40 N", "then": "retreat"})),
         "torque": ("Greatest contact moment about the control point.", ("8 N*m",)),
         "speed": ("Greatest speed of the tool tip.", ("250 mm/s",)),
         "deviation": ("Greatest distance of the control point from its reference on motion axes.",

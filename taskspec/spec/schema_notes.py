@@ -130,7 +130,8 @@ def annotate(model: str, form: dict[str, Any]) -> None:
             field.setdefault("examples", [*examples, *shown])
         for choice in field.get("anyOf", ()):
             for key, entry in choice.get("properties", {}).items():
-                entry.setdefault("title", _GROUPS.get(key) or _axis(key))
+                if "title" not in entry:
+                    entry["title"] = _GROUPS.get(key) or _axis(key)
     for choice in form.get("anyOf", ()):
         annotate(model, choice)
 

@@ -140,6 +140,14 @@ class Task(Model):
         """Mechanisms with a handle."""
         return mechanisms(self.world)
 
+    def limits_of(self, stage: Stage) -> Limits:
+        """The file's limits, with those of a stage put over them key by key."""
+        given = stage.limits
+        if given is None:
+            return self.limits
+        own = {key: getattr(given, key) for key in given.model_fields_set}
+        return self.limits.model_copy(update={k: v for k, v in own.items() if v is not None})
+
     def dimensions_of(self, path: str) -> tuple[Dimension, ...]:
         """The dimension of each component of a value that can vary, by its path under `vary`."""
         return self.target_of(path).dimensions

@@ -37,6 +37,8 @@ _CONDITIONING = _FIELDS["conditioning"].start
 _HEALTH = _FIELDS["health"].start
 _HANDED = slices(HANDED)
 _SAME = _HANDED["same"].start
+#: For how long at most a limit that has led to a stage does not count again [s].
+RESTS = 0.5
 
 
 class Machine:
@@ -221,7 +223,8 @@ class Machine:
 
     def _is_limit(self, event: float) -> bool:
         """A stage's first tick heeds limits alone: what ends it well takes at least a tick."""
-        return self._exits[self.index][int(event) - 1].event.kind == events.LIMIT
+        kind = self._exits[self.index][int(event) - 1].event.kind
+        return kind in (events.LIMIT, events.REACTION)
 
     def _change(self, clock: float, out: Exit) -> None:
         """Ends the stage by an event, and begins the one that follows it, if any may."""
@@ -248,9 +251,14 @@ class Machine:
             self._end(clock, events.Event(events.LIMIT, "frame_not_felt", text), 0.0, "")
             return
         self._note(clock, event, value, to)
+        rests = before.rests(self.t)
+        if event.kind == events.REACTION:
+            rests[event.name] = RESTS
         self._enter(index, clock, again=again)
+        after.rest(rests)
         # What failed is not carried on: a law that presses too hard ends with the stage.
-        carried = 0.0 if event.kind == events.FAIL_IF else after.carry(last)
+        failed = event.kind in (events.FAIL_IF, events.REACTION)
+        carried = 0.0 if failed else after.carry(last)
         self._first_tick(clock, last, carried)
 
     def _first_tick(self, clock: float, last: Vector, carried: float) -> None:

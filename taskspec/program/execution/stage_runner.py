@@ -12,7 +12,9 @@ from taskspec.program.execution.choice import Chooser
 from taskspec.program.execution.stage_solver import OwnSolver, StageSolver
 from taskspec.program.execution.tracks import Tracks
 from taskspec.program.stages.carried_torque import RATE, STEP, carrying
+from taskspec.program.stages.conditions import resting
 from taskspec.program.stages.stage import CompiledStage
+from taskspec.spec.limits import REACTING
 
 Vector = NDArray[np.float64]
 
@@ -49,6 +51,7 @@ class StageRunner:
             own: makes the solver that is tried first.
         """
         self.stage, self._torque = stage, torque
+        self._reacting = {limit for limit in REACTING if resting(limit) in stage.memory}
         self.memory = np.zeros(max(stage.memory.size, 1))
         self.parameters = np.zeros(max(stage.parameters.size, 1))
         self._next_memory = np.zeros(max(stage.memory.size, 1))
@@ -108,6 +111,17 @@ class StageRunner:
             if self.solver.paring:
                 self.tick.evaluate()
         self._torque[:] = before
+
+    def rests(self, t: float) -> dict[str, float]:
+        """For how long limits do not count yet [s], by name, at stage time t [s]."""
+        slots = self.stage.memory.slots
+        ends = {limit: self.memory[slots[resting(limit)]] for limit in self._reacting}
+        return {limit: float(end[0]) - t for limit, end in ends.items() if end[0] > t}
+
+    def rest(self, rests: Mapping[str, float]) -> None:
+        """Keeps limits from counting for some time [s], by name, from the stage's begin on."""
+        for limit in self._reacting & rests.keys():
+            self.stage.memory.write(self.memory, resting(limit), rests[limit])
 
     def leave(self) -> None:
         """Writes what it hands on, by its last outputs."""

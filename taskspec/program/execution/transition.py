@@ -92,8 +92,8 @@ def leads_to(stage: Stage, event: Event, following: str) -> str:
         event: what happened.
         following: the next stage of the file, `end` after the last one.
     """
-    if event.kind == events.LIMIT:
-        return ""
+    if event.kind in (events.LIMIT, events.REACTION):
+        return event.then
     if is_good(event):
         return stage.ways(following)[event.way]
     return stage.on_fail or FAIL

@@ -56,7 +56,14 @@ def limit_conditions(
         bound = getattr(limits, name)
         if bound is not None:
             text = f"limit on {name}: {show(bound, Limits.dimension_of(name))}"
-            found.append(Condition(Event(events.LIMIT, name, text), value > bound, value))
+            beyond = ca.SX(value > bound)
+            then = limits.then(name)
+            # In the stage to which it leads there is nowhere better to go.
+            kind = events.REACTION if then and then != plan.name else events.LIMIT
+            if then:
+                beyond = _counting(name, beyond, measurement, plan.context.period)
+            event = Event(kind, name, text, then=then if kind == events.REACTION else "")
+            found.append(Condition(event, beyond, value))
     for i, joint in enumerate(robot.joint_names):
         low, high, fastest = robot.lower[i], robot.upper[i], robot.velocity_limit[i]
         outside = ca.fmax(low - q[i], q[i] - high)
@@ -84,6 +91,18 @@ def limit_conditions(
         text = f"the tool came to the axis of {frame.mechanism.name!r}, where {frame.name!r} ends"
         found.append(Condition(Event(events.LIMIT, "frame_left", text), margin < 0, margin))
     return found
+
+
+def resting(limit: str) -> str:
+    """The slot of the memory with the stage time until which a limit does not count [s]."""
+    return f"resting.{limit}"
+
+
+def _counting(limit: str, beyond: ca.SX, measurement: Measurement, period: float) -> ca.SX:
+    """Whether a limit is crossed that counts: after it led here, once it has been kept again."""
+    until = measurement.memory.add(resting(limit))
+    measurement.algebra.updates[resting(limit)] = ca.if_else(beyond, until, 0)
+    return ca.logic_and(beyond, measurement.clock.t >= until - period / 2)
 
 
 def stage_conditions(stage: Stage, measurement: Measurement, period: float) -> list[Condition]:

@@ -195,7 +195,11 @@ def _ends(program: Program, stage: CompiledStage) -> Iterator[tuple[str, str]]:
     number = names.index(stage.name)
     ways = spec.ways(names[number + 1] if number + 1 < len(names) else "end")
     failed = spec.on_fail or "fail"
-    own = [e.text.removeprefix(_LIMIT) for e in stage.events if e.text.startswith(_LIMIT)]
+    own = [
+        e.text.removeprefix(_LIMIT) + (f" -> {e.then}" if e.then else "")
+        for e in stage.events
+        if e.text.startswith(_LIMIT)
+    ]
     if own:
         yield "limits", ", ".join(own)
     targets = {"fail_if": failed, "within": failed}
