@@ -49,7 +49,7 @@ kills: $(READY)  ## SIGKILL of a sweep and of its processes at 20 moments each; 
 	$(BIN)/python tests/campaigns/sweep_kills.py --moments 20 --table docs/faults.md
 
 faults: $(READY)  ## 30 declared faults in every shipped task; table in docs/faults.md
-	$(BIN)/python tests/campaigns/declared_faults.py --table docs/faults.md
+	$(BIN)/python tests/campaigns/declared_faults.py --rows runs/faults.jsonl --table docs/faults.md
 
 long: $(READY)  ## memory of runs of 1, 10 and 60 simulated minutes; table in docs/faults.md
 	$(BIN)/python tests/campaigns/long_runs.py --minutes 1 10 60 --table docs/faults.md

@@ -1,6 +1,6 @@
 """Faults that `truth` declares, in every shipped task: how each ends, what its verdict is worth.
 
-    python tests/campaigns/declared_faults.py --jobs 2 --table docs/faults.md
+    python tests/campaigns/declared_faults.py --jobs 2 --rows rows.jsonl --table docs/faults.md
 
 Each fault begins halfway through the task. A run ends in one of four ways: success, a missed
 expectation, a branch that leads to `fail`, or a stop with a name. Beside the log stands what
@@ -295,7 +295,8 @@ def table(found: Sequence[Ended]) -> str:
         rows.append(f"| `{shown}` | {counts} | {names} |")
     kinds = Counter(each.kind for each in found)
     counts = " | ".join(str(kinds[kind]) for kind in (SUCCESS, MISSED, FAILED, STOPPED))
-    rows.append(f"| all | {counts} | - |")
+    tasks = len({each.task for each in found})
+    rows.append(f"| all: {len(found)} runs of {tasks} tasks | {counts} | - |")
     return "\n".join(rows)
 
 
@@ -311,16 +312,26 @@ def main() -> int:
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--only", nargs="*", default=[], help="names of tasks; all without")
     parser.add_argument("--table", type=Path, help="a page that keeps the table")
-    parser.add_argument("--rows", type=Path, help="a file for every run, a line each")
+    parser.add_argument("--rows", type=Path, help="a file of every run, which goes on from there")
     given = parser.parse_args()
     files = sorted((ROOT / "tasks").glob("*.yaml"))
     files = [file for file in files if not given.only or file.stem in given.only]
     found: list[Ended] = []
+    if given.rows is not None and given.rows.exists():
+        lines = given.rows.read_text(encoding="utf-8").splitlines()
+        found = [Ended(**json.loads(line)) for line in lines]
+    if given.rows is not None:
+        given.rows.parent.mkdir(parents=True, exist_ok=True)
+    done_before = {each.task for each in found}
+    files = [file for file in files if load_task(file).task.name not in done_before]
     began = time.perf_counter()
     with ProcessPoolExecutor(given.jobs) as pool:
         waiting = {pool.submit(run_task, file): file for file in files}
         for done in as_completed(waiting):
             found += done.result()
+            if given.rows is not None:
+                with given.rows.open("a", encoding="utf-8") as rows:
+                    rows.writelines(json.dumps(asdict(each)) + "\n" for each in done.result())
             kinds = dict(Counter(each.kind for each in done.result()))
             clock = time.perf_counter() - began
             sys.stdout.write(f"{clock:6.0f} s  {waiting[done].stem}: {kinds}\n")
@@ -328,8 +339,6 @@ def main() -> int:
     wrong = [each for each in found if each.kind == WRONG]
     for each in wrong:
         sys.stdout.write(f"WRONG {each.task} {each.fault}: {each.reason}\n")
-    if given.rows is not None:
-        given.rows.write_text("".join(json.dumps(asdict(each)) + "\n" for each in found))
     if given.table is not None:
         write_table(given.table, found)
     compared = Counter(each.compared for each in found if each.kind == SUCCESS)

@@ -52,4 +52,4 @@ def test_a_table_counts() -> None:
     rows = table([Ended("a", FAULTS[0], STOPPED, "force"), Ended("b", FAULTS[0], SUCCESS)])
     first = rows.splitlines()[2]
     assert first == "| `sensor: drops, for: 10 ms` | 1 | 0 | 0 | 1 | force 1 |"
-    assert rows.splitlines()[-1] == "| all | 1 | 0 | 0 | 1 | - |"
+    assert rows.splitlines()[-1] == "| all: 2 runs of 2 tasks | 1 | 0 | 0 | 1 | - |"
