@@ -126,12 +126,12 @@ def _bounces(task: TaskPlan, stage: StagePlan) -> bool:  # noqa: ARG001
 
 def _again(task: TaskPlan, stage: StagePlan) -> bool:
     """A stage that goes back to one whose bounds do not reach as far as it takes the tool."""
-    stages = task.context.loaded.task.stages
-    order = list(stages)
+    spec = task.context.loaded.task
+    order = list(spec.stages)
     before = order[: order.index(stage.name)]
     for name in before:
-        within = stages[name].within
-        if within is None or name not in followers(stages, stage.name):
+        within = spec.stages[name].within
+        if within is None or name not in followers(spec, stage.name):
             continue
         speed = float(np.linalg.norm(rates_of(task.stages[name])))
         travel, time = within.travel or math.inf, within.time or math.inf

@@ -60,7 +60,8 @@ class Limit(Constant):
 
     def json(self) -> dict[str, Any]:
         """Describes both forms."""
-        most, then = super().json(), {"type": "string", "title": "Where it leads"}
+        most: dict[str, Any] = super().json()
+        then: dict[str, Any] = {"type": "string", "title": "Where it leads"}
         most |= {"title": "The limit", "description": f"Where it lies: {most['description']}"}
         then |= {"description": "The stage that follows, end or fail", "examples": ["retreat"]}
         keys = {"max": most, "then": then}
