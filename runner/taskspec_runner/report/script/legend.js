@@ -33,7 +33,7 @@ function legend(plot) {
   for (const each of distinct(run.events, (e) => e.kind)) entry(list, `<path class="upright ${each.kind}" d="M12 0V10"/>`, UPRIGHTS[each.kind]);
 }
 
-const UPRIGHTS = { event: "a stage ends", broken: "an expectation is broken", stop: "the run stops" };
+const UPRIGHTS = { event: "a stage ends", broken: "an expectation is broken", stop: "the run stops", fault: "a fault begins or ends" };
 
 const distinct = (list, key) => list.filter((a, i) => list.findIndex((b) => key(a) === key(b)) === i);
 
