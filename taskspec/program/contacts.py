@@ -30,6 +30,7 @@ PASSING = math.sin(math.radians(1.0))
 _MET = 1e-9
 #: No arm reaches farther [m].
 _FARTHEST = 5.0
+_MOST_FREE_STEPS = 2000
 _MOST_STEPS = 60
 #: When the sign of a reference is looked at [s].
 _TIMES = (0.0, 0.13, 0.37, 1.0, 2.9)
@@ -108,16 +109,19 @@ class Obstacles:
         return min(found, key=lambda m: m.way, default=None)
 
     def _sphere(self, name: str, x: Vector, radius: float, direction: Vector) -> Encounter | None:
-        """Newton's method from outside; as all shapes are convex, it never goes beyond the way."""
-        way = 0.0
-        for _ in range(_MOST_STEPS):
+        """Newton's method from outside: towards a convex shape it never goes beyond the way.
+
+        Of what is not convex the distance alone tells how far the way is free.
+        """
+        way, convex = 0.0, self._surfaces[name].convex
+        for _ in range(_MOST_STEPS if convex else _MOST_FREE_STEPS):
             distance, normal = self.distance(name, x + way * direction)
             closing = -float(normal @ direction)
-            if not closing > PASSING or way > _FARTHEST:
+            if (convex and not closing > PASSING) or way > _FARTHEST:
                 return None
             if distance - radius <= _MET:
-                return Encounter(name, way, normal)
-            way += (distance - radius) / closing
+                return Encounter(name, way, normal) if closing > PASSING else None
+            way += (distance - radius) / (closing if convex else 1.0)
         return None
 
 

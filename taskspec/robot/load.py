@@ -90,6 +90,7 @@ class _Mounted:
     shape: str
     radius: float | None
     size: tuple[float, ...] | None
+    thickness: float | None
     length: float | None
     mass: float
 
@@ -113,7 +114,7 @@ class _Section:
             robot.model,
             None if flange is None else _Carrier(flange.body, tuple(flange.xyz), tuple(flange.rpy)),
             _Placed(tuple(base.xyz), tuple(base.rpy)),
-            _Mounted(tool.shape, tool.radius, size, tool.length, tool.mass),
+            _Mounted(tool.shape, tool.radius, size, tool.thickness, tool.length, tool.mass),
             robot.balanced,
         )
 

@@ -106,8 +106,10 @@ def make_tool(tool: ToolLike, planar: bool) -> MountedTool:
         )
     for edge in tool.size or ():
         _check("size", edge)
-    end = kind.tool_end(radius, tool.size or ())
-    geometry = ToolGeometry(end.centers, end.radii, flat=end.flat)
+    if tool.thickness is not None:
+        _check("thickness", tool.thickness)
+    end = kind.tool_end(radius, tool.size or (), tool.thickness)
+    geometry = ToolGeometry(end.centers, end.radii, end.flat, end.solid, end.center)
     head = Part(end.solid, end.center, _TIP, drawn=end.flat)
     stem = length + end.stem
     parts: tuple[Part, ...] = (head,)

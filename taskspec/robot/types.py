@@ -12,6 +12,7 @@ import numpy as np
 
 from taskspec.deferred_methods import dataclass
 from taskspec.geometry.axis import Axis
+from taskspec.shapes import BoundedSurface
 
 if TYPE_CHECKING:
     import mujoco
@@ -46,6 +47,8 @@ class ToolLike(Protocol):
     def radius(self) -> float | None: ...  # noqa: D102
     @property
     def size(self) -> Sequence[float] | None: ...  # noqa: D102
+    @property
+    def thickness(self) -> float | None: ...  # noqa: D102
     @property
     def length(self) -> float | None: ...  # noqa: D102
     @property
@@ -94,11 +97,15 @@ class ToolGeometry:
         centers: (k, 3) [m], tip frame; the lowest points lie in the plane z = 0.
         radii: (k,) [m].
         flat: Whether the spheres stand for a flat face.
+        solid: The end itself, which is what touches a shape with a cut.
+        middle: Height of its centre [m], negative is towards the flange.
     """
 
     centers: Array
     radii: Array
     flat: bool
+    solid: BoundedSurface
+    middle: float
 
     @property
     def reach(self) -> float:

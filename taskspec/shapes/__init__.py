@@ -6,6 +6,8 @@ it before the language is imported.
 
 from taskspec.shapes.box import Box
 from taskspec.shapes.cylinder import Cylinder
+from taskspec.shapes.groove import Groove
+from taskspec.shapes.hole import Hole
 from taskspec.shapes.plane import Plane
 from taskspec.shapes.registry import (
     SHAPES,
@@ -15,20 +17,33 @@ from taskspec.shapes.registry import (
     tool_shapes,
     with_size,
 )
+from taskspec.shapes.slot import Slot
 from taskspec.shapes.sphere import Sphere
-from taskspec.shapes.surface import BoundedSurface, Geom, SizeKey, Surface, SurfaceChart, ToolEnd
+from taskspec.shapes.surface import (
+    BoundedSurface,
+    Cut,
+    Geom,
+    SizeKey,
+    Surface,
+    SurfaceChart,
+    ToolEnd,
+)
 
-for _kind in (Plane, Box, Cylinder, Sphere):
+for _kind in (Plane, Box, Cylinder, Sphere, Hole, Slot, Groove):
     register(_kind)
 
 __all__ = [
     "SHAPES",
     "BoundedSurface",
     "Box",
+    "Cut",
     "Cylinder",
     "Geom",
+    "Groove",
+    "Hole",
     "Plane",
     "SizeKey",
+    "Slot",
     "Sphere",
     "Surface",
     "SurfaceChart",

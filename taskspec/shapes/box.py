@@ -120,7 +120,12 @@ class Box(ToolSurface):
         return np.array(list(product((-0.5, 0.5), repeat=3))) * self.size, 0.0
 
     @classmethod
-    def tool_end(cls, radius: float, size: Sequence[float]) -> ToolEnd:  # noqa: ARG003
+    def tool_end(
+        cls,
+        radius: float,  # noqa: ARG003
+        size: Sequence[float],
+        thickness: float | None,  # noqa: ARG003
+    ) -> ToolEnd:
         """A face with a small sphere at each corner."""
         x, y, z = (edge / 2 for edge in size)
         point = min(POINT_RADIUS, x / 4, y / 4)

@@ -44,7 +44,7 @@ class Cylinder(ToolSurface):
     )
     start_over = "the side of a cylinder"
     resting_points = RIM_POINTS
-    tool_keys = {"radius": True}  # noqa: RUF012
+    tool_keys = {"radius": True, "thickness": False}  # noqa: RUF012
 
     def height(self, x: ca.SX) -> ca.SX:
         """Distance [m] from the side, an end or a rim."""
@@ -83,10 +83,15 @@ class Cylinder(ToolSurface):
         return np.array([(x, y, end) for x, y in _rim(self.radius) for end in (-z, z)]), 0.0
 
     @classmethod
-    def tool_end(cls, radius: float, size: Sequence[float]) -> ToolEnd:  # noqa: ARG003
-        """A round face with small spheres at its rim, half as thick as its radius."""
-        z = radius / 4
-        point = min(POINT_RADIUS, radius / 4)
+    def tool_end(
+        cls,
+        radius: float,
+        size: Sequence[float],  # noqa: ARG003
+        thickness: float | None,
+    ) -> ToolEnd:
+        """A round face with small spheres at its rim, by default half as thick as its radius."""
+        z = radius / 4 if thickness is None else thickness / 2
+        point = min(POINT_RADIUS, radius / 4, z)
         centers = np.column_stack((_rim(radius - point), np.full(RIM_POINTS, -point)))
         solid = cls(np.zeros(3), np.eye(3), radius, 2 * z)
         return ToolEnd(solid, -z, radius, 2 * -z, centers, np.full(RIM_POINTS, point))

@@ -60,7 +60,12 @@ class Sphere(ToolSurface):
         return np.zeros((1, 3)), self.radius
 
     @classmethod
-    def tool_end(cls, radius: float, size: Sequence[float]) -> ToolEnd:  # noqa: ARG003
+    def tool_end(
+        cls,
+        radius: float,
+        size: Sequence[float],  # noqa: ARG003
+        thickness: float | None,  # noqa: ARG003
+    ) -> ToolEnd:
         """A ball, which touches in one point."""
         centers = np.array([[0.0, 0.0, -radius]])
         solid = cls(np.zeros(3), np.eye(3), radius)

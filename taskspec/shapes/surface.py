@@ -39,6 +39,7 @@ class SizeKey:
         description: what it is where those names are left out.
         example: a value, as a message shows it.
         shown: values that editors show.
+        most: what it is at most [SI units].
     """
 
     name: str
@@ -49,9 +50,20 @@ class SizeKey:
     description: str = ""
     example: str = "50 mm"
     shown: tuple[Any, ...] = ()
+    most: float | None = None
 
 
 RADIUS = SizeKey("radius", "Radius", shown=("50 mm",))
+DEPTH = SizeKey(
+    "depth", "Depth below the plate", extent=", below the plate", example="20 mm", shown=("20 mm",)
+)
+CHAMFER = SizeKey(
+    "chamfer",
+    "Chamfer of 45 degrees",
+    description="How far the edge is cut, at 45 degrees; by default it is sharp",
+    example="1 mm",
+    shown=("1 mm",),
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,11 +74,28 @@ class Geom:
         kind: MuJoCo's word for its type.
         size: (3,) as MuJoCo counts it [m].
         center: (3,) [m].
+        corners: (n, 3) of a `mesh` [m].
+        faces: (m, 3) numbers of the corners of its triangles, counterclockwise from outside.
     """
 
     kind: str
     size: tuple[float, float, float]
     center: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    corners: Vector | None = None
+    faces: Vector | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Cut:
+    """What is cut into a plate, as the plant knows it: touched by the tool's whole surface.
+
+    Attributes:
+        kind: the plant's word for it.
+        sizes: as the plant takes them [m, rad].
+    """
+
+    kind: str
+    sizes: tuple[float, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,10 +108,12 @@ class Surface(ABC):
         origin: (3,) [m], world.
         rotation: (3, 3), columns are the shape's own axes in the world.
         name: the kind's word in a file.
-        keys: its sizes in a file, all of them needed.
+        keys: its sizes in a file.
+        optional: the names of those that may be left out.
         remark: what else an editor says of it.
         flat: whether every part of it that a frame follows is flat.
         level: whether its outward normal is the same everywhere.
+        convex: whether it is; a straight way meets what is not more than once.
         start_over: where a tool starts that is to follow it; empty for anywhere.
         parts: what its parts are called of which a stage follows one; empty for one part alone.
         face_size: how many numbers describe the part that a stage follows; 0 for one part alone.
@@ -93,9 +124,11 @@ class Surface(ABC):
 
     name: ClassVar[str]
     keys: ClassVar[tuple[SizeKey, ...]] = ()
+    optional: ClassVar[tuple[str, ...]] = ()
     remark: ClassVar[str] = ""
     flat: ClassVar[bool] = False
     level: ClassVar[bool] = False
+    convex: ClassVar[bool] = True
     start_over: ClassVar[str] = ""
     parts: ClassVar[str] = ""
     face_size: ClassVar[int] = 0
@@ -137,6 +170,10 @@ class Surface(ABC):
     def moving_geom(self) -> Geom:
         """The geom of the shape where it moves."""
         return self.geom()
+
+    def cut(self) -> Cut | None:
+        """What is cut into it; None where a tool touches it with the spheres of its end."""
+        return None
 
     def visible_geom(self, center: Vector, half: Vector) -> Geom | None:  # noqa: ARG002
         """What is seen of a shape that is endless; None where its own geom is seen.
@@ -212,12 +249,13 @@ class ToolSurface(BoundedSurface):
 
     @classmethod
     @abstractmethod
-    def tool_end(cls, radius: float, size: Sequence[float]) -> ToolEnd:
+    def tool_end(cls, radius: float, size: Sequence[float], thickness: float | None) -> ToolEnd:
         """The end of a tool.
 
         Args:
             radius: of what is round [m].
             size: (3,) full edges of what has edges [m], the third along the tool's axis.
+            thickness: of what is round, along the tool's axis [m]; None for the default.
         """
 
 

@@ -86,6 +86,7 @@ class Tool(Model):
         shape: of the end that touches.
         radius: of a sphere or cylinder [m]; None for the default.
         size: full edges of a box [m].
+        thickness: of a cylinder, along the tool's axis [m]; None for half its radius.
         length: from the flange to the tip [m]; None for the default.
         mass: [kg].
     """
@@ -98,6 +99,9 @@ class Tool(Model):
     radius: Annotated[float, Constant(LENGTH, above=0)] | None = Field(None, title="Radius")
     size: Annotated[tuple[float, float, float], Entries((LENGTH,) * 3, above=0)] | None = Field(
         None, title="Full edges of a box"
+    )
+    thickness: Annotated[float, Constant(LENGTH, above=0)] | None = Field(
+        None, title="Thickness of a cylinder"
     )
     length: Annotated[float, Constant(LENGTH, least=0)] | None = Field(
         None, title="Length from flange to tip"
@@ -113,6 +117,9 @@ class Tool(Model):
             needed = [key for key, is_needed in keys.items() if is_needed]
             # A tool of every shape has a length.
             check_sizes(shape, needed, {*keys, "length"}, data, context)
+            if "thickness" in data and "thickness" not in keys:
+                message, span = f"a {shape} has no 'thickness'", data.node.key_span("thickness")
+                context.error("TS302", message, span, f"its sizes: {', '.join(sorted(keys))}")
 
 
 class Start(Model):

@@ -250,6 +250,8 @@ MEANINGS: dict[str, dict[str, Meaning]] = {
     "Tool": {
         "shape": ("Of its end; a sphere, the default, touches in one point.", ()),
         "radius": ("Of a sphere, 10 mm by default, or of a cylinder.", ("10 mm",)),
+        "thickness": ("Of a cylinder, along the tool's axis; by default half its radius.",
+                      ("40 mm",)),
         "length": ("From the flange to the tip; by default 100 mm, on planar arms 0.", ("100 mm",)),
         "mass": ("Known to the controller too; by default none.", ("300 g",)),
     },

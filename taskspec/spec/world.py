@@ -21,9 +21,6 @@ from taskspec.text.suggest import closest
 from taskspec.text.units import ANGLE, DAMPING, LENGTH, MASS, NUMBER, STIFFNESS
 
 _SHAPES = all_shapes(__name__)
-#: Words of the language that are not supported yet, as shapes and as their sizes.
-_LATER = tuple(name for name in ("groove", "hole") if name not in _SHAPES)
-_LATER_SIZES = frozenset({"angle", "depth", "chamfer"}) - size_keys().keys()
 
 KIND_KEYS = ("shape", "equation", "mechanism")
 """The keys of which one says what an object is."""
@@ -69,14 +66,14 @@ class Motion(Model):
 class _PlacedShape(Model):
     """The keys of a shape that come before its sizes."""
 
-    shape: Annotated[str, Word(tuple(_SHAPES), "shape", reserved=_LATER)] = Field(title="Shape")
+    shape: Annotated[str, Word(tuple(_SHAPES), "shape")] = Field(title="Shape")
     xyz: XYZ = Field((0.0, 0.0, 0.0), title="Position in the world", description="[x, y, z]")
     rpy: RPY = Field((0.0, 0.0, 0.0), title="Orientation", description="[roll, pitch, yaw]")
 
 
 def _field(key: SizeKey) -> tuple[Any, Any]:
     """A size as a field of a model: its type, and what is known of it."""
-    form: Any = Annotated[float, Constant(key.dimension, above=0)]
+    form: Any = Annotated[float, Constant(key.dimension, above=0, most=key.most)]
     if key.entries > 1:
         dimensions = (key.dimension,) * key.entries
         form = Annotated[tuple[float, ...], Entries(dimensions, above=0)]
@@ -117,7 +114,6 @@ class Shape(_SizedShape):
 
     noun = "an object"
     example = "table: {shape: plane, xyz: [0, 0, 300 mm]}"
-    reserved = _LATER_SIZES
 
     stiffness: Annotated[
         float | Literal["rigid"], Constant(STIFFNESS, above=0, words=("rigid",))
@@ -164,30 +160,27 @@ class Shape(_SizedShape):
 
     @property
     def sizes(self) -> dict[str, Any]:
-        """Its sizes by key [SI units]."""
-        return {key.name: getattr(self, key.name) for key in _SHAPES[self.shape].keys}
+        """Its sizes by key [SI units], those that are left out not among them."""
+        given = {key.name: getattr(self, key.name) for key in _SHAPES[self.shape].keys}
+        return {name: value for name, value in given.items() if value is not None}
 
     @classmethod
     def expand(cls, data: object, context: ParseContext) -> object:
-        """Reports an object of a kind that comes later or of none, and looks no further into it."""
-        if not isinstance(data, Map):
+        """Reports an object of no kind, and looks no further into it."""
+        if not isinstance(data, Map) or "shape" in data:
             return data
-        if "shape" not in data:
-            return _of_no_kind(data, context, [*cls.model_fields, *cls.reserved])
-        if data.get("shape") not in _LATER:
-            return data
-        context.quiet.add(id(data.node))
-        rest = Map({"shape": data["shape"]})
-        rest.node = data.node
-        return rest
+        return _of_no_kind(data, context, [*cls.model_fields, *cls.reserved])
 
     @classmethod
     def rules(cls, data: Map, context: ParseContext) -> None:
         """Asks for the sizes of the shape."""
         shape = data.get("shape")
         if isinstance(shape, str) and shape in _SHAPES:
-            needed = tuple(key.name for key in _SHAPES[shape].keys)
-            check_sizes(shape, needed, needed, data, context)
+            allowed = [key.name for key in _SHAPES[shape].keys]
+            needed = [name for name in allowed if name not in _SHAPES[shape].optional]
+            check_sizes(shape, needed, allowed, data, context)
+        if shape == "hole":
+            _check_fits(data, context)
         _check_free(data, context)
         _check_carried(data, context)
 
@@ -205,6 +198,15 @@ def _of_no_kind(data: Map, context: ParseContext, keys: list[str]) -> Map:
     rest = Map({key: value for key, value in data.items() if key in keys})
     rest.node = data.node
     return rest
+
+
+def _check_fits(data: Map, context: ParseContext) -> None:
+    """Refuses a hole for a tool with corners, whose contact with a round wall is not modelled."""
+    robot = context.data.get("robot")
+    tool = robot.get("tool") if isinstance(robot, Map) else None
+    if isinstance(tool, Map) and tool.get("shape") == "box":
+        message, span = "a hole does not go with a box as the tool", data.node.key_span("shape")
+        context.error("TS026", message, span, "take a cylinder, or a slot instead of the hole")
 
 
 def is_free(data: Map) -> bool:

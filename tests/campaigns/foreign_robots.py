@@ -26,7 +26,9 @@ ROOT = Path(__file__).resolve().parents[2]
 LIST = Path(__file__).with_suffix(".yaml")
 STATES = 50
 _BASE = SimpleNamespace(xyz=(0.0, 0.0, 0.0), rpy=(0.0, 0.0, 0.0))
-_TOOL = SimpleNamespace(shape="sphere", radius=None, size=None, length=None, mass=0.3)
+_TOOL = SimpleNamespace(
+    shape="sphere", radius=None, size=None, thickness=None, length=None, mass=0.3
+)
 
 
 def packages() -> dict[str, Any]:

@@ -111,7 +111,7 @@ class Slab(Plane):
 
 
 def test_shapes_are_listed_by_their_names():
-    assert list(SHAPES) == ["plane", "box", "cylinder", "sphere"]
+    assert list(SHAPES) == ["plane", "box", "cylinder", "sphere", "hole", "slot", "groove"]
     assert all(kind.name == name for name, kind in SHAPES.items())
 
 

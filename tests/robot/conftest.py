@@ -23,7 +23,8 @@ def section(model: str, **keys: Any) -> Any:
     `flange` is a body's name, `flange_xyz` and `flange_rpy` a pose in it.
     """
     tool: dict[str, Any] = {
-        "shape": "sphere", "radius": None, "size": None, "length": None, "mass": 0.3
+        "shape": "sphere", "radius": None, "size": None, "thickness": None, "length": None,
+        "mass": 0.3,
     }  # fmt: skip
     base: dict[str, Any] = {"xyz": (0.0, 0.0, 0.0), "rpy": (0.0, 0.0, 0.0)}
     zero = (0.0, 0.0, 0.0)

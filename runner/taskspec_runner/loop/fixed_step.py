@@ -323,7 +323,7 @@ class _Native:
         from taskspec.native.expressions import UnsupportedOperationError
         from taskspec_runner.loop.native.code import Compiling, NotReadyError
         from taskspec_runner.loop.native.loop import NativeLoop
-        from taskspec_runner.loop.native.simulator import LayoutError
+        from taskspec_runner.plant.simulator import LayoutError
 
         try:
             compiling = Compiling.BESIDE if ticks >= _WORTH else Compiling.NOT_YET

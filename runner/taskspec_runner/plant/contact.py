@@ -30,6 +30,8 @@ from taskspec.spec import Task
 from taskspec_runner.plant.arm import SceneArm
 from taskspec_runner.plant.loose import loose, point_name, solid_of
 from taskspec_runner.plant.names import PREFIX
+from taskspec_runner.plant.whole import markers
+from taskspec_runner.plant.whole.markers import WholeContact
 
 _NO_SPRING = 1e-9
 #: A friction of exactly zero would leave MuJoCo's elliptic cone without a size.
@@ -50,6 +52,11 @@ def add_tool_pairs(spec: mujoco.MjSpec, arm: SceneArm, task: Task, mobility: flo
         if name == arm.held:
             continue
         declared = compliance(shape, robot, arm.start, period)
+        cut = markers.cut_of(shape)
+        if cut is not None:
+            contact = WholeContact(declared, shape.friction, mobility + mobility_of(shape), period)
+            markers.add_pair(spec, name, cut, (robot.tool_geoms[0], robot.tool), contact)
+            continue
         for geom in robot.tool_geoms:
             pair = spec.add_pair(geomname1=PREFIX + name, geomname2=geom, condim=3)
             contact_parameters(
@@ -76,7 +83,20 @@ def add_loose_pairs(spec: mujoco.MjSpec, task: Task) -> None:
             own, friction = pair_compliance(body, 1.0 / mobility, period), shape.friction
             if shape.free and own.stiffness < declared.stiffness:
                 declared, friction = own, body.friction
-            for number in range(len(solid.contact_points()[0])):
+            centers, radius = solid.contact_points()
+            cut = markers.cut_of(shape)
+            if cut is not None:
+                each = Compliance(
+                    declared.stiffness / solid.resting_points,
+                    declared.damping / solid.resting_points,
+                    declared.phase,
+                )
+                contact = WholeContact(each, friction, mobility, period)
+                for number in range(len(centers)):
+                    touches = point_name(name, number), radius
+                    markers.add_pair(spec, other, cut, touches, contact)
+                continue
+            for number in range(len(centers)):
                 pair = spec.add_pair(
                     geomname1=PREFIX + other, geomname2=point_name(name, number), condim=3
                 )

@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 
 from taskspec.deferred_methods import dataclass
-from taskspec.program.world.stiffness import IMPRATIO
+from taskspec.program.world.stiffness import friction_ratio
 from taskspec.spec import Shape, Task
 from taskspec_runner.plant import grasp
 from taskspec_runner.plant.arm import SceneArm
@@ -17,6 +17,7 @@ from taskspec_runner.plant.moving_base import moving
 from taskspec_runner.plant.names import PREFIX
 from taskspec_runner.plant.payload import weigh
 from taskspec_runner.plant.shapes import COLORS, add_shape
+from taskspec_runner.plant.whole import markers
 from taskspec_runner.plant.wrist import add_wrist
 
 
@@ -50,7 +51,7 @@ def build_scene(arm: SceneArm, task: Task, *, seen: bool = False) -> Scene:
     robot = arm.robot
     spec = robot.spec.copy()
     period = 1.0 / task.control.plant_rate
-    _set_options(spec.option, period)
+    _set_options(spec.option, period, friction_ratio(task))
     if seen:
         dress(spec)
     joints, declared = robot.joint_names, arm.declared
@@ -70,8 +71,6 @@ def build_scene(arm: SceneArm, task: Task, *, seen: bool = False) -> Scene:
         else:
             add_shape(spec, name, shape, near, color)
         _add_sensor(spec, arm, name)
-    add_tool_pairs(spec, arm, task, mobility)
-    add_loose_pairs(spec, task)
     if arm.declared.sensor.at == "wrist":
         add_wrist(spec, arm)
     _add_mechanisms(spec, arm, task)
@@ -79,7 +78,10 @@ def build_scene(arm: SceneArm, task: Task, *, seen: bool = False) -> Scene:
         own = task.world[name]
         assert isinstance(own, Shape)
         add_shape(spec, name, task.shapes[name], near, color, own)
+    add_tool_pairs(spec, arm, task, mobility)
+    add_loose_pairs(spec, task)
     model = spec.compile()
+    markers.connect(model)
     if arm.held:
         grasp.calibrate(model, arm)
     # The solver's tolerance is relative to this; what is driven has no bounds to its inertia.
@@ -93,12 +95,12 @@ def build_scene(arm: SceneArm, task: Task, *, seen: bool = False) -> Scene:
     return Scene(model, arm, tuple(task.shapes), sensors)
 
 
-def _set_options(option: mujoco.MjOption, period: float) -> None:
+def _set_options(option: mujoco.MjOption, period: float, ratio: float) -> None:
     option.timestep = period
     # A pyramidal cone makes the same contact several times too stiff; at impratio 1 friction is
     # viscous down to a few centimetres per second.
     option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
-    option.impratio = IMPRATIO
+    option.impratio = ratio
     option.solver = mujoco.mjtSolver.mjSOL_NEWTON
     option.tolerance = 1e-14
     option.integrator = mujoco.mjtIntegrator.mjINT_EULER

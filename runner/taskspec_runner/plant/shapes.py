@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from taskspec.program.world.frames import pose, surface
 from taskspec.robot.geoms import add_geom
+from taskspec.shapes import Geom
 from taskspec.spec import Shape
 from taskspec_runner.plant.loose import add_loose
 from taskspec_runner.plant.moving_base import add_moving_base
@@ -55,10 +56,21 @@ def add_shape(
     visible = solid.visible_geom(middle, _VISIBLE)
     if visible is not None:
         look = {"name": visible_name(name), "rgba": list(color), "group": 1}
+        if visible.corners is not None:
+            _add_mesh(spec, visible_name(name), visible)
+            look["meshname"] = visible_name(name)
         add_geom(body, visible, origin, rotation, **look, **INERT)
         color = (*color[:3], 0.0)
     geom = solid.moving_geom() if moves else solid.geom()
     add_geom(body, geom, origin, rotation, name=PREFIX + name, rgba=list(color), **INERT)
+
+
+def _add_mesh(spec: mujoco.MjSpec, name: str, geom: Geom) -> None:
+    assert geom.corners is not None
+    assert geom.faces is not None
+    mesh = spec.add_mesh(name=name)
+    mesh.uservert, mesh.userface = geom.corners.ravel().tolist(), geom.faces.ravel().tolist()
+    mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
 
 
 def visible_name(name: str) -> str:

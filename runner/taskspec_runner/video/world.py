@@ -82,7 +82,7 @@ class RecordedWorld:
         over = (self.recording.tip - origin) @ R
         low, high = over.min(axis=0) - _MARGIN, over.max(axis=0) + _MARGIN
         visible = solid.visible_geom((high + low) / 2, (high - low)[:2] / 2)
-        if visible is None:
+        if visible is None or visible.corners is not None:
             return
         geom, center = self.model.geom(visible_name(name)).id, np.array(visible.center)
         place = center if shape.motion is not None else origin + R @ center

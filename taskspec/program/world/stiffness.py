@@ -15,7 +15,7 @@ from taskspec.program.world import frames
 from taskspec.program.world.equations import EquationModel
 from taskspec.robot import RobotModel
 from taskspec.robot.poses import mirrored
-from taskspec.spec import EquationObject, Mechanism, Shape
+from taskspec.spec import EquationObject, Mechanism, Shape, Task
 
 Vector = NDArray[np.float64]
 
@@ -25,6 +25,8 @@ IMPEDANCE = 0.02
 SETTLING = 0.5
 #: How much stiffer friction is against a slip than the contact is damped along its normal.
 IMPRATIO = 100.0
+#: The same in a world with a hole, slot or groove, where a jammed tool is to stay where it is.
+CUT_IMPRATIO = 1e4
 #: `rigid` is a contact that turns half a radian of its own oscillation in one step of the plant.
 RIGID_PHASE = 0.5
 #: The inertia [kg m^2] for which an equation on joints has a tenth of critical damping.
@@ -234,13 +236,22 @@ def settling_rate(damping: float, mobility: float, plant_period: float) -> float
     return min(damping * (1 - IMPEDANCE) * mobility, IMPEDANCE * SETTLING / plant_period)
 
 
-def creep(damping: float, mobility: float, plant_period: float) -> tuple[float, float]:
+def friction_ratio(task: Task) -> float:
+    """How much stiffer friction is against a slip than a contact is damped along its normal."""
+    cut = any(frames.surface(shape).cut() is not None for shape in task.shapes.values())
+    return CUT_IMPRATIO if cut else IMPRATIO
+
+
+def creep(
+    damping: float, mobility: float, plant_period: float, ratio: float = IMPRATIO
+) -> tuple[float, float]:
     """What friction below its limit is at one point: force over slip [N s/m], and added mass [kg].
 
     Args:
         damping: of the point [N s/m].
         mobility: A [1/kg].
         plant_period: [s].
+        ratio: of the world, as `friction_ratio` has it.
     """
     rate = settling_rate(damping, mobility, plant_period)
-    return IMPRATIO * rate / ((1 - IMPEDANCE) * mobility), IMPRATIO * added_mass(mobility)
+    return ratio * rate / ((1 - IMPEDANCE) * mobility), ratio * added_mass(mobility)

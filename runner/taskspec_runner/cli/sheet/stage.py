@@ -67,7 +67,11 @@ def robot_rows(program: Program) -> tuple[tuple[str, str], ...]:
     context = program.context
     robot, tool = context.robot, context.loaded.task.robot.tool
     position = ", ".join(f"{round(1e3 * x, 3) + 0.0:g}" for x in context.start_p)
-    sizes = [show(float(v), "mm") for v in (tool.radius, *(tool.size or ())) if v is not None]
+    sizes = [
+        show(float(v), "mm")
+        for v in (tool.radius, tool.thickness, *(tool.size or ()))
+        if v is not None
+    ]
     return (
         ("robot", f"{robot.name}, {len(robot.joint_names)} joints: {robot.source}"),
         ("flange", f"{robot.flange}"),

@@ -16,10 +16,11 @@ from taskspec.program.execution.stage_runner import StageRunner
 from taskspec.program.ports import fields, slices
 from taskspec_runner.loop import fixed_step
 from taskspec_runner.loop.fixed_step import LOOK_EVERY, ClosedLoop
-from taskspec_runner.loop.native import simulator, tick_memory, ticks
+from taskspec_runner.loop.native import tick_memory, ticks
 from taskspec_runner.loop.native.code import Compiling, NotReadyError, kernel_engine
 from taskspec_runner.loop.native.tick_memory import LIBRARY, TickMemory
 from taskspec_runner.loop.sensing import Sensing
+from taskspec_runner.plant import simulator
 from taskspec_runner.plant.equations import XBODY
 from taskspec_runner.plant.moving_base import INERTIA
 from taskspec_runner.plant.plant import ENERGY_BOUND, FORCE_BOUND, Plant

@@ -80,7 +80,7 @@ def data_layout() -> DataLayout:
     mujoco.mj_forward(model, data)
     data.time = _MARK
     mark = int(np.array([_MARK]).view(np.int64)[0])
-    return DataLayout(_word(data, mark), _word(data, data.efc_force.ctypes.data))
+    return DataLayout(word(data, mark), word(data, data.efc_force.ctypes.data))
 
 
 def words(data: mujoco.MjData) -> NDArray[np.int64]:
@@ -103,7 +103,7 @@ def warnings(data: mujoco.MjData) -> NDArray[np.int64]:
     return np.ctypeslib.as_array(kind.from_address(statistics.lastinfo.ctypes.data))
 
 
-def _word(data: mujoco.MjData, value: int) -> int:
+def word(data: mujoco.MjData | mujoco.MjModel, value: int) -> int:
     """The first word that has a value, of which there is one.
 
     Only pages with a word of the data before the wanted one are read.
@@ -119,6 +119,6 @@ def _word(data: mujoco.MjData, value: int) -> int:
     raise LayoutError("MuJoCo's data are not as expected")
 
 
-def _words(data: mujoco.MjData, count: int) -> NDArray[np.int64]:
+def _words(data: mujoco.MjData | mujoco.MjModel, count: int) -> NDArray[np.int64]:
     kind = ctypes.c_int64 * count
     return np.ctypeslib.as_array(kind.from_address(data._address))

@@ -1,0 +1,552 @@
+"""Where a tool touches a shape with its whole surface: one resultant contact for each patch.
+
+A kernel (`taskspec.native.kernel`): compiled where there is llvmlite, else run by Python, with the
+same bits. All lengths in metres.
+
+A tool is convex. With its support function h(u) = max x.u its depth in a half-space is h(-n) + d,
+and its depth in a convex body is the least of h(-n) + h_body(n) over the unit normals n. A contact
+of the stiffness k at the support point has the energy k D^2/2, so that faces, edges and points
+bear k alike. |x| in h is rounded to sqrt(x^2 + psi^2): flat faces bulge by a few micrometres, and
+the centre of pressure moves without a jump.
+
+In the memory `t` a tool has its centre (0..2), its axes x, y, z (3..5, 6..8, 9..11), its kind (12),
+half sizes (13..15) and rounding (16), in the axes of the shape. A patch is ten numbers: point,
+outward normal, depth, share of the declared stiffness, lever of spinning friction, and one spare.
+"""
+
+from __future__ import annotations
+
+import math
+
+from taskspec.native.kernel import Counts, Vector
+
+#: Marks of the geoms that carry data, as MuJoCo's user data has them.
+TOOL, SHAPE = 271828182.0, 314159265.0
+#: Kinds of tools and of shapes.
+BALL, CYLINDER, BOX = 1, 2, 3
+PLATE, HOLE, SLOT, GROOVE = 10, 11, 12, 13
+#: Numbers of a patch, and how many there are at most.
+PATCH, MOST = 10, 8
+#: Doubles of a contact of MuJoCo, and 32 bit words.
+CONTACT, CONTACT_WORDS = 76, 152
+#: Doubles that a call works with: a tool, points on it, patches.
+WORK = 24 + 20 + PATCH * MOST
+#: Numbers of a marker's data.
+DATA = 24
+#: Rolling friction, which lets a rocking face settle, as a share of the spinning one.
+ROLLING = 0.05
+#: From this angle apart on, 1 - cos, what touches on two sides is two patches.
+APART = 0.12
+
+
+def touch(
+    place: Vector, axes: Vector, data: Vector, width: int, first: int, second: int,
+    contacts: Vector, words: Counts, work: Vector,
+) -> int:  # fmt: skip
+    """Writes the contacts of two geoms, and returns their number; -1 if they are not marked.
+
+    Args:
+        place: (3 geoms,) positions of geoms, world.
+        axes: (9 geoms,) their rotations, row by row.
+        data: (width geoms,) their user data.
+        width: numbers of user data of a geom.
+        first: a geom.
+        second: the other one.
+        contacts: where contacts of MuJoCo are written.
+        words: the same memory.
+        work: (WORK,) memory of this call.
+    """
+    if width < DATA:
+        return -1
+    tool, shape = first, second
+    if data[width * tool] != TOOL:
+        tool, shape = second, first
+    if data[width * tool] != TOOL or data[width * shape] != SHAPE:
+        return -1
+    d, w = data[width * tool :], data[width * shape :]
+    o, R = place[3 * shape :], axes[9 * shape :]
+    c, T = place[3 * tool :], axes[9 * tool :]
+    for i in range(3):
+        work[i] = R[i] * (c[0] - o[0]) + R[3 + i] * (c[1] - o[1]) + R[6 + i] * (c[2] - o[2])
+        for j in range(3):
+            work[3 + 3 * j + i] = R[i] * T[j] + R[3 + i] * T[3 + j] + R[6 + i] * T[6 + j]
+    work[12] = d[1]
+    for i in range(3):
+        work[13 + i] = d[2 + i]
+    work[16] = d[5]
+    at, patches = work[24:], work[44:]
+    kind = int(w[1])
+    if kind == HOLE:
+        n = _hole(work, w[2], w[3], w[4], at, patches)
+    elif kind == SLOT:
+        n = _slot(work, w[2], w[3], w[4], at, patches)
+    elif kind == GROOVE:
+        n = _groove(work, w[2], w[3], at, patches)
+    else:
+        n = _floor(work, 0.0, at, patches, 0)
+    for i in range(n):
+        _contact(
+            patches[PATCH * i :], w, o, R, int(d[6]), contacts[CONTACT * i :],
+            words[CONTACT_WORDS * i :],
+        )  # fmt: skip
+    return n
+
+
+def _contact(
+    p: Vector, w: Vector, o: Vector, R: Vector, tool: int, contact: Vector, words: Counts
+) -> None:
+    """A patch as MuJoCo's contact.
+
+    Its share of the stiffness has as much of damping and of the virtual mass d/((1 - d) A).
+    """
+    k, b, mu, A, settling, impedance = w[8], w[9], w[10], w[11], w[12], w[13]
+    share = p[7]
+    g = share * impedance / (1.0 - impedance)
+    d = g / (1.0 + g)
+    scale = (1.0 - d) * A
+    for i in range(CONTACT):
+        contact[i] = 0.0
+    contact[0] = -p[6]
+    for i in range(3):
+        contact[1 + i] = o[i] + R[3 * i] * p[0] + R[3 * i + 1] * p[1] + R[3 * i + 2] * p[2]
+        contact[4 + i] = R[3 * i] * p[3] + R[3 * i + 1] * p[4] + R[3 * i + 2] * p[5]
+    _across(contact[4:], contact[7:])
+    rubs = max(mu, 1e-5)
+    lever = p[8]
+    contact[14] = rubs
+    contact[15] = rubs
+    contact[16] = max(mu * lever, 1e-6)
+    contact[17] = max(ROLLING * mu * lever, 1e-6)
+    contact[18] = contact[17]
+    contact[19] = -k * share * scale
+    contact[20] = -b * share * scale
+    contact[21] = -1e-9
+    contact[22] = -d * settling
+    contact[23] = d
+    contact[24] = d
+    contact[25] = 0.001
+    contact[26] = 0.5
+    contact[27] = 2.0
+    words[138] = 1 if mu == 0.0 else (6 if lever > 1e-5 else 3)
+    words[139] = int(w[14])
+    words[140] = tool
+    words[141] = words[139]
+    words[142] = tool
+    for i in range(143, 149):
+        words[i] = -1
+    words[149] = 0
+    words[150] = -1
+
+
+def _across(n: Vector, t: Vector) -> None:
+    """Two unit vectors (6,) across a unit vector (3,)."""
+    x, y, z = n[0], n[1], n[2]
+    if abs(x) < 0.6:
+        t[0], t[1], t[2] = 1.0 - x * x, -x * y, -x * z
+    else:
+        t[0], t[1], t[2] = -y * x, 1.0 - y * y, -y * z
+    size = math.sqrt(t[0] * t[0] + t[1] * t[1] + t[2] * t[2])
+    for i in range(3):
+        t[i] /= size
+    t[3] = y * t[2] - z * t[1]
+    t[4] = z * t[0] - x * t[2]
+    t[5] = x * t[1] - y * t[0]
+
+
+def _support(t: Vector, x: float, y: float, z: float, at: Vector) -> float:
+    """h(u) of a tool; its support point, and the lever of spinning friction there, into `at`."""
+    u = x * t[0] + y * t[1] + z * t[2]
+    eps = t[16]
+    along = x * t[9] + y * t[10] + z * t[11]
+    if t[12] == BALL:
+        size = math.sqrt(x * x + y * y + z * z)
+        r = t[13] / size
+        at[0], at[1], at[2] = t[0] + r * x, t[1] + r * y, t[2] + r * z
+        at[3] = 0.0
+        return u + t[13] * size
+    half = t[15]
+    end = eps / half
+    ends = math.sqrt(along * along + end * end)
+    f = half * along / ends
+    if t[12] == CYLINDER:
+        r = t[13]
+        round_ = eps / r
+        ox, oy, oz = x - along * t[9], y - along * t[10], z - along * t[11]
+        off = math.sqrt(ox * ox + oy * oy + oz * oz + round_ * round_)
+        s = r / off
+        at[0] = t[0] + s * ox + f * t[9]
+        at[1] = t[1] + s * oy + f * t[10]
+        at[2] = t[2] + s * oz + f * t[11]
+        at[3] = 2.0 / 3.0 * r * round_ / off + 0.5 * half * end / ends
+        return u + r * off + half * ends
+    one = x * t[3] + y * t[4] + z * t[5]
+    two = x * t[6] + y * t[7] + z * t[8]
+    e1, e2 = eps / t[13], eps / t[14]
+    w1, w2 = math.sqrt(one * one + e1 * e1), math.sqrt(two * two + e2 * e2)
+    f1, f2 = t[13] * one / w1, t[14] * two / w2
+    for i in range(3):
+        at[i] = t[i] + f1 * t[3 + i] + f2 * t[6 + i] + f * t[9 + i]
+    l1, l2, l3 = t[13] * e1 / w1, t[14] * e2 / w2, half * end / ends
+    at[3] = 0.5 * math.sqrt(l1 * l1 + l2 * l2 + l3 * l3)
+    return u + t[13] * w1 + t[14] * w2 + half * ends
+
+
+def _put(
+    patches: Vector, n: int, at: Vector, nx: float, ny: float, nz: float, depth: float, share: float
+) -> int:
+    """Adds a patch at a tool's support point, half its depth out of the shape."""
+    p = patches[PATCH * n :]
+    h = 0.5 * depth
+    p[0], p[1], p[2] = at[0] + h * nx, at[1] + h * ny, at[2] + h * nz
+    p[3], p[4], p[5] = nx, ny, nz
+    p[6], p[7], p[8] = depth, share, at[3]
+    return n + 1
+
+
+def _floor(t: Vector, height: float, at: Vector, patches: Vector, n: int) -> int:
+    """The half-space below z = height."""
+    depth = _support(t, 0.0, 0.0, -1.0, at) + height
+    return _put(patches, n, at, 0.0, 0.0, 1.0, depth, 1.0) if depth > 0.0 else n
+
+
+# --- the round hole ---------------------------------------------------------------------------
+
+
+def _hole(t: Vector, R: float, depth: float, chamfer: float, at: Vector, patches: Vector) -> int:
+    """A plate below z = 0 with a bore of radius R along z, its edge cut at 45 degrees."""
+    if _support(t, 0.0, 0.0, -1.0, at) <= 0.0:
+        return 0
+    inside = t[0] * t[0] + t[1] * t[1] < R * R
+    if t[12] == BALL:
+        n = _ball_in_hole(t, R, chamfer, at, patches)
+    elif abs(t[11]) < 0.5:
+        # A tool that lies on its side does not feel the bore.
+        return _floor(t, 0.0, at, patches, 0)
+    else:
+        n = _peg_in_hole(t, R, chamfer, at, patches)
+        s = t[15] if t[11] < 0.0 else -t[15]
+        x, y = t[0] + s * t[9], t[1] + s * t[10]
+        inside = x * x + y * y < R * R
+    return _floor(t, -depth, at, patches, n) if inside else n
+
+
+def _ball_in_hole(t: Vector, R: float, chamfer: float, at: Vector, patches: Vector) -> int:
+    """A ball against the wall, the chamfer, the plate, and the edges between them."""
+    rho = math.sqrt(t[0] * t[0] + t[1] * t[1])
+    x, z, r = rho - R, t[2], t[13]
+    cut = math.sqrt(0.5)
+    # Distances from the faces, and where along the chamfer the centre is above.
+    wall, cone = -x, (z + chamfer - x) * cut
+    along = (x + z + chamfer) * cut
+    if x <= 0.0 and z < -chamfer:
+        gap, nr, nz = wall, -1.0, 0.0
+    elif chamfer > 0.0 and cone >= 0.0 and along > 0.0 and along < chamfer / cut:
+        gap, nr, nz = cone, -cut, cut
+    elif x >= chamfer and z >= 0.0:
+        gap, nr, nz = z, 0.0, 1.0
+    elif cone >= 0.0 or (chamfer == 0.0 and (x <= 0.0 or z >= 0.0)):
+        # An edge of the chamfer, the nearer one.
+        ex, ez = 0.0, -chamfer
+        if along >= 0.5 * chamfer / cut:
+            ex, ez = chamfer, 0.0
+        gap = math.sqrt((x - ex) * (x - ex) + (z - ez) * (z - ez)) + 1e-15
+        nr, nz = (x - ex) / gap, (z - ez) / gap
+    else:
+        gap, nr, nz = wall, -1.0, 0.0
+        if cone > gap and chamfer > 0.0:
+            gap, nr, nz = cone, -cut, cut
+        if z > gap:
+            gap, nr, nz = z, 0.0, 1.0
+    if r - gap <= 0.0:
+        return 0
+    nx, ny = nr, 0.0
+    if rho > 1e-15:
+        nx, ny = nr * t[0] / rho, nr * t[1] / rho
+    at[0], at[1], at[2], at[3] = t[0] - r * nx, t[1] - r * ny, t[2] - r * nz, 0.0
+    return _put(patches, 0, at, nx, ny, nz, r - gap, 1.0)
+
+
+def _peg_in_hole(t: Vector, R: float, chamfer: float, at: Vector, patches: Vector) -> int:
+    """A cylinder against wall, chamfer and plate.
+
+    Its rim meets them at the point B that is farthest from the bore's axis, and the bore's edge
+    meets its side at the point A that is nearest to the cylinder's axis. On one side of the bore
+    both are ends of one patch, on opposite sides they are two.
+    """
+    eps, r = t[16], t[13]
+    s = t[15] if t[11] < 0.0 else -t[15]
+    # The end that is below, and the unit vector from there into the tool.
+    px, py, pz = t[0] + s * t[9], t[1] + s * t[10], t[2] + s * t[11]
+    turn = -1.0 if s > 0.0 else 1.0
+    ax, ay, az = turn * t[9], turn * t[10], turn * t[11]
+    off = math.sqrt(px * px + py * py)
+    fx, fy = 1.0, 0.0
+    if off > 1e-12:
+        fx, fy = px / off, py / off
+    cx, cy = fx, fy
+    bx, by, bz, far = px, py, pz, 0.0
+    for _ in range(4):
+        along = fx * ax + fy * ay
+        gx, gy, gz = fx - along * ax, fy - along * ay, -along * az
+        size = r / math.sqrt(gx * gx + gy * gy + gz * gz)
+        bx, by, bz = px + size * gx, py + size * gy, pz + size * gz
+        far = math.sqrt(bx * bx + by * by)
+        fx, fy = bx / far, by / far
+    # What the rim is in: the least of wall, chamfer and plate, and the share of each.
+    cut = math.sqrt(0.5)
+    deep = far - R
+    wall, cone, top = 1.0, 0.0, 0.0
+    if chamfer > 0.0:
+        other = (far - R - bz - chamfer) * cut
+        wall = _lesser(deep, other, eps)
+        cone = 1.0 - wall
+        deep = _least(deep, other, eps)
+    if far > R + chamfer:
+        _plate(t, R + chamfer, max(off, 1e-9), cx, cy, at)
+        top = 1.0 - _lesser(deep, at[4], eps)
+        deep = _least(deep, at[4], eps)
+    wall, cone = (1.0 - top) * wall, (1.0 - top) * cone
+    # Its direction, and where it acts.
+    outward = wall + cone * cut
+    bnx, bny = -outward * fx + top * at[5], -outward * fy + top * at[6]
+    bnz = cone * cut + top * at[7]
+    bsize = math.sqrt(bnx * bnx + bny * bny + bnz * bnz)
+    for i in range(4):
+        at[i] = top * at[i]
+    at[0] += (1.0 - top) * bx
+    at[1] += (1.0 - top) * by
+    at[2] += (1.0 - top) * bz
+    edge_at = at[12:]
+    edge = _edge_in_side(t, R, chamfer, px, py, pz, ax, ay, az, edge_at)
+    # One patch of both where they are on one side.
+    two, one, first = 0.0, deep, 0.0
+    if edge > -1.0:
+        y = min(max((1.0 - (edge_at[0] * fx + edge_at[1] * fy) / R) / APART, 0.0), 1.0)
+        two = y * y * (3.0 - 2.0 * y)
+        one, first = -_least(-edge, -deep, eps), _lesser(-edge, -deep, eps)
+    # On the plate the bore's edge is under the end's face, which B stands for.
+    two, first = (1.0 - top) * two, (1.0 - top) * first
+    one = max(one, 0.0)
+    n = 0
+    share = (two if deep > 0.0 else 0.0) + (1.0 - two) * (1.0 - first)
+    force = two * max(deep, 0.0) + (1.0 - two) * (1.0 - first) * one
+    if force > 0.0 and share > 1e-6 and bsize > 1e-9:
+        n = _put(
+            patches, n, at, bnx / bsize, bny / bsize, bnz / bsize, force / share, share * bsize
+        )
+    share = (two if edge > 0.0 else 0.0) + (1.0 - two) * first
+    force = two * max(edge, 0.0) + (1.0 - two) * first * one
+    x, y, z = edge_at[2], edge_at[3], edge_at[4]
+    size = math.sqrt(x * x + y * y + z * z)
+    if force > 0.0 and share > 1e-6 and size > 1e-9:
+        # The point is the shape's: `_put` takes the tool's, a depth below it.
+        depth = force / share
+        x, y, z = x / size, y / size, z / size
+        at[0], at[1] = edge_at[0] - depth * x, edge_at[1] - depth * y
+        at[2], at[3] = -chamfer - depth * z, 0.0
+        n = _put(patches, n, at, x, y, z, depth, share * size)
+    return n
+
+
+def _edge_in_side(
+    t: Vector, R: float, chamfer: float, px: float, py: float, pz: float,
+    ax: float, ay: float, az: float, out: Vector,
+) -> float:  # fmt: skip
+    """How deep the bore's edge is in the side of a cylinder; -1 where it is beside its length.
+
+    Args:
+        t: the tool.
+        R: radius of the bore.
+        chamfer: above the edge.
+        px, py, pz: the end of the cylinder that is below.
+        ax, ay, az: unit vector from there into it.
+        out: (5,) x and y of the point of the edge, and the direction of the force.
+    """
+    eps, r = t[16], t[13]
+    for i in range(5):
+        out[i] = 0.0
+    up = (-chamfer - pz) / az
+    if not (up > 0.0 and up < 2.0 * t[15]):
+        return -1.0
+    # Newton's method in the angle, from where the cylinder's axis goes through the edge's plane.
+    gx, gy = px + up * ax, py + up * ay
+    size = math.sqrt(gx * gx + gy * gy)
+    if size > 1e-12:
+        gx, gy = gx / size, gy / size
+    else:
+        gx, gy = 1.0, 0.0
+    wx, wy, wz, along = 0.0, 0.0, 0.0, 0.0
+    for i in range(5):
+        dx, dy, dz = R * gx - px, R * gy - py, -chamfer - pz
+        along = dx * ax + dy * ay + dz * az
+        wx, wy, wz = dx - along * ax, dy - along * ay, dz - along * az
+        if i < 4:
+            slope = R * (wy * gx - wx * gy)
+            lean = ay * gx - ax * gy
+            bend = R * R * (1.0 - lean * lean) - R * (wx * gx + wy * gy)
+            step = -slope / bend if bend > 1e-12 else 0.0
+            step = min(max(step, -0.3), 0.3)
+            c, s = math.cos(step), math.sin(step)
+            gx, gy = c * gx - s * gy, s * gx + c * gy
+    size = math.sqrt(wx * wx + wy * wy + wz * wz)
+    side = _lesser(r - size, along, eps)
+    out[0], out[1] = R * gx, R * gy
+    out[2], out[3], out[4] = (1.0 - side) * ax, (1.0 - side) * ay, (1.0 - side) * az
+    if size > 1e-12:
+        out[2] -= side * wx / size
+        out[3] -= side * wy / size
+        out[4] -= side * wz / size
+    return _least(r - size, along, eps)
+
+
+def _plate(t: Vector, R: float, off: float, cx: float, cy: float, at: Vector) -> None:
+    """The tool on the plate around a bore of radius R, its end `off` from the axis along (cx, cy).
+
+    The end's disc less the bore is a lune. A plane lies on its convex hull, which is the disc
+    beyond the chord through the lune's tips: h of that is the least of h(u + s c) - s x, s >= 0,
+    x how far the chord is from the axis. Writes support point, lever, depth (4), and the direction
+    of its force (5..7).
+    """
+    r, eps = t[13], t[16]
+    chord = 0.5 * (off * off + R * R - r * r) / off
+    along = t[9] * cx + t[10] * cy
+    alpha = 1.0 - along * along
+    middle = along * t[11] / alpha
+    # |u - (u.a) a|^2 = alpha (s - s0)^2 + beta of u = -z + s c, a the tool's axis.
+    middle = -middle
+    beta = max(1.0 - t[11] * t[11] - alpha * middle * middle, 0.0) + eps * eps / (r * r)
+    m = (off - chord) / (r * math.sqrt(alpha))
+    s = 0.0
+    if m < 1.0:
+        m = max(m, -0.9999)
+        s = max(middle - m * math.sqrt(beta / (alpha * (1.0 - m * m))), 0.0)
+    depth = _support(t, s * cx, s * cy, -1.0, at) - s * chord
+    aside = at[1] * cx - at[0] * cy
+    at[4] = depth
+    x, y = -s * chord / off, -s * aside / off
+    # Where the lune has hardly begun its tips run away: a tip is no steeper than 45 degrees.
+    size = math.sqrt(x * x + y * y)
+    if size > 1.0:
+        x, y = x / size, y / size
+    at[5], at[6], at[7] = x * cx - y * cy, x * cy + y * cx, 1.0
+
+
+def _least(x: float, y: float, eps: float) -> float:
+    """The lesser of two, rounded where they differ by less than 4 eps."""
+    w = 4.0 * eps
+    h = abs(x - y)
+    least = min(x, y)
+    return least - 0.25 * (w - h) * (w - h) / w if h < w else least
+
+
+def _lesser(x: float, y: float, eps: float) -> float:
+    """Its slope against x: how far x is the lesser one."""
+    w = 4.0 * eps
+    return min(max(0.5 * (1.0 - (x - y) / w), 0.0), 1.0)
+
+
+# --- what is straight -------------------------------------------------------------------------
+
+
+def _slot(
+    t: Vector, width: float, depth: float, chamfer: float, at: Vector, patches: Vector
+) -> int:
+    """A plate below z = 0 with an endless slot along x."""
+    if _support(t, 0.0, 0.0, -1.0, at) <= 0.0:
+        return 0
+    n = 0
+    for side in range(2):
+        sign = 1.0 if side == 0 else -1.0
+        n = _bank(t, sign, 0.5 * width, chamfer, 0.0, at, patches, n)
+    _share_the_top(patches, n)
+    if abs(t[1]) < 0.5 * width:
+        n = _floor(t, -depth, at, patches, n)
+    return n
+
+
+def _groove(t: Vector, angle: float, depth: float, at: Vector, patches: Vector) -> int:
+    """A plate below z = 0 with an endless groove along x, its flanks `angle` apart."""
+    if _support(t, 0.0, 0.0, -1.0, at) <= 0.0:
+        return 0
+    half = 0.5 * angle
+    edge = depth * math.tan(half)
+    n = 0
+    for side in range(2):
+        sign = 1.0 if side == 0 else -1.0
+        n = _bank(t, sign, edge, 0.0, half, at, patches, n)
+    _share_the_top(patches, n)
+    return n
+
+
+def _bank(
+    t: Vector, side: float, edge: float, chamfer: float, lean: float, at: Vector,
+    patches: Vector, n: int,
+) -> int:  # fmt: skip
+    """A wall that stands away from z by `lean`, with the plate above: a convex body.
+
+    Its normals are -cos(a) side y + sin(a) z from a = lean to 90 degrees.
+    """
+    quarter = 0.5 * math.pi
+    low, high, best = lean, quarter, 1e300
+    count = 12
+    for i in range(count + 1):
+        a = lean + (quarter - lean) * float(i) / float(count)
+        depth = _over(t, side, edge, chamfer, a, at)
+        if depth < best:
+            best = depth
+            low = lean + (quarter - lean) * float(max(i - 1, 0)) / float(count)
+            high = lean + (quarter - lean) * float(min(i + 1, count)) / float(count)
+        if depth <= 0.0:
+            return n
+    ratio = 0.5 * (math.sqrt(5.0) - 1.0)
+    b, c = high - ratio * (high - low), low + ratio * (high - low)
+    fb, fc = _over(t, side, edge, chamfer, b, at), _over(t, side, edge, chamfer, c, at)
+    for _ in range(44):
+        if fb < fc:
+            high, c, fc = c, b, fb
+            b = high - ratio * (high - low)
+            fb = _over(t, side, edge, chamfer, b, at)
+        else:
+            low, b, fb = b, c, fc
+            c = low + ratio * (high - low)
+            fc = _over(t, side, edge, chamfer, c, at)
+    a = 0.5 * (low + high)
+    # The ends of the range are faces: exactly them where they are the least.
+    for i in range(2):
+        end = lean if i == 0 else quarter
+        if _over(t, side, edge, chamfer, end, at) <= _over(t, side, edge, chamfer, a, at):
+            a = end
+    depth = _over(t, side, edge, chamfer, a, at)
+    if depth <= 0.0:
+        return n
+    c, s = math.cos(a), math.sin(a)
+    n = _put(patches, n, at, 0.0, -c * side, s, depth, 1.0)
+    p = patches[PATCH * (n - 1) :]
+    p[9] = s
+    return n
+
+
+def _over(t: Vector, side: float, edge: float, chamfer: float, a: float, at: Vector) -> float:
+    """How far tool and bank overlap along the normal of an angle a; the tool's point into `at`."""
+    c, s = math.cos(a), math.sin(a)
+    lower, upper = -c * edge - s * chamfer, -c * (edge + chamfer)
+    return _support(t, 0.0, c * side, -s, at) + max(lower, upper)
+
+
+def _share_the_top(patches: Vector, n: int) -> None:
+    """The plate is one patch, whatever is cut into it: what stands on it shares the stiffness."""
+    total = 0.0
+    for i in range(n):
+        total += _stands(patches[PATCH * i + 9]) * patches[PATCH * i + 6]
+    if total <= 0.0:
+        return
+    for i in range(n):
+        p = patches[PATCH * i :]
+        up = _stands(p[9])
+        p[7] = 1.0 - up * (1.0 - up * p[6] / total)
+
+
+def _stands(sine: float) -> float:
+    """How far a normal of this slope is the plate's: from 60 degrees on, all at 85."""
+    y = min(max((sine - 0.866) / 0.13, 0.0), 1.0)
+    return y * y * (3.0 - 2.0 * y)

@@ -1,0 +1,79 @@
+"""The groove: a plate with a straight cut of two flanks."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from taskspec.deferred import ca, np
+from taskspec.deferred_methods import dataclass
+from taskspec.shapes.plate import CutPlate
+from taskspec.shapes.slot import profile
+from taskspec.shapes.surface import DEPTH, Cut, SizeKey
+from taskspec.text.units import ANGLE
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from taskspec.shapes.surface import Vector
+
+#: What is flatter has hardly a side [rad].
+_MOST = 170 * math.pi / 180
+
+
+@dataclass(frozen=True, eq=False)
+class Groove(CutPlate):
+    """A plate below z = 0 with a groove along its x, endless along it.
+
+    Attributes:
+        angle: between its flanks [rad].
+        depth: [m].
+    """
+
+    angle: float
+    depth: float
+
+    name = "groove"
+    keys = (
+        SizeKey(
+            "angle",
+            "Angle between the flanks of a groove",
+            dimension=ANGLE,
+            description="Between the flanks of a groove",
+            example="90 deg",
+            shown=("90 deg",),
+            most=_MOST,
+        ),
+        DEPTH,
+    )
+    remark = "a groove is a plane with a cut of two flanks along its x"
+    start_over = "beside a groove"
+
+    @property
+    def edge(self) -> float:
+        """Half its width at the plate [m]."""
+        return float(self.depth * np.tan(self.angle / 2))
+
+    def height(self, x: ca.SX) -> ca.SX:
+        """Distance [m] from plate, flank or edge."""
+        c, s = np.cos(self.angle / 2), np.sin(self.angle / 2)
+        beyond = ca.fabs(x[1]) - self.edge
+        # Over the flank, and from the edge along it; `top` likewise of the plate.
+        flank, down = s * x[2] - c * beyond, -s * beyond - c * x[2]
+        line = ca.sqrt(flank**2 + ca.fmax(0, -down) ** 2 + 1e-30)
+        top = ca.sqrt(x[2] ** 2 + ca.fmax(0, -beyond) ** 2 + 1e-30)
+        inside = ca.fmax(flank, x[2])
+        return ca.if_else(inside > 0, ca.fmin(line, top), inside)
+
+    def cut(self) -> Cut:
+        """The groove."""
+        return Cut("groove", (self.angle, self.depth))
+
+    def beside(self, x: ca.SX) -> ca.SX:
+        """How far beyond its edge."""
+        return ca.fabs(x[1]) - self.edge
+
+    def seen(self, reach: float, thickness: float) -> Sequence[Vector]:
+        """The profile, drawn along x."""
+        right = [(self.edge + reach, 0.0), (self.edge, 0.0), (0.0, -self.depth)]
+        return profile(right, max(thickness, self.depth + 0.005), self.edge + reach)

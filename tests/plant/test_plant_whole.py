@@ -1,0 +1,264 @@
+"""Whole surfaces: the declared stiffness at every tilt, friction, and insertion in closed form."""
+
+from __future__ import annotations
+
+import ctypes
+import math
+
+import mujoco
+import numpy as np
+import pytest
+
+from insertion_rig import IMPEDANCE, PEG, PEGS, R, Rig, chamfer, press, two_points, wedged
+from taskspec.native.engine import Engine
+from taskspec.native.kernel import kernel_ir, vector
+from taskspec_runner.errors import InputError
+from taskspec_runner.plant import simulator
+from taskspec_runner.plant.simulator import LayoutError
+from taskspec_runner.plant.whole import collision, markers, patches
+
+INSERT = """
+taskspec: 1
+name: insert
+robot:
+  model: panda
+  tool: {shape: TOOL, length: 140 mm, mass: 300 g}
+  start: {xyz: [500.8 mm, 0, 303 mm]}
+world:
+  plate: {SHAPE, depth: 15 mm, xyz: [500 mm, 0, 300 mm], stiffness: 100 kN/m,
+    damping: 200 N*s/m, friction: 0.2}
+law: impedance
+stages:
+  insert:
+    axes: {x: {stiffness: 2 kN/m}, z: {velocity: -30 mm/s, stiffness: 2 kN/m}}
+    until: travel > 12 mm
+    within: {time: 2 s}
+expect: [plate.force < 200 N]
+"""
+
+
+@pytest.mark.parametrize("tilt", [0.0, 1e-3, 0.3, 45.0, 89.9, 90.0, 95.0])
+@pytest.mark.parametrize("stiffness", [2e3, 200e3])
+@pytest.mark.parametrize("tool", list(PEGS))
+def test_faces_edges_sides_and_points_bear_the_declared_stiffness(tool, stiffness, tilt):
+    assert press(patches.PLATE, (), tool, stiffness, math.radians(tilt)) == pytest.approx(
+        1.0, rel=1e-6
+    )
+
+
+@pytest.mark.parametrize(
+    ("kind", "sizes", "tool", "expected"),
+    [
+        (patches.HOLE, (R, 0.02, 0.001), "cylinder", 1.0),
+        (patches.HOLE, (R, 0.02, 0.0), "sphere", 1.0),
+        (patches.SLOT, (0.021, 0.02, 0.001), "box", 1.0),
+        (patches.SLOT, (0.010, 0.02, 0.0), "box", 1.0),
+        # Two flanks, each with the declared stiffness along its normal.
+        (patches.GROOVE, (math.radians(90), 0.02), "sphere", 1.0),
+        (patches.GROOVE, (math.radians(60), 0.03), "sphere", 0.5),
+    ],
+)
+def test_stiffness_of_what_is_cut(kind, sizes, tool, expected):
+    """Bottom of a hole and a slot, the plate on both sides of a slot, two flanks of a groove."""
+    assert press(kind, sizes, tool, 50e3, 0.0) == pytest.approx(expected, rel=1e-4)
+
+
+@pytest.mark.parametrize("tilt", [0.0, 10.0, 90.0])
+def test_faces_edges_and_sides_slide_with_the_declared_friction(tilt):
+    rig = Rig(
+        patches.PLATE, (), PEGS["cylinder"], joints="xz", friction=0.3, tilt=math.radians(tilt),
+        height=0.011 if tilt == 90 else 0.002, dampers={"z": 200.0, "x": 100.0},
+    )  # fmt: skip
+    rig.data.qfrc_applied[:] = [12.0, -20.0]
+    rig.step(3000)
+    force = rig.force()
+    assert rig.data.qvel[0] > 0.01
+    assert -force[0] / force[2] == pytest.approx(0.3, rel=1e-2)
+
+
+@pytest.mark.parametrize("side", [-4.0, 0.0, 4.0])
+@pytest.mark.parametrize("depth", [0.012, 0.03])
+def test_jamming(depth, side):
+    """Statics of two points is met within 0.2 %, Whitney's line, of small tilts, within 5 %."""
+    measured, statics, whitney = two_points(0.3, depth, 0.15, side)
+    assert measured == pytest.approx(statics, rel=2e-3)
+    assert measured == pytest.approx(whitney, rel=5e-2)
+
+
+@pytest.mark.parametrize(("ratio", "stays"), [(0.6, True), (0.95, True), (1.05, False), (2, False)])
+def test_a_peg_wedges_at_less_than_friction_times_diameter(ratio, stays):
+    assert (wedged(0.4, ratio) > 0.2) == stays
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.2])
+@pytest.mark.parametrize("stiffness", [20e3, 200e3])
+def test_chamfer_crossing(stiffness, friction):
+    measured, expected = chamfer(friction, stiffness, 0.0022)
+    np.testing.assert_allclose(measured, expected, rtol=2e-3)
+
+
+@pytest.mark.parametrize("depth", [0.01, 0.03])
+def test_two_point_angle(depth):
+    """D = d cos a + l sin a, D wider by what both walls yield."""
+    rig = Rig(
+        patches.HOLE, (R, 0.06, 0.0), PEGS["cylinder"], springs={"x": 1.0},
+        dampers={"x": 50.0, "b": 0.5, "z": 10.0}, joints="xb", height=-depth,
+    )  # fmt: skip
+    rig.data.qfrc_applied[1] = 0.02
+    rig.step(6000)
+    forces = rig.forces()
+    assert len(forces) == 2
+    angle = abs(float(rig.data.qpos[1]))
+    yielding = sum(float(np.linalg.norm(f)) for _, _, f in forces) / 200e3
+    low = max(-float(place[2]) for place, _, _ in forces)
+    reach = 2 * PEG * math.cos(angle) + low * math.sin(angle)
+    assert 2 * R + yielding == pytest.approx(reach, rel=1e-3)
+
+
+def test_a_peg_rests_on_the_plate_beside_its_hole():
+    """Of a face that hangs over the bore the centre of pressure is under the load, and k is k."""
+    rig = Rig(
+        patches.HOLE, (R, 0.03, 0.0), PEGS["cylinder"], joints="zb", height=0.0005,
+        dampers={"z": 200.0, "b": 0.5}, springs={"x": 1.0},
+    )  # fmt: skip
+    rig.model.body_pos[1][0] = 0.006
+    rig.data.qfrc_applied[0] = -20.0
+    rig.step(4000)
+    (place, normal, force), *_ = rig.forces()
+    assert place[0] == pytest.approx(0.006, abs=1e-5)
+    np.testing.assert_allclose(normal, [0, 0, 1], atol=1e-6)
+    assert force[2] == pytest.approx(20.0, rel=1e-6)
+    assert abs(float(rig.data.qpos[1])) < 1e-4
+
+
+def _random(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    kind, sizes = [
+        (patches.PLATE, ()),
+        (patches.HOLE, (R, 0.03, 0.001)),
+        (patches.HOLE, (R, 0.03, 0.0)),
+        (patches.SLOT, (0.02, 0.03, 0.001)),
+        (patches.GROOVE, (1.2, 0.02)),
+    ][rng.integers(5)]
+    tool = list(PEGS.values())[rng.integers(3)]
+    turn = rng.normal(size=3) * 0.1
+    angle = float(np.linalg.norm(turn))
+    quaternion, axes = np.zeros(4), np.zeros(9)
+    mujoco.mju_axisAngle2Quat(quaternion, turn / angle, angle)
+    mujoco.mju_quat2Mat(axes, quaternion)
+    axes = axes.reshape(3, 3) @ np.diag([1.0, -1.0, -1.0])
+    place = np.array([0, 0, 0, *(rng.normal(size=2) * 0.003), rng.uniform(-0.02, 0.03)])
+    data = np.zeros((2, patches.DATA))
+    padded = [*sizes, *([0.0] * (6 - len(sizes)))]
+    data[0, :14] = [patches.SHAPE, kind, *padded, 2e4, 40, 0.2, 0.5, 10, IMPEDANCE]
+    data[1, :6] = [patches.TOOL, tool[0], *tool[1], 5e-6]
+    return place, np.concatenate([np.eye(3).ravel(), axes.ravel()]), data
+
+
+def test_machine_code_has_the_bits_of_python():
+    engine = Engine([kernel_ir(patches.touch)], level=2)
+    p, i = ctypes.c_void_p, ctypes.c_int64
+    code = engine.function("touch", i, p, p, p, i, i, i, p, p, p)
+    rng = np.random.default_rng(5)
+    touched = 0
+    for _ in range(1000):
+        world = _random(rng)
+        made, work = np.zeros((2, patches.CONTACT * patches.MOST)), np.zeros(patches.WORK)
+        addresses = [a.ctypes.data for a in world]
+        at = made[0].ctypes.data
+        n = code(*addresses, patches.DATA, 1, 0, at, at, work.ctypes.data)
+        memory = memoryview(made[1]).cast("B")
+        place, axes, data = (vector(a) for a in world)
+        m = patches.touch(
+            place, axes, data, patches.DATA, 1, 0, memory.cast("d"), memory.cast("i"),
+            vector(work),
+        )  # fmt: skip
+        assert n == m
+        assert made[0].tobytes() == made[1].tobytes()
+        touched += n > 0
+    assert touched > 300
+
+
+def test_a_collision_function_in_python_makes_the_same_run():
+    table, at = collision._table(), collision._KIND * collision._KINDS + collision._KIND
+    collision.install()
+    states = []
+    for python in (False, True):
+        rig = Rig(
+            patches.HOLE, (R, 0.03, 0.001), PEGS["cylinder"], friction=0.2, height=0.002,
+            dampers={"x": 5.0, "z": 20.0, "b": 0.01}, springs={"x": 500.0},
+        )  # fmt: skip
+        rig.data.qpos[0], rig.data.qpos[2] = 0.0008, 0.01
+        rig.data.qfrc_applied[1] = -5.0
+        kept = table[at]
+        if python:
+            add = simulator.address("mj_addContact")
+            table[at], _held = collision.interpreted(collision.layout(), add, kept)
+        rig.step(200)
+        table[at] = kept
+        states.append((rig.data.qpos.tobytes(), rig.data.qvel.tobytes(), rig.data.ncon))
+    assert states[0] == states[1]
+
+
+def test_ellipsoids_without_a_mark_are_mujocos_own():
+    collision.install()
+    model = mujoco.MjModel.from_xml_string(
+        "<mujoco><worldbody><geom type='ellipsoid' size='.1 .1 .1'/><body pos='0 0 .19'>"
+        "<freejoint/><geom type='ellipsoid' size='.1 .1 .1'/></body></worldbody></mujoco>"
+    )
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    assert data.ncon == 1
+    assert data.contact[0].dist == pytest.approx(-0.01, abs=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("shape", "tool"),
+    [
+        ("shape: hole, radius: 10 mm, chamfer: 1 mm",
+         "cylinder, radius: 9.9 mm, thickness: 30 mm"),
+        ("shape: hole, radius: 10 mm, chamfer: 1 mm", "sphere, radius: 9.5 mm"),
+        ("shape: slot, width: 20 mm, chamfer: 1 mm, rpy: [0, 0, 90 deg]",
+         "box, size: [19.8 mm, 30 mm, 30 mm]"),
+        ("shape: slot, width: 20 mm, chamfer: 1 mm, rpy: [0, 0, 90 deg]",
+         "cylinder, radius: 9.9 mm, thickness: 30 mm"),
+        ("shape: groove, angle: 60 deg, rpy: [0, 0, 90 deg]", "sphere, radius: 5 mm"),
+    ],
+)  # fmt: skip
+def test_an_arm_inserts(simulate, shape, tool):
+    """Beside, over the chamfer: the tool is led in, and the walls hold it."""
+    run = simulate(INSERT.replace("TOOL", tool).replace("SHAPE", shape))
+    assert run["position.z"][-1] < 0.2915
+    assert np.max(run["plate.force"]) > 1.0
+    assert abs(run["position.x"][-1] - 0.5) < 8.1e-4
+
+
+def test_a_mujoco_that_takes_contacts_otherwise_is_refused(monkeypatch, simulate):
+    def other() -> None:
+        raise LayoutError("MuJoCo 9 takes contacts otherwise")
+
+    monkeypatch.setattr(markers.collision, "install", other)
+    text = INSERT.replace("TOOL", "cylinder, radius: 9.9 mm")
+    with pytest.raises(InputError, match="'plate' cannot be simulated here: MuJoCo 9 takes"):
+        simulate(text.replace("SHAPE", "shape: hole, radius: 10 mm"))
+
+
+@pytest.mark.parametrize(
+    ("kind", "sizes", "tool"),
+    [
+        (patches.HOLE, (R, 0.09, 0.0), "cylinder"),
+        (patches.HOLE, (R, 0.09, 0.001), "cylinder"),
+        (patches.HOLE, (R, 0.09, 0.001), "sphere"),
+    ],
+)
+@pytest.mark.parametrize("depth", [0.0115, 0.02])
+def test_a_wall_bears_the_declared_stiffness(kind, sizes, tool, depth):
+    """A peg along the wall of a bore is one patch, from where it is in it on."""
+    rig = Rig(
+        kind, sizes, PEGS[tool], joints="x", stiffness=50e3, height=-depth, dampers={"x": 200.0}
+    )
+    places = []
+    for force in (20.0, 40.0):
+        rig.data.qfrc_applied[:] = force
+        rig.step(4000)
+        places.append(float(rig.data.qpos[0]))
+    assert 20.0 / (places[1] - places[0]) == pytest.approx(50e3, rel=1e-3)
