@@ -118,7 +118,9 @@ def test_every_word_that_fits_is_enumerated() -> None:
         for name, field in keys_of(form)
         if "enum" in field
     }
-    assert offered["Shape.shape"] == ["plane", "box", "cylinder", "sphere"]
+    assert offered["Shape.shape"] == [
+        "plane", "box", "cylinder", "sphere", "hole", "slot", "groove"
+    ]  # fmt: skip
     assert offered["Tool.shape"] == ["sphere", "cylinder", "box"]
     assert offered["Hinge.knob"] == ["free", "fixed"]
     assert offered["Sensor.at"] == ["wrist", "contact"]
