@@ -18,7 +18,7 @@ from typer.testing import CliRunner
 from taskspec.compiler import compile_task
 from taskspec.spec import load_task, load_text
 from taskspec_runner.cli.app import app
-from taskspec_runner.errors import OutputError
+from taskspec_runner.errors import InputError, OutputError
 from taskspec_runner.record.lock import FolderLock
 from taskspec_runner.record.manifest import seal
 from taskspec_runner.record.names import JOURNAL, LOG, SWEEP, TABLE, TASK
@@ -435,3 +435,11 @@ def test_a_bundle_is_all_that_a_worker_needs(named, tmp_path):
         # The same files elsewhere are the same sweep.
         again = load_task(tmp_path / "elsewhere" / "project" / "tasks" / "own.yaml")
         assert Bundle.of(compile_task(again)).key == bundle.key
+
+
+def test_worlds_to_keep_are_asked_for_before_any_is_run(tap, tmp_path):
+    program = compile_task(load_task(tap))
+    worlds = Worlds.of(program.context, 0, 4)
+    with pytest.raises(InputError, match="--keep names world 7; this sweep has those from 0 to 3"):
+        sweep(program, worlds, tmp_path / "s", keep="1,7")
+    assert not (tmp_path / "s").exists()

@@ -26,9 +26,6 @@ def chosen(keep: str, rows: Sequence[Row]) -> list[int]:
     Args:
         keep: `none`, `worst`, `failed`, `all`, or numbers of worlds with commas between them.
         rows: of the sweep.
-
-    Raises:
-        InputError: it is none of these, or a number of no world.
     """
     ran = [int(row["world"]) for row in rows if row["status"] != BROKEN]
     if keep == NONE:
@@ -40,15 +37,16 @@ def chosen(keep: str, rows: Sequence[Row]) -> list[int]:
     if keep == WORST:
         worst = worst_world(rows)
         return [] if worst is None else [int(worst["world"])]
-    check(keep)
-    numbers = [int(part) for part in keep.split(",")]
-    if other := sorted(set(numbers) - set(ran)):
-        raise InputError(f"--keep names world {other[0]}, which this sweep does not have")
-    return sorted(set(numbers))
+    # Of a world that broke there is no run.
+    return sorted(set(_numbers(keep)).intersection(ran))
 
 
-def check(keep: str) -> None:
-    """Finds out whether a text names worlds to keep.
+def check(keep: str, count: int | None = None) -> None:
+    """Finds out whether a text names worlds to keep, before any has been run.
+
+    Args:
+        keep: as in `chosen`.
+        count: how many worlds there are; None where that is not known yet.
 
     Raises:
         InputError: it does not.
@@ -58,6 +56,12 @@ def check(keep: str) -> None:
     if not all(part.strip().isdecimal() for part in keep.split(",")):
         known = f"{NONE}, {WORST}, {FAILED}, {ALL}"
         raise InputError(f"--keep takes {known} or numbers such as 3,17, not {keep!r}")
+    if count is not None and (most := max(_numbers(keep))) >= count:
+        raise InputError(f"--keep names world {most}; this sweep has those from 0 to {count - 1}")
+
+
+def _numbers(keep: str) -> list[int]:
+    return [int(part) for part in keep.split(",")]
 
 
 def folder_of(path: Path, world: int) -> Path:

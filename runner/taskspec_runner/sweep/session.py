@@ -112,7 +112,7 @@ def sweep(
             cannot begin as the script that calls has no `if __name__ == "__main__":`.
         KeyboardInterrupt: interrupted; the same call continues.
     """
-    kept.check(keep)
+    kept.check(keep, worlds.count)
     leave_if_imported()
     workers = Workers(None, 1) if workers is None else workers
     bundle = Bundle.of(program)
