@@ -38,7 +38,7 @@ class Bound(float):
 
 
 @dataclass(frozen=True)
-class Limit(Constant):
+class ConstantLimit(Constant):
     """A quantity, or one with the stage that crossing it leads to: `{max: 40 N, then: lift}`."""
 
     def read(self, value: object, context: ParseContext) -> Bound:
@@ -86,10 +86,14 @@ class Limits(Model):
     noun = "'limits'"
     example = "limits: {force: 60 N}"
 
-    force: Annotated[float, Limit(FORCE, above=0)] | None = Field(None, title="Contact force")
-    torque: Annotated[float, Limit(MOMENT, above=0)] | None = Field(None, title="Contact moment")
-    speed: Annotated[float, Limit(VELOCITY, above=0)] | None = Field(None, title="Speed")
-    deviation: Annotated[float, Limit(LENGTH, above=0)] | None = Field(
+    force: Annotated[float, ConstantLimit(FORCE, above=0)] | None = Field(
+        None, title="Contact force"
+    )
+    torque: Annotated[float, ConstantLimit(MOMENT, above=0)] | None = Field(
+        None, title="Contact moment"
+    )
+    speed: Annotated[float, ConstantLimit(VELOCITY, above=0)] | None = Field(None, title="Speed")
+    deviation: Annotated[float, ConstantLimit(LENGTH, above=0)] | None = Field(
         None, title="Deviation of motion axes from their reference"
     )
     torque_rate: Annotated[float, Constant(POWER, above=0)] | None = Field(

@@ -87,7 +87,7 @@ done:
 
 
 @dataclass(frozen=True, slots=True)
-class Layout:
+class ContactLayout:
     """Words of 64 bit from the beginning of `mjData` and `mjModel`.
 
     Attributes:
@@ -104,7 +104,7 @@ class Layout:
 
 
 @cache
-def layout() -> Layout:
+def layout() -> ContactLayout:
     """Where every `mjModel` and `mjData` of this MuJoCo has what a collision needs.
 
     Raises:
@@ -113,7 +113,7 @@ def layout() -> Layout:
     model = mujoco.MjModel.from_xml_string(_PROBE)
     data = mujoco.MjData(model)
     word = simulator.word
-    return Layout(
+    return ContactLayout(
         place=word(data, data.geom_xpos.ctypes.data),
         axes=word(data, data.geom_xmat.ctypes.data),
         data=word(model, model.geom_user.ctypes.data),
@@ -155,7 +155,7 @@ def _table() -> Any:
     return kind.from_address(simulator.address("mjCOLLISIONFUNC"))
 
 
-def compiled(found: Layout, add: int, other: int) -> tuple[int, Any]:
+def compiled(found: ContactLayout, add: int, other: int) -> tuple[int, Any]:
     """Address of the function as machine code, and what has to live with it.
 
     Args:
@@ -176,7 +176,7 @@ def compiled(found: Layout, add: int, other: int) -> tuple[int, Any]:
     return engine.address("collide"), engine
 
 
-def interpreted(found: Layout, add: int, other: int) -> tuple[int, Any]:
+def interpreted(found: ContactLayout, add: int, other: int) -> tuple[int, Any]:
     """The same in Python, where there is no machine code."""
     adds = ctypes.CFUNCTYPE(ctypes.c_int32, *_ARGUMENTS[:3])(add)
     others = _FUNCTION(other)
