@@ -256,6 +256,22 @@ def test_the_page_is_rendered_again_from_rows_that_are_as_they_were(tap, tmp_pat
     assert "has 4 of 6 worlds; the command that it was made with goes on" in result.output
 
 
+def test_what_a_task_includes_is_what_was_swept(tap, tmp_path):
+    world = TAP.splitlines(keepends=True)[3]
+    assert world.startswith("world:")
+    (tmp_path / "cell.yaml").write_text(f"taskspec: 1\n{world}", encoding="utf-8")
+    tap.write_text(TAP.replace(world, "include: cell.yaml\n"), encoding="utf-8")
+    out = tmp_path / "s"
+    ran("sweep", tap, "--out", out, "-j", 1, "--keep", "none", "-q")
+    page = (out / PAGE).read_bytes()
+    assert ran("report", out).exit_code == 0
+    assert (out / PAGE).read_bytes() == page
+    (tmp_path / "cell.yaml").write_text(f"# mine\ntaskspec: 1\n{world}", encoding="utf-8")
+    result = CLI.invoke(app, ["report", str(out)])
+    assert result.exit_code == 2
+    assert "cell.yaml is no longer what was swept" in result.output
+
+
 def test_shares_that_were_altered_are_not_merged(tap, tmp_path):
     for number in (1, 2):
         share = ["--shard", f"{number}/2", "-j", 1, "-q"]

@@ -72,7 +72,7 @@ def merge_parts(parts: Sequence[Path], out: Path | None, *, quiet: bool, form: R
     for path, part in zip(parts, read, strict=True):
         if part.said["identity"] != first.said["identity"]:
             raise InputError(f"{path} and {parts[0]} are of different sweeps")
-    # Whatever else the task reads was read where its shares were run.
+    # Whatever else the task reads was read where its shares were run, but for what it includes.
     task = first.task.task
     said = {key: first.said[key] for key in first.said if key in _OPENING} | {"shard": [1, 1]}
     with open_sweep(out, task.name, said) as folder:
@@ -89,6 +89,7 @@ _OPENING = (
     "force",
     "worlds",
     "bundle",
+    "inputs",
     "identity",
     "versions",
 )

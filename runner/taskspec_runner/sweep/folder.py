@@ -186,12 +186,18 @@ class WrittenSweep:
 
         Raises:
             SpecError: this version does not take it.
+            InputError: a file that it includes has changed.
         """
         overrides = mapping(self.said["overrides"])
         sets = {str(key): str(value) for key, value in overrides.items()}
         # What else the file reads was read where it was run, but for what it includes.
         origin = Path(str(self.said["file"] or TASK))
-        return load_text(self.content.decode(), str(origin), sets, origin.parent)
+        loaded = load_text(self.content.decode(), str(origin), sets, origin.parent)
+        known = mapping(self.said.get("inputs")).values()
+        for path, digest in loaded.included.items():
+            if digest not in known:
+                raise InputError(f"{path} is no longer what was swept")
+        return loaded
 
     @property
     def count(self) -> int:

@@ -15,7 +15,7 @@ from taskspec.program.program import Program
 from taskspec.spec import Task
 from taskspec_runner.errors import InputError
 from taskspec_runner.record.folder import Json, check_unlocked
-from taskspec_runner.record.manifest import task_bytes, versions
+from taskspec_runner.record.manifest import inputs, task_bytes, versions
 from taskspec_runner.record.names import TABLE
 from taskspec_runner.record.whole import write_whole
 from taskspec_runner.sweep import kept
@@ -222,6 +222,7 @@ def opening(program: Program, bundle: Bundle, worlds: Worlds) -> dict[str, Any]:
         "force": bool(program.forced),
         "worlds": worlds.as_data(),
         "bundle": bundle.key,
+        "inputs": inputs(program),
         "identity": identity(bundle.key, worlds),
         "versions": versions(),
     }
