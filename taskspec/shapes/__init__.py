@@ -21,8 +21,8 @@ from taskspec.shapes.slot import Slot
 from taskspec.shapes.sphere import Sphere
 from taskspec.shapes.surface import (
     BoundedSurface,
-    Cut,
     Geom,
+    PlateCut,
     SizeKey,
     Surface,
     SurfaceChart,
@@ -36,12 +36,12 @@ __all__ = [
     "SHAPES",
     "BoundedSurface",
     "Box",
-    "Cut",
     "Cylinder",
     "Geom",
     "Groove",
     "Hole",
     "Plane",
+    "PlateCut",
     "SizeKey",
     "Slot",
     "Sphere",

@@ -9,7 +9,7 @@ from taskspec.deferred import ca, np
 from taskspec.deferred_methods import dataclass
 from taskspec.shapes.plate import CutPlate
 from taskspec.shapes.slot import profile
-from taskspec.shapes.surface import DEPTH, Cut, SizeKey
+from taskspec.shapes.surface import DEPTH, PlateCut, SizeKey
 from taskspec.text.units import ANGLE
 
 if TYPE_CHECKING:
@@ -65,9 +65,9 @@ class Groove(CutPlate):
         inside = ca.fmax(flank, x[2])
         return ca.if_else(inside > 0, ca.fmin(line, top), inside)
 
-    def cut(self) -> Cut:
+    def cut(self) -> PlateCut:
         """The groove."""
-        return Cut("groove", (self.angle, self.depth))
+        return PlateCut("groove", (self.angle, self.depth))
 
     def beside(self, x: ca.SX) -> ca.SX:
         """How far beyond its edge."""

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from taskspec.deferred import ca, np
 from taskspec.deferred_methods import dataclass
 from taskspec.shapes.plate import CutPlate, bank
-from taskspec.shapes.surface import CHAMFER, DEPTH, RADIUS, Cut, radius_about_z
+from taskspec.shapes.surface import CHAMFER, DEPTH, RADIUS, PlateCut, radius_about_z
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -44,9 +44,9 @@ class Hole(CutPlate):
         wall = bank(radius_about_z(x) - self.radius, x[2], self.chamfer)
         return ca.fmin(wall, x[2] + self.depth)
 
-    def cut(self) -> Cut:
+    def cut(self) -> PlateCut:
         """The bore."""
-        return Cut("hole", (self.radius, self.depth, self.chamfer))
+        return PlateCut("hole", (self.radius, self.depth, self.chamfer))
 
     def beside(self, x: ca.SX) -> ca.SX:
         """How far beyond the bore's edge."""

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from taskspec.deferred import ca, np
 from taskspec.deferred_methods import dataclass
 from taskspec.shapes.plate import CutPlate, bank
-from taskspec.shapes.surface import CHAMFER, DEPTH, Cut, SizeKey
+from taskspec.shapes.surface import CHAMFER, DEPTH, PlateCut, SizeKey
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -44,9 +44,9 @@ class Slot(CutPlate):
         wall = bank(ca.fabs(x[1]) - self.width / 2, x[2], self.chamfer)
         return ca.fmin(wall, x[2] + self.depth)
 
-    def cut(self) -> Cut:
+    def cut(self) -> PlateCut:
         """The slot."""
-        return Cut("slot", (self.width, self.depth, self.chamfer))
+        return PlateCut("slot", (self.width, self.depth, self.chamfer))
 
     def beside(self, x: ca.SX) -> ca.SX:
         """How far beyond its edge."""

@@ -86,7 +86,7 @@ class Geom:
 
 
 @dataclass(frozen=True, eq=False)
-class Cut:
+class PlateCut:
     """What is cut into a plate, as the plant knows it: touched by the tool's whole surface.
 
     Attributes:
@@ -171,7 +171,7 @@ class Surface(ABC):
         """The geom of the shape where it moves."""
         return self.geom()
 
-    def cut(self) -> Cut | None:
+    def cut(self) -> PlateCut | None:
         """What is cut into it; None where a tool touches it with the spheres of its end."""
         return None
 

@@ -8,7 +8,7 @@ from taskspec.deferred_methods import dataclass
 from taskspec.program.world.frames import surface
 from taskspec.program.world.stiffness import IMPEDANCE, Compliance, settling_rate
 from taskspec.robot.types import ToolGeometry
-from taskspec.shapes import BoundedSurface, Box, Cut, Cylinder, Sphere
+from taskspec.shapes import BoundedSurface, Box, Cylinder, PlateCut, Sphere
 from taskspec.spec import Shape
 from taskspec_runner.errors import InputError
 from taskspec_runner.plant.names import INERT, PREFIX
@@ -46,7 +46,7 @@ class WholeContact:
         return [k, b, self.friction, self.mobility, rate / IMPEDANCE, IMPEDANCE]
 
 
-def cut_of(shape: Shape) -> Cut | None:
+def cut_of(shape: Shape) -> PlateCut | None:
     """What is cut into a shape."""
     return surface(shape).cut()
 
@@ -54,7 +54,7 @@ def cut_of(shape: Shape) -> Cut | None:
 def add_pair(
     spec: mujoco.MjSpec,
     name: str,
-    cut: Cut,
+    cut: PlateCut,
     touches: tuple[str, ToolGeometry | float],
     contact: WholeContact,
 ) -> None:
