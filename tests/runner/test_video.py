@@ -33,14 +33,14 @@ from taskspec_runner.session import execute
 from taskspec_runner.video import canvas as canvases
 from taskspec_runner.video import film as films
 from taskspec_runner.video.canvas import Canvas, NoCanvasError, new_context
-from taskspec_runner.video.film import Cut, Film, check_video, write_video
+from taskspec_runner.video.film import Clip, Film, check_video, write_video
 from taskspec_runner.video.picture import Pictures, project
 from taskspec_runner.video.recording import Recording, steadiest_contact
 from taskspec_runner.video.still import MOST_BYTES, render_still
 from taskspec_runner.video.world import RecordedWorld
 
 TASKS = Path(__file__).parents[2] / "tasks"
-SMALL = Cut(width=480, height=270, fps=10)
+SMALL = Clip(width=480, height=270, fps=10)
 Picture = NDArray[np.uint8]
 
 
@@ -266,12 +266,12 @@ def test_video_has_as_many_frames_as_the_run_is_long(wall: Path, tmp_path: Path)
 @pytest.mark.parametrize(
     ("cut", "clocks"),
     [
-        (Cut(start=0.1, end=0.3, fps=10), [0.1, 0.2]),
-        (Cut(start=0.1, end=0.3, fps=10, speed=0.5), [0.1, 0.15, 0.2, 0.25]),
-        (Cut(start=-5.0, end=0.15, fps=10), [0.0, 0.1]),
+        (Clip(start=0.1, end=0.3, fps=10), [0.1, 0.2]),
+        (Clip(start=0.1, end=0.3, fps=10, speed=0.5), [0.1, 0.15, 0.2, 0.25]),
+        (Clip(start=-5.0, end=0.15, fps=10), [0.0, 0.1]),
     ],
 )
-def test_cuts(wall: Path, cut: Cut, clocks: list[float]) -> None:
+def test_cuts(wall: Path, cut: Clip, clocks: list[float]) -> None:
     recording = Recording.of(Run(wall))
     assert cut.clocks(recording) == pytest.approx(clocks)
     # A tick holds until the next: rounding of the frame's time must not miss it.
@@ -280,7 +280,7 @@ def test_cuts(wall: Path, cut: Cut, clocks: list[float]) -> None:
 
 def test_nothing_to_cut(wall: Path) -> None:
     with pytest.raises(InputError, match=r"nothing to show: the log goes from 0 to 0\.\d+ s"):
-        Cut(start=99.0).clocks(Recording.of(Run(wall)))
+        Clip(start=99.0).clocks(Recording.of(Run(wall)))
 
 
 @pytest.mark.usefixtures("gl")

@@ -22,7 +22,7 @@ from taskspec_runner.session import execute
 from taskspec_runner.video import viewer
 from taskspec_runner.video.camera import axes_of, close_view, frame_run
 from taskspec_runner.video.equations import DrawnSurface, equation_surfaces
-from taskspec_runner.video.film import Cut
+from taskspec_runner.video.film import Clip
 from taskspec_runner.video.marks import Marks
 from taskspec_runner.video.panel_force import panel_forces
 from taskspec_runner.video.recording import Recording
@@ -269,7 +269,7 @@ def test_a_window_shows_the_run(tapped: Recording, monkeypatch: pytest.MonkeyPat
 
     monkeypatch.setattr(viewer, "_window", open_window)
     monkeypatch.setattr(viewer, "check_display", lambda: None)
-    viewer.view(tapped, Cut(camera=(90.0, -30.0, 2.0)))
+    viewer.view(tapped, Clip(camera=(90.0, -30.0, 2.0)))
     (window,) = windows
     assert (window.cam.azimuth, window.cam.elevation, window.cam.distance) == (90, -30, 2)
     assert min(window.geoms) > 3
@@ -278,7 +278,7 @@ def test_a_window_shows_the_run(tapped: Recording, monkeypatch: pytest.MonkeyPat
 
 
 def test_a_window_begins_anew(tapped: Recording) -> None:
-    show = Show(tapped, Cut(start=0.1, end=0.3, speed=0.5, fps=100))
+    show = Show(tapped, Clip(start=0.1, end=0.3, speed=0.5, fps=100))
     assert [show.row(t) for t in (0.0, 0.2, 0.39, 0.4)] == [100, 200, 295, 100]
 
 
@@ -304,4 +304,4 @@ def test_a_mac_needs_its_own_launcher(tapped: Recording, monkeypatch: pytest.Mon
     monkeypatch.setattr(mujoco.viewer, "launch_passive", refuse)
     monkeypatch.setattr(viewer.platform, "system", lambda: "Darwin")
     with pytest.raises(InputError, match="mjpython -m taskspec_runner replay RUN --view"):
-        viewer.view(tapped, Cut())
+        viewer.view(tapped, Clip())

@@ -17,7 +17,7 @@ from taskspec_runner.errors import InputError
 from taskspec_runner.runs import Run
 
 if TYPE_CHECKING:
-    from taskspec_runner.video.film import Cut
+    from taskspec_runner.video.film import Clip
 
 #: Speed, start and end, size, frames a second and camera, as the command line has them.
 CutOptions = tuple[float, float | None, float | None, str, float, str | None]
@@ -45,15 +45,15 @@ def replay_run(
     return warn_of_damage(run)
 
 
-def film(run: Run, video: Path, cut: Cut | None = None, *, quiet: bool = False) -> None:
+def film(run: Run, video: Path, cut: Clip | None = None, *, quiet: bool = False) -> None:
     """Writes a run as a video, with a line that tells how far it is."""
-    from taskspec_runner.video.film import Cut, check_video, write_video
+    from taskspec_runner.video.film import Clip, check_video, write_video
     from taskspec_runner.video.recording import Recording
 
     check_video(video)
     recording = Recording.of(run)
     with _frames_line(shown=not quiet and sys.stderr.isatty()) as progress:
-        write_video(recording, video, cut or Cut(), progress)
+        write_video(recording, video, cut or Clip(), progress)
 
 
 def read_cut(
@@ -63,13 +63,13 @@ def read_cut(
     size: str,
     fps: float,
     camera: str | None,
-) -> Cut:
+) -> Clip:
     """What of a run is shown, and how, from the command line.
 
     Raises:
         InputError: a number makes no sense.
     """
-    from taskspec_runner.video.film import Cut
+    from taskspec_runner.video.film import Clip
 
     if not 0.001 <= speed <= 1000:
         raise InputError(f"--speed is from 0.001 to 1000, not {speed:g}")
@@ -79,7 +79,7 @@ def read_cut(
         if value is not None and not math.isfinite(value):
             raise InputError(f"{name} needs a time in seconds, not {value:g}")
     width, height = _size(size)
-    return Cut(start, end, speed, width, height, fps, None if camera is None else _camera(camera))
+    return Clip(start, end, speed, width, height, fps, None if camera is None else _camera(camera))
 
 
 def _size(text: str) -> tuple[int, int]:

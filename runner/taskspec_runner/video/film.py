@@ -22,7 +22,7 @@ _SUFFIXES = (".mp4", ".mkv", ".mov")
 
 
 @dataclass(frozen=True, slots=True)
-class Cut:
+class Clip:
     """What of a run is shown, and how.
 
     Attributes:
@@ -59,7 +59,7 @@ class Cut:
 class Film:
     """Frames of a run: picture above, panel below."""
 
-    def __init__(self, recording: Recording, cut: Cut) -> None:
+    def __init__(self, recording: Recording, cut: Clip) -> None:
         """Prepares the frames of a cut.
 
         Raises:
@@ -120,7 +120,7 @@ def check_video(path: Path) -> None:
 def write_video(
     recording: Recording,
     path: Path,
-    cut: Cut,
+    cut: Clip,
     progress: Callable[[int, int], None] | None = None,
 ) -> None:
     """Writes a run as an H.264 video, whole or not at all.

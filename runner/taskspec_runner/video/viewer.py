@@ -13,7 +13,7 @@ import mujoco
 
 from taskspec_runner.errors import InputError
 from taskspec_runner.video.camera import frame_run, seen_from
-from taskspec_runner.video.film import Cut
+from taskspec_runner.video.film import Clip
 from taskspec_runner.video.marks import Marks
 from taskspec_runner.video.panel_force import panel_forces
 from taskspec_runner.video.recording import Recording
@@ -40,7 +40,7 @@ def check_display() -> None:
         )
 
 
-def view(recording: Recording, cut: Cut) -> None:
+def view(recording: Recording, cut: Clip) -> None:
     """Shows a run in a window until that is closed; at the end it begins anew.
 
     Raises:
@@ -88,7 +88,7 @@ class Show:
         world: of the run.
     """
 
-    def __init__(self, recording: Recording, cut: Cut) -> None:
+    def __init__(self, recording: Recording, cut: Clip) -> None:
         self.world, self._recording, self._cut = RecordedWorld(recording), recording, cut
         self._marks, self._shown = Marks(self.world), panel_forces(recording)
         self._clocks = cut.clocks(recording)
