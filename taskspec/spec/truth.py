@@ -69,6 +69,7 @@ class Truths(FieldType):
             "title": "Faults",
             "description": "What happens to sensor, encoders and torques while a run goes on",
             "type": "array",
+            "examples": [[{"sensor": "drops", "at": "2 s", "for": "15 ms"}]],
         }
         return {
             "type": "object",

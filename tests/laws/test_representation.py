@@ -125,6 +125,7 @@ class _Nothing:
 
 class _Ball:
     shape, radius, size, length, mass = "sphere", 0.01, None, 0.12, 0.3
+    thickness = None
 
 
 class _Panda:
