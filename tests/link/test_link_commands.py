@@ -116,6 +116,7 @@ WRONG = {
     ("run", "--on", "udp://127.0.0.1:0"): "--on needs udp://HOST:PORT, such as",
     ("run", "--on", "udp://h:5", "--lost", "wait"): "--lost is catch-up or hold, not 'wait'",
     ("run", "--on", "udp://h:5", "--world", "1"): "--world is of a simulated plant",
+    ("run", "--on", "udp://h:5", "--seed", "3"): "--seed is of a simulated plant",
     ("run", "--on", "udp://h:5", "--loop", "native"): "--loop native is of a simulated plant",
     ("run", "--on", "udp://no.such.host.invalid:5"): "has no address",
     ("plant", "--listen", "udp://here"): "--listen needs udp://HOST:PORT, such as",

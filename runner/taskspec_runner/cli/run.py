@@ -56,7 +56,7 @@ def run_task(
     as_text, began = form is OutcomeFormat.TEXT, time.perf_counter()
     # Before anything is read or compiled.
     if on is not None:
-        on.check(world=world, loop=loop, video=video)
+        on.check(seed=seed, world=world, loop=loop, video=video)
     _check(telemetry, out, video)
     try:
         program = admitted(file, sets, law, force=force)
@@ -113,7 +113,7 @@ def _check(telemetry: str | None, out: Path | None, video: Path | None) -> None:
 class Connects(Protocol):
     """What makes the link of a run, as a command line has it."""
 
-    def check(self, *, world: str | None, loop: str | None, video: Path | None) -> None:
+    def check(self, *, seed: int, world: str | None, loop: str | None, video: Path | None) -> None:
         """Finds out what can be known before anything is read.
 
         Raises:
@@ -142,7 +142,7 @@ class Connection:
     lost: str
     stop_after: int
 
-    def check(self, *, world: str | None, loop: str | None, video: Path | None) -> None:
+    def check(self, *, seed: int, world: str | None, loop: str | None, video: Path | None) -> None:
         """Finds out what can be known before anything is read.
 
         Raises:
@@ -153,7 +153,12 @@ class Connection:
         if "://" not in self.url or self.url.startswith("udp:"):
             read_endpoint(self.url, "--on")
         self._policy()
-        simulated = {"--world": world, "--loop native": loop == "native", "--video": video}
+        simulated = {
+            "--seed": seed,
+            "--world": world,
+            "--loop native": loop == "native",
+            "--video": video,
+        }
         for option, given in simulated.items():
             if given:
                 raise InputError(f"{option} is of a simulated plant; leave it out with --on")
