@@ -72,6 +72,7 @@ class Loop:
         self._sensing = Sensing(parts.plant.arm, parts.plant.views.equations, parts.machine)
         self.recorder = parts.recorder(Log(folder / "log.arrow"))
         self._ticks, self._native = 0, None
+        self._slots = [parts.bus.slices[name].start for name in ("clock", "t", "stage")]
         self._sensing.read()
         parts.machine.start()
         while parts.machine.stage.name != case.stage or parts.machine.t < AFTER:
@@ -121,9 +122,9 @@ class Loop:
         if not sensed:
             self._sensing.read()
         self.parts.machine.tick(self._ticks * self._period)
-        bus, machine = self.parts.bus, self.parts.machine
-        bus.view("clock")[0], bus.view("t")[0] = self._ticks * self._period, machine.t
-        bus.view("stage")[0] = machine.index
+        array, machine = self.parts.bus.array, self.parts.machine
+        clock, t, stage = self._slots
+        array[clock], array[t], array[stage] = self._ticks * self._period, machine.t, machine.index
         self.parts.plant.step(machine.torque)
         self.recorder.add()
         self._ticks += 1

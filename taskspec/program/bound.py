@@ -10,6 +10,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from taskspec.program.evaluation_order import grouped, is_grouped
+
 Vector = NDArray[np.float64]
 
 #: Rows that are evaluated at a time.
@@ -44,13 +46,32 @@ class BoundFunction:
         _fit(function, arguments, results)
         self.evaluate: Callable[[], Any]
         self.code: Addresses | None = None
-        self._buffer, self.evaluate = function.buffer()
+        self._grouped = False
         # The buffer keeps addresses, not references: everything it sees must outlive it.
         self.function, self.arguments, self.results = function, (*arguments,), (*results,)
-        for i, array in enumerate(arguments):
+        self._bind(function, 0)
+
+    def _bind(self, function: ca.Function, skipped: int) -> None:
+        """Has `function` evaluated, the first of whose results nobody wants."""
+        self._buffer, self.evaluate = function.buffer()
+        for i, array in enumerate(self.arguments):
             self._buffer.set_arg(i, array.data)
-        for i, array in enumerate(results):
-            self._buffer.set_res(i, array.data)
+        for i, array in enumerate(self.results):
+            self._buffer.set_res(i + skipped, array.data)
+
+    @property
+    def groups(self) -> bool:
+        """Whether its instructions are grouped, or have been for the same function elsewhere."""
+        return self._grouped or is_grouped(self.function)
+
+    def group(self) -> None:
+        """Evaluates in an order that takes less time from now on, with the same bits.
+
+        To find it takes as long as some hundred evaluations.
+        """
+        if not self._grouped and self.code is None and self.function.is_a("SXFunction"):
+            self._grouped = True
+            self._bind(grouped(self.function), 1)
 
     def evaluate_by(self, called: Callable[..., Any]) -> None:
         """Has other code evaluate the function from now on, with the same bits.

@@ -80,13 +80,13 @@ class Block:
         room, fields = self.rows.shape
         # A slice of memory is copied in a third of the time that a row of an array takes.
         row_bytes, row = array.data, self.rows.reshape(-1).data
-        words, by, sums = array.view(np.int64), weights(fields), self.sums
+        words, by, sums = array.view(np.int64), weights(fields), self.sums.view(np.uint64).data
 
         def take(tick: int) -> None:
             at = tick % room
             row[at * fields : (at + 1) * fields] = row_bytes
             # With its checksum the tick is there, whatever happens to this process.
-            sums[at] = _wrapped(int(words.dot(by)) + (tick + 1) * TICK_WEIGHT)
+            sums[at] = (int(words.dot(by)) + (tick + 1) * TICK_WEIGHT) & _WORD
 
         return take
 
@@ -166,6 +166,8 @@ def read_block(path: Path) -> LeftTicks | None:
 
 #: What a tick's own number counts in its checksum; odd, so that every bit of it counts.
 TICK_WEIGHT = 0x1B873593CC9E2D51
+#: Checksums are modulo 2^64.
+_WORD = (1 << 64) - 1
 
 
 def weights(fields: int) -> NDArray[np.int64]:
@@ -198,8 +200,3 @@ def checksum(words: Words, by: Words, fields: int, tick: int) -> int:
     for i in range(fields):
         total += words[i] * by[i]
     return total
-
-
-def _wrapped(number: int) -> int:
-    """A number modulo 2^64, as one of 64 bit with a sign."""
-    return ((number + (1 << 63)) & ((1 << 64) - 1)) - (1 << 63)

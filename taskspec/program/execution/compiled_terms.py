@@ -24,3 +24,7 @@ class CompiledTerms(ModelTerms):
     def update(self) -> None:
         """Evaluates all terms at `q` and `v`."""
         self.bound.evaluate()
+
+    def group(self) -> None:
+        """Groups the instructions."""
+        self.bound.group()

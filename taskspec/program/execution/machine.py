@@ -37,6 +37,8 @@ _CONDITIONING = _FIELDS["conditioning"].start
 _HEALTH = _FIELDS["health"].start
 _HANDED = slices(HANDED)
 _SAME = _HANDED["same"].start
+#: A stage that has gone on for so many ticks goes on for long enough to group its instructions.
+_GROUPS_AFTER = 1000
 #: For how long at most a limit that has led to a stage does not count again [s].
 RESTS = 0.5
 
@@ -176,6 +178,8 @@ class Machine:
             runner.chooser.again(t)
         fresh = self._evaluate(runner)
         self.stage_ticks += 1
+        if self.stage_ticks == _GROUPS_AFTER:
+            self._group()
         event = self.outputs[0]
         if not fresh:
             stopped = self._hold(runner, clock)
@@ -302,7 +306,14 @@ class Machine:
         self.now[0], self.now[1] = 0.0, clock
         self.now[2 + index] += 1
         self.estimation.begin(self.runner.stage)
+        if self.runner.tick.groups:
+            self._group()
         self.runner.enter(self.estimation.poses)
+
+    def _group(self) -> None:
+        """Groups the instructions of what each tick evaluates."""
+        self.terms.group()
+        self.runner.group()
 
     def not_finite(self) -> str:
         """Which reference of the last tick is not a number; empty where none is to blame."""

@@ -112,6 +112,12 @@ class StageRunner:
                 self.tick.evaluate()
         self._torque[:] = before
 
+    def group(self) -> None:
+        """Groups the instructions of what each tick evaluates."""
+        self.tick.group()
+        if self.solver is not None:
+            self.solver.group()
+
     def rests(self, t: float) -> dict[str, float]:
         """For how long limits do not count yet [s], by name, at stage time t [s]."""
         slots = self.stage.memory.slots

@@ -149,6 +149,11 @@ class StageSolver:
             NearestForces(resolution, arguments, own) if resolution.look is not None else None
         )
 
+    def group(self) -> None:
+        """Groups the instructions of what each tick evaluates."""
+        self.assemble.group()
+        self.accept.group()
+
     def remember(self, applied: Vector) -> None:
         """Has the next tick change its torque from (n,) `applied` at the limited rate."""
         self.applied[:] = applied
