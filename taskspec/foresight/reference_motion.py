@@ -136,21 +136,11 @@ def _on_path(coordinates: Coordinates, axis: Axis, duration: float, start: float
 
 def _timed(path: PathShape, start: Mapping[Axis, float]) -> tuple[float, Coordinates]:
     """Duration [s] of a path, and its coordinates at a time; a table is taken as a polygon."""
-    if path.table is None:
-        plan = path.plan(start)
+    plan = path.plan(start)
 
-        @lru_cache(maxsize=1)  # its axes are asked for one after the other
-        def on_curve(time: float) -> dict[Axis, float]:
-            curve = path.curve(plan.timing(time), start, {})
-            return {a: float(value) for a, value in curve.items()}
+    @lru_cache(maxsize=1)  # its axes are asked for one after the other
+    def at(time: float) -> dict[Axis, float]:
+        s = plan.timing(time)
+        return {a: path.form.place(s, start, a) for a in path.axes}
 
-        return plan.duration, on_curve
-    table = path.table
-    along, plan = table.argument(), path.plan(start)
-
-    @lru_cache(maxsize=1)
-    def on_polygon(time: float) -> dict[Axis, float]:
-        at = plan.timing(time)
-        return {a: float(np.interp(at, along, table.points[a])) for a in path.axes}
-
-    return plan.duration, on_polygon
+    return float(plan.duration), at

@@ -41,6 +41,31 @@ def cross(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]
     return np.array([a1 * b2 - a2 * b1, a2 * b0 - a0 * b2, a0 * b1 - a1 * b0])
 
 
+def quaternion(w: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The unit quaternion (4,), scalar first, of a rotation vector (3,) [rad]."""
+    angle = float(np.linalg.norm(w))
+    return np.array([math.cos(angle / 2), *(0.5 * np.sinc(angle / (2 * math.pi)) * w)])
+
+
+def turned(
+    one: NDArray[np.float64], other: NDArray[np.float64], *, back: bool = False
+) -> NDArray[np.float64]:
+    """The product (4,) of two unit quaternions, the first one inverted if asked for."""
+    s, v = one[0], -one[1:] if back else one[1:]
+    return np.array(
+        [s * other[0] - v @ other[1:], *(s * other[1:] + other[0] * v + cross(v, other[1:]))]
+    )
+
+
+def vector_of(q: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The shortest rotation vector (3,) [rad] of a unit quaternion (4,)."""
+    s, v = (q[0], q[1:]) if q[0] >= 0 else (-q[0], -q[1:])
+    sine = float(np.linalg.norm(v))
+    # Below the square root of the smallest number the ratio is 2.
+    found: NDArray[np.float64] = v * (2 * math.atan2(sine, s) / sine if sine > 1e-150 else 2.0)
+    return found
+
+
 def to_rpy(R: NDArray[np.float64]) -> tuple[float, float, float]:
     """Roll, pitch, yaw [rad] about fixed axes of a rotation matrix (3, 3).
 

@@ -13,7 +13,6 @@ from taskspec.modes.mode import (
     StageStart,
     to_coordinate,
 )
-from taskspec.text.units import LENGTH, show
 
 if TYPE_CHECKING:
     from taskspec.geometry.axis import Axis
@@ -42,11 +41,4 @@ class OnPath(AxisMode):
 
     def constraint(self, axis: Axis, rate: str, *, turns: bool) -> str:  # noqa: ARG002
         """The path."""
-        return f"{axis} by path: {self._part(axis)}"
-
-    def _part(self, axis: Axis) -> str:
-        path = self.path
-        if path.kind not in ("to", "line"):
-            return path.kind
-        size = show(path.numbers[axis], axis.of(LENGTH))
-        return f"to {size}" if path.kind == "to" else f"line of {size}"
+        return f"{axis} by path: {self.path.form.of_axis(axis)}"

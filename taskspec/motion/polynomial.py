@@ -9,16 +9,16 @@ from __future__ import annotations
 from bisect import bisect_right
 from collections.abc import Sequence
 from functools import cache
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import casadi as ca
-import numpy as np
-from numpy.typing import NDArray
-
+from taskspec.deferred import ca, np
 from taskspec.deferred_methods import dataclass
 
-#: Numbers, or expressions where a cubic follows from what is known when a stage is entered.
-Values = NDArray[np.float64] | Any
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    #: Numbers, or expressions where a cubic follows from what is known when a stage is entered.
+    Values = NDArray[np.float64] | Any
 
 #: Numbers of one cubic: start of the argument, then c0..c3.
 SEGMENT_SIZE = 5

@@ -11,10 +11,12 @@ and of CasADi's expressions alike.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from functools import cache
 from typing import Any
 
 from taskspec.deferred import ca, np
+from taskspec.deferred_methods import dataclass
 from taskspec.motion.polynomial import PiecewiseCubic
 
 #: A move reaches its speed in this time [s], with a smooth rise of the acceleration.
@@ -25,6 +27,12 @@ _NOWHERE = 1e-12
 _HALVINGS = 56
 #: Pieces of a move: three of its rise, one at its peak, three of its fall, and rest.
 PIECES = 8
+
+#: How often a pace is tried so that sections take a time: it is then near by this share, and
+#: scaled to be exact, with an acceleration that is near by its square.
+_TRIES, _NEAR = 30, 1e-3
+#: Paces beyond this multiple of the mean one make a time no shorter.
+_FASTEST = 100.0
 
 #: A float, or an expression.
 Number = Any
@@ -72,6 +80,124 @@ def timing(length: Number, *, speed: float | None, time: float | None) -> Piecew
         return move(0.0, 0.0, 1.0, speed / ca.fmax(length, _NOWHERE))
     rise = min(RISE_TIME, time / 2)
     return move(0.0, 0.0, 1.0, 1.0 / (time - rise), rise)
+
+
+@dataclass(frozen=True, slots=True)
+class PathSection:
+    """A part of a path whose speed is bounded.
+
+    Attributes:
+        length: [m].
+        curvature: the greatest on it [1/m].
+        speed: that it may not exceed whatever the path's is [m/s].
+        rests: the path rests where it begins.
+    """
+
+    length: float
+    curvature: float = 0.0
+    speed: float = math.inf
+    rests: bool = False
+
+    def most(self, speed: float, acceleration: float) -> float:
+        """The speed on it [m/s] of a path with this speed, and this acceleration across it."""
+        across = math.sqrt(acceleration / self.curvature) if self.curvature > 0 else math.inf
+        return min(speed, self.speed, across)
+
+
+def timing_by_sections(
+    sections: Sequence[PathSection], *, speed: float | None, time: float | None
+) -> PiecewiseCubic:
+    """The path parameter (0 to 1) against time [s], from rest to rest, slower where it bends.
+
+    Each section is gone through with one peak; the rate changes as in a move, along the way and
+    where neighbours differ within the faster one. Along and across, the acceleration is at most
+    2 v/T on its own, and where a path bends there is none along it at the section's own speed.
+
+    Args:
+        sections: one after the other.
+        speed: the greatest [m/s], or time: that all take [s]; one is given.
+    """
+    if speed is not None:
+        return _by_sections(sections, speed, RISE_TIME)
+    assert time is not None
+    whole, rise = math.fsum(s.length for s in sections), min(RISE_TIME, time / 2)
+    # What is k times as slow, with k times the rise, takes k times as long; k nears 1.
+    pace = whole / (time - rise)
+    for _ in range(_TRIES):
+        tried = _by_sections(sections, pace, rise)
+        share = float(tried.rests) / time
+        if abs(share - 1) < _NEAR:
+            break
+        pace = min(pace * share, _FASTEST * whole / time)
+    rows = tried.coefficients * share ** np.arange(4)
+    knots = tried.knots / share
+    return PiecewiseCubic(knots, rows)
+
+
+def _by_sections(sections: Sequence[PathSection], speed: float, rise: float) -> PiecewiseCubic:
+    whole = math.fsum(s.length for s in sections)
+    # Rates in units of the speed, lengths in units of speed times half a rise.
+    unit = speed * rise / 2
+    most = [s.most(speed, 2 * speed / rise) / speed for s in sections]
+    ways = [s.length / unit for s in sections]
+    bounds = [0.0 if s.rests else min(most[i - 1], most[i]) for i, s in enumerate(sections) if i]
+    rates = [0.0, *bounds, 0.0]
+    for i, way in enumerate(ways):
+        rates[i + 1] = min(rates[i + 1], _reachable(rates[i], way, rates[i + 1]))
+    for i in reversed(range(len(ways))):
+        rates[i] = min(rates[i], _reachable(rates[i + 1], ways[i], rates[i]))
+    times, rows = [0.0], []
+    place, scale = 0.0, unit / whole
+    for i, way in enumerate(ways):
+        first, last = rates[i], rates[i + 1]
+        peak = _over(first, last, way, most[i])
+        left = max(way - _way(first, peak) - _way(peak, last), 0.0)
+        phases = [*_change(first, peak), (left / peak if peak > 0 else 0.0, 0.0)]
+        ended = place + way * scale
+        rate, bend = first, 0.0
+        for lasts, jerk in (*phases, *_change(peak, last)):
+            if lasts <= 0:
+                continue
+            rows.append([place, scale * rate, scale * bend / 2, scale * jerk / 6])
+            place += scale * lasts * (rate + lasts * (bend / 2 + lasts * jerk / 6))
+            rate += lasts * (bend + lasts * jerk / 2)
+            bend += lasts * jerk
+            times.append(times[-1] + lasts)
+        place = ended
+    rows.append([1.0, 0.0, 0.0, 0.0])
+    half = rise / 2
+    knots = np.array([*times, times[-1] + 1.0 / half]) * half
+    return PiecewiseCubic(knots, np.array(rows) / half ** np.arange(4))
+
+
+def _change(v: float, w: float) -> list[tuple[float, float]]:
+    """How long which jerk lasts in a change of rate."""
+    change = w - v
+    bent, held, sign = _bent(abs(change)), _straight(abs(change)), math.copysign(1.0, change)
+    return [(bent, sign), (held, 0.0), (bent, -sign)]
+
+
+def _reachable(v: float, way: float, most: float) -> float:
+    """The greatest rate up to `most` to which a way leads from rate v; v if that is greater."""
+    if most <= v or _way(v, most) <= way:
+        return most
+    low, high = v, most
+    for _ in range(_HALVINGS):
+        middle = (low + high) / 2
+        low, high = (middle, high) if _way(v, middle) <= way else (low, middle)
+    return low
+
+
+def _over(v: float, w: float, way: float, most: float) -> float:
+    """The peak of a way between two rates."""
+    low, high = max(v, w), most
+    if _way(v, high) + _way(high, w) <= way:
+        return high
+    for _ in range(_HALVINGS):
+        middle = (low + high) / 2
+        fits = _way(v, middle) + _way(middle, w) <= way
+        low, high = (middle, high) if fits else (low, middle)
+    return low
 
 
 @cache

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from taskspec.deferred_methods import dataclass
 from taskspec.geometry.axis import AXES, ROTATIONS
-from taskspec.motion.polynomial import PiecewiseCubic
+from taskspec.motion.blend import BLEND_TIME
+from taskspec.motion.polynomial import PiecewiseCubic, from_states
 from taskspec.text.confines import Confines
 
 #: Columns that a table may have.
@@ -71,6 +72,31 @@ class Table:
         translations = [v for k, v in self.points.items() if k not in ROTATIONS]
         steps = np.diff(np.array(translations or list(self.points.values())), axis=1)
         return np.concatenate([[0.0], np.cumsum(np.linalg.norm(steps, axis=0))])
+
+    def clock(self) -> PiecewiseCubic:
+        """Its time against stage time [s], of a table that tells it itself.
+
+        One that begins in motion starts from rest: its rate rises in `BLEND_TIME` to what then
+        still brings it to its end in time, so that it goes faster by at most that share.
+        """
+        assert self.time is not None
+        start, duration = float(self.time[0]), float(self.time[-1] - self.time[0])
+        if not self.begins_moving:
+            return PiecewiseCubic(
+                np.array([0.0, duration, duration + 1.0]),
+                np.array([[start, 1.0, 0.0, 0.0], [start + duration, 0.0, 0.0, 0.0]]),
+            )
+        rise = min(BLEND_TIME, duration / 2)
+        rate = duration / (duration - rise / 2)
+        return from_states(
+            [0.0, rise / 2, rise, duration],
+            [
+                (start, 0.0, 0.0),
+                (start + rate * rise / 12, rate / 2, 2 * rate / rise),
+                (start + rate * rise / 2, rate, 0.0),
+                (start + duration, rate, 0.0),
+            ],
+        )
 
     def splines(self) -> dict[str, PiecewiseCubic]:
         """C2 cubic splines of every axis over `argument`; timed ones start and end at rest."""

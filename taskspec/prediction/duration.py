@@ -67,7 +67,7 @@ def _path_duration(here: StageAtStart) -> float | None:
     path, start = here.stage.plan.path, here.coordinates
     if path is None:
         return 0.0
-    if start is None and path.kind in ("to", "arc"):
+    if start is None and path.form.unknown_length:
         return path.time
     zero = dict.fromkeys(AXES, 0.0)
     return float(path.plan(zero if start is None else dict(start)).duration)

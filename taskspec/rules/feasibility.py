@@ -196,7 +196,7 @@ def out_of_reach(stage: StagePlan) -> Iterator[Finding]:
     possible = stage.law.solve == "qp" or spec.until is not None
     first = next(iter(moving_axes(spec)), None)
     where = own.path if spec.path else own.axes if first is None else own.axes[first]
-    placed = spec.path is not None and spec.path.to is not None
+    placed = stage.path is not None and not stage.path.form.relative
     placed = placed or any(e.mode.placed for e in spec.axes.values())
     origin = "its origin" if frame.still else "where the stage begins"
     counts = f"; in frame {frame.name!r} coordinates count from {origin}" if placed else ""

@@ -103,7 +103,7 @@ def object_motions(task: TaskPlan) -> Iterator[Finding]:
 def arcs_without_radius(stage: StagePlan) -> Iterator[Finding]:
     """An arc about the very point where its stage begins."""
     path = stage.path
-    if path is None or path.kind != "arc" or stage.frame.still:
+    if path is None or not (path.form.unknown_length and path.form.relative) or stage.frame.still:
         return
     if path.length(dict.fromkeys(AXES, 0.0)) <= _NOWHERE:
         yield warning(
@@ -123,7 +123,7 @@ def endless_motions(stage: StagePlan) -> Iterator[Finding]:
         if mode.distance is not None:
             yield from _endless(*mode.distance, own.axes[axis][mode.pace])
     if path is not None and path.speed is not None:
-        length = path.table.length if path.table else path.length(dict.fromkeys(AXES, 0.0))
+        length = path.length(dict.fromkeys(AXES, 0.0))
         yield from _endless(length, path.speed, own.path.speed)
 
 

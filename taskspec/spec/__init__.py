@@ -12,7 +12,7 @@ from taskspec.spec.limits import Limits
 from taskspec.spec.load import LoadedTask, load_task, load_text, read_text, tree_of
 from taskspec.spec.mechanism import Hinge, Mechanism, Screw, Slide
 from taskspec.spec.objects import Object
-from taskspec.spec.path import Arc, Line, Lissajous, Path
+from taskspec.spec.path import Path
 from taskspec.spec.robot import Pose, Robot, Sensor, Start, Tool
 from taskspec.spec.set_point import SetPoint
 from taskspec.spec.stage import Stage, Within
@@ -22,7 +22,6 @@ from taskspec.spec.world import Motion, Shape
 
 __all__ = [
     "FILE",
-    "Arc",
     "AxisEntry",
     "AxisValues",
     "Constraint",
@@ -36,8 +35,6 @@ __all__ = [
     "KeyPath",
     "Law",
     "Limits",
-    "Line",
-    "Lissajous",
     "LoadedTask",
     "Mechanism",
     "Motion",

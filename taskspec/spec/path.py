@@ -2,98 +2,151 @@
 
 from __future__ import annotations
 
-from typing import Annotated, ClassVar
+from typing import TYPE_CHECKING, Annotated, Any, cast
 
-from pydantic import Field
+from pydantic import Field, create_model
 
+from taskspec.motion.paths import PathForm, PathKey, all_paths
 from taskspec.spec.model import Model, complete
 from taskspec.spec.parse_context import ParseContext
-from taskspec.spec.quantities import Constant, Entries, QuantityList
-from taskspec.spec.words import Free
+from taskspec.spec.quantities import Constant, Entries, QuantityList, QuantityLists
+from taskspec.spec.words import Free, Word
 from taskspec.text.codes import register
 from taskspec.text.data import Items, Map
-from taskspec.text.nodes import pointer
-from taskspec.text.units import ANGLE, LENGTH, NUMBER, TIME, VELOCITY, alternatives
+from taskspec.text.nodes import Node, pointer
+from taskspec.text.nodes import Sequence as SequenceNode
+from taskspec.text.units import TIME, VELOCITY, alternatives
 
 register({"TS606": "a path that is not one path"})
 
-FORMS = ("to", "line", "arc", "lissajous", "file")
+_PATHS = all_paths(__name__)
+FORMS = tuple(_PATHS)
+"""The keys of which one says what curve it is."""
 _PACE = {"speed", "time"}
 
-Coordinates = Annotated[
-    tuple[float, ...], Entries((LENGTH, LENGTH, LENGTH, ANGLE, ANGLE, ANGLE), fewest=1)
-]
+
+def _type_of(key: PathKey) -> Any:
+    """What a field for a key holds."""
+    if key.text:
+        return Annotated[str, Free(filled=True)]
+    if key.words:
+        return Annotated[str, Word(key.words, key.choice)]
+    if key.listed:
+        return Annotated[tuple[float, ...], QuantityList(key.dimension)]
+    if key.rows:
+        one = Entries(key.entries, fewest=key.fewest)
+        return Annotated[tuple[tuple[float, ...], ...], QuantityLists(one, key.rows)]
+    if key.entries:
+        return Annotated[tuple[float, ...], Entries(key.entries, fewest=key.fewest)]
+    return Annotated[float, Constant(key.dimension, above=key.above, least=key.least)]
 
 
-class Line(Model):
-    """A straight line from where the stage begins; `by` holds x, y, z [m], rx, ry, rz [rad]."""
+class _PathKeys(Model):
+    """The keys of one kind of path."""
 
-    noun = "a line"
-
-    by: Coordinates = Field(title="How far", description="[x, y, z, rx, ry, rz], from the left")
-
-
-class Arc(Model):
-    """A circular arc in the frame's xy plane: `center` [m], and how many `turns` about it."""
-
-    noun = "an arc"
-
-    center: Annotated[tuple[float, float], Entries((LENGTH, LENGTH))] = Field(
-        title="Center", description="[x, y] in the frame"
-    )
-    turns: Annotated[float, Constant(NUMBER)] = Field(
-        title="Turns", description="Turns about the center; negative ones run clockwise"
-    )
-
-
-class Lissajous(Model):
-    """Sines on several axes: `amplitude` [m] and `turns` on each, x first."""
-
-    noun = "a Lissajous figure"
-
-    amplitude: Annotated[tuple[float, ...], Entries((LENGTH,) * 3, fewest=1)] = Field(
-        title="Amplitudes", description="[x, y, z], from the left"
-    )
-    turns: Annotated[tuple[float, ...], QuantityList(NUMBER)] = Field(
-        title="Turns", description="Periods on each axis"
-    )
+    @classmethod
+    def kind(cls) -> type[PathForm]:
+        """Which."""
+        return _PATHS[cls.__name__.lower()]
 
     @classmethod
     def rules(cls, data: Map, context: ParseContext) -> None:
-        """Asks for one number of turns for each amplitude."""
-        amplitude, turns = data.get("amplitude"), data.get("turns")
-        if isinstance(amplitude, Items) and isinstance(turns, Items):
-            broken = amplitude.node.broken or turns.node.broken
-            if len(amplitude) != len(turns) and not broken:
-                message = f"{len(amplitude)} amplitudes, but {len(turns)} turns"
-                context.error("TS023", message, pointer(turns.node))
+        """Asks whether the keys go together, where each could be read."""
+        lists = [value for value in data.values() if isinstance(value, Items)]
+        lists += [entry for value in lists for entry in value if isinstance(entry, Items)]
+        whole = all(key.optional or key.name in data for key in cls.kind().keys)
+        if not whole or any(each.node.broken for each in lists):
+            return
+        try:
+            wrong = cls.kind().wrong(data)
+        except TypeError:
+            return  # What is no list is told of as such.
+        if wrong is not None:
+            node: Node = cast("Items", data[wrong.key]).node
+            if wrong.row is not None and isinstance(node, SequenceNode):
+                node = node.items[wrong.row]
+            context.error(wrong.code, wrong.message, pointer(node), wrong.hint)
 
 
-class Path(Model):
+def _model_of(form: type[PathForm]) -> Any:
+    """The model of a kind's mapping, or what its bare value holds."""
+    if form.bare:
+        return _type_of(form.keys[0])
+    fields: dict[str, Any] = {}
+    for key in form.keys:
+        about = Field(
+            key.default if key.optional else ...,
+            title=key.title,
+            description=key.description or None,
+        )
+        fields[key.name] = (_type_of(key), about)
+    model = create_model(
+        form.name.capitalize(), __base__=_PathKeys, __module__=__name__, __doc__=form.__doc__,
+        **fields,
+    )  # fmt: skip
+    model.noun, model.example = form.noun, f"such as {form.name}: {_written(form.examples[0])}"
+    return model
+
+
+def _written(value: Any) -> str:
+    """A value as a file has it."""
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{key}: {_written(entry)}" for key, entry in value.items()) + "}"
+    if isinstance(value, list):
+        return f"[{', '.join(_written(entry) for entry in value)}]"
+    return str(value)
+
+
+def _field(form: type[PathForm]) -> tuple[Any, Any]:
+    description = (form.keys[0].description or None) if form.bare else None
+    return _model_of(form) | None, Field(None, title=form.title, description=description)
+
+
+if TYPE_CHECKING:
+
+    class _Curve(Model):
+        """The keys of all kinds of paths."""
+
+        def __getattr__(self, name: str) -> Any: ...
+
+else:
+    _Curve = create_model(
+        "_Curve",
+        __base__=Model,
+        __module__=__name__,
+        **{name: _field(form) for name, form in _PATHS.items()},
+    )
+
+
+class Path(_Curve):
     """A curve; it drives the axes that it has coordinates for and that `axes` does not name.
 
+    The keys of the kinds of paths are attributes too; None for those that are left out.
+
     Attributes:
-        to: a point in the frame: x, y, z [m], rx, ry, rz [rad].
-        line: a distance from where the stage begins.
-        arc: a part of a circle.
-        lissajous: sines on several axes.
-        file: a CSV file relative to the task file, with columns such as `x [mm]`.
         speed: along the path [m/s].
         time: for the whole path [s].
     """
 
     noun = "a path"
     example = "path: {to: [60 mm, 0, 0], speed: 50 mm/s}"
-    reserved = frozenset({"spiral"})
-    advice: ClassVar = {"raster": "write its points to a CSV file and name that: file: raster.csv"}
 
-    to: Coordinates | None = Field(None, title="Where to", description="[x, y, z, rx, ry, rz]")
-    line: Line | None = Field(None, title="A straight line")
-    arc: Arc | None = Field(None, title="An arc in the frame's xy plane")
-    lissajous: Lissajous | None = Field(None, title="Sines on several axes")
-    file: Annotated[str, Free(filled=True)] | None = Field(None, title="A CSV file of points")
     speed: Annotated[float, Constant(VELOCITY, above=0)] | None = Field(None, title="Speed")
     time: Annotated[float, Constant(TIME, above=0)] | None = Field(None, title="Duration")
+
+    @property
+    def kind(self) -> str:
+        """The key that says what curve it is."""
+        return next(name for name in FORMS if getattr(self, name) is not None)
+
+    @property
+    def form(self) -> PathForm:
+        """The curve."""
+        value = getattr(self, self.kind)
+        kind: Any = _PATHS[self.kind]
+        if kind.bare:
+            return cast("PathForm", kind(value))
+        return cast("PathForm", kind(**{key.name: getattr(value, key.name) for key in kind.keys}))
 
     @classmethod
     def rules(cls, data: Map, context: ParseContext) -> None:

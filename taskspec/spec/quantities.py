@@ -173,6 +173,42 @@ class Entries(FieldType):
         }
 
 
+@dataclass(frozen=True)
+class QuantityLists(FieldType):
+    """A list of lists of constants.
+
+    Attributes:
+        one: each of them.
+        fewest: how many there have to be.
+    """
+
+    one: Entries
+    fewest: int
+
+    def read(self, value: object, context: ParseContext) -> tuple[tuple[float, ...], ...]:
+        """The lists in SI units."""
+        if not isinstance(value, Items):
+            message = f"a list of lists is needed here, this is {kind_of(value)}"
+            context.error("TS022", message, span_of(value), self._example())
+            return ((0.0,),)
+        if value and not any(isinstance(entry, Items) for entry in value):
+            message = "a list of lists is needed here, this is one list"
+            context.error("TS022", message, span_of(value), self._example())
+            return ((0.0,),)
+        if len(value) < self.fewest and not value.node.broken:
+            message = f"at least {self.fewest} lists are needed here, these are {len(value)}"
+            context.error("TS023", message, span_of(value), self._example())
+        return tuple(self.one.read(entry, context) for entry in value)
+
+    def _example(self) -> str:
+        units = [next(iter(fitting(d)), "") for d in self.one.dimensions[:2]]
+        return f"such as [[0, 0], [10 {units[0]}, 0]]"
+
+    def json(self) -> dict[str, Any]:
+        """Describes the lists."""
+        return {"type": "array", "minItems": self.fewest, "items": self.one.json()}
+
+
 class DimensionedNumber(float):
     """A number in SI units that knows what it measures.
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from taskspec.modes import axis_keys
+from taskspec.motion.paths import PATHS
 from taskspec.shapes import SHAPES, size_keys, with_size
 from taskspec.text.units import alternatives
 
@@ -71,8 +72,6 @@ MEANINGS: dict[str, dict[str, Meaning]] = {
         "limits": ("What stops the run, in all stages.", ({"force": "60 N", "speed": "250 mm/s"},)),
         "control": ("Rates of controller and plant; by default 1 kHz.", ({"rate": "2 kHz"},)),
     },
-    "Arc": {"center": ("The point that it goes about, in the frame's coordinates.",
-                       (["60 mm", 0],))},
     "Flange": {
         "xyz": ("Where the tool is mounted in that body's frame; by default at its origin.",
                 ([0, 0, "40 mm"],)),
@@ -151,12 +150,6 @@ MEANINGS: dict[str, dict[str, Meaning]] = {
                       ("20 mm",)),
         "torque_rate": ("Greatest rate of the joints' torques, under solve: qp.", ("1000 N*m/s",)),
     },
-    "Line": {"by": ("How far it goes on each axis, as many as are wanted.",
-                    (["60 mm", 0, "5 mm"],))},
-    "Lissajous": {
-        "amplitude": ("Of the sine on each axis.", (["30 mm", "20 mm"],)),
-        "turns": ("Periods on each axis over the whole path.", ()),
-    },
     "Motion": {
         **{a: (f"Displacement along its {a}, as an expression of clock.",
                ("2 mm * sin(2*pi*clock*2 Hz)",)) for a in "xyz"},
@@ -166,16 +159,14 @@ MEANINGS: dict[str, dict[str, Meaning]] = {
     "Noise": {"force": ("Standard deviation of each force.", ("0.1 N",)),
               "torque": ("Standard deviation of each moment.", ("0.01 N*m",))},
     "Path": {
-        "to": ("Straight to this point of the frame, as many coordinates as are wanted.",
-               (["60 mm", "20 mm"],)),
-        "line": ("Straight by a distance from where the stage begins.", ({"by": ["60 mm"]},)),
-        "arc": ("A circular arc in the frame's xy plane.", ({"center": ["60 mm", 0], "turns": 1},)),
-        "lissajous": ("A figure of sines about where the stage begins.",
-                      ({"amplitude": ["30 mm", "20 mm"], "turns": [1, 2]},)),
-        "file": ("A table of points through which a spline is laid; CSV with units in its header.",
-                 ()),
+        **{name: (form.meaning, form.examples) for name, form in PATHS.items()},
         "speed": ("Greatest speed along it; this or a time.", ("50 mm/s",)),
         "time": ("For all of it, from rest to rest; this or a speed.", ("4 s",)),
+    },
+    **{
+        name.capitalize(): {key.name: (key.meaning, key.examples) for key in form.keys}
+        for name, form in PATHS.items()
+        if not form.bare
     },
     "Pose": {"xyz": ("Position in the world; by default its origin.", (["500 mm", 0, 0],)),
              "rpy": _PLACED["rpy"]},

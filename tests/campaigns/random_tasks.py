@@ -567,7 +567,10 @@ class Draft:
 
     def path(self, reach: float) -> Value:
         """A curve over the surface."""
-        kind = self.one_of(("line", "arc", "lissajous", "file", "timed"), (3, 2, 3, 1, 0.5))
+        kind = self.one_of(
+            ("line", "arc", "lissajous", "raster", "spiral", "waypoints", "file", "timed"),
+            (3, 2, 3, 1, 1, 1, 1, 0.5),
+        )
         x, y = (self.at[axis] for axis in self.across)
         way = self.rng.uniform(0.4, 1, 2) * reach * self.rng.choice((-1, 1), 2)
         clock: dict[str, Value] = {"time": f"{self.between(1, 2.5):.1f} s"}
@@ -585,6 +588,20 @@ class Draft:
                 "lissajous": {"amplitude": lengths(np.round(abs(way), 1)), "turns": ways},
                 **clock,
             }
+        if kind == "raster":
+            pitch = mm(round(float(abs(way).min()) / self.between(1, 4), 1))
+            along = str(self.one_of(("x", "y"), (1, 1)))
+            return {"raster": {"size": lengths(np.round(way, 1)), "pitch": pitch, "along": along},
+                    **pace}  # fmt: skip
+        if kind == "spiral":
+            size = float(abs(way).min())
+            pitch = mm(round(size / self.between(1, 4), 2))
+            return {"spiral": {"pitch": pitch, "radius": mm(round(size, 1))}, **pace}
+        if kind == "waypoints":
+            corners = [(x, y), (x + way[0], y), (x + way[0], y + way[1])]
+            radius = mm(round(float(abs(way).min()) * self.between(0, 0.9), 2))
+            points: list[Value] = [lengths(np.round(corner, 1)) for corner in corners]
+            return {"waypoints": {"points": points, "radius": radius}, **pace}
         if abs(x) + abs(y) > 1e-3:  # a table counts from the origin of a frame that is fixed
             return {"to": lengths(np.round((x + way[0], y + way[1]), 1)), **pace}
         return {"file": "outline.csv", **pace} if kind == "file" else {"file": "timed.csv"}

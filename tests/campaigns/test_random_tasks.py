@@ -21,7 +21,8 @@ def test_the_tasks_know_the_whole_language() -> None:
     words += [f"mechanism: {kind}" for kind in ("hinge", "slide", "screw")]
     words += ["equation:", "constraints:", "grasp:", "free: true", "motion:", "solve: qp"]
     words += ["sensor:", "at: wrist", "noise:", "bias:", "filter:", "delay:", "tare: true"]
-    words += ["path:", "line:", "arc:", "lissajous:", "file:", "follows:", "estimate:", "vary:"]
+    words += ["path:", "line:", "arc:", "lissajous:", "raster:", "spiral:", "waypoints:", "file:"]
+    words += ["follows:", "estimate:", "vary:"]
     words += ["attempts:", "fail_if:", "on_fail:", "rate: 250 Hz", "rate: 2 kHz", "rigid"]
     assert [word for word in words if word not in text] == []
 

@@ -24,7 +24,6 @@ from taskspec.robot import builtin_robots
 from taskspec.spec import Robot, Task
 from taskspec.spec.mechanism import Detent
 from taskspec.spec.model import Model
-from taskspec.spec.path import Path
 from taskspec.spec.robot import Noise, Payload, Pose, Sensor, Start, Tool
 from taskspec.text.confines import VARIABLE
 from taskspec.text.diagnostic import SpecError
@@ -288,7 +287,6 @@ def test_what_is_not_supported_yet():
     rows = {row[0]: set(words(row[1])) for row in table(LANGUAGE, "table: later")}
     assert rows == {
         "task": Task.reserved,
-        "path": Path.reserved,
     }
     named = {m.__name__ for m in models_of(Model) if vars(m).get("reserved")}
-    assert named == {"Task", "Path"}
+    assert named == {"Task"}

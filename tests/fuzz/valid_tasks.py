@@ -85,6 +85,35 @@ _PATH = st.one_of(
          "speed": _number(5, 90, "mm/s")},
         {},
     ),
+    _mapping(
+        {
+            "raster": _mapping(
+                {"size": _list(_SIZE, _SIZE), "pitch": _number(1, 20, "mm")},
+                {"along": _one("x", "y")},
+            ),
+            "speed": _number(5, 90, "mm/s"),
+        },
+        {},
+    ),
+    _mapping(
+        {
+            "spiral": _mapping(
+                {"pitch": _number(0.5, 5, "mm"), "radius": _number(5, 20, "mm")}, {}
+            ),
+            "time": _TIME,
+        },
+        {},
+    ),
+    _mapping(
+        {
+            "waypoints": _mapping(
+                {"points": _list(*[_list(_LENGTH, _LENGTH, _LENGTH)] * 3)},
+                {"radius": _number(0, 30, "mm")},
+            ),
+            "speed": _number(5, 90, "mm/s"),
+        },
+        {},
+    ),
 )  # fmt: skip
 _STAGE = st.one_of(
     _mapping({"axes": _AXES, "time": _TIME}, {"limits": _LIMITS}),

@@ -10,6 +10,7 @@ from scipy.interpolate import CubicSpline
 from taskspec.geometry.axis import Axis
 from taskspec.motion import blend, profile
 from taskspec.motion.path import PathShape
+from taskspec.motion.paths import Arc, Line, Lissajous, TableFile, To
 from taskspec.motion.table import TableError, read_table
 from taskspec.text.confines import confines
 
@@ -170,11 +171,11 @@ def test_a_table_is_splined_like_scipys(tmp_path):
     file.write_text("# a comment\nx [mm], y [mm]\n0, 0\n30, 10\n60, -10\n90, 0\n")
     table = read_table(file, unit, confines(file.parent))
     assert table.length == pytest.approx(np.hypot(30, 10) * 2e-3 + np.hypot(30, 20) * 1e-3)
-    path = PathShape("file", ("x", "y"), table=table, speed=0.05).ready()
-    plan = path.plan({"x": 0.0, "y": 0.0})
+    path = PathShape(TableFile("p.csv", table), (Axis.X, Axis.Y), speed=0.05).ready()
+    plan = path.plan({Axis.X: 0.0, Axis.Y: 0.0})
     spline = CubicSpline(table.argument(), table.points["y"], bc_type="natural")
     for s in np.linspace(0, 1, 57):
-        assert plan.splines["y"](s) == pytest.approx(float(spline(s)), abs=1e-15)
+        assert plan.splines[Axis.Y](s) == pytest.approx(float(spline(s)), abs=1e-15)
     # The knots of the plan are the times at which the points are passed.
     s = [plan.timing(t) for t in plan.knots()]
     for argument in table.argument()[1:-1]:
@@ -185,15 +186,15 @@ def test_a_timed_table_ends_in_its_own_time(tmp_path):
     file = tmp_path / "p.csv"
     file.write_text("t [s],x [mm]\n0.5,0\n1.0,30\n2.5,60\n")
     table = read_table(file, unit, confines(file.parent))
-    plan = PathShape("file", ("x",), table=table).ready().plan({})
+    plan = PathShape(TableFile("p.csv", table), (Axis.X,)).ready().plan({})
     assert plan.duration == 2.0
     # It begins at 60 mm/s, so it starts from rest: 0.1 s behind, of which it loses none in the end.
     rate = 2.0 / 1.9
     assert plan.timing(0.0) == 0.5
     assert plan.timing(0.2) == pytest.approx(0.5 + rate * 0.1)
     assert plan.timing(1.0) == pytest.approx(0.5 + rate * 0.9)
-    assert plan.splines["x"](plan.timing(2.0)) == pytest.approx(0.06)
-    assert plan.splines["x"](plan.timing(9.0)) == pytest.approx(0.06)
+    assert plan.splines[Axis.X](plan.timing(2.0)) == pytest.approx(0.06)
+    assert plan.splines[Axis.X](plan.timing(9.0)) == pytest.approx(0.06)
     times = np.linspace(0, 2, 4001)
     rates = np.diff([plan.timing(t) for t in times]) / np.diff(times)
     assert rates.max() == pytest.approx(rate, rel=1e-6)
@@ -203,7 +204,7 @@ def test_a_timed_table_that_begins_at_rest_keeps_its_own_time(tmp_path):
     file = tmp_path / "p.csv"
     file.write_text("t [s],x [mm]\n0.5,0\n1.0,0\n2.5,60\n")
     table = read_table(file, unit, confines(file.parent))
-    plan = PathShape("file", ("x",), table=table).ready().plan({})
+    plan = PathShape(TableFile("p.csv", table), (Axis.X,)).ready().plan({})
     assert [plan.timing(t) for t in (0.0, 0.5, 2.0, 9.0)] == [0.5, 1.0, 2.5, 2.5]
 
 
@@ -233,11 +234,10 @@ def test_a_spoiled_table_says_what_and_where(tmp_path, text, message, line):
 
 def test_lengths_of_paths():
     start = {Axis.X: 0.1, Axis.Y: 0.0}
-    assert PathShape("to", (Axis.X, Axis.Y), {Axis.X: 0.4, Axis.Y: 0.4}).length(
-        start
-    ) == pytest.approx(0.5)
-    assert PathShape("line", (Axis.X,), {Axis.X: -0.2}).length(start) == pytest.approx(0.2)
-    arc = PathShape("arc", (Axis.X, Axis.Y), turns={"": -0.5}, center=(0.0, 0.0))
+    both = (Axis.X, Axis.Y)
+    assert PathShape(To((0.4, 0.4)), both).length(start) == pytest.approx(0.5)
+    assert PathShape(Line((-0.2,)), (Axis.X,)).length(start) == pytest.approx(0.2)
+    arc = PathShape(Arc((0.0, 0.0), -0.5), both)
     assert arc.length(start) == pytest.approx(0.1 * np.pi)
-    circle = PathShape("lissajous", (Axis.X,), {Axis.X: 0.1}, {Axis.X: 2.0})
+    circle = PathShape(Lissajous((0.1,), (2.0,)), (Axis.X,))
     assert circle.length(start) == pytest.approx(8 * 0.1, rel=1e-6)

@@ -61,7 +61,11 @@ def test_well_ordered(stages: str) -> None:
         ("a: {time: }", ["TS011"]),
         ("a: {until: touching, withn: {time: 1 s}}", ["TS020"]),
         ("a: {axes: {z: {mov: 3 mm}}}", ["TS020"]),
-        ("a: {path: {spiral: {pitch: 1 mm}, speed: 1 mm/s}}", ["TS090"]),
+        ("a: {path: {spiral: {pitch: 1 mm}, speed: 1 mm/s}}", ["TS021"]),
+        ("a: {path: {raster: {size: [1 mm], pitch: 1 mm}, time: 1 s}}", ["TS023"]),
+        ("a: {path: {waypoints: {points: [[0], [1 mm, 0]]}, time: 1 s}}", ["TS023"]),
+        ("a: {path: {waypoints: {points: [1 mm, 0]}, time: 1 s}}", ["TS022"]),
+        ("a: {path: {waypoints: {points: [[1 mm, 0]]}, time: 1 s}}", ["TS023"]),
     ],
 )
 def test_badly_ordered(stages: str, found: list[str]) -> None:

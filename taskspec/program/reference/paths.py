@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path as FilePath
 
-import numpy as np
-
 from taskspec.geometry.axis import ROTATIONS, Axis
-from taskspec.motion.path import PathShape, coordinates
+from taskspec.motion.path import PathShape
+from taskspec.motion.paths import PathForm, TableFile
 from taskspec.motion.table import OutsideError, Table, TableError, read_table
 from taskspec.program.context import Context
 from taskspec.program.errors import spec_error
-from taskspec.spec import FILE, Path, Stage
+from taskspec.spec import FILE, KeyPath, Path, Stage
 from taskspec.text.codes import register
 from taskspec.text.confines import REMEDY, confines, here
 from taskspec.text.units import ANGLE, LENGTH, TIME, alternatives, fitting, parse_unit
@@ -22,6 +21,7 @@ register(
         "TS220": "an axis that the arm does not have in this frame",
         "TS222": "a path that drives no axis",
         "TS223": "a table of points that cannot be used",
+        "TS235": "a path that cannot be laid",
         "TS227": "a path that only turns, at a speed of translation",
     }
 )
@@ -44,64 +44,48 @@ def path_shape(
     path = stage.path
     if path is None:
         return None
-    kind, numbers, turns, table = _contents(context, name, path)
-    own = [Axis(a) for a in table.points] if table is not None else list(numbers)
-    if kind == "arc":
-        own = [Axis.X, Axis.Y]
-    missing = [a for a in own if a not in axes and _moves(a, numbers, table)]
+    place = FILE.stages[name].path
+    form = path.form
+    if isinstance(form, TableFile):
+        form = replace(form, table=_table(context, name, path))
+    _laid(context, form, axes, place)
+    missing = [a for a in form.own if a not in axes and form.moves(a)]
     if missing:
         raise spec_error(
             context.loaded,
-            FILE.stages[name].path,
+            place,
             "TS220",
             f"the path moves along {missing[0]!r}, which this arm cannot in this frame",
             f"axes that exist here: {', '.join(axes)}",
         )
-    driven = tuple(a for a in own if a in axes and a not in stage.axes)
+    driven = tuple(a for a in form.own if a in axes and a not in stage.axes)
     if not driven:
         raise spec_error(
             context.loaded,
-            FILE.stages[name].path,
+            place,
             "TS222",
             "the path drives no axis: `axes` names every axis that it has coordinates for",
             "leave the axes that the path drives out of `axes`",
         )
-    still = not any(_moves(a, numbers, table) for a in driven if not a.is_rotation)
-    if path.speed is not None and still and kind != "to":
+    still = not any(form.moves(a) for a in driven if not a.is_rotation)
+    if path.speed is not None and still and not form.unknown_length:
         raise spec_error(
             context.loaded,
-            FILE.stages[name].path.speed,
+            place.speed,
             "TS227",
             "this path only turns, and `speed` is one along a way",
             "give the path a `time`",
         )
-    return PathShape(
-        kind=kind,
-        axes=driven,
-        numbers=numbers,
-        turns=turns,
-        center=(path.arc.center[0], path.arc.center[1]) if path.arc is not None else (0.0, 0.0),
-        table=table,
-        speed=path.speed,
-        time=path.time,
-    )
+    return PathShape(form, driven, speed=path.speed, time=path.time)
 
 
-def _contents(
-    context: Context, name: str, path: Path
-) -> tuple[str, dict[Axis, float], Mapping[str, float], Table | None]:
-    if path.to is not None:
-        return "to", coordinates(path.to), {}, None
-    if path.line is not None:
-        return "line", coordinates(path.line.by), {}, None
-    if path.lissajous is not None:
-        shape = path.lissajous
-        turns: dict[str, float] = dict(coordinates(shape.turns).items())
-        return "lissajous", coordinates(shape.amplitude), turns, None
-    if path.arc is not None:
-        return "arc", {}, {"": path.arc.turns}, None
-    assert path.file is not None
-    return "file", {}, {}, _table(context, name, path)
+def _laid(context: Context, form: PathForm, axes: tuple[Axis, ...], place: KeyPath) -> None:
+    """Refuses a curve that cannot be laid."""
+    wrong = form.unfit(axes)
+    if wrong is None:
+        return
+    here = (place if form.bare else place[form.name])[wrong.key]
+    raise spec_error(context.loaded, here, wrong.code, wrong.message, wrong.hint)
 
 
 def _table(context: Context, name: str, path: Path) -> Table:
@@ -153,9 +137,3 @@ def _factor(unit: str, column: str) -> float:
     if found.dimension != wanted:
         raise ValueError(f"column {column!r}: {unit!r} does not fit; {fits} do")
     return float(found.scale)
-
-
-def _moves(axis: Axis, numbers: dict[Axis, float], table: Table | None) -> bool:
-    if table is not None:
-        return bool(np.ptp(table.points[axis]) > 0)
-    return numbers.get(axis, 1.0) != 0.0

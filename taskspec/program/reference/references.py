@@ -141,13 +141,10 @@ def _path(path: PathShape | None, clock: Clock, parameters: Slots) -> dict[Axis,
     if path is None:
         return {}
     timing = parameters.add("segment.path", polynomial.SEGMENT_SIZE)
-    needed = path.axes if path.table is None else ()
-    # An arc needs both coordinates of its start even where it drives one of them.
-    needed = AXES[:2] if path.kind == "arc" else needed
-    start = {a: parameters.add(f"path_start.{a}") for a in needed}
+    start = {a: parameters.add(f"path_start.{a}") for a in path.form.needs(path.axes)}
     segments = (
         {a: parameters.add(f"table.{a}", polynomial.SEGMENT_SIZE) for a in path.axes}
-        if path.table is not None
+        if path.form.in_splines
         else {}
     )
     return path.curve(polynomial.evaluate(timing, clock.t), start, segments)

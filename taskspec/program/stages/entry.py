@@ -292,7 +292,7 @@ class Entering:
         table = None
         if self.plan.ready_path is not None:
             path = self.plan.ready_path.plan(going.start)
-            if self.plan.ready_path.table is None:
+            if not self.plan.ready_path.form.in_splines:
                 cubics["segment.path"] = path.timing
             else:
                 table = path

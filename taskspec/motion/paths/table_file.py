@@ -1,0 +1,108 @@
+"""A path from a table of points, through which a spline is laid."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+from taskspec.deferred import np
+from taskspec.deferred_methods import dataclass
+from taskspec.geometry.axis import Axis
+from taskspec.motion.paths.form import Number, PathForm
+from taskspec.motion.paths.key import PathKey
+
+if TYPE_CHECKING:
+    from taskspec.deferred import ca
+    from taskspec.motion.polynomial import PiecewiseCubic
+    from taskspec.motion.table import Table
+
+
+@dataclass(frozen=True, slots=True)
+class TableFile(PathForm):
+    """A path from a CSV file; its parameter is time where the file has a t column.
+
+    Attributes:
+        file: relative to the task file.
+        table: its contents, once they have been read.
+    """
+
+    file: str
+    table: Table | None = None
+
+    name = "file"
+    keys = (
+        PathKey(
+            "file",
+            "A CSV file of points",
+            "A table of points through which a spline is laid; CSV with units in its header.",
+            text=True,
+            description="A CSV file, relative to the task file",
+            examples=("leaf.csv",),
+        ),
+    )
+    bare = True
+    noun = "a CSV file of points"
+    title = "A CSV file of points"
+    meaning = keys[0].meaning
+    examples = keys[0].examples
+    relative = False
+
+    @property
+    def points(self) -> Table:
+        """Its contents."""
+        assert self.table is not None
+        return self.table
+
+    @property
+    def own(self) -> tuple[Axis, ...]:
+        """The axes of its columns."""
+        return tuple(Axis(a) for a in self.points.points)
+
+    def moves(self, axis: Axis) -> bool:
+        """Where its column changes."""
+        return bool(np.ptp(self.points.points[axis]) > 0)
+
+    def needs(self, axes: Sequence[Axis]) -> tuple[Axis, ...]:  # noqa: ARG002
+        """It has a place of its own."""
+        return ()
+
+    def curve(
+        self,
+        s: ca.SX,
+        start: Mapping[Axis, Number],  # noqa: ARG002
+        segments: Mapping[Axis, ca.SX],
+        axis: Axis,
+    ) -> Number:
+        """On its spline."""
+        from taskspec.motion.polynomial import evaluate
+
+        return evaluate(segments[axis], s)
+
+    def place(self, s: float, start: Mapping[Axis, float], axis: Axis) -> float:  # noqa: ARG002
+        """On the polygon through its points."""
+        return float(np.interp(s, self.points.argument(), self.points.points[axis]))
+
+    @property
+    def in_splines(self) -> bool:
+        """Known from the file."""
+        return True
+
+    def splines(self, axes: Sequence[Axis]) -> dict[Axis, PiecewiseCubic]:
+        """Cubic splines through its points."""
+        return {Axis(a): p for a, p in self.points.splines().items() if Axis(a) in axes}
+
+    def length(self, start: Mapping[Axis, Number], axes: Sequence[Axis]) -> Number:  # noqa: ARG002
+        """The length of the polygon."""
+        return self.points.length
+
+    def timing(
+        self,
+        start: Mapping[Axis, Number],
+        axes: Sequence[Axis],
+        speed: float | None,
+        time: float | None,
+    ) -> PiecewiseCubic:
+        """By its own time where it has one."""
+        if self.points.time is None:
+            return PathForm.timing(self, start, axes, speed, time)
+        return self.points.clock()
