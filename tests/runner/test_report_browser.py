@@ -341,6 +341,23 @@ def test_on_a_phone_tables_are_cards_and_targets_are_large(
         assert each[1]["width"] >= 44, each
 
 
+def test_what_helps_gives_way_to_the_stages(browser: Browser, pages: dict[str, Path]) -> None:
+    shown(browser, pages["good"])
+    room = """((w) => w.scrollWidth - w.clientWidth)(document.querySelector(".windows"))"""
+    assert browser.run(room) == 0
+    # As many stages again as make the line full, with a word of help that is cut.
+    added = browser.run(
+        """(() => {
+        const windows = document.querySelector(".windows"), help = document.querySelector(".help");
+        let added = 0;
+        for (; help.scrollWidth <= help.clientWidth && added < 50; added++)
+            windows.append(windows.lastElementChild.cloneNode(true));
+        return added; })()"""
+    )
+    assert 0 < added < 50
+    assert browser.run(room) == 0
+
+
 @pytest.mark.parametrize("name", ["good", "missed", "diff", "judged"])
 def test_no_printed_page_is_nearly_empty(
     browser: Browser, pages: dict[str, Path], name: str
