@@ -242,7 +242,7 @@ def _run(closed: ClosedLoop, period: float, progress: Progress, inner: _Native) 
     machine.start()
     ticks, clock = 0, 0.0
     while True:
-        done = inner.run(ticks)
+        done = inner.run(ticks) if ticks >= inner.next else 0
         if done:
             ticks += done
             clock = ticks * period
@@ -287,6 +287,7 @@ class _Native:
     Attributes:
         why: why Python runs all ticks, as a sentence; empty where it does not, or is wanted to.
         used: whether machine code has run any.
+        next: ticks of the run before which it runs none.
         look: whether the plant's alarms are to be looked at after what has been run.
         goes_on: whether the tick that follows is the native loop's own.
         sensed: whether the tick that follows has been sensed.
@@ -300,11 +301,11 @@ class _Native:
         self._wanted = wanted
         self._loop: NativeLoop | None = None
         self._sink = closed.recorder if isinstance(closed.recorder, BlockSink) else None
-        self._next = 0.0 if wanted == NATIVE or "llvmlite" in sys.modules else _WORTH
+        self.next = 0.0 if wanted == NATIVE or "llvmlite" in sys.modules else _WORTH
         if wanted == PYTHON or self._sink is None or not isinstance(closed.sensing, Sensing):
-            self._next = math.inf
+            self.next = math.inf
         if closed.faults is not None:
-            self.why, self._next = "the faults of the task's truth are Python's", math.inf
+            self.why, self.next = "the faults of the task's truth are Python's", math.inf
             if wanted == NATIVE:
                 raise InputError(f"the native loop cannot be had: {self.why}")
 
@@ -315,9 +316,9 @@ class _Native:
 
     def run(self, ticks: int) -> int:
         """Runs ticks after the first `ticks` of a run; returns how many there have been."""
+        # It stays so where `run` is not asked any more.
         self.look = self.goes_on = self.sensed = False
-        if ticks < self._next or self._sink is None:
-            return 0
+        assert self._sink is not None
         # With llvmlite these take a tenth of a second to import.
         from taskspec.native.engine import EngineError
         from taskspec.native.expressions import UnsupportedOperationError
@@ -333,12 +334,12 @@ class _Native:
                 self._loop = NativeLoop(self._closed, self._sink.block)
             done = self._loop.run(ticks, min(self._sink.left, _AT_ONCE), compiling)
         except NotReadyError:
-            self._next = ticks + _ASK_EVERY
+            self.next = ticks + _ASK_EVERY
             return 0
         except (EngineError, UnsupportedOperationError, LayoutError) as error:
             if self._wanted == NATIVE:
                 raise InputError(f"the native loop cannot be had: {error}") from error
-            self.why, self._next = str(error), math.inf
+            self.why, self.next = str(error), math.inf
             return 0
         self._sink.advance(done)
         self.used |= done > 0

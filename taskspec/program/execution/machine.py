@@ -171,7 +171,7 @@ class Machine:
         self._applied[:] = self.torque
         now[0] = t = self.t = self.stage_ticks * self.period
         now[1] = clock
-        if t >= runner.next_knot:
+        if t >= runner.tracks.next_knot:
             runner.refresh(t)
         if self.outputs[_CONDITIONING] < runner.least_conditioning:
             assert runner.chooser is not None

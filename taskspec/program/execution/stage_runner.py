@@ -85,11 +85,6 @@ class StageRunner:
                 stage.resolution, slots, arguments, parameters, handed_over, torque, outputs, own
             )
 
-    @property
-    def next_knot(self) -> float:
-        """Stage time [s] at which one of its cubics changes."""
-        return self.tracks.next_knot
-
     def enter(self, poses: Mapping[str, Vector]) -> None:
         """Begins the stage from what is handed over.
 

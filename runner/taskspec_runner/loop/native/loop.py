@@ -159,7 +159,7 @@ class NativeLoop:
         index, runner, estimation = machine.index, machine.runner, machine.estimation
         c = self._stages[index]
         c.ticks, c.stage_ticks, c.stage = first, machine.stage_ticks, index
-        c.next_knot, c.last_time = runner.next_knot, self._plant.last_time
+        c.next_knot, c.last_time = runner.tracks.next_knot, self._plant.last_time
         c.tares = estimation.on and machine.sensor is not None
         c.estimates = estimation.on and estimation.estimates is not None
         if estimation.estimates is not None:
