@@ -17,6 +17,8 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
+from taskspec_runner.record.names import has_results
+
 if TYPE_CHECKING:
     from taskspec_runner.cli.testing.outcome import CaseOutcome, FileOutcome
 
@@ -53,6 +55,8 @@ def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> TaskFile |
     asked = [Path(config.invocation_params.dir, path) for path in config.getoption("taskspec")]
     folders = [*asked, *config.getini("taskspec_paths")]
     if file_path.suffix not in _SUFFIXES or not _below(file_path, folders):
+        return None
+    if has_results(file_path.parent):
         return None
     made: TaskFile = TaskFile.from_parent(parent, path=file_path)
     return made

@@ -14,6 +14,7 @@ from command_line import call
 from short_tasks import TAP
 
 from taskspec_runner.cli.testing.selection import chosen_by
+from taskspec_runner.cli.validate import task_files
 from taskspec_runner.errors import InputError
 
 EXPECTED = TAP.index("expect:")
@@ -244,3 +245,20 @@ def test_pytest_takes_folders_from_its_settings_and_leaves_other_yaml_alone(task
     assert "data.yaml" not in done.stdout
     missing = collected(tasks, "--taskspec", "nowhere")
     assert (missing.returncode, "there is no" in missing.stderr) == (4, True)
+
+
+@pytest.mark.parametrize("marker", ["manifest.json", "compare.json", "sweep.json"])
+def test_copies_in_folders_of_results_are_no_tests(tasks: Path, marker: str) -> None:
+    results = tasks / "runs" / "press"
+    results.mkdir(parents=True)
+    (results / marker).write_text("{}")
+    (results / "task.yaml").write_text(TAP)
+    (results.parent / "own.yaml").write_text(TAP)
+    files = [path.relative_to(tasks).as_posix() for path in task_files([tasks])]
+    assert "runs/own.yaml" in files
+    assert "runs/press/task.yaml" not in files
+    done = collected(tasks, "--collect-only", "-q", "--taskspec", "tasks/runs")
+    assert "own.yaml" in done.stdout
+    assert "task.yaml" not in done.stdout
+    # Who names such a file means it.
+    assert list(task_files([results / "task.yaml"])) == [results / "task.yaml"]

@@ -23,7 +23,7 @@ from taskspec_runner.cli.reporters import REPORTERS
 from taskspec_runner.cli.validation import Failure, Validation
 from taskspec_runner.errors import InputError
 from taskspec_runner.loop.interrupt import Termination
-from taskspec_runner.record.names import MANIFEST
+from taskspec_runner.record.names import has_results
 
 _SUFFIXES = (".yaml", ".yml")
 #: Without these a file is read, but nothing that needs a robot can be looked at.
@@ -75,7 +75,8 @@ def validate_paths(
 def task_files(paths: Sequence[Path]) -> Iterator[Path]:
     """The files among the paths, and the YAML files below the folders among them, each once.
 
-    Hidden folders are passed over, and so are folders of runs: what they hold is a copy.
+    Hidden folders are passed over, and so are those of runs, comparisons and sweeps: what they
+    hold is a copy.
 
     Raises:
         InputError: a folder has none, or cannot be listed, or standard input is not alone.
@@ -94,7 +95,7 @@ def task_files(paths: Sequence[Path]) -> Iterator[Path]:
 
 
 def _below(folder: Path) -> Iterator[Path]:
-    if (folder / MANIFEST).is_file():
+    if has_results(folder):
         return
     try:
         entries = sorted(folder.iterdir())

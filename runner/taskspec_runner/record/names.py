@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 MANIFEST = "manifest.json"
 TASK, LOG = "task.yaml", "log.arrow"
 #: The ticks of the batch that is not full yet; gone when the log is whole.
@@ -13,3 +15,10 @@ EXPORTS = ("log.csv", "log.parquet", "log.mcap", "log.rrd")
 COMPARISON = "compare.json"
 #: Of a sweep: what is said of it, a row a world as they come, and all of them as a table.
 SWEEP, JOURNAL, TABLE = "sweep.json", "worlds.jsonl", "worlds.parquet"
+#: Each of them says of what its folder is.
+_MARKERS = (MANIFEST, COMPARISON, SWEEP)
+
+
+def has_results(folder: Path) -> bool:
+    """Whether it is a folder of a run, a comparison or a sweep, whose files are copies."""
+    return any((folder / name).is_file() for name in _MARKERS)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import lru_cache
 
 import casadi as ca
 import numpy as np
@@ -54,7 +55,7 @@ class Truth:
             names: of the signals.
         """
         self.names = tuple(names)
-        row = ca.SX.sym("row", max(where.stop for where in fields.values()))
+        row, self._places = _symbols(max(where.stop for where in fields.values()))
         parts = {name: row[where] for name, where in fields.items()}
         # Where encoders fail, what the controller has of them is not the truth.
         for name in list(parts):
@@ -67,7 +68,6 @@ class Truth:
         self._of_stage = np.array([distinct.index(kind) for kind in kinds])
         self._stage = fields["stage"].start
         self._row = row
-        self._places = {str(row[i]): i for i in range(row.numel())}
         self._situations = [_situation(parts, objects) for _ in distinct]
         for at, (axes, contact) in zip(self._situations, distinct, strict=True):
             at.axes, at.contact = axes, contact
@@ -111,6 +111,13 @@ class Truth:
         found = [at.signal(*name.split(".")) for name in names]
         values = ca.densify(ca.vertcat(*(nothing if x is None else x for x in found)))
         return RowFunction(ca.Function("truth", [self._row], [values]))
+
+
+@lru_cache
+def _symbols(size: int) -> tuple[ca.SX, dict[str, int]]:
+    """A row of the bus, and the place of each of its numbers by its text: worlds share them."""
+    row = ca.SX.sym("row", size)
+    return row, {str(row[i]): i for i in range(size)}
 
 
 def _situation(symbols: Mapping[str, ca.SX], objects: Mapping[str, ObjectState]) -> Situation:
