@@ -25,6 +25,7 @@ from taskspec.program.context import Context
 from taskspec.program.execution.choice import Chooser
 from taskspec.program.execution.tracks import Tracks
 from taskspec.program.ports import fields, slices
+from taskspec.program.reference.slowed_path import AT, TIME
 from taskspec.program.stages.stage import CompiledStage
 from taskspec.program.world import estimated_frames
 from taskspec.robot.model_terms import PinocchioTerms
@@ -122,13 +123,17 @@ class Operating:
         if stage.choice is not None:
             given = [*self._arguments, self.memory, self.parameters]
             Chooser(stage.choice, stage.parameters, given).first()
-        tracks = Tracks(stage, self.parameters)
+        tracks = Tracks(stage, self.parameters, self.memory)
         tracks.numbers[:] = numbers
         forces = [p.axis.set_point for p in stage.plan.plans.values()]
         ramps = [force.ramp for force in forces if force is not None]
         ramps += [point.ramp for point in stage.plan.spec.constraints.values()]
         longest = max([DEFAULT_RAMP, *(r for r in ramps if r is not None)])
         self._now[0] = max(longest, tracks.duration) + _AFTER
+        if TIME in stage.memory:
+            # A path that signals slow has come to its end, too.
+            stage.memory.write(self.memory, TIME, tracks.duration)
+            stage.memory.write(self.memory, AT, float(self._now[0]))
         tracks.refresh(float(self._now[0]))
         self._bring_references()
 

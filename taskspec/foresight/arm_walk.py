@@ -17,7 +17,6 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from taskspec.control.state import ARM_LENGTH
-from taskspec.foresight.interval import ANY, Interval, IntervalAlgebra, point
 from taskspec.foresight.pose_follower import PoseFollower, Taken
 from taskspec.foresight.ranges import constant, natural
 from taskspec.foresight.reference_motion import (
@@ -29,6 +28,7 @@ from taskspec.foresight.tool_motion import OnSurface, Straight, ToolMotion, With
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.motion.blend import BLEND_TIME
 from taskspec.program.context import Context
+from taskspec.program.interval import ANY, Interval, IntervalAlgebra, point
 from taskspec.program.passage import End, Instant, Passage
 from taskspec.program.plan import StagePlan
 from taskspec.program.signals import entry_of

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 
-from taskspec.foresight.interval import ANY, NEVER, Interval, IntervalAlgebra
+from taskspec.program.interval import ANY, NEVER, Interval, IntervalAlgebra
 from taskspec.text.expression import evaluate, tree
 from taskspec.text.expression.tree import (
     Call,

@@ -10,9 +10,9 @@ import math
 from collections.abc import Callable, Mapping
 
 from taskspec.deferred_methods import dataclass
-from taskspec.foresight.interval import ANY, Interval, point
 from taskspec.geometry.axis import Axis
 from taskspec.program.context import Context
+from taskspec.program.interval import ANY, Interval, point
 from taskspec.program.passage import End, Instant, Passage
 from taskspec.program.plan import StagePlan
 from taskspec.program.signals import entry_of

@@ -52,8 +52,8 @@ def reference_motion(
     ends = [] if stage.spec.time is None else [stage.spec.time]
     path_lasts = None
     if stage.path is not None:
-        path_lasts, coordinates = _timed(stage.path, start)
-        ends.append(path_lasts)
+        path_lasts, coordinates = _timed(stage.path, start, stage.path_share)
+        ends += [path_lasts] if math.isfinite(path_lasts) else []
         for axis in stage.path.axes:
             own[axis] = stage.plans[axis].mode, _on_path(coordinates, axis, path_lasts, start[axis])
     for axis, plan in stage.plans.items():
@@ -134,13 +134,16 @@ def _on_path(coordinates: Coordinates, axis: Axis, duration: float, start: float
     return lambda time: coordinates(min(time, duration))[axis] - start
 
 
-def _timed(path: PathShape, start: Mapping[Axis, float]) -> tuple[float, Coordinates]:
-    """Duration [s] of a path, and its coordinates at a time; a table is taken as a polygon."""
+def _timed(path: PathShape, start: Mapping[Axis, float], share: float) -> tuple[float, Coordinates]:
+    """Duration [s] of a path, and its coordinates at a time; a table is taken as a polygon.
+
+    Its time goes at a share of the stage's.
+    """
     plan = path.plan(start)
 
     @lru_cache(maxsize=1)  # its axes are asked for one after the other
     def at(time: float) -> dict[Axis, float]:
-        s = plan.timing(time)
+        s = plan.timing(time * share)
         return {a: path.form.place(s, start, a) for a in path.axes}
 
-    return float(plan.duration), at
+    return float(plan.duration) / share if share > 0 else math.inf, at

@@ -17,6 +17,7 @@ from taskspec.deferred_methods import dataclass
 from taskspec.geometry.axis import Axis
 from taskspec.motion.paths import PathForm
 from taskspec.motion.polynomial import PiecewiseCubic
+from taskspec.text.expression import Expression
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,6 +29,7 @@ class PathShape:
         axes: the axes that it drives.
         splines: of a form that is laid in such, once `ready`.
         speed, time: one of them, or neither for a table with a t column.
+        slowed: its speed as signals decide it, `speed` at the most; None where none do.
     """
 
     form: PathForm
@@ -35,6 +37,7 @@ class PathShape:
     splines: Mapping[Axis, PiecewiseCubic] = field(default_factory=dict)
     speed: float | None = None
     time: float | None = None
+    slowed: Expression | None = None
 
     def curve(
         self, s: ca.SX, start: Mapping[Axis, ca.SX], segments: Mapping[Axis, ca.SX]

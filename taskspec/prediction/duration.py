@@ -8,11 +8,11 @@ from collections.abc import Mapping, Sequence
 from taskspec.deferred_methods import dataclass
 from taskspec.foresight.flow import good_end
 from taskspec.foresight.held_motion import coordinate_rate
-from taskspec.foresight.interval import ANY, Interval, point
 from taskspec.geometry.axis import AXES, TRANSLATIONS, Axis
 from taskspec.prediction.at_start import StageAtStart
 from taskspec.prediction.forecast import Forecast, Signal, coming, moved, touching
 from taskspec.prediction.types import Duration, Equilibrium, Impact, StagePrediction
+from taskspec.program.interval import ANY, Interval, point
 from taskspec.program.sensor import SensorModel
 from taskspec.spec import Stage
 from taskspec.text.expression import Expression
@@ -59,6 +59,12 @@ def planned(here: StageAtStart) -> Duration | None:
     if along is None:
         return Duration(None, None, "its path is as long as where it begins makes it")
     expected = max([*lasts, along])
+    path = here.stage.plan.path
+    if path is not None and path.slowed is not None:
+        share = 100 * here.stage.plan.path_share
+        why = f"its path at nominal signals, which let it go at {share:.0f} % of its greatest speed"
+        most = here.stage.plan.longest
+        return Duration(expected if expected <= most else None, most, why)
     return Duration(expected, expected, "its moves, path and time")
 
 
@@ -70,7 +76,9 @@ def _path_duration(here: StageAtStart) -> float | None:
     if start is None and path.form.unknown_length:
         return path.time
     zero = dict.fromkeys(AXES, 0.0)
-    return float(path.plan(zero if start is None else dict(start)).duration)
+    lasts = float(path.plan(zero if start is None else dict(start)).duration)
+    share = here.stage.plan.path_share
+    return lasts / share if share > 0 else math.inf
 
 
 def guarded(here: StageAtStart, known: Known) -> Duration:

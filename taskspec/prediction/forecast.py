@@ -9,12 +9,12 @@ from dataclasses import field
 import numpy as np
 
 from taskspec.deferred_methods import dataclass
-from taskspec.foresight.interval import ANY, Interval, IntervalAlgebra, point
 from taskspec.foresight.ranges import Ranges
 from taskspec.geometry.axis import Axis
 from taskspec.motion.blend import BLEND_TIME, from_rest
 from taskspec.prediction.at_start import StageAtStart
 from taskspec.prediction.types import Impact
+from taskspec.program.interval import ANY, Interval, IntervalAlgebra, point
 from taskspec.signals.entries import TOUCHING
 from taskspec.text.expression import Expression, evaluate
 from taskspec.text.expression.tree import Held, Name, Reduce, walk

@@ -57,7 +57,7 @@ class CasadiAlgebra:
 
     def __init__(self, memory: Slots | None, period: float) -> None:
         self._memory = memory
-        self._period = period
+        self.period = period
         #: Slot name to its value after this tick, and to its value before the first one.
         self.updates: dict[str, ca.SX] = {}
         self.initial: dict[str, float] = {}
@@ -101,10 +101,10 @@ class CasadiAlgebra:
     def held(self, _node: Held, value: ca.SX, amount: float) -> ca.SX:
         """Whether `value` has been true for `amount` seconds without a break."""
         elapsed = self._slot("held", -1.0)
-        since = ca.if_else(elapsed < 0, 0, elapsed + self._period)
+        since = ca.if_else(elapsed < 0, 0, elapsed + self.period)
         now = ca.if_else(value, since, -1)
         self.updates[self._last] = now
-        return now >= amount - self._period / 2
+        return now >= amount - self.period / 2
 
     def reduce(self, _node: Reduce, reducer: str, value: ca.SX) -> ca.SX:
         """The reducer over the stage so far, this tick included."""

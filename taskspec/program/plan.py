@@ -27,6 +27,7 @@ from taskspec.program.reference import orientation
 from taskspec.program.reference.axis_plan import AxisPlan, plan_axes
 from taskspec.program.reference.constraints import active_equations, equation_gains
 from taskspec.program.reference.paths import path_shape
+from taskspec.program.reference.slowed_path import nominal_share
 from taskspec.program.trajectory import Nominal
 from taskspec.program.world.frames import FrameModel
 from taskspec.program.world.moving_base import MovingBase
@@ -169,6 +170,11 @@ class StagePlan:
     def ready_path(self) -> PathShape | None:
         """Its path with the splines of a table laid, which takes a while."""
         return None if self.path is None else self.path.ready()
+
+    @cached_property
+    def path_share(self) -> float:
+        """How fast its path's time goes at nominal signals: 1, but where signals slow it."""
+        return nominal_share(self)
 
     @cached_property
     def surface(self) -> str | None:

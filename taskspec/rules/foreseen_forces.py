@@ -12,10 +12,10 @@ from taskspec.analysis.force_course import ForceCourse, force_courses
 from taskspec.foresight.approach import approach, striking_mass
 from taskspec.foresight.conditions import names, parts
 from taskspec.foresight.flow import leading_to
-from taskspec.foresight.interval import ANY, IntervalAlgebra
 from taskspec.foresight.ranges import constant
 from taskspec.geometry.axis import Axis, as_axis
 from taskspec.program.axes import MOSTLY
+from taskspec.program.interval import ANY, IntervalAlgebra
 from taskspec.program.plan import StagePlan, TaskPlan
 from taskspec.rules import Finding, Phase, rule, warning
 from taskspec.spec import FILE

@@ -243,6 +243,8 @@ def _expressions(stage: Stage) -> Iterator[Expression]:
     candidates += [way.when for way in stage.next]
     for axis in stage.axes.values():
         candidates += [expression for expression, _ in axis.expressions()]
+    if stage.path is not None:
+        candidates.append(stage.path.slowed)
     for expression in candidates:
         if expression is not None:
             yield expression

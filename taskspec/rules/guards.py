@@ -10,12 +10,12 @@ import numpy as np
 
 from taskspec.foresight.conditions import names, parts, value_of
 from taskspec.foresight.flow import leading_to
-from taskspec.foresight.interval import Interval, IntervalAlgebra, point
 from taskspec.foresight.nominal import AT_SURFACE
 from taskspec.foresight.ranges import Ranges
 from taskspec.geometry.axis import Axis
 from taskspec.program.axes import MOSTLY
 from taskspec.program.held_part import HeldPart
+from taskspec.program.interval import Interval, IntervalAlgebra, point
 from taskspec.program.plan import StagePlan
 from taskspec.program.signals import entry_of
 from taskspec.rules import Finding, rule, warning

@@ -127,6 +127,34 @@ def endless_motions(stage: StagePlan) -> Iterator[Finding]:
         yield from _endless(length, path.speed, own.path.speed)
 
 
+@rule("TS609", "a path that signals slow, without a bound", phase=Phase.PATH)
+def unbounded_paths(stage: StagePlan) -> Iterator[Finding]:
+    """Paths that may stand still, in stages that nothing else ends."""
+    within = stage.spec.within
+    bounded = within is not None and within.time is not None
+    if stage.path is None or stage.path.slowed is None or bounded:
+        return
+    yield error(
+        "TS609",
+        "signals slow this path, and nothing ends the stage if it stands still",
+        FILE.stages[stage.name].path.speed,
+        "add a bound, such as within: {time: 20 s}",
+    )
+
+
+@rule("TS237", "a path that stands still at nominal signals", phase=Phase.PATH)
+def standing_paths(stage: StagePlan) -> Iterator[Finding]:
+    """Paths whose speed is 0 where set points are felt and nothing else is."""
+    if stage.path is None or stage.path.slowed is None or stage.path_share > 0:
+        return
+    yield warning(
+        "TS237",
+        "this speed is 0 where the stage's set points are felt and every other signal is 0",
+        FILE.stages[stage.name].path.speed,
+        "a force is what the robot applies: force.z < 0 presses down; abs(force.z) has no sign",
+    )
+
+
 def _endless(length: float, speed: float, place: KeyPath) -> Iterator[Finding]:
     lasts = length / speed
     if not (length <= _NOWHERE or _SHORTEST <= lasts <= _LONGEST):

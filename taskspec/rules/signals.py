@@ -24,6 +24,8 @@ def missing_signals(stage: StagePlan) -> Iterator[Finding]:
     for axis in stage.spec.axes.values():
         for reference, _ in axis.expressions():
             yield from _missing(stage, reference, reference=True)
+    if stage.spec.path is not None and stage.spec.path.slowed is not None:
+        yield from _missing(stage, stage.spec.path.slowed, reference=True)
 
 
 def _missing(stage: StagePlan, expression: Expression, *, reference: bool) -> Iterator[Finding]:

@@ -6,16 +6,22 @@ from typing import TYPE_CHECKING, Annotated, Any, cast
 
 from pydantic import Field, create_model
 
+from taskspec.deferred_methods import dataclass
 from taskspec.motion.paths import PathForm, PathKey, all_paths
+from taskspec.spec import values
+from taskspec.spec.field_type import FieldType
 from taskspec.spec.model import Model, complete
 from taskspec.spec.parse_context import ParseContext
-from taskspec.spec.quantities import Constant, Entries, QuantityList, QuantityLists
+from taskspec.spec.quantities import Constant, Entries, Formula, QuantityList, QuantityLists
 from taskspec.spec.words import Free, Word
 from taskspec.text.codes import register
 from taskspec.text.data import Items, Map
+from taskspec.text.expression import Expression, ScopeKind
+from taskspec.text.expression.scope import CONSTANTS
+from taskspec.text.expression.tree import Name, walk
 from taskspec.text.nodes import Node, pointer
 from taskspec.text.nodes import Sequence as SequenceNode
-from taskspec.text.units import TIME, VELOCITY, alternatives
+from taskspec.text.units import TIME, VELOCITY, alternatives, describe
 
 register({"TS606": "a path that is not one path"})
 
@@ -23,6 +29,25 @@ _PATHS = all_paths(__name__)
 FORMS = tuple(_PATHS)
 """The keys of which one says what curve it is."""
 _PACE = {"speed", "time"}
+
+
+@dataclass(frozen=True)
+class Pace(FieldType):
+    """A speed: a constant, or an expression that signals decide."""
+
+    def read(self, value: object, context: ParseContext) -> float | Expression:
+        """SI units, or the checked expression."""
+        node = values.parsed(value, "sum", context, describe(VELOCITY))
+        if node is None:
+            return 0.0
+        fixed = {*context.params, *context.broken, *CONSTANTS}
+        if all(str(name) in fixed for name in walk(node) if isinstance(name, Name)):
+            return cast("float", Constant(VELOCITY, above=0).read(value, context))
+        return Formula(VELOCITY, ScopeKind.REFERENCE).read(value, context)
+
+    def json(self) -> dict[str, Any]:
+        """Describes both."""
+        return Formula(VELOCITY, ScopeKind.REFERENCE).json()
 
 
 def _type_of(key: PathKey) -> Any:
@@ -124,15 +149,20 @@ class Path(_Curve):
     The keys of the kinds of paths are attributes too; None for those that are left out.
 
     Attributes:
-        speed: along the path [m/s].
+        speed: along the path [m/s]; an expression where signals slow it.
         time: for the whole path [s].
     """
 
     noun = "a path"
     example = "path: {to: [60 mm, 0, 0], speed: 50 mm/s}"
 
-    speed: Annotated[float, Constant(VELOCITY, above=0)] | None = Field(None, title="Speed")
+    speed: Annotated[float | Expression, Pace()] | None = Field(None, title="Speed")
     time: Annotated[float, Constant(TIME, above=0)] | None = Field(None, title="Duration")
+
+    @property
+    def slowed(self) -> Expression | None:
+        """Its speed where signals decide it."""
+        return self.speed if isinstance(self.speed, Expression) else None
 
     @property
     def kind(self) -> str:

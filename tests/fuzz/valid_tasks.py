@@ -120,6 +120,22 @@ _STAGE = st.one_of(
     _mapping({"path": _PATH}, {"axes": _mapping({"z": _FORCE}, {})}),
     _mapping(
         {
+            "path": _mapping(
+                {
+                    "line": _mapping({"by": _list(_LENGTH, _LENGTH)}, {}),
+                    "speed": _one(
+                        '"20 mm/s * clamp(1 - norm(force)/(9 N), 0, 1)"',
+                        '"20 mm/s * smooth(t/(1 s))"',
+                    ),
+                },
+                {},
+            ),
+            "within": _mapping({"time": _TIME}, {}),
+        },
+        {},
+    ),
+    _mapping(
+        {
             "axes": _mapping({"z": _mapping({"velocity": _number(-30, -1, "mm/s")}, {})}, {}),
             "until": _one('"force.z < -2 N"', '"force.z < -press / 2 for 10 ms"'),
             "within": _mapping({"time": _TIME}, {"travel": _SIZE}),

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from taskspec.foresight.conditions import value_of
-from taskspec.foresight.interval import ANY, MAYBE, NEVER, Interval, IntervalAlgebra
+from taskspec.program.interval import ANY, MAYBE, NEVER, Interval, IntervalAlgebra
 from taskspec.text.expression import FloatAlgebra, evaluate, parse
 
 #: Outward by rounding: products and sums of numbers below 100 err by less than this.

@@ -69,6 +69,29 @@ def test_the_loops_write_the_same_bytes(task: str, tmp_path: Path) -> None:
     assert native == python
 
 
+SLOWED = """
+taskspec: 1
+robot: {model: panda, start: {xyz: [500 mm, 0, 331 mm]}}
+world: {table: {shape: plane, xyz: [0, 0, 330 mm], friction: 0.2}}
+stages:
+  go:
+    axes: {z: {force: -10 N - 6 N*sin(2*pi*t/(0.7 s))}}
+    path:
+      raster: {size: [20 mm, 8 mm], pitch: 4 mm}
+      speed: 60 mm/s * clamp(1 + force.z/(15 N), 0, 1)
+    within: {time: 20 s}
+"""
+
+
+def test_the_loops_go_along_a_slowed_path_alike(tmp_path: Path) -> None:
+    (tmp_path / "slowed.yaml").write_text(SLOWED)
+    program = compile_unchecked(load_task(tmp_path / "slowed.yaml"))
+    native, loop = logged(program, tmp_path / "native", "native")
+    python, _ = logged(program, tmp_path / "python", "python")
+    assert loop == "native"
+    assert native == python
+
+
 @pytest.mark.parametrize("loop", ["native", "python"])
 def test_ticks_of_either_loop_have_the_checksums_that_a_reader_expects(
     loop: str, tmp_path: Path

@@ -63,7 +63,7 @@ class StageRunner:
         self._closed_form = np.zeros(len(torque))
         results = [torque, next_memory, outputs, handed_over, self._closed_form]
         self.tick = BoundFunction(stage.tick, arguments, results)
-        self.tracks, entry = Tracks(stage, parameters), stage.entry
+        self.tracks, entry = Tracks(stage, parameters, memory), stage.entry
         self._poses = np.zeros(entry.function.nnz_in(len(inputs) + 1))
         given = [*inputs, handed, self._poses, np.zeros(0)]
         results = [memory, parameters, self.tracks.numbers]

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.motion.polynomial import PiecewiseCubic
+from taskspec.program.reference.slowed_path import TIME
 from taskspec.program.stages.stage import CompiledStage
 
 Vector = NDArray[np.float64]
@@ -21,50 +22,69 @@ class Tracks:
         next_knot: stage time [s] of the next change, infinite after the last.
     """
 
-    def __init__(self, stage: CompiledStage, parameters: Vector) -> None:
-        """For a stage, on the array of its parameters."""
+    def __init__(self, stage: CompiledStage, parameters: Vector, memory: Vector) -> None:
+        """For a stage, on the arrays of its parameters and its memory."""
         entry = stage.entry
         place = {name: parameters[where] for name, where in stage.parameters.slots.items()}
         self.numbers = np.zeros(entry.function.nnz_out(2))
+        # Cubics of time; and the path's, which has a time of its own where signals slow it.
         self._cubics: list[tuple[Vector, PiecewiseCubic]] = []
         self._table: list[tuple[Vector, PiecewiseCubic]] = []
-        self._knots, self._known, at = [np.inf], [0.0], 0
+        self._knots, self._path_knots, at = [np.inf], [np.inf], 0
+        self._known: list[float] = []
+        self._along: tuple[Vector, PiecewiseCubic] | None = None
         for name, count in entry.cubics.items():
             knots, rest = np.split(self.numbers[at : at + 5 * count + 1], [count + 1])
             at += 5 * count + 1
-            self._cubics.append((place[name], PiecewiseCubic(knots, rest.reshape(count, 4))))
-        self._path = entry.path
-        if self._path is not None:
-            self._known = self._path.knots()
-            self._cubics.append((place["segment.path"], self._path.timing))
-            self._table = [(place[f"table.{a}"], s) for a, s in self._path.splines.items()]
+            cubic = PiecewiseCubic(knots, rest.reshape(count, 4))
+            if name == "segment.path":
+                self._along = place[name], cubic
+            else:
+                self._cubics.append((place[name], cubic))
+        if entry.path is not None:
+            self._known = entry.path.knots()
+            self._along = place["segment.path"], entry.path.timing
+            self._table = [(place[f"table.{a}"], s) for a, s in entry.path.splines.items()]
+        slot = stage.memory.slots.get(TIME)
+        self._path_time = None if slot is None else memory[slot]
         self.next_knot = np.inf
 
     @property
     def duration(self) -> float:
-        """Stage time [s] at which all of them are done."""
-        return max((float(cubic.rests) for _, cubic in self._cubics), default=0.0)
+        """Stage time [s] at which all of them are done, with a path that nothing slows."""
+        along = [] if self._along is None else [self._along]
+        return max((float(cubic.rests) for _, cubic in [*self._cubics, *along]), default=0.0)
 
     def begin(self) -> None:
         """Takes up the numbers of an entry, which has written the pieces that hold at time 0."""
-        if not self._cubics:
-            return
-        knots = [*self._known]
+        knots = [0.0] if self._cubics else []
         for _, cubic in self._cubics:
             knots += cubic.knots.tolist()
-        knots.sort()
-        self._knots = [*knots, np.inf]
+        path = [*self._known]
+        if self._along is not None:
+            path += [0.0, *self._along[1].knots.tolist()]
+        if self._path_time is None:
+            knots, path = knots + path, []
+        self._knots, self._path_knots = [*sorted(knots), np.inf], [*sorted(path), np.inf]
         self._pass(0.0)
 
     def refresh(self, t: float) -> None:
         """Writes the pieces that hold at stage time t [s] into the parameters."""
         for place, cubic in self._cubics:
             place[:] = cubic.segment(t)
-        if self._path is not None:
-            s = self._path.timing(t)
+        if self._along is not None:
+            place, timing = self._along
+            own = t if self._path_time is None else float(self._path_time[0])
+            place[:] = timing.segment(own)
+            s = timing(own)
             for place, spline in self._table:
                 place[:] = spline.segment(s)
         self._pass(t)
 
     def _pass(self, t: float) -> None:
         self.next_knot = self._knots[bisect_right(self._knots, t)]
+        if self._path_time is not None:
+            # No sooner: its time goes at most as fast as that of the stage.
+            own = float(self._path_time[0])
+            left = self._path_knots[bisect_right(self._path_knots, own)] - own
+            self.next_knot = min(self.next_knot, t + left)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from pathlib import Path as FilePath
 
@@ -11,9 +12,11 @@ from taskspec.motion.paths import PathForm, TableFile
 from taskspec.motion.table import OutsideError, Table, TableError, read_table
 from taskspec.program.context import Context
 from taskspec.program.errors import spec_error
+from taskspec.program.reference.slowed_path import greatest
 from taskspec.spec import FILE, KeyPath, Path, Stage
 from taskspec.text.codes import register
 from taskspec.text.confines import REMEDY, confines, here
+from taskspec.text.expression import Expression
 from taskspec.text.units import ANGLE, LENGTH, TIME, alternatives, fitting, parse_unit
 
 register(
@@ -22,6 +25,7 @@ register(
         "TS222": "a path that drives no axis",
         "TS223": "a table of points that cannot be used",
         "TS235": "a path that cannot be laid",
+        "TS236": "a speed of a path without a greatest value",
         "TS227": "a path that only turns, at a speed of translation",
     }
 )
@@ -76,7 +80,17 @@ def path_shape(
             "this path only turns, and `speed` is one along a way",
             "give the path a `time`",
         )
-    return PathShape(form, driven, speed=path.speed, time=path.time)
+    if not isinstance(path.speed, Expression):
+        return PathShape(form, driven, speed=path.speed, time=path.time)
+    most = greatest(context, stage, path.speed)
+    if not 0 < most < math.inf:
+        message = "the greatest speed of this path is not known, and it is planned for that"
+        hint = "bound what slows it: 40 mm/s * clamp(1 - abs(force.x)/(20 N), 0, 1)"
+        if most <= 0:
+            message = "this path never moves: its speed is never more than 0"
+            hint = "mind its sign: a path is gone along forwards"
+        raise spec_error(context.loaded, place.speed, "TS236", message, hint)
+    return PathShape(form, driven, speed=most, slowed=path.speed)
 
 
 def _laid(context: Context, form: PathForm, axes: tuple[Axis, ...], place: KeyPath) -> None:

@@ -11,13 +11,13 @@ from taskspec.geometry.axis import AXES, Axis
 from taskspec.modes import ReferenceInputs
 from taskspec.motion import blend, polynomial
 from taskspec.motion.path import PathShape
-from taskspec.program.clock import Clock
 from taskspec.program.plan import StagePlan
 from taskspec.program.reference import force_references
 from taskspec.program.reference.axis_reference import AxisReference, axis_reference, blendings
 from taskspec.program.reference.coordinates import frame_coordinates
 from taskspec.program.reference.measurement import Measurement
 from taskspec.program.reference.reference_set import ReferenceSet
+from taskspec.program.reference.slowed_path import path_time
 from taskspec.program.reference.tracking import Tracking, track
 from taskspec.program.slots import Slots
 
@@ -25,7 +25,8 @@ from taskspec.program.slots import Slots
 def build_references(plan: StagePlan, measurement: Measurement) -> ReferenceSet:
     """All references of a stage; adds the signals that depend on them to its table."""
     plans, table = plan.plans, measurement.table
-    table.situation.path_done = _path_done(plan, measurement)
+    along = (None, {}) if plan.path is None else path_time(plan.path, measurement)
+    table.situation.path_done = _path_done(plan, measurement, along[0])
     coordinates = frame_coordinates(plan, measurement)
     table.situation.position = coordinates.position
     forces = {
@@ -35,7 +36,7 @@ def build_references(plan: StagePlan, measurement: Measurement) -> ReferenceSet:
         for name, axis in plans.items()
         if axis.set_point
     }
-    motions = _motions(plan, measurement, forces)
+    motions = _motions(plan, measurement, forces, along[0])
     normals = force_references.open_loop_normals(plan, measurement)
     tracked = track(coordinates, motions, normals)
     table.situation.error = {a: e for a, e in tracked.error.items() if plans[a].motion}
@@ -50,26 +51,29 @@ def build_references(plan: StagePlan, measurement: Measurement) -> ReferenceSet:
         force_ref=forces,
         law=_of_the_law(plan, measurement, tracked, forces, integrals),
         integrals=integrals,
-        updates=_updates(measurement, tracked, motions, integrals),
+        updates=_updates(measurement, tracked, motions, integrals) | along[1],
         own=ca.vertcat(*(motions[a].own[0] if a in motions else zero for a in AXES)),
         own_rate=ca.vertcat(*(motions[a].own[1] if a in motions else zero for a in AXES)),
     )
 
 
-def _path_done(plan: StagePlan, measurement: Measurement) -> ca.SX:
+def _path_done(plan: StagePlan, measurement: Measurement, along: ca.SX | None) -> ca.SX:
     context = plan.context
-    if plan.path is None:
+    if along is None:
         return ca.SX(0)
-    return measurement.clock.t >= measurement.parameters.add("path_end") - context.period / 2
+    return along >= measurement.parameters.add("path_end") - context.period / 2
 
 
 def _motions(
-    plan: StagePlan, measurement: Measurement, forces: Mapping[Axis, ca.SX]
+    plan: StagePlan,
+    measurement: Measurement,
+    forces: Mapping[Axis, ca.SX],
+    along: ca.SX | None,
 ) -> dict[Axis, AxisReference]:
     """References of the axes whose motion is controlled."""
     context = plan.context
     parameters = measurement.parameters
-    on_path = _path(plan.path, measurement.clock, parameters)
+    on_path = _path(plan.path, along, parameters)
     moving = {name: axis for name, axis in plan.plans.items() if axis.motion}
     # What starts from rest in a time of its own waits until it is reached.
     wait = parameters.add("wait") if plan.from_rest else ca.SX(0)
@@ -136,9 +140,9 @@ def _of_the_law(
     )
 
 
-def _path(path: PathShape | None, clock: Clock, parameters: Slots) -> dict[Axis, ca.SX]:
-    """Coordinates of the axes that a path drives."""
-    if path is None:
+def _path(path: PathShape | None, along: ca.SX | None, parameters: Slots) -> dict[Axis, ca.SX]:
+    """Coordinates of the axes that a path drives, at the time that it goes by."""
+    if path is None or along is None:
         return {}
     timing = parameters.add("segment.path", polynomial.SEGMENT_SIZE)
     start = {a: parameters.add(f"path_start.{a}") for a in path.form.needs(path.axes)}
@@ -147,4 +151,4 @@ def _path(path: PathShape | None, clock: Clock, parameters: Slots) -> dict[Axis,
         if path.form.in_splines
         else {}
     )
-    return path.curve(polynomial.evaluate(timing, clock.t), start, segments)
+    return path.curve(polynomial.evaluate(timing, along), start, segments)

@@ -105,9 +105,9 @@ def _counting(limit: str, beyond: ca.SX, measurement: Measurement, period: float
     return ca.logic_and(beyond, measurement.clock.t >= until - period / 2)
 
 
-def stage_conditions(stage: Stage, measurement: Measurement, period: float) -> list[Condition]:
+def stage_conditions(plan: StagePlan, measurement: Measurement, period: float) -> list[Condition]:
     """`fail_if`, `until`, `within` and the planned end of a stage."""
-    t = measurement.clock.t
+    stage, t = plan.spec, measurement.clock.t
     found = []
 
     def guard(kind: str, expression: Expression | None) -> None:
@@ -133,7 +133,10 @@ def stage_conditions(stage: Stage, measurement: Measurement, period: float) -> l
     if stage.until is None:
         end = measurement.parameters.add("end")
         text = "its moves, path and time are done"
-        done = Condition(Event(events.DONE, "done", text), t >= end - period / 2, t)
+        over = t >= end - period / 2
+        if plan.path is not None and plan.path.slowed is not None:
+            over = ca.logic_and(over, measurement.table.situation.path_done)
+        done = Condition(Event(events.DONE, "done", text), over, t)
         found += _by_way(stage, done, measurement)
     return found
 

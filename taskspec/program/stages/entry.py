@@ -299,7 +299,8 @@ class Entering:
                 self._write("segment.path", ca.DM(path.timing.segment(0.0)))
                 for driven, spline in path.splines.items():
                     self._write(f"table.{driven}", ca.DM(spline.segment(path.timing(0.0))))
-            ends.append(path.duration)
+            if self.plan.ready_path.slowed is None:
+                ends.append(path.duration)
             self._write("path_end", path.duration)
         for slot, cubic in cubics.items():
             self._write(slot, cubic.segment_at_start())

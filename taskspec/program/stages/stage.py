@@ -18,6 +18,7 @@ from taskspec.program.limits.resolution import Resolution, Resolved, saturated
 from taskspec.program.operators import quick_operators
 from taskspec.program.plan import StagePlan
 from taskspec.program.reference.measurement import Measurement, measure
+from taskspec.program.reference.slowed_path import INITIAL
 from taskspec.program.slots import Slots, gain_slot
 from taskspec.program.stages.candidates import Choice, candidates
 from taskspec.program.stages.commanded import Commanded, command
@@ -105,7 +106,8 @@ def compile_stage(plan: StagePlan, *, to_run: bool = True) -> CompiledStage:
     arguments = [*measurement.inputs.symbols(), memory.vector(), parameters.vector()]
     own = ca.Function("own", arguments, [references.own, references.own_rate])
     at_entry = probe(arguments, measurement, commanded)
-    initial = measurement.algebra.initial
+    initial = dict(measurement.algebra.initial)
+    initial |= {slot: value for slot, value in INITIAL.items() if slot in memory}
     return CompiledStage(
         plan=plan,
         tracked="" if measurement.tracked is None else measurement.tracked.mechanism.name,
@@ -151,5 +153,5 @@ def _conditions(plan: StagePlan, measurement: Measurement, commanded: Commanded)
     return [
         *limit_conditions(context.robot, plan, measurement, commanded.references),
         *commanded.conditions,
-        *stage_conditions(plan.spec, measurement, context.period),
+        *stage_conditions(plan, measurement, context.period),
     ]
