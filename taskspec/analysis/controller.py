@@ -25,7 +25,9 @@ from taskspec.program.context import Context
 from taskspec.program.execution.choice import Chooser
 from taskspec.program.execution.tracks import Tracks
 from taskspec.program.ports import fields, slices
+from taskspec.program.reference.force_references import kept_slot
 from taskspec.program.reference.slowed_path import AT, TIME
+from taskspec.program.stages.hand_over import SIZE
 from taskspec.program.stages.stage import CompiledStage
 from taskspec.program.world import estimated_frames
 from taskspec.robot.model_terms import PinocchioTerms
@@ -115,7 +117,9 @@ class Operating:
             for g in (context.frames[f.estimated_in],)
         }
         entry, gains = stage.entry, stage.plan.gains
-        handed = np.concatenate([context.start_p, context.start_R.ravel(order="F"), np.zeros(14)])
+        handed = np.concatenate(
+            [context.start_p, context.start_R.ravel(order="F"), np.zeros(SIZE - 12)]
+        )
         given = [np.concatenate([np.zeros(0), *(poses[name] for name in entry.poses)])]
         given.append(np.array([gains[name][axis].value for name, axis in entry.gains]))
         entered = evaluated(entry.function, *self._arguments, handed, *given)
@@ -123,6 +127,10 @@ class Operating:
         if stage.choice is not None:
             given = [*self._arguments, self.memory, self.parameters]
             Chooser(stage.choice, stage.parameters, given).first()
+        for axis in stage.plan.plans:
+            if kept_slot(axis) in stage.parameters:
+                kept = stage.plan.set_point_of(axis) or 0.0
+                stage.parameters.write(self.parameters, kept_slot(axis), kept)
         tracks = Tracks(stage, self.parameters, self.memory)
         tracks.numbers[:] = numbers
         forces = [p.axis.set_point for p in stage.plan.plans.values()]

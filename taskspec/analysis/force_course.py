@@ -11,13 +11,13 @@ from taskspec.analysis.loop import UnfitError
 from taskspec.analysis.sampled_stage import ReferenceDrive, SampledStage, SetPointDrive, loop_like
 from taskspec.deferred_methods import dataclass
 from taskspec.foresight.approach import approach, deepened, dwell, force_at_end
-from taskspec.foresight.flow import leading_to
 from taskspec.foresight.force_profile import set_points_at
 from taskspec.foresight.reference_motion import reference_motion
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.modes import Way
 from taskspec.motion import blend
 from taskspec.program.axes import MOSTLY
+from taskspec.program.flow import leading_to
 from taskspec.program.passage import End
 from taskspec.program.plan import StagePlan, TaskPlan
 from taskspec.signals.entries import TOUCHING

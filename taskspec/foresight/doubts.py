@@ -14,9 +14,9 @@ import numpy as np
 
 from taskspec.foresight.approach import approach, dwell, rates_of, striking_mass
 from taskspec.foresight.conditions import names, parts
-from taskspec.foresight.flow import followers, leading_to
 from taskspec.foresight.ranges import constant
 from taskspec.motion.blend import BLEND_TIME
+from taskspec.program.flow import followers, leading_to
 from taskspec.program.interval import ANY, Interval, IntervalAlgebra, point
 from taskspec.program.plan import StagePlan, TaskPlan
 from taskspec.program.reference.axis_plan import AxisPlan

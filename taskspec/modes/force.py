@@ -36,11 +36,13 @@ class Force:
     Attributes:
         wanted: what the robot is to apply to the environment [N, N m].
         ramp: in which it is reached [s]; None for the default.
+        kept: it is what the stage before commanded last; `wanted` is that as far as the file tells.
         keys: in a file: that of translations, that of rotations, and their companion.
     """
 
     wanted: Expression
     ramp: float | None
+    kept: bool = False
 
     keys: ClassVar[tuple[ModeKey, ...]] = (
         ModeKey(

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from taskspec.deferred import ca
 from taskspec.deferred_methods import dataclass
+from taskspec.modes.force import Force
 from taskspec.modes.key import Misuse, ModeKey
 from taskspec.modes.mode import (
     AxisMode,
@@ -17,9 +18,22 @@ from taskspec.modes.mode import (
     StageStart,
     from_start,
 )
+from taskspec.text.expression import Expression
+from taskspec.text.expression.tree import Name
+from taskspec.text.units import FORCE
 
 if TYPE_CHECKING:
     from taskspec.geometry.axis import Axis
+
+
+#: A set point that the stage before decides.
+KEPT = Expression("the set point of the stage before", Name(("kept",)), FORCE)
+_BESIDE = {
+    "force": "it keeps the force of the stage before: keep one of the two",
+    "torque": "it keeps the moment of the stage before: keep one of the two",
+    "stiffness": "a soft axis is a motion axis: keep one of the two",
+    "damping": "a soft axis is a motion axis: keep one of the two",
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,7 +41,8 @@ class Hold(AxisMode):
     """An axis that stays where the stage before left its reference; what axes do by default.
 
     Attributes:
-        hold: `start` keeps the reference that is handed over; `world` the world's orientation.
+        hold: `start` keeps the reference that is handed over; `world` the world's orientation;
+            `force` the last set point of the stage before.
     """
 
     hold: str = "start"
@@ -37,9 +52,10 @@ class Hold(AxisMode):
         ModeKey(
             "hold",
             "Hold",
-            words=("start", "world"),
-            description="start, or world",
-            meaning="start keeps the reference where it is; world keeps a rotation to the world.",
+            words=("start", "world", "force"),
+            description="start, world or force",
+            meaning="start keeps the reference where it is; world keeps a rotation to the world; "
+            "force keeps the last set point of the stage before.",
         ),
     )
     word: ClassVar[str] = "start"
@@ -47,11 +63,19 @@ class Hold(AxisMode):
 
     @classmethod
     def misuse(cls, data: Mapping[str, Any], *, rotation: bool) -> Misuse | None:
-        """A translation cannot hold an orientation."""
+        """A translation cannot hold an orientation, and a force is held by itself."""
+        beside = next((key for key in _BESIDE if key in data), None)
+        if data.get("hold") == "force" and beside is not None:
+            return Misuse(beside, f"a {beside} on an axis that holds its force", _BESIDE[beside])
         if data.get("hold") != "world" or rotation:
             return None
         hint = "a translation holds the reference: write 'hold'"
         return Misuse("hold", "'world' holds an orientation, not a place", hint)
+
+    @property
+    def set_point(self) -> Force | None:
+        """What the stage before commanded last, for an axis that holds its force."""
+        return Force(KEPT, None, kept=True) if self.hold == "force" else None
 
     def reference(self, at: ReferenceInputs) -> OwnReference:
         """r = r_0, r' = r'' = 0."""

@@ -6,12 +6,12 @@ import math
 from collections.abc import Mapping, Sequence
 
 from taskspec.deferred_methods import dataclass
-from taskspec.foresight.flow import good_end
 from taskspec.foresight.held_motion import coordinate_rate
 from taskspec.geometry.axis import AXES, TRANSLATIONS, Axis
 from taskspec.prediction.at_start import StageAtStart
 from taskspec.prediction.forecast import Forecast, Signal, coming, moved, touching
 from taskspec.prediction.types import Duration, Equilibrium, Impact, StagePrediction
+from taskspec.program.flow import good_end
 from taskspec.program.interval import ANY, Interval, point
 from taskspec.program.sensor import SensorModel
 from taskspec.spec import Stage

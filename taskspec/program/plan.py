@@ -21,6 +21,7 @@ from taskspec.motion.path import PathShape
 from taskspec.program.axes import MOSTLY, existing_axes
 from taskspec.program.contacts import Encounter, directions
 from taskspec.program.context import Context
+from taskspec.program.kept_forces import with_kept_forces
 from taskspec.program.known_value import KnownValues
 from taskspec.program.prepare import frame_at_start
 from taskspec.program.reference import orientation
@@ -95,7 +96,7 @@ class StagePlan:
         """
         self._choose = choose
         self.context, self.name = context, name
-        self.spec = context.loaded.task.stages[name]
+        self.spec = with_kept_forces(context, name)
         self._at = at
         self._met: dict[Axis, Encounter] = {}
         self._normals: dict[str, Vector] = {}

@@ -80,10 +80,13 @@ PROBE: Fields = (
 
 #: What goes from stage to stage, in this order: name and length. The one reference pose of the tip
 #: (p, R by columns) and its velocity (twist), where axes that a force set point has moved are where
-#: they were measured; the wrench that the robot applied on axes with a force set point (held); all
-#: in world axes. Last the angle of a mechanism that the stage kept track of, and whether the next
-#: one keeps track of the same.
-HANDED: Fields = (("p", 3), ("R", 9), ("twist", 6), ("held", 6), ("angle", 1), ("same", 1))
+#: they were measured; the wrench that the robot applied on axes with a force set point (held), and
+#: what it was to apply there (asked); all in world axes. Last the angle of a mechanism that the
+#: stage kept track of, and whether the next one keeps track of the same.
+HANDED: Fields = (
+    *(("p", 3), ("R", 9), ("twist", 6), ("held", 6), ("asked", 6)),
+    *(("angle", 1), ("same", 1)),
+)
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,11 +7,11 @@ from collections.abc import Iterator, Sequence
 
 from taskspec.foresight.approach import ends_by_touch
 from taskspec.foresight.conditions import bounds_of, names, parts, value_of
-from taskspec.foresight.flow import good_end, reached
 from taskspec.foresight.ranges import constant, natural
 from taskspec.geometry.axis import as_axis
 from taskspec.program.axes import MOSTLY
 from taskspec.program.context import Context
+from taskspec.program.flow import good_end, reached
 from taskspec.program.interval import ANY, Interval, IntervalAlgebra, point
 from taskspec.program.known_value import known_value
 from taskspec.program.plan import TaskPlan

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from taskspec.analysis.force_course import ForceCourse, force_courses
 from taskspec.foresight.approach import approach, striking_mass
 from taskspec.foresight.conditions import names, parts
-from taskspec.foresight.flow import leading_to
 from taskspec.foresight.ranges import constant
 from taskspec.geometry.axis import Axis, as_axis
 from taskspec.program.axes import MOSTLY
+from taskspec.program.flow import leading_to
 from taskspec.program.interval import ANY, IntervalAlgebra
 from taskspec.program.plan import StagePlan, TaskPlan
 from taskspec.rules import Finding, Phase, rule, warning

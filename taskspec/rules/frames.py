@@ -7,9 +7,9 @@ from collections.abc import Iterator
 import casadi as ca
 import numpy as np
 
-from taskspec.foresight.flow import followers, reached
 from taskspec.geometry.axis import Axis
 from taskspec.program.axes import MOSTLY, SkewedAxisError
+from taskspec.program.flow import followers, reached
 from taskspec.program.plan import StagePlan, TaskPlan
 from taskspec.program.prepare import chart_at, pose_of_base, tool_center
 from taskspec.program.world.estimated_frames import LEAST_SINE

@@ -9,11 +9,11 @@ from collections.abc import Iterator
 import numpy as np
 
 from taskspec.foresight.conditions import names, parts, value_of
-from taskspec.foresight.flow import leading_to
 from taskspec.foresight.nominal import AT_SURFACE
 from taskspec.foresight.ranges import Ranges
 from taskspec.geometry.axis import Axis
 from taskspec.program.axes import MOSTLY
+from taskspec.program.flow import leading_to
 from taskspec.program.held_part import HeldPart
 from taskspec.program.interval import Interval, IntervalAlgebra, point
 from taskspec.program.plan import StagePlan

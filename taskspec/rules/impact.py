@@ -22,12 +22,12 @@ from taskspec.foresight.approach import (
     waits_for_contact,
 )
 from taskspec.foresight.conditions import names, parts, value_of
-from taskspec.foresight.flow import good_end
 from taskspec.foresight.nominal import AT_SURFACE
 from taskspec.geometry.axis import Axis
 from taskspec.motion.blend import BLEND_TIME
 from taskspec.program.axes import MOSTLY
 from taskspec.program.context import Context
+from taskspec.program.flow import good_end
 from taskspec.program.held_part import HeldPart
 from taskspec.program.interval import ANY, Interval, IntervalAlgebra, point
 from taskspec.program.plan import StagePlan

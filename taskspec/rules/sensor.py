@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from taskspec.foresight.flow import leading_to
 from taskspec.laws.design import INTEGRAL_FREQUENCY
 from taskspec.program.context import Context
+from taskspec.program.flow import leading_to
 from taskspec.program.plan import TaskPlan
 from taskspec.program.sensor import SensorModel
 from taskspec.rules import Finding, Phase, error, rule, warning

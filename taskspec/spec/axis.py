@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
-from pydantic import Field, GetCoreSchemaHandler, create_model
+from pydantic import Field, GetCoreSchemaHandler, PrivateAttr, create_model
 from pydantic_core import CoreSchema, core_schema
 
 from taskspec.geometry.axis import AXES, Axis
@@ -130,6 +131,7 @@ class AxisEntry(_AxisKeys):
     stiffness: float | None = None
     damping: float | None = None
     contact: ContactName | None = Field(None, title="Object that the axis presses on")
+    _kept: Expression | None = PrivateAttr(None)
 
     @property
     def given(self) -> AxisMode | None:
@@ -144,13 +146,22 @@ class AxisEntry(_AxisKeys):
     @property
     def set_point(self) -> Force | None:
         """Its force or torque set point."""
-        return force_given(self) or self.mode.set_point
+        point = force_given(self) or self.mode.set_point
+        if point is None or not point.kept or self._kept is None:
+            return point
+        return replace(point, wanted=self._kept)
+
+    def keeping(self, wanted: Expression | None) -> AxisEntry:
+        """The same axis, whose kept force is known."""
+        other = self.model_copy()
+        other._kept = wanted
+        return other
 
     def expressions(self) -> Iterator[tuple[Expression, bool]]:
         """Its expressions, and whether each is a position, of which rates are taken."""
         if self.given is not None:
             yield from self.given.expressions()
-        if self.set_point is not None:
+        if self.set_point is not None and not self.set_point.kept:
             yield self.set_point.wanted, False
 
     @property

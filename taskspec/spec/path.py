@@ -9,7 +9,6 @@ from pydantic import Field, create_model
 from taskspec.deferred_methods import dataclass
 from taskspec.motion.paths import PathForm, PathKey, all_paths
 from taskspec.spec import values
-from taskspec.spec.field_type import FieldType
 from taskspec.spec.model import Model, complete
 from taskspec.spec.parse_context import ParseContext
 from taskspec.spec.quantities import Constant, Entries, Formula, QuantityList, QuantityLists
@@ -32,10 +31,10 @@ _PACE = {"speed", "time"}
 
 
 @dataclass(frozen=True)
-class Pace(FieldType):
+class Pace(Formula):
     """A speed: a constant, or an expression that signals decide."""
 
-    def read(self, value: object, context: ParseContext) -> float | Expression:
+    def read(self, value: object, context: ParseContext) -> float | Expression:  # type: ignore[override]
         """SI units, or the checked expression."""
         node = values.parsed(value, "sum", context, describe(VELOCITY))
         if node is None:
@@ -43,11 +42,7 @@ class Pace(FieldType):
         fixed = {*context.params, *context.broken, *CONSTANTS}
         if all(str(name) in fixed for name in walk(node) if isinstance(name, Name)):
             return cast("float", Constant(VELOCITY, above=0).read(value, context))
-        return Formula(VELOCITY, ScopeKind.REFERENCE).read(value, context)
-
-    def json(self) -> dict[str, Any]:
-        """Describes both."""
-        return Formula(VELOCITY, ScopeKind.REFERENCE).json()
+        return Formula.read(self, value, context)
 
 
 def _type_of(key: PathKey) -> Any:
@@ -156,7 +151,9 @@ class Path(_Curve):
     noun = "a path"
     example = "path: {to: [60 mm, 0, 0], speed: 50 mm/s}"
 
-    speed: Annotated[float | Expression, Pace()] | None = Field(None, title="Speed")
+    speed: Annotated[float | Expression, Pace(VELOCITY, ScopeKind.REFERENCE)] | None = Field(
+        None, title="Speed"
+    )
     time: Annotated[float, Constant(TIME, above=0)] | None = Field(None, title="Duration")
 
     @property

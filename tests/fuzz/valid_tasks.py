@@ -54,7 +54,7 @@ _OBJECT = st.one_of(
     _mapping({"shape": st.just("cylinder"), "radius": _SIZE, "length": _SIZE}, _PLACED | _CONTACT),
 )
 _MOTION = st.one_of(
-    _one("hold", "{hold: start}"),
+    _one("hold", "{hold: start}", "{hold: force}"),
     _mapping({"velocity": _number(-50, 50, "mm/s")}, {}),
     _mapping({"move": _LENGTH}, {"speed": _number(1, 100, "mm/s")}),
     _mapping({"position": _LENGTH | _one("20 mm * sin(2*pi*t/(2 s))", "reach - 3 mm")}, {}),

@@ -23,13 +23,16 @@ def set_point(name: Axis, plan: AxisPlan, measurement: Measurement) -> ca.SX:
     """The set point of an axis."""
     force = plan.axis.set_point
     assert force is not None
-    return risen(
-        name,
-        measurement.translate(force.wanted),
-        force.ramp,
-        measurement.clock,
-        measurement.parameters,
-    )
+    if force.kept:
+        wanted = measurement.parameters.add(kept_slot(name))
+    else:
+        wanted = measurement.translate(force.wanted)
+    return risen(name, wanted, force.ramp, measurement.clock, measurement.parameters)
+
+
+def kept_slot(name: Axis) -> str:
+    """The parameter with the set point that an axis keeps [N, N m]."""
+    return f"kept.{name}"
 
 
 def risen(name: str, wanted: ca.SX, ramp: float | None, clock: Clock, parameters: Slots) -> ca.SX:

@@ -17,6 +17,7 @@ from taskspec.motion.path import PathPlan
 from taskspec.motion.polynomial import PiecewiseCubic
 from taskspec.program.plan import StagePlan
 from taskspec.program.ports import HANDED, PROBE, slices
+from taskspec.program.reference.force_references import kept_slot
 from taskspec.program.reference.measurement import Measurement
 from taskspec.program.slots import Slots, gain_slot
 from taskspec.program.world import estimated_frames
@@ -97,7 +98,8 @@ class Entering:
         self.handed = ca.SX.sym("handed", sum(length for _, length in HANDED))
         handed = {name: self.handed[where] for name, where in slices(HANDED).items()}
         self.p_ref, self.R_ref = handed["p"], ca.reshape(handed["R"], 3, 3)
-        self.held, self.angle, self.same = (handed[name] for name in ("held", "angle", "same"))
+        self.held, self.asked = handed["held"], handed["asked"]
+        self.angle, self.same = handed["angle"], handed["same"]
         # From here on the reference's velocity is that against what carries the frame.
         self.twist, self.base = handed["twist"], self._base()
         if self.base is not None:
@@ -270,9 +272,10 @@ class Entering:
 
     def _forces(self, going: _Continuation) -> None:
         """Set points rise from the measured force; held forces fade where motion takes over."""
-        held = self._local(self.held)
+        held, asked = self._local(self.held), self._local(self.asked)
         for name, axis in self.plan.plans.items():
             i = AXES.index(name)
+            self._write(kept_slot(name), asked[i])
             if axis.set_point:
                 self._write(f"force_at_entry.{name}", self.probed["measured"][i])
             elif axis.yields or axis.soft:
