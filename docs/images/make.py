@@ -5,8 +5,8 @@
 
 A frame of the video of a wiping arm and what its run recorded, for the README; the same of the
 tasks of the tutorial, one of them under all laws; what the press of each control law and tasks with
-constraints and limits recorded, for docs/laws. Frames need a headless OpenGL, EGL or OSMesa, and
-stay as they are where there is none; the others do not.
+constraints and limits recorded, for docs/laws; a raster, for docs/how-to. Frames need a headless
+OpenGL, EGL or OSMesa, and stay as they are where there is none; the others do not.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from taskspec_runner.cli.formats import RunFormat
 from taskspec_runner.compare import PICTURE
 from taskspec_runner.session import execute_program
 from taskspec_runner.video.canvas import backends
-from taskspec_runner.video.film import Cut, Film
+from taskspec_runner.video.film import Clip, Film
 from taskspec_runner.video.recording import Recording
 
 HERE = Path(__file__).resolve().parent
@@ -58,7 +58,7 @@ def main() -> None:
             record(picture, TUTORIAL / f"{step}.yaml")
         for picture, step in COMPARED.items():
             compare(picture, TUTORIAL / f"{step}.yaml")
-    for task in (*(f"press-{law}" for law in LAWS), "ring", "linkage", *LIMITS):
+    for task in (*(f"press-{law}" for law in LAWS), "ring", "linkage", "raster-polish", *LIMITS):
         record(task)
 
 
@@ -88,7 +88,7 @@ def compare(picture: str, task: Path) -> None:
 
 def draw_frame(recording: Recording, clock: float, path: Path) -> None:
     """Draws the frame of a run's video at a run time [s], with few colours that keep it small."""
-    with Film(recording, Cut()) as film:
+    with Film(recording, Clip()) as film:
         frame = film.frame(recording.row(clock))
     coarse = (frame & 0xFC) | (frame >> 6)
     Image.fromarray(coarse).save(path, optimize=True)
