@@ -481,6 +481,15 @@ class Run(Window):
         return _visits(self.summary) or _logged_visits(self.history)
 
     @property
+    def to_rest(self) -> Window | None:
+        """The ticks after a run that did not come to `end`, in which its arm was brought to rest.
+
+        They are judged by nothing and belong to no stage; None where there are none.
+        """
+        rest = self.history.rest
+        return None if rest is None else Window(rest, full(len(rest), True))
+
+    @property
     def stages(self) -> tuple[str, ...]:
         """The stages that were visited, in order."""
         return tuple(visit.stage for visit in self.history.visits())

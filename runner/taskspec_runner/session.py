@@ -36,6 +36,7 @@ from taskspec_runner.record.names import TASK
 from taskspec_runner.runs import Run
 from taskspec_runner.verdict.judge import judge_run
 from taskspec_runner.verdict.performance import solver_counts
+from taskspec_runner.verdict.stopping import stopping
 from taskspec_runner.verdict.summary import Simulated, reason_of, summarise
 
 
@@ -222,6 +223,7 @@ def _run(program: Program, folder: RunFolder, content: bytes, manner: _Manner) -
         simulated = simulated.as_logged(history, program.context.period)
     outcome, judged = simulated.outcome, judge_run(program, history)
     made = summarise(program, simulated, history, judged, manner.world)
+    made |= stopping(outcome, history, program.context.period)
     if manner.link is not None:
         made["link"] = link_summary(manner.link, history)
         made["seed"] = None if manner.link.measured else made["seed"]
@@ -271,6 +273,7 @@ def _simulate(program: Program, folder: RunFolder, manner: _Manner) -> tuple[Sim
                 manner.loop,
                 parts.sensing,
                 parts.faults,
+                to_rest=True,
             )
         except KeyboardInterrupt as error:
             by_signal = signal_of(error)

@@ -20,6 +20,7 @@ from taskspec_runner.link.packets import Packet
 from taskspec_runner.link.robot import LinkError
 from taskspec_runner.link.server import ServerOptions
 from taskspec_runner.link.udp_robot import UdpRobot
+from taskspec_runner.runs import Run
 from taskspec_runner.session import execute_program
 
 EXAMPLES = ROOT / "examples" / "plant"
@@ -140,6 +141,28 @@ def test_controller_that_stops_ends_the_run(tmp_path: Path) -> None:
     assert run.summary["ending"]["reason"] == "controller_stopped"
     assert "I have seen [2J enough" in run.reason
     assert len(run) == 10
+    assert_at_rest(run)
+
+
+def assert_at_rest(run: Run) -> None:
+    """The plant was brought to rest by its server, and its log has that."""
+    assert run.to_rest is not None
+    assert len(run.to_rest) == 500
+    assert run.summary["stopping"]["residual_joint_speed"] < 0.01
+
+
+def test_controller_that_is_gone_leaves_an_arm_at_rest(tmp_path: Path) -> None:
+    options = ServerOptions(wait=20.0, answer=0.2)
+    with Serving(TOUCH, tmp_path / "served", options) as serving:
+        robot = UdpRobot(serving.url, patience=20.0)
+        for _ in range(11):
+            robot.read()
+            robot.write(np.array([10.0, -10.0]))
+        run = serving.run
+        robot.stop("it has been silent")
+    assert run.summary["ending"]["reason"] == "connection_lost"
+    assert abs(run.signals["joint.1.velocity"][-1]) > 0.1
+    assert_at_rest(run)
 
 
 def test_torques_beyond_the_motors_are_cut(tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from taskspec.deferred_methods import dataclass
 from taskspec.program.program import Program
 from taskspec.program.world import estimated_frames
-from taskspec_runner.record.history import History
+from taskspec_runner.record.history import TO_REST, History
 from taskspec_runner.verdict.replay import Replay
 
 Vector = NDArray[np.float64]
@@ -39,9 +39,14 @@ class _Replay(Replay):
         return self.tip_pose()
 
     def task_frame(self) -> tuple[Vector, Vector]:
-        """(n, 3), (n, 3, 3) the frame of each row's stage; of a following one at the foot."""
-        p, R = (np.empty_like(part) for part in self.tip_pose())
+        """(n, 3), (n, 3, 3) the frame of each row's stage; of a following one at the foot.
+
+        On the way to rest there is none.
+        """
+        p, R = (np.full_like(part, np.nan) for part in self.tip_pose())
         for visit in self._visits:
+            if visit.stage == TO_REST:
+                continue
             origin, axes = self.pose(self._stages[visit.stage].plan.frame)
             p[visit.rows], R[visit.rows] = origin[visit.rows], axes[visit.rows]
         return p, R

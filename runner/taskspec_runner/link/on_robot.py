@@ -199,6 +199,9 @@ class RobotPlant:
                 raise
         self._ticks += 1
 
+    def release(self) -> None:
+        """Nothing is left to be done here: a robot that is told to stop comes to rest by itself."""
+
     def alarm(self) -> tuple[str, str] | None:
         """Why the robot has ended, if it has."""
         if not self._last:

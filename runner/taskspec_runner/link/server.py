@@ -7,6 +7,7 @@ the file's guards, and stops at its limits. Its torques are not applied; those o
 from __future__ import annotations
 
 import contextlib
+import copy
 import math
 import secrets
 import socket
@@ -259,6 +260,7 @@ class ServedPlant:
         self.slipped = 0.0
         self._missed, self._newest, self._ticks = 0, 0, 0
         self._started = False
+        self._last: StateBody | None = None
         self._torque = np.zeros(len(self._machine.torque))
         self._due, self._late_now = math.nan, 0.0
         terms, outputs = self._machine.terms, slices_of(parts)
@@ -309,6 +311,11 @@ class ServedPlant:
         self._plant.step(torque)
         self.diverged = self._plant.arm.diverged
         self._ticks += 1
+
+    def release(self) -> Plant:
+        """The plant without its controller; what that is told at last is the sample before it."""
+        self._last = copy.deepcopy(self._state(packets.LAST))
+        return self._plant
 
     def alarm(self) -> tuple[str, str] | None:
         """The simulator's own."""
@@ -397,7 +404,7 @@ class ServedPlant:
         """Gives the controller the sample that ended the run, and says why it did."""
         until = time.monotonic() + _FAREWELL
         number, stamp = self._ticks + 1, self._ticks * self._period
-        state = self._state(packets.LAST)
+        state = self._last or self._state(packets.LAST)
         try:
             while time.monotonic() < until:
                 self._server.send(number, stamp, state)

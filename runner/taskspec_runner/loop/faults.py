@@ -134,6 +134,7 @@ class Faults:
         #: Ticks without a value, by device.
         self._silent = dict.fromkeys((SENSOR, ENCODER), 0)
         self._looked = -1
+        self._times: tuple[FaultTime, ...] = ()
         self._limit, self._exerted = robot.torque_limit, np.zeros(len(machine.torque))
         self._observer = None
         if self._of[ENCODER]:
@@ -193,9 +194,13 @@ class Faults:
         self._plant.step(torque)
         self._ticks += 1
 
+    def end(self) -> None:
+        """The run is over: what they do to an arm that is brought to rest is no part of it."""
+        self._times = self.times()
+
     def times(self) -> tuple[FaultTime, ...]:
-        """When each of them was, so far."""
-        return tuple(each.time(self._ticks) for each in self._running)
+        """When each of them was, so far, up to the end of the run."""
+        return self._times or tuple(each.time(self._ticks) for each in self._running)
 
     def _reading(self) -> Vector:
         """(6,) what the sensor shows, in the tool's axes [N, N m]."""

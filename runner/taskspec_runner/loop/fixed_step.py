@@ -20,6 +20,7 @@ from taskspec.program.execution.transition import END, Transition
 from taskspec_runner.errors import InputError
 from taskspec_runner.link.robot import LinkError
 from taskspec_runner.loop.sensing import Sensing
+from taskspec_runner.loop.to_rest import bring_to_rest
 from taskspec_runner.plant.plant import Plant
 from taskspec_runner.record.block import Block
 from taskspec_runner.record.bus import Bus
@@ -62,6 +63,10 @@ class Outcome:
         ticks: control periods.
         loop: what ran the ticks on which nothing happens, `native` or `python`.
         why_python: why they were not run natively, empty where they were or that was asked for.
+        lost: whether an alarm of the simulator ended it, so that there is nothing to be brought to
+            rest.
+        not_at_rest: why the arm was not brought to rest after it, or not to the end; empty if it
+            was, or that was not wanted.
     """
 
     status: str
@@ -72,6 +77,8 @@ class Outcome:
     ticks: int
     loop: str = PYTHON
     why_python: str = ""
+    lost: bool = False
+    not_at_rest: str = ""
 
 
 class TickSink(Protocol):
@@ -125,6 +132,12 @@ class Driven(Protocol):
 
     def alarm(self) -> tuple[str, str] | None:
         """Its own alarm as (name, text), if any."""
+
+    def release(self) -> Plant | None:
+        """Takes it from whoever drove it: the plant whose arm is to be brought to rest from here.
+
+        None where there is none in this process.
+        """
 
 
 class Senses(Protocol):
@@ -201,6 +214,8 @@ def run(
     loop: str | None = None,
     sensing: Senses | None = None,
     faults: Faults | None = None,
+    *,
+    to_rest: bool = False,
 ) -> Outcome:
     """Runs a task to its end; the recorder holds every tick up to there.
 
@@ -214,6 +229,8 @@ def run(
         sensing: of a plant that is elsewhere, for which Python runs all ticks; None for the
             sensors of `plant`.
         faults: of the run, which Python runs then; None for none.
+        to_rest: whether an arm whose run does not come to `end` is brought to rest after it, which
+            the recorder takes, too.
 
     Raises:
         InputError: there is no native loop, and no other is wanted.
@@ -228,6 +245,8 @@ def run(
     except LinkError as error:
         clock = error.ticks * period
         outcome = _stopped(error.name, error.text, machine, clock, error.ticks)
+    if to_rest and outcome.status != DONE:
+        outcome = replace(outcome, not_at_rest=_to_rest(closed, outcome, period))
     return replace(outcome, loop=inner.name, why_python=inner.why)
 
 
@@ -249,7 +268,7 @@ def _run(closed: ClosedLoop, period: float, progress: Progress, inner: _Native) 
             if inner.look:
                 alarm = plant.alarm()
                 if alarm is not None:
-                    return _stopped(*alarm, machine, clock, ticks)
+                    return _lost(*alarm, machine, clock, ticks)
             progress(machine, clock)
             if inner.goes_on:
                 continue
@@ -273,8 +292,22 @@ def _run(closed: ClosedLoop, period: float, progress: Progress, inner: _Native) 
         if arm.diverged or ticks % LOOK_EVERY == 0:
             alarm = plant.alarm()
             if alarm is not None:
-                return _stopped(*alarm, machine, clock, ticks)
+                return _lost(*alarm, machine, clock, ticks)
             progress(machine, clock)
+
+
+def _to_rest(closed: ClosedLoop, outcome: Outcome, period: float) -> str:
+    """Brings the arm to rest after a run; why it did not, empty if it did."""
+    if closed.faults is not None:
+        closed.faults.end()
+    plant = closed.plant.release()
+    if plant is None:
+        return "the robot does that itself"
+    if not outcome.ticks:
+        return "it had not been moved"
+    if outcome.lost:
+        return "the simulation had diverged"
+    return bring_to_rest(closed, plant, outcome.ticks, period)
 
 
 def _unseen(machine: Machine, clock: float) -> None:
@@ -364,6 +397,10 @@ def _stopped(name: str, text: str, machine: Machine, clock: float, ticks: int) -
         Transition(clock, machine.stage.name, events.LIMIT, name, text, 0.0, "")
     )
     return Outcome(STOPPED, name, text, machine.stage.name, clock, ticks)
+
+
+def _lost(name: str, text: str, machine: Machine, clock: float, ticks: int) -> Outcome:
+    return replace(_stopped(name, text, machine, clock, ticks), lost=True)
 
 
 def _ended(machine: Machine, clock: float, ticks: int) -> Outcome:

@@ -171,6 +171,10 @@ class Plant:
         if self.mechanisms is not None:
             self.mechanisms.apply()
 
+    def release(self) -> Plant:
+        """The plant itself: it is for this process to bring its arm to rest."""
+        return self
+
     def step(self, torque: Vector) -> None:
         """Holds joint torques (n,) [N m] for one control period."""
         if not self._still:

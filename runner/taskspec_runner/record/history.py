@@ -19,6 +19,9 @@ Mask = NDArray[np.bool_]
 
 #: The column of the log that names the stage of each tick.
 STAGE = "stage"
+#: What stands there while an arm is brought to rest after a run. No stage can be called so, as a
+#: name has no space.
+TO_REST = "to rest"
 #: What the schema of a log says that was recorded elsewhere: the columns that it does not have.
 _UNRECORDED = b"not_recorded"
 
@@ -67,12 +70,15 @@ class History:
         units: of the columns, as the log states them.
         unrecorded: columns that a run would have, and that were not recorded where this log is
             from; empty for a run.
+        rest: the ticks after the run in which its arm was brought to rest, which belong to no
+            stage; None where there are none.
     """
 
     columns: Mapping[str, Vector]
     stages: NDArray[np.str_]
     units: Mapping[str, str] = field(default_factory=dict)
     unrecorded: frozenset[str] = frozenset()
+    rest: History | None = None
 
     def __len__(self) -> int:
         return len(self.stages)
@@ -88,8 +94,13 @@ class History:
 
     def batches(self, rows: int) -> Iterator[pa.RecordBatch]:
         """The ticks in order as a log has them, up to some `rows` at a time."""
+        parts = [self] if self.rest is None else [self, self.rest]
+        names = np.unique([visit.stage for part in parts for visit in part.visits()])
+        for part in parts:
+            yield from part._batches(rows, names)
+
+    def _batches(self, rows: int, names: NDArray[np.str_]) -> Iterator[pa.RecordBatch]:
         schema = self.schema
-        names = np.unique([visit.stage for visit in self.visits()])
         for start in range(0, len(self), rows):
             part = slice(start, start + rows)
             codes = np.searchsorted(names, np.asarray(self.stages[part])).astype(np.int32)
@@ -163,7 +174,24 @@ class HistoryBuilder:
         """All ticks so far; they are taken out."""
         stages, self._stages = self._stages, []
         names = _stage_names(stages)
-        return _history(self._columns.build(), names, self._units, self._unrecorded)
+        return split(_history(self._columns.build(), names, self._units, self._unrecorded))
+
+
+def split(history: History) -> History:
+    """A run without the ticks in which its arm was brought to rest, which stand beside it."""
+    visits = list(history.visits())
+    if not visits or visits[-1].stage != TO_REST:
+        return history
+    first = visits[-1].first
+    before, after = slice(0, first), slice(first, len(history))
+    rest = _part(history, after)
+    return replace(_part(history, before), rest=rest)
+
+
+def _part(history: History, rows: slice) -> History:
+    columns = {name: values[rows] for name, values in history.columns.items()}
+    kept = RecordedColumns(columns) if history.unrecorded else columns
+    return replace(history, columns=kept, stages=history.stages[rows])
 
 
 def _stretches(values: pa.Array) -> Iterator[tuple[str, int]]:

@@ -21,7 +21,7 @@ from taskspec.signals.table import MEASURED
 from taskspec.spec import Task
 from taskspec.text.units import si_unit
 from taskspec_runner.record.bus import TRUE, Bus
-from taskspec_runner.record.history import column_field, log_schema
+from taskspec_runner.record.history import TO_REST, column_field, log_schema
 from taskspec_runner.record.truth import Truth
 
 Vector = NDArray[np.float64]
@@ -233,6 +233,11 @@ def _of_joints(joints: int, task: Task) -> Iterator[Column]:
             yield Column(f"joint.{i + 1}.{name}.{suffix}", unit, field, i)
 
 
+def stage_names(stages: tuple[CompiledStage, ...]) -> list[str]:
+    """What a tick can be in, by its number: a stage, or beyond these on the way to rest."""
+    return [*(s.name for s in stages), TO_REST]
+
+
 def _stage_array(values: Vector, stages: tuple[CompiledStage, ...]) -> pa.Array:
-    names = pa.array([s.name for s in stages])
-    return pa.DictionaryArray.from_arrays(pa.array(values.astype(np.int32)), names)
+    codes = np.minimum(values, len(stages)).astype(np.int32)
+    return pa.DictionaryArray.from_arrays(pa.array(codes), pa.array(stage_names(stages)))

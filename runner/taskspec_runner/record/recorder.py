@@ -13,7 +13,7 @@ from taskspec.robot import RobotModel
 from taskspec.spec import Task
 from taskspec_runner.record.block import Block
 from taskspec_runner.record.bus import Bus
-from taskspec_runner.record.layout import LogLayout
+from taskspec_runner.record.layout import LogLayout, stage_names
 from taskspec_runner.record.log import Log
 
 Vector = NDArray[np.float64]
@@ -99,9 +99,13 @@ class Recorder:
         # The thread that writes evaluates other row counts, in memory of their own.
         columns = self._layout.columns(self._array[np.newaxis])
         return {
-            name: float(values[0]) if unit != "stage" else self._stages[int(values[0])].name
+            name: float(values[0]) if unit != "stage" else self._named(values[0])
             for name, (values, unit) in columns.items()
         }
+
+    def _named(self, stage: float) -> str:
+        names = stage_names(self._stages)
+        return names[min(int(stage), len(self._stages))]
 
     def close(self) -> None:
         """Writes what is left and ends the stream.

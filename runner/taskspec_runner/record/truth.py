@@ -65,7 +65,8 @@ class Truth:
         kinds = [(stage.plan.axes, stage.plan.gap_contact) for stage in stages]
         distinct = list(dict.fromkeys(kinds))
         #: Number of the situation of each stage, and where the bus has the stage.
-        self._of_stage = np.array([distinct.index(kind) for kind in kinds])
+        # On the way to rest it has the number of the stage that was broken off, behind all stages.
+        self._of_stage = np.array([distinct.index(kind) for kind in kinds * 2])
         self._stage = fields["stage"].start
         self._row = row
         self._situations = [_situation(parts, objects) for _ in distinct]

@@ -19,7 +19,7 @@ from taskspec.text.suggest import suggestion
 from taskspec.text.units import NUMBER, parse_unit
 from taskspec_runner.errors import InputError
 from taskspec_runner.record.file_array import blocks, counted, empty
-from taskspec_runner.record.history import STAGE, History, RecordedColumns
+from taskspec_runner.record.history import STAGE, TO_REST, History, RecordedColumns
 from taskspec_runner.record.layout import LogLayout
 from taskspec_runner.recorded.assignment import Assigned, Assignment
 from taskspec_runner.recorded.column_map import Columns
@@ -147,7 +147,8 @@ class _Reading:
     ) -> tuple[float, float]:
         """The time in which there is a stage; before and after it the column may say nothing."""
         column, times, words = staged
-        named = np.array([bool(name) for name in words.names])[words.codes]
+        # What a run's own log has after its end is in no stage.
+        named = np.array([name not in ("", TO_REST) for name in words.names])[words.codes]
         if not named.any():
             raise InputError(f"{self._source.path}: column '{column}' names no stage")
         begin, end = int(np.argmax(named)), len(named) - 1 - int(np.argmax(named[::-1]))
@@ -189,7 +190,7 @@ class _Reading:
         column, times, words = staged
         known = self._program.context.loaded.task.stages
         for code, word in enumerate(words.names):
-            if word and word not in known:
+            if word not in ("", TO_REST) and word not in known:
                 place = self._assignment.place(column, words.first(code))
                 hint = suggestion(word, known, "stages")
                 raise InputError(

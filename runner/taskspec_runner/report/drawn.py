@@ -13,7 +13,7 @@ from taskspec_runner.record.fault_time import fault_times
 from taskspec_runner.record.file_array import blocks
 from taskspec_runner.record.folder import Json
 from taskspec_runner.record.history import Vector
-from taskspec_runner.report import decimate
+from taskspec_runner.report import decimate, to_rest
 from taskspec_runner.report.chart import Chart, Trace, tints
 from taskspec_runner.report.quantities import figure
 from taskspec_runner.runs import Run, StageVisit
@@ -27,17 +27,19 @@ POINTS_BYTES, _TICK, _POINT = 3_600_000, 6, 8
 def page_data(run: Run, charts: dict[str, Chart]) -> Json:
     """What the page of a run draws."""
     tint, samples = tints(run), Samples()
+    _, end = to_rest.stretch(run) or (run.start, run.end)
     drawn = {key: _chart(run, chart, samples) for key, chart in charts.items()}
     return {
         "samples": samples.data(),
         "points": samples.limit,
         "start": run.start,
         "period": run.period,
-        "end": run.end,
+        "end": end,
         "stages": [
             {"name": run.label(v), "start": v.start, "end": v.end, "tint": tint[v.stage]}
             for v in run.visits
-        ],
+        ]
+        + list(to_rest.stage_rows(run)),
         "events": [*_endings(run), *_breaks(run), *_begun(run)],
         "faults": [
             {"start": each.start, "end": run.end if each.end is None else each.end}
@@ -94,11 +96,14 @@ class Samples:
 
 def _sample(run: Run, values: Vector, limit: int | None, *, continuous: bool) -> Json:
     """A signal with every tick, or thinned to about `limit` points; `gaps` break its line."""
+    breaks = run.breaks
+    if len(values) > len(run.clock):
+        breaks = np.append(breaks, len(run.clock))
     if limit is None or len(values) <= limit:
         rows = np.arange(len(values), dtype=np.int64)
     else:
-        rows = decimate.decimate(values, run.breaks, limit, keep=detail(run))
-    gaps = np.searchsorted(rows, [] if continuous else run.breaks)
+        rows = decimate.decimate(values, breaks, limit, keep=detail(run))
+    gaps = np.searchsorted(rows, [] if continuous else breaks)
     inside = np.unique(gaps[(gaps > 0) & (gaps < len(rows))])
     return {**decimate.encode(rows, values[rows]), "gaps": inside.tolist()}
 

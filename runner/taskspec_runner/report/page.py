@@ -15,7 +15,7 @@ from taskspec_runner.record.fault_time import fault_times
 from taskspec_runner.record.folder import Json, mapping, mappings, number
 from taskspec_runner.record.names import REPORT
 from taskspec_runner.record.whole import write_whole
-from taskspec_runner.report import annotated, drawn, figures, tables
+from taskspec_runner.report import annotated, drawn, figures, tables, to_rest
 from taskspec_runner.report.chart import Chart, Section, tints
 from taskspec_runner.report.overview import overview_svg
 from taskspec_runner.report.predictions import stage_prediction
@@ -55,13 +55,14 @@ def write_report(run: Run) -> Path:
 
 def render(run: Run, still: tuple[str, float] | None = None) -> str:
     """The page of a run, with a picture of the arm at a run time [s] where there is one."""
-    shown = figures.sections(run)
+    shown = to_rest.going_on(run, figures.sections(run))
     charts = {chart.key: chart for each in shown for chart in each.charts}
     main = _main(run, list(charts.values()))
     told, data = verdict(run), drawn.page_data(run, charts)
     return template("report.html.j2").render(
         title=_text(run.summary.get("task") or run.manifest.get("task")) or "run",
         about=_text(run.summary.get("about")),
+        stopping=to_rest.told(run),
         recorded=bool(run.manifest.get("recorded")),
         verdict=told,
         around=_around(run),

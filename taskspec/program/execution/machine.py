@@ -191,6 +191,15 @@ class Machine:
             self._commit()
         return float(event)
 
+    def look(self, clock: float) -> None:
+        """Measures at run time `clock` [s] as the current stage does, which asks for nothing.
+
+        Model terms and outputs are those of this instant; the torque is for the caller to write.
+        """
+        self.update_terms()
+        self.now[1] = clock
+        self.runner.tick.evaluate()
+
     def has_run(self, ticks: int) -> None:
         """Takes note of ticks of the current stage that were made on this machine's arrays."""
         self.stage_ticks += ticks

@@ -1,0 +1,77 @@
+"""What follows a run that did not come to `end`: its arm is brought to rest."""
+
+from __future__ import annotations
+
+import contextlib
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taskspec.control.stopping import decay_time, stopping_torque
+from taskspec.program.execution.machine import Machine
+from taskspec_runner.link.robot import LinkError
+
+if TYPE_CHECKING:
+    from taskspec_runner.loop.fixed_step import ClosedLoop
+    from taskspec_runner.plant.plant import Plant
+
+Vector = NDArray[np.float64]
+
+#: For how long an arm is brought to rest [s].
+STRETCH = 0.5
+#: Outputs of a stage that tell of what it asks for; nobody asks for anything any more.
+_ASKED = (
+    *("force_ref", "position_ref", "velocity_ref", "error", "reaction_ref"),
+    *("path_done", "force_inconsistent", "limited", "limits", "residual"),
+)
+#: Squared joint velocities of a sane arm stay far below this.
+_HEALTHY = 1e8
+
+
+def bring_to_rest(closed: ClosedLoop, plant: Plant, ticks: int, period: float) -> str:
+    """Runs the stop controller on a plant for `STRETCH`, and records that.
+
+    What is recorded is measured as the stage did that was broken off, in its frame; what that asked
+    for has no value any more.
+
+    Args:
+        closed: the loop, after its last tick.
+        plant: that it stepped.
+        ticks: of the run so far.
+        period: of control [s].
+
+    Returns:
+        Why it was broken off; empty if it was not.
+    """
+    machine, bus = closed.machine, closed.bus
+    most, decay = plant.scene.arm.robot.torque_limit, decay_time(period)
+    clock, t, stage = (bus.slices[name].start for name in ("clock", "t", "stage"))
+    asked = [where for name, where in bus.slices.items() if name.removeprefix("true.") in _ASKED]
+    # Whoever held the torques of a plant that is served is gone.
+    step = plant.step if closed.faults is None else closed.faults.step
+    for number in range(round(STRETCH / period)):
+        # A force sensor that says nothing is not needed.
+        with contextlib.suppress(LinkError):
+            closed.read()
+        if not float(machine.v @ machine.v) < _HEALTHY:
+            return "its state is no longer finite"
+        torque = _torque(machine, most, decay, (ticks + number) * period)
+        bus.array[clock], bus.array[t] = (ticks + number) * period, number * period
+        bus.array[stage] = len(machine.runners) + machine.index
+        step(torque)
+        for where in asked:
+            bus.array[where] = np.nan
+        closed.recorder.add()
+        alarm = plant.alarm()
+        if alarm is not None:
+            return alarm[1]
+    return ""
+
+
+def _torque(machine: Machine, most: Vector, decay: float, clock: float) -> Vector:
+    """The machine's torque at this instant, by the stop controller."""
+    machine.look(clock)
+    terms = machine.terms
+    machine.torque[:] = stopping_torque(terms.inertia, terms.gravity, machine.v, most, decay)
+    return machine.torque
