@@ -179,10 +179,10 @@ class HistoryBuilder:
 
 def split(history: History) -> History:
     """A run without the ticks in which its arm was brought to rest, which stand beside it."""
-    visits = list(history.visits())
-    if not visits or visits[-1].stage != TO_REST:
+    if not len(history) or history.stages[-1] != TO_REST:
         return history
-    first = visits[-1].first
+    run = np.flatnonzero(history.stages != TO_REST)
+    first = int(run[-1]) + 1 if len(run) else 0
     before, after = slice(0, first), slice(first, len(history))
     rest = _part(history, after)
     return replace(_part(history, before), rest=rest)
