@@ -33,6 +33,11 @@ class Event:
     way: int = -1
     then: str = ""
 
+    @property
+    def is_limit(self) -> bool:
+        """Whether it is a limit, which holds on a stage's first tick, too."""
+        return self.kind in (LIMIT, REACTION)
+
 
 @dataclass(frozen=True, slots=True)
 class Condition:

@@ -17,6 +17,7 @@ import pytest
 
 from taskspec.compiler import compile_unchecked
 from taskspec.native import engine
+from taskspec.program.execution.machine import Machine, Opening
 from taskspec.program.program import Program
 from taskspec.spec import load_task
 from taskspec_runner import run
@@ -43,7 +44,7 @@ DIFFERENT = (
 
 
 def logged(program: Program, folder: Path, loop: str, seed: int = 3) -> tuple[bytes, str]:
-    """What a run of a loop writes, and which loop ran it."""
+    """What a run of a loop writes, with its changes of stage, and which loop ran it."""
     folder.mkdir()
     path = folder / "log.arrow"
     parts = assemble(program)
@@ -57,7 +58,7 @@ def logged(program: Program, folder: Path, loop: str, seed: int = 3) -> tuple[by
             seed=seed,
             loop=loop,
         )
-    return path.read_bytes(), outcome.loop
+    return path.read_bytes() + repr(parts.machine.transitions).encode(), outcome.loop
 
 
 @pytest.mark.parametrize("task", DIFFERENT)
@@ -211,3 +212,57 @@ def in_process(cache: Path, out: Path) -> bytes:
     subprocess.run([*command, "--quiet", "--out", out], env=environment, check=True)
     assert Run.load(out).manifest["loop"] == "native"
     return (out / "log.arrow").read_bytes()
+
+
+@pytest.mark.parametrize("task", ["linkage", "raster-polish", "unknown-normal", "wrist-sensor"])
+def test_machine_code_opens_the_stages_that_follow(
+    task: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Coordinates are chosen, a path is entered, a frame is estimated, a sensor's zero measured."""
+    program = compile_unchecked(load_task(TASKS / f"{task}.yaml"))
+    opened: list[str] = []
+    by_python = Machine.open
+
+    def opens(machine: Machine, opening: Opening) -> None:
+        opened.append(machine.stage.name)
+        by_python(machine, opening)
+
+    monkeypatch.setattr(Machine, "open", opens)
+    logged(program, tmp_path / "python", "python")
+    assert opened
+    opened.clear()
+    logged(program, tmp_path / "native", "native")
+    assert not opened
+
+
+REPEATED = """
+taskspec: 1
+robot: {model: panda, start: {xyz: [500 mm, 0, 335 mm]}}
+world: {table: {shape: plane, xyz: [0, 0, 330 mm]}}
+stages:
+  down:
+    axes: {z: {velocity: -40 mm/s}}
+    until: force.z < -3 N
+    within: {time: 3 s}
+  press:
+    axes: {z: {force: -20 N}}
+    limits: {force: {max: 15 N, then: up}}
+    time: 2 s
+    next: end
+  up:
+    axes: {z: {velocity: 20 mm/s}}
+    limits: {force: {max: 12 N, then: down}}
+    time: 300 ms
+    attempts: 2
+    next: down
+"""
+
+
+def test_the_loops_take_ways_that_python_has_to_open_alike(tmp_path: Path) -> None:
+    """A limit that leads to a stage does not count there at first, and attempts come to an end."""
+    (tmp_path / "repeated.yaml").write_text(REPEATED)
+    program = compile_unchecked(load_task(tmp_path / "repeated.yaml"))
+    native, loop = logged(program, tmp_path / "native", "native")
+    python, _ = logged(program, tmp_path / "python", "python")
+    assert loop == "native"
+    assert native == python

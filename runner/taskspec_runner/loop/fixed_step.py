@@ -27,6 +27,7 @@ from taskspec_runner.record.bus import Bus
 
 if TYPE_CHECKING:
     from taskspec_runner.loop.faults import Faults
+    from taskspec_runner.loop.native.code import Compiling
     from taskspec_runner.loop.native.loop import NativeLoop
 
 Vector = NDArray[np.float64]
@@ -274,17 +275,13 @@ def _run(closed: ClosedLoop, period: float, progress: Progress, inner: _Native) 
                 continue
         if not inner.sensed:
             read()
-        event = tick(clock)
+        if not inner.made:
+            tick(clock)
         array[clock_slot], array[t_slot], array[stage_slot] = clock, machine.t, machine.index
         if not array[health] < HEALTHY:
             return _stopped("non_finite", _why_not_finite(machine), machine, clock, ticks)
-        if event and machine.ended:
-            if machine.transitions[-1].kind == events.LIMIT:
-                # The tick that broke the limit belongs into the log.
-                step(torque)
-                add()
-                ticks += 1
-            return _ended(machine, clock, ticks)
+        if machine.ended:
+            return _ended(machine, clock, ticks + _last(closed))
         step(torque)
         add()
         ticks += 1
@@ -294,6 +291,15 @@ def _run(closed: ClosedLoop, period: float, progress: Progress, inner: _Native) 
             if alarm is not None:
                 return _lost(*alarm, machine, clock, ticks)
             progress(machine, clock)
+
+
+def _last(closed: ClosedLoop) -> int:
+    """Logs the tick that broke a limit, which belongs there; how many that are."""
+    if closed.machine.transitions[-1].kind != events.LIMIT:
+        return 0
+    closed.step(closed.machine.torque)
+    closed.recorder.add()
+    return 1
 
 
 def _to_rest(closed: ClosedLoop, outcome: Outcome, period: float) -> str:
@@ -324,12 +330,13 @@ class _Native:
         look: whether the plant's alarms are to be looked at after what has been run.
         goes_on: whether the tick that follows is the native loop's own.
         sensed: whether the tick that follows has been sensed.
+        made: whether the machine has made it, so that only its step and its record are left.
     """
 
     def __init__(self, closed: ClosedLoop, wanted: str | None) -> None:
         """For a run; `wanted` is a loop, or None for whichever there is."""
         self.why, self.used = "", False
-        self.look = self.goes_on = self.sensed = False
+        self.look = self.goes_on = self.sensed = self.made = False
         self._closed = closed
         self._wanted = wanted
         self._loop: NativeLoop | None = None
@@ -350,7 +357,7 @@ class _Native:
     def run(self, ticks: int) -> int:
         """Runs ticks after the first `ticks` of a run; returns how many there have been."""
         # It stays so where `run` is not asked any more.
-        self.look = self.goes_on = self.sensed = False
+        self.look = self.goes_on = self.sensed = self.made = False
         assert self._sink is not None
         # With llvmlite these take a tenth of a second to import.
         from taskspec.native.engine import EngineError
@@ -365,7 +372,9 @@ class _Native:
                 compiling = Compiling.WAIT
             if self._loop is None:
                 self._loop = NativeLoop(self._closed, self._sink.block)
-            done = self._loop.run(ticks, min(self._sink.left, _AT_ONCE), compiling)
+            done = self._code(self._loop, ticks, compiling)
+            while self._loop.ends:
+                done += self._code(self._loop, ticks + done, compiling)
         except NotReadyError:
             self.next = ticks + _ASK_EVERY
             return 0
@@ -374,10 +383,17 @@ class _Native:
                 raise InputError(f"the native loop cannot be had: {error}") from error
             self.why, self.next = str(error), math.inf
             return 0
+        self.look, self.made = self._loop.look, self._loop.made
+        self.sensed = self._loop.sensed or self.made
+        self.goes_on = not (self.sensed or self._loop.stands)
+        return done
+
+    def _code(self, loop: NativeLoop, ticks: int, compiling: Compiling) -> int:
+        """Has machine code run ticks after the first ones, and the recorder take them."""
+        assert self._sink is not None
+        done = loop.run(ticks, min(self._sink.left, _AT_ONCE), compiling)
         self._sink.advance(done)
         self.used |= done > 0
-        self.look, self.sensed = self._loop.look, self._loop.sensed
-        self.goes_on = not (self.sensed or self._loop.stands)
         return done
 
 

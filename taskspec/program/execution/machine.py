@@ -7,6 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from taskspec.deferred_methods import dataclass
 from taskspec.program import events
 from taskspec.program.execution.compiled_terms import CompiledTerms
 from taskspec.program.execution.estimation import Estimation
@@ -43,6 +44,23 @@ _GROUPS_AFTER = 1000
 RESTS = 0.5
 
 
+@dataclass(slots=True)
+class Opening:
+    """A stage that has been entered, before its first tick.
+
+    Attributes:
+        clock: run time [s].
+        last: (n,) torque that the stage before made of this tick [N m].
+        carries: whether its torque goes on from there.
+        rests: for how long limits do not count yet [s], by name.
+    """
+
+    clock: float
+    last: Vector
+    carries: bool
+    rests: Mapping[str, float]
+
+
 class Machine:
     """Runs compiled stages tick by tick; one that is not compiled ends the task.
 
@@ -62,6 +80,7 @@ class Machine:
         estimation: what is measured for later stages.
         handed: the numbers of `HANDED`, as the current stage got them.
         torque: (n,) the command [N m].
+        applied: (n,) that of the tick before, while a tick is made [N m].
         outputs: the numbers of `ports.fields`.
         index: number of the current stage.
         t: [s] since it began.
@@ -103,7 +122,7 @@ class Machine:
         self._rounds, self._tries = 0, [0] * len(stages)
         self.index, self.t = 0, 0.0
         self.stage_ticks = 0
-        self._applied, self._fading = np.zeros(len(self.torque)), FadeOut(len(self.torque))
+        self.applied, self._fading = np.zeros(len(self.torque)), FadeOut(len(self.torque))
         self.runner = self.runners[0]
         self.ended = ""
         self.transitions: list[Transition] = []
@@ -129,7 +148,8 @@ class Machine:
         self.update_terms()
         self.torque[:] = self.terms.gravity
         self._rest_here()
-        self._enter(0, 0.0)
+        self._begin(0, 0.0)
+        self._enter()
 
     def returned_forces(self, index: int, t: float) -> ReturnedForces | None:
         """What stage `index` asks of contacts at its time t [s], were it entered at rest here.
@@ -142,7 +162,8 @@ class Machine:
             return None
         self.update_terms()
         self._rest_here()
-        self._enter(index, 0.0)
+        self._begin(index, 0.0)
+        self._enter()
         self.now[0] = t
         runner.tick.evaluate()
         return runner.solver.returned_forces()
@@ -168,7 +189,7 @@ class Machine:
         """
         self.update_terms()
         now, runner = self.now, self.runner
-        self._applied[:] = self.torque
+        self.applied[:] = self.torque
         now[0] = t = self.t = self.stage_ticks * self.period
         now[1] = clock
         if t >= runner.tracks.next_knot:
@@ -186,7 +207,7 @@ class Machine:
             if stopped or not (event and self._is_limit(event)):
                 return stopped
         if event and (self.stage_ticks > 1 or self._is_limit(event)):
-            self._change(clock, self._exits[self.index][int(event) - 1])
+            self._change(clock)
         else:
             self._commit()
         return float(event)
@@ -206,9 +227,29 @@ class Machine:
         self.t = (self.stage_ticks - 1) * self.period
         self._fading.reset()
 
+    def leave(self, clock: float) -> Opening | None:
+        """Ends the stage by the event of a tick that was made, and handed on, on these arrays.
+
+        Args:
+            clock: run time [s].
+
+        Returns:
+            The stage that follows, to be opened here or by the loop that made the tick; None
+            where the task has ended.
+        """
+        self.t = self.stage_ticks * self.period
+        self.stage_ticks += 1
+        self._fading.reset()
+        return self._leave(clock, handed=True)
+
+    def has_opened(self, step: float, carried: float) -> None:
+        """Takes note of a stage that another loop has opened, by its torque's step [N m]."""
+        last = self.transitions[-1]
+        last.torque_step, last.torque_carried = step, carried
+
     def _evaluate(self, runner: StageRunner) -> bool:
         """Evaluates a tick and keeps its limits; whether there is a torque that may be used."""
-        fresh = runner.answer(self._applied)
+        fresh = runner.answer(self.applied)
         if fresh:
             self._fading.reset()
         return fresh
@@ -226,7 +267,7 @@ class Machine:
         not committed: the tick did not happen. Returns the number of an event.
         """
         assert runner.solver is not None
-        runner.solver.hold(self._fading.step(self._applied, self.terms.gravity))
+        runner.solver.hold(self._fading.step(self.applied, self.terms.gravity))
         if self._fading.over and self.followed:
             self._end(clock, unanswered(runner.solver.status), 0.0, "")
             return 1.0
@@ -236,25 +277,37 @@ class Machine:
 
     def _is_limit(self, event: float) -> bool:
         """A stage's first tick heeds limits alone: what ends it well takes at least a tick."""
-        kind = self._exits[self.index][int(event) - 1].event.kind
-        return kind in (events.LIMIT, events.REACTION)
+        return self._exits[self.index][int(event) - 1].event.is_limit
 
-    def _change(self, clock: float, out: Exit) -> None:
-        """Ends the stage by an event, and begins the one that follows it, if any may."""
+    def _change(self, clock: float) -> None:
+        """Ends the stage by an event, and opens the one that follows it, if any may."""
+        opening = self._leave(clock)
+        if opening is not None:
+            self.open(opening)
+
+    def _leave(self, clock: float, *, handed: bool = False) -> Opening | None:
+        """Ends the stage by the event of the last outputs; the next one, if any may begin.
+
+        Args:
+            clock: run time [s].
+            handed: whether the stage has handed on what it has to.
+        """
+        out: Exit = self._exits[self.index][int(self.outputs[0]) - 1]
         event, to, index, value = out.event, out.to, out.index, float(self.outputs[1])
         again = self._rounds < out.repeat
         if again:
             to, index = self.stage.name, self.index
         if index is None:
             self._end(clock, event, value, to)
-            return
+            return None
         attempts = self._attempts[index]
         if not again and self._tries[index] >= attempts:
             text = f"{event.text}; stage {to!r} has had its {attempts} attempts"
             self._end(clock, events.Event(event.kind, "attempts", text), value, FAIL)
-            return
+            return None
         before, after, last = self.runner, self.runners[index], self.torque.copy()
-        before.leave()
+        if not handed:
+            before.leaving.evaluate()
         self.handed[_SAME] = float(before.stage.tracked == after.stage.tracked)
         if self.estimation.on:
             self.estimation.end(before.stage, self.terms.tip(), self.wrench)
@@ -262,37 +315,33 @@ class Machine:
         if unknown:
             text = f"stage {to!r} cannot begin: {unknown}"
             self._end(clock, events.Event(events.LIMIT, "frame_not_felt", text), 0.0, "")
-            return
+            return None
         self._note(clock, event, value, to)
         rests = before.rests(self.t)
         if event.kind == events.REACTION:
             rests[event.name] = RESTS
-        self._enter(index, clock, again=again)
-        after.rest(rests)
+        self._begin(index, clock, again=again)
         # What failed is not carried on: a law that presses too hard ends with the stage.
-        failed = event.kind in (events.FAIL_IF, events.REACTION)
-        carried = 0.0 if failed else after.carry(last)
-        self._first_tick(clock, last, carried)
+        carries = event.kind not in (events.FAIL_IF, events.REACTION)
+        return Opening(clock, last, carries, rests)
 
-    def _first_tick(self, clock: float, last: Vector, carried: float) -> None:
-        """The new stage's tick at t = 0: this one. What the old one made of it was not applied.
-
-        Args:
-            clock: run time [s].
-            last: (n,) torque that the old stage made of it [N m].
-            carried: the most that is carried on of it [N m].
-        """
-        self.torque[:] = self._applied
+    def open(self, opening: Opening) -> None:
+        """The new stage's tick at t = 0: this one. What the old one made of it was not applied."""
+        self._enter()
+        after, clock, last = self.runner, opening.clock, opening.last
+        after.rest(opening.rests)
+        carried = after.carry(last) if opening.carries else 0.0
+        self.torque[:] = self.applied
         noted = self.transitions[-1]
-        fresh = self._evaluate(self.runner)
+        fresh = self._evaluate(after)
         self.stage_ticks = 1
         event = self.outputs[0]
         if not fresh:
-            self._hold(self.runner, clock)
+            self._hold(after, clock)
         noted.torque_step = max(map(abs, (self.torque - last).tolist()))
         noted.torque_carried = carried
         if event and self._is_limit(event):
-            self._change(clock, self._exits[self.index][int(event) - 1])
+            self._change(clock)
         elif fresh:
             self._commit()
 
@@ -305,8 +354,8 @@ class Machine:
             Transition(clock, self.stage.name, event.kind, event.name, event.text, value, to)
         )
 
-    def _enter(self, index: int, clock: float, *, again: bool = False) -> None:
-        """Begins a stage from what is handed over; `again` where it repeats itself."""
+    def _begin(self, index: int, clock: float, *, again: bool = False) -> None:
+        """Makes a stage the current one; `again` where it repeats itself."""
         self._rounds = self._rounds + 1 if again else 1
         self._tries[index] += not again
         self.index, self.runner = index, self.runners[index]
@@ -315,6 +364,9 @@ class Machine:
         self.now[0], self.now[1] = 0.0, clock
         self.now[2 + index] += 1
         self.estimation.begin(self.runner.stage)
+
+    def _enter(self) -> None:
+        """Enters the current stage from what is handed over."""
         if self.runner.tick.groups:
             self._group()
         self.runner.enter(self.estimation.poses)

@@ -26,10 +26,14 @@ class StageRunner:
         stage: which.
         tick: its function, on its arrays.
         memory, parameters: of the stage.
+        entry: fills both, and the numbers of `tracks`.
+        leaving: writes what it hands on, by its last outputs.
         tracks: its moves and path.
         chooser: of the coordinates that its constraints decide; None without any.
         least_conditioning: below it they are chosen again.
         solver: what keeps its limits; None without a program.
+        carrying: has the torque go on from that of the stage before, `last` (n,) [N m].
+        carried: (1,) how much of it is carried on, of the joint where that is most [N m].
     """
 
     def __init__(
@@ -67,14 +71,14 @@ class StageRunner:
         self._poses = np.zeros(entry.function.nnz_in(len(inputs) + 1))
         given = [*inputs, handed, self._poses, np.zeros(0)]
         results = [memory, parameters, self.tracks.numbers]
-        self._entry = BoundFunction(entry.function, given, results)
+        self.entry = BoundFunction(entry.function, given, results)
         assert stage.leaving is not None
         # The run's time is beside the stage's.
-        self._leaving = BoundFunction(stage.leaving, [outputs, inputs[0][1:2]], [handed])
+        self.leaving = BoundFunction(stage.leaving, [outputs, inputs[0][1:2]], [handed])
         slots = stage.parameters.slots
-        self._last, self._carried = np.zeros(len(torque)), np.zeros(1)
-        step = *(parameters[slots[name]] for name in (STEP, RATE)), self._carried
-        self._carry = BoundFunction(carrying(len(torque)), [self._last, self._closed_form], step)
+        self.last, self.carried = np.zeros(len(torque)), np.zeros(1)
+        step = *(parameters[slots[name]] for name in (STEP, RATE)), self.carried
+        self.carrying = BoundFunction(carrying(len(torque)), [self.last, self._closed_form], step)
         self.chooser, self.least_conditioning = None, -np.inf
         if stage.choice is not None:
             self.chooser = Chooser(stage.choice, stage.parameters, arguments)
@@ -93,9 +97,8 @@ class StageRunner:
         Args:
             poses: (12,) of the estimated frames, by parameter.
         """
-        for i, name in enumerate(self.stage.entry.poses):
-            self._poses[12 * i : 12 * i + 12] = poses[name]
-        self._entry.evaluate()
+        self.place(poses)
+        self.entry.evaluate()
         self.tracks.begin()
         if self.chooser is not None:
             self.chooser.first()
@@ -107,6 +110,11 @@ class StageRunner:
                 self.tick.evaluate()
         self._torque[:] = before
 
+    def place(self, poses: Mapping[str, Vector]) -> None:
+        """Has the entry know the (12,) `poses` of estimated frames, by parameter."""
+        for i, name in enumerate(self.stage.entry.poses):
+            self._poses[12 * i : 12 * i + 12] = poses[name]
+
     def group(self) -> None:
         """Groups the instructions of what each tick evaluates."""
         self.tick.group()
@@ -115,6 +123,8 @@ class StageRunner:
 
     def rests(self, t: float) -> dict[str, float]:
         """For how long limits do not count yet [s], by name, at stage time t [s]."""
+        if not self._reacting:
+            return {}
         slots = self.stage.memory.slots
         ends = {limit: self.memory[slots[resting(limit)]] for limit in self._reacting}
         return {limit: float(end[0]) - t for limit, end in ends.items() if end[0] > t}
@@ -123,10 +133,6 @@ class StageRunner:
         """Keeps limits from counting for some time [s], by name, from the stage's begin on."""
         for limit in self._reacting & rests.keys():
             self.stage.memory.write(self.memory, resting(limit), rests[limit])
-
-    def leave(self) -> None:
-        """Writes what it hands on, by its last outputs."""
-        self._leaving.evaluate()
 
     def answer(self, applied: Vector) -> bool:
         """Evaluates a tick and keeps its limits; whether there is a torque that may be used.
@@ -149,9 +155,9 @@ class StageRunner:
         Returns:
             What is carried on, of the joint where that is most [N m].
         """
-        self._last[:] = torque
-        self._carry.evaluate()
-        return float(self._carried[0])
+        self.last[:] = torque
+        self.carrying.evaluate()
+        return float(self.carried[0])
 
     def commit(self) -> None:
         """Makes the memory of the last evaluation current."""

@@ -19,6 +19,9 @@ class Tracks:
 
     Attributes:
         numbers: of the cubics that follow from the entry, which writes them; see `StageEntry`.
+        places: where the knots of each cubic are in there, how many, and whether it is the path's.
+        known: of the path's knots those that do not follow from the entry [s].
+        path_time: (1,) of the stage's memory, where signals slow the path: its own time [s].
         next_knot: stage time [s] of the next change, infinite after the last.
     """
 
@@ -30,23 +33,28 @@ class Tracks:
         # Cubics of time; and the path's, which has a time of its own where signals slow it.
         self._cubics: list[tuple[Vector, PiecewiseCubic]] = []
         self._table: list[tuple[Vector, PiecewiseCubic]] = []
-        self._knots, self._path_knots, at = [np.inf], [np.inf], 0
-        self._known: list[float] = []
+        # Made of the numbers when they are first asked for.
+        self._knots: list[float] = []
+        self._path_knots: list[float] = []
+        self.places: list[tuple[int, int, bool]] = []
+        known, at = [0.0], 0
         self._along: tuple[Vector, PiecewiseCubic] | None = None
         for name, count in entry.cubics.items():
             knots, rest = np.split(self.numbers[at : at + 5 * count + 1], [count + 1])
-            at += 5 * count + 1
             cubic = PiecewiseCubic(knots, rest.reshape(count, 4))
+            self.places.append((at, count + 1, name == "segment.path"))
+            at += 5 * count + 1
             if name == "segment.path":
                 self._along = place[name], cubic
             else:
                 self._cubics.append((place[name], cubic))
         if entry.path is not None:
-            self._known = entry.path.knots()
+            known += entry.path.knots() + entry.path.timing.knots.tolist()
             self._along = place["segment.path"], entry.path.timing
             self._table = [(place[f"table.{a}"], s) for a, s in entry.path.splines.items()]
         slot = stage.memory.slots.get(TIME)
-        self._path_time = None if slot is None else memory[slot]
+        self.path_time = None if slot is None else memory[slot]
+        self.known = np.array(sorted(known))
         self.next_knot = np.inf
 
     @property
@@ -57,16 +65,21 @@ class Tracks:
 
     def begin(self) -> None:
         """Takes up the numbers of an entry, which has written the pieces that hold at time 0."""
-        knots = [0.0] if self._cubics else []
-        for _, cubic in self._cubics:
-            knots += cubic.knots.tolist()
-        path = [*self._known]
-        if self._along is not None:
-            path += [0.0, *self._along[1].knots.tolist()]
-        if self._path_time is None:
+        self.forget()
+        self._pass(0.0)
+
+    def forget(self) -> None:
+        """Has the numbers of an entry be taken up when they are asked for."""
+        self._knots = []
+
+    def _sort(self) -> None:
+        """Puts all knots in their order."""
+        knots, path = [0.0], self.known.tolist()
+        for at, count, along in self.places:
+            (path if along else knots).extend(self.numbers[at : at + count].tolist())
+        if self.path_time is None:
             knots, path = knots + path, []
         self._knots, self._path_knots = [*sorted(knots), np.inf], [*sorted(path), np.inf]
-        self._pass(0.0)
 
     def refresh(self, t: float) -> None:
         """Writes the pieces that hold at stage time t [s] into the parameters."""
@@ -74,7 +87,7 @@ class Tracks:
             place[:] = cubic.segment(t)
         if self._along is not None:
             place, timing = self._along
-            own = t if self._path_time is None else float(self._path_time[0])
+            own = t if self.path_time is None else float(self.path_time[0])
             place[:] = timing.segment(own)
             s = timing(own)
             for place, spline in self._table:
@@ -82,9 +95,11 @@ class Tracks:
         self._pass(t)
 
     def _pass(self, t: float) -> None:
+        if not self._knots:
+            self._sort()
         self.next_knot = self._knots[bisect_right(self._knots, t)]
-        if self._path_time is not None:
+        if self.path_time is not None:
             # No sooner: its time goes at most as fast as that of the stage.
-            own = float(self._path_time[0])
+            own = float(self.path_time[0])
             left = self._path_knots[bisect_right(self._path_knots, own)] - own
             self.next_knot = min(self.next_knot, t + left)

@@ -92,7 +92,7 @@ def leads_to(stage: Stage, event: Event, following: str) -> str:
         event: what happened.
         following: the next stage of the file, `end` after the last one.
     """
-    if event.kind in (events.LIMIT, events.REACTION):
+    if event.is_limit:
         return event.then
     if is_good(event):
         return stage.ways(following)[event.way]

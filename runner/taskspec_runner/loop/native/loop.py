@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import ctypes
+import math
 from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.native import quadratic
-from taskspec.program.execution import stage_solver
+from taskspec.native.engine import EngineError
+from taskspec.native.expressions import UnsupportedOperationError
+from taskspec.program.execution import pivots, stage_solver
 from taskspec.program.execution.compiled_terms import CompiledTerms
-from taskspec.program.execution.machine import Machine
+from taskspec.program.execution.machine import Machine, Opening
 from taskspec.program.execution.stage_runner import StageRunner
 from taskspec.program.ports import fields, slices
 from taskspec_runner.loop import fixed_step
@@ -30,7 +33,7 @@ from taskspec_runner.record.block import Block, weights
 Vector = NDArray[np.float64]
 
 #: Where the loop has its functions, its record and its constants.
-_MODULES = (ticks, tick_memory, quadratic, stage_solver, fixed_step, log_block)
+_MODULES = (ticks, tick_memory, quadratic, pivots, stage_solver, fixed_step, log_block)
 
 
 class NativeLoop:
@@ -42,6 +45,10 @@ class NativeLoop:
         look: whether it has stopped for the plant's alarms to be looked at.
         sensed: whether the next tick is Python's, and has been sensed.
         stands: whether the next tick is Python's, from its beginning.
+        ends: whether the next tick, which has been made, ends its stage: what follows is the
+            matter of the next `run`.
+        made: whether the machine has made the next tick, so that only its step and its record are
+            Python's.
     """
 
     def __init__(self, loop: ClosedLoop, block: Block | None) -> None:
@@ -54,7 +61,7 @@ class NativeLoop:
         Raises:
             LayoutError: MuJoCo's data lie otherwise than expected.
         """
-        self.look = self.sensed = self.stands = False
+        self.look = self.sensed = self.stands = self.ends = self.made = False
         machine, plant, bus, sensing = loop.machine, loop.plant, loop.bus, loop.sensing
         # A plant that is elsewhere has no memory to share.
         assert isinstance(plant, Plant)
@@ -134,24 +141,72 @@ class NativeLoop:
         Raises:
             EngineError, UnsupportedOperationError, NotReadyError: as `ready`.
         """
+        self.look = self.sensed = self.stands = self.made = False
+        opening = self._leave(first, compiling) if self.ends else None
+        if self.made:
+            return 0
         wanted = self._machine.index in self._missing or compiling is Compiling.BESIDE
-        if self._run is None or (self._missing and wanted):
+        if self._run is None or (self._missing and wanted and opening is None):
             self.ready(compiling)
         assert self._run is not None
         c, sensor = self._record(first), self._sensing.sensor
+        if opening is not None:
+            c.opens, c.carries = 1, opening.carries
+            self._machine.runner.last[:] = opening.last
+            # The code finds the first knot itself.
+            self._machine.runner.tracks.forget()
         while True:
             reason = self._run(c.address, first + most - c.ticks)
-            if reason != ticks.NOISE or sensor is None:
+            if reason == ticks.KNOT:
+                c.next_knot = self._refresh(float(c.stage_ticks) * c.period)
+            elif reason == ticks.NOISE and sensor is not None:
+                sensor.draw()
+                c.noise_used = sensor.used
+            else:
                 break
-            sensor.draw()
-            c.noise_used = sensor.used
-        self.look = reason == ticks.LOOK
+        if reason == ticks.OPENS:
+            assert opening is not None
+            self._machine.open(opening)
+            self.made = True
+            return 0
+        self.look, self.ends = reason == ticks.LOOK, reason == ticks.ENDS
         self.sensed, self.stands = reason == ticks.SENSED, reason == ticks.WHOLE
         self._take_back(c)
+        if opening is not None:
+            carried = float(self._machine.runner.carried[0]) if opening.carries else 0.0
+            self._machine.has_opened(c.torque_step, carried)
         done = int(c.ticks) - first
         if done:
             self._machine.has_run(done)
         return done
+
+    def _leave(self, first: int, compiling: Compiling) -> Opening | None:
+        """Ends a stage; the one that follows, for machine code to open, if there is any of it."""
+        machine = self._machine
+        self.ends = False
+        opening = machine.leave(first * machine.period)
+        self.made = opening is None
+        if opening is None:
+            return None
+        try:
+            if machine.index in self._missing:
+                self.ready(compiling)
+        except (NotReadyError, EngineError, UnsupportedOperationError):
+            # Whoever asks for its ticks is told.
+            self.made = True
+        if opening.rests or self.made:
+            machine.open(opening)
+            self.made = True
+            return None
+        machine.runner.place(machine.estimation.poses)
+        return opening
+
+    def _refresh(self, t: float) -> float:
+        """Has the stage have the pieces of stage time t [s]; when it is to have the next [s]."""
+        runner = self._machine.runner
+        runner.refresh(t)
+        # A piece may be shorter than numbers can tell, and is had for a tick all the same.
+        return max(runner.tracks.next_knot, math.nextafter(t, math.inf))
 
     def _record(self, first: int) -> TickMemory:
         """The record of the current stage, with the state of all that Python has changed."""
@@ -177,6 +232,7 @@ class NativeLoop:
         """Gives Python what the ticks have changed of its own."""
         sensor, solver = self._sensing.sensor, self._machine.runner.solver
         estimates = self._machine.estimation.estimates
+        self._machine.runner.tracks.next_knot = c.next_knot
         if estimates is not None:
             estimates.collected = c.estimate_ticks
         if sensor is not None:
@@ -220,6 +276,7 @@ def _controller(record: TickMemory, machine: Machine, plant: Plant) -> None:
         true_reactions=plant.views.equations,
         torque=machine.torque,
         outputs=machine.outputs,
+        torque_before=machine.applied,
     )
     assert isinstance(machine.terms, CompiledTerms)
     record.function("terms", machine.terms.bound)
@@ -362,6 +419,34 @@ def _stage(record: TickMemory, torque: Vector, outputs: Vector, runner: StageRun
         new_torque=new_torque,
         new_outputs=new_outputs,
     )
+    tracks = runner.tracks
+    for name in ("entry", "leaving", "carrying"):
+        record.function(name, getattr(runner, name))
+    record.take(
+        n_cubics=len(tracks.places),
+        n_known_knots=len(tracks.known),
+        slowed=tracks.path_time is not None,
+        cubics=tracks.numbers,
+        cubic_places=np.array(tracks.places, dtype=np.int64).reshape(-1),
+        known_knots=tracks.known,
+    )
+    if tracks.path_time is not None:
+        record.take(path_time=tracks.path_time)
+    limits = np.array([each.is_limit for each in runner.stage.events], dtype=np.int64)
+    record.take(last=runner.last, limit_events=limits)
+    chooser = runner.chooser
+    if chooser is not None:
+        record.function("choice", chooser.look)
+        m, c = chooser.sizes
+        record.take(
+            n_constraints=m,
+            n_coordinates=c,
+            gradient=chooser.gradient,
+            selection=chooser.selection,
+            pivot_rows=chooser.rows,
+            pivot_columns=chooser.chosen,
+            pivots_left=chooser.left,
+        )
     if solver is not None:
         record.take(
             has_program=True,

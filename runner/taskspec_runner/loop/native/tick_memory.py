@@ -71,6 +71,18 @@ class TickMemory(Record):
     detents: int
     detents_arg: int
     detents_res: int
+    choice: int
+    choice_arg: int
+    choice_res: int
+    entry: int
+    entry_arg: int
+    entry_res: int
+    leaving: int
+    leaving_arg: int
+    leaving_res: int
+    carrying: int
+    carrying_arg: int
+    carrying_res: int
 
     # functions of libraries, by their addresses
     mj_step: int
@@ -85,6 +97,8 @@ class TickMemory(Record):
     ticks: int  # of the run
     stage_ticks: int  # of the stage
     stage: int  # its number
+    opens: int  # whether it has been entered and has had no tick
+    carries: int  # whether its torque goes on from that of the stage before
 
     # the controller
     n: int  # joints
@@ -92,6 +106,11 @@ class TickMemory(Record):
     n_outputs: int  # outputs of the tick
     n_memory: int  # numbers that the stage remembers
     n_requests: int  # force set points of the stage
+    n_constraints: int  # that decide coordinates
+    n_coordinates: int  # to choose from
+    n_cubics: int  # of moves and of the path that follow from the entry
+    n_known_knots: int  # of the path that do not
+    slowed: int  # whether signals slow the path
     has_last_torque: int  # whether the tick reads the torque before
     has_program: int  # whether limits may need a program
     solves: int  # whether the programs are solved here
@@ -164,6 +183,7 @@ class TickMemory(Record):
     last_time: float  # of the simulator at the last look [s]
     force_bound: float  # [N]
     worst: float  # residual of an answer that was used
+    torque_step: float  # of the joint where it is most, as the stage was opened [N m]
     energy_bound: float  # [J]
 
     # the controller's inputs, and what they are measured from
@@ -179,6 +199,7 @@ class TickMemory(Record):
 
     # the tick: what holds, and what a tick makes of it
     torque: Vector
+    torque_before: Vector
     outputs: Vector
     memory: Vector
     new_torque: Vector
@@ -196,6 +217,15 @@ class TickMemory(Record):
     unreachable: Vector
     left_over: Vector
     solver_last: Vector
+
+    # a stage that is opened
+    last: Vector
+    cubics: Vector
+    known_knots: Vector
+    path_time: Vector
+    gradient: Vector
+    selection: Vector
+    pivot_rows: Vector
 
     # the sensor and its zero
     noise_rows: Vector
@@ -240,6 +270,10 @@ class TickMemory(Record):
     bus: Vector
     rows: Vector
 
+    limit_events: Words  # 1 for each event of the stage that is a limit
+    cubic_places: Words  # of each: where its knots are, how many, whether it is the path's
+    pivot_columns: Words
+    pivots_left: Words
     mechanism_at: Words
     mechanism_dof: Words
     loose_at: Words

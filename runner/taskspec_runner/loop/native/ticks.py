@@ -1,9 +1,11 @@
 """The closed loop's ticks on which nothing happens, in the Python that becomes machine code.
 
-A tick that changes the stage, breaks a limit or cannot be computed is left to Python before it has
-had an effect: `run` returns with a reason, and the machine does that tick. So this module decides
-nothing; it is the order in which a tick's functions read and write the run's memory. What `c` has
-is listed in `tick_memory`.
+A tick that cannot be computed is left to Python before it has had an effect: `run` returns with a
+reason, and the machine does that tick. Of a tick that ends the stage it leaves torque and outputs
+to the machine, which finds the stage that follows and fills that one's memory; the first tick of
+that stage, which is the same one, is then made here again. So this module decides nothing; it is
+the order in which a tick's functions read and write the run's memory. What `c` has is listed in
+`tick_memory`.
 """
 
 from __future__ import annotations
@@ -12,14 +14,17 @@ import math
 
 from taskspec.native.kernel import Vector, Words, call
 from taskspec.native.quadratic import SOLVED, solve
+from taskspec.program.execution.pivots import select
 from taskspec.program.execution.stage_solver import EXACT, WORST_RESIDUAL
 from taskspec_runner.loop.fixed_step import HEALTHY
 from taskspec_runner.loop.native.tick_memory import TickMemory
 from taskspec_runner.record.block import checksum
 
 #: Why `run` has returned: all ticks are done; the next tick is Python's, from its beginning; the
-#: noise is used up; the tick that has been sensed is Python's; the plant is to be looked at.
-DONE, WHOLE, NOISE, SENSED, LOOK = 0, 1, 2, 3, 4
+#: noise is used up; the tick that has been sensed is Python's; the plant is to be looked at; the
+#: tick ends its stage; the stage that has been entered is Python's to open; a path or a move comes
+#: to its next piece.
+DONE, WHOLE, NOISE, SENSED, LOOK, ENDS, OPENS, KNOT = 0, 1, 2, 3, 4, 5, 6, 7
 #: A warning's number is the upper half of the 64 bit that MuJoCo has of it.
 _ONE_WARNING = 0x100000000
 
@@ -27,15 +32,24 @@ _ONE_WARNING = 0x100000000
 def run(c: TickMemory, todo: int) -> int:
     """Up to `todo` ticks; why it has returned."""
     for _ in range(todo):
-        if float(c.stage_ticks) * c.period >= c.next_knot:
-            return WHOLE
-        if c.outputs[c.i_conditioning] < c.least_conditioning:
-            return WHOLE
-        if c.noisy and c.noise_used == c.noise_drawn:
-            return NOISE
-        _sense(c)
-        if not _tick(c):
-            return SENSED
+        if c.opens:
+            if not (_opened(c) and _tick(c)):
+                return OPENS
+            c.torque_step = _furthest(c.new_torque, c.last, c.n)
+            c.opens = 0
+        else:
+            if float(c.stage_ticks) * c.period >= c.next_knot:
+                return KNOT
+            if c.outputs[c.i_conditioning] < c.least_conditioning:
+                return WHOLE
+            if c.noisy and c.noise_used == c.noise_drawn:
+                return NOISE
+            _sense(c)
+            if not _tick(c):
+                return SENSED
+            if c.new_outputs[0] != 0.0 and c.stage_ticks > 0:
+                _end(c)
+                return ENDS
         _commit(c)
         _step(c)
         _record(c)
@@ -76,9 +90,72 @@ def _tick(c: TickMemory) -> bool:
     if c.has_last_torque:
         _copy(c.torque, c.last_torque, c.n)
     call(c.tick, c.tick_arg, c.tick_res, 0, 0, 0)
-    if out[0] != 0.0 or not out[c.i_health] < HEALTHY:
+    if not out[c.i_health] < HEALTHY:
+        return False
+    limits = c.limit_events
+    # A first tick heeds limits alone, and what that leads to is Python's to decide.
+    if c.stage_ticks == 0 and out[0] != 0.0 and limits[int(out[0]) - 1] != 0:
         return False
     return c.has_program == 0 or _resolve(c)
+
+
+def _end(c: TickMemory) -> None:
+    """Leaves the tick that ends a stage to the machine."""
+    _copy(c.torque, c.torque_before, c.n)
+    _copy(c.new_torque, c.torque, c.n)
+    _copy(c.new_outputs, c.outputs, c.n_outputs)
+    call(c.leaving, c.leaving_arg, c.leaving_res, 0, 0, 0)
+
+
+def _opened(c: TickMemory) -> bool:
+    """Enters a stage: memory and parameters, coordinates, forces that come back, what is carried.
+
+    Whether it could. Nothing is written that Python would not write anew.
+    """
+    _copy(c.torque_before, c.torque, c.n)
+    call(c.entry, c.entry_arg, c.entry_res, 0, 0, 0)
+    c.next_knot = _first_knot(c)
+    if c.choice:
+        call(c.choice, c.choice_arg, c.choice_res, 0, 0, 0)
+        select(
+            c.gradient,
+            c.selection,
+            c.pivot_rows,
+            c.pivot_columns,
+            c.pivots_left,
+            c.n_constraints,
+            c.n_coordinates,
+        )
+    if c.asks or c.carries:
+        call(c.tick, c.tick_arg, c.tick_res, 0, 0, 0)
+    if c.asks:
+        if not _settled(c):
+            return False
+        if c.paring:
+            call(c.tick, c.tick_arg, c.tick_res, 0, 0, 0)
+    if c.carries:
+        call(c.carrying, c.carrying_arg, c.carrying_res, 0, 0, 0)
+    return True
+
+
+def _first_knot(c: TickMemory) -> float:
+    """When the stage that has been entered comes to the next piece of a move or of its path."""
+    path_time, known, places = c.path_time, c.known_knots, c.cubic_places
+    own = path_time[0] if c.slowed else 0.0
+    first, along = math.inf, math.inf
+    for i in range(c.n_cubics):
+        knots = c.cubics[places[3 * i] :]
+        for k in range(places[3 * i + 1]):
+            if places[3 * i + 2] == 0 and knots[k] > 0.0:
+                first = min(first, knots[k])
+            if places[3 * i + 2] != 0 and knots[k] > own:
+                along = min(along, knots[k])
+    for k in range(c.n_known_knots):
+        if known[k] > own:
+            along = min(along, known[k])
+            break
+    # The path's time goes at most as fast as the stage's.
+    return min(first, along - own)
 
 
 def _resolve(c: TickMemory) -> bool:
@@ -283,6 +360,13 @@ def _alarming(c: TickMemory) -> bool:
 def _copy(source: Vector, target: Vector, n: int) -> None:
     for i in range(n):
         target[i] = source[i]
+
+
+def _furthest(a: Vector, b: Vector, n: int) -> float:
+    most = 0.0
+    for i in range(n):
+        most = max(most, abs(a[i] - b[i]))
+    return most
 
 
 def _gather(source: Vector, places: Words, target: Vector, n: int) -> None:
