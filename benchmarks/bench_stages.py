@@ -78,7 +78,7 @@ class Run:
         """To the end of the tick after a stage's first one; what the code leaves is Python's."""
         machine = self._parts.machine
         while machine.stage_ticks < 2 or code.ends:
-            self._code(1)
+            self._code(2 - machine.stage_ticks if not code.ends else 2)
             if code.sensed or code.stands or code.made:
                 self._tick(code)
             if machine.ended:

@@ -86,9 +86,14 @@ class ModelTerms(ABC):
         """(9,) axes of the tip in the world, column after column, as last evaluated."""
         return self.arrays[5]
 
+    @property
+    def position(self) -> Vector:
+        """(3,) of the tip in the world, as last evaluated."""
+        return self.arrays[4]
+
     def tip(self) -> tuple[Vector, Vector]:
         """Position (3,) and rotation (3, 3) of the tool tip in the world, as last evaluated."""
-        return self.arrays[4].copy(), self.rotation.reshape(3, 3, order="F").copy()
+        return self.position.copy(), self.rotation.reshape(3, 3, order="F").copy()
 
 
 class PinocchioTerms(ModelTerms):

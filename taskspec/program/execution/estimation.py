@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from taskspec.program.execution.sensor_zero import SensorZero
 from taskspec.program.stages.stage import CompiledStage
 from taskspec.program.world.estimated_frames import Estimates
+from taskspec.robot.model_terms import ModelTerms
 
 Vector = NDArray[np.float64]
 
@@ -51,16 +52,16 @@ class Estimation:
         if self.estimates is not None:
             self.estimates.collect(wrench[:3])
 
-    def end(self, stage: CompiledStage, tip: tuple[Vector, Vector], wrench: Vector) -> None:
+    def end(self, stage: CompiledStage, terms: ModelTerms, wrench: Vector) -> None:
         """Takes what a stage has estimated, and corrects the measured `wrench` (6,) by it.
 
         Args:
             stage: that ends.
-            tip: (3,), (3, 3) pose of the tip.
+            terms: of now.
             wrench: of now.
         """
         if self.estimates is not None:
-            self.estimates.end(stage.name, tip[0])
+            self.estimates.end(stage.name, terms.position)
         if self._sensor is not None and stage.plan.spec.tare:
             self._sensor.tare()
-            self._sensor.correct(tip[1], wrench)
+            self._sensor.correct(terms.tip()[1], wrench)

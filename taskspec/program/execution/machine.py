@@ -50,13 +50,11 @@ class Opening:
 
     Attributes:
         clock: run time [s].
-        last: (n,) torque that the stage before made of this tick [N m].
         carries: whether its torque goes on from there.
         rests: for how long limits do not count yet [s], by name.
     """
 
     clock: float
-    last: Vector
     carries: bool
     rests: Mapping[str, float]
 
@@ -81,6 +79,7 @@ class Machine:
         handed: the numbers of `HANDED`, as the current stage got them.
         torque: (n,) the command [N m].
         applied: (n,) that of the tick before, while a tick is made [N m].
+        last: (n,) what the stage before made of the tick on which it ended [N m].
         outputs: the numbers of `ports.fields`.
         index: number of the current stage.
         t: [s] since it began.
@@ -112,8 +111,10 @@ class Machine:
         self.now = np.zeros(2 + len(self._names))
         self._inputs = (self.now, self.q, self.v, *self.terms.arrays, self.wrench, self.reactions)
         self.handed = np.zeros(hand_over.SIZE)
+        self.applied, self.last = np.zeros((2, len(self.torque)))
+        self._fading = FadeOut(len(self.torque))
         self.runners = tuple(
-            StageRunner(s, self._inputs, self.handed, self.torque, self.outputs, own)
+            StageRunner(s, self._inputs, self.handed, self.torque, self.last, self.outputs, own)
             for s in stages
         )
         self._exits = exits(stages, self._names)
@@ -122,7 +123,6 @@ class Machine:
         self._rounds, self._tries = 0, [0] * len(stages)
         self.index, self.t = 0, 0.0
         self.stage_ticks = 0
-        self.applied, self._fading = np.zeros(len(self.torque)), FadeOut(len(self.torque))
         self.runner = self.runners[0]
         self.ended = ""
         self.transitions: list[Transition] = []
@@ -148,8 +148,8 @@ class Machine:
         self.update_terms()
         self.torque[:] = self.terms.gravity
         self._rest_here()
-        self._begin(0, 0.0)
-        self._enter()
+        self._begin(0)
+        self._enter(0.0)
 
     def returned_forces(self, index: int, t: float) -> ReturnedForces | None:
         """What stage `index` asks of contacts at its time t [s], were it entered at rest here.
@@ -162,8 +162,8 @@ class Machine:
             return None
         self.update_terms()
         self._rest_here()
-        self._begin(index, 0.0)
-        self._enter()
+        self._begin(index)
+        self._enter(0.0)
         self.now[0] = t
         runner.tick.evaluate()
         return runner.solver.returned_forces()
@@ -290,7 +290,7 @@ class Machine:
 
         Args:
             clock: run time [s].
-            handed: whether the stage has handed on what it has to.
+            handed: whether the stage has handed on what it has to, its torque too.
         """
         out: Exit = self._exits[self.index][int(self.outputs[0]) - 1]
         event, to, index, value = out.event, out.to, out.index, float(self.outputs[1])
@@ -305,12 +305,13 @@ class Machine:
             text = f"{event.text}; stage {to!r} has had its {attempts} attempts"
             self._end(clock, events.Event(event.kind, "attempts", text), value, FAIL)
             return None
-        before, after, last = self.runner, self.runners[index], self.torque.copy()
+        before, after = self.runner, self.runners[index]
         if not handed:
+            self.last[:] = self.torque
             before.leaving.evaluate()
-        self.handed[_SAME] = float(before.stage.tracked == after.stage.tracked)
+        self.handed[_SAME] = before.stage.tracked == after.stage.tracked
         if self.estimation.on:
-            self.estimation.end(before.stage, self.terms.tip(), self.wrench)
+            self.estimation.end(before.stage, self.terms, self.wrench)
         unknown = self.estimation.missing(after.stage)
         if unknown:
             text = f"stage {to!r} cannot begin: {unknown}"
@@ -320,17 +321,17 @@ class Machine:
         rests = before.rests(self.t)
         if event.kind == events.REACTION:
             rests[event.name] = RESTS
-        self._begin(index, clock, again=again)
+        self._begin(index, again=again)
         # What failed is not carried on: a law that presses too hard ends with the stage.
         carries = event.kind not in (events.FAIL_IF, events.REACTION)
-        return Opening(clock, last, carries, rests)
+        return Opening(clock, carries, rests)
 
     def open(self, opening: Opening) -> None:
         """The new stage's tick at t = 0: this one. What the old one made of it was not applied."""
-        self._enter()
-        after, clock, last = self.runner, opening.clock, opening.last
+        after, clock = self.runner, opening.clock
+        self._enter(clock)
         after.rest(opening.rests)
-        carried = after.carry(last) if opening.carries else 0.0
+        carried = after.carry() if opening.carries else 0.0
         self.torque[:] = self.applied
         noted = self.transitions[-1]
         fresh = self._evaluate(after)
@@ -338,7 +339,7 @@ class Machine:
         event = self.outputs[0]
         if not fresh:
             self._hold(after, clock)
-        noted.torque_step = max(map(abs, (self.torque - last).tolist()))
+        noted.torque_step = max(map(abs, (self.torque - self.last).tolist()))
         noted.torque_carried = carried
         if event and self._is_limit(event):
             self._change(clock)
@@ -354,19 +355,19 @@ class Machine:
             Transition(clock, self.stage.name, event.kind, event.name, event.text, value, to)
         )
 
-    def _begin(self, index: int, clock: float, *, again: bool = False) -> None:
+    def _begin(self, index: int, *, again: bool = False) -> None:
         """Makes a stage the current one; `again` where it repeats itself."""
         self._rounds = self._rounds + 1 if again else 1
         self._tries[index] += not again
         self.index, self.runner = index, self.runners[index]
         self.stage_ticks, self.t = 0, 0.0
-        self.outputs[_CONDITIONING] = 1.0
-        self.now[0], self.now[1] = 0.0, clock
         self.now[2 + index] += 1
         self.estimation.begin(self.runner.stage)
 
-    def _enter(self) -> None:
-        """Enters the current stage from what is handed over."""
+    def _enter(self, clock: float) -> None:
+        """Enters the current stage from what is handed over, at run time `clock` [s]."""
+        self.outputs[_CONDITIONING] = 1.0
+        self.now[0], self.now[1] = 0.0, clock
         if self.runner.tick.groups:
             self._group()
         self.runner.enter(self.estimation.poses)

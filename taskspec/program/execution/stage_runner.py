@@ -32,7 +32,7 @@ class StageRunner:
         chooser: of the coordinates that its constraints decide; None without any.
         least_conditioning: below it they are chosen again.
         solver: what keeps its limits; None without a program.
-        carrying: has the torque go on from that of the stage before, `last` (n,) [N m].
+        carrying: has the torque go on from that of the stage before.
         carried: (1,) how much of it is carried on, of the joint where that is most [N m].
     """
 
@@ -42,6 +42,7 @@ class StageRunner:
         inputs: tuple[Vector, ...],
         handed: Vector,
         torque: Vector,
+        last: Vector,
         outputs: Vector,
         own: OwnSolver,
     ) -> None:
@@ -52,6 +53,7 @@ class StageRunner:
             inputs: of its tick before memory and parameters.
             handed: what is handed from stage to stage, the numbers of `HANDED`.
             torque, outputs: that its tick writes.
+            last: (n,) torque of the stage before.
             own: makes the solver that is tried first.
         """
         self.stage, self._torque = stage, torque
@@ -76,9 +78,9 @@ class StageRunner:
         # The run's time is beside the stage's.
         self.leaving = BoundFunction(stage.leaving, [outputs, inputs[0][1:2]], [handed])
         slots = stage.parameters.slots
-        self.last, self.carried = np.zeros(len(torque)), np.zeros(1)
+        self.carried = np.zeros(1)
         step = *(parameters[slots[name]] for name in (STEP, RATE)), self.carried
-        self.carrying = BoundFunction(carrying(len(torque)), [self.last, self._closed_form], step)
+        self.carrying = BoundFunction(carrying(len(torque)), [last, self._closed_form], step)
         self.chooser, self.least_conditioning = None, -np.inf
         if stage.choice is not None:
             self.chooser = Chooser(stage.choice, stage.parameters, arguments)
@@ -147,15 +149,14 @@ class StageRunner:
         self.tick.evaluate()
         return self.solver.resolve()
 
-    def carry(self, torque: Vector) -> float:
-        """Has a new stage's torque go on from the (n,) `torque` of the last one at this tick.
+    def carry(self) -> float:
+        """Has a new stage's torque go on from that of the last one at this tick.
 
         What is not finite is not carried.
 
         Returns:
             What is carried on, of the joint where that is most [N m].
         """
-        self.last[:] = torque
         self.carrying.evaluate()
         return float(self.carried[0])
 

@@ -143,6 +143,8 @@ class Estimates:
         recent: (window, 3) ring of the measured forces of the stage's last ticks, by the
             environment, world axes [N].
         collected: ticks of the stage; tick k is row k modulo the window.
+        stages: at whose ends something is measured.
+        poses: (12,) by stage parameter.
     """
 
     def __init__(self, frames: Iterable[FrameModel], period: float) -> None:
@@ -154,16 +156,8 @@ class Estimates:
         }
         self.recent: Vector = np.zeros((window(period), 3))
         self.collected = 0
-
-    @property
-    def stages(self) -> frozenset[str]:
-        """At whose ends something is measured."""
-        return frozenset(f.estimate for f in self._frames)
-
-    @property
-    def poses(self) -> dict[str, Vector]:
-        """(12,) by stage parameter."""
-        return {name: estimate.pose for name, estimate in self._estimates.items()}
+        self.stages = frozenset(f.estimate for f in self._frames)
+        self.poses = {name: estimate.pose for name, estimate in self._estimates.items()}
 
     def begin(self) -> None:
         """Forgets the forces of the last stage."""
@@ -184,8 +178,11 @@ class Estimates:
             except NotEstimatedError as error:
                 estimate = Estimate(np.zeros(SIZE), str(error))
             else:
-                estimate = Estimate(np.concatenate([R.ravel(order="F"), origin]))
+                pose = np.empty(SIZE)
+                pose[:9], pose[9:] = R.ravel(order="F"), origin
+                estimate = Estimate(pose)
             self._estimates[slot(frame)] = estimate
+            self.poses[slot(frame)] = estimate.pose
 
     def mean(self) -> Vector:
         """(3,) mean of the forces in the window, the oldest first."""
@@ -195,7 +192,8 @@ class Estimates:
             recent = recent[: self.collected]
         elif oldest:
             recent = np.concatenate((recent[oldest:], recent[:oldest]))
-        return np.asarray(recent.sum(axis=0) / len(recent))
+        total: Vector = np.add.reduce(recent)
+        return total / len(recent)
 
     def missing(self, parameters: Iterable[str]) -> str:
         """Why a stage with these poses cannot be entered, as a sentence; empty if it can.

@@ -152,7 +152,6 @@ class NativeLoop:
         c, sensor = self._record(first), self._sensing.sensor
         if opening is not None:
             c.opens, c.carries = 1, opening.carries
-            self._machine.runner.last[:] = opening.last
             # The code finds the first knot itself.
             self._machine.runner.tracks.forget()
         while True:
@@ -277,6 +276,7 @@ def _controller(record: TickMemory, machine: Machine, plant: Plant) -> None:
         torque=machine.torque,
         outputs=machine.outputs,
         torque_before=machine.applied,
+        last=machine.last,
     )
     assert isinstance(machine.terms, CompiledTerms)
     record.function("terms", machine.terms.bound)
@@ -433,7 +433,7 @@ def _stage(record: TickMemory, torque: Vector, outputs: Vector, runner: StageRun
     if tracks.path_time is not None:
         record.take(path_time=tracks.path_time)
     limits = np.array([each.is_limit for each in runner.stage.events], dtype=np.int64)
-    record.take(last=runner.last, limit_events=limits)
+    record.take(limit_events=limits)
     chooser = runner.chooser
     if chooser is not None:
         record.function("choice", chooser.look)

@@ -103,6 +103,7 @@ def _end(c: TickMemory) -> None:
     """Leaves the tick that ends a stage to the machine."""
     _copy(c.torque, c.torque_before, c.n)
     _copy(c.new_torque, c.torque, c.n)
+    _copy(c.new_torque, c.last, c.n)
     _copy(c.new_outputs, c.outputs, c.n_outputs)
     call(c.leaving, c.leaving_arg, c.leaving_res, 0, 0, 0)
 
@@ -112,6 +113,9 @@ def _opened(c: TickMemory) -> bool:
 
     Whether it could. Nothing is written that Python would not write anew.
     """
+    now = c.now
+    now[0] = 0.0
+    now[1] = float(c.ticks) * c.period
     _copy(c.torque_before, c.torque, c.n)
     call(c.entry, c.entry_arg, c.entry_res, 0, 0, 0)
     c.next_knot = _first_knot(c)
