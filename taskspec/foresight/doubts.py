@@ -53,6 +53,11 @@ def last_doubt(task: TaskPlan) -> str:
     return found
 
 
+def _protected(task: TaskPlan, stage: StagePlan) -> bool:  # noqa: ARG001
+    """The robot's own controller stops it, at what no reference tells: blows, torques' rates."""
+    return task.context.loaded.task.robot.protection is not None
+
+
 def _holds(task: TaskPlan, stage: StagePlan) -> bool:
     """A mechanism turns under the arm, and presses where its way is not the reference's.
 
@@ -310,6 +315,7 @@ def _expected(task: TaskPlan, stage: StagePlan) -> bool:
 
 
 _DOUBTS: tuple[Callable[[TaskPlan, StagePlan], bool], ...] = (
+    _protected,
     _holds,
     _guard,
     _bounces,

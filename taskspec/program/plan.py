@@ -119,8 +119,17 @@ class StagePlan:
 
     @cached_property
     def limits(self) -> Limits:
-        """The file's limits, with those of the stage put over them key by key."""
-        return self.context.loaded.task.limits_of(self.spec)
+        """The file's limits, with those of the stage put over them key by key.
+
+        What keeps limits keeps the rate of torques that the robot's protection has as well.
+        """
+        limits = self.context.loaded.task.limits_of(self.spec)
+        protection = self.context.loaded.task.robot.protection
+        joints = None if protection is None else protection.joints
+        if self.law.solve != "qp" or joints is None or joints.torque_rate is None:
+            return limits
+        rates = [*joints.torque_rate, limits.torque_rate or math.inf]
+        return limits.model_copy(update={"torque_rate": min(rates)})
 
     @cached_property
     def longest(self) -> float:

@@ -27,8 +27,10 @@ from taskspec.foresight.conditions import names, parts
 from taskspec.foresight.doubts import last_doubt
 from taskspec.geometry.axis import ROTATIONS, TRANSLATIONS
 from taskspec.program.plan import StagePlan, TaskPlan
+from taskspec.program.stages.protected import PROTECTION, about_force
 from taskspec.rules import Finding, Phase, rule, warning
 from taskspec.rules.places import motion_of
+from taskspec.rules.protection import fast_torques
 from taskspec.spec import FILE, KeyPath
 from taskspec.spec.stage import OSCILLATION, SATURATION
 from taskspec.text.expression import Expression, evaluate
@@ -56,12 +58,27 @@ _FAILS = {"time": "TS611", "travel": "TS617", "fail_if": "TS618"}
 #: Codes about what a grip bears.
 _OF_GRIPS = {"TS322", "TS328", "TS329", "TS420", "TS610", "TS616"}
 #: Nothing is added where one of these is reported at the same place.
-_UNLESS = ("TS420", "TS424", "TS501", "TS610", "TS611", "TS616", "TS617", "TS618", "TS726")
+_UNLESS = (
+    "TS420",
+    "TS424",
+    "TS443",
+    "TS444",
+    "TS501",
+    "TS610",
+    "TS611",
+    "TS616",
+    "TS617",
+    "TS618",
+    "TS726",
+)
 
 
 @rule(
-    {},
-    also=("TS420", "TS424", "TS426", "TS502", "TS611", "TS616", "TS617", "TS618", "TS726"),
+    {"TS445": "a torque that changes faster than the robot's protection lets it"},
+    also=(
+        *("TS420", "TS424", "TS426", "TS443", "TS444", "TS502"),
+        *("TS611", "TS616", "TS617", "TS618", "TS726"),
+    ),
     phase=Phase.REHEARSAL,
 )
 def rehearsed_ends(task: TaskPlan) -> Iterator[Finding]:
@@ -75,6 +92,7 @@ def rehearsed_ends(task: TaskPlan) -> Iterator[Finding]:
     if run.status != "done":
         yield from _ended(task, run)
         return
+    yield from fast_torques(task, run)
     close = list(_close_limits(task, run))
     yield from close[:1]
     for name in run.names:
@@ -90,9 +108,10 @@ def _ended(task: TaskPlan, run: Rehearsal) -> Iterator[Finding]:
     """How a run does not come to its end."""
     stage, time = task.stages[run.stage], show(float(run.times[-1]), "s", 3)
     ahead = f"run ahead, stage {run.stage!r}"
-    if run.status == "stopped" and run.reason in _STOPS:
+    if run.status == "stopped" and (run.reason in _STOPS or run.reason == PROTECTION):
+        beyond = "TS444" if about_force(run.text) else "TS443"
         yield warning(
-            _STOPS[run.reason],
+            _STOPS.get(run.reason, beyond),
             f"{ahead} stops the run at t = {time}: {run.text}{_peak(run)}",
             _place(stage),
             "move or approach more slowly, or raise the limit",

@@ -35,7 +35,7 @@ _ALLOWED = ("taskspec", "about", KEY, *SECTIONS)
 _ENDINGS = (".yaml", ".yml")
 MAX_FILES = 32
 #: Keys whose value may be the path of a file, with what they hang on.
-_PATHS = (("robot", "model"), ("path", "file"))
+_PATHS = (("robot", "model"), ("robot", "protection"), ("path", "file"))
 
 
 class Included(FieldType):
@@ -81,6 +81,14 @@ class Inclusion:
     def into(self, root: MappingNode) -> None:
         """Puts together a task and what it includes; the tree is changed in place."""
         self._include(root, PurePath(), (self._own,))
+
+    def note(self, path: Path, digest: str) -> None:
+        """Takes note of another file that was read for the task, with its SHA-256."""
+        self.files[Path(os.path.normpath(path.absolute()))] = digest
+
+    def shown(self, name: str) -> str:
+        """A path from the folder of the task, as its text is shown."""
+        return os.path.normpath(self._folder / name)
 
     def _include(self, root: MappingNode, folder: PurePath, chain: tuple[str, ...]) -> None:
         """Includes what a file asks for; `folder` is its own, from that of the task."""
@@ -145,7 +153,7 @@ class Inclusion:
         if not isinstance(tree, MappingNode):
             self.missing = True
             return None
-        _Places(shown, way).move(tree)
+        Moved(shown, way).move(tree)
         for key, (name, _) in list(tree.entries.items()):
             if key not in _ALLOWED:
                 self._found.error(
@@ -217,7 +225,7 @@ class Inclusion:
         self._found.error("TS133", message, nodes.pointer(entry), hint)
 
 
-class _Places:
+class Moved:
     """Moves the places of a tree to the text that it was read from."""
 
     def __init__(self, source: str, way: tuple[str, Span]) -> None:

@@ -21,6 +21,7 @@ from taskspec.spec.model import REPORTED, mapping
 from taskspec.spec.names import collect_names, unused, warn_unused
 from taskspec.spec.params import evaluate_params
 from taskspec.spec.parse_context import ParseContext
+from taskspec.spec.protection_file import ProtectionFile
 from taskspec.spec.task import Task
 from taskspec.spec.templates import expand
 from taskspec.spec.truth import grafted
@@ -164,7 +165,8 @@ def _load(
         raise SpecError(found.sorted(), sources)
     inclusion = Inclusion(name, base, sources, found)
     inclusion.into(root)
-    if inclusion.missing:
+    protection = ProtectionFile(base, sources, found, inclusion)
+    if inclusion.missing or not protection.into(root):
         raise SpecError(found.sorted(), sources)
     idle = unused(root)
     changes = overriding.Overrides(overrides, tuple(Task.model_fields), found)
@@ -174,6 +176,8 @@ def _load(
     changes.apply(root, templates=True)
     expand(root, found)
     changes.apply(root, templates=False)
+    if not protection.into(root):
+        raise SpecError(found.sorted(), sources)
     task = _validate(root, found, path or Path(name))
     if task is None or found.has_errors:
         raise SpecError(found.sorted(), sources)

@@ -278,16 +278,22 @@ class QuantityList(FieldType):
 
 @dataclass(frozen=True)
 class ForJoints(FieldType):
-    """One constant for all joints, or a list with one for each."""
+    """One constant for all joints, or a list with one for each.
+
+    Attributes:
+        dimension: what each measures.
+        above: each has to be greater than this (SI units); None for at least 0.
+    """
 
     dimension: Dimension
+    above: float | None = None
 
     def read(self, value: object, context: ParseContext) -> tuple[float, ...]:
         """SI units: one number for all joints, or one for each."""
         entries = value if isinstance(value, Items) else [value]
         if not entries:
             context.error("TS023", "this list is empty", span_of(value))
-        one = Constant(self.dimension, least=0)
+        one = Constant(self.dimension, above=self.above, least=0)
         return tuple(float(one.read(entry, context)) for entry in entries)
 
     def json(self) -> dict[str, Any]:

@@ -10,6 +10,7 @@ from taskspec.shapes import tool_shapes
 from taskspec.spec.fields import RPY, XYZ
 from taskspec.spec.model import Model, complete, mapping, short_form
 from taskspec.spec.parse_context import ParseContext
+from taskspec.spec.protection import Protection
 from taskspec.spec.quantities import Constant, Entries, ForJoints, QuantityList
 from taskspec.spec.sizes import check_sizes
 from taskspec.spec.words import Free, NameReference, Switch, Word
@@ -257,6 +258,7 @@ class Robot(Model):
             controller does not know of it. None for nothing.
         grasp: the handle or loose body that it holds from the start; None for nothing.
         sensor: what measures the contact wrench.
+        protection: where the robot's own controller stops; None where nobody says.
     """
 
     noun = "a robot"
@@ -291,6 +293,12 @@ class Robot(Model):
         None, title="What it holds", description="OBJECT.handle, or a loose body"
     )
     sensor: Sensor = Field(Sensor(), title="Force sensor")
+    protection: Protection | None = Field(
+        None,
+        title="Protection",
+        description="Where the robot's own controller stops: a built-in name (taskspec robots), "
+        "the path of a YAML file, or what stands in one",
+    )
 
     @classmethod
     def rules(cls, data: Map, context: ParseContext) -> None:

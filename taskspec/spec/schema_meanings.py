@@ -72,6 +72,32 @@ MEANINGS: dict[str, dict[str, Meaning]] = {
         "limits": ("What stops the run, in all stages.", ({"force": "60 N", "speed": "250 mm/s"},)),
         "control": ("Rates of controller and plant; by default 1 kHz.", ({"rate": "2 kHz"},)),
     },
+    "ProtectedJoints": {
+        "speed": ("Greatest of each joint; a run that exceeds it ends.", ("2 rad/s",)),
+        "acceleration": ("Greatest of each joint's reference.", ("10 rad/s^2",)),
+        "jerk": ("Greatest of each joint's reference.", ("5000 rad/s^3",)),
+        "torque_rate": ("Greatest of each joint; kept under solve: qp.", ("1000 N*m/s",)),
+    },
+    "ProtectedTip": {
+        "speed": ("Greatest of the tip; a run that exceeds it ends.", ("1.7 m/s",)),
+        "acceleration": ("Greatest of the tip's reference.", ("13 m/s^2",)),
+        "jerk": ("Greatest of the tip's reference.", ("6500 m/s^3",)),
+    },
+    "ProtectedTurn": {
+        "speed": ("Greatest of the tool; a run that exceeds it ends.", ("2.5 rad/s",)),
+        "acceleration": ("Greatest of the tool's reference.", ("25 rad/s^2",)),
+        "jerk": ("Greatest of the tool's reference.", ("12000 rad/s^3",)),
+    },
+    "Reflex": {
+        "force": ("Of the contact, at which the robot's own controller stops; ends a run.",
+                  ("40 N",)),
+        "torque": ("Of the contact, at which the robot's own controller stops; ends a run.",
+                   ("8 N*m",)),
+    },
+    "SensorRange": {
+        "force": ("The greatest that the sensor measures; beyond it a run ends.", ("100 N",)),
+        "torque": ("The greatest that the sensor measures; beyond it a run ends.", ("10 N*m",)),
+    },
     "Flange": {
         "xyz": ("Where the tool is mounted in that body's frame; by default at its origin.",
                 ([0, 0, "40 mm"],)),

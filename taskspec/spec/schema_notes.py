@@ -68,6 +68,21 @@ NOTES: dict[str, tuple[str, tuple[Any, ...]]] = {
     "Robot.model": ("", ("panda", "robots/arm.urdf", "example-robot-data:ur5")),
     "Robot.flange": ("", ("tool0", {"body": "wrist", "rpy": [0, "90 deg", 0]})),
     "Flange.body": ("", ("tool0",)),
+    "Robot.protection": (
+        "",
+        ("panda", "protection.yaml", {"source": "data sheet", "reflex": {"force": "40 N"}}),
+    ),
+    "Protection.about": ("A few words for people", ("bench 2",)),
+    "Protection.source": ("", ("data sheet of 2024",)),
+    "Protection.joints": ("", ({"speed": "2 rad/s"},)),
+    "Protection.tip": ("", ({"speed": "1.7 m/s"},)),
+    "Protection.turn": ("", ({"speed": "2.5 rad/s"},)),
+    "Protection.reflex": ("", ({"force": "40 N"},)),
+    "Protection.sensor": ("", ({"force": "100 N", "torque": "10 N*m"},)),
+    **{
+        f"{group}.source": ("", ("data sheet of 2024",))
+        for group in ("ProtectedJoints", "ProtectedTip", "ProtectedTurn", "Reflex", "SensorRange")
+    },
     "Robot.balanced": ("", (True,)),
     "Robot.grasp": ("", ("door.handle",)),
     "Screw.mechanism": ("Always this word", ()),

@@ -84,6 +84,10 @@ ANGLE = Dimension(angle=1)
 FREQUENCY = NUMBER / TIME
 VELOCITY = LENGTH / TIME
 ANGULAR_VELOCITY = ANGLE / TIME
+LINEAR_ACCELERATION = LENGTH / TIME**2
+ANGULAR_ACCELERATION = ANGLE / TIME**2
+JERK = LENGTH / TIME**3
+ANGULAR_JERK = ANGLE / TIME**3
 FORCE = MASS * LENGTH / TIME**2
 MOMENT = FORCE * LENGTH
 POWER = MOMENT / TIME
@@ -218,8 +222,10 @@ MEASURES = (
     Measure("a damping", DAMPING, "N*s/m", ("N*s/m",)),
     Measure("a damping against rotation", ANGULAR_DAMPING, "N*m*s/rad", ("N*m*s/rad",)),
     Measure("an area", LENGTH**2, "m^2", ("mm^2", "m^2")),
-    Measure("an acceleration", LENGTH / TIME**2, "m/s^2", ("m/s^2",)),
-    Measure("an angular acceleration", ANGLE / TIME**2, "rad/s^2", ("rad/s^2", "deg/s^2")),
+    Measure("an acceleration", LINEAR_ACCELERATION, "m/s^2", ("m/s^2",)),
+    Measure("an angular acceleration", ANGULAR_ACCELERATION, "rad/s^2", ("rad/s^2", "deg/s^2")),
+    Measure("a jerk", JERK, "m/s^3", ("m/s^3",)),
+    Measure("an angular jerk", ANGULAR_JERK, "rad/s^3", ("rad/s^3", "deg/s^3")),
     Measure("a length per angle", LENGTH / ANGLE, "m/rad", ("mm/rad", "m/rad", "mm/turn")),
 )  # fmt: skip
 """The one table of units: whatever shows a quantity asks it."""

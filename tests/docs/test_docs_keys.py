@@ -27,6 +27,14 @@ from taskspec.spec.mechanism import (
 )
 from taskspec.spec.model import Model
 from taskspec.spec.path import Path
+from taskspec.spec.protection import (
+    ProtectedJoints,
+    ProtectedTip,
+    ProtectedTurn,
+    Protection,
+    Reflex,
+    SensorRange,
+)
 from taskspec.spec.quantities import (
     Constant,
     Entries,
@@ -50,6 +58,11 @@ KEYS: dict[str, tuple[type[Model], ...]] = {
     "robot.start": (Start,),
     "robot.sensor": (Sensor,),
     "robot.sensor.noise": (Noise,),
+    "robot.protection": (Protection,),
+    "robot.protection.joints": (ProtectedJoints,),
+    "robot.protection.tip": (ProtectedTip,),
+    "robot.protection.turn": (ProtectedTurn,),
+    "robot.protection.wrenches": (Reflex, SensorRange),
     "world": (Shape,),
     "motion": (Motion,),
     "equation": (EquationObject, JointEquation),

@@ -11,11 +11,16 @@ def list_robots() -> int:
 
     from taskspec.robot import builtin_robots
     from taskspec.robot.packages import packaged_robots
+    from taskspec.spec.protection_file import builtin_protections
     from taskspec_runner.cli.console import show, table
 
-    made = table("robot", "joints", "axes of the tip", "about", "figures from", indent=0)
+    made = table(
+        "robot", "joints", "axes of the tip", "protection", "about", "figures from", indent=0
+    )
+    protections = builtin_protections()
     for robot in builtin_robots():
-        cells = (robot.name, str(robot.joints), " ".join(robot.axes), robot.about, robot.source)
+        axes, own = " ".join(robot.axes), robot.name if robot.name in protections else "none"
+        cells = (robot.name, str(robot.joints), axes, own, robot.about, robot.source)
         made.add_row(*map(Text, cells))
     show(made)
     installed = table("package", "robots, as PACKAGE:NAME", indent=0)

@@ -16,6 +16,7 @@ from taskspec.program import events
 from taskspec.program.execution.stage_solver import SolverCounts
 from taskspec.program.execution.transition import FAIL, Transition
 from taskspec.program.program import Program
+from taskspec.program.stages.protected import PROTECTION, dimension_watched
 from taskspec.program.stages.stage import CompiledStage
 from taskspec.robot import RobotModel
 from taskspec.robot.inverse_kinematics import turns_at
@@ -205,6 +206,11 @@ def _limit(end: Transition, robot: RobotModel) -> str:
     if end.name in Limits.model_fields:
         return f"{end.text}, measured {show(end.value, Limits.dimension_of(end.name), 5)}"
     number = _JOINT.search(end.text)
+    if end.name == PROTECTION:
+        turns = number is None or turns_at(robot, int(number[1]) - 1)
+        return (
+            f"{end.text}, measured {show(end.value, dimension_watched(end.text, turns=turns), 5)}"
+        )
     if number is None or end.name not in ("joint_position", "joint_velocity"):
         return end.text
     joint = int(number[1]) - 1

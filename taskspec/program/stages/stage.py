@@ -26,6 +26,7 @@ from taskspec.program.stages.conditions import limit_conditions, stage_condition
 from taskspec.program.stages.entry import Entering, StageEntry
 from taskspec.program.stages.hand_over import leaving
 from taskspec.program.stages.outputs import outputs, probe
+from taskspec.program.stages.protected import protection_conditions
 
 
 @dataclass(frozen=True, slots=True)
@@ -152,6 +153,7 @@ def _conditions(plan: StagePlan, measurement: Measurement, commanded: Commanded)
     context = plan.context
     return [
         *limit_conditions(context.robot, plan, measurement, commanded.references),
+        *protection_conditions(plan, measurement),
         *commanded.conditions,
         *stage_conditions(plan, measurement, context.period),
     ]

@@ -20,6 +20,7 @@ from taskspec.text.units import MASS, STIFFNESS, in_unit, number, scaled, show
 from taskspec_runner.cli.sheet.axes import AxisRow, axis_row, equation_row
 from taskspec_runner.cli.sheet.limits import limit_rows
 from taskspec_runner.cli.sheet.predicted import PredictedRow, predicted_rows, selection_rows
+from taskspec_runner.cli.sheet.protection import protection_rows
 
 _LIMIT = "limit on "
 
@@ -79,6 +80,7 @@ def robot_rows(program: Program) -> tuple[tuple[str, str], ...]:
         ("tool", ", ".join([f"{tool.shape} {' x '.join(sizes)}".rstrip(), show(tool.mass, "g")])),
         *_holds(context.loaded.task.robot.grasp),
         ("start", f"tool tip at [{position}] mm in the world"),
+        *protection_rows(context.loaded.task.robot.protection, robot),
         *(("note", note) for note in robot.notes),
     )
 

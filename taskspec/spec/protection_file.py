@@ -1,0 +1,119 @@
+"""`robot: {protection: NAME}`: a protection that comes along, or one in a file of its own.
+
+What it says takes the place of the name in the tree of the task, each part with its place in its
+own file and the line that names it. Files lie in the project of the task, as all that it names.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+from taskspec.spec.include import Inclusion, Moved
+from taskspec.text import nodes
+from taskspec.text.characters import normal
+from taskspec.text.codes import register
+from taskspec.text.confines import OUTSIDE, REMEDY, confines, here
+from taskspec.text.diagnostic import Diagnostics, Note
+from taskspec.text.nodes import Mapping as MappingNode
+from taskspec.text.nodes import Scalar
+from taskspec.text.source import Source
+from taskspec.text.suggest import suggestion
+from taskspec.text.yaml import MAX_BYTES, read
+
+register({"TS134": "a protection that cannot be read"})
+
+_FOLDER = Path(__file__).parent / "protections"
+_ENDINGS = (".yaml", ".yml")
+
+
+@cache
+def builtin_protections() -> tuple[str, ...]:
+    """The names that `robot.protection` may say."""
+    return tuple(sorted(path.stem for path in _FOLDER.glob("*.yaml")))
+
+
+class ProtectionFile:
+    """Reads the protection that a task names into its tree."""
+
+    def __init__(
+        self,
+        base: Path | None,
+        sources: dict[str, Source],
+        found: Diagnostics,
+        inclusion: Inclusion,
+    ) -> None:
+        """Begins for one task.
+
+        Args:
+            base: its folder; None is the working directory.
+            sources: texts by name; the one that is read is added.
+            found: where findings go.
+            inclusion: what else is read for the task, to which the file is added.
+        """
+        self._base, self._sources, self._found = base, sources, found
+        self._inclusion = inclusion
+
+    def into(self, root: MappingNode) -> bool:
+        """Puts what the file says in the place of its name; whether nothing is amiss."""
+        robot = root.get("robot")
+        entry = robot.entries.get("protection") if isinstance(robot, MappingNode) else None
+        if entry is None:
+            return True
+        key, named = entry
+        if not isinstance(named, Scalar) or named.empty:
+            return True
+        read_in = self._text(named)
+        if read_in is None:
+            return False
+        self._sources[read_in.name] = read_in
+        way = ("named here", nodes.pointer(named))
+        inner = Diagnostics(read_in.name)
+        tree = read(read_in, inner)
+        notes = tuple(
+            Note(words, span.source or self._found.source, span)
+            for words, span in (way, *way[1].via)
+        )
+        self._found.extend(replace(d, notes=(*d.notes, *notes)) for d in inner.sorted())
+        if not isinstance(tree, MappingNode):
+            return False
+        Moved(read_in.name, way).move(tree)
+        assert isinstance(robot, MappingNode)
+        robot.entries["protection"] = (key, tree)
+        return True
+
+    def _text(self, named: Scalar) -> Source | None:
+        name = named.value
+        if name in builtin_protections():
+            text = (_FOLDER / f"{name}.yaml").read_text(encoding="utf-8")
+            return Source(f"{name} (built in)", normal(text))
+        if not name.lower().endswith(_ENDINGS):
+            near = suggestion(name, builtin_protections(), "names")
+            self._error(named, f"there is no protection '{name}'",
+                        f"{near}; or name a YAML file of your own")  # fmt: skip
+            return None
+        path = here((self._base or Path()) / name)
+        if "\0" in name or not confines(self._base).hold(path):
+            self._found.error(OUTSIDE, f"'{name}' lies outside of the task's project",
+                              nodes.pointer(named), REMEDY)  # fmt: skip
+            return None
+        if not path.is_file():
+            self._error(named, f"there is no file '{name}'", "paths are relative to the task file")
+            return None
+        try:
+            with path.open("rb") as stream:
+                content = stream.read(MAX_BYTES + 1)
+            text = content.decode("utf-8") if len(content) <= MAX_BYTES else " " * (MAX_BYTES + 1)
+        except OSError as error:
+            self._error(named, f"cannot read '{name}': {error.strerror or error}")
+            return None
+        except UnicodeDecodeError as error:
+            self._error(named, f"'{name}' is not UTF-8 (byte {error.start})", "save it as UTF-8")
+            return None
+        self._inclusion.note(path, hashlib.sha256(content).hexdigest())
+        return Source(self._inclusion.shown(name), normal(text))
+
+    def _error(self, named: Scalar, message: str, hint: str = "") -> None:
+        self._found.error("TS134", message, nodes.pointer(named), hint)

@@ -1,0 +1,190 @@
+"""What is said of tasks that do not keep to the robot's protection, and how their runs end."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from taskspec.compiler import compile_task
+from taskspec.examination import check_task
+from taskspec.foresight.commanded import commanded, commanded_joints
+from taskspec.spec import load_text
+from taskspec.spec.protection_file import builtin_protections
+from taskspec.text.diagnostic import SpecError
+from taskspec_runner.runs import Run
+from taskspec_runner.session import execute
+
+ARM = """\
+taskspec: 1
+name: protected
+robot:
+  model: panda
+  start: {xyz: [500 mm, 0, 340 mm]}
+  protection: PROTECTION
+"""
+MOVE = ARM + "stages:\n  over: {axes: {x: {move: 100 mm, speed: 200 mm/s}}}\n"
+PRESS = (
+    ARM
+    + """\
+world:
+  table: {shape: plane, xyz: [0, 0, 300 mm], stiffness: 20 kN/m}
+frames: {task: {surface: table}}
+frame: task
+stages:
+  down: {axes: {z: {velocity: -20 mm/s}}, until: force.z < -2 N, within: {time: 4 s}}
+  press: {axes: {z: {force: -15 N}}, time: 0.6 s}
+"""
+)
+#: docs/conventions.md: a move of speed s has jerks of 4 s/T^2, accelerations of 2 s/T at most.
+T, SPEED = 0.2, 0.2
+
+
+def task(text: str, protection: str) -> str:
+    return text.replace("PROTECTION", protection)
+
+
+def codes(text: str) -> list[str]:
+    return [each.code for each in check_task(load_text(text, "task.yaml"))]
+
+
+def run(text: str, out: Path, loop: str | None = None) -> Run:
+    execute(load_text(text, "task.yaml"), out, loop=loop, report=False, force=True)
+    return Run.load(out)
+
+
+@pytest.mark.parametrize(
+    ("key", "unit", "peak"),
+    [("speed", "m/s", SPEED), ("acceleration", "m/s^2", 2 * SPEED / T), ("jerk", "m/s^3", None)],
+)
+def test_a_move_is_held_against_its_closed_form(key, unit, peak):
+    """Between 5 % more than the closed form has, and 5 % less: differences are within that."""
+    if peak is None:
+        # Four times that of the ramp is where third differences of a cubic's pieces lie.
+        peak = 4 * SPEED / T**2
+    beyond, within = (f"{{source: s, tip: {{{key}: {x * peak:.5f} {unit}}}}}" for x in (0.95, 1.05))
+    assert "TS443" in codes(task(MOVE, beyond))
+    assert codes(task(MOVE, within)) == []
+
+
+def test_joints_are_those_of_a_run(tmp_path):
+    """The arm of a run follows the references: its joints are as fast, and get so as fast."""
+    text = task(MOVE, "{source: s, joints: {speed: 9 rad/s}}")
+    stage = compile_task(load_text(text, "task.yaml")).stages[0].plan
+    course = commanded(stage)
+    assert course is not None
+    found = np.max([piece.most for piece in commanded_joints(stage, course)], axis=0)
+    window = run(text, tmp_path / "run").columns
+    v = np.array([window[f"joint.{i + 1}.velocity"] for i in range(7)])
+    # J^ is that of an instant beside, at most 1/20 of the way on.
+    assert found[0] == pytest.approx(np.abs(v).max(axis=1), rel=0.05, abs=5e-3)
+    measured = np.abs(np.diff(v, axis=1)).max(axis=1) / 1e-3
+    assert found[1] == pytest.approx(measured, rel=0.1, abs=0.05 * measured.max())
+
+
+def test_set_points_are_held_against_reflex_and_range():
+    for group in ("reflex", "sensor"):
+        assert "TS444" in codes(task(PRESS, f"{{source: s, {group}: {{force: 14 N}}}}"))
+        assert codes(task(PRESS, f"{{source: s, {group}: {{force: 18 N}}}}")) == []
+
+
+def test_torque_rates_are_those_of_the_task_run_ahead(tmp_path):
+    """What the rehearsal says a rate is, the simulator has: 5 % are the plain plant's."""
+    made = run(task(PRESS, "{source: s, joints: {torque_rate: 5000 N*m/s}}"), tmp_path / "run")
+    window = made.columns
+    torques = np.array([window[f"joint.{i + 1}.torque"] for i in range(7)])
+    most = np.abs(np.diff(torques, axis=1)).max() / 1e-3
+    beyond, within = (
+        f"{{source: s, joints: {{torque_rate: {x * most:.1f} N*m/s}}}}" for x in (0.95, 1.05)
+    )
+    assert codes(task(PRESS, beyond)) == ["TS445"]
+    assert codes(task(PRESS, within)) == []
+
+
+@pytest.mark.parametrize(
+    ("text", "protection", "words"),
+    [
+        (MOVE, "{source: s, tip: {speed: 150 mm/s}}", "speed of the tip"),
+        (MOVE, "{source: s, joints: {speed: 0.2 rad/s}}", "speed of joint"),
+        (PRESS, "{source: s, reflex: {force: 10 N}}", "reflex at a force"),
+        (PRESS, "{source: s, sensor: {force: 12 N}}", "range of the sensor, force"),
+    ],
+)
+def test_a_run_ends_by_what_is_exceeded(text, protection, words, tmp_path):
+    logs = []
+    for loop in ("native", "python"):
+        made = run(task(text, protection), tmp_path / loop, loop)
+        assert made.summary["ending"]["reason"] == "protection"
+        assert made.summary["ending"]["text"].startswith(f"protection: {words}")
+        logs.append((tmp_path / loop / "log.arrow").read_bytes())
+    assert logs[0] == logs[1]
+
+
+def test_a_turn_is_watched(tmp_path):
+    text = ARM + "stages:\n  swing: {axes: {rz: {move: 20 deg, speed: 30 deg/s}}}\n"
+    bound = "{source: s, turn: {speed: 20 deg/s}}"
+    assert "TS443" in codes(task(text, bound))
+    made = run(task(text, bound), tmp_path / "run")
+    assert "rate at which the tool turns: 20 deg/s" in made.summary["ending"]["text"]
+
+
+def test_qp_keeps_the_torque_rate():
+    text = task(PRESS, "{source: s, joints: {torque_rate: 300 N*m/s}}")
+    program = load_text(text + "law: {solve: qp}\n", "task.yaml")
+    for stage in compile_task(program).stages:
+        assert stage.plan.limits.torque_rate == 300
+    own = text + "law: {solve: qp}\nlimits: {torque_rate: 200 N*m/s}\n"
+    for stage in compile_task(load_text(own, "task.yaml")).stages:
+        assert stage.plan.limits.torque_rate == 200
+
+
+def test_built_in_protections_have_sources_and_let_a_press_pass():
+    assert "panda" in builtin_protections()
+    loaded = load_text(task(PRESS, "panda"), "task.yaml")
+    protection = loaded.task.robot.protection
+    assert protection is not None
+    assert all("frankaemika/docs" in protection.source_of(group) for _, group in protection.groups)
+    assert codes(task(PRESS, "panda")) == []
+
+
+def test_a_file_of_ones_own(tmp_path):
+    (tmp_path / "arm.yaml").write_text("source: s\nreflex: {force: 14 N}\n")
+    loaded = load_text(task(PRESS, "arm.yaml"), str(tmp_path / "task.yaml"), base=tmp_path)
+    assert [path.name for path in loaded.included] == ["arm.yaml"]
+    assert loaded.task.robot.protection is not None
+    assert loaded.task.robot.protection.reflex is not None
+    assert loaded.task.robot.protection.reflex.force == 14
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "code"),
+    [
+        ("none.yaml", None, "TS134"),
+        ("../../../etc/hosts.yaml", None, "TS409"),
+        ("arm.txt", b"source: s\n", "TS134"),
+        ("arm.yaml", b"\xff\xfe", "TS134"),
+        ("arm.yaml", b"", "TS010"),
+        ("arm.yaml", b"reflex: {force: 3 m}\n", "TS112"),
+        ("arm.yaml", b"reflex: {force: 3 N}\n", "TS021"),
+        ("arm.yaml", b"[1, 2]\n", "TS010"),
+    ],
+)
+def test_what_is_wrong_with_a_file_is_told(name, content, code, tmp_path):
+    if content is not None:
+        (tmp_path / name).write_bytes(content)
+    with pytest.raises(SpecError) as told:
+        load_text(task(MOVE, name), str(tmp_path / "task.yaml"), base=tmp_path)
+    assert code in [each.code for each in told.value.diagnostics]
+
+
+def test_an_override_names_another_protection(tmp_path):
+    (tmp_path / "arm.yaml").write_text("source: s\nreflex: {force: 14 N}\n")
+    text, name = task(PRESS, "panda"), str(tmp_path / "task.yaml")
+    loaded = load_text(text, name, {"robot.protection": "arm.yaml"}, tmp_path)
+    assert loaded.task.robot.protection is not None
+    assert loaded.task.robot.protection.reflex is not None
+    loaded = load_text(text, name, {"robot.protection.tip.speed": "1 m/s"}, tmp_path)
+    assert loaded.task.robot.protection is not None
+    assert loaded.task.robot.protection.tip is not None
+    assert loaded.task.robot.protection.tip.speed == 1
