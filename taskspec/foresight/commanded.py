@@ -28,7 +28,7 @@ _SINGULAR = 1e-4
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Commanded:
+class ReferenceCourse:
     """References of a stage at each control period, from the second one on.
 
     Attributes:
@@ -45,7 +45,7 @@ class Commanded:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class CommandedJoints:
+class JointCourse:
     """What the references of a stage make of the joints about an instant.
 
     Attributes:
@@ -57,7 +57,7 @@ class CommandedJoints:
     most: Vector
 
 
-def commanded(stage: StagePlan) -> Commanded | None:
+def commanded(stage: StagePlan) -> ReferenceCourse | None:
     """The references of a stage, begun at rest; None where the text does not tell them.
 
     A stage that may end at any time is looked at as far as its passage is known.
@@ -83,37 +83,42 @@ def commanded(stage: StagePlan) -> Commanded | None:
     rates: Vector = np.diff(at, axis=0) / period
     accelerations: Vector = np.diff(rates, axis=0) / period
     jerks: Vector = np.diff(accelerations, axis=0) / period
-    return Commanded(times[3:], rates[2:], accelerations[1:], jerks)
+    return ReferenceCourse(times[3:], rates[2:], accelerations[1:], jerks)
 
 
-def commanded_joints(stage: StagePlan, course: Commanded) -> Iterator[CommandedJoints]:
+def commanded_joints(stage: StagePlan, course: ReferenceCourse) -> Iterator[JointCourse]:
     """What the arm makes of a course, piece by piece of its passage.
 
     With J^ = H^-1 J^T (J H^-1 J^T)^-1, as laws resolve it,
 
     q' = J^ x',    q'' = J^ (x'' - J' q'),    q''' = J^ x'''
 
-    In the last one J is taken as steady: it is for the steps of accelerations that it is asked.
+    J^ goes linearly from one instant to the next. In the last one J is taken as steady: it is for
+    the steps of accelerations that it is asked.
     """
     passage = stage.nominal.passage
     assert passage is not None
     rows = [axis.row for axis in AXES if axis in stage.context.robot.axes]
     terms = PinocchioTerms(stage.context.robot)
-    for before, here in zip(passage.instants[:-1], passage.instants[1:], strict=True):
+    resolved = [_resolved(terms, here, rows) for here in passage.instants]
+    ends = zip(
+        passage.instants[:-1], passage.instants[1:], resolved[:-1], resolved[1:], strict=True
+    )
+    for before, here, begins, ended in ends:
         mine = (course.times > before.time - 1e-9) & (course.times <= here.time + 1e-9)
-        if not mine.any():
+        if not mine.any() or begins is None or ended is None:
             continue
-        inverse, drift = _resolved(terms, here, rows)
-        if inverse is None:
-            continue
-        parts = (
-            course.rates[mine][:, rows] @ inverse.T,
-            course.accelerations[mine][:, rows] @ inverse.T - inverse @ drift,
-            course.jerks[mine][:, rows] @ inverse.T,
-        )
-        sizes = [np.abs(part) for part in parts]
         when = course.times[mine]
-        yield CommandedJoints(
+        share = ((when - before.time) / max(here.time - before.time, 1e-12))[:, None, None]
+        inverse = (1 - share) * begins[0] + share * ended[0]
+        drift = ended[1]
+        parts = (
+            course.rates[mine][:, rows],
+            course.accelerations[mine][:, rows] - drift,
+            course.jerks[mine][:, rows],
+        )
+        sizes = [np.abs(np.einsum("tnr,tr->tn", inverse, part)) for part in parts]
+        yield JointCourse(
             np.array([when[size.argmax(axis=0)] for size in sizes]),
             np.array([size.max(axis=0) for size in sizes]),
         )
@@ -121,8 +126,8 @@ def commanded_joints(stage: StagePlan, course: Commanded) -> Iterator[CommandedJ
 
 def _resolved(
     terms: PinocchioTerms, here: Instant, rows: list[int]
-) -> tuple[Vector | None, Vector]:
-    """(n, r) J^ in the frame's axes, None at a singularity; (r,) J' q'."""
+) -> tuple[Vector, Vector] | None:
+    """(n, r) J^ in the frame's axes and (r,) J' q'; None at a singularity."""
     terms.q[:], terms.v[:] = here.q, here.v
     terms.update()
     turned = np.kron(np.eye(2), here.frame.T)
@@ -130,5 +135,5 @@ def _resolved(
     mobility = J @ np.linalg.solve(terms.inertia, J.T)
     drift = (turned @ terms.arrays[-1])[rows]
     if float(np.linalg.eigvalsh(mobility)[0]) < _SINGULAR:
-        return None, drift
+        return None
     return np.linalg.solve(terms.inertia, J.T) @ np.linalg.inv(mobility), drift

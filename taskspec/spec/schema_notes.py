@@ -74,7 +74,7 @@ NOTES: dict[str, tuple[str, tuple[Any, ...]]] = {
     ),
     "Protection.about": ("A few words for people", ("bench 2",)),
     "Protection.source": ("", ("data sheet of 2024",)),
-    "Protection.joints": ("", ({"speed": "2 rad/s"},)),
+    "Protection.joints": ("Bounds on each joint", ({"speed": "2 rad/s"},)),
     "Protection.tip": ("", ({"speed": "1.7 m/s"},)),
     "Protection.turn": ("", ({"speed": "2.5 rad/s"},)),
     "Protection.reflex": ("", ({"force": "40 N"},)),

@@ -202,7 +202,8 @@ def test_rigid():
 def test_limits():
     limits = "limits: {force: 60 N, torque: 9 N*m, speed: 1 m/s, deviation: 10 mm}\n"
     angles = "law: {kind: hybrid, orientation: rpy}\n"
-    found = compile_task(load(completed(limits + angles))).stages[0].events
+    protected = {"robot.protection": "panda"}
+    found = compile_task(load(completed(limits + angles), protected)).stages[0].events
     names = [e.name for e in found if e.kind == events.LIMIT]
     assert first_words(CONVENTIONS, "table: limits") == list(dict.fromkeys(names))
 

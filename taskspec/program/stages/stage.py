@@ -153,7 +153,7 @@ def _conditions(plan: StagePlan, measurement: Measurement, commanded: Commanded)
     context = plan.context
     return [
         *limit_conditions(context.robot, plan, measurement, commanded.references),
-        *protection_conditions(plan, measurement),
         *commanded.conditions,
+        *protection_conditions(plan, measurement),
         *stage_conditions(plan, measurement, context.period),
     ]
