@@ -14,7 +14,7 @@ in n/k means, and so the same amplitude in a band as in all n ticks.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from functools import cached_property, lru_cache
 
 import numpy as np
@@ -131,6 +131,9 @@ class References:
 def _amplitudes(references: Iterable[Vector]) -> list[Vector]:
     found = []
     for reference in references:
+        # What stands still has no spectrum but that of its rounding.
+        if float(np.ptp(reference)) <= _rounding(reference):
+            continue
         own = np.sqrt(2.0 * _band(_power(_level(reference))))
         if np.isfinite(own).all() and own.max() > _rounding(reference):
             found.append(own)
@@ -165,11 +168,11 @@ def oscillation(
         return None
     references = References(()) if references is None else references
     last = values[-min(half, MOST_TICKS) :]
-    found = [_of_half(last, period, least, references.last, noisy=noisy)]
+    found = [_of_half(last, period, least, lambda: references.last, noisy=noisy)]
     if half > MOST_TICKS:
         k = -(-half // MOST_TICKS)
         slow = _means(values[-half:], k)
-        found.append(_of_half(slow, k * period, least, references.means, noisy=noisy))
+        found.append(_of_half(slow, k * period, least, lambda: references.means, noisy=noisy))
     return max(filter(None, found), key=lambda each: each.amplitude, default=None)
 
 
@@ -180,24 +183,27 @@ def _means(values: Vector, k: int) -> Vector:
 
 
 def _of_half(
-    x: Vector, period: float, least: float, intended: Sequence[Vector], *, noisy: bool
+    x: Vector, period: float, least: float, intended: Callable[[], list[Vector]], *, noisy: bool
 ) -> Oscillation | None:
     """The largest oscillation of ticks, or means of ticks, that are looked at as a whole.
 
-    `intended` has the amplitudes of references in the same bins.
+    `intended` works out the amplitudes of references in the same bins.
     """
     n = len(x)
     # A sine of amplitude A spans 2 A, and on the last frequency counts as sqrt(2) A.
     if not np.isfinite(x).all() or float(np.ptp(x)) < np.sqrt(2.0) * least:
         return None
     x = _level(x)
+    # No band has more variance than all of the signal under the window.
+    if _amplitude_at_most(x) < least:
+        return None
     power = _power(x)
     band = _band(power)
     amplitude = np.sqrt(2.0 * band)
     bins = np.arange(len(power))
     free = bins >= LEAST_CYCLES
     wanted = np.full(len(power), least)
-    for own in intended:
+    for own in intended():
         free &= own < OF_REFERENCE * own.max()
         first = max(int(np.argmax(own)), 1)
         wanted = np.maximum(wanted, OF_HARMONICS * amplitude[first] * first / np.maximum(bins, 1))
@@ -247,6 +253,13 @@ def _window(n: int) -> tuple[Vector, float]:
     """(n,) Hann's window, and the sum of its squares."""
     w = 0.5 - 0.5 * np.cos(2 * np.pi * np.arange(n) / n)
     return w, float(w @ w)
+
+
+def _amplitude_at_most(x: Vector) -> float:
+    """What the amplitude in a band of x (n,) cannot exceed, rounding granted."""
+    w, square = _window(len(x))
+    windowed = w * x
+    return (1.0 + 1e-9) * float(np.sqrt(2.0 * (windowed @ windowed) / square))
 
 
 def _power(x: Vector) -> Vector:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import field, replace
+from functools import cached_property
 
 import numpy as np
 import pyarrow as pa
@@ -60,7 +61,7 @@ class Visit:
         return slice(self.first, self.last + 1)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class History:
     """Every tick of a run, one row each, in SI units.
 
@@ -115,7 +116,10 @@ class History:
         """(n,) The rows of all visits of a stage, or every row for None."""
         window = empty(len(self), np.bool_)
         for part in blocks(len(self)):
-            window[part] = True if stage is None else self.stages[part] == stage
+            window[part] = stage is None
+        for visit in self.visits() if stage is not None else ():
+            if visit.stage == stage:
+                window[visit.rows] = True
         return window
 
     def thinned(self, most: int) -> History:
@@ -136,14 +140,21 @@ class History:
 
     def visits(self) -> Iterator[Visit]:
         """Each visit of a stage, in order; a stage that follows itself is visited anew."""
+        return iter(self._visits)
+
+    @cached_property
+    def _visits(self) -> tuple[Visit, ...]:
+        """All expectations ask for them: they are found once."""
         if not len(self):
-            return
+            return ()
         t = self.columns["t"]
-        first = 0
-        for after in np.flatnonzero((self.stages[1:] != self.stages[:-1]) | (t[1:] <= t[:-1])) + 1:
-            yield Visit(str(self.stages[first]), first, int(after) - 1)
-            first = int(after)
-        yield Visit(str(self.stages[first]), first, len(self) - 1)
+        new = np.flatnonzero((self.stages[1:] != self.stages[:-1]) | (t[1:] <= t[:-1])) + 1
+        firsts = [0, *new.tolist()]
+        lasts = [*(first - 1 for first in firsts[1:]), len(self) - 1]
+        return tuple(
+            Visit(str(self.stages[first]), first, last)
+            for first, last in zip(firsts, lasts, strict=True)
+        )
 
 
 class HistoryBuilder:
