@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from arms import MovingArm
-from taskspec.control.stopping import DECAY, decay_time, stopping_torque
+from taskspec.control.stopping import DECAY, decay_time, stopping_torque, within_rate
 from taskspec.robot.model_terms import PinocchioTerms
 
 Vector = NDArray[np.float64]
@@ -75,3 +75,25 @@ def test_held_damper_does_not_overshoot() -> None:
     assert decay_time(1e-3) == DECAY
     for period in (1e-3, 1e-2, 5e-2):
         assert 0.8 <= 1 - period / decay_time(period) + 1e-12 < 1
+
+
+def test_a_joint_that_nobody_measures_is_carried_and_nothing_is_driven() -> None:
+    rng = np.random.default_rng(6)
+    for _ in range(300):
+        n = int(rng.integers(2, 8))
+        root = rng.normal(size=(n, n))
+        inertia = root @ root.T + 0.1 * np.eye(n)
+        gravity, v = rng.normal(size=n), rng.normal(size=n)
+        unheard = rng.random(n) < 0.4
+        # What it shows is of no use, however wrong it is.
+        shown = np.where(unheard, 1e3, v)
+        most = np.full(n, UNLIMITED)
+        torque = stopping_torque(inertia, gravity, shown, most, DECAY, unheard)
+        np.testing.assert_array_equal(torque[unheard], gravity[unheard])
+        assert (torque - gravity) @ v <= 0
+
+
+def test_a_rate_is_kept_but_by_what_no_motor_can() -> None:
+    before, most = np.array([0.0, 5.0, -12.0]), np.array([10.0, 10.0, 10.0])
+    torque = within_rate(np.array([3.0, 4.9, 0.0]), before, np.array([1.0, 1.0, 1.0]), most)
+    np.testing.assert_allclose(torque, [1.0, 4.9, -10.0])

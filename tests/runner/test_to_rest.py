@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
 import numpy as np
+import pyarrow as pa
 import pytest
 from short_tasks import TAP
 from typer.testing import CliRunner
@@ -108,6 +110,73 @@ def test_both_loops_give_the_same_bytes(tmp_path: Path) -> None:
         run(STOPPED, tmp_path / loop, loop).folder / "log.arrow" for loop in ("native", "python")
     ]
     assert logs[0].read_bytes() == logs[1].read_bytes()
+
+
+def test_a_silent_joint_is_carried_alone(tmp_path: Path) -> None:
+    """A planar arm bears no gravity: joint 1 is left alone, joint 2 loses its speed."""
+    silent = SWING + "truth: {faults: [{encoder: drops, joint: 1, at: 0.1 s}]}\n"
+    lost = run(silent.replace("0.3 m/s}", "9 m/s}"), tmp_path / "run", report=True)
+    assert lost.summary["ending"]["reason"] == "encoder_lost"
+    assert lost.summary["stopping"]["undamped"] == [1]
+    rest = lost.history.rest
+    assert rest is not None
+    assert not rest.columns["joint.1.torque"].any()
+    assert abs(rest.columns["joint.2.torque"][0]) > 0
+    page = (tmp_path / "run" / "report.html").read_text("utf-8")
+    assert "Joint 1 gave no measurement" in page
+
+
+def test_the_stop_controller_keeps_the_rate_of_torques(tmp_path: Path) -> None:
+    rate = 40.0
+    bound = f"protection: {{source: s, joints: {{torque_rate: {rate} N*m/s}}}}, start"
+    steps = []
+    for text in (SWING, SWING.replace("start", bound)):
+        swung = run(text, tmp_path / str(len(steps)))
+        rest = swung.history.rest
+        assert rest is not None
+        both = [
+            np.concatenate([c[f"joint.{i}.torque"] for c in (swung.columns, rest.columns)])
+            for i in (1, 2)
+        ]
+        # From the tick before it takes over to its end.
+        steps.append(np.abs(np.diff(both, axis=1)[:, len(swung) - 1 :]).max())
+        assert swung.summary["stopping"]["residual_joint_speed"] < 1e-2
+    assert steps[0] > 10 * rate * PERIOD
+    assert steps[1] <= rate * PERIOD * (1 + 1e-9)
+
+
+@pytest.fixture
+def nothing_else(stopped: Run, tmp_path: Path) -> Path:
+    """A folder whose log has lost all but the ticks in which the arm is brought to rest."""
+    folder = tmp_path / "rest"
+    shutil.copytree(stopped.folder, folder)
+    with pa.OSFile(str(folder / "log.arrow")) as file:
+        reader = pa.ipc.open_stream(file)
+        table, options = reader.read_all(), reader.schema
+    stages = np.asarray(table["stage"].cast(pa.string()).to_pylist())
+    left = table.filter(pa.array(stages == TO_REST))
+    with (
+        pa.OSFile(str(folder / "log.arrow"), "wb") as file,
+        pa.ipc.new_stream(file, options) as out,
+    ):
+        out.write_table(left)
+    return folder
+
+
+@pytest.mark.parametrize(
+    "command", [["report"], ["judge"], ["diff"], ["export", "--csv"], ["replay", "--video"]]
+)
+def test_a_log_of_nothing_else_is_told(
+    command: list[str], nothing_else: Path, stopped: Run, tmp_path: Path
+) -> None:
+    """Every reader says something of it, or does its work: none breaks."""
+    more: list[str | Path] = []
+    if command[0] == "diff":
+        more = [stopped.folder]
+    elif len(command) > 1:
+        more = [command[1], tmp_path / ("log.csv" if command[0] == "export" else "film.mp4")]
+    told = call(command[0], nothing_else, *more)
+    assert told.strip()
 
 
 def test_stage_that_fails_is_brought_to_rest_too(tmp_path: Path) -> None:

@@ -72,6 +72,11 @@ class _Running:
             self.after = tick
         return False
 
+    @property
+    def channels(self) -> list[int]:
+        """What it may happen to: rows of a reading, or joints from 0 on."""
+        return self._channels
+
     def on(self, machine: Machine, tick: int, values: Vector, rates: Vector | None = None) -> bool:
         """Changes what a device shows in place; whether it acts."""
         moving = None if rates is None else rates[self._channels]
@@ -107,6 +112,9 @@ class Faults:
 
     Where encoders fail, the bus has the true state and what the controller would have made of it;
     where torques do, what the motors exert.
+
+    Attributes:
+        unheard: (n,) joints whose encoders give nothing at this tick.
     """
 
     def __init__(
@@ -135,6 +143,7 @@ class Faults:
         self._silent = dict.fromkeys((SENSOR, ENCODER), 0)
         self._looked = -1
         self._times: tuple[FaultTime, ...] = ()
+        self.unheard = np.zeros(len(machine.torque), dtype=np.bool_)
         self._limit, self._exerted = robot.torque_limit, np.zeros(len(machine.torque))
         self._observer = None
         if self._of[ENCODER]:
@@ -151,10 +160,13 @@ class Faults:
         sensing.read()
         machine, tick = self._machine, self._ticks
         silent = dict.fromkeys(self._silent, False)
+        self.unheard[:] = False
         if self._observer is not None:
             self._true[0][:], self._true[1][:] = machine.q, machine.v
         for each in self._of[ENCODER]:
-            silent[ENCODER] |= each.on(machine, tick, machine.q, machine.v) and each.kind.silent
+            nothing = each.on(machine, tick, machine.q, machine.v) and each.kind.silent
+            self.unheard[each.channels] |= nothing
+            silent[ENCODER] |= nothing
         if self._of[SENSOR]:
             reading = self._reading()
             for each in self._of[SENSOR]:

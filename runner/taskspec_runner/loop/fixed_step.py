@@ -20,7 +20,7 @@ from taskspec.program.execution.transition import END, Transition
 from taskspec_runner.errors import InputError
 from taskspec_runner.link.robot import LinkError
 from taskspec_runner.loop.sensing import Sensing
-from taskspec_runner.loop.to_rest import bring_to_rest
+from taskspec_runner.loop.to_rest import Brought, bring_to_rest
 from taskspec_runner.plant.plant import Plant
 from taskspec_runner.record.block import Block
 from taskspec_runner.record.bus import Bus
@@ -68,6 +68,7 @@ class Outcome:
             rest.
         not_at_rest: why the arm was not brought to rest after it, or not to the end; empty if it
             was, or that was not wanted.
+        undamped: joints, from 1 on, that were carried alone meanwhile.
     """
 
     status: str
@@ -80,6 +81,7 @@ class Outcome:
     why_python: str = ""
     lost: bool = False
     not_at_rest: str = ""
+    undamped: tuple[int, ...] = ()
 
 
 class TickSink(Protocol):
@@ -247,7 +249,8 @@ def run(
         clock = error.ticks * period
         outcome = _stopped(error.name, error.text, machine, clock, error.ticks)
     if to_rest and outcome.status != DONE:
-        outcome = replace(outcome, not_at_rest=_to_rest(closed, outcome, period))
+        brought = _to_rest(closed, outcome, period)
+        outcome = replace(outcome, not_at_rest=brought.why, undamped=brought.undamped)
     return replace(outcome, loop=inner.name, why_python=inner.why)
 
 
@@ -302,17 +305,17 @@ def _last(closed: ClosedLoop) -> int:
     return 1
 
 
-def _to_rest(closed: ClosedLoop, outcome: Outcome, period: float) -> str:
-    """Brings the arm to rest after a run; why it did not, empty if it did."""
+def _to_rest(closed: ClosedLoop, outcome: Outcome, period: float) -> Brought:
+    """Brings the arm to rest after a run."""
     if closed.faults is not None:
         closed.faults.end()
     plant = closed.plant.release()
     if plant is None:
-        return "the robot does that itself"
+        return Brought("the robot does that itself", ())
     if not outcome.ticks:
-        return "it had not been moved"
+        return Brought("it had not been moved", ())
     if outcome.lost:
-        return "the simulation had diverged"
+        return Brought("the simulation had diverged", ())
     return bring_to_rest(closed, plant, outcome.ticks, period)
 
 

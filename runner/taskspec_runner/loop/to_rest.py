@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec.control.stopping import decay_time, stopping_torque
+from taskspec.control.stopping import decay_time, stopping_torque, within_rate
+from taskspec.deferred_methods import dataclass
 from taskspec.program.execution.machine import Machine
 from taskspec_runner.link.robot import LinkError
 
@@ -29,7 +30,21 @@ _ASKED = (
 _HEALTHY = 1e8
 
 
-def bring_to_rest(closed: ClosedLoop, plant: Plant, ticks: int, period: float) -> str:
+@dataclass(frozen=True, slots=True)
+class Brought:
+    """What became of an arm that was to be brought to rest.
+
+    Attributes:
+        why: it was broken off; empty if it was not.
+        undamped: joints, from 1 on, that were carried alone for at least a tick, as their encoders
+            gave nothing.
+    """
+
+    why: str
+    undamped: tuple[int, ...]
+
+
+def bring_to_rest(closed: ClosedLoop, plant: Plant, ticks: int, period: float) -> Brought:
     """Runs the stop controller on a plant for `STRETCH`, and records that.
 
     What is recorded is measured as the stage did that was broken off, in its frame; what that asked
@@ -41,10 +56,11 @@ def bring_to_rest(closed: ClosedLoop, plant: Plant, ticks: int, period: float) -
         ticks: of the run so far.
         period: of control [s].
 
-    Returns:
-        Why it was broken off; empty if it was not.
+    A joint whose encoder gives nothing is carried and not damped. Torques change no faster than the
+    last stage's limits and the robot's protection have.
     """
     machine, bus = closed.machine, closed.bus
+    step_most, undamped = period * _rates(machine), np.zeros(len(machine.torque), dtype=np.bool_)
     most, decay = plant.scene.arm.robot.torque_limit, decay_time(period)
     clock, t, stage = (bus.slices[name].start for name in ("clock", "t", "stage"))
     asked = [where for name, where in bus.slices.items() if name.removeprefix("true.") in _ASKED]
@@ -55,8 +71,16 @@ def bring_to_rest(closed: ClosedLoop, plant: Plant, ticks: int, period: float) -
         with contextlib.suppress(LinkError):
             closed.read()
         if not float(machine.v @ machine.v) < _HEALTHY:
-            return "its state is no longer finite"
-        torque = _torque(machine, most, decay, (ticks + number) * period)
+            return Brought("its state is no longer finite", _numbers(undamped))
+        unheard = None if closed.faults is None else closed.faults.unheard
+        if unheard is not None:
+            undamped |= unheard
+        before = machine.torque.copy()
+        torque = _torque(machine, most, decay, (ticks + number) * period, unheard)
+        if np.isfinite(step_most).any():
+            # What is no number has not been applied.
+            known = np.where(np.isfinite(before), before, torque)
+            torque[:] = within_rate(torque, known, step_most, most)
         bus.array[clock], bus.array[t] = (ticks + number) * period, number * period
         bus.array[stage] = len(machine.runners) + machine.index
         step(torque)
@@ -65,13 +89,33 @@ def bring_to_rest(closed: ClosedLoop, plant: Plant, ticks: int, period: float) -
         closed.recorder.add()
         alarm = plant.alarm()
         if alarm is not None:
-            return alarm[1]
-    return ""
+            return Brought(alarm[1], _numbers(undamped))
+    return Brought("", _numbers(undamped))
 
 
-def _torque(machine: Machine, most: Vector, decay: float, clock: float) -> Vector:
+def _rates(machine: Machine) -> Vector:
+    """(n,) how fast each torque may change [N m/s, N/s]; inf where nobody says."""
+    plan = machine.stage.plan
+    found = np.full(len(machine.torque), plan.limits.torque_rate or np.inf)
+    protection = plan.context.loaded.task.robot.protection
+    joints = None if protection is None else protection.joints
+    if joints is not None and joints.torque_rate is not None:
+        found = np.minimum(found, np.asarray(joints.torque_rate))
+    return found
+
+
+def _numbers(joints: NDArray[np.bool_]) -> tuple[int, ...]:
+    """Joints as a reader counts them, from 1 on."""
+    return tuple((np.flatnonzero(joints) + 1).tolist())
+
+
+def _torque(
+    machine: Machine, most: Vector, decay: float, clock: float, unheard: NDArray[np.bool_] | None
+) -> Vector:
     """The machine's torque at this instant, by the stop controller."""
     machine.look(clock)
     terms = machine.terms
-    machine.torque[:] = stopping_torque(terms.inertia, terms.gravity, machine.v, most, decay)
+    machine.torque[:] = stopping_torque(
+        terms.inertia, terms.gravity, machine.v, most, decay, unheard
+    )
     return machine.torque

@@ -79,8 +79,12 @@ def told(run: Run) -> str:
         return f"After it the arm was braked for {1e3 * duration:.0f} ms, until {why}."
     after, speed = number(said.get("time_to_rest")), number(said.get("residual_speed")) or 0.0
     came = f"came to rest in {1e3 * after:.0f} ms" if after is not None else "did not come to rest"
+    joints = ", ".join(map(str, said.get("undamped") or ()))
+    alone = (
+        f" Joint {joints} gave no measurement, and was carried without damping." if joints else ""
+    )
     return (
         f"After it a stop controller braked the arm for {1e3 * duration:.0f} ms, shaded as "
         f"'{TO_REST}' and judged by nothing: it {came}, and its tool was left with "
-        f"{show(speed, VELOCITY, 2)}."
+        f"{show(speed, VELOCITY, 2)}.{alone}"
     )

@@ -18,7 +18,8 @@ def stopping(outcome: Outcome, history: History, period: float) -> dict[str, Any
 
     The entry has how long the arm was braked [s], after what time its joints stayed slower than
     `AT_REST`, null if they did not, and how fast the tool [m/s] and the fastest joint [rad/s, m/s]
-    were at last; without, only why.
+    were at last; without, only why. `undamped` are the joints that were carried alone, as their
+    encoders gave nothing.
 
     Args:
         outcome: of the run.
@@ -47,6 +48,8 @@ def stopping(outcome: Outcome, history: History, period: float) -> dict[str, Any
             "residual_speed": float(columns["speed"][-1]),
             "residual_joint_speed": float(fastest[-1]),
         }
+    if outcome.undamped:
+        found["undamped"] = list(outcome.undamped)
     why = outcome.not_at_rest or ("" if rest is not None else "the run was broken off")
     if why:
         found["not_at_rest"] = why
