@@ -52,16 +52,17 @@ class Estimation:
         if self.estimates is not None:
             self.estimates.collect(wrench[:3])
 
-    def end(self, stage: CompiledStage, terms: ModelTerms, wrench: Vector) -> None:
+    def end(self, stage: CompiledStage, terms: ModelTerms, wrench: Vector, *, summed: bool) -> None:
         """Takes what a stage has estimated, and corrects the measured `wrench` (6,) by it.
 
         Args:
             stage: that ends.
             terms: of now.
             wrench: of now.
+            summed: whether the forces that were collected have been added up.
         """
         if self.estimates is not None:
-            self.estimates.end(stage.name, terms.position)
+            self.estimates.end(stage.name, terms.position, summed=summed)
         if self._sensor is not None and stage.plan.spec.tare:
             self._sensor.tare()
             self._sensor.correct(terms.tip()[1], wrench)

@@ -290,7 +290,8 @@ class Machine:
 
         Args:
             clock: run time [s].
-            handed: whether the stage has handed on what it has to, its torque too.
+            handed: whether the stage has handed on what it has to, its torque too, and has added up
+                the forces that it collected.
         """
         out: Exit = self._exits[self.index][int(self.outputs[0]) - 1]
         event, to, index, value = out.event, out.to, out.index, float(self.outputs[1])
@@ -311,7 +312,7 @@ class Machine:
             before.leaving.evaluate()
         self.handed[_SAME] = before.stage.tracked == after.stage.tracked
         if self.estimation.on:
-            self.estimation.end(before.stage, self.terms, self.wrench)
+            self.estimation.end(before.stage, self.terms, self.wrench, summed=handed)
         unknown = self.estimation.missing(after.stage)
         if unknown:
             text = f"stage {to!r} cannot begin: {unknown}"

@@ -143,6 +143,7 @@ class Estimates:
         recent: (window, 3) ring of the measured forces of the stage's last ticks, by the
             environment, world axes [N].
         collected: ticks of the stage; tick k is row k modulo the window.
+        total: (3,) sum of these forces, the oldest first, as a stage has ended.
         stages: at whose ends something is measured.
         poses: (12,) by stage parameter.
     """
@@ -155,7 +156,7 @@ class Estimates:
             for f in self._frames
         }
         self.recent: Vector = np.zeros((window(period), 3))
-        self.collected = 0
+        self.collected, self.total = 0, np.zeros(3)
         self.stages = frozenset(f.estimate for f in self._frames)
         self.poses = {name: estimate.pose for name, estimate in self._estimates.items()}
 
@@ -168,8 +169,16 @@ class Estimates:
         self.recent[self.collected % len(self.recent)] = force
         self.collected += 1
 
-    def end(self, stage: str, tip: Vector) -> None:
-        """Measures the frames of a stage that has just ended with the tip at (3,)."""
+    def end(self, stage: str, tip: Vector, *, summed: bool = False) -> None:
+        """Measures the frames of a stage that has just ended with the tip at (3,).
+
+        Args:
+            stage: its name.
+            tip: world.
+            summed: whether `total` is the sum of now.
+        """
+        if not summed and stage in self.stages:
+            self._sum()
         for frame in self._frames:
             if frame.estimate != stage:
                 continue
@@ -185,15 +194,18 @@ class Estimates:
             self.poses[slot(frame)] = estimate.pose
 
     def mean(self) -> Vector:
-        """(3,) mean of the forces in the window, the oldest first."""
+        """(3,) mean of the forces in the window."""
+        return self.total / min(self.collected, len(self.recent))
+
+    def _sum(self) -> None:
+        """Writes the sum of the forces in the window, the oldest first."""
         room, recent = len(self.recent), self.recent
         oldest = self.collected % room
         if self.collected <= room:
             recent = recent[: self.collected]
         elif oldest:
             recent = np.concatenate((recent[oldest:], recent[:oldest]))
-        total: Vector = np.add.reduce(recent)
-        return total / len(recent)
+        np.add.reduce(recent, out=self.total)
 
     def missing(self, parameters: Iterable[str]) -> str:
         """Why a stage with these poses cannot be entered, as a sentence; empty if it can.

@@ -197,7 +197,8 @@ class NativeLoop:
             machine.open(opening)
             self.made = True
             return None
-        machine.runner.place(machine.estimation.poses)
+        if machine.runner.stage.entry.poses:
+            machine.runner.place(machine.estimation.poses)
         return opening
 
     def _refresh(self, t: float) -> float:
@@ -311,7 +312,11 @@ def _sensor(record: TickMemory, machine: Machine, sensing: Sensing) -> None:
         )
     estimates = machine.estimation.estimates
     if estimates is not None:
-        record.take(estimate_room=len(estimates.recent), recent=estimates.recent.reshape(-1))
+        record.take(
+            estimate_room=len(estimates.recent),
+            recent=estimates.recent.reshape(-1),
+            recent_total=estimates.total,
+        )
 
 
 def _plant(record: TickMemory, plant: Plant) -> None:

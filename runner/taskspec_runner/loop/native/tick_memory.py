@@ -240,6 +240,7 @@ class TickMemory(Record):
     taring_left: Vector
     taring_count: Vector
     recent: Vector
+    recent_total: Vector
 
     # the plant
     qpos: Vector

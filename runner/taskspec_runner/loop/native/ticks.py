@@ -106,6 +106,20 @@ def _end(c: TickMemory) -> None:
     _copy(c.new_torque, c.last, c.n)
     _copy(c.new_outputs, c.outputs, c.n_outputs)
     call(c.leaving, c.leaving_arg, c.leaving_res, 0, 0, 0)
+    if c.estimates:
+        _add_up(c)
+
+
+def _add_up(c: TickMemory) -> None:
+    """The sum of the forces that were collected last, the oldest first."""
+    seen, room, recent, total = c.estimate_ticks, c.estimate_room, c.recent, c.recent_total
+    first = seen % room if seen > room else 0
+    for i in range(3):
+        total[i] = 0.0 if seen == 0 else recent[3 * first + i]
+    for k in range(1, min(seen, room)):
+        row = recent[3 * ((first + k) % room) :]
+        for i in range(3):
+            total[i] += row[i]
 
 
 def _opened(c: TickMemory) -> bool:
