@@ -15,6 +15,7 @@ from taskspec.spec.protection_file import builtin_protections
 from taskspec.text.diagnostic import SpecError
 from taskspec_runner.runs import Run
 from taskspec_runner.session import execute
+from taskspec_runner.verdict.protected import sentences
 
 ARM = """\
 taskspec: 1
@@ -120,6 +121,21 @@ def test_a_run_ends_by_what_is_exceeded(text, protection, words, tmp_path):
         assert made.summary["ending"]["text"].startswith(f"protection: {words}")
         logs.append((tmp_path / loop / "log.arrow").read_bytes())
     assert logs[0] == logs[1]
+
+
+def test_the_summary_says_how_near_a_run_came(tmp_path):
+    bounds = "{source: s, joints: {torque_rate: 5000 N*m/s}, tip: {speed: 1 m/s}}"
+    made = run(task(PRESS, bounds), tmp_path / "run")
+    told = {each["is"]: each for each in made.summary["protection"]}
+    assert len(told) == 8
+    torque = np.abs(np.diff(made.columns["joint.2.torque"])).max() / 1e-3
+    assert told["torque rate of joint 2"]["most"] == pytest.approx(torque)
+    assert told["torque rate of joint 2"]["share"] == pytest.approx(torque / 5000)
+    assert told["speed of the tip"]["most"] == pytest.approx(made.columns["speed"].max())
+    assert next(sentences(made.summary)).startswith("protection: nearest is the torque rate of")
+    plain = run(task(PRESS, "panda").replace("  protection: panda\n", ""), tmp_path / "plain")
+    assert "protection" not in plain.summary
+    assert not list(sentences(plain.summary))
 
 
 def test_a_turn_is_watched(tmp_path):

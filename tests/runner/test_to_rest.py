@@ -170,7 +170,7 @@ def nothing_else(stopped: Run, tmp_path: Path) -> Path:
         (["judge"], "cannot judge"),
         (["diff"], "There is no tick to compare"),
         (["export", "--csv"], "holds no tick"),
-        (["replay", "--video"], "holds no complete batch of ticks"),
+        (["replay", "--video"], "cannot draw"),
     ],
 )
 def test_a_log_of_nothing_else_is_told(

@@ -17,6 +17,7 @@ from taskspec_runner.verdict import torque_steps
 from taskspec_runner.verdict.judged import title_of
 from taskspec_runner.verdict.limit_effects import sentences
 from taskspec_runner.verdict.outcome import is_measured
+from taskspec_runner.verdict.protected import sentences as near
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -41,7 +42,7 @@ def show_outcome(run: Run, *, quiet: bool) -> None:
     if run.summary["metrics"] and not quiet:
         show(*[""] * bool(expectations), _metrics(run.summary), "")
     if not quiet:
-        steps = torque_steps.sentences(run.summary)
+        steps = (*torque_steps.sentences(run.summary), *near(run.summary))
         for line in _truth(run.summary):
             show(line)
         if "link" in run.summary:

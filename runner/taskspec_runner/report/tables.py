@@ -12,6 +12,7 @@ from taskspec_runner.runs import Run
 from taskspec_runner.verdict import torque_steps
 from taskspec_runner.verdict.limit_effects import sentences
 from taskspec_runner.verdict.predicted import axis_of
+from taskspec_runner.verdict.protected import sentences as near
 
 #: Columns of a response; see the note below the table.
 _RESPONSES = [
@@ -135,7 +136,7 @@ def given_up(run: Run) -> list[str]:
     A summary of another version has none.
     """
     try:
-        return [*sentences(run.summary), *torque_steps.sentences(run.summary)]
+        return [*sentences(run.summary), *torque_steps.sentences(run.summary), *near(run.summary)]
     except (AttributeError, KeyError, TypeError, ValueError):
         return []
 

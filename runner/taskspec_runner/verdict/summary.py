@@ -30,6 +30,7 @@ from taskspec_runner.verdict.diagnosed import diagnosed
 from taskspec_runner.verdict.findings import findings
 from taskspec_runner.verdict.judged import Judged
 from taskspec_runner.verdict.performance import performance
+from taskspec_runner.verdict.protected import protected
 from taskspec_runner.verdict.run_finding import RunFinding
 from taskspec_runner.verdict.torque_steps import largest_step
 
@@ -136,6 +137,7 @@ def summarise(
         "torque_step": largest_step(simulated.transitions),
         "expectations": [j.as_data() for j in judged],
         "findings": [each.as_data() for each in found],
+        **protected(program, history, context.period),
         **performance(program, history, judged, simulated.solver_counts),
         "limits": {k: v for k, v in task.limits.model_dump().items() if v is not None},
         "stage_limits": {
