@@ -32,8 +32,6 @@ OF_SET_POINT = 0.05
 LEAST_FORCE, LEAST_MOMENT, LEAST_SPEED = 1.0, 0.3, 5e-3
 #: Share of a joint's torque limit from which an amplitude counts.
 OF_TORQUE = 0.02
-#: A torque is at its limit from this share of it on; it lasts in more than so much of the ticks.
-AT_LIMIT, LASTS = 0.999, 0.5
 #: An amplitude of force is not of noise from so many times what noise has in a band of its own.
 OF_NOISE = 10.0
 #: Ticks of a half visit below which nothing can be told.

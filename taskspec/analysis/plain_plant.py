@@ -43,7 +43,8 @@ from taskspec.program.world.stiffness import (
     mobility_of,
     pair_compliance,
 )
-from taskspec.robot.model_terms import ModelTerms
+from taskspec.robot import RobotModel
+from taskspec.robot.model_terms import ModelTerms, PinocchioTerms
 from taskspec.robot.rebuild import GRAVITY
 from taskspec.spec import Mechanism, Task
 
@@ -53,6 +54,11 @@ Vector = NDArray[np.float64]
 #: back within so many steps, overdamped: as the simulator has them.
 _SETTLING, _STOP_STEPS, _STOP_DAMPING = 0.5, 3.0, 2.0
 _IMPEDANCE = 0.99
+#: Dry friction of a joint as the simulator has it where nothing else is asked of it: it takes a
+#: slip away at this rate [1/s], and yields by this share of what a force moves the joint alone.
+_JOINT_SETTLING, _YIELDING = 2 / (0.95 * 0.02), (1 - 0.9) / 0.9
+#: Sweeps over the joints, whose frictions act on each other through the inertia.
+_SWEEPS = 4
 
 
 class PlainPlant:
@@ -153,6 +159,8 @@ class _Step:
         self.period = 1.0 / task.control.plant_rate
         self.substeps = round(task.control.plant_rate / task.control.rate)
         self._D = np.broadcast_to(np.array(task.robot.joint_damping, dtype=float), n)
+        self._dry = np.broadcast_to(np.array(task.robot.joint_friction, dtype=float), n)
+        self._yields = _yields(robot) if self._dry.any() else np.zeros(n)
         name = (task.robot.grasp or "").removesuffix(".handle")
         self._declared: Mechanism | None = task.mechanisms.get(name)
         self._mechanism = mechanism_models(task).get(name)
@@ -221,11 +229,9 @@ class _Step:
             H += each.rows.T @ each.mass @ each.rows
             on -= each.rows.T @ each.force
         factor = ca.ldl(H, False)
-        a = ca.ldl_solve(on, *factor)
+        a = self._rub_joints(ca.ldl_solve(on, *factor), state.v, factor)
         if self._declared is not None:
-            unit = ca.SX.zeros(c)
-            unit[n] = 1.0
-            column = ca.ldl_solve(unit, *factor)
+            column = ca.ldl_solve(_unit(c, n), *factor)
             a += column * self._rubs(state.held, a[n], column[n])
             a += column * self._stops(state.held, a[n], column[n])
         self.wrench = on_tip
@@ -246,6 +252,24 @@ class _Step:
         ]
         self._acceleration, self._twist = self._J @ a[:n] + self._drift, tip.twist
         return _State(state.q + h * v, v, held, ca.vertcat(ca.SX(0, 1), *moved))
+
+    def _rub_joints(self, a: ca.SX, v: ca.SX, factor: tuple[ca.SX, ...]) -> ca.SX:
+        """Accelerations (c,) under the dry friction of joints, of those without it.
+
+        Each joint's force f_i is what has a_i + r_i f_i = -b v_i, within its bounds, one after the
+        other: a projected Gauss-Seidel iteration on the simulator's problem.
+        """
+        rubbing = [i for i, most in enumerate(self._dry) if most > 0]
+        columns = {i: ca.ldl_solve(_unit(self._c, i), *factor) for i in rubbing}
+        forces = dict.fromkeys(rubbing, ca.SX(0))
+        for i in _SWEEPS * rubbing:
+            most, yields = float(self._dry[i]), float(self._yields[i])
+            left = -_JOINT_SETTLING * v[i] - a[i] - yields * forces[i]
+            wanted = forces[i] + left / (columns[i][i] + yields)
+            force = ca.fmin(ca.fmax(wanted, -most), most)
+            a = a + columns[i] * (force - forces[i])
+            forces[i] = force
+        return a
 
     # --- what touches ----------------------------------------------------------------------------
 
@@ -442,6 +466,20 @@ def _inertial(inertia: pin.Inertia, R: ca.SX, twist: ca.SX, acceleration: ca.SX)
     linear, angular = acceleration[:3] - ca.DM(GRAVITY), acceleration[3:]
     force = inertia.mass * linear + ca.cross(angular, c) + ca.cross(w, ca.cross(w, c))
     return ca.vertcat(force, about @ angular + ca.cross(c, linear) + ca.cross(w, about @ w))
+
+
+def _yields(robot: RobotModel) -> Vector:
+    """(n,) how much joints move under the friction that holds them: counted where q is 0."""
+    at_zero = PinocchioTerms(robot)
+    at_zero.at(np.zeros(robot.pin.nv), np.zeros(robot.pin.nv))
+    return np.asarray(_YIELDING * np.diag(np.linalg.inv(at_zero.inertia)))
+
+
+def _unit(c: int, i: int) -> ca.SX:
+    """(c,) 1 at i, 0 elsewhere."""
+    unit = ca.SX.zeros(c)
+    unit[i] = 1.0
+    return unit
 
 
 def _askew(apart: ca.SX) -> ca.SX:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -36,6 +38,35 @@ class Touched:
         touching = local - (distance - radius) * normal
         normal, bend, _ = frames.normal_at(self._shape, touching)
         return A @ normal, A @ bend @ A.T
+
+    def off(self, center: Matrix, radius: float) -> tuple[Matrix, float, bool]:
+        """Outward normal (3,) at a sphere, how far off that is [m], whether normals turn."""
+        A = self._A
+        local = A.T @ (center - self._a)
+        normal, bend, distance = frames.normal_at(self._shape, local)
+        return A @ normal, distance - radius, bool(bend.any())
+
+
+def touching(context: Context, task: Task, names: Iterable[str]) -> Matrix | None:
+    """(3,) where the tip is when its nearest sphere touches each of some objects, world axes [m].
+
+    None where all of them are flat: their normals are the same however far off the tool is. On a
+    curved one a frame that follows it, and the force that it returns, turn by 1/rho per metre with
+    the distance rho from its centre: both have to be looked at from the same place.
+    """
+    tool, normals, gaps, turns = context.robot.tool, [], [], False
+    for name in names:
+        touched = Touched(context, task, name)
+        spheres = zip(tool.centers, tool.radii, strict=True)
+        here = [touched.off(context.start_p + context.start_R @ c, float(r)) for c, r in spheres]
+        normal, gap, bent = min(here, key=lambda each: each[1])
+        normals.append(normal)
+        gaps.append(gap)
+        turns = turns or bent
+    if not turns:
+        return None
+    way = np.linalg.lstsq(np.array(normals), -np.array(gaps), rcond=None)[0]
+    return np.asarray(context.start_p + way)
 
 
 def skew(v: Matrix) -> Matrix:

@@ -19,10 +19,12 @@ from taskspec.program import events
 from taskspec.program.execution.force_sensor import ForceSensor
 from taskspec.program.execution.machine import Machine
 from taskspec.program.execution.transition import END
+from taskspec.program.limits.resolution import Resolution
 from taskspec.program.plan import TaskPlan
 from taskspec.program.ports import fields, slices
 from taskspec.program.program import Program, compiled
 from taskspec.program.signals import UnknownSignalError
+from taskspec.program.stages.stage import CompiledStage
 from taskspec.robot import RobotError
 from taskspec.text.diagnostic import SpecError
 
@@ -46,6 +48,7 @@ class Rehearsal:
         text: the same as a sentence.
         stage: in which it ended.
         names: of the stages.
+        resolutions: of each the program that keeps its limits; None without one.
         index: (k,) number of the stage of each tick.
         times: (k,) since that began [s].
         outputs: (k, size) the numbers of `ports.fields`.
@@ -64,6 +67,7 @@ class Rehearsal:
     text: str
     stage: str
     names: tuple[str, ...]
+    resolutions: tuple[Resolution | None, ...]
     index: NDArray[np.int64]
     times: Vector
     outputs: Vector
@@ -88,9 +92,8 @@ class Rehearsal:
 def fits(task: TaskPlan) -> bool:
     """Whether the plain plant has all that the world of a task has."""
     true = task.context.loaded.true_task
-    # Dry friction of joints is a solver's work; what rides on a mechanism is pushed without a grip.
-    rides = any(shape.carrier is not None for shape in true.shapes.values())
-    return not rides and not any(true.robot.joint_friction)
+    # What rides on a mechanism is pushed without a grip.
+    return not any(shape.carrier is not None for shape in true.shapes.values())
 
 
 def rehearsal_of(task: TaskPlan, last: str) -> Rehearsal | None:
@@ -162,8 +165,7 @@ def rehearse(program: Program) -> Rehearsal:
             break
         ticks += 1
         clock = ticks * machine.period
-    names = tuple(stage.name for stage in program.stages)
-    return kept.made(status, reason, text, names)
+    return kept.made(status, reason, text, program.stages)
 
 
 class _Kept:
@@ -188,7 +190,9 @@ class _Kept:
         self._index[i], self._times[i] = machine.index, machine.t
         self._count = i + 1
 
-    def made(self, status: str, reason: str, text: str, names: tuple[str, ...]) -> Rehearsal:
+    def made(
+        self, status: str, reason: str, text: str, stages: Sequence[CompiledStage]
+    ) -> Rehearsal:
         """All of them."""
         machine, n = self._machine, self._count
         stage = machine.transitions[-1].stage if machine.ended else machine.stage.name
@@ -196,9 +200,11 @@ class _Kept:
         numbers, plant = (rows[:n] for rows in self._rows)
         outputs, v, torque = _split(numbers, (machine.outputs, machine.v, machine.torque))
         wrench, held, effort, reactions, bodies = _split(plant, self._plant.parts)
+        names = tuple(each.name for each in stages)
+        resolutions = tuple(each.resolution for each in stages)
         return Rehearsal(
-            status, reason, text, stage, names, self._index[:n], self._times[:n], outputs, v,
-            torque, wrench, held, poses(bodies), effort[:, 0], reactions, strays,
+            status, reason, text, stage, names, resolutions, self._index[:n], self._times[:n],
+            outputs, v, torque, wrench, held, poses(bodies), effort[:, 0], reactions, strays,
         )  # fmt: skip
 
 

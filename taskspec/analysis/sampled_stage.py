@@ -12,6 +12,7 @@ from taskspec.analysis.controller import LinearController, Operating
 from taskspec.analysis.environment import linear_plant
 from taskspec.analysis.loop import Drive, Mode, modes, poles, response
 from taskspec.analysis.plant import LinearPlant
+from taskspec.analysis.points import touching
 from taskspec.deferred_methods import dataclass
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.program.axes import MOSTLY
@@ -192,6 +193,7 @@ class SampledStage:
         if context.held and here.coordinate:
             moved = context.mechanisms[context.held].moved(here.coordinate)
             context = replace(context, mechanisms={**context.mechanisms, context.held: moved})
+        context = _at_contact(context, self.pressed)
         at = self.at.there(context)
         plant = self._plant(context, context.loaded.task)
         return replace(self, context=context, at=at, controller=at.linear(), nominal=plant)
@@ -328,6 +330,9 @@ def analyse(plan: StagePlan, *, in_contact: bool = True) -> SampledStage | None:
     stage = compile_stage(reduced.but(ready_path=reduced.path), to_run=False)
     at = Operating(context, stage)
     pressed, meets = _pressed(context, stage, rotation, at) if in_contact else ({}, False)
+    there = _at_contact(context, pressed)
+    if there is not context:
+        context, at = there, at.there(there)
     wrench, reactions = np.zeros(6), np.zeros(len(context.equations))
     sliding = None if meets else _slides(reduced, pressed)
     plant = linear_plant(context, context.loaded.task, pressed, sliding=sliding)
@@ -344,6 +349,16 @@ def analyse(plan: StagePlan, *, in_contact: bool = True) -> SampledStage | None:
     return SampledStage(
         context, stage, rotation, pressed, meets, at, controller, plant, sliding=sliding
     )
+
+
+def _at_contact(context: Context, pressed: Mapping[str, float]) -> Context:
+    """The context with the tip where it touches what it presses on; itself where all is flat.
+
+    J, H and the joints stay as they are.
+    """
+    shapes = [name for name in pressed if name in context.surfaces]
+    p = touching(context, context.loaded.task, shapes) if shapes else None
+    return context if p is None else replace(context, start_p=p)
 
 
 def _slides(stage: StagePlan, pressed: Mapping[str, float]) -> Matrix | None:

@@ -8,13 +8,15 @@ arm, where a spring stands for a force loop, or where a bound is near to what is
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 
 import numpy as np
 
 from taskspec.foresight.approach import approach, dwell, rates_of, striking_mass
 from taskspec.foresight.conditions import names, parts
+from taskspec.foresight.force_profile import force_profiles
 from taskspec.foresight.ranges import constant
+from taskspec.geometry.axis import ROTATIONS
 from taskspec.motion.blend import BLEND_TIME
 from taskspec.program.flow import followers, leading_to
 from taskspec.program.interval import ANY, Interval, IntervalAlgebra, point
@@ -44,11 +46,20 @@ _ROUGH = 0.5
 _ROOM = 0.15
 
 
-def last_doubt(task: TaskPlan) -> str:
-    """The last stage whose end is in doubt; empty where none is."""
-    found = ""
+def last_doubt(task: TaskPlan, others: Collection[str] = ()) -> str:
+    """The last stage whose end is in doubt; empty where none is.
+
+    Stages that come back to one in doubt are run ahead with it: its next visit begins elsewhere.
+
+    Args:
+        task: the plan.
+        others: stages that are in doubt for reasons of the caller's.
+    """
+    spec, doubted, found = task.context.loaded.task, set(others), ""
     for name, stage in task.framed.items():
         if any(doubt(task, stage) for doubt in _DOUBTS):
+            doubted.add(name)
+        if doubted & {name, *followers(spec, name)}:
             found = name
     return found
 
@@ -69,9 +80,11 @@ def _holds(task: TaskPlan, stage: StagePlan) -> bool:
     declared, until = task.context.loaded.task.mechanisms[task.context.held], stage.spec.until
     most = stage.limits.force
     before = [name for name, each in task.stages.items() if _waits_for_effort(task, each)]
+    passage = stage.nominal.passage
     return (
         not stage.law.control_law.force_loop
         or bool(before)
+        or (passage is not None and passage.stopped is not None)
         or (declared.knob == "free" and until is not None)
         or (most is not None and most < _LITTLE)
         or _sets_off_with(stage, declared) > _FORCE * _most_force(task, stage)
@@ -79,13 +92,22 @@ def _holds(task: TaskPlan, stage: StagePlan) -> bool:
 
 
 def _sets_off_with(stage: StagePlan, held: Mechanism) -> float:
-    """The force at its handle that takes a mechanism from rest to a stage's speed [N]."""
+    """The force at its handle that takes a mechanism from rest to a stage's speed, and on [N]."""
     model = stage.context.mechanisms[stage.context.held]
     lever = model.radius if model.angular else 1.0
     if model.angular and not model.swings:
         return 0.0
-    mass = held.coordinate_inertia / lever**2
-    return _RISE * mass * float(np.linalg.norm(rates_of(stage))) / BLEND_TIME
+    mass, speed = held.coordinate_inertia / lever**2, _handle_speed(stage, lever)
+    resists = held.damping * speed / lever**2 + held.friction / lever
+    return _RISE * mass * speed / BLEND_TIME + resists
+
+
+def _handle_speed(stage: StagePlan, lever: float) -> float:
+    """How fast a stage moves the handle of what it holds: along, or about its axis [m/s]."""
+    turns = [stage.plans[a].mode for a in ROTATIONS if a in stage.plans and a in stage.spec.axes]
+    rates = [mode.settled_rate(stage.known) or 0.0 for mode in turns if mode.moves]
+    about = max(map(abs, rates), default=0.0)
+    return max(float(np.linalg.norm(rates_of(stage))), about * lever)
 
 
 def _waits_for_effort(task: TaskPlan, stage: StagePlan) -> bool:
@@ -156,7 +178,7 @@ def _acts(stage: StagePlan) -> bool:
     """Whether a stage moves or presses; one that does neither waits for what is not its own."""
     moves = any(plan.motion and plan.mode.moves for plan in stage.plans.values())
     forces = any(entry.has_force for entry in stage.spec.axes.values())
-    return moves or forces or stage.path is not None
+    return moves or forces or bool(stage.spec.constraints) or stage.path is not None
 
 
 def _settles_there(stage: StagePlan, guard: Node) -> bool:
@@ -219,10 +241,21 @@ def _expected_peaks(task: TaskPlan, stage: StagePlan) -> Iterator[float]:
 
 def _settles(stage: StagePlan) -> float:
     """The largest force that a stage settles at [N]."""
-    settles = max((abs(f) for a, f in stage.set_points.items() if not a.is_rotation), default=0.0)
+    forces = [*_pressing(stage)]
+    profiles = [p.values for p in force_profiles(stage) if not p.axis.is_rotation]
+    settles = max((abs(f) for values in (forces, *profiles) for f in values), default=0.0)
     if not stage.law.control_law.force_loop and stage.approached is not None:
         settles = max(settles, _spring_force(stage))
     return settles
+
+
+def _pressing(stage: StagePlan) -> Iterator[float]:
+    """Constant forces along axes and equations [N]."""
+    yield from (force for axis, force in stage.set_points.items() if not axis.is_rotation)
+    for constraint in stage.spec.constraints.values():
+        force = stage.known(constraint.wanted)
+        if force is not None:
+            yield force
 
 
 def _blows(task: TaskPlan, stage: StagePlan) -> float:
@@ -253,7 +286,7 @@ def _blow(stage: StagePlan) -> float:
 def _speed(task: TaskPlan, stage: StagePlan) -> bool:
     """A limit on speed, or of a joint, that the way comes near to; a way that is not known."""
     passage, most, robot = stage.nominal.passage, stage.limits.speed, stage.context.robot
-    speed = float(np.linalg.norm(rates_of(stage)))
+    speed = max(float(np.linalg.norm(rates_of(stage))), _reached(stage))
     released = _released(task, stage)
     if passage is not None:
         for here in passage.instants:
@@ -267,6 +300,12 @@ def _speed(task: TaskPlan, stage: StagePlan) -> bool:
     return most is not None and speed + released > _SPEED * most
 
 
+def _reached(stage: StagePlan) -> float:
+    """How fast moves along axes get [m/s]."""
+    modes = [stage.plans[axis].mode for axis in stage.translations if axis in stage.plans]
+    return math.hypot(*(mode.reached_rate(stage.known) or 0.0 for mode in modes if mode.moves))
+
+
 def _released(task: TaskPlan, stage: StagePlan) -> float:
     """How fast a spring that the stage before presses on may throw the tool off [m/s]."""
     if stage.set_points:
@@ -278,6 +317,13 @@ def _released(task: TaskPlan, stage: StagePlan) -> float:
             if contact is not None:
                 k = task.context.compliances[contact].stiffness
                 most = max(most, abs(force) / math.sqrt(k * striking_mass(before, axis)))
+        for name, constraint in before.spec.constraints.items():
+            push = before.known(constraint.wanted)
+            if push is not None:
+                k = task.context.compliances[name].stiffness
+                normal, H = task.context.start_equations[name].normal, task.context.start_inertia
+                lightness = float(normal @ np.linalg.solve(H, normal))
+                most = max(most, abs(push) * math.sqrt(lightness / k))
     return _THROWN * most
 
 

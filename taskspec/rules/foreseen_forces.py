@@ -42,6 +42,19 @@ _OVERSHOOT = 2.0
 @rule("TS726", "an expectation that a force misses on its way", phase=Phase.STABILITY)
 def slow_forces(task: TaskPlan) -> Iterator[Finding]:
     """Expectations of forces that their loops do not bring there in time, or bring beyond."""
+    for looks in _looks(task):
+        if all(look.misses for look in looks):
+            yield looks[0].finding()
+
+
+def close_calls(task: TaskPlan) -> set[str]:
+    """Stages whose forces are foreseen to miss an expectation by too little to be told."""
+    looks = [look for each in _looks(task) for look in each]
+    return {look.stage for look in looks if look.is_close}
+
+
+def _looks(task: TaskPlan) -> Iterator[list[_Look]]:
+    """Each condition on a force, over all courses of it that can be foreseen."""
     ways = force_courses(task)
     for expectation in task.context.loaded.task.expect:
         expression = expectation.expression
@@ -49,16 +62,10 @@ def slow_forces(task: TaskPlan) -> Iterator[Finding]:
             signal = _force_of(task, condition)
             if signal is None:
                 continue
-            looks = []
-            for way in ways:
-                course = way.of(signal[0], Axis(signal[2]))
-                if course is None:
-                    break
-                looks.append(_Look(task, expression, condition, signal, course))
-                if not looks[-1].misses:
-                    break
-            else:
-                yield looks[0].finding()
+            courses = [way.of(signal[0], Axis(signal[2])) for way in ways]
+            looks = [_Look(task, expression, condition, signal, c) for c in courses if c]
+            if len(looks) == len(courses):
+                yield looks
 
 
 @rule({}, also=("TS611",), phase=Phase.STABILITY)
@@ -303,6 +310,16 @@ class _Look:
     ) -> None:
         self._task, self._expression, self._condition = task, expression, condition
         self._signal, self._course = signal, course
+
+    @property
+    def stage(self) -> str:
+        """Its name."""
+        return self._signal[0]
+
+    @property
+    def is_close(self) -> bool:
+        """Whether it is broken, and would not be if the force came a little nearer."""
+        return not self._holds(self._course.applied) and self._holds(_nearer(self._course))
 
     @property
     def misses(self) -> bool:

@@ -9,8 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.analysis.oscillation import (
-    AT_LIMIT,
-    LASTS,
     LEAST_FORCE,
     LEAST_MOMENT,
     LEAST_SPEED,
@@ -23,12 +21,14 @@ from taskspec.analysis.oscillation import (
 )
 from taskspec.analysis.rehearsal import Rehearsal, rehearsal_of
 from taskspec.analysis.rehearsed_signals import RehearsedSignals
+from taskspec.analysis.saturation import LASTS, torque_share, velocity_share
 from taskspec.foresight.conditions import names, parts
 from taskspec.foresight.doubts import last_doubt
 from taskspec.geometry.axis import ROTATIONS, TRANSLATIONS
 from taskspec.program.plan import StagePlan, TaskPlan
 from taskspec.program.stages.protected import PROTECTION, about_force
 from taskspec.rules import Finding, Phase, rule, warning
+from taskspec.rules.foreseen_forces import close_calls
 from taskspec.rules.places import motion_of
 from taskspec.rules.protection import fast_torques
 from taskspec.spec import FILE, KeyPath
@@ -53,6 +53,7 @@ _STOPS = {
     "speed": "TS420",
     "joint_velocity": "TS424",
     "joint_position": "TS424",
+    "frame_left": "TS425",
 }
 _FAILS = {"time": "TS611", "travel": "TS617", "fail_if": "TS618"}
 #: Codes about what a grip bears.
@@ -61,6 +62,7 @@ _OF_GRIPS = {"TS322", "TS328", "TS329", "TS420", "TS610", "TS616"}
 _UNLESS = (
     "TS420",
     "TS424",
+    "TS425",
     "TS443",
     "TS444",
     "TS501",
@@ -76,7 +78,7 @@ _UNLESS = (
 @rule(
     {"TS445": "a torque that changes faster than the robot's protection lets it"},
     also=(
-        *("TS420", "TS424", "TS426", "TS443", "TS444", "TS502"),
+        *("TS420", "TS424", "TS425", "TS426", "TS443", "TS444", "TS502"),
         *("TS611", "TS616", "TS617", "TS618", "TS726"),
     ),
     phase=Phase.REHEARSAL,
@@ -86,7 +88,7 @@ def rehearsed_ends(task: TaskPlan) -> Iterator[Finding]:
     # What is reported already is not looked for again; of a mechanism reports may be amiss.
     if task.reported and (not task.context.held or task.reported & _OF_GRIPS):
         return
-    run = rehearsal_of(task, last_doubt(task))
+    run = rehearsal_of(task, last_doubt(task, close_calls(task)))
     if run is None or run.status == "open":
         return
     if run.status != "done":
@@ -184,14 +186,11 @@ def _unrest(task: TaskPlan, run: Rehearsal, name: str) -> Iterator[Finding]:
     half = judged(int(mine.sum()))
     if not half:
         return
-    torque = run.torque[mine]
-    at_limit = np.mean(np.abs(torque[-half:]) >= AT_LIMIT * task.context.robot.torque_limit, axis=0)
-    if SATURATION not in stage.spec.allow and (at_limit > LASTS).any():
-        joint = int(np.argmax(at_limit))
+    share, limit = max(_at_limits(task, run, name))
+    if SATURATION not in stage.spec.allow and share > LASTS:
         yield warning(
             "TS420",
-            f"run ahead, stage {name!r} has joint {joint + 1} at its torque limit for "
-            f"{100 * at_limit[joint]:.0f} % of its last half",
+            f"run ahead, stage {name!r} has {limit} for {100 * share:.0f} % of its last half",
             _place(stage),
             "ask for less, or start where the arm bears it better",
             unless=("TS420",),
@@ -217,6 +216,20 @@ def _unrest(task: TaskPlan, run: Rehearsal, name: str) -> Iterator[Finding]:
                 unless=("TS501", "TS502"),
             )
             return
+
+
+def _at_limits(task: TaskPlan, run: Rehearsal, name: str) -> Iterator[tuple[float, str]]:
+    """The share of a stage's last half in which each joint is at a limit, and at which."""
+    robot, mine = task.context.robot, run.ticks(name)
+    resolution, codes = run.resolutions[run.names.index(name)], run.field("limits")[mine][:, 0]
+    for i, most in enumerate(robot.torque_limit):
+        share = torque_share(run.torque[mine][:, i], float(most))
+        yield share, f"joint {i + 1} at its torque limit"
+    if resolution is None:
+        return
+    for i, most in enumerate(robot.velocity_limit):
+        share = velocity_share(resolution, i, codes, run.v[mine][:, i], float(most))
+        yield share, f"joint {i + 1} at its velocity limit"
 
 
 def _watched(

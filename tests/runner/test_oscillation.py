@@ -11,7 +11,8 @@ from typer.testing import CliRunner
 
 from taskspec.analysis import oscillation as oscillations
 from taskspec.analysis.oscillation import LEAST_TICKS, References, oscillation
-from taskspec.compiler import compile_unchecked
+from taskspec.compiler import admit, compile_unchecked
+from taskspec.examination import examine
 from taskspec.spec import load_text
 from taskspec_runner.cli.app import app
 from taskspec_runner.report.page import render
@@ -285,6 +286,37 @@ def test_a_program_that_clamps_each_tick_chatters_and_saturates(tmp_path):
     )
     assert all(each.allowed for each in both.findings)
     assert (both.verdict, both.exit_code) == ("done", 0)
+
+
+SPINS = """
+taskspec: 1
+robot: {model: ur5e, tool: {shape: sphere, radius: 10 mm, length: 118 mm, mass: 330 g},
+  start: {xyz: [456 mm, 58 mm, 260 mm]}}
+world: {work: {shape: plane, xyz: [0, 0, 100 mm]}}
+frame: world
+law: {kind: parallel-pid, solve: qp, stiffness: {angular: ANGULAR}}
+control: {rate: 250 Hz}
+stages:
+  hold: {axes: {z: {velocity: -5 mm/s}}, time: 2 s}
+"""
+
+
+@pytest.mark.parametrize(("angular", "verdict"), [("79 N*m/rad", "missed"), ("4 N*m/rad", "done")])
+def test_a_joint_that_spins_at_its_velocity_limit_is_saturated(tmp_path, angular, verdict):
+    """Sampled every T a spring k on a mass h is unstable from k T^2/h = 4 on at the latest: here at
+    66 N m/rad. The program keeps the joint from passing its limit, and there it stays.
+    """
+    loaded = load_text(SPINS.replace("ANGULAR", angular), "t.yaml", base=tmp_path)
+    run = execute_program(admit(examine(loaded), force=True), tmp_path / "run", report=False)
+    assert run.verdict == verdict
+    if verdict == "missed":
+        (found,) = [each for each in run.findings if each.kind == "saturation"]
+        assert found.signal == "joint.6.velocity"
+        fastest = run.program.context.robot.velocity_limit[5]
+        spun = np.abs(run.history.columns["joint.6.velocity"][250:])
+        assert found.share == pytest.approx(float(np.mean(spun > 0.5 * fastest)), abs=0.1)
+    else:
+        assert run.findings == ()
 
 
 def test_a_stage_that_allows_it_passes(tmp_path):

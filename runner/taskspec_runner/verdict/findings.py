@@ -8,8 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.analysis.oscillation import (
-    AT_LIMIT,
-    LASTS,
     LEAST_FORCE,
     LEAST_MOMENT,
     LEAST_SPEED,
@@ -21,6 +19,7 @@ from taskspec.analysis.oscillation import (
     judged,
     oscillation,
 )
+from taskspec.analysis.saturation import LASTS, torque_share, velocity_share
 from taskspec.deferred_methods import dataclass
 from taskspec.geometry.axis import ROTATIONS, TRANSLATIONS
 from taskspec.program.program import Program
@@ -152,15 +151,7 @@ class _Look:
 
     def saturations(self) -> Iterator[tuple[float, RunFinding]]:
         """The saturation of this visit, if any, and the share of ticks that it takes."""
-        limits = self._program.context.robot.torque_limit
-        shares: dict[str, float] = {}
-        for i, most in enumerate(limits):
-            torque = self._columns.get(f"joint.{i + 1}.torque")
-            if torque is None:
-                continue
-            at = np.abs(torque[-judged(len(torque)) :]) >= AT_LIMIT * most
-            if np.mean(at) > LASTS:
-                shares[f"joint.{i + 1}.torque"] = float(np.mean(at))
+        shares = {name: share for name, share in self._at_limits() if share > LASTS}
         if shares:
             most_often = max(shares, key=lambda name: shares[name])
             share, beside = shares[most_often], tuple(n for n in shares if n != most_often)
@@ -169,6 +160,20 @@ class _Look:
                 f"{_so_do(beside, 'is', 'are')}"
             )
             yield share, self._finding(SATURATION, most_often, beside, text, share=share)
+
+    def _at_limits(self) -> Iterator[tuple[str, float]]:
+        """Names of joints' torques and velocities, and the share of ticks they are at limits."""
+        robot, columns = self._program.context.robot, self._columns
+        resolution, codes = self._stage.resolution, columns.get("limits")
+        limits = zip(robot.torque_limit, robot.velocity_limit, strict=True)
+        for i, (torque_limit, velocity_limit) in enumerate(limits):
+            torque = columns.get(f"joint.{i + 1}.torque")
+            if torque is not None:
+                yield f"joint.{i + 1}.torque", torque_share(torque, torque_limit)
+            v = columns.get(f"joint.{i + 1}.velocity")
+            if resolution is not None and codes is not None and v is not None:
+                share = velocity_share(resolution, i, codes, v, velocity_limit)
+                yield f"joint.{i + 1}.velocity", share
 
     def _finding(
         self, kind: str, signal: str, beside: tuple[str, ...], text: str, **numbers: float

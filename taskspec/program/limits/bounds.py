@@ -36,9 +36,10 @@ TURN_SHARE = 0.1
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """One limit: its kind, of `PRECEDENCE`, and what a reader calls it."""
+    """One limit: its kind, of `PRECEDENCE`, which of that kind, and what a reader calls it."""
 
     kind: str
+    number: int
     text: str
 
 
@@ -77,7 +78,7 @@ class Bounds:
 
     def add(self, kind: str, number: int, text: str, lower: ca.SX, upper: ca.SX) -> None:
         """Adds row `number` of a kind's matrix, what a reader calls it, and its bounds."""
-        self.rows.append(Row(kind, text))
+        self.rows.append(Row(kind, number, text))
         self.sources.append((kind, number))
         self.lower.append(lower)
         self.upper.append(upper)
