@@ -135,7 +135,7 @@ def _on_path(coordinates: Coordinates, axis: Axis, duration: float, start: float
 
 
 def _timed(path: PathShape, start: Mapping[Axis, float], share: float) -> tuple[float, Coordinates]:
-    """Duration [s] of a path, and its coordinates at a time; a table is taken as a polygon.
+    """Duration [s] of a path, and its coordinates at a time.
 
     Its time goes at a share of the stage's.
     """

@@ -19,7 +19,7 @@ from taskspec.text.units import show
 
 Vector = NDArray[np.float64]
 
-#: A planned motion may leave an equation by this much [m]: tables of points are taken as polygons.
+#: A planned motion may leave an equation by this much [m]: a spline does so between its points.
 _OFF = 1e-3
 #: Share of a gradient along axes that give way, from which the constraint decides about them.
 _DECIDED = 0.1

@@ -205,3 +205,22 @@ def test_an_override_names_another_protection(tmp_path):
     assert loaded.task.robot.protection is not None
     assert loaded.task.robot.protection.tip is not None
     assert loaded.task.robot.protection.tip.speed == 1
+
+
+def test_a_table_is_followed_by_its_spline(tmp_path):
+    """What a run is sent along a table has no corners: accelerations and jerks are the run's."""
+    rows = "\n".join(f"{20 * i},{3 * (-1) ** i}" for i in range(1, 9))
+    (tmp_path / "leaf.csv").write_text(f"x [mm],y [mm]\n0,0\n{rows}\n")
+    text = ARM + "stages:\n  draw: {path: {file: leaf.csv, speed: 60 mm/s}}\n"
+    text = task(text, "panda").replace("xyz: [500 mm, 0, 340 mm]", "xyz: [450 mm, 0, 340 mm]")
+    text += "frames: {own: {xyz: [450 mm, 0, 340 mm]}}\nframe: own\n"
+    loaded = load_text(text, str(tmp_path / "task.yaml"), base=tmp_path)
+    assert [each.code for each in check_task(loaded)] == []
+    course = commanded(compile_task(loaded).stages[0].plan)
+    execute(loaded, tmp_path / "run", report=False, force=True)
+    columns = Run.load(tmp_path / "run").columns
+    sent = np.array([columns[f"position.{a}.ref"] for a in "xy"])
+    assert course is not None
+    for order, foreseen in ((2, course.accelerations), (3, course.jerks)):
+        run_has = np.linalg.norm(np.diff(sent, order, axis=1), axis=0).max() / 1e-3**order
+        assert np.linalg.norm(foreseen[:, :3], axis=1).max() == pytest.approx(run_has, rel=0.02)

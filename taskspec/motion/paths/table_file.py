@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 from taskspec.deferred import np
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
     from taskspec.motion.table import Table
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)  # not slots: its splines are kept
 class TableFile(PathForm):
     """A path from a CSV file; its parameter is time where the file has a t column.
 
@@ -79,8 +80,12 @@ class TableFile(PathForm):
         return evaluate(segments[axis], s)
 
     def place(self, s: float, start: Mapping[Axis, float], axis: Axis) -> float:  # noqa: ARG002
-        """On the polygon through its points."""
-        return float(np.interp(s, self.points.argument(), self.points.points[axis]))
+        """On its spline, as it is run: what a polygon does at its corners, no arm is sent."""
+        return float(self._laid[axis](s))
+
+    @cached_property
+    def _laid(self) -> dict[Axis, PiecewiseCubic]:
+        return {Axis(a): p for a, p in self.points.splines().items()}
 
     @property
     def in_splines(self) -> bool:
