@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import field
 
@@ -62,12 +63,24 @@ class Course:
         i = int(np.argmax(steps))
         return (float(times[i + 1]), float(steps[i] / times[1])) if steps[i] else None
 
+    def farthest(self) -> set[float]:
+        """When a motion that turns back is farthest along or against an axis of the frame [s]."""
+        if not self.bends or not 0 < self.duration < math.inf:
+            return set()
+        times = np.linspace(0.0, self.duration, _LOOKS).tolist()
+        found = set()
+        for axis, way in self.ways.items():
+            moved = np.array([way(t) for t in times])
+            if not axis.is_rotation and np.isfinite(moved).all() and np.ptp(moved) > 0:
+                found |= {times[int(np.argmin(moved))], times[int(np.argmax(moved))]}
+        return found - {0.0}
+
     def instants(self) -> list[float]:
-        """Times at which the arm is looked at [s]: some, and when the tip is fastest."""
+        """Times at which the arm is looked at [s]: some, when the tip is fastest, and farthest."""
         found, fastest = {share * self.duration for share in SAMPLES}, self.fastest()
         if fastest is not None:
             found.add(fastest[0])
-        return sorted(found)
+        return sorted(found | self.farthest())
 
 
 @dataclass(frozen=True, slots=True)
