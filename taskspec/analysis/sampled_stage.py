@@ -292,7 +292,9 @@ def control_of(stage: StagePlan) -> str:
         if _kind(axis) != _kind(AxisEntry())
     }
     law = stage.law.model_dump_json()
-    return repr((sorted(axes.items()), stage.frame.name, law, sorted(stage.spec.constraints)))
+    # After a path of joints the arm is another.
+    arm = stage.context.start.tobytes()
+    return repr((sorted(axes.items()), stage.frame.name, law, sorted(stage.spec.constraints), arm))
 
 
 def _kind(axis: AxisEntry) -> tuple[object, ...]:

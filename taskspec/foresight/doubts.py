@@ -178,7 +178,7 @@ def _acts(stage: StagePlan) -> bool:
     """Whether a stage moves or presses; one that does neither waits for what is not its own."""
     moves = any(plan.motion and plan.mode.moves for plan in stage.plans.values())
     forces = any(entry.has_force for entry in stage.spec.axes.values())
-    return moves or forces or bool(stage.spec.constraints) or stage.path is not None
+    return moves or forces or bool(stage.spec.constraints) or stage.spec.path is not None
 
 
 def _settles_there(stage: StagePlan, guard: Node) -> bool:

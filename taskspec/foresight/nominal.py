@@ -13,12 +13,13 @@ from taskspec.analysis.held_design import best_design
 from taskspec.foresight.arm_walk import ArmWalk
 from taskspec.foresight.course import course_of, moving_axes
 from taskspec.foresight.handed_rates import rates_at_end, rates_of, twist_of
+from taskspec.foresight.joint_walk import joint_passage, tip_at
 from taskspec.foresight.starts import roomiest
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.motion.blend import BLEND_TIME
 from taskspec.program.contacts import PASSING
 from taskspec.program.context import Context
-from taskspec.program.passage import Passage
+from taskspec.program.passage import End, Passage
 from taskspec.program.plan import StagePlan, TaskPlan
 from taskspec.program.prepare import prepare
 from taskspec.program.stages.conditions import NEAR_SINGULAR
@@ -73,6 +74,10 @@ class NominalWalk:
 
     def stage(self, stage: StagePlan) -> Nominal:
         """The nominal trajectory of the stage that comes next in the file."""
+        # After a path of joints, what counts from the start counts from where that leads.
+        self._context = stage.context
+        if stage.joint_path is not None:
+            return self._in_joints(stage)
         rotation = stage.frame_at_tool
         gap = self._gap_of(stage)
         self._touch(stage, rotation)
@@ -99,6 +104,26 @@ class NominalWalk:
         return Nominal(
             rotation, gap, start, coordinates, course, tuple(places), carried, passage, unbraked
         )
+
+    def _in_joints(self, stage: StagePlan) -> Nominal:
+        """The nominal trajectory of a path of joints, at whose end the arm is known again."""
+        arm = self._arm
+        rotation, gap = stage.frame_at_tool, self._gap_of(stage)
+        start = self._p if self._known else None
+        q = arm.q if arm.known else self._joints(self._p, self._R)[0]
+        passage = None if q is None else joint_passage(stage, q)
+        path = stage.joint_path
+        assert path is not None
+        arrives = stage.spec.until is None and (passage is None or passage.end is End.DONE)
+        self._known = arm.known = arrives and not self._jumps(stage)
+        self._twist = np.zeros(6)
+        if self._known:
+            self._q = np.array(path.targets[-1])
+            self._p, self._R = tip_at(self._context.robot, self._q)
+            self._at = (self._p, self._R)
+            arm.p, arm.R, arm.q = self._p, self._R, self._q
+        begins = Place("where it begins", rotation, None)
+        return Nominal(rotation, gap, start, None, None, (begins,), passage=passage)
 
     def _passage(self, stage: StagePlan, rotation: Vector) -> Passage | None:
         """What the arm goes through in a stage."""

@@ -18,6 +18,20 @@ from taskspec.laws.multipliers import Multipliers
 
 
 @dataclass(frozen=True, slots=True)
+class JointReference:
+    """What a path of joints asks for at one instant.
+
+    Attributes:
+        error: (n,) q_d - q [rad, m].
+        velocity, acceleration: (n,) q'_d, q''_d.
+    """
+
+    error: ca.SX
+    velocity: ca.SX
+    acceleration: ca.SX
+
+
+@dataclass(frozen=True, slots=True)
 class Case:
     """A stage as its law sees it: state, references and gains on the task axes.
 
@@ -34,6 +48,7 @@ class Case:
         posture: (n,) acceleration that a redundant arm has in its null space, else None.
         constraints: of a stage under a law with multipliers; None where it has none.
         ways: of the mechanism that it holds, where the law takes the form for that; else None.
+        joints: reference of a path of joints; None where the axes of the tool are controlled.
     """
 
     state: TaskState
@@ -46,6 +61,7 @@ class Case:
     posture: ca.SX | None = None
     constraints: Multipliers | None = None
     ways: FreeWays | None = None
+    joints: JointReference | None = None
 
     def gain(self, name: str, axis: Axis) -> float:
         """One gain on one axis [SI]."""

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from taskspec.deferred_methods import dataclass
 from taskspec.geometry.axis import Axis
 from taskspec.program.context import Context
+from taskspec.program.passage import Passage
 from taskspec.program.program import Program
 from taskspec.program.stages.stage import CompiledStage
 from taskspec.program.trajectory import Course
@@ -30,6 +31,7 @@ class StageAtStart:
         coordinates: of the tip in its frame [m, rad]; None where they are unknown.
         course: how it moves from there; None where that is not planned.
         carried: rates of the reference that is handed over [m/s, rad/s].
+        passage: what the arm goes through; None where that is unknown.
     """
 
     context: Context
@@ -40,6 +42,7 @@ class StageAtStart:
     coordinates: Mapping[Axis, float] | None
     course: Course | None
     carried: Mapping[Axis, float]
+    passage: Passage | None = None
 
 
 def stages_at_start(program: Program) -> Iterator[StageAtStart]:
@@ -52,7 +55,9 @@ def stages_at_start(program: Program) -> Iterator[StageAtStart]:
             gap, nearing = _carried(context, stage)
         rotation, coordinates = stage.plan.rotation, nominal.coordinates
         course, carried = nominal.course, nominal.carried
-        yield StageAtStart(context, stage, rotation, gap, nearing, coordinates, course, carried)
+        yield StageAtStart(
+            context, stage, rotation, gap, nearing, coordinates, course, carried, nominal.passage
+        )
 
 
 def _carried(context: Context, stage: CompiledStage) -> tuple[float | None, float]:

@@ -71,6 +71,10 @@ def planned(here: StageAtStart) -> Duration | None:
 def _path_duration(here: StageAtStart) -> float | None:
     """Of a stage's path [s], 0 without one; None where its length depends on where it begins."""
     path, start = here.stage.plan.path, here.coordinates
+    joints, passage = here.stage.plan.joint_path, here.passage
+    if joints is not None:
+        whole = None if passage is None else joints.timing(passage.instants[0].q)
+        return joints.time if whole is None else float(whole.rests)
     if path is None:
         return 0.0
     if start is None and path.form.unknown_length:
@@ -107,7 +111,7 @@ def _signals(here: StageAtStart, known: Known) -> dict[str, Signal]:
     """All signals of a stage that can be told."""
     rates, along = _rates(here), _path_duration(here)
     found: dict[str, Signal] = {"t": point}
-    if here.stage.plan.path is not None and along is not None:
+    if here.stage.plan.spec.path is not None and along is not None:
         found["path_done"] = lambda t: point(float(t >= along))
     found |= coming(rates, here.coordinates)
     met = known.met

@@ -32,7 +32,9 @@ class Looked:
 
 
 def look(program: Program, name: str) -> Looked | None:
-    """The sampled loop of a stage; None where it cannot be looked at."""
+    """The sampled loop of a stage; None where it cannot be looked at, or controls joints."""
+    if program.plan.stages[name].joint_path is not None:
+        return None
     try:
         sampled = loop_of(program.plan, name)
         return None if sampled is None else Looked(sampled, sampled.modes())

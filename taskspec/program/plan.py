@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from functools import cached_property
 from typing import Any, Protocol, Self
@@ -17,23 +17,24 @@ from taskspec.geometry.axis import Axis
 from taskspec.laws.gains import AxisPlant, Gains, on_axis, value_of
 from taskspec.laws.mechanism_form import damping_rate
 from taskspec.modes import Coupling
+from taskspec.motion.joint_path import JointPath
 from taskspec.motion.path import PathShape
 from taskspec.program.axes import MOSTLY, existing_axes
 from taskspec.program.contacts import Encounter, directions
 from taskspec.program.context import Context
 from taskspec.program.kept_forces import with_kept_forces
 from taskspec.program.known_value import KnownValues
-from taskspec.program.prepare import frame_at_start
+from taskspec.program.prepare import frame_at_start, prepare
 from taskspec.program.reference import orientation
-from taskspec.program.reference.axis_plan import AxisPlan, plan_axes
+from taskspec.program.reference.axis_plan import AxisPlan, plan_axes, uncontrolled
 from taskspec.program.reference.constraints import active_equations, equation_gains
-from taskspec.program.reference.paths import path_shape
+from taskspec.program.reference.paths import joint_path, path_shape
 from taskspec.program.reference.slowed_path import nominal_share
 from taskspec.program.trajectory import Nominal
 from taskspec.program.world.frames import FrameModel
 from taskspec.program.world.moving_base import MovingBase
 from taskspec.program.world.stiffness import GRIP
-from taskspec.spec import AxisEntry, Law, Limits, Stage
+from taskspec.spec import JOINT_LAW, AxisEntry, Law, Limits, Stage
 from taskspec.text.expression import Expression
 
 Vector = NDArray[np.float64]
@@ -113,8 +114,19 @@ class StagePlan:
         return other
 
     @cached_property
+    def joint_path(self) -> JointPath | None:
+        """Its path of joints; None where it is the axes of the tool that are controlled.
+
+        Raises:
+            SpecError: the joint positions are not those of the robot's joints.
+        """
+        return joint_path(self.context, self.name, self.spec)
+
+    @cached_property
     def law(self) -> Law:
-        """The stage's law: its own replaces the file's."""
+        """The stage's law: its own replaces the file's, and a path of joints has but one."""
+        if self.spec.path is not None and self.spec.path.joints is not None:
+            return JOINT_LAW
         return self.spec.law or self.context.loaded.task.law
 
     @cached_property
@@ -393,6 +405,8 @@ class StagePlan:
     @cached_property
     def plans(self) -> dict[Axis, AxisPlan]:
         """Who controls each of its axes."""
+        if self.joint_path is not None:
+            return uncontrolled(self.axes)
         met = {a for a in self.axes if abs(self.facing(a)) > MOSTLY}
         return plan_axes(self.axes, self.spec.axes, self.path, self.law, met)
 
@@ -635,7 +649,7 @@ class StagePlan:
 
         Without anything that knows the loop, the law's own form and what its rules give.
         """
-        if not self.held or self._choose is None:
+        if not self.held or self._choose is None or self.joint_path is not None:
             return self.by_rules()
         return self._choose(self)
 
@@ -652,6 +666,8 @@ class StagePlan:
         Args:
             consistent: whether it takes the form for a held mechanism.
         """
+        if self.joint_path is not None:
+            return Design(JOINT_LAW.control_law.joint_gains(self.context.robot.pin.nv))
         plants = self.plants
         if consistent:
             rate = damping_rate(self.context.period)
@@ -727,8 +743,7 @@ class TaskPlan:
         self.context, self._choose = context, choose
         self._walk_from_start, self._walk = walk, walk(context)
         self.stages: Mapping[str, StagePlan] = {
-            name: StagePlan(context, name, self._tool, choose)
-            for name in context.loaded.task.stages
+            name: StagePlan(at, name, self._tool, choose) for name, at in _contexts(context)
         }
         self.framed: dict[str, StagePlan] = {}
         self.loops: dict[str, Any] = {}
@@ -758,3 +773,20 @@ class TaskPlan:
             stage.tool = self._walk.tool
             stage.nominal = self._walk.stage(stage)
         return stage
+
+
+def _contexts(context: Context) -> Iterator[tuple[str, Context]]:
+    """Each stage in the order of the file, with the arm from which its law is designed.
+
+    That is the arm at the start of the run, and after a path of joints the arm at its end: gains,
+    stability and what is near count from where the tool works, not from where it was folded.
+    """
+    for name, spec in context.loaded.task.stages.items():
+        yield name, context
+        path = spec.path
+        if path is None or path.joints is None:
+            continue
+        target = path.joints[-1]
+        # What does not fit the arm is for the rules to say.
+        if len(target) == context.robot.pin.nv:
+            context = prepare(context.loaded, context.robot, np.array(target, dtype=float))

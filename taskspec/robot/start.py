@@ -261,6 +261,23 @@ def check_joints(
 
 def _checked(model: RobotModel, joints: Sequence[float]) -> Array:
     check_joints(model, joints, "the start", ("start", "joints"))
+    return inside_limits(model, joints, "start at", ("start", "joints"))
+
+
+def inside_limits(
+    model: RobotModel, joints: Sequence[float], does: str, field: tuple[str, ...]
+) -> Array:
+    """Joint positions (n,) of a task file, within the limits of the joints.
+
+    Args:
+        model: The robot.
+        joints: (n,) joint positions [rad or m].
+        does: What a joint does there, such as `start at`.
+        field: Where in a task file's `robot` section they stand.
+
+    Raises:
+        RobotError: TS411 if one is beyond its limits.
+    """
     q = np.array(joints, dtype=float)
     outside = np.flatnonzero((q < model.lower) | (q > model.upper))
     if outside.size:
@@ -270,8 +287,8 @@ def _checked(model: RobotModel, joints: Sequence[float]) -> Array:
         low = number(in_unit(float(model.lower[i]), fitting(unit)[0]), 6)
         raise RobotError(
             "TS411",
-            f"joint {i + 1} ('{model.joint_names[i]}') cannot start at {at}",
+            f"joint {i + 1} ('{model.joint_names[i]}') cannot {does} {at}",
             f"it moves between {low} and {high}",
-            ("start", "joints"),
+            field,
         )
     return q

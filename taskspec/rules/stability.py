@@ -66,7 +66,8 @@ class Plants:
     def under(self, sampled: SampledStage, corner: Corner) -> LinearPlant:
         """The plant that a stage drives in a world."""
         sliding = None if sampled.sliding is None else tuple(sampled.sliding)
-        key = (tuple(sampled.pressed), sampled.sticking, sliding, corner.plant)
+        arm = sampled.context.start.tobytes()
+        key = (arm, tuple(sampled.pressed), sampled.sticking, sliding, corner.plant)
         if key not in self._known:
             ones = dict.fromkeys(sampled.pressed, 1.0)
             self._known[key] = linear_plant(
@@ -116,8 +117,8 @@ def unstable_stages(task: TaskPlan) -> Iterator[Finding]:
     shared = Shared(task.context)
     for stage in task.stages.values():
         control = control_of(stage)
-        if control in controls:
-            continue
+        if control in controls or stage.joint_path is not None:
+            continue  # Of a path of joints it is that of its law, whatever is near.
         controls.add(control)
         try:
             yield from _of_stage(task, stage, shared)

@@ -175,6 +175,17 @@ def _force_inconsistent(at: Situation) -> ca.SX:
     return at.force_inconsistent
 
 
+@signal(
+    "joint_error",
+    ANGLE,
+    low=0.0,
+    reference="a reference cannot depend on the error against itself",
+)
+def _joint_error(at: Situation) -> ca.SX:
+    """Of the joint farthest from its reference on a path of `joints`; 0 in other stages."""
+    return at.joint_error
+
+
 @condition("limited")
 def _limited(at: Situation) -> ca.SX:
     """A limit changed the torque; in guards, of the tick before."""

@@ -79,6 +79,7 @@ class Situation:
         path_done: whether the stage's path is at its end.
         limited: whether a limit changed the torque of the tick before.
         force_inconsistent: what contacts cannot return of the force set points [N].
+        joint_error: of the joint that is farthest from its reference [rad, m].
         known: signals by full name that are given instead of evaluated, and those evaluated so far.
     """
 
@@ -102,6 +103,7 @@ class Situation:
     path_done: ca.SX = UNKNOWN
     limited: ca.SX = UNKNOWN
     force_inconsistent: ca.SX = UNKNOWN
+    joint_error: ca.SX = UNKNOWN
     known: dict[str, ca.SX] = field(default_factory=dict)
 
     def signal(self, *path: str) -> ca.SX | None:

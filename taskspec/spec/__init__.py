@@ -7,7 +7,7 @@ from taskspec.spec.expectation import Expectation
 from taskspec.spec.frame import Frame
 from taskspec.spec.gains import AxisValues
 from taskspec.spec.key_path import FILE, KeyPath, below, key_of
-from taskspec.spec.law import ForceGains, Law
+from taskspec.spec.law import JOINT_LAW, ForceGains, Law
 from taskspec.spec.limits import Limits
 from taskspec.spec.load import LoadedTask, load_task, load_text, read_text, tree_of
 from taskspec.spec.mechanism import Hinge, Mechanism, Screw, Slide
@@ -22,6 +22,7 @@ from taskspec.spec.world import Motion, Shape
 
 __all__ = [
     "FILE",
+    "JOINT_LAW",
     "AxisEntry",
     "AxisValues",
     "Constraint",

@@ -10,6 +10,7 @@ from pydantic.json_schema import SkipJsonSchema
 
 from taskspec.geometry.axis import Axis
 from taskspec.laws import DEFAULT, LAWS, ControlLaw
+from taskspec.laws.computed_torque import ComputedTorque
 from taskspec.laws.design import joint_damping
 from taskspec.laws.gains import AxisDesign, AxisPlant, Gain, Gains
 from taskspec.spec.axis import AxisEntry
@@ -239,6 +240,19 @@ class Law(Model):
                     owner.node.key_span(key),
                     f"its gains: {', '.join(has)}",
                 )
+
+
+class JointLaw(Law):
+    """The law of a stage with a path of joints, which no file names."""
+
+    @property
+    def control_law(self) -> ComputedTorque:
+        """Inverse dynamics in joint space."""
+        return _COMPUTED_TORQUE
+
+
+_COMPUTED_TORQUE = ComputedTorque()
+JOINT_LAW = JointLaw.model_construct(kind=ComputedTorque.kind)
 
 
 def law_of(data: object) -> str | None:

@@ -5,10 +5,12 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Annotated, Any, cast
 
 from pydantic import Field, create_model
+from pydantic.json_schema import SkipJsonSchema
 
 from taskspec.deferred_methods import dataclass
 from taskspec.motion.paths import PathForm, PathKey, all_paths
 from taskspec.spec import values
+from taskspec.spec.joint_targets import JointTargets
 from taskspec.spec.model import Model, complete
 from taskspec.spec.parse_context import ParseContext
 from taskspec.spec.quantities import Constant, Entries, Formula, QuantityList, QuantityLists
@@ -20,14 +22,15 @@ from taskspec.text.expression.scope import CONSTANTS
 from taskspec.text.expression.tree import Name, walk
 from taskspec.text.nodes import Node, pointer
 from taskspec.text.nodes import Sequence as SequenceNode
-from taskspec.text.units import TIME, VELOCITY, alternatives, describe
+from taskspec.text.units import ANGULAR_VELOCITY, TIME, VELOCITY, alternatives, describe
 
 register({"TS606": "a path that is not one path"})
 
 _PATHS = all_paths(__name__)
 FORMS = tuple(_PATHS)
 """The keys of which one says what curve it is."""
-_PACE = {"speed", "time"}
+_PACE = {"speed", "joint_speed", "time"}
+_EXAMPLE = {False: "such as speed: 50 mm/s", True: "such as speed: 30 deg/s"}
 
 
 @dataclass(frozen=True)
@@ -144,7 +147,9 @@ class Path(_Curve):
     The keys of the kinds of paths are attributes too; None for those that are left out.
 
     Attributes:
+        joints: of a path in joint space, the joint positions that it leads to [rad or m].
         speed: along the path [m/s]; an expression where signals slow it.
+        joint_speed: what a file calls the `speed` of a path of joints [rad/s].
         time: for the whole path [s].
     """
 
@@ -154,6 +159,12 @@ class Path(_Curve):
     speed: Annotated[float | Expression, Pace(VELOCITY, ScopeKind.REFERENCE)] | None = Field(
         None, title="Speed"
     )
+    joints: Annotated[tuple[tuple[float, ...], ...], JointTargets()] | None = Field(
+        None,
+        title="Joint positions",
+        description="One for each joint; or a list of such lists, gone through with a rest in each",
+    )
+    joint_speed: SkipJsonSchema[Annotated[float, Constant(ANGULAR_VELOCITY, above=0)] | None] = None
     time: Annotated[float, Constant(TIME, above=0)] | None = Field(None, title="Duration")
 
     @property
@@ -176,18 +187,30 @@ class Path(_Curve):
         return cast("PathForm", kind(**{key.name: getattr(value, key.name) for key in kind.keys}))
 
     @classmethod
+    def expand(cls, data: object, context: ParseContext) -> object:  # noqa: ARG003
+        """Reads the speed of a path of joints as one of turning."""
+        if not isinstance(data, Map) or "joints" not in data or "speed" not in data:
+            return data
+        renamed = Map({"joint_speed" if k == "speed" else k: v for k, v in data.items()})
+        renamed.node = data.node
+        return renamed
+
+    @classmethod
     def rules(cls, data: Map, context: ParseContext) -> None:
         """Asks for one form, and one of `speed` and `time`."""
-        forms = [key for key in FORMS if key in data]
+        forms = [key for key in (*FORMS, "joints") if key in data]
+        if "joint_speed" in data.node.entries:
+            context.error("TS020", "unknown key 'joint_speed' in a path",
+                          data.node.key_span("joint_speed"), "it is called 'speed'")  # fmt: skip
         if not forms and complete(data, context):
-            hint = f"one of {alternatives(FORMS)}"
+            hint = f"one of {alternatives((*FORMS, 'joints'))}"
             context.error("TS606", "a path without a form", pointer(data.node), hint)
         if len(forms) > 1:
             context.error("TS606", f"'{forms[0]}' and '{forms[1]}' in one path",
                           data.node.key_span(forms[1]), "make two stages of it")  # fmt: skip
-        if "speed" in data and "time" in data:
+        if data.keys() & {"speed", "joint_speed"} and "time" in data:
             context.error("TS606", "'speed' and 'time' in one path", data.node.key_span("time"),
                           "keep one of the two")  # fmt: skip
         elif forms and "file" not in forms and not data.keys() & _PACE and complete(data, context):
             context.error("TS606", "a path needs a 'speed' or a 'time'",
-                          data.node.key_span(forms[0]), "such as speed: 50 mm/s")  # fmt: skip
+                          data.node.key_span(forms[0]), _EXAMPLE[forms[0] == "joints"])  # fmt: skip

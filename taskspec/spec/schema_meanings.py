@@ -186,7 +186,12 @@ MEANINGS: dict[str, dict[str, Meaning]] = {
               "torque": ("Standard deviation of each moment.", ("0.01 N*m",))},
     "Path": {
         **{name: (form.meaning, form.examples) for name, form in PATHS.items()},
-        "speed": ("Greatest speed along it; this or a time.", ("50 mm/s",)),
+        "joints": (
+            "In joint space to these joint positions; or through each of a list of such.",
+            (["0 deg", "30 deg", 0],),
+        ),
+        "speed": ("Greatest speed along it, or of its joints; this or a time.",
+                  ("50 mm/s", "30 deg/s")),
         "time": ("For all of it, from rest to rest; this or a speed.", ("4 s",)),
     },
     **{

@@ -242,6 +242,7 @@ class Stage(Model):
         _check_end(data, context)
         _check_path_done(data, context)
         _check_modes(data, context)
+        _check_joints(data, context)
 
 
 def _check_end(data: Map, context: ParseContext) -> None:
@@ -274,6 +275,23 @@ def _check_end(data: Map, context: ParseContext) -> None:
             if "within" in data
             else f"add 'until' with 'within', {alternatives(ends)}",
         )
+
+
+def _check_joints(data: Map, context: ParseContext) -> None:
+    """A path of joints decides about the whole arm, by a law of its own."""
+    if "joints" not in mapping(data.get("path")):
+        return
+    for key, hint in _NOT_WITH_JOINTS.items():
+        if key in data:
+            message = f"'{key}' in a stage whose path is one of joints"
+            context.error("TS026", message, data.node.key_span(key), hint)
+
+
+_NOT_WITH_JOINTS = {
+    "axes": "all joints are on the path, and none is left to an axis: make two stages of it",
+    "law": "it is followed by inverse dynamics in joint space: leave the law out",
+    "constraints": "no force is controlled on it: make two stages of it",
+}
 
 
 def _damaged(data: Map) -> bool:

@@ -115,7 +115,13 @@ _PATH = st.one_of(
         {},
     ),
 )  # fmt: skip
+_JOINTS = _mapping(
+    {"joints": st.lists(_number(-170, 170, "deg"), min_size=6, max_size=7).map(
+        lambda entries: f"[{', '.join(entries)}]"), "speed": _number(1, 90, "deg/s")},
+    {},
+)  # fmt: skip
 _STAGE = st.one_of(
+    _mapping({"path": _JOINTS}, {}),
     _mapping({"axes": _AXES, "time": _TIME}, {"limits": _LIMITS}),
     _mapping({"path": _PATH}, {"axes": _mapping({"z": _FORCE}, {})}),
     _mapping(

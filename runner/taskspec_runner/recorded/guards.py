@@ -31,7 +31,7 @@ Vector = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 #: Signals that count from where a stage began, or that only a controller knows.
-_INNER = ("travel", "path_done", "error", "limited", "force_inconsistent")
+_INNER = ("travel", "path_done", "error", "limited", "force_inconsistent", "joint_error")
 #: Visits beyond which a log is said to go round in circles.
 _MOST_VISITS = 100_000
 

@@ -167,7 +167,7 @@ class Replay:
         column = empty(len(result), np.float64)
         column[:] = result[:, axis.column]
         for visit in self._visits:
-            if self._stages[visit.stage].plan.frame is frame:
+            if self._stages[visit.stage].plan.frame.name == frame.name:
                 own = self._history.columns[f"position.{axis}"]
                 column[visit.rows] = own[visit.rows]
         return column

@@ -79,6 +79,22 @@ def plan_axes(
     return plans
 
 
+def uncontrolled(axes: tuple[Axis, ...]) -> dict[Axis, AxisPlan]:
+    """Axes of a stage that controls the joints: nobody controls them."""
+    entry = AxisEntry()
+    nobody = AxisPlan(
+        axis=entry,
+        mode=entry.mode,
+        force=False,
+        motion=False,
+        soft=False,
+        open_loop=False,
+        world=False,
+        yields=False,
+    )
+    return dict.fromkeys(axes, nobody)
+
+
 def _mode_of(name: Axis, axis: AxisEntry, path: PathShape | None, *, open_loop: bool) -> AxisMode:
     """What decides the motion reference of an axis."""
     if open_loop:

@@ -108,6 +108,7 @@ def measure(plan: StagePlan) -> Measurement:
     situation.t = clock.t
     situation.force_inconsistent = infeasible.size()
     situation.limited = parameters.add("limited") if plan.law.solve == "qp" else ca.SX(0)
+    situation.joint_error = ca.SX(0)
     situation.start = parameters.add("entry", 3)
     situation.q, situation.v = inputs.q, inputs.v
     situation.contact = plan.gap_contact

@@ -7,12 +7,16 @@ from dataclasses import replace
 from pathlib import Path as FilePath
 
 from taskspec.geometry.axis import ROTATIONS, Axis
+from taskspec.motion.joint_path import JointPath
 from taskspec.motion.path import PathShape
 from taskspec.motion.paths import PathForm, TableFile
 from taskspec.motion.table import OutsideError, Table, TableError, read_table
 from taskspec.program.context import Context
 from taskspec.program.errors import spec_error
 from taskspec.program.reference.slowed_path import greatest
+from taskspec.robot import RobotError
+from taskspec.robot.inverse_kinematics import turns_at
+from taskspec.robot.start import check_joints, inside_limits
 from taskspec.spec import FILE, KeyPath, Path, Stage
 from taskspec.text.codes import register
 from taskspec.text.confines import REMEDY, confines, here
@@ -46,7 +50,7 @@ def path_shape(
         SpecError: the table cannot be read, or the path drives an axis that does not exist.
     """
     path = stage.path
-    if path is None:
+    if path is None or path.joints is not None:
         return None
     place = FILE.stages[name].path
     form = path.form
@@ -91,6 +95,42 @@ def path_shape(
             hint = "mind its sign: a path is gone along forwards"
         raise spec_error(context.loaded, place.speed, "TS236", message, hint)
     return PathShape(form, driven, speed=most, slowed=path.speed)
+
+
+def joint_path(context: Context, name: str, stage: Stage) -> JointPath | None:
+    """The path of joints of stage `name`; None where it has none.
+
+    Raises:
+        SpecError: TS411 where its positions are not such of the robot's joints, and where a speed
+            of turning is given to joints that slide.
+    """
+    path = stage.path
+    if path is None or path.joints is None:
+        return None
+    robot, place = context.robot, FILE.stages[name].path.joints
+    several = len(path.joints) > 1
+    for i, target in enumerate(path.joints):
+        of = f"target {i + 1} of the path" if several else "the path"
+        try:
+            check_joints(robot, target, of, ())
+            inside_limits(robot, target, "go to", ())
+        except RobotError as error:
+            raise spec_error(
+                context.loaded, place, error.code, error.message, error.hint
+            ) from error
+    slides = [i for i in range(robot.pin.nv) if not turns_at(robot, i)]
+    if slides and path.joint_speed is not None:
+        i = slides[0]
+        raise spec_error(
+            context.loaded,
+            place,
+            "TS411",
+            f"joint {i + 1} ({robot.joint_names[i]!r}) slides, and `speed` is one of turning",
+            "give the path a `time`",
+        )
+    return JointPath(
+        tuple(tuple(map(float, target)) for target in path.joints), path.joint_speed, path.time
+    )
 
 
 def _laid(context: Context, form: PathForm, axes: tuple[Axis, ...], place: KeyPath) -> None:

@@ -58,10 +58,11 @@ def build_references(plan: StagePlan, measurement: Measurement) -> ReferenceSet:
 
 
 def _path_done(plan: StagePlan, measurement: Measurement, along: ca.SX | None) -> ca.SX:
-    context = plan.context
+    if plan.joint_path is not None:
+        along = measurement.clock.t
     if along is None:
         return ca.SX(0)
-    return along >= measurement.parameters.add("path_end") - context.period / 2
+    return along >= measurement.parameters.add("path_end") - plan.context.period / 2
 
 
 def _motions(

@@ -13,6 +13,7 @@ from taskspec.program.events import Condition
 from taskspec.program.plan import StagePlan
 from taskspec.program.reference import orientation
 from taskspec.program.reference.constraints import ConstraintSet, constraint_set
+from taskspec.program.reference.joint_reference import joint_reference
 from taskspec.program.reference.measurement import Measurement
 from taskspec.program.reference.reference_set import ReferenceSet
 from taskspec.program.reference.references import build_references
@@ -80,7 +81,10 @@ def command(plan: StagePlan, measurement: Measurement) -> Commanded:
     posture = null_space_acceleration(
         law, context, measurement.state, measurement.world, inputs.q, inputs.v
     )
-    plans = plan.plans
+    plans, joints = plan.plans, None
+    if plan.joint_path is not None:
+        joints = joint_reference(plan.joint_path, measurement)
+        measurement.table.situation.joint_error = ca.mmax(ca.fabs(joints.error))
     case = Case(
         state=state,
         reference=references.law,
@@ -92,6 +96,7 @@ def command(plan: StagePlan, measurement: Measurement) -> Commanded:
         posture=posture,
         constraints=control,
         ways=free_ways(plan, measurement) if plan.consistent else None,
+        joints=joints,
     )
     wanted, terms = law.control_law.command(case), measurement.terms
     closed_form = resolution.torque(wanted, state, terms.H, terms.bias, terms.gravity, posture)

@@ -81,6 +81,8 @@ def limit_conditions(
                 v[i],
             )
         )
+    if plan.joint_path is not None:
+        return found  # Neither a singularity nor a frame is in the way of joints.
     pivot = ca.mmin(ca.diag(linear.cholesky(measurement.state.mobility))) ** 2
     text = "the arm is singular: an axis of the task frame cannot be moved"
     found.append(Condition(Event(events.LIMIT, "singularity", text), pivot < SINGULAR, pivot))

@@ -18,6 +18,7 @@ from taskspec.motion.polynomial import PiecewiseCubic
 from taskspec.program.plan import StagePlan
 from taskspec.program.ports import HANDED, PROBE, slices
 from taskspec.program.reference.force_references import kept_slot
+from taskspec.program.reference import joint_reference
 from taskspec.program.reference.measurement import Measurement
 from taskspec.program.slots import Slots, gain_slot
 from taskspec.program.world import estimated_frames
@@ -305,6 +306,13 @@ class Entering:
             if self.plan.ready_path.slowed is None:
                 ends.append(path.duration)
             self._write("path_end", path.duration)
+        if self.plan.joint_path is not None:
+            timing = self.plan.joint_path.timing(self.inputs.q)
+            cubics[joint_reference.TIMING] = timing
+            self._write(joint_reference.START, self.inputs.q)
+            self._write(joint_reference.RATE, self.inputs.v)
+            ends.append(timing.rests)
+            self._write("path_end", timing.rests)
         for slot, cubic in cubics.items():
             self._write(slot, cubic.segment_at_start())
         for name, start in going.start.items():

@@ -117,7 +117,7 @@ def frame_rows(program: Program) -> tuple[FrameRow, ...]:
         FrameRow(
             frame.name,
             frame.described,
-            tuple(stage.name for stage in program.stages if stage.plan.frame is frame),
+            tuple(stage.name for stage in program.stages if stage.plan.frame.name == frame.name),
         )
         for name, frame in program.context.frames.items()
         if name == frame.name  # An equation's name leads to the frame that it is written in.
@@ -127,6 +127,7 @@ def frame_rows(program: Program) -> tuple[FrameRow, ...]:
 def stage_sheet(program: Program, stage: CompiledStage, foreseen: StagePrediction) -> StageSheet:
     """One stage, and what it is expected to do."""
     selected = foreseen.selection
+    controlled = stage.plan.axes if stage.plan.joint_path is None else ()
     return StageSheet(
         name=stage.name,
         law=stage.plan.law.kind,
@@ -137,7 +138,7 @@ def stage_sheet(program: Program, stage: CompiledStage, foreseen: StagePredictio
         kept=tuple(limit_rows(program, stage)),
         selection=() if selected is None else selection_rows(selected),
         axes=(
-            *(axis_row(program, stage, foreseen, axis) for axis in stage.plan.axes),
+            *(axis_row(program, stage, foreseen, axis) for axis in controlled),
             *(equation_row(program, stage, name) for name in stage.plan.active),
         ),
         gains=tuple(_gains(program, stage)),
@@ -154,6 +155,8 @@ def _equations(stage: CompiledStage) -> str:
 
 def _contact(program: Program, stage: CompiledStage) -> str:
     plan = stage.plan
+    if plan.joint_path is not None:
+        return "none that it controls: its joints are on a path"
     stiffness = scaled(plan.stiffness, STIFFNESS)
     if plan.contact is None and plan.held:
         return f"{plan.held}, held: nominal {stiffness} both ways"
@@ -178,7 +181,7 @@ def _object(program: Program, name: str) -> str:
 
 def _null_space(program: Program, stage: CompiledStage) -> str:
     robot = program.context.robot
-    if robot.pin.nv == len(stage.plan.axes):
+    if robot.pin.nv == len(stage.plan.axes) or stage.plan.joint_path is not None:
         return ""
     return (
         ", ".join(goals(stage.plan.law, robot, stage.plan.axes)) or "free: the law leaves it alone"
