@@ -59,3 +59,6 @@ class ComputedTorque(ControlLaw):
         return {
             name: {f"joint.{i + 1}": gain for i in range(joints)} for name, gain in gains.items()
         }
+
+
+COMPUTED_TORQUE = ComputedTorque()

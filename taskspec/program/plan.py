@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from taskspec.deferred_methods import dataclass
 from taskspec.geometry.axis import Axis
+from taskspec.laws.computed_torque import COMPUTED_TORQUE
 from taskspec.laws.gains import AxisPlant, Gains, on_axis, value_of
 from taskspec.laws.mechanism_form import damping_rate
 from taskspec.modes import Coupling
@@ -667,7 +668,7 @@ class StagePlan:
             consistent: whether it takes the form for a held mechanism.
         """
         if self.joint_path is not None:
-            return Design(JOINT_LAW.control_law.joint_gains(self.context.robot.pin.nv))
+            return Design(COMPUTED_TORQUE.joint_gains(self.context.robot.pin.nv))
         plants = self.plants
         if consistent:
             rate = damping_rate(self.context.period)

@@ -11,20 +11,24 @@ from taskspec.spec.quantities import QuantityList
 from taskspec.text.data import Items
 from taskspec.text.units import ANGLE, LENGTH
 
-_ONE = QuantityList(ANGLE, LENGTH)
-
 
 @dataclass(frozen=True)
 class JointTargets(FieldType):
-    """The joint positions that a path leads to, one after the other."""
+    """The joint positions that a path leads to, one after the other.
+
+    Attributes:
+        one: each of them.
+    """
+
+    one: QuantityList = QuantityList(ANGLE, LENGTH)
 
     def read(self, value: object, context: ParseContext) -> tuple[tuple[float, ...], ...]:
         """Each target in SI units; its entries know what they measure."""
         listed = isinstance(value, Items) and any(isinstance(entry, Items) for entry in value)
         targets = value if isinstance(value, Items) and listed else [value]
-        return tuple(_ONE.read(target, context) for target in targets)
+        return tuple(self.one.read(target, context) for target in targets)
 
     def json(self) -> dict[str, Any]:
         """Describes both forms."""
-        one = _ONE.json()
+        one = self.one.json()
         return {"anyOf": [one, {"type": "array", "minItems": 1, "items": one}]}

@@ -10,7 +10,7 @@ from pydantic.json_schema import SkipJsonSchema
 
 from taskspec.geometry.axis import Axis
 from taskspec.laws import DEFAULT, LAWS, ControlLaw
-from taskspec.laws.computed_torque import ComputedTorque
+from taskspec.laws.computed_torque import COMPUTED_TORQUE
 from taskspec.laws.design import joint_damping
 from taskspec.laws.gains import AxisDesign, AxisPlant, Gain, Gains
 from taskspec.spec.axis import AxisEntry
@@ -124,7 +124,7 @@ class Law(Model):
     @property
     def control_law(self) -> ControlLaw:
         """What is known of the law that `kind` names."""
-        return LAWS[self.kind]
+        return COMPUTED_TORQUE if self.kind == COMPUTED_TORQUE.kind else LAWS[self.kind]
 
     def given(self, axis: Axis) -> dict[str, float]:
         """The gains that the file gives on an axis, by name [SI]."""
@@ -242,17 +242,8 @@ class Law(Model):
                 )
 
 
-class JointLaw(Law):
-    """The law of a stage with a path of joints, which no file names."""
-
-    @property
-    def control_law(self) -> ComputedTorque:
-        """Inverse dynamics in joint space."""
-        return _COMPUTED_TORQUE
-
-
-_COMPUTED_TORQUE = ComputedTorque()
-JOINT_LAW = JointLaw.model_construct(kind=ComputedTorque.kind)
+#: That of a stage with a path of joints; no file names it.
+JOINT_LAW = Law.model_construct(kind=COMPUTED_TORQUE.kind)
 
 
 def law_of(data: object) -> str | None:

@@ -16,6 +16,7 @@ from taskspec.spec.equation import EquationObject, JointEquation
 from taskspec.spec.fault import Fault
 from taskspec.spec.frame import Frame
 from taskspec.spec.gains import GainField
+from taskspec.spec.joint_targets import JointTargets
 from taskspec.spec.law import ForceGains
 from taskspec.spec.limits import Limits
 from taskspec.spec.mechanism import (
@@ -93,6 +94,7 @@ def kinds(annotation: object) -> Iterator[object]:
             Constant
             | Entries
             | QuantityList
+            | JointTargets
             | ForJoints
             | GainField
             | Formula
@@ -120,6 +122,8 @@ def units_needed(model: type[Model], key: str) -> set[object]:
     for kind in [*field.metadata, *kinds(field.annotation)]:
         if isinstance(kind, Formula):
             found.add(kind.dimension or "condition")
+        elif isinstance(kind, JointTargets):
+            found.update({kind.one.dimension, kind.one.other})
         elif isinstance(kind, QuantityList):
             found.update({kind.dimension, kind.other} - {None})
         elif isinstance(kind, Constant | ForJoints | IntervalAroundZero):
