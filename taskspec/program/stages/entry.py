@@ -17,8 +17,8 @@ from taskspec.motion.path import PathPlan
 from taskspec.motion.polynomial import PiecewiseCubic
 from taskspec.program.plan import StagePlan
 from taskspec.program.ports import HANDED, PROBE, slices
-from taskspec.program.reference.force_references import kept_slot
 from taskspec.program.reference import joint_reference
+from taskspec.program.reference.force_references import kept_slot
 from taskspec.program.reference.measurement import Measurement
 from taskspec.program.slots import Slots, gain_slot
 from taskspec.program.world import estimated_frames
