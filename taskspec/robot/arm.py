@@ -18,6 +18,7 @@ import pinocchio as pin
 
 from taskspec.deferred_methods import dataclass
 from taskspec.geometry.axis import Axis
+from taskspec.robot.links import Links
 from taskspec.robot.pinocchio_model import Bodies
 from taskspec.robot.types import FileRemark, ToolBody, ToolGeometry
 from taskspec.store import Store, sources
@@ -54,6 +55,7 @@ class KnownArm:
     tip_body: str
     tip_number: int
     tool_body: ToolBody
+    links: Links
     source: str
     flange: str
     notes: tuple[str, ...]

@@ -26,6 +26,7 @@ from taskspec.robot.description import (
 from taskspec.robot.errors import RobotError
 from taskspec.robot.files import looks_like_path, noting_files
 from taskspec.robot.library import builtin_names, is_builtin, read_builtin
+from taskspec.robot.links import links_of
 from taskspec.robot.mobility import is_planar, tip_axes
 from taskspec.robot.own import read_own, read_packaged
 from taskspec.robot.packages import is_packaged
@@ -155,6 +156,7 @@ def _made(section: _Section, source: RobotFile) -> RobotModel:
         tool_geoms=arm.tool_geoms,
         tip_body=arm.tip_body,
         tool_body=arm.tool_body,
+        links=arm.links,
         source=arm.source,
         flange=arm.flange,
         notes=arm.notes,
@@ -208,6 +210,9 @@ def _compiled(
             moments=bodies.body_inertia[tip_number],
             axes=bodies.body_iquat[tip_number],
             mobility=float(model.body_invweight0[tip_number, 0]),
+        ),
+        links=links_of(
+            model, pinocchio_model(bodies)[1], tip_number, end=-2.0 * tool.geometry.middle
         ),
         source=description.source,
         flange=chain.label,

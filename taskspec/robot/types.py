@@ -12,6 +12,7 @@ import numpy as np
 
 from taskspec.deferred_methods import dataclass
 from taskspec.geometry.axis import Axis
+from taskspec.robot.links import Links
 from taskspec.shapes import BoundedSurface
 
 if TYPE_CHECKING:
@@ -177,6 +178,7 @@ class RobotModel:
             `<pair>` says so.
         tip_body: MuJoCo's body that carries the tool; its frame is the tip frame.
         tool_body: What MuJoCo makes of the tool.
+        links: What of the arm may run into something.
         flange: The body, site or frame of the robot's file on which the tool is mounted.
         source: Where the numbers come from.
         notes: What was left out of the robot's file, or changed, one sentence each.
@@ -201,6 +203,7 @@ class RobotModel:
     tool_geoms: tuple[str, ...]
     tip_body: str
     tool_body: ToolBody
+    links: Links
     source: str
     flange: str = ""
     notes: tuple[str, ...] = ()

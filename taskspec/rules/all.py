@@ -7,6 +7,7 @@ after them.
 # isort: off
 from taskspec.rules import (
     axes,
+    collisions,
     equations,
     expectations,
     faults,
@@ -43,6 +44,7 @@ from taskspec.rules import (
 
 __all__ = [
     "axes",
+    "collisions",
     "contacts",
     "equations",
     "expectations",

@@ -1,0 +1,131 @@
+"""What the links of an arm run into on the nominal trajectory of a stage."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator
+from functools import cached_property
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from taskspec.deferred_methods import dataclass
+from taskspec.program.bound import RowFunction
+from taskspec.program.context import Context
+from taskspec.program.passage import Instant
+from taskspec.program.plan import StagePlan
+from taskspec.shapes import BoundedSurface
+
+Vector = NDArray[np.float64]
+
+TOOL_END = "the tool"
+#: Between two configurations that are looked at no joint turns farther [rad, m].
+_STEP = 0.02
+#: Configurations of a stage that are looked at, at most.
+_MOST = 400
+#: Less than this inside is what a passage's instants leave open [m].
+_LEAST = 1e-3
+
+
+@dataclass(frozen=True, slots=True)
+class Collision:
+    """Where something of the arm first meets an object.
+
+    Attributes:
+        time: since the stage began [s].
+        part: a link of the robot's file, or `TOOL_END`.
+        object: its name.
+        depth: how far inside it comes in the stage [m].
+    """
+
+    time: float
+    part: str
+    object: str
+    depth: float
+
+
+class Surroundings:
+    """The objects of a task that stand where they are, and what of the arm may run into them.
+
+    Objects that move by themselves, are loose or ride on a mechanism are not among them. One
+    without an end stands for a table or a wall of some size: links that are in it as the run
+    starts, such as those that carry the arm through the height of its table, are beside it.
+    """
+
+    def __init__(self, context: Context) -> None:
+        self._context = context
+        shapes = context.loaded.task.shapes
+        self.names = tuple(
+            name
+            for name, shape in shapes.items()
+            if name not in context.moving_bases and not shape.gives_way
+        )
+
+    @cached_property
+    def _beside(self) -> NDArray[np.bool_]:
+        """(links + 1, objects) what is in an endless object as the run starts."""
+        links = self._context.robot.links
+        points = self._points(self._context.start)[: len(links.radii)]
+        inside = self._distances(points)[0] < links.radii[:, np.newaxis]
+        found: NDArray[np.bool_] = np.zeros((len(links.names) + 1, len(self.names)), dtype=bool)
+        np.logical_or.at(found, links.link, inside)
+        surfaces = [self._context.surfaces[name] for name in self.names]
+        return found & [not isinstance(each, BoundedSurface) for each in surfaces]
+
+    @cached_property
+    def _distances(self) -> RowFunction:
+        x = ca.SX.sym("x", 3)
+        found = [self._context.surfaces[name].distance(x) for name in self.names]
+        return RowFunction(ca.Function("distances", [x], [ca.vertcat(*found)]))
+
+    def first(self, stage: StagePlan) -> Collision | None:
+        """The first collision in a stage; None without one, or where its way is not known."""
+        passage = stage.nominal.passage if stage.followed else None
+        links = stage.context.robot.links
+        if passage is None or not self.names or not len(links.radii):
+            return None
+        times, configurations = _along(passage.instants)
+        points = np.concatenate([self._points(q) for q in configurations])
+        gaps = self._distances(points)[0].reshape(len(times), -1, len(self.names))
+        tool = stage.context.robot.tool
+        gaps = gaps - np.concatenate([links.radii, tool.radii])[:, np.newaxis]
+        part = np.concatenate([links.link, np.full(len(tool.radii), len(links.names))])
+        if stage.joint_path is None:
+            # Its touch is what other rules look at; what it presses on keeps the arm from following
+            # a reference that leads inside, by as much as the tool's end would be in it.
+            end = len(links.radii)
+            gaps = gaps[:, :end] + np.maximum(-gaps[:, end:].min(axis=1), 0.0)[:, np.newaxis]
+            part = links.link
+        gaps = np.where(self._beside[part], np.inf, gaps)
+        meets = (gaps < -_LEAST).any(axis=(1, 2))
+        if not meets.any():
+            return None
+        first = int(np.argmax(meets))
+        ball, thing = np.unravel_index(int(np.argmin(gaps[first])), gaps[first].shape)
+        deepest = -float(gaps[:, part == part[ball], thing].min())
+        name = (*links.names, TOOL_END)[int(part[ball])]
+        return Collision(times[first], name, self.names[int(thing)], deepest)
+
+    def _points(self, q: Vector) -> Vector:
+        """(k, 3) the centres of the links' balls and of those of the tool's end [m]."""
+        robot = self._context.robot
+        points, data = robot.links.at(robot.pin, q)
+        at = data.oMi[robot.tip_joint] * robot.tip
+        return np.concatenate([points, robot.tool.centers @ at.rotation.T + at.translation])
+
+
+def _along(instants: tuple[Instant, ...]) -> tuple[list[float], list[Vector]]:
+    """Times [s] and configurations (n,) of a passage, close to each other."""
+    found = list(_between(instants))
+    thinned = found[:: -(-len(found) // _MOST)]
+    times, configurations = zip(*thinned, strict=True)
+    return list(times), list(configurations)
+
+
+def _between(instants: tuple[Instant, ...]) -> Iterator[tuple[float, Vector]]:
+    yield instants[0].time, instants[0].q
+    for a, b in itertools.pairwise(instants):
+        count = max(1, int(np.ceil(float(np.abs(b.q - a.q).max()) / _STEP)))
+        for share in np.arange(1, count + 1) / count:
+            yield a.time + share * (b.time - a.time), a.q + share * (b.q - a.q)
