@@ -33,6 +33,7 @@ from taskspec_runner.video.recording import Recording
 
 HERE = Path(__file__).resolve().parent
 TASKS = HERE.parent.parent / "tasks"
+OTHERS = ("ring", "linkage", "raster-polish", "fold-out-and-press")
 LIMITS = ("wipe-friction", "reach-limits")
 TUTORIAL = HERE.parent / "tutorial"
 #: Pictures of the tutorial, and the step that they show.
@@ -58,7 +59,14 @@ def main() -> None:
             record(picture, TUTORIAL / f"{step}.yaml")
         for picture, step in COMPARED.items():
             compare(picture, TUTORIAL / f"{step}.yaml")
-    for task in (*(f"press-{law}" for law in LAWS), "ring", "linkage", "raster-polish", *LIMITS):
+    for task in (
+        *(f"press-{law}" for law in LAWS),
+        "ring",
+        "linkage",
+        "raster-polish",
+        "fold-out-and-press",
+        *LIMITS,
+    ):
         record(task)
 
 
