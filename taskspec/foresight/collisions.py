@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator
+import math
 from functools import cached_property
 
 import casadi as ca
@@ -22,7 +22,7 @@ Vector = NDArray[np.float64]
 TOOL_END = "the tool"
 #: Between two configurations that are looked at no joint turns farther [rad, m].
 _STEP = 0.02
-#: Configurations of a stage that are looked at, at most.
+#: A longer way of the joints is looked at in so many steps, beside the instants of its passage.
 _MOST = 400
 #: Less than this inside is what a passage's instants leave open [m].
 _LEAST = 1e-3
@@ -86,6 +86,8 @@ class Surroundings:
         if passage is None or not self.names or not len(links.radii):
             return None
         times, configurations = _along(passage.instants)
+        if not times:
+            return None
         points = np.concatenate([self._points(q) for q in configurations])
         gaps = self._distances(points)[0].reshape(len(times), -1, len(self.names))
         tool = stage.context.robot.tool
@@ -116,16 +118,16 @@ class Surroundings:
 
 
 def _along(instants: tuple[Instant, ...]) -> tuple[list[float], list[Vector]]:
-    """Times [s] and configurations (n,) of a passage, close to each other."""
-    found = list(_between(instants))
-    thinned = found[:: -(-len(found) // _MOST)]
-    times, configurations = zip(*thinned, strict=True)
-    return list(times), list(configurations)
-
-
-def _between(instants: tuple[Instant, ...]) -> Iterator[tuple[float, Vector]]:
-    yield instants[0].time, instants[0].q
-    for a, b in itertools.pairwise(instants):
-        count = max(1, int(np.ceil(float(np.abs(b.q - a.q).max()) / _STEP)))
-        for share in np.arange(1, count + 1) / count:
-            yield a.time + share * (b.time - a.time), a.q + share * (b.q - a.q)
+    """Times [s] and configurations (n,) of a passage, close to each other; none without an end."""
+    ways = [float(np.abs(b.q - a.q).max()) for a, b in itertools.pairwise(instants)]
+    whole = sum(ways)
+    if not np.isfinite(whole):
+        return [], []
+    step = max(_STEP, whole / _MOST)
+    times, configurations = [instants[0].time], [instants[0].q]
+    for (a, b), way in zip(itertools.pairwise(instants), ways, strict=True):
+        count = max(1, math.ceil(way / step))
+        for share in (np.arange(1, count + 1) / count).tolist():
+            times.append(a.time + share * (b.time - a.time))
+            configurations.append(a.q + share * (b.q - a.q))
+    return times, configurations

@@ -1,6 +1,7 @@
 """The links of an arm as balls that lie in the shapes of its file: for what they run into.
 
-A capsule is balls in a row, so near that no point of it is more than `_DENT` of its radius outside.
+A capsule is balls in a row, so near that no point of it is more than `_DENT` of its radius outside,
+unless it is thinner than a hundredth of its length.
 Of a cylinder, a box and an ellipsoid the balls are those of the capsule within, and points on its
 edges; of a mesh they are the corners of its convex hull. None is outside the shape, so what a ball
 meets, the link meets.
@@ -25,6 +26,8 @@ Balls = tuple[Vector, Vector]
 
 #: Share of its radius by which a row of balls falls short of a capsule.
 _DENT = 0.03
+#: Balls in a row at most: what is longer than a hundred times its radius has gaps between them.
+_BALLS = 400
 #: Points on a rim.
 _RIM = 16
 #: Corners of a mesh at most.
@@ -130,7 +133,7 @@ def _row(r: float, half: float, along: int) -> Balls:
     """Balls of radius r from -half to half along an axis."""
     # Between two balls s apart a capsule has r, and they have sqrt(r^2 - s^2/4).
     apart = 2.0 * r * float(np.sqrt(1.0 - (1.0 - _DENT) ** 2))
-    count = 1 if not half or not apart else int(np.ceil(2.0 * half / apart)) + 1
+    count = 1 if not half or not apart else int(min(np.ceil(2.0 * half / apart) + 1, _BALLS))
     centers = np.zeros((count, 3))
     centers[:, along] = np.linspace(-half, half, count) if count > 1 else 0.0
     return centers, np.full(count, r)

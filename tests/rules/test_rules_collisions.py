@@ -144,6 +144,14 @@ def test_balls_lie_within_their_geoms_and_reach_nearly_as_far():
             assert reaches - short <= balls <= reaches + 1e-12
 
 
+def test_a_tool_that_is_a_thread_has_so_many_balls_and_no_more():
+    text = UNFOLD.format(start=FOLDED, thing=THINGS["ball"])
+    thin = text.replace("radius: 10 mm, length: 100 mm", "radius: 0.001 mm, length: 900 mm")
+    links = plan_of(thin).context.robot.links
+    assert len(links.radii) < 5000
+    assert np.sum(links.link == links.names.index("tool")) > 100
+
+
 def test_a_run_comes_into_the_object_when_it_is_announced(tmp_path):
     """Links of a run meet nothing; where its joints were, MuJoCo's geoms meet the object."""
     text = UNFOLD.format(start=FOLDED, thing=THINGS["ball"])
