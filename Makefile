@@ -91,7 +91,7 @@ lowest: $(READY)  ## a fresh environment with the lowest versions that are allow
 		tests/sweep/test_sweep.py
 
 referee: $(READY)  ## other people's laws in tasks of this project; writes docs/referee.md
-	$(BIN)/python benchmarks/referee/referee.py
+	$(BIN)/python benchmarks/bench_referee.py
 
 bench: $(READY)  ## what control costs, as multiples of bare mj_step, and a change of stage of a tick
 	$(BIN)/python benchmarks/bench_loop.py

@@ -13,9 +13,10 @@ run starts gets the bandwidth w, critically damped.
 from __future__ import annotations
 
 import numpy as np
-from arm import Arm
 from numpy.typing import NDArray
-from session import Sample
+
+from referee.arm import Arm
+from referee.session import Sample
 
 Vector = NDArray[np.float64]
 

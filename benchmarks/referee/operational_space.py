@@ -15,9 +15,10 @@ the motion off that axis, and the force is fed forward and damped.
 from __future__ import annotations
 
 import numpy as np
-from arm import Arm
 from numpy.typing import NDArray
-from session import Sample
+
+from referee.arm import Arm
+from referee.session import Sample
 
 Vector = NDArray[np.float64]
 

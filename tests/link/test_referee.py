@@ -10,12 +10,12 @@ from meeting import ROOT, Serving, shipped
 
 from taskspec_runner.link.server import ServerOptions
 
-sys.path.insert(0, str(ROOT / "benchmarks" / "referee"))
-from arm import Arm
-from impedance import Impedance
-from metrics import BAND, metrics
-from operational_space import OperationalSpace
-from session import Session
+sys.path.insert(0, str(ROOT / "benchmarks"))
+from referee.arm import Arm
+from referee.impedance import Impedance
+from referee.metrics import BAND, metrics
+from referee.operational_space import OperationalSpace
+from referee.session import Session
 
 TIME = np.arange(5000) * 1e-3
 #: The wipe, cut short, and without friction.

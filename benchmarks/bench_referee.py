@@ -1,6 +1,6 @@
 """Other people's control laws in tasks of this project, beside its own: docs/referee.md.
 
-    python benchmarks/referee/referee.py            # all of them; writes docs/referee.md
+    python benchmarks/bench_referee.py            # all of them; writes docs/referee.md
 
 The file's plant is served by `taskspec plant` in lock-step, and each law answers its samples with
 torques: the same world, sensor, rate, references, guards and limits for all. Whether a run is good
@@ -19,15 +19,15 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from arm import Arm
-from impedance import Impedance
-from metrics import BAND, Metrics, metrics
-from operational_space import DEFAULT, OperationalSpace
-from session import Law, Session
+from referee.arm import Arm
+from referee.impedance import Impedance
+from referee.metrics import BAND, Metrics, metrics
+from referee.operational_space import DEFAULT, OperationalSpace
+from referee.session import Law, Session
 
 from taskspec_runner import read
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[1]
 PAGE, PICTURE = ROOT / "docs" / "referee.md", ROOT / "docs" / "images" / "referee.svg"
 #: What laws of this project are designed for, where a file says nothing else [Hz].
 BANDWIDTH = 5.0
