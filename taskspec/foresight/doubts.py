@@ -20,6 +20,7 @@ from taskspec.geometry.axis import ROTATIONS
 from taskspec.motion.blend import BLEND_TIME
 from taskspec.program.flow import followers, leading_to
 from taskspec.program.interval import ANY, Interval, IntervalAlgebra, point
+from taskspec.program.passage import End
 from taskspec.program.plan import StagePlan, TaskPlan
 from taskspec.program.reference.axis_plan import AxisPlan
 from taskspec.spec import Mechanism
@@ -80,14 +81,45 @@ def _holds(task: TaskPlan, stage: StagePlan) -> bool:
     declared, until = task.context.loaded.task.mechanisms[task.context.held], stage.spec.until
     most = stage.limits.force
     before = [name for name, each in task.stages.items() if _waits_for_effort(task, each)]
-    passage = stage.nominal.passage
     return (
         not stage.law.control_law.force_loop
         or bool(before)
-        or (passage is not None and passage.stopped is not None)
+        or _near_stop(task, stage, declared)
+        or _late(stage)
         or (declared.knob == "free" and until is not None)
         or (most is not None and most < _LITTLE)
         or _sets_off_with(stage, declared) > _FORCE * _most_force(task, stage)
+    )
+
+
+def _near_stop(task: TaskPlan, stage: StagePlan, held: Mechanism) -> bool:
+    """Whether a stage brings a mechanism to its stop, or may run into it with what it goes on."""
+    passage = stage.nominal.passage
+    if passage is None or passage.stopped is not None:
+        return passage is not None
+    last = passage.last.coordinate
+    if held.stop is None or last is None:
+        return False
+    model = stage.context.mechanisms[stage.context.held]
+    lever = model.radius if model.swings else 1.0
+    stages = [stage, *(task.stages[name] for name in _before(task, stage))]
+    goes_on = max(_handle_speed(each, lever) for each in stages) / lever * BLEND_TIME
+    return min(held.stop[1] - last, last - held.stop[0]) < goes_on
+
+
+def _late(stage: StagePlan) -> bool:
+    """Whether a bound ends the way of a mechanism before its guard, or soon after it.
+
+    The law lags behind the reference: its springs bear what the mechanism resists with.
+    """
+    passage, within = stage.nominal.passage, stage.spec.within
+    if passage is None or within is None or stage.spec.until is None:
+        return False
+    if passage.end is End.BOUND:
+        return True
+    travel = math.hypot(*(passage.last.moved[axis] for axis in stage.translations))
+    return (within.time is not None and passage.last.time > _TIME * within.time) or (
+        within.travel is not None and travel > _TRAVEL * within.travel
     )
 
 
@@ -182,9 +214,14 @@ def _acts(stage: StagePlan) -> bool:
 
 
 def _settles_there(stage: StagePlan, guard: Node) -> bool:
-    """Whether a guard holds at the set points of a force loop that has long enough to settle."""
+    """Whether a guard holds at the set points of a force loop that has long enough to settle.
+
+    How long one needs whose gains the file gives is not known here.
+    """
     node = guard.x if isinstance(guard, Held) else guard
     if not stage.law.control_law.force_loop or stage.longest < _SETTLED + dwell(stage):
+        return False
+    if any(name.startswith("force.") for axis in stage.forces for name in stage.law.given(axis)):
         return False
     there = {f"{a.effort}.{a}": point(value) for a, value in stage.set_points.items()}
     there["speed"] = point(0.0)
@@ -258,10 +295,14 @@ def _pressing(stage: StagePlan) -> Iterator[float]:
             yield force
 
 
+def _before(task: TaskPlan, stage: StagePlan) -> list[str]:
+    """The stages from which a stage is entered."""
+    return leading_to(task.context.loaded.task.stages, stage.name)
+
+
 def _blows(task: TaskPlan, stage: StagePlan) -> float:
     """The blow with which a stage meets its contact, or the one before it [N]."""
-    stages = task.context.loaded.task.stages
-    before = [task.stages[n] for n in leading_to(stages, stage.name)]
+    before = [task.stages[n] for n in _before(task, stage)]
     return max((_blow(each) for each in (stage, *before)), default=0.0)
 
 
@@ -310,8 +351,8 @@ def _released(task: TaskPlan, stage: StagePlan) -> float:
     """How fast a spring that the stage before presses on may throw the tool off [m/s]."""
     if stage.set_points:
         return 0.0
-    stages, most = task.context.loaded.task.stages, 0.0
-    for before in (task.stages[n] for n in leading_to(stages, stage.name)):
+    most = 0.0
+    for before in (task.stages[n] for n in _before(task, stage)):
         for axis, force in before.set_points.items():
             contact = None if axis.is_rotation else before.contact_of(axis)
             if contact is not None:

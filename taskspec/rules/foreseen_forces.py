@@ -32,6 +32,8 @@ _PARTS = ((), ("ref",))
 #: An expectation that would be met if the force came so much nearer to its set point is not
 #: accused: the loop is that of the start pose.
 _DOUBT = 0.1
+#: One that would be broken by so much more or less force is met by little.
+_CLOSE = 0.02
 #: A loop that cannot be followed overshoots its set point by less than this share.
 _BEYOND = 0.15
 _LOOKS = 200
@@ -48,7 +50,7 @@ def slow_forces(task: TaskPlan) -> Iterator[Finding]:
 
 
 def close_calls(task: TaskPlan) -> set[str]:
-    """Stages whose forces are foreseen to miss an expectation by too little to be told."""
+    """Stages whose forces are foreseen to miss or meet an expectation by too little to be told."""
     looks = [look for each in _looks(task) for look in each]
     return {look.stage for look in looks if look.is_close}
 
@@ -318,8 +320,11 @@ class _Look:
 
     @property
     def is_close(self) -> bool:
-        """Whether it is broken, and would not be if the force came a little nearer."""
-        return not self._holds(self._course.applied) and self._holds(_nearer(self._course))
+        """Whether it is broken and would not be by a force a little nearer, or met by so little."""
+        course = self._course
+        if not self._holds(course.applied):
+            return self._holds(_nearer(course))
+        return not all(self._holds((1 + s) * course.applied) for s in (-_CLOSE, _CLOSE))
 
     @property
     def misses(self) -> bool:

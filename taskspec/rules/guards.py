@@ -111,12 +111,14 @@ def _impossible(
         reasons = [f"the stage ends after {most} at the latest"]
     reason = f": {reasons[0]}" if reasons else ": no values of its signals make it true"
     effect = "so the stage can only fail" if key == "until" else "so it does nothing"
+    # A file that says where to go on after a failure may still come to a good end.
+    refused = key == "until" and stage.spec.on_fail in (None, "fail")
     return Finding(
         "TS611",
         f"{key!r} of stage {stage.name!r} can never hold{reason}, {effect}",
         guard.where(culprit or inner),
         "change the number that it compares with, or the bound that it never gets to",
-        severity=Severity.ERROR if key == "until" else Severity.WARNING,
+        severity=Severity.ERROR if refused else Severity.WARNING,
     )
 
 

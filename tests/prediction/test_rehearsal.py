@@ -14,8 +14,10 @@ from taskspec.compiler import admit
 from taskspec.examination import examine
 from taskspec.foresight.doubts import last_doubt
 from taskspec.program.program import Program, compiled
+from taskspec.rules.foreseen_forces import close_calls
 from taskspec.spec import load_text
 from taskspec.text.expression.tree import Name
+from taskspec_runner.verdict.summary import EXIT_GOOD, EXIT_MISSED
 
 HANDLE = """
 taskspec: 1
@@ -335,18 +337,102 @@ stages:
            rz: {torque: 0}}
     time: 1.3 s
 """
+SLIDE = """
+taskspec: 1
+robot: {model: ur5e, grasp: part.handle, start: {rpy: [180 deg, -30 deg, 0]}}
+world:
+  part: {mechanism: slide, xyz: [530 mm, 5 mm, 342 mm], mass: 1.3 kg, damping: 2.2 N*s/m,
+         friction: 33 N, stop: -20..STOP}
+frame: part
+law: hybrid
+control: {rate: 500 Hz}
+limits: {force: 63 N, speed: 400 mm/s}
+stages:
+  go:
+    axes: {x: {force: 0}, y: {force: 0}, z: {velocity: 46 mm/s}, rx: {torque: 0}, ry: {torque: 0},
+           rz: {torque: 0}}
+    until: part.travel > 70 mm
+    within: {WITHIN}
+  ease:
+    axes: {x: {force: 0}, y: {force: 0}, z: {force: 0}, rx: {torque: 0}, ry: {torque: 0},
+           rz: {torque: 0}}
+    time: 0.3 s
+"""
+LAGS = SLIDE.replace("STOP", "89 mm").replace("WITHIN", "time: 1.77 s")
+SHORT = SLIDE.replace("STOP", "89 mm").replace("WITHIN", "time: 4 s, travel: 66 mm")
+AT_STOP = SLIDE.replace("STOP", "71.1 mm").replace("hybrid", "parallel-pid").replace("WITHIN", "time: 4 s")
+ALONE = SLIDE.replace("STOP", "89 mm").replace("WITHIN", "time: 4 s")
 
 
 @pytest.mark.parametrize(
     ("text", "stage", "code", "reason"),
-    [(ROUND, "press", "TS611", "time"), (SWELLS, "press", "TS618", "fail_if")],
-    ids=["a guard under a constraint", "a set point that swells"],
+    [
+        (ROUND, "press", "TS611", "time"),
+        (SWELLS, "press", "TS618", "fail_if"),
+        (LAGS, "go", "TS611", "time"),
+        (SHORT, "go", "TS617", "travel"),
+        (AT_STOP, "ease", "TS616", "force"),
+    ],
+    ids=[
+        "a guard under a constraint",
+        "a set point that swells",
+        "a mechanism that lags behind its reference",
+        "a way that ends before its guard",
+        "a stop behind the way of a mechanism",
+    ],
 )
 def test_a_guard_that_forces_may_miss_is_run_ahead(text, stage, code, reason, tmp_path):
     examined = examine(load_text(text, "t.yaml"))
     assert last_doubt(examined.plan) == stage
     assert code in [d.code for d in examined.findings]
     assert run_of(text, tmp_path / "run").summary["ending"]["reason"] == reason
+
+
+def test_a_mechanism_with_time_and_way_left_leaves_no_doubt(tmp_path):
+    assert last_doubt(program_of(ALONE).plan) == ""
+    assert run_of(ALONE, tmp_path / "run").summary["status"] == "done"
+
+
+SETTLES = """
+taskspec: 1
+robot: {model: panda, start: {xyz: [500 mm, 0, 302 mm]}}
+world: {table: {shape: plane, xyz: [0, 0, 300 mm], stiffness: 10 kN/m, damping: 30 N*s/m}}
+frame: world
+law: {kind: parallelGAINS}
+stages:
+  approach: {axes: {z: {velocity: -20 mm/s}}, until: force.z < -1 N, within: {time: 3 s}}
+  press:
+    axes: {z: {force: -12 N}}
+    until: abs(force.z + 12 N) < 1 N for 50 ms
+    within: {time: 1.9 s}
+    on_fail: leave
+  slide: {axes: {z: {force: -12 N}, x: {move: 10 mm}}}
+  leave: {axes: {z: {move: 20 mm, speed: 60 mm/s}}}
+expect: ["max(abs(slide.force.z)) < 20 N"]
+"""
+SLOW = ", stiffness: {linear: 1700 N/m}, force: {integral: 0.25 /s, proportional: 0.6}"
+AT_LAST = press().replace(
+    "press: {axes: {z: {force: -12 N}}, time: 0.4 s}",
+    'press: {axes: {z: {force: "-12 N - 4 N*sin(2*pi*t/(1.4 s))"}}, time: 0.6 s}',
+)
+
+
+def test_a_loop_with_given_gains_may_settle_too_late(tmp_path):
+    """Nothing but the run ahead knows how long it takes; the stage behind it is left out then."""
+    quick, slow = SETTLES.replace("GAINS", ""), SETTLES.replace("GAINS", SLOW)
+    assert last_doubt(program_of(quick).plan) == ""
+    found = examine(load_text(slow, "t.yaml"))
+    assert [d.code for d in found.findings] == ["TS726"]
+    assert run_of(slow, tmp_path / "slow").summary["exit_code"] == EXIT_MISSED
+    assert run_of(quick, tmp_path / "quick").summary["exit_code"] == EXIT_GOOD
+
+
+def test_an_expectation_that_is_met_by_little_is_run_ahead():
+    """The set point ends at 13.7 N, and the loop is foreseen to be at 14.5 N then."""
+    for most, doubted in ((14.6, "press"), (16, "")):
+        text = f'{AT_LAST}expect: ["last(abs(press.force.z)) < {most} N"]\n'
+        plan = program_of(text).plan
+        assert last_doubt(plan, close_calls(plan)) == doubted
 
 
 def test_what_comes_to_its_stop_is_in_doubt():
