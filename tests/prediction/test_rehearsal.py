@@ -360,7 +360,8 @@ stages:
 """
 LAGS = SLIDE.replace("STOP", "89 mm").replace("WITHIN", "time: 1.77 s")
 SHORT = SLIDE.replace("STOP", "89 mm").replace("WITHIN", "time: 4 s, travel: 66 mm")
-AT_STOP = SLIDE.replace("STOP", "71.1 mm").replace("hybrid", "parallel-pid").replace("WITHIN", "time: 4 s")
+AT_STOP = SLIDE.replace("STOP", "71.1 mm").replace("WITHIN", "time: 4 s")
+AT_STOP = AT_STOP.replace("hybrid", "parallel-pid")
 ALONE = SLIDE.replace("STOP", "89 mm").replace("WITHIN", "time: 4 s")
 
 
