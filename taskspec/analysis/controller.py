@@ -167,6 +167,21 @@ class Operating:
                 offset = -own[i] if name.is_rotation else -error[i]
             write(self.parameters, f"offset.{name}", float(offset))
             write(self.parameters, f"blend.{name}", _FOR_EVER)
+        self._carry_sprung()
+
+    def _carry_sprung(self) -> None:
+        """Has a carried reference point lie where the set points of springs have moved it.
+
+        Else every tick would move it by their whole way, along axes that turn with the tool.
+        """
+        stage = self.stage
+        sprung = [f"last.{a}" for a, p in stage.plan.plans.items() if p.motion and p.open_loop]
+        sprung = [slot for slot in sprung if slot in stage.memory]
+        if sprung:
+            after = evaluated(stage.tick, *self._arguments, self.memory, self.parameters)[1]
+            for slot in (*sprung, "reference_point"):
+                where = stage.memory.slots[slot]
+                self.memory[where] = after[where]
 
     def _by_gap(self, name: str) -> bool:
         return name == "z" and self.stage.plan.frame.kind == "following"

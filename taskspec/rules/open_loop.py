@@ -16,6 +16,9 @@ from taskspec.rules import Finding, Phase, error, rule, warning
 from taskspec.spec import FILE
 from taskspec.text.units import FORCE, show
 
+#: A force that comes to within this share of its set point on all surfaces is not vague.
+_VAGUE = 0.05
+
 
 @rule("TS303", "a force without a surface to press on", phase=Phase.PATH)
 def forces_without_a_surface(stage: StagePlan) -> Iterator[Finding]:
@@ -78,7 +81,7 @@ def _surfaceless(stage: StagePlan) -> bool:
 
 
 def _span(stage: StagePlan, axis: Axis) -> tuple[float, float] | None:
-    """Least and greatest force over `truth` and the corners of `vary`; None without either.
+    """Least and greatest force over `truth` and the corners of `vary`; None where it stays.
 
     From (4.26), (4.27) with the reference f (1/k_m + 1/k) below the nominal surface.
     """
@@ -97,7 +100,8 @@ def _span(stage: StagePlan, axis: Axis) -> tuple[float, float] | None:
     for true_k, *place in itertools.product(stiffness, *places):
         depth = value * (1 / own + 1 / k) - float(direction @ (np.array(place) - told))
         forces.append(depth * own * true_k / (own + true_k))
-    return min(forces), max(forces)
+    low, high = min(forces), max(forces)
+    return (low, high) if max(high - value, value - low) > _VAGUE * abs(value) else None
 
 
 def _ends(context: Context, path: str, told: list[float]) -> list[list[float]]:

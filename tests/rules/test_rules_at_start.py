@@ -75,7 +75,7 @@ PLANAR = "model: planar3, start: {xyz: [450 mm, 100 mm, 0]}"
             {
                 "LAW": "impedance",
                 "STAGE": "axes: {z: {force: -5 N}}, time: 1 s",
-                "VARY": "vary: {world.table.stiffness: 10..40 kN/m}",
+                "VARY": "vary: {world.table.stiffness: 3..40 kN/m}",
             },
         ),
         ("TS305", {"ROBOT": "model: panda, start: {xyz: [500 mm, 0, 299 mm]}"}),

@@ -434,3 +434,26 @@ def test_the_damper_of_a_sliding_tool_is_its_friction_over_its_speed():
     way = slides.rotation[:, 0]
     np.testing.assert_allclose(row.W[:3].T @ way, 0.0, atol=1e-12)
     np.testing.assert_allclose(np.linalg.norm(row.W[:3], axis=0), 1.0, atol=1e-12)
+
+
+#: A spring alike along all axes pushes alike whichever way the frame's axes point.
+FRAMES = """
+taskspec: 1
+robot: {{model: panda, tool: {{radius: 6 mm, length: 140 mm}},
+        start: {{xyz: [540 mm, 57 mm, 235 mm]}}}}
+world: {{table: {{shape: plane, xyz: [0, 0, 235 mm], stiffness: 38 kN/m}}}}
+frame: {frame}
+law: {{kind: {law}, stiffness: {{linear: 320 N/m, angular: 79 N*m/rad}}}}
+stages: {{press: {{axes: {{z: {{force: {force} N}}}}, time: 1 s}}}}
+"""
+
+
+@pytest.mark.parametrize("law", ["impedance-natural", "impedance", "stiffness"])
+def test_a_spring_in_the_tools_axes_is_as_stable_as_in_the_worlds(law):
+    """What is left of a difference is the force along z, which turns with the tool's own axes."""
+    world, tool = (
+        analyse(plan_of(FRAMES.format(frame=frame, law=law, force=force), "press")).modes()
+        for frame, force in (("world", -22), ("tool", 22))
+    )
+    for mine, theirs in zip(tool[:4], world[:4], strict=True):
+        assert mine.s == pytest.approx(theirs.s, rel=0.02)

@@ -68,7 +68,7 @@ def test_a_program_of_limits_is_accounted_for(tmp_path: Path) -> None:
 
 def test_findings_are_kept_without_the_place_of_the_file(tmp_path: Path) -> None:
     # Without a force loop, what is pressed depends on the surface.
-    text = f"{TAP}law: impedance-natural\nvary: {{world.wall.stiffness: 5..20 kN/m}}\n"
+    text = f"{TAP}law: impedance-natural\nvary: {{world.wall.stiffness: 2..20 kN/m}}\n"
     found = summary(tmp_path / "run", text)["diagnostics"]
     (open_loop,) = [d for d in found if d["code"] == "TS304"]
     assert open_loop["severity"] == "warning"
