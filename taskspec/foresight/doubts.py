@@ -17,6 +17,7 @@ from taskspec.foresight.conditions import names, parts
 from taskspec.foresight.force_profile import force_profiles
 from taskspec.foresight.ranges import constant
 from taskspec.geometry.axis import ROTATIONS
+from taskspec.laws.gains import on_axis
 from taskspec.motion.blend import BLEND_TIME
 from taskspec.program.flow import followers, leading_to
 from taskspec.program.interval import ANY, Interval, IntervalAlgebra, point
@@ -86,6 +87,7 @@ def _holds(task: TaskPlan, stage: StagePlan) -> bool:
         or bool(before)
         or _near_stop(task, stage, declared)
         or _late(stage)
+        or _leaves_off(task, stage) > _FORCE * _most_force(task, stage)
         or (declared.knob == "free" and until is not None)
         or (most is not None and most < _LITTLE)
         or _sets_off_with(stage, declared) > _FORCE * _most_force(task, stage)
@@ -105,6 +107,18 @@ def _near_stop(task: TaskPlan, stage: StagePlan, held: Mechanism) -> bool:
     stages = [stage, *(task.stages[name] for name in _before(task, stage))]
     goes_on = max(_handle_speed(each, lever) for each in stages) / lever * BLEND_TIME
     return min(held.stop[1] - last, last - held.stop[0]) < goes_on
+
+
+def _leaves_off(task: TaskPlan, stage: StagePlan) -> float:
+    """What dampers that a stage begins with bear at the speed of the one before [N]."""
+    if any(plan.motion and plan.mode.moves for plan in stage.plans.values()):
+        return 0.0
+    model = stage.context.mechanisms[stage.context.held]
+    lever = model.radius if model.swings else 1.0
+    speeds = [_handle_speed(task.stages[name], lever) for name in _before(task, stage)]
+    law = stage.law.control_law
+    damps = [law.loop_damping(on_axis(stage.gains, axis)) for axis in stage.translations]
+    return max(speeds, default=0.0) * max(damps, default=0.0)
 
 
 def _late(stage: StagePlan) -> bool:
@@ -158,6 +172,8 @@ def _guard(task: TaskPlan, stage: StagePlan) -> bool:
         return False
     if task.context.held:
         return not stage.law.control_law.force_loop
+    if stage.moving_base is not None:
+        return True  # The tool goes with what it follows, and does not come to rest.
     if _settles_there(stage, spec.until.tree) or not _acts(stage):
         return False
     way, gap = approach(stage, stage.nominal.gap), None
@@ -380,6 +396,8 @@ def _expected(task: TaskPlan, stage: StagePlan) -> bool:
     estimated = any(f.kind == "estimated" for f in context.frames.values())
     friction = max((shape.friction for shape in context.loaded.task.shapes.values()), default=0.0)
     rubs = friction > 0
+    if law.kind == "hybrid-reaction" and stage.spec.constraints and stage.path is not None:
+        return True
     bare = law.kind == "hybrid-reaction" and rubs and stage.nominal.passage is not None
     slides = any(plan.motion and plan.mode.moves for plan in stage.plans.values())
     bare = (bare or friction > _ROUGH) and slides

@@ -346,7 +346,7 @@ world:
 frame: part
 law: hybrid
 control: {rate: 500 Hz}
-limits: {force: 63 N, speed: 400 mm/s}
+limits: {force: MOST, speed: 400 mm/s}
 stages:
   go:
     axes: {x: {force: 0}, y: {force: 0}, z: {velocity: 46 mm/s}, rx: {torque: 0}, ry: {torque: 0},
@@ -358,11 +358,59 @@ stages:
            rz: {torque: 0}}
     time: 0.3 s
 """
-LAGS = SLIDE.replace("STOP", "89 mm").replace("WITHIN", "time: 1.77 s")
-SHORT = SLIDE.replace("STOP", "89 mm").replace("WITHIN", "time: 4 s, travel: 66 mm")
+FREE = SLIDE.replace("STOP", "89 mm").replace("MOST", "140 N")
+LAGS = FREE.replace("WITHIN", "time: 1.77 s")
+SHORT = FREE.replace("WITHIN", "time: 4 s, travel: 66 mm")
 AT_STOP = SLIDE.replace("STOP", "71.1 mm").replace("WITHIN", "time: 4 s")
-AT_STOP = AT_STOP.replace("hybrid", "parallel-pid")
-ALONE = SLIDE.replace("STOP", "89 mm").replace("WITHIN", "time: 4 s")
+AT_STOP = AT_STOP.replace("hybrid", "parallel-pid").replace("MOST", "63 N")
+ALONE = FREE.replace("WITHIN", "time: 4 s")
+DAMPED = """
+taskspec: 1
+robot: {model: panda, grasp: part.handle, start: {rpy: [180 deg, 0, 0]}}
+world:
+  part: {mechanism: hinge, xyz: [447 mm, 124 mm, 401 mm], handle: [39 mm, -46 mm, 0],
+         inertia: 0.074 kg*m^2, damping: 2.5 N*m*s/rad, friction: 0.05 N*m, stop: -10..80 deg,
+         knob: fixed}
+frame: part.handle
+law: parallel-pid
+limits: {force: 60 N, speed: 400 mm/s}
+stages:
+  go:
+    axes: {x: {force: 0}, y: {velocity: 65 mm/s}, z: {force: 0}, rx: {torque: 0}, ry: {torque: 0},
+           rz: {follows: part}}
+    until: part.angle > 23 deg
+    within: {time: 2 s}
+  ease:
+    axes: {x: {force: 0}, y: {force: 0}, z: {force: 0}, rx: {torque: 0}, ry: {torque: 0},
+           rz: {torque: 0}}
+    time: 0.3 s
+"""
+RIDES = """
+taskspec: 1
+robot: {model: panda, start: {xyz: [553 mm, 138 mm, 308 mm]}}
+world: {belt: {shape: plane, xyz: [0, 0, 300 mm], motion: {x: 43 mm/s * clock}}}
+frames: {on: {surface: belt}}
+frame: on
+law: hybrid
+stages:
+  approach: {axes: {z: {velocity: -16 mm/s}}, until: force.z < -2 N, within: {travel: 15 mm}}
+"""
+RAIL = """
+taskspec: 1
+robot: {model: ur5e, tool: {radius: 11 mm, length: 109 mm}, start: {xyz: [485 mm, 56 mm, 257 mm]}}
+world:
+  rim: {equation: "x^2 + y^2 = (62 mm)^2", frame: rail, stiffness: 220 kN/m, damping: 140 N*s/m}
+  level: {equation: "z = 0", frame: rail, stiffness: 220 kN/m, damping: 140 N*s/m}
+frames: {rail: {xyz: [423 mm, 56 mm, 257 mm]}}
+frame: rail
+law: hybrid-reaction
+limits: {force: 48 N, speed: 320 mm/s}
+stages:
+  press: {constraints: {rim: {force: 6.5 N}}, time: 0.4 s}
+  round:
+    constraints: {rim: {force: 6.5 N}}
+    path: {arc: {center: [0, 0], turns: 0.38}, time: 1.8 s}
+"""
 
 
 @pytest.mark.parametrize(
@@ -373,6 +421,9 @@ ALONE = SLIDE.replace("STOP", "89 mm").replace("WITHIN", "time: 4 s")
         (LAGS, "go", "TS611", "time"),
         (SHORT, "go", "TS617", "travel"),
         (AT_STOP, "ease", "TS616", "force"),
+        (DAMPED, "ease", "TS616", "force"),
+        (RIDES, "approach", "TS617", "travel"),
+        (RAIL, "round", "TS616", "force"),
     ],
     ids=[
         "a guard under a constraint",
@@ -380,6 +431,9 @@ ALONE = SLIDE.replace("STOP", "89 mm").replace("WITHIN", "time: 4 s")
         "a mechanism that lags behind its reference",
         "a way that ends before its guard",
         "a stop behind the way of a mechanism",
+        "a damper that meets a mechanism under way",
+        "a surface that takes the tool along",
+        "a rail without a force loop",
     ],
 )
 def test_a_guard_that_forces_may_miss_is_run_ahead(text, stage, code, reason, tmp_path):
