@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.deferred_methods import dataclass
+from taskspec.foresight.kept_out import KeptOut
 from taskspec.program.bound import RowFunction
 from taskspec.program.context import Context
 from taskspec.program.passage import Instant
@@ -51,16 +52,22 @@ class Surroundings:
     Objects that move by themselves, are loose or ride on a mechanism are not among them. One
     without an end stands for a table or a wall of some size: links that are in it as the run
     starts, such as those that carry the arm through the height of its table, are beside it.
+
+    Attributes:
+        names: of the objects that are looked at.
+        left_out: those that are not, and why.
     """
 
     def __init__(self, context: Context) -> None:
         self._context = context
         shapes = context.loaded.task.shapes
-        self.names = tuple(
-            name
+        self.left_out = {
+            name: "rides on a mechanism" if shape.on is not None else "is loose" if shape.gives_way
+            else "moves"
             for name, shape in shapes.items()
-            if name not in context.moving_bases and not shape.gives_way
-        )
+            if name in context.moving_bases or shape.gives_way
+        }  # fmt: skip
+        self.names = tuple(name for name in shapes if name not in self.left_out)
 
     @cached_property
     def _beside(self) -> NDArray[np.bool_]:
@@ -79,26 +86,47 @@ class Surroundings:
         found = [self._context.surfaces[name].distance(x) for name in self.names]
         return RowFunction(ca.Function("distances", [x], [ca.vertcat(*found)]))
 
-    def first(self, stage: StagePlan) -> Collision | None:
-        """The first collision in a stage; None without one, or where its way is not known."""
+    @cached_property
+    def _kept_out(self) -> KeptOut:
+        surfaces = [self._context.surfaces[name] for name in self.names]
+        return KeptOut(surfaces, self._context.robot.tool.radii)
+
+    @staticmethod
+    def knows(stage: StagePlan) -> bool:
+        """Whether the way of a stage is known, so that it is looked at."""
         passage = stage.nominal.passage if stage.followed else None
-        links = stage.context.robot.links
-        if passage is None or not self.names or not len(links.radii):
+        return passage is not None and bool(_along(passage.instants)[0])
+
+    def first(self, stage: StagePlan) -> Collision | None:
+        """The first collision in a stage; None without one, or where its way is not known.
+
+        To be asked stage by stage in their order: what the tool's end is pressed on goes on being
+        pressed on in the stage after.
+        """
+        passage = stage.nominal.passage if stage.followed else None
+        links, tool = stage.context.robot.links, stage.context.robot.tool
+        if not self.names or not len(links.radii):
             return None
-        times, configurations = _along(passage.instants)
+        times, configurations = _along(passage.instants) if passage is not None else ([], [])
         if not times:
+            self._kept_out.forget()
             return None
-        points = np.concatenate([self._points(q) for q in configurations])
-        gaps = self._distances(points)[0].reshape(len(times), -1, len(self.names))
-        tool = stage.context.robot.tool
-        gaps = gaps - np.concatenate([links.radii, tool.radii])[:, np.newaxis]
+        points = np.stack([self._points(q) for q in configurations])
+        radii = np.concatenate([links.radii, tool.radii])
+        gaps = self._gaps(points, radii)
         part = np.concatenate([links.link, np.full(len(tool.radii), len(links.names))])
         if stage.joint_path is None:
             # Its touch is what other rules look at; what it presses on keeps the arm from following
-            # a reference that leads inside, by as much as the tool's end would be in it.
+            # a reference that leads inside. A link goes back by a share of what the tool's end is
+            # kept back by, so it is inside for certain where it is without and with all of it.
             end = len(links.radii)
-            gaps = gaps[:, :end] + np.maximum(-gaps[:, end:].min(axis=1), 0.0)[:, np.newaxis]
-            part = links.link
+            kept = self._kept_out.follow(points[:, end:], gaps[:, end:])
+            gaps, part = gaps[:, :end], links.link
+            if kept.any() and (gaps < 0).any():
+                moved = self._gaps(points[:, :end] + kept[:, np.newaxis], links.radii)
+                gaps = np.maximum(gaps, moved)
+        else:
+            self._kept_out.forget()
         gaps = np.where(self._beside[part], np.inf, gaps)
         meets = (gaps < -_LEAST).any(axis=(1, 2))
         if not meets.any():
@@ -108,6 +136,11 @@ class Surroundings:
         deepest = -float(gaps[:, part == part[ball], thing].min())
         name = (*links.names, TOOL_END)[int(part[ball])]
         return Collision(times[first], name, self.names[int(thing)], deepest)
+
+    def _gaps(self, points: Vector, radii: Vector) -> Vector:
+        """(k, b, objects) gaps of balls with centres (k, b, 3) [m] and radii (b,) [m]."""
+        found = self._distances(points.reshape(-1, 3))[0]
+        return found.reshape(*points.shape[:2], -1) - radii[:, np.newaxis]
 
     def _points(self, q: Vector) -> Vector:
         """(k, 3) the centres of the links' balls and of those of the tool's end [m]."""

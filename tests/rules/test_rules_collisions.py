@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import casadi as ca
 import mujoco
 import numpy as np
 import pytest
 
 from taskspec.examination import examine
 from taskspec.foresight.collisions import TOOL_END, Surroundings, _along
+from taskspec.foresight.kept_out import KeptOut
+from taskspec.program.bound import RowFunction
 from taskspec.robot.links import links_of
 from taskspec.robot.pinocchio_model import Bodies, pinocchio_model
+from taskspec.shapes import Plane, Sphere
+from taskspec.shapes.box import Box
 from taskspec.spec import load_text
 from taskspec_runner import run
 
@@ -194,3 +199,73 @@ def test_what_stands_in_an_endless_plane_from_the_start_is_beside_it():
     found = examine(load_text(UNFOLD.format(start=FOLDED, thing=box), "t.yaml")).findings
     (told,) = [d for d in found if d.code == "TS428"][:1]
     assert "where it begins, link 'link" in told.message
+
+
+THIN = """
+taskspec: 1
+robot: {{model: panda, tool: {{shape: sphere, radius: 6 mm, length: 141 mm, mass: 300 g}},
+  start: {{xyz: [500 mm, 0, 326 mm]}}}}
+world: {{work: {{shape: box, size: [190 mm, 260 mm, {thick} mm], xyz: [500 mm, 0, {middle} mm],
+  rpy: [0, 0, 30 deg]}}}}
+frames: {{task: {{surface: work}}}}
+frame: task
+law: {{kind: pd, stiffness: {{linear: 500 N/m}}}}
+limits: {{force: 200 N}}
+stages:
+  press: {{axes: {{z: {{position: {depth} mm}}}}, time: 1 s}}
+  leave: {{axes: {{z: {{move: 14 mm, speed: 100 mm/s}}}}}}
+"""
+
+
+@pytest.mark.parametrize("thick", [3, 40, 100])
+@pytest.mark.parametrize("depth", [-4, -28.333, -60])
+def test_a_thin_box_keeps_the_tool_out_past_its_middle_and_beyond(thick, depth):
+    """The spring's reference leads inside or through; the tool's end stays on top of it."""
+    plan = plan_of(THIN.format(thick=thick, middle=320 - thick / 2, depth=depth))
+    surroundings = Surroundings(plan.context)
+    assert [surroundings.first(stage) for stage in plan.framed.values()] == [None, None]
+
+
+def test_how_far_a_box_a_ball_and_a_plane_keep_it_back():
+    """Against closed forms: to the face on which it came in, also from beyond."""
+    box = Box(np.zeros(3), np.eye(3), np.array([0.2, 0.2, 0.04]))
+    ball = Sphere(np.array([1.0, 0, 0]), np.eye(3), 0.1)
+    plane = Plane(np.array([0, 0, -1.0]), np.eye(3))
+    radius = 0.01
+    heights = np.array([0.05, 0.025, 0.01, -0.015, -0.05, 0.0, 0.05, -0.05])
+
+    def follow(kept, xyz):
+        centers = np.asarray(xyz)[:, np.newaxis]
+        functions = [RowFunction(ca.Function("d", [x], [s.distance(x)])) for s in surfaces]
+        gaps = np.stack([f(centers[:, 0])[0] for f in functions], axis=-1) - radius
+        return kept.follow(centers, gaps)
+
+    x, surfaces = ca.SX.sym("x", 3), (box, ball, plane)
+    kept = KeptOut(surfaces, np.array([radius]))
+    over = np.column_stack([0 * heights, 0 * heights, heights])
+    top = np.maximum(0.02 + radius - heights, 0.0)
+    # The last one is below without having come through the top since it was free.
+    top[-1] = 0.0
+    assert follow(kept, over) == pytest.approx(np.outer(top, [0, 0, 1]), abs=1e-5)
+    # Into the ball from above, off its axis: back up to where its own height is.
+    side, z = 0.03, np.array([0.2, 0.09, 0.0, -0.2])
+    found = follow(kept, np.column_stack([np.full(4, 1 + side), 0 * z, z]))
+    normal = np.array([side, 0, 0.2]) / np.hypot(side, 0.2)
+    for at, back in zip(z[1:3], found[1:3], strict=True):
+        assert np.cross(back, normal) == pytest.approx(0, abs=1e-9)
+        assert np.hypot(side + back[0], at + back[2]) == pytest.approx(0.1 + radius, abs=1e-5)
+    deep = follow(kept, [[3, 0, -0.9], [3, 0, -1.2], [3, 0, -0.9]])
+    assert deep == pytest.approx(np.array([[0, 0, 0], [0, 0, 0.21], [0, 0, 0]]), abs=1e-9)
+
+
+def test_a_link_that_meets_the_side_is_told_though_the_tool_is_kept_out():
+    """A wall beside the box: being kept on top does not take the links out of the wall."""
+    text = THIN.format(thick=40, middle=300, depth=-28).replace(
+        "frames:",
+        "  wall: {shape: box, size: [50 mm, 800 mm, 1 m], xyz: [500 mm, 0, 950 mm]}\nframes:",
+    )
+    text = text.replace("world: {work: ", "world:\n  work: ").replace("30 deg]}}", "30 deg]}")
+    plan = plan_of(text)
+    met = Surroundings(plan.context).first(next(iter(plan.framed.values())))
+    assert met is not None
+    assert (met.object, met.time) == ("wall", 0)

@@ -12,6 +12,7 @@ from taskspec.compiler import compile_unchecked
 from taskspec.prediction import predict
 from taskspec.spec import load_task, load_text
 from taskspec_runner.cli.app import app
+from taskspec_runner.cli.sheet.sheet import sheet
 from taskspec_runner.cli.sheet.stage import stage_sheet
 
 TASKS = Path(__file__).parents[2] / "tasks"
@@ -180,3 +181,34 @@ def test_the_document_shows_what_is_printed():
     block = document.partition("```text\n")[2].partition("```")[0]
     printed = CliRunner().invoke(app, ["explain", str(TASKS / "wipe-table.yaml")]).stdout
     assert block.strip() in printed
+
+
+WORLD = """
+taskspec: 1
+robot: {model: panda, tool: {shape: sphere, radius: 10 mm, length: 100 mm},
+  start: {joints: [0, -1.2 rad, 0, -2.8 rad, 0, 1.6 rad, 0.7854 rad]}}
+world:
+  table: {shape: plane, xyz: [0, 0, -100 mm]}
+  belt: {shape: plane, xyz: [0, 0, -200 mm], motion: {x: 10 mm/s * clock}}
+  part: {shape: box, size: [50 mm, 50 mm, 50 mm], free: true, mass: 1 kg, xyz: [600 mm, 0, -75 mm]}
+  sledge: {mechanism: slide, xyz: [-700 mm, 0, 0]}
+  plate: {shape: box, size: [50 mm, 50 mm, 50 mm], on: sledge, xyz: [0, 0, 0]}
+stages:
+  unfold: {path: {joints: [0, 0, 0, -120 deg, 0, 120 deg, 45 deg], speed: 30 deg/s}}
+"""
+
+
+def test_what_is_not_held_against_the_links_is_said():
+    program = compile_unchecked(load_text(WORLD, "t.yaml"))
+    (text,) = [value for key, value in sheet(program).robot if key == "collisions"]
+    assert text == (
+        "links are held against table; not against belt, which moves; not against part, which "
+        "is loose; not against plate, which rides on a mechanism"
+    )
+    corner = sheet(compile_unchecked(load_task(TASKS / "corner.yaml")))
+    assert dict(corner.robot)["collisions"] == (
+        "links are held against floor, wall; not in 'press', 'slide', whose ways are not known"
+    )
+    empty = WORLD[: WORLD.index("world:")] + WORLD[WORLD.index("stages:") :]
+    program = compile_unchecked(load_text(empty, "t.yaml"))
+    assert "collisions" not in dict(sheet(program).robot)

@@ -12,6 +12,7 @@ import numpy as np
 from taskspec.deferred_methods import dataclass
 from taskspec.prediction import Extreme, StagePrediction, TaskPrediction, look, predict
 from taskspec.program.program import Program
+from taskspec_runner.cli.sheet.collisions import collision_rows
 from taskspec_runner.cli.sheet.defaults import default_rows
 from taskspec_runner.cli.sheet.objects import object_rows
 from taskspec_runner.cli.sheet.predicted import duration_text
@@ -71,7 +72,7 @@ def sheet(program: Program) -> Sheet:
     return Sheet(
         name=task.name,
         about=task.about or "",
-        robot=robot_rows(program),
+        robot=(*robot_rows(program), *collision_rows(program)),
         duration=duration_text(lasting) + why,
         world=tuple(object_rows(program)),
         frames=frame_rows(program),
