@@ -16,11 +16,11 @@ import time
 from pathlib import Path
 
 from taskspec.compiler import compile_task
+from taskspec.native.code import Compiling
 from taskspec.program.program import Program
 from taskspec.spec import load_task
 from taskspec_runner.loop.assembly import assemble
 from taskspec_runner.loop.fixed_step import NATIVE, PYTHON, ClosedLoop
-from taskspec_runner.loop.native.code import Compiling
 from taskspec_runner.loop.native.loop import NativeLoop
 from taskspec_runner.loop.sensing import Sensing
 

@@ -24,11 +24,11 @@ import numpy as np
 
 from taskspec.analysis.worlds import random_world
 from taskspec.compiler import compile_task
+from taskspec.native.code import Compiling
 from taskspec.program.program import Program
 from taskspec.spec import load_task
 from taskspec_runner.loop.assembly import assemble
 from taskspec_runner.loop.fixed_step import LOOP, ClosedLoop
-from taskspec_runner.loop.native.code import Compiling
 from taskspec_runner.loop.native.loop import NativeLoop
 from taskspec_runner.loop.sensing import Sensing
 from taskspec_runner.record.layout import LogLayout

@@ -259,6 +259,9 @@ def run_task(file: Path, faults: Sequence[str] = FAULTS) -> list[Ended]:
         def advance(self, ticks: int) -> None:
             """Keeps nothing."""
 
+        def by_machine_code(self) -> None:
+            """Has no signals."""
+
     with listening([]):
         outcome = fixed_step.run(
             parts.machine, parts.plant, parts.bus, Nowhere(), plain.context.period

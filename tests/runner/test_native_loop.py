@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 from taskspec.compiler import compile_unchecked
-from taskspec.native import engine
+from taskspec.native import code, engine
 from taskspec.program.execution.machine import Machine, Opening
 from taskspec.program.program import Program
 from taskspec.spec import load_task
@@ -24,7 +24,6 @@ from taskspec_runner import run
 from taskspec_runner.errors import InputError
 from taskspec_runner.loop import fixed_step
 from taskspec_runner.loop.assembly import assemble
-from taskspec_runner.loop.native import code
 from taskspec_runner.loop.native.loop import NativeLoop
 from taskspec_runner.loop.sensing import Sensing
 from taskspec_runner.record.block import checksums

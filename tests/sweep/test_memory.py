@@ -10,9 +10,9 @@ import pytest
 
 from taskspec.analysis.worlds import random_world
 from taskspec.compiler import compile_task
+from taskspec.native import code
 from taskspec.native.engine import available
 from taskspec.spec import load_task
-from taskspec_runner.loop.native import code
 from taskspec_runner.sweep.world_run import run_world
 
 TASKS = Path(__file__).resolve().parents[2] / "tasks"

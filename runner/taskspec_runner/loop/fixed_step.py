@@ -26,8 +26,8 @@ from taskspec_runner.record.block import Block
 from taskspec_runner.record.bus import Bus
 
 if TYPE_CHECKING:
+    from taskspec.native.code import Compiling
     from taskspec_runner.loop.faults import Faults
-    from taskspec_runner.loop.native.code import Compiling
     from taskspec_runner.loop.native.loop import NativeLoop
 
 Vector = NDArray[np.float64]
@@ -107,6 +107,9 @@ class BlockSink(TickSink, Protocol):
 
     def advance(self, ticks: int) -> None:
         """Takes ticks that are in the block."""
+
+    def by_machine_code(self) -> None:
+        """Takes note that machine code runs the ticks."""
 
 
 class DrivenArm(Protocol):
@@ -363,9 +366,9 @@ class _Native:
         self.look = self.goes_on = self.sensed = self.made = False
         assert self._sink is not None
         # With llvmlite these take a tenth of a second to import.
+        from taskspec.native.code import Compiling, NotReadyError
         from taskspec.native.engine import EngineError
         from taskspec.native.expressions import UnsupportedOperationError
-        from taskspec_runner.loop.native.code import Compiling, NotReadyError
         from taskspec_runner.loop.native.loop import NativeLoop
         from taskspec_runner.plant.simulator import LayoutError
 
@@ -396,7 +399,9 @@ class _Native:
         assert self._sink is not None
         done = loop.run(ticks, min(self._sink.left, _AT_ONCE), compiling)
         self._sink.advance(done)
-        self.used |= done > 0
+        if done and not self.used:
+            self.used = True
+            self._sink.by_machine_code()
         return done
 
 

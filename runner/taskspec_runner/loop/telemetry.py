@@ -178,6 +178,10 @@ class Tap:
         self._recorder.advance(ticks)
         self._note(ticks)
 
+    def by_machine_code(self) -> None:
+        """Tells the recorder that machine code runs the ticks."""
+        self._recorder.by_machine_code()
+
     def _note(self, ticks: int) -> None:
         self._ticks += ticks
         if (self._ticks - 1) % self._every == 0:

@@ -39,10 +39,11 @@ class Block:
     Attributes:
         rows: (room, fields) of them.
         sums: (room,) checksum of each, with its number in the log; see `checksum`.
+        in_file: whether others may read it, by the checksums.
     """
 
     def __init__(self, numbers: NDArray[np.int64], room: int, fields: int, path: Path | None):
-        self._head, self._path = numbers[:_HEAD], path
+        self._head, self._path, self.in_file = numbers[:_HEAD], path, path is not None
         self.sums = numbers[_HEAD : _HEAD + room]
         self.rows: Vector = numbers[_HEAD + room :].view(np.float64).reshape(room, fields)
         self._head[:_HOLDS] = _MARK, fields, room

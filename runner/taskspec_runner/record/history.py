@@ -23,6 +23,8 @@ STAGE = "stage"
 #: What stands there while an arm is brought to rest after a run. No stage can be called so, as a
 #: name has no space.
 TO_REST = "to rest"
+#: Rows of batches that are put together at once.
+_TOGETHER = 1 << 13
 #: What the schema of a log says that was recorded elsewhere: the columns that it does not have.
 _UNRECORDED = b"not_recorded"
 
@@ -162,30 +164,54 @@ class HistoryBuilder:
 
     def __init__(self) -> None:
         self._columns = GrowingColumns()
+        #: Batches whose memory nobody writes anew, and the rows in them.
+        self._batches: list[pa.RecordBatch] = []
+        self._waiting = 0
         #: Names of stages, each with the number of ticks that follow each other in it.
         self._stages: list[tuple[str, int]] = []
         self._units: dict[str, str] = {}
         self._unrecorded: frozenset[str] = frozenset()
 
-    def add(self, batch: pa.RecordBatch) -> None:
-        """Takes the ticks of a batch of a log."""
+    def add(self, batch: pa.RecordBatch, *, lasting: bool = False) -> None:
+        """Takes the ticks of a batch of a log.
+
+        Args:
+            batch: of them.
+            lasting: whether its memory stays as it is; else it is copied.
+        """
         if not self._units:
             self._units = units_of(batch.schema)
             self._unrecorded = unrecorded_of(batch.schema)
-        columns = {}
-        for name, values in zip(batch.schema.names, batch.columns, strict=True):
-            if name == STAGE:
-                self._stages += _stretches(values)
-            else:
-                # A copy, as a batch may lie in memory that is written anew.
-                columns[name] = values.to_numpy(zero_copy_only=False).copy()
-        self._columns.add(columns)
+        self._stages += _stretches(batch.column(STAGE))
+        if lasting:
+            self._batches.append(batch)
+            self._waiting += batch.num_rows
+            if self._waiting >= _TOGETHER:
+                self._put_together()
+        else:
+            self._columns.add({n: v.copy() for n, v in _numbers(batch)})
+
+    def _put_together(self) -> None:
+        """Makes columns of the batches that wait: of many at once it takes less time."""
+        if self._batches:
+            self._columns.add(dict(_numbers(pa.Table.from_batches(self._batches))))
+            self._batches, self._waiting = [], 0
 
     def build(self) -> History:
         """All ticks so far; they are taken out."""
+        self._put_together()
         stages, self._stages = self._stages, []
         names = _stage_names(stages)
         return split(_history(self._columns.build(), names, self._units, self._unrecorded))
+
+
+def _numbers(ticks: pa.RecordBatch | pa.Table) -> Iterator[tuple[str, Vector]]:
+    """Name and values of each column but that of the stages."""
+    for name, values in zip(ticks.schema.names, ticks.columns, strict=True):
+        if name != STAGE:
+            # A table has columns of pieces, which it copies anyway.
+            whole = {} if isinstance(ticks, pa.Table) else {"zero_copy_only": False}
+            yield name, values.to_numpy(**whole)
 
 
 def split(history: History) -> History:

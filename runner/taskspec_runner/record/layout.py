@@ -127,6 +127,10 @@ class LogLayout:
         ]
         return pa.record_batch(arrays, schema=self._schema)
 
+    def by_machine_code(self) -> None:
+        """Has machine code work out true signals from now on, with the same bits."""
+        self._truth.by_code = True
+
     def beside(self, name: str) -> tuple[str, ...]:
         """The derived columns that are worked out with one of them: what makes one makes all."""
         return next(names for names in self._together.values() if name in names)
@@ -149,9 +153,9 @@ class LogLayout:
 
     def columns(self, rows: Vector) -> dict[str, tuple[Vector, str]]:
         """Column name to values and unit; `rows` are (ticks, fields)."""
-        # Transposed, every column is contiguous, which is how Arrow wants it.
-        true = iter(np.ascontiguousarray(self._truth(rows).T))
-        fields = np.ascontiguousarray(rows.T)
+        # Transposed, every column is contiguous, which is how Arrow wants it; and it is a copy.
+        true = iter(np.array(self._truth(rows).T, order="C"))
+        fields = np.array(rows.T, order="C")
 
         def field(name: str) -> Vector:
             return fields[self._slices[name]]

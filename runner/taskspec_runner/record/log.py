@@ -71,7 +71,7 @@ class Log:
         self._batches, self._ticks = self._batches + 1, self._ticks + batch.num_rows
         self._sums = self.sha256
         if self._keep:
-            self._columns.add(batch)
+            self._columns.add(batch, lasting=True)
 
     def close(self) -> None:
         """Ends the stream and brings it to the disk.

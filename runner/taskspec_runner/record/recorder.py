@@ -19,9 +19,9 @@ from taskspec_runner.record.log import Log
 Vector = NDArray[np.float64]
 
 #: Rows of one batch.
-BATCH = 500
+BATCH = 1000
 #: Batches for which there is room: one that is being filled, the others until they are written.
-_BATCHES = 4
+_BATCHES = 3
 #: Rows for which there is room.
 ROOM = _BATCHES * BATCH
 
@@ -89,6 +89,10 @@ class Recorder:
         if self.ticks % BATCH == 0:
             self._hand_over()
 
+    def by_machine_code(self) -> None:
+        """Takes note that machine code runs the ticks: it may work out the log's signals, too."""
+        self._layout.by_machine_code()
+
     @property
     def left(self) -> int:
         """Ticks up to the end of the batch, for which there is room."""
@@ -107,6 +111,14 @@ class Recorder:
         names = stage_names(self._stages)
         return names[min(int(stage), len(self._stages))]
 
+    def settle(self) -> None:
+        """Waits until all complete batches are written.
+
+        Raises:
+            OutputError: one cannot be written.
+        """
+        self._wait(0)
+
     def close(self) -> None:
         """Writes what is left and ends the stream.
 
@@ -117,7 +129,7 @@ class Recorder:
             return
         try:
             self._hand_over()
-            self._wait(0)
+            self.settle()
         finally:
             if self._writer is not None:
                 self._writer.shutdown(cancel_futures=True)

@@ -35,7 +35,7 @@ class RowKeeper:
         self.block: Block | None = Block.memory(ROOM, fields)
         self._rows, self._array = self.block.rows, bus.array
         self._kept: list[Vector] = []
-        self._used = 0
+        self._used, self._by_code = 0, False
 
     def add(self) -> None:
         """Takes the bus as it is now."""
@@ -47,6 +47,10 @@ class RowKeeper:
         self._used += ticks
         if self._used == ROOM:
             self._put_aside()
+
+    def by_machine_code(self) -> None:
+        """Takes note that machine code runs the ticks: it may work out their signals, too."""
+        self._by_code = True
 
     @property
     def left(self) -> int:
@@ -65,6 +69,8 @@ class RowKeeper:
         """All ticks, as the log would have them."""
         if self._used:
             self._put_aside()
+        if self._by_code:
+            layout.by_machine_code()
         columns = RowColumns(layout, self._kept)
         return History(columns, columns.stages(stages), columns.units)
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from functools import lru_cache
+from functools import cached_property, lru_cache
+from typing import TYPE_CHECKING
 
 import casadi as ca
 import numpy as np
@@ -22,6 +23,9 @@ from taskspec.signals import MovingPose, ObjectState, Situation
 from taskspec.spec import Shape, Task
 from taskspec_runner.record.bus import TRUE
 
+if TYPE_CHECKING:
+    from taskspec.native.rows import RowCode
+
 Vector = NDArray[np.float64]
 
 
@@ -35,6 +39,7 @@ class Truth:
 
     Attributes:
         names: of the signals, in the order of their rows.
+        by_code: whether machine code evaluates them, as soon as there is some.
     """
 
     def __init__(
@@ -54,7 +59,7 @@ class Truth:
             fields: where the bus has each of its fields.
             names: of the signals.
         """
-        self.names = tuple(names)
+        self.names, self.by_code = tuple(names), False
         row, self._places = _symbols(max(where.stop for where in fields.values()))
         parts = {name: row[where] for name, where in fields.items()}
         # Where encoders fail, what the controller has of them is not the truth.
@@ -72,7 +77,7 @@ class Truth:
         self._situations = [_situation(parts, objects) for _ in distinct]
         for at, (axes, contact) in zip(self._situations, distinct, strict=True):
             at.axes, at.contact = axes, contact
-        self._made: dict[tuple[str, ...], tuple[RowFunction, ...]] = {}
+        self._made: dict[tuple[str, ...], tuple[_Signals, ...]] = {}
 
     def __call__(self, rows: Vector, names: tuple[str, ...] | None = None) -> Vector:
         """(ticks, names) values, from rows of the bus (ticks, fields).
@@ -87,13 +92,12 @@ class Truth:
         functions = self._functions(names)
         if len(functions) == 1:
             # Choosing rows copies them.
-            (values,) = functions[0](rows)
-            return values + 0.0
+            return functions[0].at(rows, by_code=self.by_code) + 0.0
         number = self._of_stage[rows[:, self._stage].astype(int)]
         values = np.empty((len(rows), len(names)))
         for each in np.unique(number):
             here = number == each
-            (values[here],) = functions[each](rows[here])
+            values[here] = functions[each].at(rows[here], by_code=self.by_code)
         return values + 0.0
 
     def place(self, name: str) -> int | None:
@@ -101,17 +105,39 @@ class Truth:
         found = {str(x) for x in (at.signal(*name.split(".")) for at in self._situations)}
         return self._places.get(found.pop()) if len(found) == 1 else None
 
-    def _functions(self, names: tuple[str, ...]) -> tuple[RowFunction, ...]:
+    def _functions(self, names: tuple[str, ...]) -> tuple[_Signals, ...]:
         """Of each situation its function of a tick; made once for the same names."""
         if names not in self._made:
             self._made[names] = tuple(self._compiled(at, names) for at in self._situations)
         return self._made[names]
 
-    def _compiled(self, at: Situation, names: tuple[str, ...]) -> RowFunction:
+    def _compiled(self, at: Situation, names: tuple[str, ...]) -> _Signals:
         nothing = ca.SX(np.nan)
         found = [at.signal(*name.split(".")) for name in names]
         values = ca.densify(ca.vertcat(*(nothing if x is None else x for x in found)))
-        return RowFunction(ca.Function("truth", [self._row], [values]))
+        return _Signals(ca.Function("truth", [self._row], [values]))
+
+
+class _Signals:
+    """A function of a row of the bus, evaluated at many: by CasADi, or by machine code."""
+
+    def __init__(self, function: ca.Function) -> None:
+        self._function, self._rows = function, RowFunction(function)
+
+    def at(self, rows: Vector, *, by_code: bool) -> Vector:
+        """(ticks, names) values, from (ticks, fields)."""
+        # One row is somebody's look at a run that another thread is writing.
+        values = self._code(rows) if by_code and len(rows) > 1 else None
+        if values is None:
+            (values,) = self._rows(rows)
+        return values
+
+    @cached_property
+    def _code(self) -> RowCode:
+        # With llvmlite it takes a tenth of a second to import.
+        from taskspec.native.rows import RowCode
+
+        return RowCode(self._function)
 
 
 @lru_cache

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from functools import cached_property
 from pathlib import Path, PurePosixPath
 
-from taskspec.compiler import compile_task
+from taskspec.compiler import compile_task, compile_unchecked
 from taskspec.deferred_methods import dataclass
 from taskspec.program.program import Program
 from taskspec.spec import load_task
@@ -96,29 +96,43 @@ class Bundle:
 
 
 _programs: dict[str, Program] = {}
+#: Of those, which have been examined.
+_examined: set[str] = set()
 
 
-def program_of(bundle: Bundle) -> Program:
+def program_of(bundle: Bundle, *, examined: bool = False) -> Program:
     """The compiled task of a bundle; compiled once a process.
+
+    Args:
+        bundle: of a task that its sender has examined.
+        examined: whether the program is to have what was found about it, which takes longer.
 
     Raises:
         InputError: other versions are installed here.
         SpecError: the task does not compile here.
     """
-    if bundle.key not in _programs:
+    if bundle.key not in _programs or (examined and bundle.key not in _examined):
         bundle.check_versions()
+        _programs.pop(bundle.key, None)
         while len(_programs) >= _KEPT:
-            del _programs[next(iter(_programs))]
+            oldest = next(iter(_programs))
+            del _programs[oldest]
+            _examined.discard(oldest)
         folder = _unpacked(bundle)
         with moved(Path(bundle.root), folder):
             loaded = load_task(folder / PurePosixPath(bundle.file), dict(bundle.overrides))
-            _programs[bundle.key] = compile_task(loaded, force=bundle.force)
+            if examined:
+                _programs[bundle.key] = compile_task(loaded, force=bundle.force)
+                _examined.add(bundle.key)
+            else:
+                _programs[bundle.key] = compile_unchecked(loaded)
     return _programs[bundle.key]
 
 
 def keep_program(bundle: Bundle, program: Program) -> None:
     """Lets workers in this process use a program that is compiled already."""
     _programs[bundle.key] = program
+    _examined.add(bundle.key)
 
 
 def _plain(path: Path) -> Path:

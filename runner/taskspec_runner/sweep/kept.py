@@ -107,7 +107,7 @@ def keep_run(path: Path, bundle: Bundle, worlds: Worlds, index: int) -> None:
     """Runs a world with log and report."""
     from taskspec_runner.session import execute_program
 
-    program = program_of(bundle)
+    program = program_of(bundle, examined=True)
     folder = folder_of(path, index)
     folder.parent.mkdir(exist_ok=True)
     execute_program(program, folder, world=worlds.world(program.context, index))

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.native import quadratic
+from taskspec.native.code import Compiling, NotReadyError, kernel_engine
 from taskspec.native.engine import EngineError
 from taskspec.native.expressions import UnsupportedOperationError
 from taskspec.program.execution import pivots, stage_solver
@@ -20,7 +21,6 @@ from taskspec.program.ports import fields, slices
 from taskspec_runner.loop import fixed_step
 from taskspec_runner.loop.fixed_step import LOOK_EVERY, ClosedLoop
 from taskspec_runner.loop.native import tick_memory, ticks
-from taskspec_runner.loop.native.code import Compiling, NotReadyError, kernel_engine
 from taskspec_runner.loop.native.tick_memory import LIBRARY, TickMemory
 from taskspec_runner.loop.sensing import Sensing
 from taskspec_runner.plant import simulator
@@ -78,6 +78,7 @@ class NativeLoop:
         base.take(
             n_bus=len(bus.array),
             keeps=block is not None,
+            checks=block is not None and block.in_file,
             **{f"i_{name}": places[name].start for name in ("clock", "t", "stage")},
         )
         if block is not None:

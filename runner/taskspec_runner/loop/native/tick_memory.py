@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from taskspec.native.code import CODE, Compiling, NotReadyError, expression_engine
 from taskspec.native.kernel import Record, Vector, Words
 from taskspec.native.quadratic import Workspace
 from taskspec.program.bound import BoundFunction
-from taskspec_runner.loop.native.code import CODE, Compiling, NotReadyError, expression_engine
 
 Array = NDArray[np.float64]
 #: What a function of CasADi's takes: arguments, results, and three that are not used.
@@ -172,6 +172,7 @@ class TickMemory(Record):
 
     # the record
     keeps: int  # whether ticks are kept
+    checks: int  # whether with a checksum, for others to read
     row: int  # of the block
     room: int  # rows of it
     recorded: int  # ticks so far

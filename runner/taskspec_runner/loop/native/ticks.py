@@ -340,12 +340,13 @@ def _apply(c: TickMemory) -> None:
 
 
 def _record(c: TickMemory) -> None:
-    """The tick into the next row of the log's block, with its checksum."""
+    """The tick into the next row of the block, in a file with its checksum."""
     if not c.keeps:
         return
     _copy(c.bus, c.rows[c.row * c.n_bus :], c.n_bus)
-    sums = c.sums
-    sums[c.row] = checksum(c.bus_words, c.weights, c.n_bus, c.recorded)
+    if c.checks:
+        sums = c.sums
+        sums[c.row] = checksum(c.bus_words, c.weights, c.n_bus, c.recorded)
     c.recorded += 1
     c.row += 1
     if c.row == c.room:
