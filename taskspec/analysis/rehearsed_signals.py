@@ -59,6 +59,8 @@ class RehearsedSignals:
         match path:
             case ("t",):
                 return run.times
+            case ("link", _):
+                return np.zeros(len(run.times))
             case ("clock",):
                 return np.asarray(context.period * np.arange(len(run.times)))
             case ("speed",) | ("travel",) | ("tilt",) | ("path_done",):

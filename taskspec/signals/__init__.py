@@ -10,6 +10,7 @@ from taskspec.signals.situation import MovingPose, ObjectState, Situation
 from taskspec.signals.table import (
     CLOCKS,
     JOINT,
+    LINK,
     OBJECT,
     SCALARS,
     STAGE,
@@ -26,6 +27,7 @@ from taskspec.signals.table import (
 __all__ = [
     "CLOCKS",
     "JOINT",
+    "LINK",
     "OBJECT",
     "SCALARS",
     "STAGE",

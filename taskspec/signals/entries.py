@@ -34,6 +34,9 @@ _Value = TypeVar("_Value")
 #: Force above which the tool touches [N].
 TOUCHING = 0.5
 
+#: Why a controller does not decide by what is lost on the way to it.
+_OF_THE_LINK = "it is known of a run, not to its stages; what may be lost says `--stop-after`"
+
 
 def _both(linear: _Value, angular: _Value) -> dict[str, _Value]:
     """One value for every translation, another for every rotation."""
@@ -219,6 +222,16 @@ def _joint_torque(at: Situation, number: str) -> ca.SX:
 def _visits(at: Situation, stage: str) -> ca.SX:
     """How often a stage has been entered."""
     return at.visits[stage]
+
+
+@signal("late", TIME, of=Index.LINK, low=0.0, unmeasured=_OF_THE_LINK)
+def _late(at: Situation) -> None:
+    """How late what came for the tick came; 0 in the process and in lock-step."""
+
+
+@signal("lost", NUMBER, of=Index.LINK, low=0.0, counted=True, unmeasured=_OF_THE_LINK)
+def _lost(at: Situation) -> None:
+    """How many in a row did not come, up to the tick; 0 in the process and in lock-step."""
 
 
 @signal(

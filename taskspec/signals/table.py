@@ -21,7 +21,8 @@ if TYPE_CHECKING:
 class Index(StrEnum):
     """What the members of an entry differ by: an axis, a joint, an object of the world, a stage.
 
-    A single signal has one member, and so has a clock.
+    A single signal has one member, and so have a clock and a figure of the link to a plant that is
+    elsewhere.
     """
 
     SINGLE = "single"
@@ -30,6 +31,7 @@ class Index(StrEnum):
     OBJECT = "object"
     STAGE = "stage"
     CLOCK = "clock"
+    LINK = "link"
 
 
 #: What may differ from the truth: the wrench, which is zero while nothing is touched; objects.
@@ -140,9 +142,10 @@ class Entry:
 VECTORS: dict[str, Signal] = {}
 SCALARS: dict[str, Signal] = {}
 CLOCKS: dict[str, Signal] = {}
-#: Of a joint, and of a stage, by the last part of the name.
+#: Of a joint, of a stage and of the link, by the last part of the name.
 JOINT: dict[str, Signal] = {}
 STAGE: dict[str, Signal] = {}
+LINK: dict[str, Signal] = {}
 #: Of an object, by its kind and the last part of the name.
 OBJECT: dict[str, dict[str, Signal]] = {}
 
@@ -152,6 +155,7 @@ _TABLES = {
     Index.JOINT: JOINT,
     Index.STAGE: STAGE,
     Index.CLOCK: CLOCKS,
+    Index.LINK: LINK,
 }
 
 
@@ -237,5 +241,7 @@ def find(
             kind = objects[owner]
             found = OBJECT[kind].get(name)
             return Entry(found, owner, found.dimensions[kind]) if found else None
+        case (Index.LINK, name) if name in LINK:
+            return Entry(LINK[name], "", LINK[name].dimension)
         case _:
             return None

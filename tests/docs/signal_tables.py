@@ -15,12 +15,17 @@ from taskspec.spec.fields import MECHANISMS
 from taskspec.text.units import NUMBER, si_unit
 
 LANGUAGE = Path(__file__).resolve().parents[2] / "docs" / "language.md"
-_NAMES = {signals.Index.JOINT: "joint.N.{0}", signals.Index.STAGE: "STAGE.{0}"}
+_NAMES = {
+    signals.Index.JOINT: "joint.N.{0}",
+    signals.Index.STAGE: "STAGE.{0}",
+    signals.Index.LINK: "link.{0}",
+}
 
 
 def signal_rows() -> Iterator[list[str]]:
     """Rows of signals that belong to no object."""
     tables = (signals.VECTORS, signals.SCALARS, signals.CLOCKS, signals.JOINT, signals.STAGE)
+    tables = (*tables, signals.LINK)
     for signal in (signal for table in tables for signal in table.values()):
         members: dict[str, list[str]] = {}
         for key in signal.dimensions:

@@ -207,6 +207,26 @@ def test_wall_clock_keeps_its_books(tmp_path: Path) -> None:
     assert driven.summary["link"]["mode"] == "free-running"
 
 
+def test_a_file_judges_answers_that_are_lost(tmp_path: Path) -> None:
+    """Over UDP at the wall clock: five samples in a row get no answer, and are judged so."""
+    text = TOUCH + "  - max(link.lost) < 5\n  - link.lost < 1 for 50 %\n"
+    options = ServerOptions(free_running=True, stop_after=200, wait=20.0)
+    with Serving(text, tmp_path / "served", options) as serving:
+        robot = UdpRobot(serving.url, patience=20.0)
+        for tick in range(40):
+            robot.read()
+            if not 20 <= tick < 25:
+                robot.write(np.zeros(2))
+        robot.stop("enough")
+        run = serving.run
+    lost = np.asarray(run.signals["link.lost"])
+    assert np.max(lost) >= 5
+    judged = {each.text: each for each in run.expectations}
+    assert not judged["max(link.lost) < 5"].passed
+    assert judged["max(link.lost) < 5"].signals == ("link.lost",)
+    assert judged["link.lost < 1 for 50 %"].passed == (np.mean(lost < 1) >= 0.5)
+
+
 def test_wall_clock_stops_without_answers(tmp_path: Path) -> None:
     options = ServerOptions(free_running=True, stop_after=7, wait=20.0)
     with Serving(TOUCH, tmp_path / "served", options) as serving:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from meeting import TOUCH, ClockedRobot, drive, own_columns, program_of, same_bits
 
+from taskspec_runner import read
 from taskspec_runner.errors import InputError
 from taskspec_runner.link.on_robot import CATCH_UP, HOLD, LostPolicy
 from taskspec_runner.runs import Run
@@ -50,6 +51,30 @@ def test_catching_up_keeps_to_the_robots_clock(plain: Run, tmp_path: Path) -> No
     assert (link["lost"], link["in_a_row"]) == (4, 3)
     assert run.verdict == "passed"
     assert "as measured" in run.reason
+
+
+@pytest.mark.parametrize(("most", "passes"), [(2, False), (3, True)])
+def test_a_file_judges_what_was_lost(most: int, passes: bool, tmp_path: Path) -> None:
+    """Three in a row are lost, and 4 of all samples: what was injected is what is judged."""
+    text = (
+        TOUCH + f"  - max(link.lost) <= {most}\n  - max(hold.link.lost) < 2\n  - link.late < 1 s\n"
+    )
+    robot = ClockedRobot(program_of(text), lost=LOST)
+    run = drive(text, robot, tmp_path / "run", LostPolicy(HOLD))
+    judged = {each.text: each.passed for each in run.expectations}
+    assert judged[f"max(link.lost) <= {most}"] is passes
+    assert judged["max(hold.link.lost) < 2"]
+    assert judged["link.late < 1 s"]
+    assert run.verdict == ("passed" if passes else "missed")
+    # What was recorded says the same when it is judged again.
+    assert [each.passed for each in read(tmp_path / "run").expectations] == [*judged.values()]
+
+
+def test_nothing_is_late_or_lost_in_one_loop(tmp_path: Path) -> None:
+    text = TOUCH + "  - max(link.lost) < 1\n  - max(link.late) <= 0 s\n  - max(link.lost) > 0\n"
+    run = execute_program(program_of(text), tmp_path / "plain", report=False)
+    assert [each.passed for each in run.expectations] == [True] * 4 + [False]
+    assert not any(name.startswith("link.") for name in run.history.columns)
 
 
 def test_holding_makes_the_task_stand_still(tmp_path: Path) -> None:

@@ -16,7 +16,7 @@ from taskspec.program import ports
 from taskspec.program.program import Program
 from taskspec.program.stages.stage import CompiledStage
 from taskspec.robot import RobotModel
-from taskspec.signals import JOINT, OBJECT, SCALARS, VECTORS
+from taskspec.signals import JOINT, LINK, OBJECT, SCALARS, VECTORS, Index
 from taskspec.signals.table import MEASURED
 from taskspec.spec import Task
 from taskspec.text.units import si_unit
@@ -168,7 +168,10 @@ class LogLayout:
 
 
 #: What the log has of a link at the wall clock.
-LINK_COLUMNS = (Column("link.late", "s", "link", 0), Column("link.lost", "", "link", 1))
+LINK_COLUMNS = tuple(
+    Column(f"{Index.LINK}.{name}", si_unit(signal.dimension), "link", i)
+    for i, (name, signal) in enumerate(LINK.items())
+)
 
 
 def _unmeasured(task: Task) -> Iterator[str]:

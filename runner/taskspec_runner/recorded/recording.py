@@ -67,7 +67,7 @@ class _Reading:
     def __init__(self, program: Program, source: LogSource, columns: Columns) -> None:
         self._program, self._source, self._columns = program, source, columns
         self._period = program.context.period
-        layout = LogLayout.of(program, program.context.loaded.task)
+        layout = LogLayout.of(program, program.context.loaded.task, linked=True)
         self._units = {name: unit for name, unit in layout.units.items() if name != STAGE}
         dimensions = {
             name: parse_unit(unit).dimension if unit else NUMBER

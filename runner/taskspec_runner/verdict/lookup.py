@@ -148,7 +148,12 @@ class Lookup:
 
     def _values(self, meaning: Meaning, frame: str | None) -> Vector | None:
         if frame is None:
-            return self._history.columns.get(column_of(meaning))
+            column, history = column_of(meaning), self._history
+            known = column in history.columns or column in history.unrecorded
+            if meaning.kind == "link" and not known:
+                # Plant and controller were one loop, or one waited for the other.
+                return full(len(history), 0.0)
+            return history.columns.get(column)
         try:
             return self._elsewhere(meaning.name, meaning.axis, frame)
         except NotRecordedError:
@@ -187,4 +192,6 @@ def _signal_of(meaning: Meaning) -> str:
         return f"joint.{meaning.subject}.{meaning.name}"
     if meaning.kind == "object":
         return f"{meaning.subject}.{meaning.name}"
+    if meaning.kind == "link":
+        return f"link.{meaning.name}"
     return f"{meaning.name}.{meaning.axis}" if meaning.axis else meaning.name

@@ -16,7 +16,7 @@ from taskspec.signals.table import REFERENCE
 from taskspec.text.units import ANGLE, LENGTH, NUMBER, Dimension, Quantity
 
 Kind = Literal["param", "constant", "clock", "signal", "condition", "vector", "joint", "object",
-               "visits", "coordinate"]  # fmt: skip
+               "visits", "coordinate", "link"]  # fmt: skip
 
 COORDINATES: dict[str, Dimension] = dict.fromkeys(TRANSLATIONS, LENGTH)
 """Coordinates of the tool tip, for equations; joints are q1, q2 and so on."""
@@ -149,5 +149,6 @@ def _resolve_signal(path: tuple[str, ...], scope: Scope) -> Meaning | None:
 _KINDS: dict[Index, Kind] = {
     Index.CLOCK: "clock",
     Index.JOINT: "joint",
+    Index.LINK: "link",
     Index.OBJECT: "object",
 }

@@ -55,7 +55,8 @@ def explain_name(node: Name, scope: Scope) -> Problem:
         code, message, hint = _single(head, scope)
         return Problem(code, message, start, end, hint)
     if not scope.measures and (
-        head in signals.VECTORS or head in scope.objects.keys() | scope.stages | {"joint"}
+        head in signals.VECTORS
+        or head in scope.objects.keys() | scope.stages | {"joint", signals.Index.LINK}
     ):
         message = f"'{text}' is not known here"
         return Problem("TS116", message, start, end, _instead(path, scope))
@@ -152,9 +153,13 @@ def _signal(
     if head == "joint":
         hint = "write joint.1.position, joint.1.velocity or joint.1.torque, counted from 1"
         return Problem("TS120", f"'{'.'.join(path)}' is not a joint's signal", start, end, hint)
+    if head == signals.Index.LINK:
+        names = [f"{head}.{name}" for name in signals.LINK]
+        hint = suggestion(".".join(path), names, "known are")
+        return Problem("TS120", f"the link has no signal '{'.'.join(path[1:])}'", start, end, hint)
     if head in (*signals.SCALARS, *signals.CLOCKS, *scope.params):
         return Problem("TS120", f"'{head}' has no parts", start, end, f"write '{head}'")
-    options = {*signals.VECTORS, *scope.objects, "joint"}
+    options = {*signals.VECTORS, *scope.objects, "joint", str(signals.Index.LINK)}
     if scope.kind is ScopeKind.EXPECT or path[-1] == "visits":
         options |= scope.stages
     if after_stage:
@@ -162,6 +167,7 @@ def _signal(
             *signals.VECTORS,
             *scope.objects,
             "joint",
+            str(signals.Index.LINK),
             *signals.words(),
             *signals.CLOCKS,
             "visits",
