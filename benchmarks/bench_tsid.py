@@ -17,6 +17,10 @@ is older than what this project asks for but runs this benchmark. An environment
 this project in it gets them by
 
     pip install --only-binary :all: tsid==1.7.1 pin==3.4.0 eiquadprog==1.2.9
+    pip install "cmeel-urdfdom<5" "cmeel-tinyxml2<11"
+
+The last two are what the wheel of Pinocchio was linked with and does not bound: with newer ones it
+finds no liburdfdom_sensor.so.4.0.
 
     python benchmarks/bench_tsid.py
 """

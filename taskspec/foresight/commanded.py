@@ -58,26 +58,29 @@ class JointCourse:
 
 
 def commanded(stage: StagePlan) -> ReferenceCourse | None:
-    """The references of a stage, begun at rest; None where the text does not tell them.
+    """The references of a stage; None where the text does not tell them.
 
-    A stage that may end at any time is looked at as far as its passage is known.
+    They go on from the rates that the stage before hands over, which are taken as steady till
+    then, or from rest where these are not known. A stage that may end at any time is looked at as
+    far as its passage is known.
     """
     passage = stage.nominal.passage
     if passage is None or len(passage.instants) < 2:
         return None
     first, last = passage.instants[0], passage.last
-    motion = reference_motion(stage, start_coordinates(stage, first.p, first.R), {})
+    carried = stage.nominal.carried
+    motion = reference_motion(stage, start_coordinates(stage, first.p, first.R), carried)
     if motion is None or not motion.ways or not math.isfinite(last.time):
         return None
     period = stage.context.period
     count = math.ceil(last.time / period) + 4
     if count > _MOST:
         return None
-    # Before it begins the reference rests, and after its end it rests again.
     times: Vector = period * np.arange(-3.0, count)
     at = np.zeros((len(times), 6))
     for axis, way in motion.ways.items():
-        at[:, axis.row] = [float(way(max(t, 0.0))) for t in times.tolist()]
+        rate = carried.get(axis, 0.0)
+        at[:, axis.row] = [float(way(max(t, 0.0))) + rate * min(t, 0.0) for t in times.tolist()]
     if not np.isfinite(at).all():
         return None
     rates: Vector = np.diff(at, axis=0) / period

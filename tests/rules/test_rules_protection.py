@@ -69,6 +69,37 @@ def test_a_move_is_held_against_its_closed_form(key, unit, peak):
     assert codes(task(MOVE, within)) == []
 
 
+HANDED = (
+    ARM
+    + """\
+stages:
+  go: {axes: {x: {velocity: 100 mm/s}}, time: 0.5 s}
+  next: {axes: {x: {velocity: RATE mm/s}}, time: 0.5 s}
+"""
+)
+
+
+@pytest.mark.parametrize("rate", [100, 60, 0, -50])
+def test_a_stage_goes_on_from_the_rate_before(rate, tmp_path):
+    """The references of a run, over the change of stage; at the same rate there is nothing."""
+    text = task(HANDED, "{source: s, tip: {speed: 9 m/s}}").replace("RATE", str(rate))
+    plan = compile_task(load_text(text, "task.yaml")).stages[1].plan
+    course = commanded(plan)
+    assert course is not None
+    found = float(np.abs(course.accelerations[:, 0]).max())
+    columns = run(text, tmp_path / "run").columns
+    reference = columns["velocity.x.ref"][400:]
+    # Those of the first tick differ by half a period of what it changes by.
+    assert found == pytest.approx(np.abs(np.diff(reference)).max() / 1e-3, rel=0.02, abs=1e-6)
+    assert (found < 1e-6) == (rate == 100)
+    # Of rest 100 mm/s would ask as much as the first stage does, which is the one that is told.
+    first = commanded(compile_task(load_text(text, "task.yaml")).stages[0].plan)
+    assert first is not None
+    bound = 0.9 * float(np.abs(first.accelerations[:, 0]).max())
+    strict = text.replace("speed: 9 m/s", f"acceleration: {bound} m/s^2")
+    assert codes(strict).count("TS443") == 1 + (found > bound)
+
+
 def test_joints_are_those_of_a_run(tmp_path):
     """The arm of a run follows the references: its joints are as fast, and get so as fast."""
     # An arm without joints to spare does nothing beside.
