@@ -402,8 +402,9 @@ def _expected(task: TaskPlan, stage: StagePlan) -> bool:
     slides = any(plan.motion and plan.mode.moves for plan in stage.plans.values())
     bare = (bare or friction > _ROUGH) and slides
     presses = bool(stage.set_points or stage.spec.constraints)
-    if not law.force_loop and stage.path is not None and presses:
-        return True
+    if not law.force_loop and presses and not (slides and friction > _ROUGH):
+        # What a spring presses with at rest, and as it comes there, is foreseen by itself.
+        return stage.path is not None
     equations = [model.constraint.residual.tree for model in context.equations.values()]
     sways = any(name.path == ("clock",) for tree in equations for name in names(tree))
     loose = any(shape.free for shape in context.loaded.task.shapes.values())
