@@ -35,7 +35,7 @@ TASKS = Path(__file__).resolve().parent.parent / "tasks"
 #: Stage time at which a stage is measured [s].
 AFTER = 1.2
 #: Whole batches of the log.
-ROUNDS, STEPS = 5, BATCH
+ROUNDS, STEPS = 5, 2 * BATCH
 
 
 @dataclass(frozen=True)

@@ -33,7 +33,7 @@ from taskspec_runner.video.recording import Recording
 
 HERE = Path(__file__).resolve().parent
 TASKS = HERE.parent.parent / "tasks"
-OTHERS = ("ring", "linkage", "raster-polish", "fold-out-and-press")
+OTHERS = ("ring", "linkage", "raster-polish", "fold-out-and-press", "hand-guiding")
 LIMITS = ("wipe-friction", "reach-limits")
 TUTORIAL = HERE.parent / "tutorial"
 #: Pictures of the tutorial, and the step that they show.
@@ -65,6 +65,7 @@ def main() -> None:
         "linkage",
         "raster-polish",
         "fold-out-and-press",
+        "hand-guiding",
         *LIMITS,
     ):
         record(task)

@@ -32,8 +32,6 @@ _PARTS = ((), ("ref",))
 #: An expectation that would be met if the force came so much nearer to its set point is not
 #: accused: the loop is that of the start pose.
 _DOUBT = 0.1
-#: One that would be broken by so much more or less force is met by little.
-_CLOSE = 0.02
 #: A loop that cannot be followed overshoots its set point by less than this share.
 _BEYOND = 0.15
 _LOOKS = 200
@@ -320,11 +318,16 @@ class _Look:
 
     @property
     def is_close(self) -> bool:
-        """Whether it is broken and would not be by a force a little nearer, or met by so little."""
+        """Whether it is broken and would not be by a force a little nearer, or met by so little.
+
+        A set point that changes is followed a little better or worse than the loop of the start
+        pose does.
+        """
         course = self._course
         if not self._holds(course.applied):
             return self._holds(_nearer(course))
-        return not all(self._holds((1 + s) * course.applied) for s in (-_CLOSE, _CLOSE))
+        swing = _DOUBT * float(np.ptp(course.wanted))
+        return swing > 0 and not all(self._holds(course.applied + s) for s in (-swing, swing))
 
     @property
     def misses(self) -> bool:

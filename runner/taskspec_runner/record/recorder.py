@@ -19,9 +19,9 @@ from taskspec_runner.record.log import Log
 Vector = NDArray[np.float64]
 
 #: Rows of one batch.
-BATCH = 1000
+BATCH = 500
 #: Batches for which there is room: one that is being filled, the others until they are written.
-_BATCHES = 3
+_BATCHES = 4
 #: Rows for which there is room.
 ROOM = _BATCHES * BATCH
 
