@@ -33,7 +33,10 @@ from taskspec_runner.video.recording import Recording
 
 HERE = Path(__file__).resolve().parent
 TASKS = HERE.parent.parent / "tasks"
-OTHERS = ("ring", "linkage", "raster-polish", "fold-out-and-press", "hand-guiding")
+OTHERS = (
+    *("ring", "linkage", "raster-polish", "fold-out-and-press"),
+    *("hand-guiding", "stiffness-identification", "face-alignment"),
+)
 LIMITS = ("wipe-friction", "reach-limits")
 TUTORIAL = HERE.parent / "tutorial"
 #: Pictures of the tutorial, and the step that they show.
@@ -61,11 +64,7 @@ def main() -> None:
             compare(picture, TUTORIAL / f"{step}.yaml")
     for task in (
         *(f"press-{law}" for law in LAWS),
-        "ring",
-        "linkage",
-        "raster-polish",
-        "fold-out-and-press",
-        "hand-guiding",
+        *OTHERS,
         *LIMITS,
     ):
         record(task)
