@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
 .PHONY: demo test theory proof stability lint types schema validate fuzz corruptions faults kills long lowest bench docs docs-shown docs-site
-.PHONY: docs-serve steps foreign native designs equivalence truth referee check clean
+.PHONY: docs-serve steps foreign native designs equivalence truth tsid referee check clean
 
 demo: $(READY)  ## run the wiping task and say where its report is
 	$(BIN)/taskspec run tasks/wipe-table.yaml
@@ -89,6 +89,11 @@ lowest: $(READY)  ## a fresh environment with the lowest versions that are allow
 	$(LOWEST)/bin/taskspec export $(LOWEST)/run --csv --parquet --mcap
 	$(LOWEST)/bin/pytest -n 2 tests/spec tests/text tests/control tests/laws tests/native tests/plant tests/runner/test_cli.py \
 		tests/sweep/test_sweep.py
+
+tsid:  ## an environment with TSID, for the referee
+	$(PYTHON) -m venv .tsid
+	.tsid/bin/pip install -q --only-binary :all: tsid==1.7.1 pin==3.4.0 eiquadprog==1.2.9
+	.tsid/bin/pip install -q "cmeel-urdfdom<5" "cmeel-tinyxml2<11"
 
 referee: $(READY)  ## other people's laws in tasks of this project; writes docs/referee.md
 	$(BIN)/python benchmarks/bench_referee.py

@@ -2,6 +2,9 @@
 
     python benchmarks/bench_referee.py            # all of them; writes docs/referee.md
 
+TSID is among them where `--tsid` names the Python of an environment that has it, by default that of
+`make tsid`.
+
 The file's plant is served by `taskspec plant` in lock-step, and each law answers its samples with
 torques: the same world, sensor, rate, references, guards and limits for all. Whether a run is good
 says the file's `expect`.
@@ -10,11 +13,13 @@ says the file's `expect`.
 from __future__ import annotations
 
 import argparse
+import json
 import socket
 import subprocess
 import sys
 import tempfile
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -38,6 +43,14 @@ TASKS = {
     "polish-drum": ("polish", "z", "xy"),
 }
 OWN = "taskspec"
+#: The library, and the Python of the environment that `make tsid` makes for it.
+TSID, TSID_PYTHON = "TSID", ROOT / ".tsid" / "bin" / "python"
+TSID_GIVEN = (
+    f"motion of {BANDWIDTH:g} Hz, damping ratio 1, with weight 100 on the axes that are led; a "
+    "point contact along the axis of force, friction 0.2, whose force is asked for with weight 1, "
+    "open loop, damped along it with 60 1/s; a posture with weight 1e-4; the arm's model and "
+    "its limits of torque; tsid 1.7.1 with pin 3.4.0"
+)
 PROGRAM = str(Path(sys.executable).with_name("taskspec"))
 
 
@@ -85,17 +98,45 @@ def own(task: Path, folder: Path) -> Result:
 
 def foreign(name: str, make: Callable[[Arm], Law], task: Path, folder: Path) -> Result:
     """Another law in a task."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
-        free.bind(("127.0.0.1", 0))
-        port = free.getsockname()[1]
-    command = [PROGRAM, "plant", str(task), "--out", str(folder)]
-    listen = ["--listen", f"udp://127.0.0.1:{port}", "--answer", "60", "--quiet"]
-    law = make(Arm(task))
-    with subprocess.Popen(
-        [*command, *listen], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
-    ):
+    law, port = make(Arm(task)), _free_port()
+    with _served(task, folder, port):
         Session(port, name).drive(law)
     return _result(name, getattr(law, "given", ""), task, folder)
+
+
+def with_tsid(python: Path, task: Path, folder: Path) -> Result:
+    """TSID in a task, in an environment of its own.
+
+    Raises:
+        CalledProcessError: it has not come to the end of the session; its words are shown.
+    """
+    arm, port = folder.with_suffix(".json"), _free_port()
+    arm.write_text(json.dumps(Arm(task).described()), "utf-8")
+    command = [str(python), "-m", "referee.inverse_dynamics", str(arm), str(port), str(BANDWIDTH)]
+    with _served(task, folder, port):
+        subprocess.run(command, check=True, cwd=Path(__file__).parent)
+    return _result(TSID, TSID_GIVEN, task, folder)
+
+
+def _free_port() -> int:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
+        free.bind(("127.0.0.1", 0))
+        return int(free.getsockname()[1])
+
+
+@contextmanager
+def _served(task: Path, folder: Path, port: int) -> Iterator[None]:
+    """The plant of a task in lock-step, until its run has ended; stopped if nobody drives it."""
+    command = [PROGRAM, "plant", str(task), "--out", str(folder)]
+    listen = ["--listen", f"udp://127.0.0.1:{port}", "--answer", "60", "--quiet"]
+    with subprocess.Popen(
+        [*command, *listen], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+    ) as plant:
+        try:
+            yield
+        except BaseException:
+            plant.terminate()
+            raise
 
 
 def _result(law: str, given: str, task: Path, folder: Path) -> Result:
@@ -137,7 +178,7 @@ def table(results: list[Result]) -> Iterator[str]:
 
 
 _COLOURS = ("#1f6f5c", "#b3541e", "#3b5ba9", "#8a4f9e", "#6b6b6b")
-_WIDE, _HIGH, _LEFT, _TOP, _APART = 820, 170, 60, 60, 230
+_WIDE, _HIGH, _LEFT, _TOP, _APART = 940, 170, 60, 60, 230
 _POINTS = 800
 
 
@@ -198,7 +239,8 @@ samples with torques drives the arm. The file's `expect` says whether a run is g
 arm's own model with its tool, and nobody is told the surface's stiffness.
 
 **What differs.** A task's file asks for force along one axis and motion along the others, which
-this project's laws are for. An impedance and operational space control as robosuite has it know no
+this project's laws are for. TSID has such axes too; its contacts stick, and its force is asked for
+without feedback. An impedance and operational space control as robosuite has it know no
 set points of force: they are given it as a feed-forward, the usual way to press with them. They are
 not given the accelerations of references, which the protocol does not send and they do not ask
 for. So the columns of force tell what feedback of force is worth, and that of the path what the
@@ -223,8 +265,12 @@ def page(results: dict[str, list[Result]]) -> str:
     lines += ["## What each was given", ""]
     lines += [f"- **{OWN}**: what the file says, its gains designed where it says nothing."]
     lines += [f"- **{law}**: {text}." for law, text in given.items()]
-    lines += ["", "TSID is not among them yet; what its loop costs beside this project's is in"]
-    lines += ["[performance](performance.md)."]
+    if TSID not in given:
+        lines += ["", "TSID was not among them: `make tsid` makes the environment that it needs."]
+    lines += [
+        "",
+        "What TSID's loop costs beside this project's is in [performance](performance.md).",
+    ]
     return "\n".join(lines) + "\n"
 
 
@@ -234,7 +280,10 @@ def main() -> None:
     options.add_argument("--task", action="append", choices=list(TASKS))
     options.add_argument("--page", type=Path, default=PAGE)
     options.add_argument("--picture", type=Path, default=PICTURE)
+    options.add_argument("--tsid", type=Path, default=TSID_PYTHON, help="Python that has it")
     given = options.parse_args()
+    if not given.tsid.exists():
+        print(f"{given.tsid} is not there, so TSID is left out: `make tsid` makes it")
     results: dict[str, list[Result]] = {}
     with tempfile.TemporaryDirectory() as name:
         for task in given.task or TASKS:
@@ -242,6 +291,8 @@ def main() -> None:
             results[task] = [own(file, folder / f"{task} own")]
             for number, (law, make) in enumerate(laws().items()):
                 results[task].append(foreign(law, make, file, folder / f"{task} {number}"))
+            if given.tsid.exists():
+                results[task].append(with_tsid(given.tsid, file, folder / f"{task} tsid"))
             print(task, *table(results[task]), sep="\n")
     given.page.write_text(page(results), "utf-8")
     given.picture.write_text(picture(results), "utf-8")

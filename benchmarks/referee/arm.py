@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -31,6 +32,35 @@ class Arm:
         )
         self.robot = robot
         self._data = self.model.createData()
+
+    def described(self) -> dict[str, Any]:
+        """The model as plain numbers [SI], for a controller that has another Pinocchio."""
+        model, data = self.model, self.model.createData()
+        pin.computeJointJacobians(model, data, pin.neutral(model))
+        joints = []
+        for i in range(1, model.njoints):
+            J = pin.getJointJacobian(model, data, i, pin.ReferenceFrame.LOCAL)[:, i - 1]
+            turns = bool(np.any(J[3:]))
+            body = model.inertias[i]
+            joints.append(
+                {
+                    "parent": int(model.parents[i]),
+                    "place": model.jointPlacements[i].homogeneous.tolist(),
+                    "turns": turns,
+                    "axis": (J[3:] if turns else J[:3]).tolist(),
+                    "mass": float(body.mass),
+                    "lever": body.lever.tolist(),
+                    "inertia": body.inertia.tolist(),
+                }
+            )
+        return {
+            "joints": joints,
+            "armature": np.asarray(model.armature).tolist(),
+            "gravity": np.asarray(model.gravity.linear).tolist(),
+            "tip_joint": int(self.robot.tip_joint),
+            "tip": self.robot.tip.homogeneous.tolist(),
+            "torque": self.robot.torque_limit.tolist(),
+        }
 
     def inertia(self, q: Vector) -> Vector:
         """(n, n) M(q), armatures included."""

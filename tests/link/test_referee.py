@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import sys
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from meeting import ROOT, Serving, shipped
 
@@ -15,6 +17,7 @@ from referee.arm import Arm
 from referee.impedance import Impedance
 from referee.metrics import BAND, metrics
 from referee.operational_space import OperationalSpace
+from referee.rebuilt import model_of
 from referee.session import Session
 
 TIME = np.arange(5000) * 1e-3
@@ -70,3 +73,21 @@ def test_a_law_of_others_comes_to_the_end_and_presses(law, tmp_path):
     assert run.summary["link"]["clipped"] == 0
     force = np.asarray(run.during("wipe").signals["force.z"])
     assert np.abs(force[500:] + 15).max() < 1.2
+
+
+@pytest.mark.parametrize("task", ["wipe-table", "own-robot"])
+def test_an_arm_that_is_described_is_the_same_arm(task):
+    """What is sent to another Pinocchio has the same inertia, bias and tip."""
+    arm = Arm(shipped(task))
+    said = json.loads(json.dumps(arm.described()))
+    model, random = model_of(said), np.random.default_rng(3)
+    data, own = model.createData(), arm.model.createData()
+    for _ in range(5):
+        q, v = random.uniform(-1, 1, (2, model.nv))
+        M = pin.crba(model, data, q)
+        assert np.triu(M) == pytest.approx(np.triu(arm.inertia(q)), abs=1e-12)
+        assert pin.rnea(model, data, q, v, 0 * v) == pytest.approx(arm.bias(q, v), abs=1e-11)
+        pin.forwardKinematics(model, data, q)
+        pin.framesForwardKinematics(arm.model, own, q)
+        tip = data.oMi[said["tip_joint"]].homogeneous @ np.array(said["tip"])
+        assert tip == pytest.approx(own.oMf[arm.tip].homogeneous, abs=1e-12)
