@@ -99,10 +99,11 @@ class ProtectionFile:
             self._found.error(OUTSIDE, f"'{name}' lies outside of the task's project",
                               nodes.pointer(named), REMEDY)  # fmt: skip
             return None
-        if not path.is_file():
-            self._error(named, f"there is no file '{name}'", "paths are relative to the task file")
-            return None
         try:
+            if not path.is_file():
+                hint = "paths are relative to the task file"
+                self._error(named, f"there is no file '{name}'", hint)
+                return None
             with path.open("rb") as stream:
                 content = stream.read(MAX_BYTES + 1)
             text = content.decode("utf-8") if len(content) <= MAX_BYTES else " " * (MAX_BYTES + 1)

@@ -51,6 +51,12 @@ def model(value: str, *codes: str) -> Attack:
     return Attack(f"taskspec: 1\nrobot: {{model: {value}}}\nstages: {{a: {{time: 1 s}}}}\n", codes)
 
 
+def protection(value: str, *codes: str) -> Attack:
+    """A protection: the path of a file, or one in place."""
+    robot = f"robot: {{model: panda, protection: {value}}}"
+    return Attack(f"taskspec: 1\n{robot}\nstages: {{a: {{time: 1 s}}}}\n", codes)
+
+
 def table(value: str, *codes: str) -> Attack:
     """The path of a table."""
     path = f"path: {{file: {value}, speed: 10 mm/s}}"
@@ -135,6 +141,18 @@ ROWS: dict[str, Attack] = {
     "a table of a process": table("/proc/self/environ", "TS223"),
     "a table name that no system has": table("a" * 5000 + ".csv", "TS223"),
     "a table that is a folder": table("folder.csv", "TS223"),
+    "a protection elsewhere": protection("/var/log/arm.yaml", "TS409"),
+    "a protection above": protection("../arm.yaml", "TS409"),
+    "a protection behind a link that leads out": protection("out.yaml", "TS409"),
+    "a protection that is a device": protection("/dev/zero", "TS134", "TS409"),
+    "a protection that is a pipe": protection("pipe.yaml", "TS134"),
+    "a protection behind a link to itself": protection("loop.yaml", "TS134", "TS409"),
+    "a protection that is a folder": protection("folder.yaml", "TS134"),
+    "a protection name that no system has": protection("a" * 5000 + ".yaml", "TS134", "TS409"),
+    "a protection beyond numbers": protection("{source: s, tip: {speed: 1e400 m/s}}", "TS015"),
+    "a protection that is nothing": protection(
+        "{source: s, joints: {speed: []}}", "TS023", "TS021"
+    ),
     "an escape sequence": key("\x1b[2J", "TS002"),
     "an escape sequence in a name": Attack(HEAD + '"\\e[2J": 1\n', ("TS002",)),
     "a command to GitHub": Attack(HEAD + '"\\n::error::owned": 1\n', ("TS020",)),
@@ -169,12 +187,14 @@ def folder(tmp_path: Path) -> Path:
         os.mkfifo(tmp_path / name)
     for name in ("link.xml", "link.csv"):
         (tmp_path / name).symlink_to("/etc/passwd")
-    for name in ("out.xml", "out.csv"):
+    for name in ("out.xml", "out.csv", "out.yaml"):
         outside = tmp_path.parent / f"{tmp_path.name}-{name}"
         outside.write_text("root:", encoding="utf-8")
         (tmp_path / name).symlink_to(outside)
     (tmp_path / "loop.xml").symlink_to(tmp_path / "loop.xml")
+    (tmp_path / "loop.yaml").symlink_to(tmp_path / "loop.yaml")
     (tmp_path / "folder.csv").mkdir()
+    (tmp_path / "folder.yaml").mkdir()
     return tmp_path
 
 
