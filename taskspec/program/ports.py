@@ -34,6 +34,8 @@ INTERNAL: Fields = (
     ("offset", 3),
     ("frame", 9),
     ("angle", 1),
+    ("track", 9),
+    ("tracks", 1),
     ("conditioning", 1),
     ("violation", 1),
     ("clamped", 1),
@@ -82,10 +84,11 @@ PROBE: Fields = (
 #: (p, R by columns) and its velocity (twist), where axes that a force set point has moved are where
 #: they were measured; the wrench that the robot applied on axes with a force set point (held), and
 #: what it was to apply there (asked); all in world axes. Last the angle of a mechanism that the
-#: stage kept track of, and whether the next one keeps track of the same.
+#: stage kept track of, and whether the next one keeps track of the same; what a frame that tracks
+#: the force has in its memory (track), and whether the stage had one (tracks).
 HANDED: Fields = (
     *(("p", 3), ("R", 9), ("twist", 6), ("held", 6), ("asked", 6)),
-    *(("angle", 1), ("same", 1)),
+    *(("angle", 1), ("same", 1), ("track", 9), ("tracks", 1)),
 )
 
 

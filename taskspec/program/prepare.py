@@ -150,6 +150,8 @@ def chart_at(surface: Surface, center: Vector) -> SurfaceChart:
 
 def frame_at_start(context: Context, frame: FrameModel) -> Vector:
     """(3, 3) a frame's axes in the world at the start pose."""
+    if frame.kind == "tracking":
+        return frame.rotation
     if frame.still:
         return context.placed(frame)[0]
     if frame.mechanism is not None:

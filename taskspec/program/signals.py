@@ -163,6 +163,10 @@ class SignalsElsewhere:
         """The component `signal` in the axes of frame `frame_name`."""
         frame = self.frames[frame_name]
         surface = frame.surface
+        if frame.tracking is not None:
+            raise UnknownSignalError(
+                f"{signal} in {frame_name}: a frame tracks the force only in its own stages"
+            )
         if surface is not None and surface.parts:
             raise UnknownSignalError(
                 f"{signal} in {frame_name}: the {surface.parts} of a {surface.name} are followed "

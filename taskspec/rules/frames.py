@@ -13,12 +13,14 @@ from taskspec.program.flow import followers, reached
 from taskspec.program.plan import StagePlan, TaskPlan
 from taskspec.program.prepare import chart_at, pose_of_base, tool_center
 from taskspec.program.world.estimated_frames import LEAST_SINE
-from taskspec.program.world.frames import FrameModel
+from taskspec.program.world.frames import ForceTracking, FrameModel, normal_at
+from taskspec.program.world.tracked_frames import fastest_turn
 from taskspec.rules import Finding, Phase, Place, error, rule, warning
 from taskspec.shapes import SHAPES
 from taskspec.spec import FILE, KeyPath, Stage
 from taskspec.text.expression import Expression
 from taskspec.text.expression.tree import Name, walk
+from taskspec.text.units import ANGULAR_VELOCITY, FORCE, FREQUENCY, show
 
 #: A heading is in a surface if it has no greater share of the normal than this leaves.
 _IN_SURFACE = 1 - 1e-3
@@ -209,7 +211,7 @@ def estimated_headings(task: TaskPlan) -> Iterator[Finding]:
     nearest = min(context.start_gaps, key=lambda o: context.start_gaps[o])
     normal = context.start_normals[nearest]
     for name, frame in context.frames.items():
-        if not frame.estimate:
+        if not frame.estimate and frame.tracking is None:
             continue
         heading = np.array([1.0, 0.0, 0.0]) if frame.heading is None else frame.heading
         if np.linalg.norm(np.cross(normal, heading)) < LEAST_SINE * np.linalg.norm(heading):
@@ -219,6 +221,84 @@ def estimated_headings(task: TaskPlan) -> Iterator[Finding]:
                 FILE.frames[name],
                 "give a heading that lies in the surface, such as heading: [0, 1, 0]",
             )
+
+
+@rule(
+    {
+        "TS249": "a frame that tracks a force which its stage does not press with",
+        "TS250": "a frame that turns too slowly for the surface that it tracks",
+    },
+    phase=Phase.MOTION,
+)
+def tracking_frames(stage: StagePlan) -> Iterator[Finding]:
+    """Stages that press so that the frame which tracks the force goes astray."""
+    tracking, frame = stage.frame.tracking, stage.frame
+    if tracking is None:
+        return
+    pressed = {a: stage.set_point_of(a) for a in stage.forces}
+    astray = [a for a in pressed if a is not Axis.Z and pressed[a]]
+    if astray and not pressed.get(Axis.Z):
+        yield warning(
+            "TS249",
+            f"frame {frame.name!r} tracks the force that is felt, and stage {stage.name!r} "
+            f"presses along {astray[0]} alone: z turns to where {astray[0]} was",
+            FILE.stages[stage.name].axes[astray[0]],
+            "press along z",
+        )
+    depth = pressed.get(Axis.Z)
+    if depth is not None and 0 < abs(depth) <= tracking.floor:
+        yield warning(
+            "TS249",
+            f"stage {stage.name!r} presses with {show(abs(depth), FORCE)}, and frame "
+            f"{frame.name!r} keeps its direction up to {show(tracking.floor, FORCE)}",
+            FILE.stages[stage.name].axes[Axis.Z],
+            f"press harder, or lower the floor of {frame.name!r}",
+        )
+    if depth:
+        yield from _left_behind(stage, tracking)
+
+
+def _left_behind(stage: StagePlan, tracking: ForceTracking) -> Iterator[Finding]:
+    """Whether the surface that the file declares turns faster than the frame can."""
+    name, context = stage.contacts.get(Axis.Z), stage.context
+    shape = context.loaded.task.shapes.get(name or "")
+    if shape is None or shape.motion is not None:
+        return
+    rates = [
+        stage.spec.axes[a].mode.settled_rate(stage.known) or 0.0 if a in stage.spec.axes else 0.0
+        for a in (Axis.X, Axis.Y)
+    ]
+    way = stage.rotation[:, :2] @ np.array(rates)
+    center = tool_center(context)
+    normal, _, distance = normal_at(shape, center)
+    radius = 0.0 if context.robot.tool.flat else float(context.robot.tool.radii[0])
+    _, bend, _ = normal_at(shape, center + (radius - distance) * normal)
+    turning = bend @ way
+    rate = float(np.linalg.norm(turning))
+    if not np.isfinite(rate) or rate == 0.0:
+        return
+    place, frame = FILE.stages[stage.name], stage.frame.name
+    if rate > tracking.turn:
+        yield warning(
+            "TS250",
+            f"at this speed the normal of {name!r} turns at {show(rate, ANGULAR_VELOCITY)}, "
+            f"and frame {frame!r} at {show(tracking.turn, ANGULAR_VELOCITY)} at most: it is "
+            "left behind",
+            place,
+            f"go slower, or raise 'turn' of {frame!r}",
+        )
+        return
+    friction = shape.friction if turning @ way > 0 else 0.0
+    most = fastest_turn(tracking.filter, friction)
+    if rate >= most:
+        yield warning(
+            "TS250",
+            f"at this speed the normal of {name!r} turns at {show(rate, ANGULAR_VELOCITY)}; "
+            f"from {show(most, ANGULAR_VELOCITY)} on the loop of frame {frame!r}, filtered at "
+            f"{show(tracking.filter, FREQUENCY)}, is unstable",
+            place,
+            f"go slower, or raise 'filter' of {frame!r}",
+        )
 
 
 def _frame_of(stage: StagePlan) -> KeyPath:

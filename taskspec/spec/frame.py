@@ -1,4 +1,4 @@
-"""`frames`: named frames, fixed or following a surface."""
+"""`frames`: named frames, fixed or following a surface or the force that is felt."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from pydantic import Field
 from taskspec.spec.fields import RPY, XYZ, FrameName, SurfaceName
 from taskspec.spec.model import Model, complete, mapping
 from taskspec.spec.parse_context import ParseContext
-from taskspec.spec.quantities import Entries
+from taskspec.spec.quantities import Constant, Entries
 from taskspec.spec.words import NameReference, Word
 from taskspec.text.codes import register
 from taskspec.text.data import Map
 from taskspec.text.nodes import pointer
-from taskspec.text.units import NUMBER
+from taskspec.text.units import ANGULAR_VELOCITY, FORCE, FREQUENCY, NUMBER
 
 register(
     {
@@ -24,6 +24,8 @@ register(
 )
 
 _FIXED = ("parent", "xyz", "rpy")
+#: How a frame tracks what is felt.
+_OF_TRACKING = ("filter", "floor", "turn")
 
 
 class Frame(Model):
@@ -37,6 +39,10 @@ class Frame(Model):
         heading: a direction of the world that is laid on the tangent plane as the x axis.
         estimate: the stage at whose end it is measured: its origin where the tip is then, its z
             against the mean force felt there.
+        track: what its z is kept against while a stage is on: the contact force.
+        filter: cutoff of the filter that the force passes [Hz].
+        floor: the filtered force below which it keeps its direction [N].
+        turn: how fast it turns at most [rad/s].
         point: `origin` moves the control point to the frame's origin.
     """
 
@@ -59,9 +65,24 @@ class Frame(Model):
         None, title="Stage", description="The stage at whose end the frame is measured"
     )
 
+    track: Annotated[Literal["force"], Word(("force",), "quantity to track")] | None = Field(
+        None, title="What is tracked", description="force: z is kept against the contact force"
+    )
+    filter: Annotated[float, Constant(FREQUENCY, above=0)] = Field(
+        2.0, title="Cutoff of the filter of what is tracked"
+    )
+    floor: Annotated[float, Constant(FORCE, above=0)] = Field(
+        1.0, title="Force below which the frame keeps its direction"
+    )
+    turn: Annotated[float, Constant(ANGULAR_VELOCITY, above=0)] = Field(
+        1.5, title="Greatest rate of turn of the frame"
+    )
+
     @classmethod
     def rules(cls, data: Map, context: ParseContext) -> None:
-        """Keeps fixed, following and measured frames apart."""
+        """Keeps fixed, following, tracking and measured frames apart."""
+        if _tracks(data, context):
+            return
         fixed = [key for key in _FIXED if key in data]
         other = [key for key in (*_FIXED, "surface", "point") if key in data]
         if "estimate" in data and other:
@@ -88,21 +109,44 @@ class Frame(Model):
             )
         if (
             "heading" in data
-            and not data.keys() & {"surface", "estimate"}
+            and not data.keys() & {"surface", "estimate", "track"}
             and complete(data, context)
         ):
             context.error(
                 "TS026",
-                "'heading' belongs to a frame that follows a surface or is measured",
+                "'heading' belongs to a frame that follows a surface, tracks or is measured",
                 data.node.key_span("heading"),
                 "add 'surface', or turn a fixed frame by 'rpy'",
             )
         if not data and complete(data, context):
             context.error(
                 "TS021",
-                "a frame needs 'parent', 'xyz', 'rpy', 'surface' or 'estimate'",
+                "a frame needs 'parent', 'xyz', 'rpy', 'surface', 'estimate' or 'track'",
                 pointer(data.node),
             )
+
+
+def _tracks(data: Map, context: ParseContext) -> bool:
+    """Whether a frame tracks what is felt; reports keys that do not go together."""
+    if "track" not in data:
+        how = [key for key in _OF_TRACKING if key in data]
+        if how and complete(data, context):
+            context.error(
+                "TS026",
+                f"'{how[0]}' belongs to a frame that tracks a force",
+                data.node.key_span(how[0]),
+                "add 'track: force'",
+            )
+        return False
+    other = [key for key in (*_FIXED, "surface", "estimate", "point") if key in data]
+    if other:
+        context.error(
+            "TS209",
+            f"a frame that tracks a force has no '{other[0]}'",
+            data.node.key_span(other[0]),
+            "its axes follow from what the tool feels",
+        )
+    return True
 
 
 def check_loops(frames: Map, context: ParseContext) -> None:

@@ -154,6 +154,12 @@ MEANINGS: dict[str, dict[str, Meaning]] = {
         "parent": ("The frame in which it is placed; by default the world.", ()),
         "xyz": ("Position of its origin in the parent.", (["400 mm", 0, "300 mm"],)),
         "point": ("origin: the control point is this frame's origin instead of the tool tip.", ()),
+        "track": ("force: z is kept against the contact force while a stage is on.", ()),
+        "filter": ("Cutoff of the filter of the tracked force; by default 2 Hz.", ("2 Hz",)),
+        "floor": ("Up to this filtered force the frame keeps its direction; by default 1 N.",
+                  ("1 N",)),
+        "turn": ("How fast a frame that tracks turns at most; by default 1.5 rad/s.",
+                 ("60 deg/s",)),
     },
     "Law": {
         "kind": ("The equation that turns errors into torques.", ()),

@@ -92,6 +92,35 @@ def test_the_loops_go_along_a_slowed_path_alike(tmp_path: Path) -> None:
     assert native == python
 
 
+TRACKING = """
+taskspec: 1
+robot:
+  model: panda
+  tool: {shape: sphere, radius: 10 mm, length: 100 mm, mass: 300 g}
+  start: {xyz: [500 mm, 0, 403 mm]}
+world:
+  pipe:
+    {shape: cylinder, xyz: [500 mm, 0, 300 mm], rpy: [90 deg, 0, 0], radius: 100 mm,
+     length: 300 mm, stiffness: 10 kN/m, damping: 30 N*s/m, friction: 0.2}
+frames: {skin: {track: force}}
+frame: skin
+law: parallel
+stages:
+  touch: {axes: {z: {velocity: -20 mm/s, force: -15 N}}, time: 0.5 s}
+  slide: {axes: {x: {velocity: 40 mm/s}, z: {force: -15 N}}, time: 0.5 s}
+  more: {axes: {x: {velocity: 40 mm/s}, z: {force: -15 N}, ry: {hold: world}}, time: 0.5 s}
+"""
+
+
+def test_the_loops_turn_a_frame_that_tracks_the_force_alike(tmp_path: Path) -> None:
+    (tmp_path / "tracking.yaml").write_text(TRACKING)
+    program = compile_unchecked(load_task(tmp_path / "tracking.yaml"))
+    native, loop = logged(program, tmp_path / "native", "native")
+    python, _ = logged(program, tmp_path / "python", "python")
+    assert loop == "native"
+    assert native == python
+
+
 @pytest.mark.parametrize("loop", ["native", "python"])
 def test_ticks_of_either_loop_have_the_checksums_that_a_reader_expects(
     loop: str, tmp_path: Path

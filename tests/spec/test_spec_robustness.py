@@ -108,7 +108,7 @@ KEYS = words("""
     x y z rx hold position velocity move force torque ramp speed time travel to line by arc center
     turns lissajous file until within fail_if next on_fail attempts frame law kind mass stiffness
     damping linear angular shape xyz rpy size radius parent surface heading model tool start joints
-    axes path 3
+    axes path track filter floor turn 3
 """)
 
 SECTIONS = words("robot world params frames frame law limits stages expect vary control name about")

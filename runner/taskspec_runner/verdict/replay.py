@@ -20,7 +20,7 @@ from taskspec.program.bound import RowFunction
 from taskspec.program.reference.coordinates import on_handle
 from taskspec.program.signals import place
 from taskspec.program.stages.stage import CompiledStage
-from taskspec.program.world import estimated_frames
+from taskspec.program.world import estimated_frames, tracked_frames
 from taskspec.program.world.frames import FrameModel
 from taskspec.program.world.moving_base import MovingBase
 from taskspec.robot import RobotModel
@@ -335,6 +335,8 @@ class Replay:
         """What a frame needs besides the tool: its part of a surface, or a measured pose."""
         if frame.kind == "estimated":
             return self._measured_poses(frame)
+        if frame.tracking is not None:
+            return self._tracked(frame)
         base, tool = self._bases.get(frame.base_name), self._robot.tool
         found: list[tuple[int, Vector | None]] = []
         for visit in self._visits if frame.surface is not None else ():
@@ -369,6 +371,33 @@ class Replay:
             except estimated_frames.NotEstimatedError:
                 found.append((following, unknown))
         return _Faces(estimated_frames.SIZE, found)
+
+    def _tracked(self, frame: FrameModel) -> _Faces:
+        """(9,) what a frame that tracks the force had in its memory; NaN outside its stages."""
+        columns, n = self._history.columns, len(self._history)
+        found = np.full((n, tracked_frames.SIZE), np.nan)
+        last: tuple[Vector, int] | None = None
+        for visit in self._visits:
+            plan = self._stages[visit.stage].plan
+            if plan.frame.tracking is None:
+                continue
+            rows = slice(visit.first, visit.last + 1)
+            felt = np.zeros((visit.last + 1 - visit.first, 3))
+            for i, axis in enumerate(AXES[:3]):
+                if axis in plan.axes:
+                    felt[:, i] = columns[f"force.{axis}.measured"][rows]
+            R = _matrices(self._tip_rows(slice(visit.first, visit.first + 1))[1])[0]
+            begun = np.concatenate([np.zeros(3), -R[:, 2], np.zeros(3)])
+            if last is not None and last[1] + 1 == visit.first:
+                begun = last[0]
+            after = _tracking(plan.frame, self._period).mapaccum(len(felt))
+            states = np.array(after(begun, opposite(felt).T))
+            # What a tick puts out is of before it.
+            states = np.column_stack([begun, states[:, :-1]])
+            last = states[:, -1], visit.last
+            if plan.frame.name == frame.name:
+                found[rows] = states.T
+        return _Faces(tracked_frames.SIZE, list(enumerate(found)))
 
     @cached_property
     def _period(self) -> float:
@@ -449,6 +478,14 @@ def _placed(
     outputs = [world[0], ca.vec(world[1]), origin, ca.vec(at.R)]
     arguments = [p, symbol, clock, face] if parameters else [p, symbol, clock]
     return ca.Function("placed", arguments, [ca.densify(x) for x in outputs])
+
+
+def _tracking(frame: FrameModel, period: float) -> ca.Function:
+    """What a frame that tracks the force memorises: (9,), the force in its axes (3,) -> (9,)."""
+    state, felt = ca.SX.sym("state", tracked_frames.SIZE), ca.SX.sym("felt", 3)
+    R, _ = tracked_frames.axes(frame, state[3:6])
+    after = tracked_frames.step(frame, state, R @ felt, period)
+    return ca.Function("tracking", [state, felt], [after])
 
 
 @cache

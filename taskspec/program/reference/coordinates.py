@@ -1,10 +1,11 @@
 """Where the tool is in its frame's coordinates.
 
-Four kinds of frames count translations differently (docs/language.md):
+Kinds of frames count translations differently (docs/language.md):
 
 * fixed: the coordinate of the control point;
 * turning with a handle: off its circle, along it from the stage's start, and along the axis;
 * following a surface: x and y in lengths on the surface from the stage's start, z the gap;
+* tracking the force: the way of the tool point along the frame's axes from the stage's start;
 * carried by the tool: the way along the tool's own axes from the stage's start.
 """
 
@@ -71,7 +72,7 @@ def frame_coordinates(plan: StagePlan, measurement: Measurement) -> Coordinates:
         for a in AXES[:3]:
             marks[f"last.{a}"] = memory.add(f"last.{a}")
             marks[f"way.{a}"] = memory.add(f"way.{a}")
-        here = at.foot if frame.kind == "following" else measurement.point.p
+        here = measurement.point.p if at.foot is None else at.foot
         moved = at.R.T @ (here - marks["place"])
         position = {a: marks[f"way.{a}"] + moved[i] for i, a in enumerate(AXES[:3]) if a in plans}
         if frame.kind == "following" and Axis.Z in plans:

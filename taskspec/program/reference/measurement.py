@@ -22,7 +22,7 @@ from taskspec.program.reference.tracked_mechanism import (
 )
 from taskspec.program.signals import SignalTable
 from taskspec.program.slots import Slots
-from taskspec.program.world import kinematics
+from taskspec.program.world import kinematics, tracked_frames
 from taskspec.program.world.frames import FrameModel
 from taskspec.program.world.moving_base import BaseMotion
 from taskspec.robot import model_terms
@@ -95,6 +95,8 @@ def measure(plan: StagePlan) -> Measurement:
     tracked = tracked_mechanism(context, frame, world, clock, memory, parameters)
     offset = _control_offset(frame, parameters)
     face = kinematics.new_face(parameters, frame, "frame")
+    if frame.tracking is not None:
+        face = tracked_frames.symbols(memory)
     placed = signals.place(robot, frame, plan.moving_base, world, inputs.wrench, now, offset, face)
     base, terms, point, at = placed.moving_base, placed.terms, placed.point, placed.at
     rows = equation_rows(context.equations, world, inputs.q, inputs.v, now)

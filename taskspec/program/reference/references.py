@@ -20,6 +20,7 @@ from taskspec.program.reference.reference_set import ReferenceSet
 from taskspec.program.reference.slowed_path import path_time
 from taskspec.program.reference.tracking import Tracking, track
 from taskspec.program.slots import Slots
+from taskspec.program.world import tracked_frames
 
 
 def build_references(plan: StagePlan, measurement: Measurement) -> ReferenceSet:
@@ -51,7 +52,7 @@ def build_references(plan: StagePlan, measurement: Measurement) -> ReferenceSet:
         force_ref=forces,
         law=_of_the_law(plan, measurement, tracked, forces, integrals),
         integrals=integrals,
-        updates=_updates(measurement, tracked, motions, integrals) | along[1],
+        updates=_updates(plan, measurement, tracked, motions, integrals) | along[1],
         own=ca.vertcat(*(motions[a].own[0] if a in motions else zero for a in AXES)),
         own_rate=ca.vertcat(*(motions[a].own[1] if a in motions else zero for a in AXES)),
     )
@@ -103,6 +104,7 @@ def _motions(
 
 
 def _updates(
+    plan: StagePlan,
     measurement: Measurement,
     tracked: Tracking,
     motions: Mapping[Axis, AxisReference],
@@ -112,6 +114,9 @@ def _updates(
     updates = tracked.updates | (
         measurement.tracked.updates() if measurement.tracked is not None else {}
     )
+    if plan.frame.tracking is not None:
+        force, period = measurement.inputs.wrench[:3], plan.context.period
+        updates |= tracked_frames.updates(plan.frame, measurement.memory, force, period)
     for motion in motions.values():
         updates |= motion.memory
     return updates | {f"integral.{name}": value for name, value in integrals.items()}

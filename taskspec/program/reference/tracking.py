@@ -1,7 +1,7 @@
 """Errors and rates of tracking in the coordinates of a stage's frame.
 
-In frames that follow a surface or go with the tool, the reference is a point that its rates move
-along, since no coordinate exists that the frame's turning would leave alone.
+In frames that follow a surface or the force, or go with the tool, the reference is a point that its
+rates move along, since no coordinate exists that the frame's turning would leave alone.
 """
 
 from __future__ import annotations
@@ -77,7 +77,7 @@ def _rotations(on: Coordinates, motions: Mapping[Axis, AxisReference], out: Trac
         turn = on.at.R.T @ on.base
         follow, own, own_acceleration = turn @ follow, turn @ own, turn @ own_acceleration
     hold = follow
-    turns = on.frame.kind in ("following", "turning")
+    turns = on.frame.kind in ("following", "tracking", "turning")
     if turns and any(p.world for p in on.plans.values()):
         start = ca.reshape(on.marks["orientation"], 3, 3)
         base = ca.reshape(on.marks["base"], 3, 3)
@@ -88,6 +88,9 @@ def _rotations(on: Coordinates, motions: Mapping[Axis, AxisReference], out: Trac
     if on.frame.kind == "following":
         frame_rate = on.at.turning(_way(on, motions))
         frame_acceleration = on.clock.total_rate(frame_rate, on.terms)
+    elif on.frame.kind == "tracking":
+        # What is felt turns it: how that goes on is not known.
+        frame_rate = on.at.turning(ca.SX.zeros(3))
     elif on.frame.kind == "turning":
         frame_rate, frame_acceleration = _handle_rate(on, motions)
     for name in names:
@@ -162,7 +165,7 @@ def _carried(
     """Tracking of a reference point that the reference's rates move along."""
     names = _translations(on)
     R, following = on.at.R, on.frame.kind == "following"
-    here = on.at.foot if following else on.point.p
+    here = on.point.p if on.at.foot is None else on.at.foot
     steps = ca.vertcat(*(_step(on, a, motions) for a in AXES[:3]))
     flat = on.frame.surface is not None and on.frame.surface.flat
     target = on.marks["reference_point"] + R @ steps
@@ -170,8 +173,10 @@ def _carried(
         assert on.at.chart is not None
         target = target if flat else on.at.chart.foot(target)
     error = R.T @ (target - here)
-    # A point on an axis without motion control goes with the tool.
-    kept = ca.diag(ca.vertcat(*(float(a in motions) for a in AXES[:3])))
+    # A point on an axis without motion control goes with the tool. So it does on force axes of a
+    # frame that the force turns: what the surface falls away by is no error, and would turn into x.
+    gone = [a for a in AXES[:3] if on.frame.tracking and a in on.plans and on.plans[a].force]
+    kept = ca.diag(ca.vertcat(*(float(a in motions and a not in gone) for a in AXES[:3])))
     out.updates["reference_point"] = here + R @ (kept @ error) if names else target
     for a in AXES[:3]:
         out.updates[f"last.{a}"] = motions[a].value if a in motions else ca.SX(0)

@@ -21,7 +21,7 @@ from taskspec.program.reference import joint_reference
 from taskspec.program.reference.force_references import kept_slot
 from taskspec.program.reference.measurement import Measurement
 from taskspec.program.slots import Slots, gain_slot
-from taskspec.program.world import estimated_frames
+from taskspec.program.world import estimated_frames, tracked_frames
 from taskspec.program.world.moving_base import BaseMotion
 
 _FIELDS = slices(PROBE)
@@ -101,6 +101,7 @@ class Entering:
         self.p_ref, self.R_ref = handed["p"], ca.reshape(handed["R"], 3, 3)
         self.held, self.asked = handed["held"], handed["asked"]
         self.angle, self.same = handed["angle"], handed["same"]
+        self.followed, self.follows = handed["track"], handed["tracks"]
         # From here on the reference's velocity is that against what carries the frame.
         self.twist, self.base = handed["twist"], self._base()
         if self.base is not None:
@@ -207,6 +208,12 @@ class Entering:
             self._remember("angle", ca.if_else(self.same, self.angle, 0.0))
         if "lever" in self.parameters:
             self._write("lever", R.T @ (self._world(estimated_frames.origin(frame, poses)) - p))
+        if frame.tracking is not None:
+            begun = ca.if_else(self.follows, self.followed, tracked_frames.begun(R))
+            for i, slot in enumerate(
+                (tracked_frames.FORCE, tracked_frames.NORMAL, tracked_frames.RATE)
+            ):
+                self._remember(slot, begun[3 * i : 3 * i + 3])
         if frame.surface is not None:
             tool = self.plan.context.robot.tool
             center = p if tool.flat else p + R @ ca.DM(tool.centers[0])
@@ -224,7 +231,7 @@ class Entering:
         """The stage's probe, with the frame turning as the reference moves on."""
         state = [*self.given, self._vector("memory"), self._vector("parameters")]
         numbers = self.probe(*state, self.twist[:3])
-        if self.plan.frame.kind == "following":
+        if self.plan.frame.by_tool_point:
             # It turns as the tool point moves, not the tip.
             lever = numbers[_FIELDS["lever"]]
             numbers = self.probe(*state, self.twist[:3] + ca.cross(self.twist[3:], lever))
@@ -238,8 +245,7 @@ class Entering:
         offset = self.R_ref @ (R.T @ probed["offset"])
         away = frame.T @ (self.p_ref + offset - p - probed["offset"])
         spin = self.twist[3:]
-        following = self.plan.frame.kind == "following"
-        arm = probed["lever"] if following else offset
+        arm = probed["lever"] if self.plan.frame.by_tool_point else offset
         moving = frame.T @ (self.twist[:3] + ca.cross(spin, arm))
         turning = frame.T @ spin
         rates = ca.vertcat(

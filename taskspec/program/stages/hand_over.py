@@ -45,6 +45,8 @@ def leaving(plan: StagePlan) -> ca.Function:
         "asked": ca.vertcat(frame @ asked[:3], frame @ asked[3:]),
         "angle": at["angle"],
         "same": ca.SX(0),
+        "track": at["track"],
+        "tracks": at["tracks"],
     }
     found = ca.vertcat(*(values[name] for name, _ in HANDED))
     return ca.Function("leaving", [outputs, clock], [ca.densify(found)])

@@ -13,6 +13,7 @@ from taskspec.program.ports import INTERNAL, PROBE
 from taskspec.program.reference.measurement import Measurement
 from taskspec.program.reference.tracked_mechanism import TrackedMechanism
 from taskspec.program.stages.commanded import Commanded
+from taskspec.program.world import tracked_frames
 from taskspec.program.world.moving_base import BaseMotion
 
 
@@ -71,6 +72,8 @@ def outputs(
         "offset": _world(measurement.point.offset, measurement.moving_base),
         "frame": ca.vec(_world(measurement.at.R, measurement.moving_base)),
         "angle": _angle(measurement.tracked),
+        "track": _track(measurement),
+        "tracks": ca.SX(float(tracked_frames.FORCE in measurement.memory)),
         "conditioning": commanded.chosen.conditioning if commanded.chosen else ca.SX(1),
         "violation": violation,
         "clamped": clamped,
@@ -108,6 +111,14 @@ def _reactions(measurement: Measurement) -> ca.SX:
 def _world(local: ca.SX, base: BaseMotion | None) -> ca.SX:
     """Columns given in a moving base's axes, in the world's."""
     return local if base is None else base.A @ local
+
+
+def _track(measurement: Measurement) -> ca.SX:
+    """(9,) what a frame that tracks the force has in its memory; zero for any other."""
+    slots = (tracked_frames.FORCE, tracked_frames.NORMAL, tracked_frames.RATE)
+    if tracked_frames.FORCE not in measurement.memory:
+        return ca.SX.zeros(9)
+    return ca.vertcat(*(measurement.memory.symbol(slot) for slot in slots))
 
 
 def _angle(tracked: TrackedMechanism | None) -> ca.SX:

@@ -108,7 +108,7 @@ def measure(frame: FrameModel, force: Vector, tip: Vector) -> tuple[Vector, Vect
 def with_nominal(
     frames: Mapping[str, FrameModel], normal: Vector, origin: Vector
 ) -> dict[str, FrameModel]:
-    """The frames, the measured ones where the file would have them.
+    """The frames, those that are measured or tracked where the file would have them.
 
     Args:
         frames: all frames.
@@ -117,10 +117,11 @@ def with_nominal(
     """
     found = dict(frames)
     for name, frame in frames.items():
-        if frame.kind != "estimated":
+        if frame.kind not in ("estimated", "tracking"):
             continue
+        heading = frames[frame.estimated_in or name].heading
         try:
-            R = axes_of(normal, frames[frame.estimated_in].heading)
+            R = axes_of(normal, heading)
         except NotEstimatedError:
             R = axes_of(normal, np.roll(_WORLD_X, 1 + int(np.argmax(np.abs(normal)))))
         local_R, local_origin = frame.in_estimated

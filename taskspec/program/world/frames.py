@@ -22,6 +22,21 @@ Matrix = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
+class ForceTracking:
+    """How a frame follows the force that is felt.
+
+    Attributes:
+        filter: cutoff [Hz].
+        floor: the filtered force below which it keeps its direction [N].
+        turn: its greatest rate [rad/s].
+    """
+
+    filter: float
+    floor: float
+    turn: float
+
+
+@dataclass(frozen=True, slots=True)
 class FrameModel:
     """A task frame.
 
@@ -29,7 +44,7 @@ class FrameModel:
         name: as in the file.
         kind: fixed (in the world, or on an object that moves by itself), tool (carried by the
             tool), following (a surface), estimated (where a stage touched), turning (with a handle
-            that goes around an axis).
+            that goes around an axis), tracking (the force that is felt).
         rotation, origin: (3, 3), (3,) pose in the world as declared, for kind tool in the tool,
             for kind turning in the axes of the handle; of an estimated frame, where it is expected.
         owner: the object that it is fixed on, through its parents.
@@ -38,6 +53,7 @@ class FrameModel:
         estimated_in: of an estimated frame: the measured frame that it is or is placed in.
         in_estimated: (3, 3), (3,) its pose in that one.
         mechanism: of a turning frame, whose handle it turns with.
+        tracking: how it follows the force that is felt; its rotation is what is expected.
         at_origin: the control point is the frame's origin, carried rigidly by the tool.
         described: how it came about, for `explain`.
     """
@@ -54,6 +70,7 @@ class FrameModel:
     estimated_in: str = ""
     in_estimated: tuple[Matrix, Matrix] = field(default_factory=lambda: (np.eye(3), np.zeros(3)))
     mechanism: MechanismModel | None = None
+    tracking: ForceTracking | None = None
     at_origin: bool = False
     described: str = ""
 
@@ -61,6 +78,11 @@ class FrameModel:
     def still(self) -> bool:
         """Whether it stays where it is on what carries it while a stage is on."""
         return self.kind in ("fixed", "estimated")
+
+    @property
+    def by_tool_point(self) -> bool:
+        """Whether it goes by the tool's reference point, and turns about that."""
+        return self.kind in ("following", "tracking")
 
     @property
     def base_name(self) -> str:
@@ -193,6 +215,19 @@ def _declared(task: Task, name: str, frames: dict[str, FrameModel]) -> FrameMode
             surface_name=frame.surface,
             heading=heading,
             described=f"follows the tool over {frame.surface}, z outward normal, x along {along}",
+        )
+    if frame.track is not None:
+        heading = None if frame.heading is None else np.array(frame.heading, dtype=float)
+        along = "the world's x" if frame.heading is None else f"heading {list(frame.heading)}"
+        return FrameModel(
+            name,
+            "tracking",
+            np.eye(3),
+            np.zeros(3),
+            heading=heading,
+            tracking=ForceTracking(frame.filter, frame.floor, frame.turn),
+            described=f"z against the force felt, filtered at {frame.filter:g} Hz, from "
+            f"{frame.floor:g} N on, x along {along}",
         )
     if frame.estimate is not None:
         heading = None if frame.heading is None else np.array(frame.heading, dtype=float)

@@ -11,7 +11,7 @@ import numpy as np
 from taskspec.deferred_methods import dataclass
 from taskspec.geometry import rotation
 from taskspec.program.slots import Slots
-from taskspec.program.world import estimated_frames
+from taskspec.program.world import estimated_frames, tracked_frames
 from taskspec.program.world.frames import FrameModel
 from taskspec.program.world.mechanisms import MechanismModel
 from taskspec.robot import RobotModel
@@ -115,7 +115,8 @@ class FrameState:
         R: (3, 3) axes in the world; R_rate: (3, 3) its time derivative.
         origin: (3,) in the world, of a frame that stays where it is.
         chart: of a following frame.
-        foot: (3,) of a following frame: the surface point nearest to the tool.
+        foot: (3,) of a following frame: the surface point nearest to the tool; of a tracking frame
+            the tool point itself.
         foot_map: (2, 2) velocity of the foot per velocity of the tool point, along x and y.
         rate_map: (3, 3) rates of the coordinates per velocity of the tool point, frame axes.
         margin: positive while the frame is defined.
@@ -139,7 +140,8 @@ def frame_state(
 ) -> FrameState:
     """Evaluates a frame.
 
-    `face` holds the numbers of the part that it follows, or the 12 of a measured pose.
+    `face` holds the numbers of the part that it follows, the 12 of a measured pose, or the 9 of
+    `tracked_frames`.
     """
     always = ca.SX(1)
     if frame.kind == "fixed":
@@ -152,6 +154,9 @@ def frame_state(
     if frame.kind == "tool":
         R = terms.R @ ca.DM(frame.rotation)
         return FrameState(R, ca.skew(terms.twist[3:]) @ R, always)
+    if frame.kind == "tracking":
+        assert face is not None
+        return _tracking_state(frame, tool, face)
     if frame.mechanism is not None:
         return _handle_state(frame, frame.mechanism, terms)
     assert frame.surface is not None
@@ -184,6 +189,27 @@ def frame_state(
         foot_map=foot_map,
         rate_map=ca.diagcat(foot_map, 1),
         turning=lambda velocity: moving(tool.center, velocity)[1],
+    )
+
+
+def _tracking_state(frame: FrameModel, tool: ToolPoint, state: ca.SX) -> FrameState:
+    """A frame that turns as the last tick had it turn, whatever the tool does."""
+    normal = ca.SX.sym("normal", 3)
+    axes, defined = tracked_frames.axes(frame, normal)
+    at = ca.Function("at", [normal], [axes, defined])
+    rate = ca.SX.sym("rate", 3)
+    turned = ca.reshape(ca.jtimes(ca.vec(axes), normal, rate), 3, 3)
+    moving = ca.Function("moving", [normal, rate], [turned])
+    R, margin = at(state[3:6])
+    R_rate = moving(state[3:6], state[6:])
+    spin = rotation.unskew(R.T @ R_rate)
+    return FrameState(
+        R=R,
+        R_rate=R_rate,
+        margin=margin,
+        foot=tool.center,
+        foot_map=ca.SX.eye(2),
+        turning=lambda _velocity: spin,
     )
 
 

@@ -18,7 +18,7 @@ from taskspec.text.expression.tree import Name, walk
 
 register(
     {
-        "TS226": "a frame placed in one that follows a surface",
+        "TS226": "a frame placed in one that follows a surface or the force",
         "TS231": "a frame that turns with a handle, and cannot be as the file says",
         "TS247": "an equation in a frame that is not fixed in the world",
         "TS314": "an equation on a joint that the arm does not have",
@@ -28,6 +28,7 @@ register(
 _NOT_FIXED = {
     "tool": "goes with the tool",
     "following": "follows a surface",
+    "tracking": "turns with the force that is felt",
     "estimated": "is measured only while the task runs",
 }
 
@@ -103,6 +104,14 @@ def check_parents(loaded: LoadedTask) -> None:
                 "TS226",
                 f"frame {name!r} is placed in {frame.parent!r}, which follows a surface",
                 "follow the surface itself, and turn x with 'heading'",
+            )
+        if parent is not None and parent.track is not None:
+            raise spec_error(
+                loaded,
+                FILE.frames[name].parent,
+                "TS226",
+                f"frame {name!r} is placed in {frame.parent!r}, which turns with the force felt",
+                "track the force itself, and turn x with 'heading'",
             )
         _check_turning(loaded, name)
 
