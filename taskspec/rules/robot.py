@@ -5,13 +5,16 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
+import casadi as ca
 import numpy as np
 
 from taskspec.control.state import ARM_LENGTH
+from taskspec.program.bound import RowFunction
 from taskspec.program.plan import StagePlan, TaskPlan
 from taskspec.robot import RobotError, check_joints
 from taskspec.robot.inverse_kinematics import turns_at
 from taskspec.rules import Finding, Phase, error, info, rule, warning
+from taskspec.shapes.plate import CutPlate
 from taskspec.signals.entries import TOUCHING
 from taskspec.spec import FILE, KeyPath, below, key_of
 from taskspec.text.units import FORCE, LENGTH, show
@@ -22,6 +25,8 @@ _AWAY = 0.5
 _PLANAR = 3
 #: A joint that starts nearer to a limit soon stops the run [rad; of a slide, times 0.3 m].
 _NEAR = math.radians(2.0)
+#: Points along the sides of a tool.
+_ALONG = 41
 #: How a robot's file gives what it leaves out.
 _LIMITS = {
     "torque": "effort in URDF's <limit>, actuatorfrcrange of MJCF's <joint>",
@@ -70,7 +75,8 @@ def joint_values(task: TaskPlan) -> Iterator[Finding]:
 def start_inside(task: TaskPlan) -> Iterator[Finding]:
     """Objects that the tool is inside of at the start."""
     context = task.context
-    for name, gap in context.touchable_gaps.items():
+    for name, to_end in context.touchable_gaps.items():
+        gap = min(to_end, _gap_of_sides(task, name))
         force = -gap * context.compliances[name].stiffness
         if force > TOUCHING:
             yield warning(
@@ -80,6 +86,24 @@ def start_inside(task: TaskPlan) -> Iterator[Finding]:
                 FILE.robot.start,
                 "start above the surface, and approach it with a guarded stage",
             )
+
+
+def _gap_of_sides(task: TaskPlan, name: str) -> float:
+    """Distance [m] at the start from an object that the sides of a tool touch, too; else infinity.
+
+    It is looked at in points along the sides, of which the deepest is a little less deep than what
+    touches.
+    """
+    context = task.context
+    surface, tool = context.surfaces[name], context.robot.tool
+    if not isinstance(surface, CutPlate):
+        return math.inf
+    ends, radius = tool.solid.extremes()
+    points = np.concatenate([ends * (1.0, 1.0, part) for part in np.linspace(-1, 1, _ALONG)])
+    placed = (points + (0.0, 0.0, tool.middle)) @ context.start_R.T + context.start_p
+    x = ca.SX.sym("x", 3)
+    (gaps,) = RowFunction(ca.Function("gaps", [x], [surface.distance(x)]))(placed)
+    return float(gaps.min()) - radius
 
 
 @rule(

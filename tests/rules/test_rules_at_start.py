@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import pytest
 
 from taskspec.examination import check_task
@@ -148,3 +150,28 @@ stages: {lift: {axes: {z: {move: 50 mm}}}}
     assert check_task(load_text(text, "t")) == ()
     loose = text.replace("grasp: cube", "start: {xyz: [500 mm, 0, 320 mm]}")
     assert [d.code for d in check_task(load_text(loose, "t"))] == ["TS305"]
+
+
+@pytest.mark.parametrize(("tilt", "codes"), [("5 deg", []), ("-5 deg", ["TS305"])])
+def test_the_sides_of_a_peg_are_inside_a_plate(tilt, codes):
+    """Its end is in the middle of the bore either way; tilted by 10 deg its side is in the rim.
+
+    There it is 18 tan 10 deg - 0.1 = 3.1 mm deep, of which points on it have most.
+    """
+    text = f"""
+taskspec: 1
+robot:
+  model: panda
+  tool: {{shape: cylinder, radius: 9.9 mm, thickness: 40 mm, length: 140 mm}}
+  start: {{xyz: [498.43 mm, 0, 282.07 mm], rpy: [180 deg, {tilt}, 0]}}
+world:
+  socket: {{shape: hole, radius: 10 mm, depth: 25 mm, chamfer: 1 mm, xyz: [500 mm, 0, 300 mm],
+            rpy: [0, 5 deg, 0], stiffness: 100 kN/m}}
+frame: socket
+stages: {{pull: {{axes: {{z: {{move: 30 mm, speed: 20 mm/s}}}}}}}}
+"""
+    found = [d for d in check_task(load_text(text, "t")) if d.code == "TS305"]
+    assert [d.code for d in found] == codes
+    for each in found:
+        depth = float(re.search(r"starts ([\d.]+) mm", each.message)[1])
+        assert 0.8 * 3.07 < depth < 3.07
