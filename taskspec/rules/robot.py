@@ -100,7 +100,8 @@ def _gap_of_sides(task: TaskPlan, name: str) -> float:
         return math.inf
     ends, radius = tool.solid.extremes()
     points = np.concatenate([ends * (1.0, 1.0, part) for part in np.linspace(-1, 1, _ALONG)])
-    placed = (points + (0.0, 0.0, tool.middle)) @ context.start_R.T + context.start_p
+    points[:, 2] += tool.middle
+    placed = points @ context.start_R.T + context.start_p
     x = ca.SX.sym("x", 3)
     (gaps,) = RowFunction(ca.Function("gaps", [x], [surface.distance(x)]))(placed)
     return float(gaps.min()) - radius
