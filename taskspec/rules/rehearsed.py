@@ -58,8 +58,8 @@ _STOPS = {
 _FAILS = {"time": "TS611", "travel": "TS617", "fail_if": "TS618"}
 #: Codes about what a grip bears.
 _OF_GRIPS = {"TS322", "TS328", "TS329", "TS420", "TS610", "TS616"}
-#: Codes that are silent about how a run goes: in it only the tool's end touches.
-_OF_LINKS = {"TS428"}
+#: Codes that leave open how a run ends: in it only the tool's end touches, and a blow may be less.
+_OPEN = {"TS428", "TS616"}
 #: Nothing is added where one of these is reported at the same place.
 _UNLESS = (
     "TS420",
@@ -88,13 +88,13 @@ _UNLESS = (
 def rehearsed_ends(task: TaskPlan) -> Iterator[Finding]:
     """Tasks that are stopped, fail or miss what they expect when their loop is run ahead."""
     # What is reported already is not looked for again; of a mechanism reports may be amiss.
-    if task.reported - _OF_LINKS and (not task.context.held or task.reported & _OF_GRIPS):
+    if task.reported - _OPEN and (not task.context.held or task.reported & _OF_GRIPS):
         return
     run = rehearsal_of(task, last_doubt(task, close_calls(task)))
     if run is None or run.status == "open":
         return
     if run.status != "done":
-        yield from _ended(task, run)
+        yield from (each for each in _ended(task, run) if each.code not in task.reported)
         return
     yield from fast_torques(task, run)
     close = list(_close_limits(task, run))

@@ -131,7 +131,7 @@ def _of_stage(task: TaskPlan, stage: StagePlan, shared: Shared) -> Iterator[Find
     if analysed is None or not resolved(analysed, stage.context.loaded.task):
         return
     if analysed.meets:
-        free = _in_the_world_of_the_file(analysed.free(), None, shared)
+        free = _in_the_world_of_the_file(analysed.free(), None, shared, stage.longest)
         yield from _in_contact(analysed, shared) if free is None else free
         return
     if _stays_off(stage, analysed):
@@ -178,7 +178,10 @@ def _stays_off(stage: StagePlan, analysed: SampledStage) -> bool:
 
 
 def _in_the_world_of_the_file(
-    analysed: SampledStage, stuck: SampledStage | None, shared: Shared
+    analysed: SampledStage,
+    stuck: SampledStage | None,
+    shared: Shared,
+    lasts: float = math.inf,
 ) -> Iterator[Finding] | None:
     """What is unstable, or else rings, in the world of the file; None where nothing does.
 
@@ -186,6 +189,7 @@ def _in_the_world_of_the_file(
         analysed: the stage while its tool slides.
         stuck: the same while friction holds the tool; None where there is none.
         shared: what the stages of the file have in common.
+        lasts: what takes longer to double than this is over before it matters, and no error [s].
     """
     name = analysed.stage.name
     sliding, sticking = analysed.modes(), () if stuck is None else stuck.modes()
@@ -195,7 +199,9 @@ def _in_the_world_of_the_file(
             text = f"stage {name!r} would be unstable if the tool slid; friction holds it"
             return _findings(analysed, sliding, worst, shared, "TS507", Severity.WARNING, text)
         text = f"stage {name!r} is unstable"
-        return _findings(analysed, sliding, worst, shared, "TS501", Severity.ERROR, text)
+        slow = math.log(2) > lasts * worst.s.real
+        severity = Severity.WARNING if slow else Severity.ERROR
+        return _findings(analysed, sliding, worst, shared, "TS501", severity, text)
     close = _on_the_boundary(analysed, sliding)
     if close is not None and (stuck is None or not stays_put(analysed)):
         text = f"stage {name!r} is on the boundary of stability"

@@ -457,3 +457,35 @@ def test_a_spring_in_the_tools_axes_is_as_stable_as_in_the_worlds(law):
     )
     for mine, theirs in zip(tool[:4], world[:4], strict=True):
         assert mine.s == pytest.approx(theirs.s, rel=0.02)
+
+
+FREE = """
+taskspec: 1
+robot:
+  model: ur5e
+  tool: {shape: sphere, radius: 6 mm, length: 103 mm, mass: 500 g}
+  sensor: {at: wrist, rate: 500 Hz, delay: 3.6 ms}
+  start: {xyz: [399 mm, 139 mm, 266 mm]}
+world: {work: {shape: sphere, radius: 100 mm, xyz: [399 mm, 139 mm, 159 mm], stiffness: 8 kN/m}}
+frames: {task: {surface: work, heading: [1, 0, 0]}}
+frame: task
+law:
+  kind: parallel
+  mass: {linear: 2 kg}
+  stiffness: {linear: 380 N/m, angular: 88 N*m/rad}
+  damping: {z: 168 N*s/m}
+  force: {integral: 6.4 /s}
+control: {rate: 500 Hz}
+stages:
+  approach:
+    axes: {z: {velocity: -18 mm/s * smooth(t/(0.2 s))}}
+    until: norm(force) > 1.3 N for 5 ms
+    within: {time: LASTS}
+"""
+
+
+@pytest.mark.parametrize(("lasts", "severity"), [("3 s", "warning"), ("60 s", "error")])
+def test_an_approach_that_is_over_before_its_motion_doubles_is_warned_of(lasts, severity):
+    (found,) = findings(FREE.replace("LASTS", lasts), "TS501")
+    doubles = float(re.search(r"double every ([\d.]+) s", found.message)[1])
+    assert (str(found.severity), 3 < doubles < 60) == (severity, True)
