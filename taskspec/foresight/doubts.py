@@ -24,6 +24,7 @@ from taskspec.program.interval import ANY, Interval, IntervalAlgebra, point
 from taskspec.program.passage import End
 from taskspec.program.plan import StagePlan, TaskPlan
 from taskspec.program.reference.axis_plan import AxisPlan
+from taskspec.shapes import BoundedSurface
 from taskspec.spec import Mechanism
 from taskspec.text.expression import evaluate
 from taskspec.text.expression.tree import Compare, Held, Name, Node, Reduce, walk
@@ -44,6 +45,10 @@ _RISE = 1.5
 _THROWN = 0.3
 #: Friction is much from here on: it turns the force of a tool that is moved to and fro.
 _ROUGH = 0.5
+#: A contact gives way by much of what lies behind it from this share on.
+_DEEP = 0.6
+#: A body is light for its contact where k T^2 is more than so many masses, T the plant's period.
+_LIGHT = 0.5
 #: A joint is near to its limit [rad, m].
 _ROOM = 0.15
 
@@ -394,7 +399,8 @@ def _expected(task: TaskPlan, stage: StagePlan) -> bool:
     """A force that is expected of a stage in which no integral brings it there."""
     law, context = stage.law.control_law, task.context
     estimated = any(f.kind == "estimated" for f in context.frames.values())
-    friction = max((shape.friction for shape in context.loaded.task.shapes.values()), default=0.0)
+    shapes = context.loaded.task.shapes
+    friction = max((shape.friction for shape in shapes.values()), default=0.0)
     rubs = friction > 0
     if law.kind == "hybrid-reaction" and stage.spec.constraints and stage.path is not None:
         return True
@@ -403,11 +409,12 @@ def _expected(task: TaskPlan, stage: StagePlan) -> bool:
     bare = (bare or friction > _ROUGH) and slides
     presses = bool(stage.set_points or stage.spec.constraints)
     if not law.force_loop and presses and not (slides and friction > _ROUGH):
-        # What a spring presses with at rest, and as it comes there, is foreseen by itself.
-        return stage.path is not None
+        # What a spring presses with at rest, and as it comes there, is foreseen by itself; not how
+        # it comes back from a blow that lifts the tool off.
+        return stage.path is not None or _blows(task, stage) > _settles(stage)
     equations = [model.constraint.residual.tree for model in context.equations.values()]
     sways = any(name.path == ("clock",) for tree in equations for name in names(tree))
-    loose = any(shape.free for shape in context.loaded.task.shapes.values())
+    loose = any(shape.free for shape in shapes.values())
     if law.force_loop and not (bare or estimated or sways or loose):
         return False
     for expectation in task.context.loaded.task.expect:
@@ -420,6 +427,40 @@ def _expected(task: TaskPlan, stage: StagePlan) -> bool:
     return False
 
 
+def _deep(task: TaskPlan, stage: StagePlan) -> bool:
+    """A body is pressed in so far that the side behind may be the nearer one."""
+    for axis, force in stage.set_points.items():
+        contact = None if axis.is_rotation else stage.contact_of(axis)
+        surface = None if contact is None else task.context.surfaces.get(contact)
+        if contact is None or not isinstance(surface, BoundedSurface):
+            continue
+        points, radius = surface.extremes()
+        normal = surface.rotation.T @ stage.normal_of(contact)
+        reaches = float(np.abs(points @ normal).max()) + radius
+        if abs(force) > _DEEP * reaches * task.context.compliances[contact].stiffness:
+            return True
+    return False
+
+
+def _light(task: TaskPlan, stage: StagePlan) -> bool:
+    """A loose body that the plant's steps hardly resolve between two contacts."""
+    spec = task.context.loaded.task
+    if not _presses_or_stays(stage):
+        return False
+    period = 1.0 / spec.control.plant_rate
+    return any(
+        shape.free
+        and task.context.compliances[name].stiffness * period**2 > _LIGHT * (shape.mass or math.inf)
+        for name, shape in spec.shapes.items()
+        if name in task.context.compliances
+    )
+
+
+def _presses_or_stays(stage: StagePlan) -> bool:
+    """Whether a stage lasts on a contact: until its time is over, not until it is met."""
+    return stage.spec.until is None and stage.contact is not None
+
+
 _DOUBTS: tuple[Callable[[TaskPlan, StagePlan], bool], ...] = (
     _protected,
     _holds,
@@ -429,4 +470,6 @@ _DOUBTS: tuple[Callable[[TaskPlan, StagePlan], bool], ...] = (
     _force,
     _speed,
     _expected,
+    _deep,
+    _light,
 )

@@ -90,7 +90,7 @@ def prepare(
         start_gaps=gap_at_start,
         start_normals=normals,
         obstacles=Obstacles(
-            robot, {o: s for o, s in surfaces.items() if o != task.robot.grasp}, bases
+            robot, {o: s.uncut() for o, s in surfaces.items() if o != task.robot.grasp}, bases
         ),
         period=1.0 / task.control.rate,
     )

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from taskspec.deferred import ca, np
 from taskspec.deferred_methods import dataclass
+from taskspec.shapes.plane import Plane
 from taskspec.shapes.surface import Geom, Surface, SurfaceChart, outside
 
 if TYPE_CHECKING:
@@ -41,6 +42,10 @@ class CutPlate(Surface):
     def chart(self, face: ca.SX | None = None) -> SurfaceChart:  # noqa: ARG002
         """The plate beside the cut."""
         return PlateChart(self)
+
+    def uncut(self) -> Plane:
+        """The plate: which wall of the cut a tool will touch is not known before."""
+        return Plane(self.origin, self.rotation)
 
     def geom(self) -> Geom:
         """What contacts are reported of; it touches nothing itself."""

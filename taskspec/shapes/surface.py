@@ -175,6 +175,10 @@ class Surface(ABC):
         """What is cut into it; None where a tool touches it with the spheres of its end."""
         return None
 
+    def uncut(self) -> Surface:
+        """The shape without what is cut into it: what predictions from its normal take it for."""
+        return self
+
     def visible_geom(self, center: Vector, half: Vector) -> Geom | None:  # noqa: ARG002
         """What is seen of a shape that is endless; None where its own geom is seen.
 

@@ -112,7 +112,10 @@ def surface(shape: Shape) -> Surface:
 
 
 def normal_at(shape: Shape, point: Matrix) -> tuple[Matrix, Matrix, float]:
-    """Outward normal (3,), its change (3, 3) [1/m] and distance [m] of a world point (3,)."""
+    """Outward normal (3,), its change (3, 3) [1/m] and distance [m] of a world point (3,).
+
+    Of a plate with a cut they are those of the plate.
+    """
     R, origin = pose(shape)
     sizes = tuple(shape.sizes.items())
     function = _normal(shape.shape, R.tobytes(), origin.tobytes(), sizes, get_ident())
@@ -126,7 +129,7 @@ def _normal(
 ) -> ca.Function:
     """What `normal_at` evaluates: the worlds of a task mostly have its shapes where they are."""
     axes = np.frombuffer(R).reshape(3, 3)
-    surface = SHAPES[kind](np.frombuffer(origin), axes, **dict(sizes))
+    surface = SHAPES[kind](np.frombuffer(origin), axes, **dict(sizes)).uncut()
     x = ca.SX.sym("x", 3)
     gradient = surface.gradient(x)
     return ca.Function("normal", [x], [gradient, ca.jacobian(gradient, x), surface.distance(x)])
