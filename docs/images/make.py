@@ -36,6 +36,7 @@ TASKS = HERE.parent.parent / "tasks"
 OTHERS = (
     *("ring", "linkage", "raster-polish", "fold-out-and-press"),
     *("hand-guiding", "stiffness-identification", "face-alignment"),
+    *("peg-in-hole", "groove-following", "contour-unknown", "unplug"),
 )
 LIMITS = ("wipe-friction", "reach-limits")
 TUTORIAL = HERE.parent / "tutorial"

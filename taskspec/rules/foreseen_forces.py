@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.analysis.force_course import ForceCourse, force_courses
-from taskspec.foresight.approach import approach, striking_mass
+from taskspec.foresight.approach import approach, rates_of, striking_mass
 from taskspec.foresight.conditions import names, parts
 from taskspec.foresight.ranges import constant
 from taskspec.geometry.axis import Axis, as_axis
@@ -32,6 +32,8 @@ _PARTS = ((), ("ref",))
 #: An expectation that would be met if the force came so much nearer to its set point is not
 #: accused: the loop is that of the start pose.
 _DOUBT = 0.1
+#: A tool that is so far from what it pressed on has left it [m].
+_OFF = 1e-3
 #: A loop that cannot be followed overshoots its set point by less than this share.
 _BEYOND = 0.15
 _LOOKS = 200
@@ -75,7 +77,7 @@ def guards_beyond_forces(task: TaskPlan) -> Iterator[Finding]:
     for name, stage in task.framed.items():
         axis = _waits_for(stage)
         courses = [way.of(name, axis) for way in ways] if axis is not None else []
-        if axis is None or stage.spec.until is None:
+        if axis is None or stage.spec.until is None or _comes_off(stage, axis):
             continue
         tree = stage.spec.until.tree
         node = tree.x if isinstance(tree, Held) else tree
@@ -95,6 +97,20 @@ def guards_beyond_forces(task: TaskPlan) -> Iterator[Finding]:
             "let it wait for less than the set point, or raise that",
             unless=("TS501", "TS612", "TS617"),
         )
+
+
+def _comes_off(stage: StagePlan, axis: Axis) -> bool:
+    """Whether the way of a stage leads off what an axis presses on, such as past a plate's end."""
+    contact, start = stage.contact_of(axis), stage.nominal.start
+    context, within = stage.context, stage.spec.within
+    if contact is None or contact not in context.surfaces or start is None or within is None:
+        return False
+    rate = stage.rotation @ rates_of(stage)
+    speed = float(np.linalg.norm(rate))
+    travel = math.inf if within.travel is None else within.travel
+    time = min(stage.longest, travel / speed) if speed > 0 else 0.0
+    there = start + rate * time
+    return context.obstacles.gap(contact, there, context.start_R) > _OFF
 
 
 @rule({}, also=("TS618",), phase=Phase.STABILITY)

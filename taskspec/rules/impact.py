@@ -77,7 +77,8 @@ def hard_impacts(stage: StagePlan) -> Iterator[Finding]:
         return
     most = max(known)
     softest = min([k, *_stiffnesses(context, contact)])
-    certain = _LEAST_SHARE * closing * math.sqrt(h * softest) > most
+    least = _LEAST_SHARE * closing * math.sqrt(h * softest)
+    certain = least > most and _seen(most / least, h, k) >= context.period
     stops = certain and stage.law.solve == "closed-form"
     slower = show(inside(closing * most / peak, upper=True, digits=2), "mm/s")
     yield Finding(
@@ -88,6 +89,14 @@ def hard_impacts(stage: StagePlan) -> Iterator[Finding]:
         f"approach with {slower} or less, or raise the limit",
         severity=Severity.ERROR if stops else Severity.WARNING,
     )
+
+
+def _seen(share: float, h: float, k: float) -> float:
+    """How long [s] a blow of a mass h on a spring k is above a share of its peak.
+
+    One that is shorter than a tick may pass between two samples of the force.
+    """
+    return (math.pi - 2 * math.asin(share)) * math.sqrt(h / k)
 
 
 def _goes_on(stage: StagePlan, way: Approach) -> Iterator[Finding]:

@@ -228,3 +228,30 @@ def test_what_is_fed_forward_along_one_axis_does_not_disturb_another():
     assert course is not None
     np.testing.assert_allclose(course.applied, -20.0, atol=0.01)
     assert "TS726" not in {each.code for each in examined.findings}
+
+
+EDGE = """
+taskspec: 1
+robot:
+  model: panda
+  tool: {{shape: sphere, radius: 6 mm}}
+  start: {{xyz: [450 mm, 60 mm, 300 mm]}}
+world: {{plate: {{shape: box, size: [200 mm, 80 mm, 20 mm], xyz: [500 mm, 0, 300 mm]}}}}
+frame: world
+stages:
+  approach:
+    axes: {{y: {{velocity: -20 mm/s}}}}
+    until: force.y < -1.5 N for 5 ms
+    within: {{time: 3 s, travel: 30 mm}}
+  follow:
+    axes: {{y: {{force: -6 N}}, x: {{velocity: 30 mm/s}}}}
+    until: force.y > -1 N for 5 ms
+    within: {{time: 8 s, travel: {travel}}}
+"""
+
+
+@pytest.mark.parametrize(("travel", "told"), [("200 mm", False), ("120 mm", True)])
+def test_a_force_ends_where_the_way_leads_off_what_is_pressed_on(travel, told):
+    """The plate ends 150 mm further on."""
+    found = examine(load_text(EDGE.format(travel=travel), "t.yaml")).findings
+    assert any(d.code == "TS611" and "never holds" in d.message for d in found) is told

@@ -57,6 +57,16 @@ def test_meeting_a_surface(changes, expected):
     assert [(d.code, str(d.severity)) for d in findings(text(**changes))] == expected
 
 
+def test_a_blow_that_is_shorter_than_a_tick_may_pass_between_two_samples():
+    """On 2e5 kN/m it lasts for pi sqrt(h/k), 0.5 ms; the force is looked at every 2 ms."""
+    stiff = "stiffness: 200000 kN/m, damping: 30 N*s/m}"
+    for rate, severity in (("500 Hz", "warning"), ("16 kHz", "error")):
+        task = text(SPEED="-100 mm/s").replace("stiffness: 200 kN/m, damping: 30 N*s/m}", stiff)
+        assert stiff in task
+        task += f"control: {{rate: {rate}, plant_rate: 16 kHz}}\n"
+        assert ("TS616", severity) in [(d.code, str(d.severity)) for d in findings(task)]
+
+
 def test_the_softest_surface_that_may_be_there_decides_what_is_certain():
     task = text(SPEED="-300 mm/s") + "vary: {world.table.stiffness: 5..200 kN/m}\n"
     assert [(d.code, d.severity) for d in findings(task)] == [("TS616", Severity.WARNING)]

@@ -1,0 +1,49 @@
+"""Insertion: what is uncertain may be, and what the strategy is for is needed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from taskspec.spec import load_task
+from taskspec_runner.session import execute
+
+TASKS = Path(__file__).resolve().parents[2] / "tasks"
+
+
+def run_world(task, number, folder, overrides=None):
+    loaded = load_task(TASKS / f"{task}.yaml", overrides or {})
+    return execute(loaded, folder, world=number, report=False)
+
+
+@pytest.mark.parametrize(
+    ("task", "socket"), [("peg-in-hole", "socket"), ("slot-insertion", "rail")]
+)
+@pytest.mark.parametrize("number", range(4))
+def test_an_insertion_in_a_world(task, socket, number, tmp_path):
+    """The bottom is felt where it is in truth: to 0.6 mm.
+
+    A tip that leans by 2 deg is r sin(2 deg) = 0.35 mm above its lowest edge, and a bore of 25 mm
+    that leans about both axes is 25 mm (1 - cos^2(2 deg)) = 0.03 mm less deep; a search that is
+    2.8 mm aside on a leaning plate is 0.1 mm off.
+    """
+    run = run_world(task, number, tmp_path / "run")
+    assert run.exit_code == 0
+    told = {each["path"]: each["true"] for each in run.summary["world"]["differs"]}
+    top = 1e3 * told[f"world.{socket}.xyz.z"]
+    depth = 1e3 * load_task(TASKS / f"{task}.yaml").task.shapes[socket].depth
+    end = 1e3 * np.asarray(run.column("position.z"))[-1]
+    assert end == pytest.approx(top - depth, abs=0.6)
+
+
+def test_a_peg_that_may_not_turn_gets_stuck_is_lifted_and_tried_again(tmp_path):
+    """A hole that leans under a peg that is held upright: it jams at two points, gently."""
+    stiff = {"stages.insert.axes.rx": "hold", "stages.insert.axes.ry": "hold"}
+    run = run_world("peg-in-hole", 0, tmp_path / "run", stiff)
+    assert run.exit_code == 1
+    visited = [visit.stage for visit in run.visits]
+    assert visited.count("lift") == 3
+    forces = np.array([run.column(f"force.{axis}") for axis in "xyz"])
+    assert np.linalg.norm(forces, axis=0).max() < 20.0
