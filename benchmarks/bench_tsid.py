@@ -35,7 +35,7 @@ from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
-from bench_loop import AFTER, ROUNDS, STEPS, Case, Loop
+from bench_loop import AFTER, QP, ROUNDS, STEPS, WIPE, Case, Loop
 
 try:
     # Wheels of 1.7 have the module beside the package that should import it.
@@ -43,8 +43,8 @@ try:
 except ImportError as error:
     sys.exit(f"TSID cannot be imported: {error}; install a wheel of `tsid` with its own `pin`")
 
-CLOSED_FORM = Case("closed form", "wipe-table", "wipe")
-PROGRAM = Case("program", "wipe-table", "wipe", {"law.solve": "qp"})
+CLOSED_FORM = Case("closed form", "wipe-table", "wipe", WIPE)
+PROGRAM = Case("program", "wipe-table", "wipe", WIPE | QP)
 #: What `tasks/wipe-table.yaml` says: force [N], friction, sizes [m] and rates [rad/s] of the eight.
 PRESS, FRICTION = 15.0, 0.2
 SIZE, RATE = np.array([0.06, 0.03]), np.array([2 * np.pi / 4, 4 * np.pi / 4])
@@ -177,7 +177,7 @@ def main() -> None:
         ratios: dict[str, list[float]] = {name: [] for name in runs}
         for _ in range(ROUNDS):
             for name, (loop, run) in runs.items():
-                bare = loop.kept(loop.bare, STEPS)
+                bare = loop.bare_step(STEPS)
                 begin = time.thread_time()
                 run(STEPS)
                 ratios[name].append((time.thread_time() - begin) / STEPS / bare)
