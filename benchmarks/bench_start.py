@@ -62,7 +62,13 @@ class Tree:
             keeps: whether there is what was kept before.
         """
         environment = {k: v for k, v in os.environ.items() if k != "PYTHONDONTWRITEBYTECODE"}
-        environment["PYTHONPATH"] = f"{self.root}{os.pathsep}{self.root / 'runner'}"
+        # What an earlier commit needs and this one does not may be on the caller's path.
+        own = [
+            str(self.root),
+            str(self.root / "runner"),
+            *environment.get("PYTHONPATH", "").split(os.pathsep),
+        ]
+        environment["PYTHONPATH"] = os.pathsep.join(own)
         environment["TASKSPEC_CACHE"] = str(self.cache) if keeps else ""
         program = f"{before}\nimport sys\nsys.argv[1:] = {list(arguments)!r}\n{COMMAND}"
         return cost(["-c", program if arguments else "pass"], environment, self.root)
@@ -78,8 +84,8 @@ def cost(arguments: Sequence[str], environment: dict[str, str], folder: Path) ->
     )  # fmt: skip
     real = time.perf_counter() - began
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
-    if done.returncode not in (0, 1):
-        raise SystemExit(done.stderr)
+    if done.returncode not in (0, 1) or "cannot be imported" in done.stderr + done.stdout:
+        raise SystemExit(done.stderr or done.stdout)
     return Cost(real, after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime)
 
 

@@ -54,7 +54,10 @@ _LOADED_VALIDATE = (
     """
 import contextlib, io, json, sys
 sys.argv = ["taskspec", "validate", TASK]
-from taskspec_runner.cli import main
+try:
+    from taskspec_runner.cli.entry import run as main
+except ImportError:  # a commit whose `main` leaves the process to Python
+    from taskspec_runner.cli import main
 with contextlib.suppress(SystemExit), contextlib.redirect_stdout(io.StringIO()), \\
         contextlib.redirect_stderr(io.StringIO()):
     main()

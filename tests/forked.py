@@ -50,7 +50,7 @@ def command(folder: Path) -> Iterator[str]:
 def _serve(path: str) -> None:
     from taskspec import compiler  # noqa: F401
     from taskspec_runner import session  # noqa: F401
-    from taskspec_runner.cli import main
+    from taskspec_runner.cli.entry import run
 
     with socket.socket(socket.AF_UNIX) as listening:
         listening.bind(path)
@@ -61,7 +61,7 @@ def _serve(path: str) -> None:
             theirs, _ = listening.accept()
             if os.fork() == 0:
                 listening.close()
-                _call(main, theirs)
+                _call(run, theirs)
             theirs.close()
             while _reaped():
                 pass

@@ -20,6 +20,7 @@ from pathlib import Path
 
 from PIL import Image
 
+from taskspec.analysis.worlds import random_world
 from taskspec.compiler import compile_task
 from taskspec.laws import LAWS
 from taskspec.spec import load_task
@@ -37,6 +38,8 @@ OTHERS = (
     *("ring", "linkage", "raster-polish", "fold-out-and-press"),
     *("hand-guiding", "stiffness-identification", "face-alignment"),
     *("peg-in-hole", "groove-following", "contour-unknown", "unplug"),
+    "outline-following",
+    *("deburr", "corner-seating", "pivot-box"),
 )
 LIMITS = ("wipe-friction", "reach-limits")
 TUTORIAL = HERE.parent / "tutorial"
@@ -51,6 +54,8 @@ STEPS = {
 FRAMES = {"wipe-table": 3.4, "tutorial-press": 3.0, "tutorial-wipe": 3.4}
 #: Pictures of runs that readers are told to make in spite of an error.
 FORCED = ("tutorial-ring",)
+#: Pictures of a random world, by its number: the one that the controller is told searches nothing.
+WORLDS = {"peg-in-hole": 5}
 #: Pictures of a step of the tutorial under all laws.
 COMPARED = {"compare-wipe": "wipe-2"}
 
@@ -80,8 +85,10 @@ def record(picture: str, task: Path | None = None) -> None:
     # The step of the tutorial that rings is refused, and is drawn all the same.
     loaded = load_task(task or TASKS / f"{picture}.yaml")
     program = compile_task(loaded, force=picture in FORCED)
+    number = WORLDS.get(picture)
+    world = None if number is None else random_world(program.context, 0, number)
     with tempfile.TemporaryDirectory() as folder:
-        run = execute_program(program, Path(folder) / "run", report=False)
+        run = execute_program(program, Path(folder) / "run", world=world, report=False)
         run.plot().save(HERE / f"{picture}.svg")
         if picture in FRAMES and backends():
             draw_frame(Recording.of(run), FRAMES[picture], HERE / f"{picture}.png")

@@ -22,6 +22,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from taskspec.analysis.coordinates import Coordinate, about_itself, coordinates
 from taskspec.analysis.loose_bodies import LooseBody, loose_bodies
 from taskspec.analysis.point_contacts import Ground, Mover, PointContact, Resistance, Spheres
 from taskspec.deferred_methods import dataclass
@@ -31,7 +32,6 @@ from taskspec.program.operators import quick_operators
 from taskspec.program.world import frames
 from taskspec.program.world.equations import equation_models, reaction
 from taskspec.program.world.holding import truly_holding
-from taskspec.program.world.mechanisms import MechanismModel, mechanism_models
 from taskspec.program.world.moving_base import moving_bases
 from taskspec.program.world.payload import modelled_inertia, true_inertia
 from taskspec.program.world.stiffness import (
@@ -46,14 +46,10 @@ from taskspec.program.world.stiffness import (
 from taskspec.robot import RobotModel
 from taskspec.robot.model_terms import ModelTerms, PinocchioTerms
 from taskspec.robot.rebuild import GRAVITY
-from taskspec.spec import Mechanism, Task
+from taskspec.spec import Task
 
 Vector = NDArray[np.float64]
 
-#: Dry friction of a mechanism takes away this share of a slip in one step, a stop turns a motion
-#: back within so many steps, overdamped: as the simulator has them.
-_SETTLING, _STOP_STEPS, _STOP_DAMPING = 0.5, 3.0, 2.0
-_IMPEDANCE = 0.99
 #: Dry friction of a joint as the simulator has it where nothing else is asked of it: it takes a
 #: slip away at this rate [1/s], and yields by this share of what a force moves the joint alone.
 _JOINT_SETTLING, _YIELDING = 2 / (0.95 * 0.02), (1 - 0.9) / 0.9
@@ -66,14 +62,15 @@ class PlainPlant:
 
     Attributes:
         q, v: (n,) of the joints after the last step.
-        held: (2,) coordinate of the held mechanism, and its rate; zeros where there is none.
+        mechanisms: (2 mechanisms,) of each its coordinate and its rate: of the held one first.
         bodies: (13 bodies,) of each loose body position [m], quaternion (w x y z) and twist, world.
         wrench: (6,) by the environment on the tip in the last step, world axes [N, N m].
         wrist: (6,) the same as a sensor between flange and tool feels it; None elsewhere.
         tip_rotation: (9,) the tip's axes in the last step, row by row.
         effort: (1,) what the robot applies to the coordinate [N m, N].
         reactions: (equations,) what it applies along each equation [N, N m].
-        numbers: wrench, held, effort, reactions and bodies, one after the other; parts: these.
+        numbers: wrench, mechanisms, effort, reactions and bodies, one after the other; parts:
+            these.
     """
 
     @quick_operators()
@@ -95,12 +92,12 @@ class PlainPlant:
         p, R = terms.tip()
         self.tip_rotation, self.clock = R.ravel(), np.zeros(1)
         step = _Step(context, task, terms, _Start(self.q.copy(), p, R))
-        bodies = step.at_start()
-        self.numbers = np.concatenate([np.zeros(9 + len(task.equations)), bodies])
-        self.parts = np.split(self.numbers, np.cumsum([6, 2, 1, len(task.equations)]))
-        self.wrench, self.held, self.effort, self.reactions, self.bodies = self.parts
+        bodies, sizes = step.at_start(), [6, 2 * len(step.mechanisms), 1, len(task.equations)]
+        self.numbers = np.concatenate([np.zeros(sum(sizes)), bodies])
+        self.parts = np.split(self.numbers, np.cumsum(sizes))
+        self.wrench, self.mechanisms, self.effort, self.reactions, self.bodies = self.parts
         self.wrist = np.zeros(6) if task.robot.sensor.at == "wrist" else None
-        self._before = np.zeros(2), np.zeros(len(self.bodies))
+        self._before = np.zeros(len(self.mechanisms)), np.zeros(len(self.bodies))
         wiring = Wiring()
         step.read(wiring)
         before = [wiring.reads("before", array) for array in self._before]
@@ -110,7 +107,7 @@ class PlainPlant:
             state = step.once(state, tau, clock + i * step.period)
         wiring.writes(state.q, self.q)
         wiring.writes(state.v, self.v)
-        wiring.writes(state.held, self.held)
+        wiring.writes(state.mechanisms, self.mechanisms)
         wiring.writes(state.bodies, self.bodies)
         wiring.writes(step.wrench, self.wrench)
         wiring.writes(step.effort, self.effort)
@@ -126,7 +123,7 @@ class PlainPlant:
     def step(self, clock: float) -> None:
         """One period of control that begins at run time `clock` [s]."""
         self.clock[0] = clock
-        for before, now in zip(self._before, (self.held, self.bodies), strict=True):
+        for before, now in zip(self._before, (self.mechanisms, self.bodies), strict=True):
             before[:] = now
         self.tip_rotation[:] = self._terms.rotation.reshape(3, 3, order="F").ravel()
         self._function.evaluate()
@@ -136,7 +133,7 @@ class PlainPlant:
 class _State:
     q: ca.SX
     v: ca.SX
-    held: ca.SX
+    mechanisms: ca.SX
     bodies: ca.SX
 
 
@@ -162,10 +159,10 @@ class _Step:
         self._dry = np.broadcast_to(np.array(task.robot.joint_friction, dtype=float), n)
         self._yields = _yields(robot) if self._dry.any() else np.zeros(n)
         name = (task.robot.grasp or "").removesuffix(".handle")
-        self._declared: Mechanism | None = task.mechanisms.get(name)
-        self._mechanism = mechanism_models(task).get(name)
+        self.mechanisms = coordinates(task, name if name in task.mechanisms else "", n)
+        self._held_one = self.mechanisms.get(name)
         self._bases = moving_bases(task)
-        at = n + (self._declared is not None)
+        at = n + len(self.mechanisms)
         self._loose = loose_bodies(task, at)
         self._held = self._loose.get(name)
         self._c = at + 6 * len(self._loose)
@@ -207,6 +204,12 @@ class _Step:
         bodies = {
             name: body.mover(state.bodies[body.entries], c) for name, body in self._loose.items()
         }
+        states = self._states(state)
+        riding = {
+            name: self.mechanisms[shape.on].mover(states[shape.on], shape, c)
+            for name, shape in self._task.shapes.items()
+            if shape.on is not None
+        }
         H = ca.SX(c, c)
         H[:n, :n] = self._H + h * ca.diag(ca.DM(self._D))
         on = ca.SX.zeros(c)
@@ -215,13 +218,13 @@ class _Step:
         for name, body in self._loose.items():
             body.weigh(H, on, bodies[name])
         on_tip = self._constrain(on, tip, state, clock)
-        on_tool, others = self._contacts(tip, bodies, clock)
+        on_tool, others = self._contacts(tip, bodies | riding, clock)
         resistances = [*on_tool, *others]
         grip = None
-        if self._declared is not None:
-            H[n, n] = self._declared.coordinate_inertia + h * self._declared.damping
-            on[n] = -self._declared.damping * state.held[1] + self._detent(state.held[0])
-            grip = self._grip(tip, state.held)
+        for name, mechanism in self.mechanisms.items():
+            mechanism.weigh(H, on, states[name], h)
+        if self._held_one is not None:
+            grip = self._grip(tip, self._held_one, states[self._held_one.model.name])
         elif self._held is not None:
             grip = self._hold(tip, self._held, bodies[self._held.name])
         resistances += [] if grip is None else [grip]
@@ -230,10 +233,9 @@ class _Step:
             on -= each.rows.T @ each.force
         factor = ca.ldl(H, False)
         a = self._rub_joints(ca.ldl_solve(on, *factor), state.v, factor)
-        if self._declared is not None:
-            column = ca.ldl_solve(_unit(c, n), *factor)
-            a += column * self._rubs(state.held, a[n], column[n])
-            a += column * self._stops(state.held, a[n], column[n])
+        for name, mechanism in self.mechanisms.items():
+            column = ca.ldl_solve(_unit(c, mechanism.row), *factor)
+            a = mechanism.held_back(a, states[name], column, h)
         self.wrench = on_tip
         for each in on_tool:
             self.wrench = self.wrench + each.answer(a)
@@ -243,15 +245,19 @@ class _Step:
             self.wrench = self.wrench + pull
             self.effort = -ca.dot(self._moves, pull)
         v = state.v + h * a[:n]
-        held = state.held
-        if self._declared is not None:
-            rate = held[1] + h * a[n]
-            held = ca.vertcat(held[0] + h * rate, rate)
+        turned = [one.moved(states[name], a, h) for name, one in self.mechanisms.items()]
         moved = [
             body.moved(state.bodies[body.entries], a[body.rows], h) for body in self._loose.values()
         ]
         self._acceleration, self._twist = self._J @ a[:n] + self._drift, tip.twist
-        return _State(state.q + h * v, v, held, ca.vertcat(ca.SX(0, 1), *moved))
+        empty = ca.SX(0, 1)
+        mechanisms, loose = ca.vertcat(empty, *turned), ca.vertcat(empty, *moved)
+        return _State(state.q + h * v, v, mechanisms, loose)
+
+    def _states(self, state: _State) -> dict[str, ca.SX]:
+        """(2,) of each mechanism, by name."""
+        found = state.mechanisms
+        return {name: found[2 * i : 2 * i + 2] for i, name in enumerate(self.mechanisms)}
 
     def _rub_joints(self, a: ca.SX, v: ca.SX, factor: tuple[ca.SX, ...]) -> ca.SX:
         """Accelerations (c,) under the dry friction of joints, of those without it.
@@ -285,7 +291,7 @@ class _Step:
         for name, shape in task.shapes.items():
             base = self._bases[name].at(clock) if name in self._bases else None
             body = self._loose.get(name)
-            surface = frames.surface(shape) if body is None else body.solid
+            surface = about_itself(shape) if name in bodies else frames.surface(shape)
             ground = grounds[name] = Ground(surface, base, bodies.get(name))
             if body is not None and body is self._held:
                 continue
@@ -293,7 +299,7 @@ class _Step:
             mobility = contact_mobility(robot, shape)
             numbers = declared, shape.friction, mobility, period
             made = PointContact(tip, self._tool, ground, *numbers).resistance()
-            (fixed if body is None else on_tool).append(made)
+            (on_tool if name in bodies else fixed).append(made)
         if fixed:
             # Of all that does not yield the tool's ways are the same ones.
             force = sum((each.force for each in fixed), ca.SX.zeros(6))
@@ -301,8 +307,8 @@ class _Step:
             on_tool.append(Resistance(tip.J, force, mass))
         for name, other in combinations(task.shapes, 2):
             # Of two bodies the later one touches with its points.
-            first, second = (other, name) if other in bodies else (name, other)
-            if first in bodies:
+            first, second = (other, name) if other in self._loose else (name, other)
+            if first in self._loose:
                 spheres, ground = self._loose[first].spheres, grounds[second]
                 numbers = *self._between(first, second), period
                 others.append(PointContact(bodies[first], spheres, ground, *numbers).resistance())
@@ -358,29 +364,24 @@ class _Step:
             wrench = _inertial(inertia, tip.R, tip.twist, self._drift)
             on[:n] -= sign * self._J.T @ wrench
 
-    def _grip(self, tip: Mover, held: ca.SX) -> Resistance:
+    def _grip(self, tip: Mover, held_one: Coordinate, held: ca.SX) -> Resistance:
         """Of tool and handle."""
-        n, model = self._n, self._mechanism
-        assert model is not None
-        assert self._declared is not None
+        model, knob = held_one.model, held_one.declared.knob
         p, R, twist = tip.p, tip.R, tip.twist
         axis = model.rotation[:, 2]
-        handle, turn = _handle(model, held[0])
-        moves = ca.DM(axis)
-        if model.angular:
-            moves = ca.cross(ca.DM(axis), handle - ca.DM(model.origin)) + model.lead * ca.DM(axis)
-        turns = ca.DM(axis) if model.angular else ca.DM.zeros(3)
+        handle, turn = held_one.at(held[0], model.grip)
+        moves, turns = held_one.ways(handle)
         self._moves = ca.vertcat(moves, turns)
         ways = np.eye(6)
-        if self._declared.knob == "free":
+        if knob == "free":
             across = np.linalg.svd(axis[None, :])[2][1:]
             ways = np.vstack([ways[:3], np.hstack([np.zeros((2, 3)), across])])
             self._moves = ca.vertcat(moves, ca.DM.zeros(3))
         self._ways = ca.DM(ways)
         G = ca.SX(tip.J)
-        G[:, n] = -ca.vertcat(moves, turns)
+        G[:, held_one.row] = -ca.vertcat(moves, turns)
         G = self._ways @ G
-        if self._declared.knob == "free":
+        if knob == "free":
             # Only how the axis leans counts.
             askew = ca.cross(ca.DM(axis), R @ ca.DM(self._start.R.T @ axis))
         else:
@@ -406,40 +407,6 @@ class _Step:
         K = ca.DM([GRIP.stiffness] * 3 + [GRIP.angular_stiffness] * 3)
         B = ca.DM([GRIP.damping] * 3 + [GRIP.angular_damping] * 3)
         return Resistance(G, K * e + B * rate, ca.SX(ca.diag(B * self.period)))
-
-    def _detent(self, place: ca.SX) -> ca.SX:
-        detent = None if self._declared is None else self._declared.detent
-        if detent is None:
-            return ca.SX(0)
-        away = (place - detent.at) / detent.width
-        return ca.if_else(ca.fabs(away) < 1, detent.force * ca.sin(np.pi * away), 0)
-
-    def _rubs(self, held: ca.SX, a: ca.SX, mobility: ca.SX) -> ca.SX:
-        """Dry friction of the mechanism [N m, N]."""
-        assert self._declared is not None
-        c = self._declared.friction
-        if c == 0:
-            return ca.SX(0)
-        wanted = (-_SETTLING / self.period * held[1] - a) / mobility
-        return ca.fmin(ca.fmax(wanted, -c), c)
-
-    def _stops(self, held: ca.SX, a: ca.SX, mobility: ca.SX) -> ca.SX:
-        """What its stops exert [N m, N]."""
-        assert self._declared is not None
-        if self._declared.stop is None:
-            return ca.SX(0)
-        low, high = self._declared.stop
-        time, d = _STOP_STEPS * self.period, _IMPEDANCE
-        b, k = 2 / (d * time), 1 / (d * time * _STOP_DAMPING) ** 2
-        total = ca.SX(0)
-        for sign, end in ((1.0, low), (-1.0, high)):
-            if not np.isfinite(end):
-                continue
-            room = sign * (held[0] - end)
-            wanted = -b * sign * held[1] - k * room
-            push = ca.fmax(d * (wanted - sign * a) / mobility, 0)
-            total += ca.if_else(room < 0, sign * push, 0)
-        return total
 
     def at_wrist(self) -> ca.SX:
         """(6,) what a sensor between flange and tool feels, about the tip, world axes."""
@@ -487,18 +454,3 @@ def _askew(apart: ca.SX) -> ca.SX:
     return 0.5 * ca.vertcat(
         apart[2, 1] - apart[1, 2], apart[0, 2] - apart[2, 0], apart[1, 0] - apart[0, 1]
     )
-
-
-def _handle(model: MechanismModel, s: ca.SX) -> tuple[ca.SX, ca.SX]:
-    """(3,) where the handle is at a coordinate, and (3, 3) how far it has turned, world axes."""
-    axis = model.rotation[:, 2]
-    if not model.angular:
-        return ca.DM(model.grip) + s * ca.DM(axis), ca.SX.eye(3)
-    cosine, sine = ca.cos(s), ca.sin(s)
-    turn = ca.vertcat(
-        ca.horzcat(cosine, -sine, 0), ca.horzcat(sine, cosine, 0), ca.horzcat(0, 0, 1)
-    )
-    A = ca.DM(model.rotation)
-    turned = A @ turn @ A.T
-    lever = ca.DM(model.grip - model.origin)
-    return ca.DM(model.origin) + turned @ lever + model.lead * s * ca.DM(axis), turned

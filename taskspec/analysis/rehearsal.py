@@ -25,6 +25,7 @@ from taskspec.program.ports import fields, slices
 from taskspec.program.program import Program, compiled
 from taskspec.program.signals import UnknownSignalError
 from taskspec.program.stages.stage import CompiledStage
+from taskspec.program.world.frames import surface
 from taskspec.robot import RobotError
 from taskspec.text.diagnostic import SpecError
 
@@ -55,7 +56,8 @@ class Rehearsal:
         v: (k, n) rates of the joints as the tick began.
         torque: (k, n) that was commanded [N m].
         wrench: (k, 6) by the environment on the tip at the tick's end, world axes [N, N m].
-        held: (k, 2) coordinate of the held mechanism, and its rate.
+        mechanisms: (k, 2 mechanisms) of each its coordinate and its rate, in the order of
+            `coordinates`.
         bodies: (k, 7 bodies) of each loose body position [m] and quaternion (w x y z), world.
         effort: (k,) what the robot applies to that [N m, N].
         reactions: (k, equations) what it applies along each equation [N, N m].
@@ -74,7 +76,7 @@ class Rehearsal:
     v: Vector
     torque: Vector
     wrench: Vector
-    held: Vector
+    mechanisms: Vector
     bodies: Vector
     effort: Vector
     reactions: Vector
@@ -90,10 +92,13 @@ class Rehearsal:
 
 
 def fits(task: TaskPlan) -> bool:
-    """Whether the plain plant has all that the world of a task has."""
-    true = task.context.loaded.true_task
-    # What rides on a mechanism is pushed without a grip.
-    return not any(shape.carrier is not None for shape in true.shapes.values())
+    """Whether the plain plant has all that the world of a task has.
+
+    A ball may touch both walls of a cut at once, where the plain plant has one point of it.
+    """
+    shapes = task.context.loaded.true_task.shapes.values()
+    cut = any(surface(shape).cut() is not None for shape in shapes)
+    return task.context.robot.tool.flat or not cut
 
 
 def rehearsal_of(task: TaskPlan, last: str) -> Rehearsal | None:
@@ -199,12 +204,12 @@ class _Kept:
         strays = any(not each.good for each in machine.transitions)
         numbers, plant = (rows[:n] for rows in self._rows)
         outputs, v, torque = _split(numbers, (machine.outputs, machine.v, machine.torque))
-        wrench, held, effort, reactions, bodies = _split(plant, self._plant.parts)
+        wrench, mechanisms, effort, reactions, bodies = _split(plant, self._plant.parts)
         names = tuple(each.name for each in stages)
         resolutions = tuple(each.resolution for each in stages)
         return Rehearsal(
             status, reason, text, stage, names, resolutions, self._index[:n], self._times[:n],
-            outputs, v, torque, wrench, held, poses(bodies), effort[:, 0], reactions, strays,
+            outputs, v, torque, wrench, mechanisms, poses(bodies), effort[:, 0], reactions, strays,
         )  # fmt: skip
 
 

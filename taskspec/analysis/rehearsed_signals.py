@@ -6,6 +6,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from taskspec.analysis.coordinates import coordinates
 from taskspec.analysis.loose_bodies import loose_bodies
 from taskspec.analysis.point_contacts import Ground
 from taskspec.analysis.rehearsal import Rehearsal
@@ -35,6 +36,7 @@ class RehearsedSignals:
     def __init__(self, context: Context, rehearsal: Rehearsal, share: float = 0.0) -> None:
         self._context, self._run, self._share = context, rehearsal, share
         self._every = np.ones(len(rehearsal.times), dtype=bool)
+        self._coordinates = coordinates(context.loaded.true_task, context.held, 0)
 
     def find(self, name: Name) -> Series:
         """The values of a name; one that is not known has none."""
@@ -71,8 +73,8 @@ class RehearsedSignals:
                 return run.torque[:, int(number) - 1]
             case ("joint", number, "velocity"):
                 return run.v[:, int(number) - 1]
-            case (owner, what) if owner == context.held:
-                return self._of_mechanism(what)
+            case (owner, what) if owner in self._coordinates:
+                return self._of_mechanism(owner, what)
             case (owner, what) | (owner, what, "ref") if owner in context.equations:
                 return self._of_equation(owner, what, ref=path[-1] == _REF)
             case (owner, "gap") if owner in context.surfaces:
@@ -102,12 +104,14 @@ class RehearsedSignals:
         parts = [np.einsum("kji,kj->ki", R, each) for each in (force, moment)]
         return np.asarray(np.hstack(parts), dtype=np.float64)
 
-    def _of_mechanism(self, what: str) -> Vector | None:
-        run, model = self._run, self._context.mechanisms[self._context.held]
+    def _of_mechanism(self, name: str, what: str) -> Vector | None:
+        run, coordinate = self._run, self._coordinates[name]
         if what in _EFFORTS:
-            return run.effort
+            return run.effort if name == self._context.held else None
+        model = coordinate.model
         lead = model.lead if model.angular and what == "travel" else 1.0
-        return lead * run.held[:, 0] if what in ("angle", "travel") else None
+        places = run.mechanisms[:, 2 * coordinate.row]
+        return lead * places if what in ("angle", "travel") else None
 
     def _of_equation(self, name: str, what: str, *, ref: bool) -> Vector | None:
         i = list(self._context.equations).index(name)
@@ -121,11 +125,15 @@ class RehearsedSignals:
         run, task = self._run, context.loaded.true_task
         shape, bodies = task.shapes[name], loose_bodies(task)
         clock, where = ca.SX.sym("clock"), ca.SX.sym("where", run.bodies.shape[1])
+        turned = ca.SX.sym("turned", run.mechanisms.shape[1])
         ground = Ground(frames.surface(shape))
         if shape.motion is not None:
             ground = Ground(ground.surface, base=moving_bases(task)[name].at(clock))
         elif name in bodies:
             ground = bodies[name].ground(where[bodies[name].pose])
+        elif shape.on is not None:
+            row = 2 * self._coordinates[shape.on].row
+            ground = self._coordinates[shape.on].ground(turned[row : row + 2], shape)
         p, R = ca.SX.sym("p", 3), ca.SX.sym("R", 9)
         axes = ca.reshape(R, 3, 3)
         gaps = [
@@ -133,7 +141,7 @@ class RehearsedSignals:
             for center, radius in zip(tool.centers, tool.radii, strict=True)
         ]
         least = ca.densify(ca.mmin(ca.vertcat(*gaps)))
-        function = ca.Function("gap", [p, R, clock, where], [least])
+        function = ca.Function("gap", [p, R, clock, where, turned], [least])
         clocks: Vector = context.period * np.arange(len(run.times), dtype=np.float64)[:, None]
         tip = run.field("tip"), run.field("tip_rotation")
-        return RowFunction(function)(*tip, clocks, run.bodies)[0][:, 0]
+        return RowFunction(function)(*tip, clocks, run.bodies, run.mechanisms)[0][:, 0]

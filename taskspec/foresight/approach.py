@@ -13,6 +13,7 @@ from taskspec.foresight.nominal import AT_SURFACE
 from taskspec.foresight.ranges import Ranges
 from taskspec.geometry.axis import TRANSLATIONS, Axis
 from taskspec.laws.gains import on_axis
+from taskspec.motion.blend import BLEND_TIME, from_rest, ramp_shape
 from taskspec.program.axes import MOSTLY
 from taskspec.program.interval import Interval, IntervalAlgebra, point
 from taskspec.program.plan import StagePlan
@@ -74,6 +75,29 @@ def approach(stage: StagePlan, gap: float | None) -> Approach | None:
     if fits[axis] < MOSTLY or not waits_for_contact(stage):
         return None
     return Approach(contact, axis, rates, closing, gap)
+
+
+def meeting(stage: StagePlan, way: Approach) -> float:
+    """How fast the tool is at its surface [m/s]: near the start it has not risen to its rate.
+
+    The reference goes on to rise until the blow is at its peak, a quarter of its period later.
+    """
+    contact, gap = way.contact, way.gap
+    if gap is None and stage.name == next(iter(stage.context.loaded.task.stages)):
+        gap = stage.context.start_gaps.get(contact)
+    timed = any(e.uses("t") for e, _ in stage.spec.axes[way.axis].mode.expressions())
+    if gap is None or timed or any(stage.nominal.carried.values()):
+        return way.closing
+    time = max(gap, 0.0) / way.closing
+    if time >= BLEND_TIME / 2:
+        return way.closing
+    low, high = 0.0, BLEND_TIME
+    for _ in range(_NARROWINGS):
+        t = (low + high) / 2
+        low, high = (t, high) if from_rest(t) < time else (low, t)
+    h, k = striking_mass(stage, way.axis), stage.context.compliances[contact].stiffness
+    peak = high + math.pi / 2 * math.sqrt(h / k)
+    return way.closing * float(ramp_shape(peak / BLEND_TIME))
 
 
 def rates_of(stage: StagePlan) -> Vector:

@@ -76,6 +76,17 @@ def _protected(task: TaskPlan, stage: StagePlan) -> bool:  # noqa: ARG001
     return task.context.loaded.task.robot.protection is not None
 
 
+def _tracks(task: TaskPlan, stage: StagePlan) -> bool:  # noqa: ARG001
+    """What turns its frame is not known before, nor how fast the joints have to follow that."""
+    return stage.frame.tracking is not None
+
+
+def _pushes(task: TaskPlan, stage: StagePlan) -> bool:
+    """What it touches goes away on a mechanism, and resists as that does."""
+    shapes = task.context.loaded.task.shapes
+    return any(shapes[name].on is not None for name in stage.met if name in shapes)
+
+
 def _holds(task: TaskPlan, stage: StagePlan) -> bool:
     """A mechanism turns under the arm, and presses where its way is not the reference's.
 
@@ -463,6 +474,8 @@ def _presses_or_stays(stage: StagePlan) -> bool:
 
 _DOUBTS: tuple[Callable[[TaskPlan, StagePlan], bool], ...] = (
     _protected,
+    _tracks,
+    _pushes,
     _holds,
     _guard,
     _bounces,

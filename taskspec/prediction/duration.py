@@ -61,9 +61,11 @@ def planned(here: StageAtStart) -> Duration | None:
     expected = max([*lasts, along])
     path = here.stage.plan.path
     if path is not None and path.slowed is not None:
-        share = 100 * here.stage.plan.path_share
+        share, least = 100 * here.stage.plan.path_share, here.stage.plan.least_share
         why = f"its path at nominal signals, which let it go at {share:.0f} % of its greatest speed"
-        most = here.stage.plan.longest
+        # From the greatest speed, with which it begins, to the least one.
+        slowest = max([*lasts, along * here.stage.plan.path_share / least]) if least else math.inf
+        most = min(here.stage.plan.longest, slowest)
         return Duration(expected if expected <= most else None, most, why)
     return Duration(expected, expected, "its moves, path and time")
 

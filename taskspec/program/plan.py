@@ -30,7 +30,7 @@ from taskspec.program.reference import orientation
 from taskspec.program.reference.axis_plan import AxisPlan, plan_axes, uncontrolled
 from taskspec.program.reference.constraints import active_equations, equation_gains
 from taskspec.program.reference.paths import joint_path, path_shape
-from taskspec.program.reference.slowed_path import nominal_share
+from taskspec.program.reference.slowed_path import least_share, nominal_share
 from taskspec.program.trajectory import Nominal
 from taskspec.program.world.frames import FrameModel
 from taskspec.program.world.moving_base import MovingBase
@@ -198,6 +198,11 @@ class StagePlan:
     def path_share(self) -> float:
         """How fast its path's time goes at nominal signals: 1, but where signals slow it."""
         return nominal_share(self)
+
+    @cached_property
+    def least_share(self) -> float:
+        """What `path_share` never falls below, whatever the signals are."""
+        return least_share(self)
 
     @cached_property
     def surface(self) -> str | None:

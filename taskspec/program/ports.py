@@ -85,7 +85,7 @@ PROBE: Fields = (
 #: they were measured; the wrench that the robot applied on axes with a force set point (held), and
 #: what it was to apply there (asked); all in world axes. Last the angle of a mechanism that the
 #: stage kept track of, and whether the next one keeps track of the same; what a frame that tracks
-#: the force has in its memory (track), and whether the stage had one (tracks).
+#: the force or the motion has in its memory (track), and which of these (tracks, 0 for none).
 HANDED: Fields = (
     *(("p", 3), ("R", 9), ("twist", 6), ("held", 6), ("asked", 6)),
     *(("angle", 1), ("same", 1), ("track", 9), ("tracks", 1)),

@@ -165,7 +165,7 @@ class SignalsElsewhere:
         surface = frame.surface
         if frame.tracking is not None:
             raise UnknownSignalError(
-                f"{signal} in {frame_name}: a frame tracks the force only in its own stages"
+                f"{signal} in {frame_name}: a frame that tracks is nowhere but in its own stages"
             )
         if surface is not None and surface.parts:
             raise UnknownSignalError(

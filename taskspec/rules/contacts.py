@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+import casadi as ca
+
 from taskspec.program.known_value import known_value
 from taskspec.program.plan import StagePlan
 from taskspec.rules import Finding, rule, warning
+from taskspec.shapes.plate import CutPlate
 from taskspec.spec import FILE
 from taskspec.text.units import show
 
@@ -20,7 +23,7 @@ def nothing_ahead(stage: StagePlan) -> Iterator[Finding]:
     for axis in stage.forces:
         expression = stage.spec.axes[axis].force
         wanted = None if expression is None else known_value(context, expression)
-        if stage.contacts[axis] is not None or not wanted:
+        if stage.contacts[axis] is not None or not wanted or _over_a_cut(stage):
             continue
         yield warning(
             "TS327",
@@ -30,3 +33,10 @@ def nothing_ahead(stage: StagePlan) -> Iterator[Finding]:
             "start where one is ahead, or name it by 'contact'",
             unless=("TS303", "TS320", "TS420"),
         )
+
+
+def _over_a_cut(stage: StagePlan) -> bool:
+    """Whether a stage starts over a cut, whose walls return forces that nothing else does."""
+    p, _ = stage.tool
+    cuts = [s for s in stage.context.surfaces.values() if isinstance(s, CutPlate)]
+    return any(float(ca.evalf(each.beside(each.local(ca.SX(p))))) < 0 for each in cuts)

@@ -7,20 +7,29 @@ from collections.abc import Iterator
 import casadi as ca
 import numpy as np
 
-from taskspec.geometry.axis import Axis
+from taskspec.geometry.axis import AXES, Axis
 from taskspec.program.axes import MOSTLY, SkewedAxisError
 from taskspec.program.flow import followers, reached
 from taskspec.program.plan import StagePlan, TaskPlan
 from taskspec.program.prepare import chart_at, pose_of_base, tool_center
 from taskspec.program.world.estimated_frames import LEAST_SINE
-from taskspec.program.world.frames import ForceTracking, FrameModel, normal_at
+from taskspec.program.world.frames import DirectionTracking, FrameModel, normal_at
 from taskspec.program.world.tracked_frames import fastest_turn
 from taskspec.rules import Finding, Phase, Place, error, rule, warning
 from taskspec.shapes import SHAPES
 from taskspec.spec import FILE, KeyPath, Stage
+from taskspec.spec.frame import TRACKED
 from taskspec.text.expression import Expression
 from taskspec.text.expression.tree import Name, walk
-from taskspec.text.units import ANGULAR_VELOCITY, FORCE, FREQUENCY, show
+from taskspec.text.units import (
+    ANGULAR_VELOCITY,
+    FORCE,
+    FREQUENCY,
+    VELOCITY,
+    describe,
+    noun,
+    show,
+)
 
 #: A heading is in a surface if it has no greater share of the normal than this leaves.
 _IN_SURFACE = 1 - 1e-3
@@ -211,7 +220,17 @@ def estimated_headings(task: TaskPlan) -> Iterator[Finding]:
     nearest = min(context.start_gaps, key=lambda o: context.start_gaps[o])
     normal = context.start_normals[nearest]
     for name, frame in context.frames.items():
-        if not frame.estimate and frame.tracking is None:
+        tracking = frame.tracking
+        if tracking is not None and tracking.of == "velocity":
+            if np.linalg.norm(np.cross(tracking.begun, tracking.across)) < LEAST_SINE:
+                yield error(
+                    "TS225",
+                    f"frame {name!r} has no z axis: its normal is along its heading",
+                    FILE.frames[name],
+                    "give a heading along which the tool sets out, or a normal across it",
+                )
+            continue
+        if not frame.estimate and tracking is None:
             continue
         heading = np.array([1.0, 0.0, 0.0]) if frame.heading is None else frame.heading
         if np.linalg.norm(np.cross(normal, heading)) < LEAST_SINE * np.linalg.norm(heading):
@@ -223,17 +242,35 @@ def estimated_headings(task: TaskPlan) -> Iterator[Finding]:
             )
 
 
+@rule({}, also=("TS112",), phase=Phase.TASK)
+def tracked_floors(task: TaskPlan) -> Iterator[Finding]:
+    """Frames that track one thing down to a floor of the other."""
+    for name, frame in task.context.loaded.task.frames.items():
+        measures = frame.floor.dimension if frame.floor is not None else None
+        needed = TRACKED.get(frame.track or "", measures)
+        if measures is not None and needed is not None and measures != needed:
+            yield error(
+                "TS112",
+                f"{noun(needed)} is needed here, this is {describe(measures)}",
+                FILE.frames[name].floor,
+                f"the frame tracks a {frame.track}",
+            )
+
+
 @rule(
     {
-        "TS249": "a frame that tracks a force which its stage does not press with",
+        "TS249": "a frame that tracks what its stage does not do",
         "TS250": "a frame that turns too slowly for the surface that it tracks",
     },
     phase=Phase.MOTION,
 )
 def tracking_frames(stage: StagePlan) -> Iterator[Finding]:
-    """Stages that press so that the frame which tracks the force goes astray."""
+    """Stages that press or move so that the frame which tracks that goes astray."""
     tracking, frame = stage.frame.tracking, stage.frame
     if tracking is None:
+        return
+    if tracking.of == "velocity":
+        yield from _tracked_motion(stage, tracking)
         return
     pressed = {a: stage.set_point_of(a) for a in stage.forces}
     astray = [a for a in pressed if a is not Axis.Z and pressed[a]]
@@ -255,12 +292,46 @@ def tracking_frames(stage: StagePlan) -> Iterator[Finding]:
             f"press harder, or lower the floor of {frame.name!r}",
         )
     if depth:
-        yield from _left_behind(stage, tracking)
+        yield from _left_behind(stage, tracking, Axis.Z)
 
 
-def _left_behind(stage: StagePlan, tracking: ForceTracking) -> Iterator[Finding]:
+def _tracked_motion(stage: StagePlan, tracking: DirectionTracking) -> Iterator[Finding]:
+    """Stages that move so that the frame which tracks the motion goes astray."""
+    frame, axes = stage.frame, stage.spec.axes
+    moving = [a for a in AXES[:3] if a in axes and axes[a].mode.moves]
+    rate = axes[Axis.X].mode.settled_rate(stage.known) if Axis.X in moving else None
+    if moving and Axis.X not in moving:
+        yield warning(
+            "TS249",
+            f"frame {frame.name!r} tracks the motion, and stage {stage.name!r} moves along "
+            f"{moving[0]} alone: x turns to where {moving[0]} was, and on and on",
+            FILE.stages[stage.name].axes[moving[0]],
+            "move along x",
+        )
+    elif rate is not None and rate < 0:
+        yield warning(
+            "TS249",
+            f"stage {stage.name!r} moves against x, and frame {frame.name!r} turns x along the "
+            "motion: the tool goes to and fro",
+            FILE.stages[stage.name].axes[Axis.X],
+            f"move along x, and give {frame.name!r} the heading in which that leads",
+        )
+    elif rate is not None and 0 < rate <= tracking.floor:
+        yield warning(
+            "TS249",
+            f"stage {stage.name!r} moves at {show(rate, VELOCITY)}, and frame {frame.name!r} "
+            f"keeps its direction up to {show(tracking.floor, VELOCITY)}",
+            FILE.stages[stage.name].axes[Axis.X],
+            f"go faster, or lower the floor of {frame.name!r}",
+        )
+    for axis in stage.forces:
+        if axis in stage.contacts and rate:
+            yield from _left_behind(stage, tracking, axis)
+
+
+def _left_behind(stage: StagePlan, tracking: DirectionTracking, pressed: Axis) -> Iterator[Finding]:
     """Whether the surface that the file declares turns faster than the frame can."""
-    name, context = stage.contacts.get(Axis.Z), stage.context
+    name, context = stage.contacts.get(pressed), stage.context
     shape = context.loaded.task.shapes.get(name or "")
     if shape is None or shape.motion is not None:
         return
@@ -288,7 +359,8 @@ def _left_behind(stage: StagePlan, tracking: ForceTracking) -> Iterator[Finding]
             f"go slower, or raise 'turn' of {frame!r}",
         )
         return
-    friction = shape.friction if turning @ way > 0 else 0.0
+    tilts = tracking.of == "force" and turning @ way > 0
+    friction = shape.friction if tilts else 0.0
     most = fastest_turn(tracking.filter, friction)
     if rate >= most:
         yield warning(

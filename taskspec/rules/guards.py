@@ -113,6 +113,7 @@ def _impossible(
     effect = "so the stage can only fail" if key == "until" else "so it does nothing"
     # A file that says where to go on after a failure may still come to a good end.
     refused = key == "until" and stage.spec.on_fail in (None, "fail")
+    refused = refused and not _on_a_knob_that_turns(stage, culprit or inner)
     return Finding(
         "TS611",
         f"{key!r} of stage {stage.name!r} can never hold{reason}, {effect}",
@@ -120,6 +121,16 @@ def _impossible(
         "change the number that it compares with, or the bound that it never gets to",
         severity=Severity.ERROR if refused else Severity.WARNING,
     )
+
+
+def _on_a_knob_that_turns(stage: StagePlan, guard: Node) -> bool:
+    """Whether a guard waits for how far a mechanism goes on whose knob the hand may turn.
+
+    How a turn of the hand is shared between knob and mechanism, what each resists with decides.
+    """
+    mechanisms = stage.context.loaded.task.mechanisms
+    held = {name.path[0] for name in names(guard)} & mechanisms.keys()
+    return any(mechanisms[name].knob == "free" for name in held)
 
 
 def _never(node: Node, algebra: IntervalAlgebra, ranges: Ranges) -> bool:

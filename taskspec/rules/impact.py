@@ -16,6 +16,7 @@ from taskspec.foresight.approach import (
     dragged,
     dwell,
     force_at_end,
+    meeting,
     moved,
     rates_of,
     striking_mass,
@@ -67,7 +68,7 @@ def hard_impacts(stage: StagePlan) -> Iterator[Finding]:
     limits = [stage.limits.force]
     if after is not None:
         limits.append(StagePlan(context, after).limits.force)
-    contact, closing = way.contact, way.closing
+    contact, closing = way.contact, meeting(stage, way)
     h = striking_mass(stage, way.axis)
     k, b = context.compliances[contact].stiffness, context.compliances[contact].damping
     peak = closing * max(math.sqrt(h * k), b)
@@ -117,7 +118,7 @@ def _goes_on(stage: StagePlan, way: Approach) -> Iterator[Finding]:
 def _meets(stage: StagePlan, way: Approach, h: float) -> str:
     k = stage.context.compliances[way.contact].stiffness
     return (
-        f"stage {stage.name!r} meets {way.contact!r} with {show(way.closing, 'mm/s', 3)}: "
+        f"stage {stage.name!r} meets {way.contact!r} with {show(meeting(stage, way), 'mm/s', 3)}: "
         f"{show(h, 'kg', 2)} on {show(k, 'kN/m', 3)}"
     )
 

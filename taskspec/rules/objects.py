@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from taskspec.program.axes import MOSTLY
 from taskspec.program.plan import StagePlan, TaskPlan
 from taskspec.program.world.stiffness import RESOLVED_PHASE
-from taskspec.rules import Finding, Phase, rule, warning
+from taskspec.rules import Finding, Phase, error, rule, warning
 from taskspec.spec import FILE
 from taskspec.text.units import show
 
@@ -53,6 +53,28 @@ def implausible_depth(stage: StagePlan) -> Iterator[Finding]:
             "steel on a table is some 100 kN/m, rubber 10 kN/m, foam 1 kN/m; mind the k of kN/m",
             unless=("TS129",),
         )
+
+
+@rule("TS330", "a bore that its block has no room for", phase=Phase.TASK)
+def bore_in_block(task: TaskPlan) -> Iterator[Finding]:
+    """Holes that reach the sides or the bottom of their block."""
+    for name, shape in task.context.loaded.task.shapes.items():
+        sizes = shape.sizes
+        if shape.shape != "hole" or "size" not in sizes:
+            continue
+        wide = 2 * (sizes["radius"] + sizes.get("chamfer", 0.0))
+        needed = (("wide", wide), ("long", wide), ("high", sizes["depth"]))
+        for (what, least), given in zip(needed, sizes["size"], strict=True):
+            if given <= least:
+                of = "bore with its chamfer" if what != "high" and "chamfer" in sizes else "bore"
+                yield error(
+                    "TS330",
+                    f"the {of} of {name!r} takes {show(least, 'mm')} of a block that is "
+                    f"{show(given, 'mm')} {what}",
+                    FILE.world[name].size,
+                    "take a larger block, or leave 'size' out for an endless plate",
+                )
+                break
 
 
 @rule("TS307", "a contact stiffer than the plant's steps resolve", phase=Phase.TASK)

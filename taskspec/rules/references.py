@@ -132,13 +132,13 @@ def unbounded_paths(stage: StagePlan) -> Iterator[Finding]:
     """Paths that may stand still, in stages that nothing else ends."""
     within = stage.spec.within
     bounded = within is not None and within.time is not None
-    if stage.path is None or stage.path.slowed is None or bounded:
+    if stage.path is None or stage.path.slowed is None or bounded or stage.least_share > 0:
         return
     yield error(
         "TS609",
         "signals slow this path, and nothing ends the stage if it stands still",
         FILE.stages[stage.name].path.speed,
-        "add a bound, such as within: {time: 20 s}",
+        "add a bound, such as within: {time: 20 s}, or a least speed: clamp(.., 0.1, 1)",
     )
 
 

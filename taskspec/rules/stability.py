@@ -99,6 +99,10 @@ class Shared:
     reported: set[tuple[str, KeyPath]] = field(default_factory=set)
 
 
+#: What leaves its place has hardly an imaginary part, and is an error from so many doublings on.
+_STEADY, _DOUBLINGS = 1e-3, 5.0
+
+
 @rule(
     {
         "TS501": "a stage that is predicted to be unstable",
@@ -119,6 +123,8 @@ def unstable_stages(task: TaskPlan) -> Iterator[Finding]:
         control = control_of(stage)
         if control in controls or stage.joint_path is not None:
             continue  # Of a path of joints it is that of its law, whatever is near.
+        if stage.frame.tracking is not None:
+            continue  # Its axes turn with what it feels: it is run ahead.
         controls.add(control)
         try:
             yield from _of_stage(task, stage, shared)
@@ -199,7 +205,7 @@ def _in_the_world_of_the_file(
             text = f"stage {name!r} would be unstable if the tool slid; friction holds it"
             return _findings(analysed, sliding, worst, shared, "TS507", Severity.WARNING, text)
         text = f"stage {name!r} is unstable"
-        slow = math.log(2) > lasts * worst.s.real
+        slow = math.log(2) > lasts * worst.s.real or _creeps_away(worst, analysed)
         severity = Severity.WARNING if slow else Severity.ERROR
         return _findings(analysed, sliding, worst, shared, "TS501", severity, text)
     close = _on_the_boundary(analysed, sliding)
@@ -218,6 +224,15 @@ def _in_the_world_of_the_file(
         text = f"stage {name!r} rings while friction holds the tool"
         return _findings(stuck, sticking, ringing, shared, "TS502", Severity.WARNING, text)
     return None
+
+
+def _creeps_away(mode: Mode, analysed: SampledStage) -> bool:
+    """Whether a mode leaves its place without ringing, and hardly so while its stage lasts.
+
+    So does a tool that is pushed along a hill: it is its way, and no loop is at fault.
+    """
+    steady = abs(mode.s.imag) < _STEADY * mode.s.real
+    return steady and mode.s.real * analysed.stage.plan.longest < _DOUBLINGS * math.log(2)
 
 
 def _flips(mode: Mode, analysed: SampledStage) -> bool:

@@ -10,8 +10,8 @@ from taskspec.deferred import ca, np
 from taskspec.deferred_methods import dataclass
 from taskspec.shapes.surface import (
     POINT_RADIUS,
+    SIZE,
     Geom,
-    SizeKey,
     SurfaceChart,
     ToolEnd,
     ToolSurface,
@@ -33,16 +33,7 @@ class Box(ToolSurface):
     size: Sequence[float]
 
     name = "box"
-    keys = (
-        SizeKey(
-            "size",
-            "Full edges of a box",
-            entries=3,
-            description="Full edges along x, y and z",
-            example="[100 mm, 100 mm, 50 mm]",
-            shown=(["200 mm", "100 mm", "50 mm"],),
-        ),
-    )
+    keys = (SIZE,)
     flat = True
     start_over = "over the face of a box"
     parts = "faces"

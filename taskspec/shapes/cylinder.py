@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 from taskspec.deferred import ca, np
 from taskspec.deferred_methods import dataclass
 from taskspec.shapes.surface import (
+    LENGTH_OF,
     POINT_RADIUS,
     RADIUS,
     RIM_POINTS,
     Geom,
-    SizeKey,
     SurfaceChart,
     ToolEnd,
     ToolSurface,
@@ -38,10 +38,7 @@ class Cylinder(ToolSurface):
     length: float
 
     name = "cylinder"
-    keys = (
-        RADIUS,
-        SizeKey("length", "Length of a cylinder", extent=", along its z", shown=("200 mm",)),
-    )
+    keys = (RADIUS, LENGTH_OF)
     start_over = "the side of a cylinder"
     resting_points = RIM_POINTS
     tool_keys = {"radius": True, "thickness": False}  # noqa: RUF012

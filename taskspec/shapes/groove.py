@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 from taskspec.deferred import ca, np
 from taskspec.deferred_methods import dataclass
-from taskspec.shapes.plate import CutPlate
-from taskspec.shapes.slot import profile
-from taskspec.shapes.surface import DEPTH, PlateCut, SizeKey
+from taskspec.shapes.plate import CutPlate, bank
+from taskspec.shapes.slot import pocket, profile
+from taskspec.shapes.surface import DEPTH, LENGTH_OF, PlateCut, SizeKey
 from taskspec.text.units import ANGLE
 
 if TYPE_CHECKING:
@@ -23,15 +23,17 @@ _MOST = 170 * math.pi / 180
 
 @dataclass(frozen=True, eq=False)
 class Groove(CutPlate):
-    """A plate below z = 0 with a groove along its x, endless along it.
+    """A plate below z = 0 with a groove along its x.
 
     Attributes:
         angle: between its flanks [rad].
         depth: [m].
+        length: between the upright walls at its ends, along x [m]; None for an endless one.
     """
 
     angle: float
     depth: float
+    length: float | None = None
 
     name = "groove"
     keys = (
@@ -45,7 +47,9 @@ class Groove(CutPlate):
             most=_MOST,
         ),
         DEPTH,
+        LENGTH_OF,
     )
+    optional = ("length",)
     remark = "a groove is a plane with a cut of two flanks along its x"
     start_over = "beside a groove"
 
@@ -63,17 +67,25 @@ class Groove(CutPlate):
         line = ca.sqrt(flank**2 + ca.fmax(0, -down) ** 2 + 1e-30)
         top = ca.sqrt(x[2] ** 2 + ca.fmax(0, -beyond) ** 2 + 1e-30)
         inside = ca.fmax(flank, x[2])
-        return ca.if_else(inside > 0, ca.fmin(line, top), inside)
+        found = ca.if_else(inside > 0, ca.fmin(line, top), inside)
+        if self.length is None:
+            return found
+        return ca.fmin(found, bank(ca.fabs(x[0]) - self.length / 2, x[2], 0.0))
 
     def cut(self) -> PlateCut:
         """The groove."""
-        return PlateCut("groove", (self.angle, self.depth))
+        return PlateCut("groove", (self.angle, self.depth, self.length or 0.0))
 
     def beside(self, x: ca.SX) -> ca.SX:
         """How far beyond its edge."""
-        return ca.fabs(x[1]) - self.edge
+        beyond = ca.fabs(x[1]) - self.edge
+        return beyond if self.length is None else ca.fmax(beyond, ca.fabs(x[0]) - self.length / 2)
 
     def seen(self, reach: float, thickness: float) -> Sequence[Vector]:
-        """The profile, drawn along x."""
+        """The profile, drawn along x; or rings from the plate's edge down to the bottom."""
+        if self.length is not None:
+            end = self.length / 2
+            inner = [(end, self.edge, 0.0), (end, 0.0, -self.depth)]
+            return pocket(inner, max(thickness, self.depth + 0.005), reach)
         right = [(self.edge + reach, 0.0), (self.edge, 0.0), (0.0, -self.depth)]
         return profile(right, max(thickness, self.depth + 0.005), self.edge + reach)

@@ -1,4 +1,4 @@
-"""The hole: a plate with a round bore."""
+"""The hole: a plate, or a block, with a round bore."""
 
 from __future__ import annotations
 
@@ -7,8 +7,18 @@ from typing import TYPE_CHECKING
 
 from taskspec.deferred import ca, np
 from taskspec.deferred_methods import dataclass
+from taskspec.shapes.box import Box
 from taskspec.shapes.plate import CutPlate, bank
-from taskspec.shapes.surface import CHAMFER, DEPTH, RADIUS, PlateCut, radius_about_z
+from taskspec.shapes.surface import (
+    CHAMFER,
+    DEPTH,
+    RADIUS,
+    SIZE,
+    PlateCut,
+    Surface,
+    outside,
+    radius_about_z,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -27,38 +37,62 @@ class Hole(CutPlate):
         radius: of the bore [m].
         depth: of the bore [m].
         chamfer: how far its edge is cut, at 45 degrees [m].
+        size: (3,) full edges of the block that is all of the plate there is [m]; None for an
+            endless plate.
     """
 
     radius: float
     depth: float
     chamfer: float = 0.0
+    size: Sequence[float] | None = None
 
     name = "hole"
-    keys = (RADIUS, DEPTH, CHAMFER)
-    optional = ("chamfer",)
+    keys = (RADIUS, DEPTH, CHAMFER, SIZE)
+    optional = ("chamfer", "size")
     remark = "a hole is a plane with a bore along its z"
     start_over = "beside the bore of a hole"
 
     def height(self, x: ca.SX) -> ca.SX:
         """Distance [m] from plate, chamfer, wall or bottom."""
         wall = bank(radius_about_z(x) - self.radius, x[2], self.chamfer)
-        return ca.fmin(wall, x[2] + self.depth)
+        bore = ca.fmin(wall, x[2] + self.depth)
+        if self.size is None:
+            return bore
+        a, b, c = self.size
+        beyond = ca.vertcat(
+            ca.fabs(x[0]) - a / 2, ca.fabs(x[1]) - b / 2, ca.fabs(x[2] + c / 2) - c / 2
+        )
+        return ca.fmax(bore, outside(beyond))
 
     def cut(self) -> PlateCut:
-        """The bore."""
-        return PlateCut("hole", (self.radius, self.depth, self.chamfer))
+        """The bore, and the block."""
+        return PlateCut("hole", (self.radius, self.depth, self.chamfer, *(self.size or ())))
+
+    def uncut(self) -> Surface:
+        """The plate or the block."""
+        if self.size is None:
+            return super().uncut()
+        return Box(self.origin - self.rotation[:, 2] * (self.size[2] / 2), self.rotation, self.size)
 
     def beside(self, x: ca.SX) -> ca.SX:
-        """How far beyond the bore's edge."""
-        return radius_about_z(x) - self.radius - self.chamfer
+        """How far beyond the bore's edge, and within the block."""
+        beyond = radius_about_z(x) - self.radius - self.chamfer
+        if self.size is None:
+            return beyond
+        a, b, _ = self.size
+        within = ca.fmin(a / 2 - ca.fabs(x[0]), b / 2 - ca.fabs(x[1]))
+        return ca.fmin(beyond, within)
 
     def seen(self, reach: float, thickness: float) -> Sequence[Vector]:
         """Rings from the plate's square edge down to the bore's bottom."""
         edge = self.radius + self.chamfer
         angle = -2 * np.pi * np.arange(_ROUND + 1) / _ROUND
         way = np.column_stack((np.cos(angle), np.sin(angle)))
-        square = (edge + reach) * way / np.abs(way).max(axis=1, keepdims=True)
+        half = np.full(2, edge + reach)
         low = -max(thickness, self.depth + 0.005)
+        if self.size is not None:
+            half, low = np.array(self.size[:2]) / 2, -self.size[2]
+        square = way / np.abs(way / half).max(axis=1, keepdims=True)
         rings = [
             (square, low), (square, 0.0), (edge * way, 0.0), (self.radius * way, -self.chamfer),
             (self.radius * way, -self.depth), (0 * way, -self.depth),

@@ -43,7 +43,7 @@ class CutPlate(Surface):
         """The plate beside the cut."""
         return PlateChart(self)
 
-    def uncut(self) -> Plane:
+    def uncut(self) -> Surface:
         """The plate: which wall of the cut a tool will touch is not known before."""
         return Plane(self.origin, self.rotation)
 

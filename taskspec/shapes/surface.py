@@ -54,6 +54,22 @@ class SizeKey:
 
 
 RADIUS = SizeKey("radius", "Radius", shown=("50 mm",))
+SIZE = SizeKey(
+    "size",
+    "Full edges of a box",
+    entries=3,
+    description="Full edges along x, y and z; of a hole those of the block that it is in, which "
+    "ends at z = 0. Without it the plate is endless",
+    example="[100 mm, 100 mm, 50 mm]",
+    shown=(["200 mm", "100 mm", "50 mm"],),
+)
+LENGTH_OF = SizeKey(
+    "length",
+    "Length from end to end",
+    description="Of a cylinder along its z; of a slot or groove, which is endless without it, "
+    "along its x",
+    shown=("200 mm",),
+)
 DEPTH = SizeKey(
     "depth", "Depth below the plate", extent=", below the plate", example="20 mm", shown=("20 mm",)
 )

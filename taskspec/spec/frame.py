@@ -1,7 +1,8 @@
-"""`frames`: named frames, fixed or following a surface or the force that is felt."""
+"""`frames`: named frames, fixed, following a surface, or tracking a force or a motion."""
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Literal
 
 from pydantic import Field
@@ -9,12 +10,12 @@ from pydantic import Field
 from taskspec.spec.fields import RPY, XYZ, FrameName, SurfaceName
 from taskspec.spec.model import Model, complete, mapping
 from taskspec.spec.parse_context import ParseContext
-from taskspec.spec.quantities import Constant, Entries
+from taskspec.spec.quantities import Constant, DimensionedNumber, EitherQuantity, Entries
 from taskspec.spec.words import NameReference, Word
 from taskspec.text.codes import register
 from taskspec.text.data import Map
 from taskspec.text.nodes import pointer
-from taskspec.text.units import ANGULAR_VELOCITY, FORCE, FREQUENCY, NUMBER
+from taskspec.text.units import ANGULAR_VELOCITY, FORCE, FREQUENCY, NUMBER, VELOCITY, Dimension
 
 register(
     {
@@ -25,7 +26,9 @@ register(
 
 _FIXED = ("parent", "xyz", "rpy")
 #: How a frame tracks what is felt.
-_OF_TRACKING = ("filter", "floor", "turn")
+_OF_TRACKING = ("filter", "floor", "turn", "normal")
+#: What a frame tracks, and what measures it.
+TRACKED: dict[str, Dimension] = {"force": FORCE, "velocity": VELOCITY}
 
 
 class Frame(Model):
@@ -39,10 +42,13 @@ class Frame(Model):
         heading: a direction of the world that is laid on the tangent plane as the x axis.
         estimate: the stage at whose end it is measured: its origin where the tip is then, its z
             against the mean force felt there.
-        track: what its z is kept against while a stage is on: the contact force.
-        filter: cutoff of the filter that the force passes [Hz].
-        floor: the filtered force below which it keeps its direction [N].
+        track: what turns it while a stage is on: the contact force, against which its z is kept,
+            or the velocity, along which its x is.
+        filter: cutoff of the filter that the force or the velocity passes [Hz].
+        floor: the filtered force [N] or velocity [m/s] up to which it keeps its direction; None
+            for the default of what it tracks.
         turn: how fast it turns at most [rad/s].
+        normal: a direction of the world that is laid across the motion as the z axis.
         point: `origin` moves the control point to the frame's origin.
     """
 
@@ -65,17 +71,24 @@ class Frame(Model):
         None, title="Stage", description="The stage at whose end the frame is measured"
     )
 
-    track: Annotated[Literal["force"], Word(("force",), "quantity to track")] | None = Field(
-        None, title="What is tracked", description="force: z is kept against the contact force"
+    track: (
+        Annotated[Literal["force", "velocity"], Word(tuple(TRACKED), "quantity to track")] | None
+    ) = Field(
+        None,
+        title="What is tracked",
+        description="force: z is kept against the contact force; velocity: x along the motion",
     )
     filter: Annotated[float, Constant(FREQUENCY, above=0)] = Field(
         2.0, title="Cutoff of the filter of what is tracked"
     )
-    floor: Annotated[float, Constant(FORCE, above=0)] = Field(
-        1.0, title="Force below which the frame keeps its direction"
+    floor: Annotated[DimensionedNumber, EitherQuantity(FORCE, VELOCITY, above=0)] | None = Field(
+        None, title="Force or speed below which the frame keeps its direction"
     )
     turn: Annotated[float, Constant(ANGULAR_VELOCITY, above=0)] = Field(
-        1.5, title="Greatest rate of turn of the frame"
+        math.radians(30), title="Greatest rate of turn of the frame"
+    )
+    normal: Annotated[tuple[float, float, float], Entries((NUMBER,) * 3, nonzero=True)] | None = (
+        Field(None, title="Normal", description="A direction laid across the motion as the z axis")
     )
 
     @classmethod
@@ -133,18 +146,25 @@ def _tracks(data: Map, context: ParseContext) -> bool:
         if how and complete(data, context):
             context.error(
                 "TS026",
-                f"'{how[0]}' belongs to a frame that tracks a force",
+                f"'{how[0]}' belongs to a frame that tracks a "
+                + ("velocity" if how[0] == "normal" else "force or a velocity"),
                 data.node.key_span(how[0]),
-                "add 'track: force'",
+                f"add 'track: {'velocity' if how[0] == 'normal' else 'force'}'",
             )
         return False
+    of = str(data["track"])
     other = [key for key in (*_FIXED, "surface", "estimate", "point") if key in data]
+    if of == "force" and "normal" in data:
+        other.append("normal")
     if other:
         context.error(
             "TS209",
-            f"a frame that tracks a force has no '{other[0]}'",
+            f"a frame that tracks a {'velocity' if of == 'velocity' else 'force'} has no "
+            f"'{other[0]}'",
             data.node.key_span(other[0]),
-            "its axes follow from what the tool feels",
+            "its axes follow from how the tool moves"
+            if of == "velocity"
+            else "its axes follow from what the tool feels",
         )
     return True
 

@@ -48,7 +48,10 @@ class Model(BaseModel):
     hold whatever else is wrong.
     """
 
-    model_config = ConfigDict(extra="forbid", frozen=True, arbitrary_types_allowed=True)
+    # Most models are parts of a larger one: validators of their own are made when asked for.
+    model_config = ConfigDict(
+        extra="forbid", frozen=True, arbitrary_types_allowed=True, defer_build=True
+    )
 
     noun: ClassVar[str] = "this"
     reserved: ClassVar[frozenset[str]] = frozenset()

@@ -226,6 +226,51 @@ class DimensionedNumber(float):
 
 
 @dataclass(frozen=True)
+class EitherQuantity(FieldType):
+    """A constant that measures one of two things; it is read as `DimensionedNumber`.
+
+    Attributes:
+        dimension, other: what it may measure.
+        above: it has to be greater than this (SI units).
+    """
+
+    dimension: Dimension
+    other: Dimension
+    above: float | None = None
+
+    def read(self, value: object, context: ParseContext) -> DimensionedNumber:
+        """SI units."""
+        needed = f"{noun(self.dimension)} or {noun(self.other)}"
+        if not isinstance(value, Text | Whole | Real):
+            message = f"{needed} is needed here, this is {kind_of(value)}"
+            context.error("TS022", message, span_of(value))
+            return DimensionedNumber(0.0)
+        found = values.quantity(value, context)
+        if found is None:
+            return DimensionedNumber(0.0)
+        if self.above is not None and found.value <= self.above:
+            context.error("TS118", f"this has to be more than {self.above:g}", span_of(value))
+        elif found.bare:
+            return DimensionedNumber(found.value)
+        elif found.dimension == NUMBER:
+            units = alternatives((*fitting(self.dimension), *fitting(self.other)))
+            message = f"a number without a unit, where {needed} is needed"
+            context.error("TS110", message, span_of(value), f"add a unit: {units}")
+        elif found.dimension not in (self.dimension, self.other):
+            message = f"{needed} is needed here, this is {describe(found.dimension)}"
+            context.error("TS112", message, span_of(value))
+        return DimensionedNumber(found.value, found.dimension)
+
+    def json(self) -> dict[str, Any]:
+        """Describes the quantity."""
+        entry = Constant(self.dimension).json()
+        second = _description(self.other)
+        return entry | {
+            "description": f"{entry['description']}; or {second[0].lower()}{second[1:]}"
+        }
+
+
+@dataclass(frozen=True)
 class QuantityList(FieldType):
     """A list of constants, of any length but none.
 
@@ -246,33 +291,14 @@ class QuantityList(FieldType):
         if not value and not value.node.broken:
             context.error("TS023", "this list is empty", span_of(value))
         if self.other is not None:
-            return tuple(self._either(entry, self.other, context) for entry in value)
+            either = EitherQuantity(self.dimension, self.other)
+            return tuple(either.read(entry, context) for entry in value)
         return tuple(values.constant(entry, self.dimension, context) or 0.0 for entry in value)
-
-    def _either(self, value: object, other: Dimension, context: ParseContext) -> DimensionedNumber:
-        needed = f"{noun(self.dimension)} or {noun(other)}"
-        if not isinstance(value, Text | Whole | Real):
-            message = f"{needed} is needed here, this is {kind_of(value)}"
-            context.error("TS022", message, span_of(value))
-            return DimensionedNumber(0.0)
-        found = values.quantity(value, context)
-        if found is None or found.bare:
-            return DimensionedNumber(found.value if found is not None else 0.0)
-        if found.dimension == NUMBER:
-            units = alternatives((*fitting(self.dimension), *fitting(other)))
-            message = f"a number without a unit, where {needed} is needed"
-            context.error("TS110", message, span_of(value), f"add a unit: {units}")
-        elif found.dimension not in (self.dimension, other):
-            message = f"{needed} is needed here, this is {describe(found.dimension)}"
-            context.error("TS112", message, span_of(value))
-        return DimensionedNumber(found.value, found.dimension)
 
     def json(self) -> dict[str, Any]:
         """Describes the list."""
-        entry = Constant(self.dimension).json()
-        if self.other is not None:
-            second = _description(self.other)
-            entry["description"] += f"; or {second[0].lower()}{second[1:]}"
+        one = Constant(self.dimension)
+        entry = (one if self.other is None else EitherQuantity(self.dimension, self.other)).json()
         return {"type": "array", "minItems": 1, "items": entry}
 
 

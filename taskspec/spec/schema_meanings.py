@@ -154,11 +154,14 @@ MEANINGS: dict[str, dict[str, Meaning]] = {
         "parent": ("The frame in which it is placed; by default the world.", ()),
         "xyz": ("Position of its origin in the parent.", (["400 mm", 0, "300 mm"],)),
         "point": ("origin: the control point is this frame's origin instead of the tool tip.", ()),
-        "track": ("force: z is kept against the contact force while a stage is on.", ()),
-        "filter": ("Cutoff of the filter of the tracked force; by default 2 Hz.", ("2 Hz",)),
-        "floor": ("Up to this filtered force the frame keeps its direction; by default 1 N.",
-                  ("1 N",)),
-        "turn": ("How fast a frame that tracks turns at most; by default 1.5 rad/s.",
+        "track": ("While a stage is on, force: z is kept against the contact force; "
+                  "velocity: x is kept along the motion.", ()),
+        "filter": ("Cutoff of the filter of what is tracked; by default 2 Hz.", ("2 Hz",)),
+        "floor": ("Up to this filtered force or speed the frame keeps its direction; by default "
+                  "1 N or 2 mm/s.", ("1 N", "2 mm/s")),
+        "normal": ("Laid across a tracked velocity as z; by default the world's z.",
+                   ([0, 0, 1],)),
+        "turn": ("How fast a frame that tracks turns at most; by default 30 deg/s.",
                  ("60 deg/s",)),
     },
     "Law": {

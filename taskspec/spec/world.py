@@ -179,8 +179,6 @@ class Shape(_SizedShape):
             allowed = [key.name for key in _SHAPES[shape].keys]
             needed = [name for name in allowed if name not in _SHAPES[shape].optional]
             check_sizes(shape, needed, allowed, data, context)
-        if shape == "hole":
-            _check_fits(data, context)
         _check_free(data, context)
         _check_carried(data, context)
 
@@ -200,15 +198,6 @@ def _of_no_kind(data: Map, context: ParseContext, keys: list[str]) -> Map:
     return rest
 
 
-def _check_fits(data: Map, context: ParseContext) -> None:
-    """Refuses a hole for a tool with corners, whose contact with a round wall is not modelled."""
-    robot = context.data.get("robot")
-    tool = robot.get("tool") if isinstance(robot, Map) else None
-    if isinstance(tool, Map) and tool.get("shape") == "box":
-        message, span = "a hole does not go with a box as the tool", data.node.key_span("shape")
-        context.error("TS026", message, span, "take a cylinder, or a slot instead of the hole")
-
-
 def is_free(data: Map) -> bool:
     """Whether a raw object is a loose body, or is meant as one."""
     return "free" in data and bool(getattr(data["free"], "value", True))
@@ -220,7 +209,7 @@ def _check_free(data: Map, context: ParseContext) -> None:
     shape = data.get("shape")
     kind = _SHAPES.get(shape) if isinstance(shape, str) else None
     if free and kind is not None and not issubclass(kind, BoundedSurface):
-        message = f"a {kind.name} is endless and cannot be loose"
+        message = f"a {kind.name} is {_fixed(data)} and cannot be loose"
         other = next(name for name, k in _SHAPES.items() if issubclass(k, BoundedSurface))
         context.error("TS302", message, data.node.key_span("free"), f"take a {other}")
     if free and "motion" in data:
@@ -234,6 +223,11 @@ def _check_free(data: Map, context: ParseContext) -> None:
         context.error("TS026", message, span, "add 'free: true'")
 
 
+def _fixed(data: Map) -> str:
+    """Why a raw shape stays where it is."""
+    return "in a block that is fixed" if "size" in data else "endless"
+
+
 def _check_carried(data: Map, context: ParseContext) -> None:
     """Reports what a shape on a mechanism cannot be."""
     if "on" not in data:
@@ -241,7 +235,7 @@ def _check_carried(data: Map, context: ParseContext) -> None:
     shape = data.get("shape")
     kind = _SHAPES.get(shape) if isinstance(shape, str) else None
     if kind is not None and not issubclass(kind, BoundedSurface):
-        message = f"a {kind.name} is endless and cannot ride on a mechanism"
+        message = f"a {kind.name} is {_fixed(data)} and cannot ride on a mechanism"
         other = next(name for name, k in _SHAPES.items() if issubclass(k, BoundedSurface))
         context.error("TS302", message, data.node.key_span("on"), f"take a {other}")
     for key, what in (("motion", "its own 'motion'"), ("free", "'free'")):

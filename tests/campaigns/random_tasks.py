@@ -83,8 +83,14 @@ def flow(value: Value) -> str:
     if isinstance(value, str):
         return value
     if isinstance(value, Mapping):
-        return "{" + ", ".join(f"{key}: {flow(each)}" for key, each in value.items()) + "}"
-    return "[" + ", ".join(flow(each) for each in value) + "]"
+        return "{" + ", ".join(f"{key}: {_inside(each)}" for key, each in value.items()) + "}"
+    return "[" + ", ".join(_inside(each) for each in value) + "]"
+
+
+def _inside(value: Value) -> str:
+    """Returns a value that stands within braces or brackets, where a comma would end it."""
+    text = flow(value)
+    return f'"{text}"' if "," in text and text[0] not in '[{"' else text
 
 
 def rotation(rpy: Sequence[float]) -> Vector:

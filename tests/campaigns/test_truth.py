@@ -33,11 +33,20 @@ def test_a_file_is_its_seed_and_number() -> None:
     assert len({truth_task(1, 17), truth_task(1, 18), truth_task(2, 17)}) == 3
 
 
+def test_the_files_are_such_of_the_language() -> None:
+    """What is refused by its text alone is not run, and says nothing of predictions."""
+    for number in range(300):
+        load_text(truth_task(0, number), "task.yaml")
+
+
 def test_the_files_have_all_that_they_are_to_cover() -> None:
     drafts = [draft(0, number) for number in range(400)]
     text = "\n".join(made.written() for made in drafts)
     words = [f"model: {arm}\n" for arm in ("planar2", "planar3", "ur5e", "panda")]
     words += [f"shape: {shape}" for shape in ("plane", "box", "cylinder", "sphere")]
+    words += [f"shape: {shape}" for shape in ("hole", "slot", "groove")]
+    words += ["track: force", "track: velocity", "on: button", "thickness:", "templates:", "use:"]
+    words += ["hold: force", "repeat: 2", "then: leave", "visits < 2", "clamp("]
     words += [f"mechanism: {kind}" for kind in ("hinge", "slide", "screw")]
     words += ["knob: free", "solve: qp", "noise:", "filter:", "delay:", "bias:", "rate: 250 Hz"]
     words += ["move:", "path:", "follows:", "fail_if:", "attempts:", "until:", "limits:", "expect:"]

@@ -15,7 +15,8 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
-from random_tasks import COMPANIONS, LAWS, Draft, Value, angles, flow, lengths, rotation
+from random_tasks import COMPANIONS, LAWS, Value, angles, flow, lengths, rotation
+from workshop_scenes import WorkshopDraft
 
 #: How many files have one thing wrong, and in how many the gains are given.
 SLIPS, GIVEN = 0.25, 0.5
@@ -54,7 +55,7 @@ def scaled(text: str, factor: float, digits: int = 3) -> str:
     return f"{factor * float(found[0]):.{digits}g}{text[found.end() :]}"
 
 
-class TruthDraft(Draft):
+class TruthDraft(WorkshopDraft):
     """A task of the campaign.
 
     Attributes:
@@ -83,6 +84,7 @@ class TruthDraft(Draft):
             self.expect[0] = f"min(work.gap) > -{deepest:.2g} mm"
         if self.chance(SLIPS):
             self._slip()
+        self.reuse()
 
     def written(self) -> str:
         # Gains are drawn while the file is written: each writing begins with the same draws.

@@ -38,6 +38,7 @@ from taskspec.spec.protection import (
 )
 from taskspec.spec.quantities import (
     Constant,
+    EitherQuantity,
     Entries,
     ForJoints,
     Formula,
@@ -93,6 +94,7 @@ def kinds(annotation: object) -> Iterator[object]:
             part,
             Constant
             | Entries
+            | EitherQuantity
             | QuantityList
             | JointTargets
             | ForJoints
@@ -124,6 +126,8 @@ def units_needed(model: type[Model], key: str) -> set[object]:
             found.add(kind.dimension or "condition")
         elif isinstance(kind, JointTargets):
             found.update({kind.one.dimension, kind.one.other})
+        elif isinstance(kind, EitherQuantity):
+            found.update({kind.dimension, kind.other})
         elif isinstance(kind, QuantityList):
             found.update({kind.dimension, kind.other} - {None})
         elif isinstance(kind, Constant | ForJoints | IntervalAroundZero):

@@ -52,6 +52,32 @@ _OBJECT = st.one_of(
     _mapping({"shape": st.just("box"), "size": _list(_SIZE, _SIZE, _SIZE)}, _PLACED | _CONTACT),
     _mapping({"shape": st.just("sphere"), "radius": _SIZE}, {"xyz": _PLACE} | _CONTACT),
     _mapping({"shape": st.just("cylinder"), "radius": _SIZE, "length": _SIZE}, _PLACED | _CONTACT),
+    _mapping(
+        {"shape": st.just("hole"), "radius": _SIZE, "depth": _SIZE},
+        {"chamfer": _SIZE, "size": _list(_SIZE, _SIZE, _SIZE)} | _PLACED | _CONTACT,
+    ),
+    _mapping(
+        {"shape": st.just("slot"), "width": _SIZE, "depth": _SIZE},
+        {"chamfer": _SIZE, "length": _SIZE} | _PLACED | _CONTACT,
+    ),
+    _mapping(
+        {"shape": st.just("groove"), "angle": _number(20, 160, "deg"), "depth": _SIZE},
+        {"length": _SIZE} | _PLACED | _CONTACT,
+    ),
+)
+_WAY = _one("[1, 0, 0]", "[0, 1, 0.2]", "[0, 0, -3]")
+_TRACKING = {
+    "filter": _number(0.1, 20, "Hz"),
+    "turn": _number(1, 300, "deg/s"),
+    "heading": _WAY,
+}
+_FRAME = st.one_of(
+    st.just("{surface: table}"),
+    _mapping({"track": st.just("force")}, _TRACKING | {"floor": _number(0.1, 5, "N")}),
+    _mapping(
+        {"track": st.just("velocity")},
+        _TRACKING | {"floor": _number(0.1, 20, "mm/s"), "normal": _WAY},
+    ),
 )
 _MOTION = st.one_of(
     _one("hold", "{hold: start}", "{hold: force}"),
@@ -169,7 +195,7 @@ def tasks(draw: st.DrawFn) -> str:
         f"robot: {draw(_ROBOT)}",
         f"params: {{press: {draw(_number(1, 40, 'N'))}, reach: {draw(_number(1, 50, 'mm'))}}}",
         f"world: {{table: {draw(_OBJECT)}}}",
-        "frames: {task: {surface: table}}" if draw(st.booleans()) else "frames: {}",
+        f"frames: {{task: {draw(_FRAME)}}}" if draw(st.booleans()) else "frames: {}",
         f"law: {law}",
     ]
     if lines[4] != "frames: {}":

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 import math
 
+import casadi as ca
 import mujoco
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ import pytest
 from insertion_rig import IMPEDANCE, PEG, PEGS, R, Rig, chamfer, press, two_points, wedged
 from taskspec.native.engine import Engine
 from taskspec.native.kernel import kernel_ir, vector
+from taskspec.shapes import SHAPES
 from taskspec_runner.errors import InputError
 from taskspec_runner.plant import simulator
 from taskspec_runner.plant.simulator import LayoutError
@@ -138,7 +140,10 @@ def _random(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, np.ndarra
         (patches.HOLE, (R, 0.03, 0.0)),
         (patches.SLOT, (0.02, 0.03, 0.001)),
         (patches.GROOVE, (1.2, 0.02)),
-    ][rng.integers(5)]
+        (patches.HOLE, (R, 0.03, 0.001, 0.03, 0.025, 0.04)),
+        (patches.SLOT, (0.02, 0.03, 0.001, 0.022)),
+        (patches.GROOVE, (1.2, 0.02, 0.03)),
+    ][rng.integers(8)]
     tool = list(PEGS.values())[rng.integers(3)]
     turn = rng.normal(size=3) * 0.1
     angle = float(np.linalg.norm(turn))
@@ -176,6 +181,198 @@ def test_machine_code_has_the_bits_of_python():
         assert made[0].tobytes() == made[1].tobytes()
         touched += n > 0
     assert touched > 300
+
+
+#: A bore around the edges of the box of `PEGS`, with 0.1 mm of room.
+BOX_R = math.hypot(0.0095, 0.0099) + 1e-4
+
+
+@pytest.mark.parametrize("chamfer", [0.0, 0.001])
+@pytest.mark.parametrize("depth", [0.005, 0.02])
+def test_a_box_touches_a_round_wall_with_two_of_its_edges(chamfer, depth):
+    """Pushed along x, each of two edges bears k D along the wall's normal: F = 2 k D dD/dx."""
+    rig = Rig(
+        patches.HOLE, (BOX_R, 0.09, chamfer), PEGS["box"], joints="x", stiffness=50e3,
+        height=-depth, dampers={"x": 200.0},
+    )  # fmt: skip
+    for force in (20.0, 40.0):
+        rig.data.qfrc_applied[:] = force
+        rig.step(4000)
+        assert rig.data.ncon == 2
+        x = 0.0095 + float(rig.data.qpos[0])
+        far = math.hypot(x, 0.0099)
+        assert 2 * 50e3 * (far - BOX_R) * x / far == pytest.approx(force, rel=0.01)
+
+
+@pytest.mark.parametrize(("aside", "expected"), [(0.0, 1.0), (0.004, 1.0)])
+def test_a_box_that_is_wider_than_the_hole_rests_on_the_plate(aside, expected):
+    rig = Rig(
+        patches.HOLE, (0.008, 0.03, 0.0), PEGS["box"], joints="z", stiffness=50e3,
+        dampers={"z": 400.0},
+    )  # fmt: skip
+    rig.model.body_pos[1][0] = aside
+    depths = []
+    for force in (20.0, 40.0):
+        rig.data.qfrc_applied[:] = -force
+        rig.step(6000)
+        depths.append(float(rig.data.qpos[0]))
+    assert 20.0 / (depths[0] - depths[1]) == pytest.approx(expected * 50e3, rel=2e-3)
+
+
+def test_a_box_goes_into_a_hole_that_its_edges_fit_and_stands_on_its_bottom():
+    rig = Rig(
+        patches.HOLE, (BOX_R, 0.02, 0.001), PEGS["box"], joints="xz", stiffness=50e3,
+        height=0.001, dampers={"x": 50.0, "z": 200.0},
+    )  # fmt: skip
+    rig.data.qpos[0] = 0.0006
+    rig.data.qfrc_applied[:] = [0.0, -20.0]
+    rig.step(4000)
+    assert 0.001 + rig.data.qpos[1] == pytest.approx(-0.02 - 20.0 / 50e3, abs=1e-5)
+    assert abs(rig.data.qpos[0]) < 3e-4
+
+
+def test_a_tilted_box_touches_at_two_places_on_opposite_sides():
+    rig = Rig(
+        patches.HOLE, (BOX_R, 0.09, 0.0), PEGS["box"], joints="xb", stiffness=200e3, height=-0.03,
+        dampers={"x": 50.0, "b": 0.5},
+    )  # fmt: skip
+    rig.data.qfrc_applied[:] = [0.0, 0.1]
+    rig.step(6000)
+    places = np.array([place for place, _, _ in rig.forces()])
+    assert len(places) == 4
+    assert sorted(np.sign(places[:, 0])) == [-1, -1, 1, 1]
+    assert np.ptp(places[:, 2]) == pytest.approx(0.03, abs=5e-4)
+    # Both ends have the room of x, 2 (sqrt(R^2 - y^2) - w), between them; each sinks in by 0.1 N m
+    # over 30 mm, shared by two edges at 46 degrees, over k.
+    room = 2 * (math.sqrt(BOX_R**2 - 0.0099**2) - 0.0095)
+    sunk = 2 * 0.1 / 0.03 / (2 * 200e3 * 0.48)
+    assert math.tan(float(rig.data.qpos[1])) * 0.03 == pytest.approx(room + sunk, rel=0.1)
+
+
+BLOCK = (R, 0.02, 0.001, 0.06, 0.04, 0.03)
+
+
+def _pushed(kind, sizes, tool, x, z, force):
+    """Where a tool ends along x that is pushed along it by so many newtons, at a height."""
+    rig = Rig(kind, sizes, PEGS[tool], joints="x", stiffness=50e3, height=z, dampers={"x": 200.0})
+    rig.model.body_pos[1][0] = x
+    rig.data.qfrc_applied[:] = force
+    rig.step(4000)
+    return x + float(rig.data.qpos[0]), rig
+
+
+@pytest.mark.parametrize(
+    ("tool", "half"), [("cylinder", 0.0099), ("box", 0.0095), ("sphere", 0.0099)]
+)
+@pytest.mark.parametrize("towards", [-1, 1])
+@pytest.mark.parametrize(
+    ("kind", "sizes", "z", "inner"),
+    [
+        (patches.SLOT, (0.021, 0.02, 0.001, 0.05), -0.01, True),
+        (patches.SLOT, (0.021, 0.02, 0.0, 0.05), -0.001, True),
+        (patches.HOLE, BLOCK, -0.02, False),
+    ],
+)  # fmt: skip
+def test_the_end_of_a_slot_and_the_side_of_a_block_hold_a_tool(
+    kind, sizes, z, inner, tool, half, towards
+):
+    """Flat against the wall, each newton over k deep; a ball needs its middle below the edge."""
+    if tool == "sphere":
+        z -= 0.01
+    wall = sizes[3] / 2 - half if inner else -sizes[3] / 2 - half
+    start = 0.0 if inner else -towards * (sizes[3] / 2 + half + 0.005)
+    places = [_pushed(kind, sizes, tool, start, z, towards * force)[0] for force in (10.0, 20.0)]
+    assert places[0] == pytest.approx(towards * (wall + 10.0 / 50e3), abs=2e-5)
+    assert abs(places[1] - places[0]) == pytest.approx(10.0 / 50e3, rel=1e-3)
+
+
+@pytest.mark.parametrize("tool", list(PEGS))
+@pytest.mark.parametrize(("x", "y"), [(0.018, 0.0), (0.0, 0.014), (0.019, 0.012)])
+def test_the_top_of_a_block_bears_the_declared_stiffness(tool, x, y):
+    """Beside the bore, as far as its middle is over the top: also partly over the side."""
+    depths = []
+    rig = Rig(patches.HOLE, BLOCK, PEGS[tool], joints="z", stiffness=50e3, dampers={"z": 400.0})
+    rig.model.body_pos[1][:2] = x, y
+    for force in (20.0, 40.0):
+        rig.data.qfrc_applied[:] = -force
+        rig.step(6000)
+        depths.append(float(rig.data.qpos[0]))
+        (_, normal, _), *_ = rig.forces()
+        np.testing.assert_allclose(normal, [0, 0, 1], atol=2e-2)
+    assert 20.0 / (depths[0] - depths[1]) == pytest.approx(50e3, rel=2e-3)
+
+
+@pytest.mark.parametrize("tool", list(PEGS))
+def test_beside_and_below_a_block_there_is_nothing(tool):
+    for x, z in ((0.0405, -0.02), (-0.0405, -0.005), (0.0, -0.095), (0.02, -0.095)):
+        rig = Rig(patches.HOLE, BLOCK, PEGS[tool], joints="x")
+        rig.model.body_pos[1][[0, 2]] = x, z
+        rig.step(1)
+        assert rig.data.ncon == 0, (x, z)
+
+
+def test_a_peg_deep_in_the_bore_of_a_narrow_block_feels_the_bore():
+    """The way out by the side would be shorter than that by the top."""
+    rig = Rig(
+        patches.HOLE, (R, 0.05, 0.0, 0.024, 0.024, 0.06), PEGS["cylinder"], joints="x",
+        stiffness=50e3, height=-0.04, dampers={"x": 200.0},
+    )  # fmt: skip
+    rig.data.qfrc_applied[:] = 20.0
+    rig.step(4000)
+    assert float(rig.data.qpos[0]) == pytest.approx(R - 0.0099 + 20.0 / 50e3, abs=2e-5)
+
+
+def test_a_ball_rolls_along_a_groove_up_to_its_end():
+    half = math.radians(30)
+    rig = Rig(
+        patches.GROOVE, (2 * half, 0.02, 0.06), PEGS["sphere"], joints="xz", stiffness=50e3,
+        dampers={"x": 20.0, "z": 200.0}, height=-0.009,
+    )  # fmt: skip
+    rig.data.qfrc_applied[:] = [5.0, -20.0]
+    rig.step(4000)
+    # The ball's centre is r/sin(half) over the groove's edge, less what it sinks in.
+    centre = 0.0099 / math.sin(half) - 0.02 - 20.0 / (2 * 50e3 * math.sin(half) ** 2)
+    assert rig.data.qpos[1] - 0.009 + 0.0099 == pytest.approx(centre, abs=5e-5)
+    assert rig.data.qpos[0] == pytest.approx(0.03 - 0.0099 + 5.0 / 50e3, abs=2e-5)
+
+
+@pytest.mark.parametrize(
+    ("kind", "sizes", "of_plant"),
+    [
+        ("hole", {"radius": R, "depth": 0.02, "chamfer": 0.001, "size": (0.06, 0.04, 0.03)},
+         (patches.HOLE, BLOCK)),
+        ("slot", {"width": 0.02, "depth": 0.02, "chamfer": 0.001, "length": 0.05},
+         (patches.SLOT, (0.02, 0.02, 0.001, 0.05))),
+        ("groove", {"angle": 1.2, "depth": 0.02, "length": 0.05},
+         (patches.GROOVE, (1.2, 0.02, 0.05))),
+    ],
+)  # fmt: skip
+def test_a_small_ball_is_as_deep_as_the_distance_says(kind, sizes, of_plant):
+    """The surface of the language and that of the plant are one, wherever a point is."""
+    surface = SHAPES[kind](np.zeros(3), np.eye(3), **sizes)
+    x = ca.SX.sym("x", 3)
+    distance = ca.Function("distance", [x], [surface.distance(x)])
+    rng, ball = np.random.default_rng(3), 0.0005
+    tool = (patches.BALL, (ball, ball, ball))
+    touched = 0
+    for _ in range(400):
+        place = rng.uniform((-0.04, -0.03, -0.025), (0.04, 0.03, 0.002))
+        rig = Rig(of_plant[0], of_plant[1], tool, joints="x", rounding=1e-9)
+        # The rig's tool stands on its tip.
+        rig.model.body_pos[1][:] = place - [0, 0, ball]
+        mujoco.mj_forward(rig.model, rig.data)
+        beyond = np.abs(place[:2]) - np.array(sizes.get("size", (1.0, 1.0)))[:2] / 2
+        if beyond.min() > 0 and place[2] > 0:
+            continue  # At a corner of three faces its edges stand for it.
+        gap = float(distance(place)) - ball
+        deepest = max((-c.dist for c in rig.data.contact), default=0.0)
+        if gap > 1e-6:
+            assert deepest < 1e-6, place
+        elif gap > -ball:
+            # From its surface inwards, as long as its middle is outside.
+            assert deepest == pytest.approx(-gap, abs=2e-6), place
+            touched += 1
+    assert touched > 5
 
 
 def test_a_collision_function_in_python_makes_the_same_run():
@@ -217,6 +414,7 @@ def test_ellipsoids_without_a_mark_are_mujocos_own():
         ("shape: hole, radius: 10 mm, chamfer: 1 mm",
          "cylinder, radius: 9.9 mm, thickness: 30 mm"),
         ("shape: hole, radius: 10 mm, chamfer: 1 mm", "sphere, radius: 9.5 mm"),
+        ("shape: hole, radius: 13.7 mm, chamfer: 1 mm", "box, size: [19 mm, 19.4 mm, 30 mm]"),
         ("shape: slot, width: 20 mm, chamfer: 1 mm, rpy: [0, 0, 90 deg]",
          "box, size: [19.8 mm, 30 mm, 30 mm]"),
         ("shape: slot, width: 20 mm, chamfer: 1 mm, rpy: [0, 0, 90 deg]",

@@ -10,7 +10,7 @@ import pytest
 
 from taskspec.examination import check_task
 from taskspec.program.world import tracked_frames
-from taskspec.program.world.frames import ForceTracking, FrameModel
+from taskspec.program.world.frames import DirectionTracking, FrameModel
 from taskspec.spec import load_text
 from taskspec.text.diagnostic import SpecError
 from taskspec_runner.verdict.replay import Replay
@@ -103,7 +103,7 @@ def rolled(rate, cutoff, friction, time=50.0):
         np.eye(3),
         np.zeros(3),
         heading=np.array([1.0, 0.0, 0.0]),
-        tracking=ForceTracking(cutoff, 0.1, 1e3),
+        tracking=DirectionTracking("force", cutoff, 0.1, 1e3),
     )
     state, force, period = ca.SX.sym("s", 9), ca.SX.sym("f", 3), 2e-3 / cutoff
     step = ca.Function("step", [state, force], [tracked_frames.step(frame, state, force, period)])
@@ -168,7 +168,11 @@ def test_a_run_leans_as_the_loop_does_on_both_sides_of_the_boundary(simulate, sh
 
 def test_below_the_floor_it_keeps_its_direction_and_turns_no_faster_than_its_limit():
     frame = FrameModel(
-        "skin", "tracking", np.eye(3), np.zeros(3), tracking=ForceTracking(2.0, 1.0, 0.5)
+        "skin",
+        "tracking",
+        np.eye(3),
+        np.zeros(3),
+        tracking=DirectionTracking("force", 2.0, 1.0, 0.5),
     )
     state, force = ca.SX.sym("s", 9), ca.SX.sym("f", 3)
     step = ca.Function("step", [state, force], [tracked_frames.step(frame, state, force, 1e-3)])

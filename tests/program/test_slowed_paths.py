@@ -5,8 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from taskspec.examination import examine
 from taskspec.motion.profile import RISE_TIME, timing
 from taskspec.program.reference.slowed_path import LAG
+from taskspec.spec import load_text
 
 PRESS = """
 taskspec: 1
@@ -21,6 +23,10 @@ stages:
     within: {{time: 12 s}}
 expect: []
 """
+
+
+def codes(text: str) -> list[str]:
+    return [f.code for f in examine(load_text(text, "slowed.yaml"), stability=False).findings]
 
 
 def gone(run) -> np.ndarray:
@@ -77,3 +83,23 @@ def test_what_is_predicted_is_what_set_points_make_of_it(simulate):
     # move that lasts twice as long.
     assert len(run["force.z"]) * 1e-3 == pytest.approx(half + RISE_TIME, abs=0.2)
     assert stage.plan.path_share == pytest.approx(0.5)
+
+
+def test_a_least_speed_bounds_the_stage(simulate):
+    """A force that lets it go at a fifth only: no `within` is asked, and it is not slower."""
+    text = PRESS.replace("    within: {{time: 12 s}}\n", "").format(
+        force="-20 N", speed="40 mm/s * clamp(1 + force.z/(20 N), 0.2, 1)"
+    )
+    assert "TS609" not in codes(text)
+    assert "TS609" in codes(text.replace("0.2, 1", "0, 1"))
+    # The limit on forces keeps this one above 0: 1 - 60/80.
+    bounded = text.replace("clamp(1 + force.z/(20 N), 0.2, 1)", "(1 - abs(force.z)/(80 N))")
+    assert "TS609" not in codes(bounded)
+    run = simulate(text)
+    assert run.outcome.status == "done"
+    (stage,) = run.program.stages
+    assert stage.plan.least_share == pytest.approx(0.2)
+    shortest = timing(0.06, speed=0.04, time=None).rests
+    lasts = len(run["force.z"]) * 1e-3
+    # It begins at its greatest speed, the force has a ramp of 0.2 s, the rate a lag.
+    assert 0.8 * shortest / 0.2 < lasts <= shortest / 0.2

@@ -250,9 +250,9 @@ def test_model_terms_that_casadi_does_not_read_are_made_anew(load, cache, monkey
 def test_a_known_robot_is_validated_without_mujoco(tmp_path):
     task = Path(__file__).parents[2] / "tasks" / "wipe-table.yaml"
     program = (
-        "import sys; from taskspec_runner.cli import main\n"
+        "import sys; from taskspec_runner.cli.entry import run\n"
         f"sys.argv = ['taskspec', 'validate', {str(task)!r}]\n"
-        "try: main()\n"
+        "try: run()\n"
         "except SystemExit: pass\n"
         "print('mujoco' in sys.modules)"
     )

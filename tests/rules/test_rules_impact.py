@@ -87,6 +87,24 @@ def test_a_run_peaks_where_it_is_said_to(simulate, law, speed):
     assert peak / np.e * 0.95 < -np.min(run["force.z"]) < peak * 1.05
 
 
+@pytest.mark.parametrize("law", ["hybrid", "parallel", "impedance"])
+@pytest.mark.parametrize("height", ["301 mm", "303 mm", "308 mm"])
+def test_a_tool_that_starts_near_has_not_risen_to_its_speed(simulate, law, height):
+    """From rest it goes by 0.2 s (u^3 - u^4/2), and there at 3 u^2 - 2 u^3 of its rate.
+
+    A blow takes a quarter of its period, 3 to 8 ms, in which that rises on.
+    """
+    task = text(LAW=law, LIMIT="2 N", SPEED="-200 mm/s").replace("320 mm", height)
+    said = next(d.message for d in findings(task) if d.code == "TS616")
+    peak, meets = (float(re.search(e, said)[1]) for e in (r"about ([\d.]+) N", r"with ([\d.]+) mm"))
+    u = np.linspace(0, 1, 100001)
+    there = np.interp(float(height.removesuffix(" mm")) - 300, 40 * (u**3 - u**4 / 2), u)
+    later = (there + 0.008 / 0.2) ** 2 * (3 - 2 * (there + 0.008 / 0.2))
+    assert 200 * there**2 * (3 - 2 * there) < meets < 200 * later
+    run = simulate(text(LAW=law, LIMIT="500 N", SPEED="-200 mm/s").replace("320 mm", height))
+    assert peak / np.e * 0.95 < -np.min(run["force.z"]) < peak * 1.05
+
+
 PRESS = """
 taskspec: 1
 name: air

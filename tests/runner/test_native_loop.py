@@ -112,8 +112,9 @@ stages:
 """
 
 
-def test_the_loops_turn_a_frame_that_tracks_the_force_alike(tmp_path: Path) -> None:
-    (tmp_path / "tracking.yaml").write_text(TRACKING)
+@pytest.mark.parametrize("of", ["force", "velocity"])
+def test_the_loops_turn_a_frame_that_tracks_alike(of: str, tmp_path: Path) -> None:
+    (tmp_path / "tracking.yaml").write_text(TRACKING.replace("track: force", f"track: {of}"))
     program = compile_unchecked(load_task(tmp_path / "tracking.yaml"))
     native, loop = logged(program, tmp_path / "native", "native")
     python, _ = logged(program, tmp_path / "python", "python")
@@ -290,6 +291,34 @@ def test_the_loops_take_ways_that_python_has_to_open_alike(tmp_path: Path) -> No
     """A limit that leads to a stage does not count there at first, and attempts come to an end."""
     (tmp_path / "repeated.yaml").write_text(REPEATED)
     program = compile_unchecked(load_task(tmp_path / "repeated.yaml"))
+    native, loop = logged(program, tmp_path / "native", "native")
+    python, _ = logged(program, tmp_path / "python", "python")
+    assert loop == "native"
+    assert native == python
+
+
+OSQP = """
+taskspec: 1
+robot:
+  model: ur5e
+  tool: {shape: cylinder, radius: 4.5 mm, thickness: 40 mm, length: 121 mm, mass: 300 g}
+  start: {xyz: [417.5 mm, 92.1 mm, 125 mm]}
+world:
+  socket: {shape: hole, depth: 9 mm, radius: 4.58 mm, chamfer: 1.6 mm, xyz: [417 mm, 92 mm, 124 mm],
+           stiffness: 1.1 kN/m, damping: 11 N*s/m, friction: 0.28}
+law: {kind: hybrid, solve: qp, solver: osqp}
+limits: {force: 124 N}
+control: {rate: 500 Hz}
+stages:
+  approach: {axes: {z: {velocity: -24 mm/s}}, until: touching for 10 ms, within: {time: 2 s}}
+  insert: {axes: {x: {force: 0}, y: {force: 0}, rx: {torque: 0}, z: {force: -16 N}}, time: 0.2 s}
+"""
+
+
+def test_a_stage_whose_first_tick_python_has_to_make_is_opened_once(tmp_path: Path) -> None:
+    """OSQP answers in Python: machine code leaves that tick, and goes on with the next one."""
+    (tmp_path / "osqp.yaml").write_text(OSQP)
+    program = compile_unchecked(load_task(tmp_path / "osqp.yaml"))
     native, loop = logged(program, tmp_path / "native", "native")
     python, _ = logged(program, tmp_path / "python", "python")
     assert loop == "native"

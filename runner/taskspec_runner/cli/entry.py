@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import atexit
 import os
 import sys
+import threading
 from io import TextIOWrapper
 
 from taskspec_runner import headless
@@ -13,7 +15,34 @@ from taskspec_runner.cli.parallel import collect_rarely
 
 
 def main() -> None:
-    """The command line."""
+    """The command line as a process."""
+    try:
+        run()
+    except SystemExit as end:
+        _leave(end.code)
+        raise
+
+
+def _leave(code: object) -> None:
+    """Ends the process where nothing is left to do but to free its memory, which the system does.
+
+    Python would take every object down by itself, an eighth of the time of validating a file.
+    """
+    finish = getattr(atexit, "_run_exitfuncs", None)
+    hosted = sys.stdout is not sys.__stdout__ or threading.active_count() > 1
+    if finish is None or hosted or not isinstance(code, int | None):
+        return
+    finish()
+    try:
+        sys.stdout.flush()
+        sys.stderr.flush()
+    except OSError:
+        return
+    os._exit(code or 0)
+
+
+def run() -> None:
+    """The command line in a process that is the caller's; it ends with `SystemExit`."""
     headless.set_aside()
     # Threads for matrices as small as these take longer to begin than all products of them.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")

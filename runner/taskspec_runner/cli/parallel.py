@@ -32,7 +32,7 @@ def collect_rarely() -> None:
     Modules and models are some hundred thousand objects that stay. To look through them as often
     as for a small program is a tenth of the time of validating.
     """
-    gc.set_threshold(100_000, 20, 20)
+    gc.set_threshold(200_000, 20, 20)
 
 
 def in_order(

@@ -373,28 +373,32 @@ class Replay:
         return _Faces(estimated_frames.SIZE, found)
 
     def _tracked(self, frame: FrameModel) -> _Faces:
-        """(9,) what a frame that tracks the force had in its memory; NaN outside its stages."""
+        """(9,) what a frame that tracks something had in its memory; NaN outside its stages."""
         columns, n = self._history.columns, len(self._history)
         found = np.full((n, tracked_frames.SIZE), np.nan)
-        last: tuple[Vector, int] | None = None
+        last: tuple[str, Vector, int] | None = None
         for visit in self._visits:
             plan = self._stages[visit.stage].plan
             if plan.frame.tracking is None:
                 continue
-            rows = slice(visit.first, visit.last + 1)
-            felt = np.zeros((visit.last + 1 - visit.first, 3))
+            rows, of = slice(visit.first, visit.last + 1), plan.frame.tracking.of
+            felt = np.zeros((visit.last + 1 - visit.first, 9))
             for i, axis in enumerate(AXES[:3]):
                 if axis in plan.axes:
-                    felt[:, i] = columns[f"force.{axis}.measured"][rows]
-            R = _matrices(self._tip_rows(slice(visit.first, visit.first + 1))[1])[0]
-            begun = np.concatenate([np.zeros(3), -R[:, 2], np.zeros(3)])
-            if last is not None and last[1] + 1 == visit.first:
-                begun = last[0]
-            after = _tracking(plan.frame, self._period).mapaccum(len(felt))
-            states = np.array(after(begun, opposite(felt).T))
+                    felt[:, i] = opposite(columns[f"force.{axis}.measured"][rows])
+            for i, axis in enumerate(AXES):
+                if axis in plan.axes:
+                    felt[:, 3 + i] = columns[f"velocity.{axis}"][rows]
+            R = _matrices(self._tip_rows(rows)[1])
+            first = tracked_frames.begun(plan.frame, ca.SX(ca.DM(R[0])))
+            begun = np.array(ca.evalf(first)).ravel()
+            if last is not None and last[0] == of and last[2] + 1 == visit.first:
+                begun = last[1]
+            after = _tracking(self._robot, plan.frame, self._period).mapaccum(len(felt))
+            states = np.array(after(begun, felt.T, R.reshape(len(R), 9).T))
             # What a tick puts out is of before it.
             states = np.column_stack([begun, states[:, :-1]])
-            last = states[:, -1], visit.last
+            last = of, states[:, -1], visit.last
             if plan.frame.name == frame.name:
                 found[rows] = states.T
         return _Faces(tracked_frames.SIZE, list(enumerate(found)))
@@ -480,12 +484,22 @@ def _placed(
     return ca.Function("placed", arguments, [ca.densify(x) for x in outputs])
 
 
-def _tracking(frame: FrameModel, period: float) -> ca.Function:
-    """What a frame that tracks the force memorises: (9,), the force in its axes (3,) -> (9,)."""
-    state, felt = ca.SX.sym("state", tracked_frames.SIZE), ca.SX.sym("felt", 3)
+def _tracking(robot: RobotModel, frame: FrameModel, period: float) -> ca.Function:
+    """What a frame that tracks something memorises.
+
+    (9,) before a tick, the force by the environment (3,) and the tip's twist (6,) in the frame's
+    axes, the tip's axes (9,) by rows -> (9,) after it.
+    """
+    state, felt = ca.SX.sym("state", tracked_frames.SIZE), ca.SX.sym("felt", 9)
+    tip, tool = ca.SX.sym("tip", 9), robot.tool
     R, _ = tracked_frames.axes(frame, state[3:6])
-    after = tracked_frames.step(frame, state, R @ felt, period)
-    return ca.Function("tracking", [state, felt], [after])
+    local = np.zeros(3) if tool.flat else tool.centers[0]
+    lever = ca.reshape(tip, 3, 3).T @ ca.DM(local)
+    velocity = R @ felt[3:6] + ca.cross(R @ felt[6:], lever)
+    now = tracked_frames.felt(frame, R @ felt[:3], velocity)
+    return ca.Function(
+        "tracking", [state, felt, tip], [tracked_frames.step(frame, state, now, period)]
+    )
 
 
 @cache

@@ -50,7 +50,8 @@ class Measurement:
         reactions: what the robot applies along each.
         gaps: to every shape.
         table: signals by name.
-        unreached: what contacts do not return of the set points.
+        infeasible: what contacts do not return of the set points.
+        tracks: what its frame tracks, by its number in `tracked_frames`; 0 for nothing.
     """
 
     inputs: ports.Inputs
@@ -71,6 +72,7 @@ class Measurement:
     gaps: Mapping[str, ca.SX]
     table: SignalTable
     infeasible: InfeasibleForces
+    tracks: float
 
     @property
     def world(self) -> TermSymbols:
@@ -155,6 +157,7 @@ def measure(plan: StagePlan) -> Measurement:
         gaps=gaps,
         table=SignalTable(situation, _constants(context), elsewhere),
         infeasible=infeasible,
+        tracks=tracked_frames.NUMBERS[frame.tracking.of] if frame.tracking is not None else 0.0,
     )
 
 

@@ -115,8 +115,10 @@ def _updates(
         measurement.tracked.updates() if measurement.tracked is not None else {}
     )
     if plan.frame.tracking is not None:
-        force, period = measurement.inputs.wrench[:3], plan.context.period
-        updates |= tracked_frames.updates(plan.frame, measurement.memory, force, period)
+        force, velocity = measurement.inputs.wrench[:3], measurement.tool.velocity
+        now = tracked_frames.felt(plan.frame, force, velocity)
+        period = plan.context.period
+        updates |= tracked_frames.updates(plan.frame, measurement.memory, now, period)
     for motion in motions.values():
         updates |= motion.memory
     return updates | {f"integral.{name}": value for name, value in integrals.items()}

@@ -60,11 +60,8 @@ def path_time(path: PathShape, measurement: Measurement) -> tuple[ca.SX, dict[st
     return time, {TIME: after, SHARE: share + period * rate, AT: t + period}
 
 
-def greatest(context: Context, stage: Stage, speed: Expression) -> float:
-    """The greatest value of an expression of signals, as far as their nature and limits bound it.
-
-    Infinite where nothing does.
-    """
+def speeds(context: Context, stage: Stage, speed: Expression) -> Interval:
+    """What an expression can be, as far as its signals' nature and the stage's limits bound it."""
     task = context.loaded.task
     limits = task.limits_of(stage).stopping()
 
@@ -78,7 +75,17 @@ def greatest(context: Context, stage: Stage, speed: Expression) -> float:
         most = getattr(limits, signal.limit) if signal.limit else None
         return natural if most is None else natural.meet(Interval(-most, most))
 
-    return evaluate(speed.tree, IntervalAlgebra(), bounds).high
+    return evaluate(speed.tree, IntervalAlgebra(), bounds)
+
+
+def least_share(stage: StagePlan) -> float:
+    """What the rate of the path's time never falls below: 1 for a path that nothing slows."""
+    path = stage.path
+    if path is None or path.slowed is None:
+        return 1.0
+    assert path.speed is not None
+    least = speeds(stage.context, stage.spec, path.slowed).low
+    return max(least / path.speed, 0.0)
 
 
 def nominal_share(stage: StagePlan) -> float:

@@ -89,7 +89,7 @@ def _rotations(on: Coordinates, motions: Mapping[Axis, AxisReference], out: Trac
         frame_rate = on.at.turning(_way(on, motions))
         frame_acceleration = on.clock.total_rate(frame_rate, on.terms)
     elif on.frame.kind == "tracking":
-        # What is felt turns it: how that goes on is not known.
+        # What is felt or the motion turns it: how that goes on is not known.
         frame_rate = on.at.turning(ca.SX.zeros(3))
     elif on.frame.kind == "turning":
         frame_rate, frame_acceleration = _handle_rate(on, motions)
@@ -174,7 +174,7 @@ def _carried(
         target = target if flat else on.at.chart.foot(target)
     error = R.T @ (target - here)
     # A point on an axis without motion control goes with the tool. So it does on force axes of a
-    # frame that the force turns: what the surface falls away by is no error, and would turn into x.
+    # frame that tracks: what the surface falls away by is no error, and would turn into x.
     gone = [a for a in AXES[:3] if on.frame.tracking and a in on.plans and on.plans[a].force]
     kept = ca.diag(ca.vertcat(*(float(a in motions and a not in gone) for a in AXES[:3])))
     out.updates["reference_point"] = here + R @ (kept @ error) if names else target

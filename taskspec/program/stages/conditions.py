@@ -90,7 +90,11 @@ def limit_conditions(
         text = f"the tool left the part of {frame.surface_name!r} that frame {frame.name!r} follows"
         found.append(Condition(Event(events.LIMIT, "frame_left", text), margin < 0, margin))
     if frame.kind == "tracking":
-        text = f"the force felt is along the heading of frame {frame.name!r}, which has no x then"
+        text = (
+            f"the force felt is along the heading of frame {frame.name!r}, which has no x then"
+            if frame.tracking is not None and frame.tracking.of == "force"
+            else f"the motion is along the normal of frame {frame.name!r}, which has no z then"
+        )
         found.append(Condition(Event(events.LIMIT, "frame_left", text), margin < 0, margin))
     if frame.mechanism is not None:
         text = f"the tool came to the axis of {frame.mechanism.name!r}, where {frame.name!r} ends"

@@ -209,9 +209,10 @@ class Entering:
         if "lever" in self.parameters:
             self._write("lever", R.T @ (self._world(estimated_frames.origin(frame, poses)) - p))
         if frame.tracking is not None:
-            begun = ca.if_else(self.follows, self.followed, tracked_frames.begun(R))
+            same = self.follows == tracked_frames.NUMBERS[frame.tracking.of]
+            begun = ca.if_else(same, self.followed, tracked_frames.begun(frame, R))
             for i, slot in enumerate(
-                (tracked_frames.FORCE, tracked_frames.NORMAL, tracked_frames.RATE)
+                (tracked_frames.FELT, tracked_frames.DIRECTION, tracked_frames.RATE)
             ):
                 self._remember(slot, begun[3 * i : 3 * i + 3])
         if frame.surface is not None:

@@ -73,7 +73,7 @@ def outputs(
         "frame": ca.vec(_world(measurement.at.R, measurement.moving_base)),
         "angle": _angle(measurement.tracked),
         "track": _track(measurement),
-        "tracks": ca.SX(float(tracked_frames.FORCE in measurement.memory)),
+        "tracks": ca.SX(measurement.tracks),
         "conditioning": commanded.chosen.conditioning if commanded.chosen else ca.SX(1),
         "violation": violation,
         "clamped": clamped,
@@ -114,9 +114,9 @@ def _world(local: ca.SX, base: BaseMotion | None) -> ca.SX:
 
 
 def _track(measurement: Measurement) -> ca.SX:
-    """(9,) what a frame that tracks the force has in its memory; zero for any other."""
-    slots = (tracked_frames.FORCE, tracked_frames.NORMAL, tracked_frames.RATE)
-    if tracked_frames.FORCE not in measurement.memory:
+    """(9,) what a frame that tracks something has in its memory; zero for any other."""
+    slots = (tracked_frames.FELT, tracked_frames.DIRECTION, tracked_frames.RATE)
+    if not measurement.tracks:
         return ca.SX.zeros(9)
     return ca.vertcat(*(measurement.memory.symbol(slot) for slot in slots))
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from dataclasses import replace
 
 import casadi as ca
@@ -120,6 +121,14 @@ def with_nominal(
         if frame.kind not in ("estimated", "tracking"):
             continue
         heading = frames[frame.estimated_in or name].heading
+        tracking = frame.tracking
+        if tracking is not None and tracking.of == "velocity":
+            # Until anything moves; x along z is reported elsewhere.
+            with suppress(NotEstimatedError):
+                x, minus_y, z = axes_of(tracking.begun, tracking.across)[:, [2, 1, 0]].T
+                R = np.column_stack([x, -minus_y, z])
+                found[name] = replace(frame, rotation=R, origin=origin)
+            continue
         try:
             R = axes_of(normal, heading)
         except NotEstimatedError:

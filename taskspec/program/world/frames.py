@@ -16,24 +16,31 @@ from taskspec.geometry import rotation
 from taskspec.program.bound import evaluated
 from taskspec.program.world.mechanisms import MechanismModel, mechanism_models
 from taskspec.shapes import SHAPES, Surface
-from taskspec.spec import Shape, Task
+from taskspec.spec import Frame, Shape, Task
 
 Matrix = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
-class ForceTracking:
-    """How a frame follows the force that is felt.
+class DirectionTracking:
+    """How a frame follows the force that is felt, or the motion.
 
     Attributes:
+        of: `force`, against which its z is kept, or `velocity`, along which its x is.
         filter: cutoff [Hz].
-        floor: the filtered force below which it keeps its direction [N].
+        floor: the filtered force [N] or velocity [m/s] up to which it keeps its direction.
         turn: its greatest rate [rad/s].
+        across: (3,) world direction that is laid across the tracked one: as x where z is
+            tracked, as z where x is.
+        begun: (3,) x before anything has moved, world axes; of a tracked velocity.
     """
 
+    of: str
     filter: float
     floor: float
     turn: float
+    across: Matrix = field(default_factory=lambda: np.array([1.0, 0.0, 0.0]))
+    begun: Matrix = field(default_factory=lambda: np.array([1.0, 0.0, 0.0]))
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +51,7 @@ class FrameModel:
         name: as in the file.
         kind: fixed (in the world, or on an object that moves by itself), tool (carried by the
             tool), following (a surface), estimated (where a stage touched), turning (with a handle
-            that goes around an axis), tracking (the force that is felt).
+            that goes around an axis), tracking (the force that is felt, or the motion).
         rotation, origin: (3, 3), (3,) pose in the world as declared, for kind tool in the tool,
             for kind turning in the axes of the handle; of an estimated frame, where it is expected.
         owner: the object that it is fixed on, through its parents.
@@ -53,7 +60,7 @@ class FrameModel:
         estimated_in: of an estimated frame: the measured frame that it is or is placed in.
         in_estimated: (3, 3), (3,) its pose in that one.
         mechanism: of a turning frame, whose handle it turns with.
-        tracking: how it follows the force that is felt; its rotation is what is expected.
+        tracking: how it follows what is felt or the motion; its rotation is what is expected.
         at_origin: the control point is the frame's origin, carried rigidly by the tool.
         described: how it came about, for `explain`.
     """
@@ -70,7 +77,7 @@ class FrameModel:
     estimated_in: str = ""
     in_estimated: tuple[Matrix, Matrix] = field(default_factory=lambda: (np.eye(3), np.zeros(3)))
     mechanism: MechanismModel | None = None
-    tracking: ForceTracking | None = None
+    tracking: DirectionTracking | None = None
     at_origin: bool = False
     described: str = ""
 
@@ -220,18 +227,7 @@ def _declared(task: Task, name: str, frames: dict[str, FrameModel]) -> FrameMode
             described=f"follows the tool over {frame.surface}, z outward normal, x along {along}",
         )
     if frame.track is not None:
-        heading = None if frame.heading is None else np.array(frame.heading, dtype=float)
-        along = "the world's x" if frame.heading is None else f"heading {list(frame.heading)}"
-        return FrameModel(
-            name,
-            "tracking",
-            np.eye(3),
-            np.zeros(3),
-            heading=heading,
-            tracking=ForceTracking(frame.filter, frame.floor, frame.turn),
-            described=f"z against the force felt, filtered at {frame.filter:g} Hz, from "
-            f"{frame.floor:g} N on, x along {along}",
-        )
+        return _tracking(name, frame)
     if frame.estimate is not None:
         heading = None if frame.heading is None else np.array(frame.heading, dtype=float)
         along = "the world's x" if frame.heading is None else f"heading {list(frame.heading)}"
@@ -262,3 +258,44 @@ def _declared(task: Task, name: str, frames: dict[str, FrameModel]) -> FrameMode
         described=f"{'placed' if parent.mechanism else 'fixed'} in {parent.name}"
         + (", control point at its origin" if frame.point == "origin" else ""),
     )
+
+
+def _tracking(name: str, frame: Frame) -> FrameModel:
+    """A frame that tracks the force or the motion."""
+    heading = _unit(frame.heading, 0)
+    along = "the world's x" if frame.heading is None else f"heading {list(frame.heading)}"
+    if frame.track == "force":
+        floor = 1.0 if frame.floor is None else float(frame.floor)
+        tracking = DirectionTracking("force", frame.filter, floor, frame.turn, across=heading)
+        described = (
+            f"z against the force felt, filtered at {frame.filter:g} Hz, from {floor:g} N on, "
+            f"x along {along}"
+        )
+    else:
+        floor = 2e-3 if frame.floor is None else float(frame.floor)
+        normal = _unit(frame.normal, 2)
+        tracking = DirectionTracking(
+            "velocity", frame.filter, floor, frame.turn, across=normal, begun=heading
+        )
+        up = "the world's z" if frame.normal is None else f"normal {list(frame.normal)}"
+        described = (
+            f"x along the motion, filtered at {frame.filter:g} Hz, from {1e3 * floor:g} mm/s on, "
+            f"at first along {along}, z along {up}"
+        )
+    return FrameModel(
+        name,
+        "tracking",
+        np.eye(3),
+        np.zeros(3),
+        heading=None if frame.heading is None else heading,
+        tracking=tracking,
+        described=described,
+    )
+
+
+def _unit(direction: tuple[float, float, float] | None, axis: int) -> Matrix:
+    """(3,) a declared direction as a unit vector; without one, an axis of the world."""
+    if direction is None:
+        return np.asarray(np.eye(3)[axis])
+    given = np.array(direction, dtype=float)
+    return np.asarray(given / np.linalg.norm(given))

@@ -28,7 +28,7 @@ register(
 _NOT_FIXED = {
     "tool": "goes with the tool",
     "following": "follows a surface",
-    "tracking": "turns with the force that is felt",
+    "tracking": "turns with what it tracks",
     "estimated": "is measured only while the task runs",
 }
 

@@ -1,11 +1,13 @@
-"""Frames that follow the contact force: z against it, filtered, turning no faster than a limit.
+"""Frames that follow the contact force or the motion, filtered, no faster than a limit.
 
-With f the measured force by the environment, f_c the filter's cutoff and F what the filter holds,
+With f the measured force by the environment, or the velocity of the tool's reference point, f_c
+the filter's cutoff and F what the filter holds,
 
-    dF/dt = 2 pi f_c (f - F),   z turns to F/|F| at no more than the frame's greatest rate,
+    dF/dt = 2 pi f_c (f - F),   d turns to F/|F| at no more than the frame's greatest rate,
 
-while |F| is above a floor; below it z stays. The axes of a tick follow from the ticks before it.
-A normal that turns at W is followed at a distance of atan(W / (2 pi f_c)): `lag`.
+while |F| is above a floor; below it d stays. d is the frame's z where it tracks the force, and its
+x where it tracks the velocity. The axes of a tick follow from the ticks before it.
+A direction that turns at W is followed at a distance of atan(W / (2 pi f_c)): `lag`.
 """
 
 from __future__ import annotations
@@ -13,73 +15,95 @@ from __future__ import annotations
 import math
 
 import casadi as ca
-import numpy as np
 
 from taskspec.program.slots import Slots
 from taskspec.program.world.estimated_frames import LEAST_SINE
-from taskspec.program.world.frames import FrameModel
+from taskspec.program.world.frames import DirectionTracking, FrameModel
 
-#: Slots of the memory: the filtered force [N], z, and its rate [1/s], world axes.
-FORCE, NORMAL, RATE = "track.force", "track.normal", "track.rate"
+#: Slots of the memory: the filtered force [N] or velocity [m/s], the direction that follows it,
+#: and its rate [1/s], world axes.
+FELT, DIRECTION, RATE = "track.felt", "track.direction", "track.rate"
 #: Numbers of these together.
 SIZE = 9
+#: What a stage hands on of its frame: nothing, or the number of what that tracks.
+NUMBERS = {"force": 1.0, "velocity": 2.0}
 #: What keeps a direction of nothing from being none: far below the digits of a unit vector.
 _NOTHING = 1e-24
 
 
 def symbols(memory: Slots) -> ca.SX:
-    """(9,) filtered force, z and its rate; takes the slots of a stage's memory."""
-    return ca.vertcat(*(memory.add(slot, 3) for slot in (FORCE, NORMAL, RATE)))
+    """(9,) what the filter holds, the direction and its rate; takes slots of a stage's memory."""
+    return ca.vertcat(*(memory.add(slot, 3) for slot in (FELT, DIRECTION, RATE)))
 
 
-def begun(tool: ca.SX) -> ca.SX:
-    """(9,) as nothing has been felt yet: z against the axis of a tool with axes (3, 3)."""
-    return ca.vertcat(ca.SX.zeros(3), -tool[:, 2], ca.SX.zeros(3))
+def begun(frame: FrameModel, tool: ca.SX) -> ca.SX:
+    """(9,) before anything has been felt, with the tool's axes (3, 3).
 
-
-def axes(frame: FrameModel, normal: ca.SX) -> tuple[ca.SX, ca.SX]:
-    """(3, 3) axes for a z (3,): x along the heading's part across it; and how far that is defined.
-
-    The second is positive while the heading is not along z.
+    z is against the axis of the tool where the force is tracked, x along the heading where the
+    velocity is.
     """
-    heading = np.array([1.0, 0.0, 0.0]) if frame.heading is None else frame.heading
-    along = ca.SX(ca.DM(heading / np.linalg.norm(heading)))
-    across = along - normal * ca.dot(normal, along)
+    tracking = _tracking(frame)
+    first = -tool[:, 2] if tracking.of == "force" else ca.SX(ca.DM(tracking.begun))
+    return ca.vertcat(ca.SX.zeros(3), first, ca.SX.zeros(3))
+
+
+def axes(frame: FrameModel, direction: ca.SX) -> tuple[ca.SX, ca.SX]:
+    """(3, 3) axes for the direction (3,) that is tracked; and how far they are defined.
+
+    The axis across it is along that part of the frame's `across`; the second is positive while
+    both are not the same.
+    """
+    tracking = _tracking(frame)
+    given = ca.SX(ca.DM(tracking.across))
+    across = given - direction * ca.dot(direction, given)
     size = ca.sqrt(ca.dot(across, across) + _NOTHING)
-    x = across / size
-    return ca.horzcat(x, ca.cross(normal, x), normal), size - LEAST_SINE
+    across = across / size
+    if tracking.of == "force":
+        found = ca.horzcat(across, ca.cross(direction, across), direction)
+    else:
+        found = ca.horzcat(direction, ca.cross(across, direction), across)
+    return found, size - LEAST_SINE
 
 
-def step(frame: FrameModel, state: ca.SX, force: ca.SX, period: float) -> ca.SX:
+def felt(frame: FrameModel, force: ca.SX, velocity: ca.SX) -> ca.SX:
+    """(3,) what a frame tracks, of the force by the environment and the tool's velocity (3,)."""
+    return force if _tracking(frame).of == "force" else velocity
+
+
+def step(frame: FrameModel, state: ca.SX, now: ca.SX, period: float) -> ca.SX:
     """(9,) after a tick.
 
     Args:
         frame: whose filter, floor and greatest rate count.
         state: (9,) before it.
-        force: (3,) measured, by the environment, world axes [N].
+        now: (3,) what it tracks, world axes; see `felt`.
         period: [s].
     """
-    tracking = frame.tracking
-    assert tracking is not None
+    tracking = _tracking(frame)
     share = -math.expm1(-2 * math.pi * tracking.filter * period)
-    felt, normal = state[:3], state[3:6]
-    felt = felt + share * (force - felt)
-    size = ca.sqrt(ca.dot(felt, felt) + _NOTHING)
-    goal = felt / size
-    across = goal - normal * ca.dot(normal, goal)
+    held, before = state[:3], state[3:6]
+    held = held + share * (now - held)
+    size = ca.sqrt(ca.dot(held, held) + _NOTHING)
+    goal = held / size
+    across = goal - before * ca.dot(before, goal)
     sine = ca.sqrt(ca.dot(across, across) + _NOTHING)
-    angle = ca.fmin(ca.atan2(sine, ca.dot(normal, goal)), tracking.turn * period)
-    turned = normal * ca.cos(angle) + across * (ca.sin(angle) / sine)
+    angle = ca.fmin(ca.atan2(sine, ca.dot(before, goal)), tracking.turn * period)
+    turned = before * ca.cos(angle) + across * (ca.sin(angle) / sine)
     turned = turned / ca.sqrt(ca.dot(turned, turned))
-    following = ca.if_else(size > tracking.floor, turned, normal)
-    return ca.vertcat(felt, following, (following - normal) / period)
+    following = ca.if_else(size > tracking.floor, turned, before)
+    return ca.vertcat(held, following, (following - before) / period)
 
 
-def updates(frame: FrameModel, memory: Slots, force: ca.SX, period: float) -> dict[str, ca.SX]:
+def updates(frame: FrameModel, memory: Slots, now: ca.SX, period: float) -> dict[str, ca.SX]:
     """The slots of the memory after a tick; see `step`."""
-    state = ca.vertcat(*(memory.symbol(slot) for slot in (FORCE, NORMAL, RATE)))
-    after = step(frame, state, force, period)
-    return {FORCE: after[:3], NORMAL: after[3:6], RATE: after[6:]}
+    state = ca.vertcat(*(memory.symbol(slot) for slot in (FELT, DIRECTION, RATE)))
+    after = step(frame, state, now, period)
+    return {FELT: after[:3], DIRECTION: after[3:6], RATE: after[6:]}
+
+
+def _tracking(frame: FrameModel) -> DirectionTracking:
+    assert frame.tracking is not None
+    return frame.tracking
 
 
 def lag(rate: float, cutoff: float) -> float:
@@ -88,7 +112,10 @@ def lag(rate: float, cutoff: float) -> float:
 
 
 def sliding_lag(rate: float, cutoff: float, friction: float) -> float | None:
-    """How far z is behind the felt force of a tool that slides along the frame's x [rad].
+    """How far a frame is behind, on a tool that slides along its x [rad].
+
+    A tracked velocity is along the surface with friction or without: its lag is that of a force
+    without friction.
 
     Friction m tilts that force by phi = atan m against the motion, and z leans by d + phi. The
     tool keeps to the surface, so a speed v along x is v/cos(d + phi) on it, and its normal turns

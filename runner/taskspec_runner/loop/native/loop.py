@@ -166,6 +166,7 @@ class NativeLoop:
                 break
         if reason == ticks.OPENS:
             assert opening is not None
+            c.opens = 0
             self._machine.open(opening)
             self.made = True
             return 0

@@ -77,11 +77,13 @@ def touch(
     at, patches = work[24:], work[44:]
     kind = int(w[1])
     if kind == HOLE:
-        n = _hole(work, w[2], w[3], w[4], at, patches)
+        n = _outside(work, w[2] + w[4], w[5], w[6], w[7], at, patches) if w[5] > 0.0 else -1
+        if n < 0:
+            n = _hole(work, w[2], w[3], w[4], at, patches)
     elif kind == SLOT:
-        n = _slot(work, w[2], w[3], w[4], at, patches)
+        n = _slot(work, w[2], w[3], w[4], w[5], at, patches)
     elif kind == GROOVE:
-        n = _groove(work, w[2], w[3], at, patches)
+        n = _groove(work, w[2], w[3], w[4], at, patches)
     else:
         n = _floor(work, 0.0, at, patches, 0)
     for i in range(n):
@@ -223,11 +225,43 @@ def _hole(t: Vector, R: float, depth: float, chamfer: float, at: Vector, patches
         # A tool that lies on its side does not feel the bore.
         return _floor(t, 0.0, at, patches, 0)
     else:
-        n = _peg_in_hole(t, R, chamfer, at, patches)
+        if t[12] == BOX:
+            n = _box_in_hole(t, R, chamfer, at, patches)
+        else:
+            n = _peg_in_hole(t, R, chamfer, at, patches)
         s = t[15] if t[11] < 0.0 else -t[15]
         x, y = t[0] + s * t[9], t[1] + s * t[10]
         inside = x * x + y * y < R * R
     return _floor(t, -depth, at, patches, n) if inside else n
+
+
+def _box_in_hole(t: Vector, R: float, chamfer: float, at: Vector, patches: Vector) -> int:
+    """A box against wall, chamfer and plate: each of the edges along its axis is a patch.
+
+    It meets the wall where it is farthest from the bore's axis, at its lower end or at the bore's
+    edge. All that is beyond the wall's tangent there, with the plate above, is a convex body.
+    """
+    s = -t[15] if t[11] > 0.0 else t[15]
+    n = 0
+    for edge in range(4):
+        one = t[13] if edge < 2 else -t[13]
+        two = t[14] if edge % 2 == 0 else -t[14]
+        x = t[0] + one * t[3] + two * t[6] + s * t[9]
+        y = t[1] + one * t[4] + two * t[7] + s * t[10]
+        z = t[2] + one * t[5] + two * t[8] + s * t[11]
+        far = math.sqrt(x * x + y * y)
+        if z < -chamfer:
+            # Where the edge passes the bore's own, if it is that long.
+            up = min((-chamfer - z) / abs(t[11]), 2.0 * t[15])
+            turn = 1.0 if t[11] > 0.0 else -1.0
+            px, py = x + up * turn * t[9], y + up * turn * t[10]
+            over = math.sqrt(px * px + py * py)
+            if over > far:
+                x, y, far = px, py, over
+        if far > 1e-9:
+            n = _bank(t, x / far, y / far, R, chamfer, 0.0, at, patches, n)
+    _share_the_top(patches, n)
+    return n
 
 
 def _ball_in_hole(t: Vector, R: float, chamfer: float, at: Vector, patches: Vector) -> int:
@@ -449,23 +483,27 @@ def _lesser(x: float, y: float, eps: float) -> float:
 
 
 def _slot(
-    t: Vector, width: float, depth: float, chamfer: float, at: Vector, patches: Vector
-) -> int:
-    """A plate below z = 0 with an endless slot along x."""
+    t: Vector, width: float, depth: float, chamfer: float, length: float, at: Vector,
+    patches: Vector,
+) -> int:  # fmt: skip
+    """A plate below z = 0 with a slot along x, endless where its length is 0."""
     if _support(t, 0.0, 0.0, -1.0, at) <= 0.0:
         return 0
     n = 0
     for side in range(2):
         sign = 1.0 if side == 0 else -1.0
-        n = _bank(t, sign, 0.5 * width, chamfer, 0.0, at, patches, n)
+        n = _bank(t, 0.0, sign, 0.5 * width, chamfer, 0.0, at, patches, n)
+    n = _ends(t, length, chamfer, at, patches, n)
     _share_the_top(patches, n)
-    if abs(t[1]) < 0.5 * width:
+    if abs(t[1]) < 0.5 * width and (length == 0.0 or abs(t[0]) < 0.5 * length):
         n = _floor(t, -depth, at, patches, n)
     return n
 
 
-def _groove(t: Vector, angle: float, depth: float, at: Vector, patches: Vector) -> int:
-    """A plate below z = 0 with an endless groove along x, its flanks `angle` apart."""
+def _groove(
+    t: Vector, angle: float, depth: float, length: float, at: Vector, patches: Vector
+) -> int:
+    """A plate below z = 0 with a groove of two flanks along x, endless where its length is 0."""
     if _support(t, 0.0, 0.0, -1.0, at) <= 0.0:
         return 0
     half = 0.5 * angle
@@ -473,25 +511,101 @@ def _groove(t: Vector, angle: float, depth: float, at: Vector, patches: Vector) 
     n = 0
     for side in range(2):
         sign = 1.0 if side == 0 else -1.0
-        n = _bank(t, sign, edge, 0.0, half, at, patches, n)
+        n = _bank(t, 0.0, sign, edge, 0.0, half, at, patches, n)
+    n = _ends(t, length, 0.0, at, patches, n)
     _share_the_top(patches, n)
     return n
 
 
+def _ends(t: Vector, length: float, chamfer: float, at: Vector, patches: Vector, n: int) -> int:
+    """Upright walls across x at both ends of a cut, with the plate beyond; none of length 0."""
+    if length == 0.0:
+        return n
+    for side in range(2):
+        sign = 1.0 if side == 0 else -1.0
+        n = _bank(t, sign, 0.0, 0.5 * length, chamfer, 0.0, at, patches, n)
+    return n
+
+
+def _outside(
+    t: Vector, bore: float, a: float, b: float, c: float, at: Vector, patches: Vector
+) -> int:
+    """A block a by b by c below z = 0 from outside; -1 where its top or its bore is touched.
+
+    Of its upper and upright edges, each with both faces as a convex body, that counts in which the
+    tool is least deep: a way out of one is a way out of the block. A tool whose end is over the
+    bore is in there.
+    """
+    depth = _support(t, 0.0, 0.0, -1.0, at)
+    if depth <= 0.0:
+        return 0
+    # What is farther from each side than it is deep is on the top: n (corner - p) is at least the
+    # depth then, for all normals n of an edge and the deepest point p.
+    if 0.5 * a - abs(at[0]) >= depth and 0.5 * b - abs(at[1]) >= depth:
+        return -1
+    under = _support(t, 0.0, 0.0, 1.0, at) + c
+    if under <= 0.0:
+        return 0
+    low = t[15] if t[11] < 0.0 else -t[15]
+    if t[12] == BALL:
+        low = 0.0
+    x, y = t[0] + low * t[9], t[1] + low * t[10]
+    if x * x + y * y < bore * bore:
+        return -1
+    n = _least_edge(t, a, b, at, patches)
+    if n > 0 and under < patches[6]:
+        under = _support(t, 0.0, 0.0, 1.0, at) + c
+        return _put(patches, 0, at, 0.0, 0.0, -1.0, under, 1.0)
+    return -1 if n > 0 and patches[9] == 1.0 else n
+
+
+def _least_edge(t: Vector, a: float, b: float, at: Vector, patches: Vector) -> int:
+    """The edge of a block in which a tool is least deep, as the first patch; 0 for none."""
+    best = 1e300
+    for edge in range(8):
+        sign = 1.0 if edge % 2 == 0 else -1.0
+        dx, dy, half = sign, 0.0, 0.5 * a
+        vx, vy, vz, top = 0.0, 0.0, 1.0, 0.0
+        if edge == 2 or edge == 3:
+            dx, dy, half = 0.0, sign, 0.5 * b
+        if edge > 3:
+            vx, vy, vz, top = 0.0, 1.0 if edge > 5 else -1.0, 0.0, 0.5 * b
+        found = _edge(t, dx, dy, vx, vy, vz, top, -half, 0.0, 0.0, at, patches[PATCH:], 0)
+        if found == 0:
+            return 0
+        if patches[PATCH + 6] < best:
+            best = patches[PATCH + 6]
+            for i in range(PATCH):
+                patches[i] = patches[PATCH + i]
+    return 1
+
+
 def _bank(
-    t: Vector, side: float, edge: float, chamfer: float, lean: float, at: Vector,
+    t: Vector, dx: float, dy: float, edge: float, chamfer: float, lean: float, at: Vector,
     patches: Vector, n: int,
 ) -> int:  # fmt: skip
     """A wall that stands away from z by `lean`, with the plate above: a convex body.
 
-    Its normals are -cos(a) side y + sin(a) z from a = lean to 90 degrees.
+    It is beyond `edge` along the unit vector (dx, dy).
+    """
+    return _edge(t, dx, dy, 0.0, 0.0, 1.0, 0.0, edge, chamfer, lean, at, patches, n)
+
+
+def _edge(
+    t: Vector, dx: float, dy: float, vx: float, vy: float, vz: float, top: float, edge: float,
+    chamfer: float, lean: float, at: Vector, patches: Vector, n: int,
+) -> int:  # fmt: skip
+    """Where two faces meet, all that is behind both: a convex body.
+
+    One is beyond `edge` along the unit vector (dx, dy, 0), the other up to `top` along v, which is
+    across it. Its normals are -cos(a) d + sin(a) v from a = lean to 90 degrees.
     """
     quarter = 0.5 * math.pi
     low, high, best = lean, quarter, 1e300
     count = 12
     for i in range(count + 1):
         a = lean + (quarter - lean) * float(i) / float(count)
-        depth = _over(t, side, edge, chamfer, a, at)
+        depth = _over(t, dx, dy, vx, vy, vz, top, edge, chamfer, a, at)
         if depth < best:
             best = depth
             low = lean + (quarter - lean) * float(max(i - 1, 0)) / float(count)
@@ -500,37 +614,46 @@ def _bank(
             return n
     ratio = 0.5 * (math.sqrt(5.0) - 1.0)
     b, c = high - ratio * (high - low), low + ratio * (high - low)
-    fb, fc = _over(t, side, edge, chamfer, b, at), _over(t, side, edge, chamfer, c, at)
+    fb, fc = (
+        _over(t, dx, dy, vx, vy, vz, top, edge, chamfer, b, at),
+        _over(t, dx, dy, vx, vy, vz, top, edge, chamfer, c, at),
+    )
     for _ in range(44):
         if fb < fc:
             high, c, fc = c, b, fb
             b = high - ratio * (high - low)
-            fb = _over(t, side, edge, chamfer, b, at)
+            fb = _over(t, dx, dy, vx, vy, vz, top, edge, chamfer, b, at)
         else:
             low, b, fb = b, c, fc
             c = low + ratio * (high - low)
-            fc = _over(t, side, edge, chamfer, c, at)
+            fc = _over(t, dx, dy, vx, vy, vz, top, edge, chamfer, c, at)
     a = 0.5 * (low + high)
     # The ends of the range are faces: exactly them where they are the least.
     for i in range(2):
         end = lean if i == 0 else quarter
-        if _over(t, side, edge, chamfer, end, at) <= _over(t, side, edge, chamfer, a, at):
+        if _over(t, dx, dy, vx, vy, vz, top, edge, chamfer, end, at) <= _over(
+            t, dx, dy, vx, vy, vz, top, edge, chamfer, a, at
+        ):
             a = end
-    depth = _over(t, side, edge, chamfer, a, at)
+    depth = _over(t, dx, dy, vx, vy, vz, top, edge, chamfer, a, at)
     if depth <= 0.0:
         return n
     c, s = math.cos(a), math.sin(a)
-    n = _put(patches, n, at, 0.0, -c * side, s, depth, 1.0)
+    n = _put(patches, n, at, s * vx - c * dx, s * vy - c * dy, s * vz, depth, 1.0)
     p = patches[PATCH * (n - 1) :]
-    p[9] = s
+    p[9] = s * vz
     return n
 
 
-def _over(t: Vector, side: float, edge: float, chamfer: float, a: float, at: Vector) -> float:
-    """How far tool and bank overlap along the normal of an angle a; the tool's point into `at`."""
+def _over(
+    t: Vector, dx: float, dy: float, vx: float, vy: float, vz: float, top: float, edge: float,
+    chamfer: float, a: float, at: Vector,
+) -> float:  # fmt: skip
+    """How far a tool and an edge overlap along the normal of an angle a; the tool's point."""
     c, s = math.cos(a), math.sin(a)
     lower, upper = -c * edge - s * chamfer, -c * (edge + chamfer)
-    return _support(t, 0.0, c * side, -s, at) + max(lower, upper)
+    support = _support(t, c * dx - s * vx, c * dy - s * vy, -s * vz, at)
+    return support + max(lower, upper) + s * top
 
 
 def _share_the_top(patches: Vector, n: int) -> None:
