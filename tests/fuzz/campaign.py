@@ -57,7 +57,8 @@ class Outcome:
     Attributes:
         files: how many. deep: how many of them were read without an error. slowest: (s, seed).
         late: how many took longer than `PROMISED`, each examination by itself.
-        grown: what the process kept of the last `AGAIN` deep files, examined anew [MiB]. failures: in the order of the seeds.
+        grown: what the process kept of the last `AGAIN` deep files, examined anew [MiB].
+        failures: in the order of the seeds.
     """
 
     files: int
