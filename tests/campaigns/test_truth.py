@@ -10,7 +10,7 @@ import pytest
 import yaml
 from truth import HERE, Judged, announcements, kept_line, shares
 from truth_file import Row, row_of, said
-from truth_tasks import draft, scaled, truth_task
+from truth_tasks import draft, scaled, truth_task, write_companions
 
 from taskspec.examination import examine
 from taskspec.spec import load_text
@@ -33,10 +33,11 @@ def test_a_file_is_its_seed_and_number() -> None:
     assert len({truth_task(1, 17), truth_task(1, 18), truth_task(2, 17)}) == 3
 
 
-def test_the_files_are_such_of_the_language() -> None:
+def test_the_files_are_such_of_the_language(tmp_path: Path) -> None:
     """What is refused by its text alone is not run, and says nothing of predictions."""
+    write_companions(tmp_path)
     for number in range(300):
-        load_text(truth_task(0, number), "task.yaml")
+        load_text(truth_task(0, number), "task.yaml", base=tmp_path)
 
 
 def test_the_files_have_all_that_they_are_to_cover() -> None:
@@ -47,6 +48,7 @@ def test_the_files_have_all_that_they_are_to_cover() -> None:
     words += [f"shape: {shape}" for shape in ("hole", "slot", "groove")]
     words += ["track: force", "track: velocity", "on: button", "thickness:", "templates:", "use:"]
     words += ["hold: force", "repeat: 2", "then: leave", "visits < 2", "clamp("]
+    words += ["include: [habits.yaml]", "use: pause", "joints:", "raster:", "spiral:", "waypoints:"]
     words += [f"mechanism: {kind}" for kind in ("hinge", "slide", "screw")]
     words += ["knob: free", "solve: qp", "noise:", "filter:", "delay:", "bias:", "rate: 250 Hz"]
     words += ["move:", "path:", "follows:", "fail_if:", "attempts:", "until:", "limits:", "expect:"]

@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 from random_tasks import COMPANIONS, LAWS, Value, angles, flow, lengths, rotation
-from workshop_scenes import WorkshopDraft
+from workshop_scenes import HABITS, WorkshopDraft
 
 #: How many files have one thing wrong, and in how many the gains are given.
 SLIPS, GIVEN = 0.25, 0.5
@@ -43,7 +43,7 @@ def draft(seed: int, number: int) -> TruthDraft:
 def write_companions(folder: Path) -> None:
     """Writes the files that tasks refer to into a folder."""
     folder.mkdir(parents=True, exist_ok=True)
-    for name, text in COMPANIONS.items():
+    for name, text in {**COMPANIONS, **HABITS}.items():
         (folder / name).write_text(text, "utf-8")
 
 

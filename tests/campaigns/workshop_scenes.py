@@ -9,10 +9,25 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from random_tasks import Draft, Value, deg, flow, lengths, mm
+from random_tasks import Draft, Value, angles, deg, flow, lengths, mm
 
 #: Laws that give way along an axis as they are told.
 _YIELDING = ("hybrid", "hybrid", "parallel")
+#: A file that tasks include, by its name beside the task.
+HABITS = {
+    "habits.yaml": """\
+params: {moment: 0.3 s}
+templates:
+  pause: {params: {lasts: moment}, time: lasts}
+"""
+}
+#: Joints in which an arm is far from its limits [deg].
+_HOMES = {
+    "planar2": (45, -90),
+    "planar3": (60, -120, 60),
+    "ur5e": (0, -90, 90, -90, -90, -90),
+    "panda": (0, -45, 0, -135, 0, 90, 45),
+}
 
 
 class WorkshopDraft(Draft):
@@ -20,11 +35,13 @@ class WorkshopDraft(Draft):
 
     Attributes:
         template: the stage that is written as a template; empty for none.
+        included: whether the file includes `HABITS`.
     """
 
     def __init__(self, number: int, *campaign: int) -> None:
         super().__init__(number, *campaign)
-        self.template = ""
+        self.template, self.included = "", False
+        self.campaign = (*campaign, number)
 
     def scenes(self) -> dict[str, tuple[float, Callable[[], None]]]:
         return {
@@ -246,8 +263,47 @@ class WorkshopDraft(Draft):
         if "leave" in self.stages and "force" in self.limits and self.chance(0.05):
             self.limits["force"] = {"max": self.limits["force"], "then": "leave"}
             self.stages["leave"]["attempts"] = "2"
+        # What came later is drawn on its own, so that all else of a file stays as it is.
+        first, self.rng = self.rng, np.random.default_rng((*self.campaign, 1))
+        self._later()
+        self.rng = first
+
+    def _later(self) -> None:
+        """An included file, a way home by the joints, and points with orientations."""
+        last = "grasp" not in self.robot and self.kind != "probe"  # what is held moves on
+        if last and self.chance(0.05):
+            self.included = True
+            self.stages["pause"] = {"use": "pause"}
+            if self.chance(0.5):
+                self.stages["pause"]["with"] = {"lasts": f"{self.between(0.1, 0.6):.1f} s"}
+        if last and "torque_rate" not in self.limits and self.chance(0.06):
+            home = _HOMES[self.model] + self.rng.uniform(-12, 12, len(_HOMES[self.model]))
+            joints: Value = angles(np.round(home))
+            if self.chance(0.3):
+                joints = [joints, angles(np.round(home + self.rng.uniform(-8, 8, len(home))))]
+            self.stages["home"] = {
+                "path": {"joints": joints, "speed": f"{round(self.between(10, 60))} deg/s"}
+            }
+        path = self.stages.get("slide", {}).get("path", {})
+        if isinstance(path, dict) and "waypoints" in path and self.across == ["x", "y"]:
+            bends = path["waypoints"]
+            assert isinstance(bends, dict)
+            if self.spatial and self.chance(0.4):
+                turned = [deg(round(self.between(-20, 20))) for _ in bends["points"]]
+                bends["points"] = [
+                    [*point, "0", "0", "0", turn]
+                    for point, turn in zip(bends["points"], turned, strict=True)
+                ]
 
     def written(self) -> str:
+        text = self._templated()
+        return (
+            text.replace("\nrobot:", "include: [habits.yaml]\n\nrobot:", 1)
+            if self.included
+            else text
+        )
+
+    def _templated(self) -> str:
         stage = self.stages.get(self.template)
         if stage is None:
             return super().written()
