@@ -17,11 +17,11 @@ of random files. `make truth` makes it.
 
 **The files.** Every robot, law, shape and mechanism; tools that go into holes, slots and grooves,
 buttons that are pushed, frames that track a force or a motion; sensors with noise, delay and
-filters; 250 Hz to 2 kHz; `solve: qp`; given and designed gains; contacts of 1 to 300 kN/m, uniform
-in the logarithm; templates, included files, repeats, limits that lead to a stage, ways home by the
-joints. Each is what an engineer may write, a quarter of them with one slip: a gain that is too high,
-a motion that is too fast or too far, a limit that is too low, too little time, a guard on a force
-that does not come, a sensor that is late. A file is its seed and its number:
+filters; 250 Hz to 2 kHz; `solve: qp`; given and designed gains; contacts of 1 to 300 kN/m,
+uniform in the logarithm; templates, included files, repeats, limits that lead to a stage, ways
+home by the joints. Each is what an engineer may write, a quarter of them with one slip: a gain
+that is too high, a motion that is too fast or too far, a limit that is too low, too little time,
+a guard on a force that does not come, a sensor that is late. A file is its seed and its number:
 `python tests/campaigns/truth_tasks.py SEED NUMBER` prints it.
 
 **The runs.** Each file is validated and run; one that is refused is run in spite of it, if it
