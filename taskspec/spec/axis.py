@@ -271,6 +271,9 @@ class AxesForm(Model):
     """The six axes of the task frame; those not named hold."""
 
     noun = "axes"
+    advice: ClassVar = dict.fromkeys(
+        ("xy", "xz", "yz", "xyz", "rxy", "rxyz", "rpy"), "a key for each axis: x: hold, y: hold"
+    )
 
     x: Translation | None = Field(None, title="Translation along x")
     y: Translation | None = Field(None, title="Translation along y")

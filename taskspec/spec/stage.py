@@ -18,7 +18,7 @@ from taskspec.spec.law import Law, law_of
 from taskspec.spec.limits import Limits
 from taskspec.spec.model import Model, complete, mapping, short_form
 from taskspec.spec.parse_context import ParseContext, span_of
-from taskspec.spec.path import Path
+from taskspec.spec.path import FORMS, Path
 from taskspec.spec.quantities import Constant, Formula
 from taskspec.spec.set_point import SetPoint, SetPoints
 from taskspec.spec.templates import USE, WITH
@@ -197,6 +197,14 @@ class Stage(Model):
 
     noun = "a stage"
     example = "approach: {axes: {z: {move: -50 mm}}}"
+    advice: ClassVar = (
+        {
+            name: f"a mode stands under an axis: axes: {{z: {{{name}: ..}}}}"
+            for name in (*MODES, "force")
+        }
+        | {name: f"a curve stands under 'path': path: {{{name}: ..}}" for name in FORMS}
+        | {"stages": "a template is one stage: its keys stand beside 'params'"}
+    )
     composed: ClassVar = {
         USE: {"type": "string", "title": "Template that it is"},
         WITH: {"type": "object", "title": "Params of the template"},

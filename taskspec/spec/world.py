@@ -8,7 +8,7 @@ from pydantic import Field, PrivateAttr, create_model
 
 from taskspec.geometry.axis import AXES, ROTATIONS, Axis
 from taskspec.shapes import BoundedSurface, SizeKey, all_shapes, size_keys
-from taskspec.spec.fields import RPY, XYZ, MechanismName
+from taskspec.spec.fields import MECHANISMS, RPY, XYZ, MechanismName
 from taskspec.spec.model import Model, complete
 from taskspec.spec.parse_context import ParseContext
 from taskspec.spec.quantities import Constant, Entries, Formula
@@ -185,9 +185,15 @@ class Shape(_SizedShape):
 
 def _of_no_kind(data: Map, context: ParseContext, keys: list[str]) -> Map:
     """Reports an object that none of the three keys gives a kind; returns what can be checked."""
-    slips = {key: near for key in data if key not in keys and (near := closest(key, KIND_KEYS))}
-    for key, near in slips.items():
-        hint = f"did you mean '{near}'?"
+    kinds = dict.fromkeys(_SHAPES, "shape") | dict.fromkeys(MECHANISMS, "mechanism")
+    slips = {
+        key: f"write {kinds[key]}: {key}, and its keys beside it"
+        if key in kinds
+        else f"did you mean '{near}'?"
+        for key in data
+        if key not in keys and (key in kinds or (near := closest(key, KIND_KEYS)))
+    }
+    for key, hint in slips.items():
         context.error("TS020", f"unknown key '{key}' in an object", data.node.key_span(key), hint)
     if not slips and complete(data, context):
         message = "an object needs a 'shape', an 'equation' or a 'mechanism'"
