@@ -11,6 +11,7 @@ from taskspec.analysis.worlds import World, draws_of, random_world, true_world
 from taskspec.compiler import compile_task
 from taskspec.deferred_methods import dataclass
 from taskspec.geometry.axis import AXES
+from taskspec.program.context import Context
 from taskspec.program.execution.machine import Machine
 from taskspec.program.program import Program
 from taskspec.robot.description import listening
@@ -92,7 +93,7 @@ def execute(
     return execute_program(
         program,
         out,
-        world=world_numbered(program, seed, world),
+        world=world_numbered(program.context, seed, world),
         progress=progress,
         report=report,
         telemetry=telemetry,
@@ -101,13 +102,12 @@ def execute(
     )
 
 
-def world_numbered(program: Program, seed: int, number: int | None) -> World:
-    """A random world of a program's task, or with no number the true one.
+def world_numbered(context: Context, seed: int, number: int | None) -> World:
+    """A random world of a task, or with no number the true one.
 
     Raises:
         InputError: nothing varies, and the world has another number than 0.
     """
-    context = program.context
     if number is None:
         return true_world(context, seed)
     if number and not draws_of(context):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterator, Mapping
-from dataclasses import field
+from dataclasses import field, replace
 from statistics import NormalDist
 from typing import Any
 
@@ -22,7 +22,8 @@ from taskspec.analysis.corners import (
 from taskspec.deferred_methods import dataclass
 from taskspec.geometry.axis import AXES
 from taskspec.program.context import Context
-from taskspec.spec import Task, Variation
+from taskspec.spec import LoadedTask, Task, Variation
+from taskspec.spec.truth import DeclaredTruth
 from taskspec.spec.vary import CUT, Draw
 from taskspec.text.units import Dimension, scaled, show
 
@@ -111,6 +112,20 @@ def random_world(context: Context, seed: int, number: int) -> World:
         u = low + _uniform(f"{seed} {draw.name}", number) * (high - low)
         found[draw.name] = _quantile(u, draw)
     return world_of(context, found, seed, number, f"world {number}")
+
+
+def as_file(loaded: LoadedTask, world: World) -> LoadedTask:
+    """A task whose file says that a world is the true one, and that nothing varies.
+
+    Faults are left out: they are no part of a world.
+    """
+    paths = dict.fromkeys((*loaded.task.truth.paths, *(path for path, _ in world.values)))
+    truth = {"truth": DeclaredTruth(tuple(paths)), "vary": {}}
+    return replace(
+        loaded,
+        task=loaded.task.model_copy(update=truth),
+        true_task=world.task.model_copy(update={"vary": {}}),
+    )
 
 
 def corner_count(context: Context) -> int:

@@ -76,6 +76,12 @@ def _protected(task: TaskPlan, stage: StagePlan) -> bool:  # noqa: ARG001
     return task.context.loaded.task.robot.protection is not None
 
 
+def _deviates(task: TaskPlan, stage: StagePlan) -> bool:  # noqa: ARG001
+    """World or robot are not what the controller, and what is told of its stages, goes by."""
+    loaded = task.context.loaded
+    return loaded.true_task is not loaded.task and bool(loaded.task.truth.paths)
+
+
 def _tracks(task: TaskPlan, stage: StagePlan) -> bool:  # noqa: ARG001
     """What turns its frame is not known before, nor how fast the joints have to follow that."""
     return stage.frame.tracking is not None
@@ -474,6 +480,7 @@ def _presses_or_stays(stage: StagePlan) -> bool:
 
 _DOUBTS: tuple[Callable[[TaskPlan, StagePlan], bool], ...] = (
     _protected,
+    _deviates,
     _tracks,
     _pushes,
     _holds,

@@ -1,6 +1,7 @@
 """Faults that `truth` declares, in every shipped task: how each ends, what its verdict is worth.
 
     python tests/campaigns/declared_faults.py --jobs 2 --rows rows.jsonl --table docs/faults.md
+    python tests/campaigns/declared_faults.py --rows rows.jsonl --table docs/faults.md --again crank
 
 Each fault begins halfway through the task. A run ends in one of four ways: success, a missed
 expectation, a branch that leads to `fail`, or a stop with a name. Beside the log stands what
@@ -17,7 +18,7 @@ import sys
 import time
 import traceback
 from collections import Counter, defaultdict
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -309,32 +310,47 @@ def write_table(path: Path, found: Sequence[Ended]) -> None:
     path.write_text(f"{before}{MARK}\n{table(found)}\n{MARK}{after}", encoding="utf-8")
 
 
+def kept(rows: Path, tasks: Collection[str]) -> list[Ended]:
+    """What earlier campaigns found of some tasks; nothing where there is no file."""
+    if not rows.exists():
+        return []
+    lines = rows.read_text(encoding="utf-8").splitlines()
+    found = [Ended(**json.loads(line)) for line in lines]
+    return [each for each in found if each.task in tasks]
+
+
+def keep(rows: Path, found: Sequence[Ended]) -> None:
+    """Keeps all that was found, in the place of what was there."""
+    rows.parent.mkdir(parents=True, exist_ok=True)
+    beside = rows.with_suffix(".new")
+    beside.write_text("".join(json.dumps(asdict(e)) + "\n" for e in found), encoding="utf-8")
+    beside.replace(rows)
+
+
 def main() -> int:
     """Runs all; the exit code is 1 if anything is WRONG."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--only", nargs="*", default=[], help="names of tasks; all without")
+    parser.add_argument("--again", nargs="*", default=[], help="tasks whose kept rows are old")
     parser.add_argument("--table", type=Path, help="a page that keeps the table")
     parser.add_argument("--rows", type=Path, help="a file of every run, which goes on from there")
     given = parser.parse_args()
-    files = sorted((ROOT / "tasks").glob("*.yaml"))
-    files = [file for file in files if not given.only or file.stem in given.only]
-    found: list[Ended] = []
-    if given.rows is not None and given.rows.exists():
-        lines = given.rows.read_text(encoding="utf-8").splitlines()
-        found = [Ended(**json.loads(line)) for line in lines]
-    if given.rows is not None:
-        given.rows.parent.mkdir(parents=True, exist_ok=True)
+    shipped = {load_task(file).task.name: file for file in sorted((ROOT / "tasks").glob("*.yaml"))}
+    unknown = sorted({*given.only, *given.again} - set(shipped))
+    if unknown:
+        parser.error(f"no shipped task is called {', '.join(unknown)}")
+    found = [] if given.rows is None else kept(given.rows, set(shipped) - set(given.again))
     done_before = {each.task for each in found}
-    files = [file for file in files if load_task(file).task.name not in done_before]
+    wanted = set(given.only or shipped) - done_before
+    files = [file for name, file in shipped.items() if name in wanted]
     began = time.perf_counter()
     with ProcessPoolExecutor(given.jobs) as pool:
         waiting = {pool.submit(run_task, file): file for file in files}
         for done in as_completed(waiting):
             found += done.result()
             if given.rows is not None:
-                with given.rows.open("a", encoding="utf-8") as rows:
-                    rows.writelines(json.dumps(asdict(each)) + "\n" for each in done.result())
+                keep(given.rows, found)
             kinds = dict(Counter(each.kind for each in done.result()))
             clock = time.perf_counter() - began
             sys.stdout.write(f"{clock:6.0f} s  {waiting[done].stem}: {kinds}\n")

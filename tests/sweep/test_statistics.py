@@ -13,7 +13,15 @@ from taskspec.compiler import compile_task
 from taskspec.spec import load_text
 from taskspec.spec.sweep import RateExpectation
 from taskspec_runner.sweep.statistics import Rate, influences, ranks, regions
-from taskspec_runner.sweep.summary import MET, MISSED, UNDECIDED, JudgedRate, summarise
+from taskspec_runner.sweep.summary import (
+    MET,
+    MISSED,
+    UNDECIDED,
+    JudgedRate,
+    rate_text,
+    summarise,
+)
+from taskspec_runner.sweep.worlds import CORNERS, GRID
 
 TASK = """taskspec: 1
 robot: {model: panda, start: {xyz: [500 mm, 0, 310 mm]}}
@@ -145,3 +153,19 @@ def test_an_expectation_with_a_name_has_a_rate():
         "there": 10,
     }
     assert summary["exit_code"] == 1
+
+
+@pytest.mark.parametrize("kind", [CORNERS, GRID])
+def test_worlds_that_were_chosen_tell_of_no_probability(kind):
+    """Their share itself is held against the bound: there are no more of them to ask."""
+    task = load_text(TASK + "sweep: {expect: success >= 75 %}\n", "task.yaml").task
+    for good, verdict in ((3, MET), (2, MISSED)):
+        made = [
+            {"world": n, "success": n < good, "status": "done", "verdict": "passed", "margin": 0.1}
+            for n in range(4)
+        ]
+        summary = summarise(task, made, kind)
+        (judged,) = summary["judged"]
+        assert (judged["verdict"], judged["needed"], judged["interval"]) == (verdict, None, None)
+        assert rate_text(judged) == f"{good} of 4 worlds, {25 * good} %"
+        assert summarise(task, made)["judged"][0]["verdict"] == UNDECIDED

@@ -254,6 +254,8 @@ def validate(
     ],
     set_: options.Overrides = None,
     law: options.Law = None,
+    world: options.World = None,
+    seed: options.Seed = 0,
     form: Annotated[
         DiagnosticFormat, typer.Option("--format", help="Of the findings.")
     ] = DiagnosticFormat.FULL,
@@ -280,6 +282,8 @@ def validate(
         ignore=ignore or (),
         sets=set_ or (),
         law=law,
+        world=world,
+        seed=seed,
     )
 
 

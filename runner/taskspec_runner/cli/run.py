@@ -70,7 +70,7 @@ def run_task(
         return 1
     if program.findings and not quiet:
         show_diagnostics(program.findings, program.context.loaded.sources, err=True)
-    chosen = chosen_world(program, seed, world)
+    chosen = chosen_world(program.context, seed, world)
     link = None if on is None else on.link(program, None if quiet else _say)
     with (
         sending(telemetry, _say) as sink,

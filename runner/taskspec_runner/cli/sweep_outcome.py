@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import typer
@@ -14,7 +14,14 @@ from taskspec_runner.cli.console import show, table
 from taskspec_runner.record.names import TABLE
 from taskspec_runner.sweep.folder import PAGE
 from taskspec_runner.sweep.session import SweepResult
-from taskspec_runner.sweep.summary import MET, UNDECIDED, foretold_text, rate_text
+from taskspec_runner.sweep.summary import (
+    MET,
+    UNDECIDED,
+    foretold_text,
+    foretold_wrong,
+    interval_text,
+    rate_text,
+)
 
 _STYLES = {MET: "bold green", UNDECIDED: "bold yellow"}
 #: Influences that are told, at most; and of how likely chance is at the most.
@@ -58,12 +65,12 @@ def verdict_lines(summary: Mapping[str, Any]) -> Iterator[Text]:
 
 
 def _rates(summary: Mapping[str, Any]) -> Any:
-    made = table("expectation", "met in", "at 95 %", right=("met in",))
+    sampled = summary["success"]["interval"] is not None
+    made = table("expectation", "met in", *(["at 95 %"] if sampled else []), right=("met in",))
     for each in summary["expectations"]:
-        low, high = (100 * end for end in each["interval"])
         share = 100 * each["share"] if each["of"] else 0.0
         label = each["text"] if each["name"].isdecimal() else f"{each['name']}: {each['text']}"
-        made.add_row(f"  {label}", f"{share:.4g} %", f"{low:.4g} to {high:.4g} %")
+        made.add_row(f"  {label}", f"{share:.4g} %", *([interval_text(each)] if sampled else []))
     return made
 
 
@@ -80,7 +87,9 @@ def _depends(result: SweepResult) -> Iterator[str]:
     for each in summary["regions"]:
         yield each["text"]
     if looked_at := summary.get("foretold"):
-        yield foretold_text(looked_at)
+        wrong = foretold_wrong(looked_at)
+        about = f"; wrong about {_worlds(wrong)}" if wrong else ""
+        yield f"{foretold_text(looked_at)}{about}"
     worst = summary["worst"]
     if worst is not None:
         row = result.rows[worst["world"]]
@@ -91,6 +100,11 @@ def _depends(result: SweepResult) -> Iterator[str]:
         ]
         margin = number(100 * worst["margin"], 3)
         yield f"worst: world {worst['world']}, margin {margin} %: {', '.join(values)}"
+
+
+def _worlds(numbers: Sequence[int]) -> str:
+    """Such as `worlds 3, 17`."""
+    return f"world{'s' if len(numbers) > 1 else ''} {', '.join(map(str, numbers))}"
 
 
 def _rounded(count: int) -> str:

@@ -12,6 +12,7 @@ from typing import TypeVar
 import typer
 
 from taskspec.deferred_methods import dataclass
+from taskspec.spec import LoadedTask
 from taskspec.text.diagnostic import Diagnostic, Note, SpecError
 from taskspec.text.source import Source
 from taskspec_runner.cli.codes import choice
@@ -39,6 +40,8 @@ def validate_paths(
     ignore: Sequence[str] = (),
     sets: Sequence[str] = (),
     law: str | None = None,
+    world: str | None = None,
+    seed: int = 0,
 ) -> int:
     """Validates files and folders and says what was found.
 
@@ -50,6 +53,9 @@ def validate_paths(
         ignore: prefixes of codes that do not count.
         sets: overrides of every file, as `KEY=VALUE`.
         law: a law that replaces those of every file.
+        world: of which it is asked, as if the file said that it is the true one: the number of a
+            random one under the seed, or `TABLE:ROW`; None for the true one.
+        seed: of everything random.
 
     Raises:
         InputError: no code begins with one of the prefixes, a folder has no task file, or an
@@ -57,7 +63,9 @@ def validate_paths(
     """
     chosen = choice(select, ignore)
     changes(sets, law)
-    found = examine(list(task_files(paths)), strict=strict, sets=sets, law=law).only(chosen)
+    files = list(task_files(paths))
+    where = None if world is None else (world, seed)
+    found = examine(files, strict=strict, sets=sets, law=law, world=where).only(chosen)
     for failure in found.unreadable:
         typer.echo(f"taskspec: {failure.message}", err=True)
     for failure in found.broken:
@@ -68,6 +76,8 @@ def validate_paths(
     text = reporter.report(found)
     if text:
         typer.echo(text)
+    for line in found.worlds:
+        typer.echo(line, err=reporter.for_programs)
     typer.echo(found.headline, err=reporter.for_programs)
     return found.exit_code
 
@@ -116,14 +126,17 @@ def examine(
     strict: bool = False,
     sets: Sequence[str] = (),
     law: str | None = None,
+    world: tuple[str, int] | None = None,
 ) -> Validation:
     """Everything that is found about the files; many of them are shared out to the processors."""
     # An override stands in no file, so that where there are several each finding names its own.
-    outcome_of = functools.partial(_outcome, sets=sets, law=law, several=len(files) > 1)
+    several = len(files) > 1
+    outcome_of = functools.partial(_outcome, sets=sets, law=law, world=world, several=several)
     diagnostics: dict[str, tuple[Diagnostic, ...]] = {}
     sources: dict[str, dict[str, Source]] = {}
     unreadable: list[Failure] = []
     broken: list[Failure] = []
+    worlds: list[str] = []
     unchecked = ""
     with Termination(), closing(in_order(outcome_of, files)) as outcomes:
         for path, outcome in zip(files, outcomes, strict=True):
@@ -135,6 +148,8 @@ def examine(
             else:
                 diagnostics[name], sources[name] = outcome.diagnostics, outcome.sources
                 unchecked = unchecked or outcome.unchecked
+                if outcome.world:
+                    worlds.append(f"{name}: {outcome.world}" if several else outcome.world)
     return Validation(
         tuple(map(str, files)),
         diagnostics,
@@ -143,6 +158,7 @@ def examine(
         tuple(broken),
         strict,
         unchecked,
+        tuple(worlds),
     )
 
 
@@ -161,19 +177,29 @@ Named = TypeVar("Named", Diagnostic, Note)
 
 @dataclass(frozen=True)
 class _Found:
-    """What is found about a file; `unchecked` says what could not be looked at, and why."""
+    """What is found about a file.
+
+    `unchecked` says what could not be looked at, and why, `world` what is otherwise in the world
+    that was asked of.
+    """
 
     diagnostics: tuple[Diagnostic, ...]
     sources: dict[str, Source]
     unchecked: str = ""
+    world: str = ""
 
 
 def _outcome(
-    path: Path, sets: Sequence[str], law: str | None, *, several: bool
+    path: Path,
+    sets: Sequence[str],
+    law: str | None,
+    world: tuple[str, int] | None,
+    *,
+    several: bool,
 ) -> _Found | _Unreadable | _Broken:
     """What is found about a file; of what can go wrong with it, only the words."""
     try:
-        found = _examine(path, sets, law)
+        found = _examine(path, sets, law, world)
         return _attributed(found, path) if several and (sets or law) else found
     except InputError as error:
         return _Unreadable(str(error))
@@ -195,10 +221,13 @@ def _attributed(found: _Found, path: Path) -> _Found:
         tuple(replace(named(d), notes=tuple(map(named, d.notes))) for d in found.diagnostics),
         {names.get(name, name): source for name, source in found.sources.items()},
         found.unchecked,
+        found.world,
     )
 
 
-def _examine(path: Path, sets: Sequence[str], law: str | None) -> _Found:
+def _examine(
+    path: Path, sets: Sequence[str], law: str | None, world: tuple[str, int] | None
+) -> _Found:
     try:
         loaded = load(path, sets, law)
     except SpecError as error:
@@ -208,12 +237,38 @@ def _examine(path: Path, sets: Sequence[str], law: str | None) -> _Found:
         # A file that cannot even be read needs no robot, and one that is known no simulator.
         from taskspec.examination import examine
 
-        return _Found(examine(loaded).findings, sources)
+        if world is None:
+            return _Found(examine(loaded).findings, sources)
+        loaded, differs = _in_world(path, loaded, *world)
+        return _Found(examine(loaded).findings, sources, world=differs)
+    except SpecError as error:
+        return _Found(error.diagnostics, sources)
     except ImportError as error:
         missing = (error.name or "").partition(".")[0]
         if missing not in _NUMERICAL:
             raise
         return _Found(loaded.warnings, sources, _without(missing, error))
+
+
+def _in_world(path: Path, loaded: LoadedTask, named: str, seed: int) -> tuple[LoadedTask, str]:
+    """The task as if a world were the true one, and what is otherwise there.
+
+    Raises:
+        InputError: there is no such world.
+        SpecError: the robot cannot be loaded, or its start cannot be reached.
+    """
+    from taskspec.analysis.worlds import as_file, deviations
+    from taskspec.program.prepare import prepare
+    from taskspec_runner.sweep.chosen import chosen_world
+
+    context = prepare(loaded)
+    try:
+        world = chosen_world(context, seed, named)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error
+    parts = [f"{e.name} {e.written[1]} (told {e.written[0]})" for e in deviations(context, world)]
+    differs = f"in truth {', '.join(parts)}" if parts else "as the file says"
+    return as_file(loaded, world), f"{world.label}: {differs}" if world.label else differs
 
 
 def _without(missing: str, error: ImportError) -> str:

@@ -35,6 +35,7 @@ class Validation:
         broken: files at which the validation itself failed.
         strict: whether warnings count as errors, and what could not be checked too.
         unchecked: what could not be checked here, and why; empty where all was.
+        worlds: what is otherwise in the worlds that were asked of, a line each.
     """
 
     files: tuple[str, ...] = ()
@@ -44,6 +45,7 @@ class Validation:
     broken: tuple[Failure, ...] = ()
     strict: bool = False
     unchecked: str = ""
+    worlds: tuple[str, ...] = ()
 
     def only(self, chosen: Callable[[str], bool]) -> Validation:
         """The same with the diagnostics whose codes are chosen."""

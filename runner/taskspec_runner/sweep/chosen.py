@@ -5,16 +5,16 @@ from __future__ import annotations
 from pathlib import Path
 
 from taskspec.analysis.worlds import World
-from taskspec.program.program import Program
+from taskspec.program.context import Context
 from taskspec_runner.errors import InputError
 from taskspec_runner.session import world_numbered
 
 
-def chosen_world(program: Program, seed: int, named: str | None) -> World:
+def chosen_world(context: Context, seed: int, named: str | None) -> World:
     """The world of a run.
 
     Args:
-        program: of the task.
+        context: the task.
         seed: of everything random.
         named: its number from 0 under the seed, or `TABLE:ROW`; None for the true one.
 
@@ -22,10 +22,10 @@ def chosen_world(program: Program, seed: int, named: str | None) -> World:
         InputError: there is no such world.
     """
     if named is None or named.isdecimal():
-        return world_numbered(program, seed, None if named is None else int(named))
+        return world_numbered(context, seed, None if named is None else int(named))
     table, _, row = named.rpartition(":")
     if not table or not row.isdecimal():
         raise InputError(f"--world takes a number from 0 or TABLE:ROW, not {named!r}")
     from taskspec_runner.sweep.table import world_in
 
-    return world_in(Path(table), int(row), program.context)
+    return world_in(Path(table), int(row), context)

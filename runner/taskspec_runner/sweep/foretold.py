@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from concurrent.futures import Executor
-from dataclasses import replace
 from typing import Any
 
-from taskspec.analysis.worlds import World
+from taskspec.analysis.worlds import World, as_file
 from taskspec.examination import examine
 from taskspec.program.program import Program
-from taskspec.spec.truth import DeclaredTruth
 from taskspec.text.diagnostic import Diagnostic, Severity
 from taskspec_runner.sweep.bundle import Bundle, program_of
 from taskspec_runner.sweep.engine import Work, results
@@ -63,13 +61,7 @@ def examine_work(work: Work) -> tuple[int, tuple[str, ...]]:
 
 def codes(program: Program, world: World) -> tuple[str, ...]:
     """The codes of errors and warnings about a world."""
-    loaded = program.context.loaded
-    paths = dict.fromkeys((*loaded.task.truth.paths, *(path for path, _ in world.values)))
-    truth = {"truth": DeclaredTruth(tuple(paths)), "vary": {}}
-    task = loaded.task.model_copy(update=truth)
-    examined = examine(
-        replace(loaded, task=task, true_task=world.task.model_copy(update={"vary": {}}))
-    )
+    examined = examine(as_file(program.context.loaded, world))
     return tuple(_serious(examined.findings))
 
 

@@ -195,7 +195,10 @@ def read_result(path: Path) -> tuple[SweepResult, WrittenSweep]:
             "made with goes on with those that are missing"
         )
     task, rows = read.task.task, tuple(read.rows[index] for index in sorted(read.rows))
-    summary = {**summarise(task, rows), "foretold": read.said.get("foretold")}
+    summary = {
+        **summarise(task, rows, read.said["worlds"]["kind"]),
+        "foretold": read.said.get("foretold"),
+    }
     return SweepResult(task, path, rows, summary), read
 
 
@@ -356,7 +359,8 @@ def _ordered(folder: SweepFolder) -> tuple[Row, ...]:
 
 def _ended(task: Task, folder: SweepFolder, told: Json | None) -> SweepResult:
     ordered = _ordered(folder)
-    summary = {**summarise(task, ordered), "foretold": told}
+    kind = folder.said["worlds"]["kind"]
+    summary = {**summarise(task, ordered, kind), "foretold": told}
     folder.write(TABLE, table_bytes(folder.rows, {"taskspec": task.name}))
     folder.end(**summary)
     return SweepResult(task, folder.path, ordered, summary)

@@ -28,10 +28,13 @@ class Rate:
     Attributes:
         good: times that it did.
         of: times that it was tried.
+        sampled: it was tried in random worlds, so that it tells of all of them; not so of worlds
+            that somebody chose.
     """
 
     good: int
     of: int
+    sampled: bool = True
 
     @property
     def share(self) -> float:
@@ -54,8 +57,9 @@ class Rate:
         return low, 1.0 if self.good == n else min(1.0, middle + half)
 
     def as_data(self) -> dict[str, Any]:
-        """For a summary."""
-        return {"good": self.good, "of": self.of, "share": self.share, "interval": self.interval()}
+        """For a summary; only what was sampled has an interval."""
+        interval = self.interval() if self.sampled else None
+        return {"good": self.good, "of": self.of, "share": self.share, "interval": interval}
 
 
 @dataclass(frozen=True, slots=True)
@@ -210,7 +214,7 @@ def regions(rows: Sequence[Row]) -> list[Region]:
     if not known or not failed.any() or failed.all():
         return []
     leaves = list(_leaves(known, failed, np.ones(len(rows), bool), (), _DEPTH))
-    found = [leaf for leaf in leaves if leaf.of and leaf.failed / leaf.of >= _FAILS]
+    found = [leaf for leaf in leaves if leaf.splits and leaf.failed / leaf.of >= _FAILS]
     return sorted(found, key=lambda leaf: -leaf.failed)
 
 

@@ -13,6 +13,7 @@ from taskspec.spec.sweep import SUCCESS, RateExpectation
 from taskspec.text.units import scaled
 from taskspec_runner.sweep.statistics import Influence, Rate, Region, influences, regions
 from taskspec_runner.sweep.world_run import BROKEN, Row, expectation_keys
+from taskspec_runner.sweep.worlds import RANDOM
 
 MET, MISSED, UNDECIDED = "met", "missed", "undecided"
 #: More worlds than this are told as more than it.
@@ -42,7 +43,13 @@ class JudgedRate:
 
     @staticmethod
     def of(expected: RateExpectation, rate: Rate) -> JudgedRate:
-        """Met if the lower limit is above the bound, missed if the upper one is below it."""
+        """Met if the lower limit is above the bound, missed if the upper one is below it.
+
+        Of worlds that were chosen the share itself is held against the bound.
+        """
+        if not rate.sampled:
+            verdict = MET if rate.share >= expected.least else MISSED
+            return JudgedRate(expected.text, expected.what, expected.least, rate, verdict, None)
         low, high = rate.interval()
         verdict = MET if low > expected.least else MISSED if high < expected.least else UNDECIDED
         needed = _needed(rate, expected.least) if verdict == UNDECIDED else None
@@ -86,9 +93,17 @@ def _needed(rate: Rate, least: float) -> int | None:
 
 def rate_text(rate: Mapping[str, Any]) -> str:
     """Such as `987 of 1000 worlds, 98.7 % (97.8 to 99.2 %)`."""
-    low, high = (100 * each for each in rate["interval"])
     share = 100 * rate["share"] if rate["of"] else 0.0
-    return f"{rate['good']} of {rate['of']} worlds, {share:.4g} % ({low:.4g} to {high:.4g} %)"
+    ends = interval_text(rate)
+    return f"{rate['good']} of {rate['of']} worlds, {share:.4g} %{f' ({ends})' if ends else ''}"
+
+
+def interval_text(rate: Mapping[str, Any]) -> str:
+    """Such as `97.8 to 99.2 %`; empty of worlds that were chosen."""
+    if rate["interval"] is None:
+        return ""
+    low, high = (100 * each for each in rate["interval"])
+    return f"{low:.4g} to {high:.4g} %"
 
 
 def foretold_text(told: Mapping[str, Any]) -> str:
@@ -102,12 +117,19 @@ def foretold_text(told: Mapping[str, Any]) -> str:
     return f"validate warns of trouble in {' and '.join(parts)} that were looked at"
 
 
-def expectation_rates(task: Task, rows: Sequence[Row]) -> dict[str, tuple[str, Rate]]:
+def foretold_wrong(told: Mapping[str, Any]) -> list[int]:
+    """The worlds that were looked at of which validate says something else than came of them."""
+    return sorted(world for kind in ("failed", "good") for world in told[kind]["wrong"])
+
+
+def expectation_rates(
+    task: Task, rows: Sequence[Row], *, sampled: bool = True
+) -> dict[str, tuple[str, Rate]]:
     """Of each expectation its text and how often it was met, by what the table calls it."""
     found = {}
     for key, text in expectation_texts(task).items():
         good = sum(row.get(f"expect {key}") is True for row in rows)
-        found[key] = (text, Rate(good, len(rows)))
+        found[key] = (text, Rate(good, len(rows), sampled))
     return found
 
 
@@ -116,15 +138,17 @@ def expectation_texts(task: Task) -> dict[str, str]:
     return dict(zip(expectation_keys(task), (each.text for each in task.expect), strict=True))
 
 
-def summarise(task: Task, rows: Sequence[Row]) -> dict[str, Any]:
+def summarise(task: Task, rows: Sequence[Row], kind: str = RANDOM) -> dict[str, Any]:
     """What came of all worlds of a sweep.
 
     Args:
         task: of them.
         rows: in the order of the worlds.
+        kind: of the worlds: random, corners or grid. Only random ones tell of a probability.
     """
-    success = Rate(sum(row["success"] for row in rows), len(rows))
-    by_text = expectation_rates(task, rows)
+    sampled = kind == RANDOM
+    success = Rate(sum(row["success"] for row in rows), len(rows), sampled)
+    by_text = expectation_rates(task, rows, sampled=sampled)
     judged = [JudgedRate.of(each, _rate(each.what, success, by_text)) for each in expected(task)]
     worst = worst_world(rows)
     return {

@@ -14,6 +14,7 @@ from taskspec.analysis.worlds import World, world_from
 from taskspec.program.context import Context
 from taskspec_runner.errors import InputError
 from taskspec_runner.record.folder import parse_json
+from taskspec_runner.record.names import TABLE
 from taskspec_runner.record.whole import open_regular
 from taskspec_runner.sweep.world_run import Row
 
@@ -67,18 +68,21 @@ def read_table(path: Path) -> pa.Table:
         with open_regular(path) as file:
             table = pq.read_table(file, page_checksum_verification=True)
     except (OSError, pa.ArrowException) as error:
-        raise InputError(f"cannot read {path}: {error}") from error
+        raise InputError(
+            f"cannot read {path}: {getattr(error, 'strerror', None) or error}"
+        ) from error
     if any(name not in table.column_names for name in _ALWAYS):
         raise InputError(f"{path} is no table of a sweep")
     return table
 
 
 def world_in(path: Path, row: int, context: Context) -> World:
-    """The world of a row of a table, counted from 0.
+    """The world of a row of a table, or of that in the folder of a sweep, counted from 0.
 
     Raises:
         InputError: there is no such row, or it is of another task.
     """
+    path = path / TABLE if path.is_dir() else path
     table = read_table(path)
     numbers = table["world"].to_pylist()
     if row not in numbers:

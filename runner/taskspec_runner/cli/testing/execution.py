@@ -74,7 +74,7 @@ def _tried(path: Path, manner: Manner, began: float) -> FileOutcome:
         program = compile_task(loaded)
     except SpecError as error:
         return refused_by(path, error, loaded.task.expect, loaded.task.name)
-    world = chosen_world(program, manner.seed, None)
+    world = chosen_world(program.context, manner.seed, None)
     run = execute_program(program, manner.folders[path], world=world, report=False)
     seconds = time.perf_counter() - began
     if run.exit_code == 0 and not manner.keeps:

@@ -19,6 +19,8 @@ from taskspec_runner.sweep.summary import (
     MET,
     MISSED,
     foretold_text,
+    foretold_wrong,
+    interval_text,
     rate_text,
     worst_world,
 )
@@ -54,6 +56,7 @@ def render(result: SweepResult, said: Json) -> str:
         about=task.about or "",
         verdicts=[_verdict(each) for each in summary["judged"]],
         success=summary["success"],
+        interval=_percent(summary["success"]["interval"]),
         rate=rate_text(summary["success"]),
         ends=summary["ends"],
         counts=_counts(rows),
@@ -90,10 +93,14 @@ def _verdict(each: Json) -> Json:
         "text": each["text"],
         "found": rate_text(each),
         "needed": each["needed"],
-        "interval": [100 * end for end in each["interval"]],
+        "interval": _percent(each["interval"]),
         "share": 100 * each["share"],
         "bound": 100 * each["least"],
     }
+
+
+def _percent(interval: Sequence[float] | None) -> list[float] | None:
+    return None if interval is None else [100 * end for end in interval]
 
 
 def _counts(rows: Sequence[Row]) -> dict[str, int]:
@@ -112,8 +119,8 @@ def _expectation(each: Json, rows: Sequence[Row]) -> Json:
         "name": each["name"],
         "text": each["text"],
         "share": f"{100 * each['share']:.4g}" if each["of"] else "–",
-        "interval": [100 * end for end in each["interval"]],
-        "ends": " to ".join(f"{100 * end:.4g}" for end in each["interval"]),
+        "interval": _percent(each["interval"]),
+        "ends": interval_text(each),
         "worst": None if worst is None else (number(100 * worst[key], 3), worst["world"]),
     }
 
@@ -174,8 +181,7 @@ def _foretold(told: Json | None) -> Json | None:
     """What `validate` says of some worlds, and those of which it says something else than came."""
     if not told:
         return None
-    wrong = [world for kind in ("failed", "good") for world in told[kind]["wrong"]]
-    return {"text": foretold_text(told), "wrong": sorted(wrong)}
+    return {"text": foretold_text(told), "wrong": foretold_wrong(told)}
 
 
 def _data(result: SweepResult, said: Json, found: Sequence[WorldColumn]) -> Json:
