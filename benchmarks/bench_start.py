@@ -1,10 +1,11 @@
 """What a command costs until it does its work, beside the same of an earlier commit.
 
 `validate` of one shipped task, `run` of it until its first tick, each from a cold start, and
-`validate` of a folder of files. In each round both trees and a bare start of Python follow each
-other, so that a slow machine slows all; ratios are medians of rounds. Modules have been compiled
-before, as those of an installed package are, and what is kept from run to run is there, but for the
-line "nothing kept".
+`validate` of a folder of files: as if they were new, and as they were the last time, so that their
+findings are known. In each round both trees and a bare start of Python follow each other, so that a
+slow machine slows all; ratios are medians of rounds. Modules have been compiled before, as those of
+an installed package are, and what is kept from run to run is there, but for the line "nothing
+kept".
 
     python benchmarks/bench_start.py --base COMMIT
 """
@@ -48,19 +49,31 @@ class Cost:
 
 @dataclass(frozen=True)
 class Tree:
-    """A tree of the project, with a folder for what it keeps from run to run."""
+    """A tree of the project, with a folder for what it keeps from run to run.
+
+    Attributes:
+        root: where it lies.
+        cache: the folder.
+        anew: what has it examine files anew; an earlier commit does so without being asked.
+    """
 
     root: Path
     cache: Path
+    anew: tuple[str, ...] = ()
 
-    def cost(self, *arguments: str, before: str = "", keeps: bool = True) -> Cost:
+    def cost(
+        self, *arguments: str, before: str = "", keeps: bool = True, known: bool = False
+    ) -> Cost:
         """What a command costs, from its folder.
 
         Args:
             arguments: of `taskspec`.
             before: a program that is run before it, in the same process.
             keeps: whether there is what was kept before.
+            known: whether it may tell again what it found about a file.
         """
+        if arguments and not known:
+            arguments = (*arguments, *self.anew)
         environment = {k: v for k, v in os.environ.items() if k != "PYTHONDONTWRITEBYTECODE"}
         # What an earlier commit needs and this one does not may be on the caller's path.
         own = [
@@ -126,22 +139,24 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place)
         trees = [
-            Tree(ROOT, folder / "cache"),
+            Tree(ROOT, folder / "cache", ("--no-cache",)),
             Tree(tree_of(asked.base, folder), folder / "base-cache"),
         ]
         validate = ("validate", TASK)
         run = ("run", TASK, "--quiet", "--out", str(folder / "run"))
         cases = {
-            "validate of one file": (validate, "", True),
-            "validate of one file, nothing kept": (validate, "", False),
-            "run until its first tick": (run, FIRST_TICK, True),
+            "validate of one file": (validate, "", True, False),
+            "validate of one file, nothing kept": (validate, "", False, False),
+            "validate of one file, its findings known": (validate, "", True, True),
+            "run until its first tick": (run, FIRST_TICK, True, False),
+            "run until its first tick, its findings known": (run, FIRST_TICK, True, True),
         }
-        for arguments, before, keeps in cases.values():
+        for name, (arguments, before, keeps, known) in cases.items():
+            options = {"before": before, "keeps": keeps, "known": known}
             for tree in trees:
-                tree.cost(*arguments, before=before, keeps=keeps)
-        for name, (arguments, before, keeps) in cases.items():
+                tree.cost(*arguments, **options)
             rounds = [
-                (trees[0].cost(), *(t.cost(*arguments, before=before, keeps=keeps) for t in trees))
+                (trees[0].cost(), *(tree.cost(*arguments, **options) for tree in trees))
                 for _ in range(asked.rounds)
             ]
             bare, here, base = zip(*rounds, strict=True)
@@ -150,12 +165,18 @@ def main() -> None:
             files = folder / "files"
             files.mkdir()
             folder_of(asked.files, files)
-            rounds = [
-                (trees[0].cost(), *(tree.cost("validate", str(files)) for tree in trees))
-                for _ in range(3)
-            ]
-            bare, here, base = zip(*rounds, strict=True)
-            told(f"validate of {asked.files} files", here, base, bare)
+            for name, known in (("", False), (", their findings known", True)):
+                if known:
+                    trees[0].cost("validate", str(files), known=True)
+                rounds = [
+                    (
+                        trees[0].cost(),
+                        *(tree.cost("validate", str(files), known=known) for tree in trees),
+                    )
+                    for _ in range(3)
+                ]
+                bare, here, base = zip(*rounds, strict=True)
+                told(f"validate of {asked.files} files{name}", here, base, bare)
             shutil.rmtree(files)
 
 

@@ -1,6 +1,7 @@
 """From a loaded task to a program: robot, frames, stages as functions, and their machine.
 
-What refuses a task on this way is `admit`; `validate` shows the same findings.
+What refuses a task on this way is `admit`; `validate` shows the same findings. The rules that
+find them are imported where something has to be found.
 """
 
 from __future__ import annotations
@@ -8,14 +9,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec.examination import Examination, examine
+from taskspec.examined import Examination
 from taskspec.foresight.nominal import plan_task
 from taskspec.program.errors import spec_error
 from taskspec.program.plan import TaskPlan
 from taskspec.program.program import Program, refusals
 from taskspec.program.signals import UnknownSignalError
 from taskspec.program.stages.stage import CompiledStage, compile_stage
-from taskspec.rules import rule_of
 from taskspec.spec import FILE, LoadedTask
 from taskspec.text.diagnostic import SpecError
 
@@ -36,6 +36,8 @@ def compile_task(loaded: LoadedTask, *, force: bool = False) -> Program:
     Raises:
         SpecError: the task is refused; it carries everything that was found.
     """
+    from taskspec.examination import examine
+
     return admit(examine(loaded), force=force)
 
 
@@ -68,6 +70,9 @@ def admit(examined: Examination, *, force: bool = False) -> Program:
 
 def _bars(code: str) -> bool:
     """Whether no plant can be built behind a code, though the stages compile."""
+    import taskspec.rules.all  # noqa: F401  (it registers the rules)
+    from taskspec.rules import rule_of
+
     owner = rule_of(code)
     return owner is not None and owner.bars
 

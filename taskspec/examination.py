@@ -7,7 +7,7 @@ axes and its contacts come in.
 from __future__ import annotations
 
 import taskspec.rules.all  # noqa: F401  (it registers the rules)
-from taskspec.deferred_methods import dataclass
+from taskspec.examined import Examination
 from taskspec.foresight.nominal import plan_task
 from taskspec.program.plan import TaskPlan
 from taskspec.rules import Phase, apply_rules
@@ -17,21 +17,6 @@ from taskspec.text.diagnostic import Diagnostic, Diagnostics, Severity, SpecErro
 #: Numbers of codes from here on are about what a task does; some of them about other worlds than
 #: its own.
 _OF_RUNS, _OF_OTHER_WORLDS = 300, ("TS304", "TS503", "TS504")
-
-
-@dataclass(frozen=True, slots=True)
-class Examination:
-    """What is known of a task before anything moves.
-
-    Attributes:
-        loaded: the task.
-        plan: of its stages; None where robot, start or frames are not as the file says.
-        findings: all that was found, the warnings of its reading included, sorted by place.
-    """
-
-    loaded: LoadedTask
-    plan: TaskPlan | None
-    findings: tuple[Diagnostic, ...]
 
 
 def examine(loaded: LoadedTask, *, stability: bool = True) -> Examination:

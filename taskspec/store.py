@@ -66,6 +66,8 @@ class Store:
         Beyond that size the files that were not used for longest are removed.
         """
         self._folder, self._limit = folder, limit
+        #: Bytes that may be put before the folder is looked through again.
+        self._room = 0
 
     @classmethod
     def named(cls, name: str) -> Store:
@@ -99,8 +101,11 @@ class Store:
         with suppress(OSError):
             folder.mkdir(mode=0o700, parents=True, exist_ok=True)
             if _is_ours(folder):
-                _write(self._path(folder, key), _MAGIC + _checksum(key, data) + data)
-                self._shrink(folder)
+                whole = _MAGIC + _checksum(key, data) + data
+                _write(self._path(folder, key), whole)
+                self._room -= len(whole)
+                if self._room < 0:
+                    self._shrink(folder)
 
     def _path(self, folder: Path, key: str) -> Path:
         return folder / hashlib.sha256(key.encode()).hexdigest()
@@ -117,10 +122,12 @@ class Store:
         size = sum(entry[1] for entry in entries)
         for _, length, path in sorted(entries):
             if size <= self._limit:
-                return
+                break
             with suppress(OSError):
                 Path(path).unlink()
             size -= length
+        # What other processes put meanwhile they look after themselves.
+        self._room = self._limit - size
 
 
 def _checksum(key: str, data: bytes) -> bytes:

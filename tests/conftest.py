@@ -26,10 +26,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from taskspec import kept_findings
 from taskspec.compiler import compile_unchecked
 from taskspec.program.execution.transition import Transition
 from taskspec.program.program import Program
 from taskspec.spec import load_task, load_text
+from taskspec.store import Store
 from taskspec_runner.loop import fixed_step as loop
 from taskspec_runner.loop.assembly import assemble
 from taskspec_runner.record.history import History
@@ -78,6 +80,12 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         fixtures = item._fixtureinfo.name2fixturedefs  # type: ignore[attr-defined]
         if "simulate" in fixtures or any(f[-1].scope == "module" for f in fixtures.values()):
             item.add_marker(pytest.mark.xdist_group(item.path.stem))
+
+
+@pytest.fixture(autouse=True)
+def nothing_found_before(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What is found in a process in which tests replace functions is not kept for others."""
+    monkeypatch.setattr(kept_findings, "_store_in", lambda _: Store(None))
 
 
 def pytest_collection_finish() -> None:

@@ -14,9 +14,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-import pyarrow as pa
 from numpy.typing import NDArray
 
+from taskspec.deferred import pa
 from taskspec.deferred_methods import dataclass
 from taskspec.text.suggest import suggestion
 from taskspec_runner.errors import InputError

@@ -97,11 +97,14 @@ class PlainPlant:
         self.parts = np.split(self.numbers, np.cumsum(sizes))
         self.wrench, self.mechanisms, self.effort, self.reactions, self.bodies = self.parts
         self.wrist = np.zeros(6) if task.robot.sensor.at == "wrist" else None
-        self._before = np.zeros(len(self.mechanisms)), np.zeros(len(self.bodies))
+        before = np.zeros(len(self.mechanisms)), np.zeros(len(self.bodies))
+        # A step reads where these were while it writes where they are.
+        moving = zip(before, (self.mechanisms, self.bodies), strict=True)
+        self._moving = [each for each in moving if each[0].size]
         wiring = Wiring()
         step.read(wiring)
-        before = [wiring.reads("before", array) for array in self._before]
-        state = _State(wiring.reads("q", terms.q), wiring.reads("v", terms.v), *before)
+        was = [wiring.reads("before", array) for array in before]
+        state = _State(wiring.reads("q", terms.q), wiring.reads("v", terms.v), *was)
         clock, tau = wiring.reads("clock", self.clock), wiring.reads("torque", torque)
         for i in range(step.substeps):
             state = step.once(state, tau, clock + i * step.period)
@@ -112,21 +115,21 @@ class PlainPlant:
         wiring.writes(step.wrench, self.wrench)
         wiring.writes(step.effort, self.effort)
         wiring.writes(step.reactions, self.reactions)
+        wiring.writes(step.tip_rows(), self.tip_rotation)
         if self.wrist is not None:
             wiring.writes(step.at_wrist(), self.wrist)
             # As the run begins the arm rests, and feels the weight of its tool.
             self.wrist[:] = step.weight()
         # What comes more than once is not looked for: that takes as long as all its steps.
         self._function = wiring.bound("plant", cse=False)
-        self._terms = terms
+        self._step = self._function.evaluate
 
     def step(self, clock: float) -> None:
         """One period of control that begins at run time `clock` [s]."""
         self.clock[0] = clock
-        for before, now in zip(self._before, (self.mechanisms, self.bodies), strict=True):
+        for before, now in self._moving:
             before[:] = now
-        self.tip_rotation[:] = self._terms.rotation.reshape(3, 3, order="F").ravel()
-        self._function.evaluate()
+        self._step()
 
 
 @dataclass(frozen=True, slots=True)
@@ -186,6 +189,10 @@ class _Step:
         self._bias, self._drift = given["bias"], given["drift"]
         self._J = ca.reshape(given["J"], 6, n)
         self._p, self._R = given["p"], ca.reshape(given["R"], 3, 3)
+
+    def tip_rows(self) -> ca.SX:
+        """(9,) the tip's axes as the period began, row by row."""
+        return ca.vec(self._R.T)
 
     def at_start(self) -> Vector:
         """(13 bodies,) of the loose bodies as they lie."""

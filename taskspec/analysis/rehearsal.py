@@ -130,6 +130,7 @@ def rehearse(program: Program) -> Rehearsal:
     numbers = np.zeros(program.output_size + 2 * n)
     outputs, v, torque = np.split(numbers, [program.output_size, program.output_size + n])
     machine = program.machine((np.zeros(n), v, np.zeros(6), np.zeros(equations), torque, outputs))
+    machine.groups = False
     plant = PlainPlant(context, machine.terms, machine.torque)
     sensor = None
     if machine.sensor is not None:
@@ -137,15 +138,18 @@ def rehearse(program: Program) -> Rehearsal:
         wrench = plant.wrench if plant.wrist is None else plant.wrist
         sensor = ForceSensor(declared, wrench, plant.tip_rotation, machine.sensor, machine.period)
     kept = _Kept(machine, numbers, plant)
+    measured = [(machine.q, plant.q), (machine.v, plant.v)]
+    if equations:
+        measured.append((machine.reactions, plant.reactions))
+    if sensor is None:
+        measured.append((machine.wrench, plant.wrench))
     status, reason, text, clock, ticks = "open", "", "", 0.0, 0
     health = slices(fields(equations))["health"].start
 
     def sense() -> None:
-        machine.q[:], machine.v[:] = plant.q, plant.v
-        machine.reactions[:] = plant.reactions
-        if sensor is None:
-            machine.wrench[:] = plant.wrench
-        else:
+        for told, true in measured:
+            told[:] = true
+        if sensor is not None:
             sensor.read()
 
     sense()
@@ -153,7 +157,7 @@ def rehearse(program: Program) -> Rehearsal:
     while ticks < _MOST_TICKS:
         sense()
         event = machine.tick(clock)
-        if not machine.outputs[health] < _HEALTHY:
+        if not outputs[health] < _HEALTHY:
             status, reason, text = "stopped", "non_finite", "the loop has diverged"
             break
         over = bool(event) and bool(machine.ended)
@@ -178,9 +182,9 @@ class _Kept:
 
     def __init__(self, machine: Machine, numbers: Vector, plant: PlainPlant) -> None:
         """Of a machine whose outputs, rates and torques are `numbers`, and of a plant."""
-        self._machine, self._plant, self._numbers = machine, plant, numbers
+        self._machine, self._plant, self._now = machine, plant, (numbers, plant.numbers)
         self._count = 0
-        self._rows = [np.empty((_AT_FIRST, len(each))) for each in (numbers, plant.numbers)]
+        self._rows = [np.empty((_AT_FIRST, len(each))) for each in self._now]
         self._index, self._times = np.empty(_AT_FIRST, dtype=int), np.empty(_AT_FIRST)
 
     def add(self) -> None:
@@ -190,8 +194,8 @@ class _Kept:
             self._rows = [np.vstack([rows, np.empty_like(rows)]) for rows in self._rows]
             self._index = np.concatenate([self._index, np.empty_like(self._index)])
             self._times = np.concatenate([self._times, np.empty_like(self._times)])
-        numbers, plant = self._rows
-        numbers[i], plant[i] = self._numbers, self._plant.numbers
+        for rows, now in zip(self._rows, self._now, strict=True):
+            rows[i] = now
         self._index[i], self._times[i] = machine.index, machine.t
         self._count = i + 1
 

@@ -7,6 +7,7 @@ import stat
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
+from dataclasses import field
 from hashlib import sha256
 from pathlib import Path
 from xml.etree import ElementTree
@@ -38,18 +39,39 @@ _NAMES = frozenset(
 )
 
 
-_READ: ContextVar[dict[Path, str] | None] = ContextVar("read", default=None)
+@dataclass(slots=True)
+class Noted:
+    """The files that a robot is made of.
+
+    Attributes:
+        files: SHA-256 of every file that was read, by its path.
+        absent: paths at which none was.
+        whole: whether this is all; a program that expands a file looks where it likes.
+    """
+
+    files: dict[Path, str] = field(default_factory=dict)
+    absent: set[Path] = field(default_factory=set)
+    whole: bool = True
+
+
+_NOTED: ContextVar[Noted | None] = ContextVar("noted", default=None)
 
 
 @contextmanager
-def noting_files() -> Iterator[dict[Path, str]]:
-    """Gives the SHA-256 of every file of a robot that is read meanwhile, by its path."""
-    files: dict[Path, str] = {}
-    token = _READ.set(files)
+def noting_files() -> Iterator[Noted]:
+    """Notes every file of a robot that is read or looked for meanwhile."""
+    noted = Noted()
+    token = _NOTED.set(noted)
     try:
-        yield files
+        yield noted
     finally:
-        _READ.reset(token)
+        _NOTED.reset(token)
+
+
+def note_program() -> None:
+    """Notes that a program reads files of a robot, which may be others another time."""
+    if (noted := _NOTED.get()) is not None:
+        noted.whole = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,9 +94,12 @@ class Roots:
 def is_regular(path: Path) -> bool:
     """Whether there is a regular file; a path that no system can have names none."""
     try:
-        return path.is_file()
+        there = path.is_file()
     except (OSError, ValueError):
         return False
+    if not there and (noted := _NOTED.get()) is not None:
+        noted.absent.add(path.absolute())
+    return there
 
 
 def looks_like_path(model: str) -> bool:
@@ -245,8 +270,8 @@ def _read(path: Path, shown: str, limit: int) -> bytes | None:
                 "leave the arm alone in it",
             )
         content = path.read_bytes()
-        if (files := _READ.get()) is not None:
-            files[path.absolute()] = sha256(content).hexdigest()
+        if (noted := _NOTED.get()) is not None:
+            noted.files[path.absolute()] = sha256(content).hexdigest()
         return content
     except FileNotFoundError:
         return None

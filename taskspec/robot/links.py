@@ -57,9 +57,11 @@ class Links:
         data = model.createData()
         pin.forwardKinematics(model, data, q)
         found = np.empty_like(self.centers)
-        for joint in np.unique(self.joint).tolist():
-            mine, at = self.joint == joint, data.oMi[joint]
-            found[mine] = self.centers[mine] @ at.rotation.T + at.translation
+        # Balls of one link follow each other.
+        begins = [0, *(np.flatnonzero(np.diff(self.joint)) + 1).tolist(), len(found)]
+        for begin, end in itertools.pairwise(begins if len(found) else ()):
+            at = data.oMi[int(self.joint[begin])]
+            found[begin:end] = self.centers[begin:end] @ at.rotation.T + at.translation
         return found, data
 
 

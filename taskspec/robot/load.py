@@ -63,8 +63,10 @@ def load_robot(robot: RobotLike, base_dir: Path | None = None) -> RobotModel:
     section = _Section.of(robot)
     if is_builtin(robot.model):
         return _built_in(section)
-    with noting_files() as files:
-        return replace(_made(section, _read(robot.model, base_dir)), files=files)
+    with noting_files() as noted:
+        made = _made(section, _read(robot.model, base_dir))
+    absent = frozenset(noted.absent) if noted.whole else None
+    return replace(made, files=noted.files, absent=absent)
 
 
 @dataclass(frozen=True, slots=True)

@@ -184,6 +184,7 @@ class RobotModel:
         notes: What was left out of the robot's file, or changed, one sentence each.
         remarks: What is worth saying of the file, for rules.
         files: SHA-256 of every file that was read for it, by its path; of a built-in robot none.
+        absent: Paths at which files were looked for in vain; None where a program has looked.
     """
 
     name: str
@@ -209,6 +210,7 @@ class RobotModel:
     notes: tuple[str, ...] = ()
     remarks: tuple[FileRemark, ...] = ()
     files: Mapping[Path, str] = field(default_factory=dict)
+    absent: frozenset[Path] | None = frozenset()
 
     @property
     def spec(self) -> mujoco.MjSpec:

@@ -9,7 +9,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from taskspec.robot.errors import RobotError
-from taskspec.robot.files import read_part
+from taskspec.robot.files import note_program, read_part
 from taskspec.text.confines import REMEDY, Confines
 
 SUFFIX = ".xacro"
@@ -47,6 +47,7 @@ def expanded(path: Path, shown: str, confines: Confines) -> str:
             "install it: pip install xacro; or expand the file yourself: xacro "
             f"{Path(shown).name} > {Path(shown).name.partition('.')[0]}.urdf",
         )
+    note_program()
     command = [sys.executable, "-c", _PROGRAM, str(path.resolve()), json.dumps(sys.path)]
     try:
         done = subprocess.run(

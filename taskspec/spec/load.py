@@ -30,7 +30,7 @@ from taskspec.text.characters import normal
 from taskspec.text.codes import register
 from taskspec.text.data import Map, to_data
 from taskspec.text.diagnostic import Diagnostic, Diagnostics, SpecError
-from taskspec.text.source import Source, Span
+from taskspec.text.source import OVERRIDES, Source, Span
 from taskspec.text.yaml import MAX_BYTES, read
 
 register({"TS021": "a missing key"})
@@ -171,7 +171,7 @@ def _load(
     idle = unused(root)
     changes = overriding.Overrides(overrides, tuple(Task.model_fields), found)
     if overrides:
-        sources[overriding.NAME] = changes.source
+        sources[OVERRIDES] = changes.source
     # What a template is given is changed before it takes the place of a stage, a stage after that.
     changes.apply(root, templates=True)
     expand(root, found)

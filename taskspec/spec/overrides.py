@@ -9,16 +9,13 @@ from taskspec.text.diagnostic import Diagnostics
 from taskspec.text.nodes import Mapping as MappingNode
 from taskspec.text.nodes import Node, Scalar, Sequence
 from taskspec.text.origin import Origin
-from taskspec.text.source import Source, Span
+from taskspec.text.source import OVERRIDES, Source, Span
 from taskspec.text.suggest import suggestion
 from taskspec.text.yaml import read
 
 register({"TS027": "an override of something that the task does not have"})
 
-NAME = "--set"
-"""The source in which overrides are shown."""
-
-_NAMED = ("params", "world", "frames", "templates", "stages", "vary", "expect")
+_OVERRIDESD = ("params", "world", "frames", "templates", "stages", "vary", "expect")
 """Sections whose keys the file invents: an override changes what is there, it adds nothing."""
 
 _BY_PATH = ("vary", "truth")
@@ -46,12 +43,12 @@ class Overrides:
             found: where findings go.
         """
         pairs = [(_one_line(path), _one_line(text)) for path, text in overrides.items()]
-        self.source = Source(NAME, "\n".join(f"{path}={text}" for path, text in pairs))
+        self.source = Source(OVERRIDES, "\n".join(f"{path}={text}" for path, text in pairs))
         self._keys, self._found = keys, found
         self._values: list[tuple[Scalar, Node]] = []
         for number, (path, text) in enumerate(pairs, 1):
             value = _value(text, number, len(path) + 1, found)
-            span = Span(number, 1, number, max(len(path), 1) + 1, NAME)
+            span = Span(number, 1, number, max(len(path), 1) + 1, OVERRIDES)
             if value is not None:
                 self._values.append((Scalar(path, True, Origin(span, path, path)), value))
 
@@ -88,21 +85,21 @@ def _steps(root: MappingNode, path: str, keys: tuple[str, ...]) -> list[str]:
 
 def _value(text: str, line: int, shift: int, found: Diagnostics) -> Node | None:
     """Reads one value; what is wrong with it is shown in the line that the override has."""
-    inner = Diagnostics(NAME)
-    node = read(Source(NAME, text), inner, inner=True)
+    inner = Diagnostics(OVERRIDES)
+    node = read(Source(OVERRIDES, text), inner, inner=True)
     for d in inner.sorted():
-        span = _moved(d.span, line, shift) if d.span else Span(line, 1, line, shift, NAME)
+        span = _moved(d.span, line, shift) if d.span else Span(line, 1, line, shift, OVERRIDES)
         found.error(d.code, d.message, span, d.hint)
     if node is not None:
         _shift(node, line, shift)
     elif not len(inner):
-        span = Span(line, 1, line, shift + 1, NAME)
+        span = Span(line, 1, line, shift + 1, OVERRIDES)
         found.error("TS011", "an override without a value", span, "write it after '='")
     return node
 
 
 def _moved(span: Span, line: int, shift: int) -> Span:
-    return Span(line, span.column + shift, line, span.end_column + shift, NAME)
+    return Span(line, span.column + shift, line, span.end_column + shift, OVERRIDES)
 
 
 def _shift(node: Node, line: int, shift: int) -> None:
@@ -143,7 +140,7 @@ def _put(
         if not isinstance(node, MappingNode):
             _unknown(key, step, [], found)
             return
-        fixed = depth == 1 and steps[0] in _NAMED
+        fixed = depth == 1 and steps[0] in _OVERRIDESD
         if step not in node.entries and (fixed or (depth == 0 and step not in keys)):
             known = list(node.entries) if fixed else list(keys)
             _unknown(key, step, known, found)

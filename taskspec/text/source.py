@@ -5,6 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from itertools import accumulate
 
+OVERRIDES = "--set"
+"""The name of the source that has the values given beside a file."""
+
 
 @dataclass(frozen=True, slots=True, order=True)
 class Span:

@@ -73,7 +73,6 @@ def gate(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Gate:
     monkeypatch.setattr(session, "execute_program", never)
     for module, name, replaced in (
         (examination, "examine", examine),
-        (compiler, "examine", examine),
         (compiler, "admit", admit),
     ):
         monkeypatch.setattr(module, name, replaced)

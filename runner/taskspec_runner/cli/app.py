@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -11,12 +12,17 @@ from taskspec_runner.cli import completions, options
 from taskspec_runner.cli.formats import DiagnosticFormat, LoopName, OutcomeFormat, RunFormat
 from taskspec_runner.cli.guard import guarded
 
-app = typer.Typer(
-    name="taskspec",
-    help="Tasks in contact: written as text, checked before anything moves, run in simulation.",
-    no_args_is_help=True,
-    pretty_exceptions_enable=False,
-)
+
+def _made() -> typer.Typer:
+    return typer.Typer(
+        name="taskspec",
+        help="Tasks in contact: written as text, checked before anything moves, run in simulation.",
+        no_args_is_help=True,
+        pretty_exceptions_enable=False,
+    )
+
+
+app = _made()
 
 
 def _version(chosen: bool) -> None:
@@ -63,6 +69,7 @@ def run(
     on: options.On = None,
     lost: options.Lost = "catch-up",
     stop_after: options.StopAfter = 20,
+    no_cache: options.NoCache = False,
 ) -> int:
     """Run a task in simulation, record it and judge what it expects."""
     from taskspec_runner.cli.run import Connection, run_task
@@ -81,6 +88,7 @@ def run(
         loop=None if loop is LoopName.AUTO else loop.value,
         world=world,
         on=None if on is None else Connection(on, lost, stop_after),
+        keeps=not no_cache,
     )
 
 
@@ -270,6 +278,7 @@ def validate(
         list[str] | None,
         typer.Option(metavar="CODES", help="Leave these out, such as TS304 or TS3; as --select."),
     ] = None,
+    no_cache: options.NoCache = False,
 ) -> int:
     """Find what would fail before anything moves."""
     from taskspec_runner.cli.validate import validate_paths
@@ -284,6 +293,7 @@ def validate(
         law=law,
         world=world,
         seed=seed,
+        keeps=not no_cache,
     )
 
 
@@ -542,3 +552,21 @@ def replay(
 
     cut = (speed, start, end, size, fps, camera)
     return replay_run(folder, video, cut, view=view, quiet=quiet)
+
+
+def narrowed(arguments: Sequence[str]) -> typer.Typer:
+    """The commands that arguments may mean: one, where they begin with its name, else all.
+
+    To make parameters of all of them takes as long as to read a file.
+    """
+    named = [
+        each
+        for each in app.registered_commands
+        if arguments and arguments[0] == (each.name or getattr(each.callback, "__name__", ""))
+    ]
+    if not named:
+        return app
+    alone = _made()
+    alone.registered_callback = app.registered_callback
+    alone.registered_commands = named
+    return alone

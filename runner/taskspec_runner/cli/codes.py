@@ -29,6 +29,18 @@ def choice(select: Sequence[str], ignore: Sequence[str]) -> Callable[[str], bool
     return chosen
 
 
+def title_of(code: str) -> str:
+    """The title of a code, which may have been found without what registers it."""
+    if code not in CODES:
+        _register_all()
+    return CODES[code]
+
+
+def _register_all() -> None:
+    """The later layers register their codes when they are imported."""
+    import taskspec.examination  # noqa: F401
+
+
 def _longest(code: str, prefixes: Iterable[str]) -> int | None:
     return max((len(p) for p in prefixes if code.startswith(p)), default=None)
 
@@ -37,9 +49,7 @@ def _prefixes(texts: Sequence[str], option: str) -> tuple[str, ...]:
     prefixes = [part.strip().upper() for text in texts for part in text.split(",")]
     if not prefixes:
         return ()
-    # The later layers register their codes when they are imported.
-    import taskspec.examination  # noqa: F401
-
+    _register_all()
     for prefix in prefixes:
         if not prefix or not any(code.startswith(prefix) for code in CODES):
             raise InputError(f"{option}: no code begins with {prefix!r}; {_near(prefix)}")

@@ -9,23 +9,15 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TextIO
 
-from taskspec.laws import LAWS
 from taskspec.spec import LoadedTask, load_task, load_text, read_text, tree_of
-from taskspec.spec.overrides import NAME as SET
 from taskspec.text import nodes
 from taskspec.text.diagnostic import Diagnostic, Note, SpecError
-from taskspec.text.source import Source, Span
+from taskspec.text.source import OVERRIDES, Source, Span
 from taskspec.text.yaml import MAX_BYTES
+from taskspec_runner.cli.given import LAW, STDIN, changes
 from taskspec_runner.errors import InputError
 
-#: The path that stands for standard input; a file of this name is `./-`.
-STDIN = Path("-")
 _STDIN_NAME = "<stdin>"
-
-#: The source in which the value of `--law` is shown.
-_LAW = "--law"
-#: The sources in which values stand that were given on the command line.
-OPTIONS = (SET, _LAW)
 
 
 def load(path: Path, sets: Sequence[str] = (), law: str | None = None) -> LoadedTask:
@@ -52,7 +44,7 @@ def load(path: Path, sets: Sequence[str] = (), law: str | None = None) -> Loaded
             lines = {number: key for number, key in enumerate(overrides, 1)}
             by_law = {n: key for n, key in lines.items() if key in laws and key not in given}
             traced = [_traced(_of_law(d, by_law), lines) for d in error.diagnostics]
-            sources = {**error.sources, _LAW: Source(_LAW, law or "")}
+            sources = {**error.sources, LAW: Source(LAW, law or "")}
             raise SpecError(dict.fromkeys(traced), sources) from error
     except OSError as error:
         raise InputError(f"cannot read {path}: {error.strerror or error}") from error
@@ -61,53 +53,30 @@ def load(path: Path, sets: Sequence[str] = (), law: str | None = None) -> Loaded
         raise InputError(f"cannot read {path}: it is not UTF-8 ({place})") from error
 
 
-def changes(sets: Sequence[str], law: str | None) -> dict[str, str]:
-    """The overrides that `--set` gives.
-
-    Raises:
-        InputError: an override is not one, or `--law` is empty.
-    """
-    given = dict(_override(text) for text in sets)
-    if law is not None and not law.strip():
-        raise InputError(f"--law needs the name of a law: {', '.join(LAWS)}")
-    return given
-
-
 @functools.lru_cache(maxsize=1)
 def _read_once(stream: TextIO) -> str:
     """What a stream brings; some commands load a task more than once."""
     return read_text(stream.buffer)
 
 
-def _override(text: str) -> tuple[str, str]:
-    key, equals, value = text.partition("=")
-    if not equals or not key.strip():
-        raise InputError(f"--set needs KEY=VALUE, such as params.press=20N, not {text!r}")
-    if key.strip() == "vary":
-        raise InputError(
-            "--set cannot replace the whole of 'vary'; name one of its entries, such as "
-            "--set 'vary.world.table.stiffness=10..20 kN/m'"
-        )
-    return key.strip(), value
-
-
 def _of_law(found: Diagnostic, by_law: Mapping[int, str]) -> Diagnostic:
     """A finding about an override that `--law` stands for, as one about `--law`."""
     span = found.span
-    if found.source != SET or span is None or span.line not in by_law:
+    if found.source != OVERRIDES or span is None or span.line not in by_law:
         return found
     shift = len(by_law[span.line]) + 1
     columns = (max(span.column - shift, 1), max(span.end_column - shift, 2))
-    return replace(found, source=_LAW, span=Span(1, columns[0], 1, columns[1], _LAW))
+    return replace(found, source=LAW, span=Span(1, columns[0], 1, columns[1], LAW))
 
 
 def _traced(found: Diagnostic, lines: Mapping[int, str]) -> Diagnostic:
     """A finding about a param in the file, with the override that gave the param its value."""
     for number, key in lines.items():
         name = key.removeprefix("params.")
-        if found.source != SET and found.hint.startswith(f"'{name}' is defined"):
-            span = Span(number, 1, number, len(key) + 1, SET)
-            return replace(found, notes=(*found.notes, Note(f"'{name}' is given here", SET, span)))
+        if found.source != OVERRIDES and found.hint.startswith(f"'{name}' is defined"):
+            span = Span(number, 1, number, len(key) + 1, OVERRIDES)
+            note = Note(f"'{name}' is given here", OVERRIDES, span)
+            return replace(found, notes=(*found.notes, note))
     return found
 
 

@@ -22,6 +22,10 @@ Law = Annotated[
         help="Put every stage under this law, its gains designed.", autocompletion=completions.laws
     ),
 ]
+NoCache = Annotated[
+    bool,
+    typer.Option("--no-cache", help="Examine anew, also what has not changed since the last time."),
+]
 Seed = Annotated[int, typer.Option(min=0, help="Of everything random.")]
 
 # run

@@ -15,13 +15,14 @@ from taskspec.deferred_methods import dataclass
 from taskspec.text.diagnostic import SpecError
 from taskspec_runner.cli.diagnostics import record, show_diagnostics
 from taskspec_runner.cli.formats import OutcomeFormat
+from taskspec_runner.cli.kept import Before
 from taskspec_runner.cli.loading import load
 from taskspec_runner.errors import InputError
 from taskspec_runner.loop.interrupt import BY_SIGNAL
 from taskspec_runner.record.folder import check_folder, check_unlocked
 
 if TYPE_CHECKING:
-    from taskspec.examination import Examination
+    from taskspec.examined import Examination
     from taskspec.program.program import Program
     from taskspec_runner.cli.testing.outcome import FileOutcome
     from taskspec_runner.link.link import Link
@@ -44,6 +45,7 @@ def run_task(
     loop: str | None = None,
     world: str | None = None,
     on: Connects | None = None,
+    keeps: bool = True,
 ) -> int:
     """Runs a task file and tells how it went; afterwards draws it as a video."""
     from taskspec_runner.cli.outcome import show_outcome
@@ -59,7 +61,7 @@ def run_task(
         on.check(seed=seed, world=world, loop=loop, video=video)
     _check(telemetry, out, video)
     try:
-        program = admitted(file, sets, law, force=force)
+        program = admitted(file, sets, law, force=force, keeps=keeps)
     except SpecError as error:
         if as_text:
             raise
@@ -206,22 +208,47 @@ def _report(form: OutcomeFormat, outcome: FileOutcome) -> None:
         typer.echo(text)
 
 
-def admitted(file: Path, sets: Sequence[str], law: str | None, *, force: bool) -> Program:
+def admitted(
+    file: Path, sets: Sequence[str], law: str | None, *, force: bool, keeps: bool = True
+) -> Program:
     """The program of a task file.
+
+    Args:
+        file: the task file.
+        sets: overrides as `KEY=VALUE`.
+        law: a law that replaces those of the file.
+        force: whether findings are lifted behind which a program still compiles.
+        keeps: whether what was found before is taken where nothing has changed since.
 
     Raises:
         SpecError: the task is refused; where `force` would lift that, this is said.
     """
     from taskspec.compiler import admit
-    from taskspec.examination import examine
 
-    examined = examine(load(file, sets, law))
+    examined = _examined(file, sets, law, keeps=keeps)
     try:
         return admit(examined, force=force)
     except SpecError:
         if not force and _compiles(examined):
             _say("not run; --force runs it all the same")
         raise
+
+
+def _examined(file: Path, sets: Sequence[str], law: str | None, *, keeps: bool) -> Examination:
+    """The file with what is found about it: now, or the last time that it was the same."""
+    from taskspec.examined import Examination
+    from taskspec.foresight.nominal import plan_task
+
+    before = Before(file, sets, law, keeps=keeps)
+    loaded = load(file, sets, law)
+    kept = before.found()
+    if kept is not None and before.stays:
+        return Examination(loaded, plan_task(loaded), kept.findings)
+    from taskspec.examination import examine
+
+    examined = examine(loaded)
+    before.keep(examined)
+    return examined
 
 
 def _compiles(examined: Examination) -> bool:

@@ -14,7 +14,7 @@ import typer
 from taskspec.deferred_methods import dataclass
 from taskspec_runner.cli.console import show
 from taskspec_runner.cli.formats import OutcomeFormat
-from taskspec_runner.cli.loading import STDIN, changes
+from taskspec_runner.cli.given import STDIN, changes
 from taskspec_runner.cli.parallel import in_order, processors
 from taskspec_runner.cli.testing import github, junit
 from taskspec_runner.cli.testing.execution import Manner, try_file

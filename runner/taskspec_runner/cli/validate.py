@@ -7,24 +7,27 @@ from collections.abc import Iterator, Sequence
 from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 import typer
 
 from taskspec.deferred_methods import dataclass
-from taskspec.spec import LoadedTask
 from taskspec.text.diagnostic import Diagnostic, Note, SpecError
 from taskspec.text.source import Source
 from taskspec_runner.cli.codes import choice
 from taskspec_runner.cli.formats import DiagnosticFormat
+from taskspec_runner.cli.given import OPTIONS, STDIN, changes
 from taskspec_runner.cli.guard import keep_trace
-from taskspec_runner.cli.loading import OPTIONS, STDIN, changes, load
+from taskspec_runner.cli.kept import Before
 from taskspec_runner.cli.parallel import in_order
 from taskspec_runner.cli.reporters import REPORTERS
 from taskspec_runner.cli.validation import Failure, Validation
 from taskspec_runner.errors import InputError
 from taskspec_runner.loop.interrupt import Termination
 from taskspec_runner.record.names import has_results
+
+if TYPE_CHECKING:
+    from taskspec.spec import LoadedTask
 
 _SUFFIXES = (".yaml", ".yml")
 #: Without these a file is read, but nothing that needs a robot can be looked at.
@@ -42,6 +45,7 @@ def validate_paths(
     law: str | None = None,
     world: str | None = None,
     seed: int = 0,
+    keeps: bool = True,
 ) -> int:
     """Validates files and folders and says what was found.
 
@@ -56,6 +60,7 @@ def validate_paths(
         world: of which it is asked, as if the file said that it is the true one: the number of a
             random one under the seed, or `TABLE:ROW`; None for the true one.
         seed: of everything random.
+        keeps: whether what was found before is taken where nothing has changed since.
 
     Raises:
         InputError: no code begins with one of the prefixes, a folder has no task file, or an
@@ -65,7 +70,7 @@ def validate_paths(
     changes(sets, law)
     files = list(task_files(paths))
     where = None if world is None else (world, seed)
-    found = examine(files, strict=strict, sets=sets, law=law, world=where).only(chosen)
+    found = examine(files, strict=strict, sets=sets, law=law, world=where, keeps=keeps).only(chosen)
     for failure in found.unreadable:
         typer.echo(f"taskspec: {failure.message}", err=True)
     for failure in found.broken:
@@ -127,19 +132,31 @@ def examine(
     sets: Sequence[str] = (),
     law: str | None = None,
     world: tuple[str, int] | None = None,
+    keeps: bool = True,
 ) -> Validation:
-    """Everything that is found about the files; many of them are shared out to the processors."""
+    """Everything that is found about the files; many of them are shared out to the processors.
+
+    Of those that are as they were the last time, what was found then, if `keeps` allows it.
+    """
     # An override stands in no file, so that where there are several each finding names its own.
     several = len(files) > 1
-    outcome_of = functools.partial(_outcome, sets=sets, law=law, world=world, several=several)
+    # What is found in a world is not kept.
+    keeps = keeps and world is None
+    outcome_of = functools.partial(
+        _outcome, sets=sets, law=law, world=world, several=several, keeps=keeps
+    )
     diagnostics: dict[str, tuple[Diagnostic, ...]] = {}
     sources: dict[str, dict[str, Source]] = {}
     unreadable: list[Failure] = []
     broken: list[Failure] = []
     worlds: list[str] = []
     unchecked = ""
-    with Termination(), closing(in_order(outcome_of, files)) as outcomes:
-        for path, outcome in zip(files, outcomes, strict=True):
+    with Termination():
+        before = [_before(path, sets, law, several) if keeps else None for path in files]
+        left = [path for path, found in zip(files, before, strict=True) if found is None]
+        with closing(in_order(outcome_of, left)) as outcomes:
+            now = [found or next(outcomes) for found in before]
+        for path, outcome in zip(files, now, strict=True):
             name = str(path)
             if isinstance(outcome, _Unreadable):
                 unreadable.append(Failure(name, outcome.message))
@@ -189,6 +206,15 @@ class _Found:
     world: str = ""
 
 
+def _before(path: Path, sets: Sequence[str], law: str | None, several: bool) -> _Found | None:
+    """What was found about a file that is as it was then; None of another."""
+    kept = Before(path, sets, law).found()
+    if kept is None:
+        return None
+    found = _Found(kept.findings, kept.sources)
+    return _attributed(found, path) if several and (sets or law) else found
+
+
 def _outcome(
     path: Path,
     sets: Sequence[str],
@@ -196,10 +222,11 @@ def _outcome(
     world: tuple[str, int] | None,
     *,
     several: bool,
+    keeps: bool,
 ) -> _Found | _Unreadable | _Broken:
     """What is found about a file; of what can go wrong with it, only the words."""
     try:
-        found = _examine(path, sets, law, world)
+        found = _examine(path, sets, law, world, keeps=keeps)
         return _attributed(found, path) if several and (sets or law) else found
     except InputError as error:
         return _Unreadable(str(error))
@@ -226,8 +253,11 @@ def _attributed(found: _Found, path: Path) -> _Found:
 
 
 def _examine(
-    path: Path, sets: Sequence[str], law: str | None, world: tuple[str, int] | None
+    path: Path, sets: Sequence[str], law: str | None, world: tuple[str, int] | None, *, keeps: bool
 ) -> _Found:
+    from taskspec_runner.cli.loading import load
+
+    before = Before(path, sets, law, keeps=keeps)
     try:
         loaded = load(path, sets, law)
     except SpecError as error:
@@ -238,7 +268,9 @@ def _examine(
         from taskspec.examination import examine
 
         if world is None:
-            return _Found(examine(loaded).findings, sources)
+            examined = examine(loaded)
+            before.keep(examined)
+            return _Found(examined.findings, sources)
         loaded, differs = _in_world(path, loaded, *world)
         return _Found(examine(loaded).findings, sources, world=differs)
     except SpecError as error:

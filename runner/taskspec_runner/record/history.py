@@ -8,9 +8,9 @@ from dataclasses import field, replace
 from functools import cached_property
 
 import numpy as np
-import pyarrow as pa
 from numpy.typing import NDArray
 
+from taskspec.deferred import pa
 from taskspec.deferred_methods import dataclass
 from taskspec_runner.record.file_array import blocks, empty
 from taskspec_runner.record.mapped import GrowingColumns

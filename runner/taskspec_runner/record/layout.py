@@ -6,9 +6,9 @@ from collections.abc import Iterator, Mapping
 from functools import cached_property
 
 import numpy as np
-import pyarrow as pa
 from numpy.typing import NDArray
 
+from taskspec.deferred import pa
 from taskspec.deferred_methods import dataclass
 from taskspec.faults import ENCODER, TORQUE
 from taskspec.geometry.axis import AXES

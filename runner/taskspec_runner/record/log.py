@@ -10,8 +10,7 @@ from collections.abc import Iterator, Mapping
 from io import BufferedReader
 from pathlib import Path
 
-import pyarrow as pa
-
+from taskspec.deferred import pa
 from taskspec_runner.errors import OutputError
 from taskspec_runner.record.block import Block
 from taskspec_runner.record.history import STAGE, History, HistoryBuilder

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import hashlib
 import json
 import platform
@@ -13,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from taskspec import __version__
+from taskspec.program import inputs as inputs_of
 from taskspec.spec import LoadedTask
 from taskspec.text.characters import normal
 from taskspec_runner.record.names import LOG, SUMMARY, TASK
@@ -100,15 +100,8 @@ def inputs(program: Program) -> dict[str, str]:
 
 def input_files(program: Program) -> dict[Path, str]:
     """The same by their absolute paths."""
-    context = program.context
-    base = (context.loaded.base or Path()).absolute()
-    files = {**context.robot.files, **context.loaded.included}
-    for stage in context.loaded.task.stages.values():
-        if stage.path is not None and stage.path.file is not None:
-            path = base / stage.path.file
-            with contextlib.suppress(OSError):
-                files[path] = hashlib.sha256(path.read_bytes()).hexdigest()
-    return files
+    files = inputs_of.input_files(program.context)
+    return {path: digest for path, digest in files.items() if digest is not None}
 
 
 def seal(content: Mapping[str, Any]) -> str:

@@ -89,6 +89,8 @@ class Machine:
         followed: whether its torques drive the arm; else it runs beside another controller, whose
             torques are written into `torque`, and a program of its own without an answer ends
             nothing.
+        groups: whether a stage that lasts has its instructions grouped, which pays after some
+            thousand ticks more.
     """
 
     def __init__(
@@ -127,6 +129,7 @@ class Machine:
         self.ended = ""
         self.transitions: list[Transition] = []
         self.followed = True
+        self.groups = True
 
     @property
     def stage(self) -> CompiledStage:
@@ -199,7 +202,7 @@ class Machine:
             runner.chooser.again(t)
         fresh = self._evaluate(runner)
         self.stage_ticks += 1
-        if self.stage_ticks == _GROUPS_AFTER:
+        if self.stage_ticks == _GROUPS_AFTER and self.groups:
             self._group()
         event = self.outputs[0]
         if not fresh:

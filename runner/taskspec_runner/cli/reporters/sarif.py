@@ -10,9 +10,9 @@ from collections.abc import Mapping
 from typing import Any
 
 from taskspec import __version__
-from taskspec.text.codes import CODES
 from taskspec.text.diagnostic import Diagnostic, Severity
 from taskspec.text.source import Source, Span
+from taskspec_runner.cli.codes import title_of
 from taskspec_runner.cli.pages import page, severities_of
 from taskspec_runner.cli.reporters.paths import uri
 from taskspec_runner.cli.validation import Failure, Validation
@@ -50,7 +50,7 @@ def report(found: Validation) -> str:
 
 
 def _rule(code: str, diagnostics: list[Diagnostic]) -> dict[str, Any]:
-    title = CODES[code]
+    title = title_of(code)
     text = page(code)
     found = {d.severity for d in diagnostics if d.code == code}
     severities = severities_of(text) if text else sorted(found, key=list(_LEVELS).index)

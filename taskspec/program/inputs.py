@@ -1,0 +1,34 @@
+"""The files that a task draws on beside its own."""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+
+from taskspec.program.context import Context
+
+
+def input_files(context: Context) -> dict[Path, str | None]:
+    """SHA-256 of every file of a task's robot, its tables, and what it includes.
+
+    Returns:
+        By the absolute paths; None of a file that was looked for and is not there.
+    """
+    loaded, robot = context.loaded, context.robot
+    base = (loaded.base or Path()).absolute()
+    files: dict[Path, str | None] = dict.fromkeys(robot.absent or ())
+    files |= robot.files
+    files |= loaded.included
+    for stage in loaded.task.stages.values():
+        if stage.path is not None and stage.path.file is not None:
+            path = base / stage.path.file
+            files[path] = digest_of(path)
+    return files
+
+
+def digest_of(path: Path) -> str | None:
+    """SHA-256 of a file as it is now; None where none can be read."""
+    try:
+        return hashlib.sha256(path.read_bytes()).hexdigest()
+    except (OSError, ValueError):
+        return None
