@@ -15,7 +15,7 @@ from taskspec.text.yaml import read
 
 register({"TS027": "an override of something that the task does not have"})
 
-_OVERRIDESD = ("params", "world", "frames", "templates", "stages", "vary", "expect")
+_OVERRIDESD = ("params", "world", "frames", "templates", "stages", "expect")
 """Sections whose keys the file invents: an override changes what is there, it adds nothing."""
 
 _BY_PATH = ("vary", "truth")

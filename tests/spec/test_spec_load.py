@@ -195,6 +195,14 @@ def test_overrides() -> None:
     assert span == Span(2, 23, 2, 30, "--set")
 
 
+def test_what_the_file_leaves_alone_can_be_varied() -> None:
+    text = (HEAD + WAIT).replace("robot:", "world: {table: {shape: plane}}\nrobot:", 1)
+    task = load_text(text, "t.yaml", {"vary.world.table.stiffness": "5..9 kN/m"}).task
+    assert set(task.vary) == {"world.table.stiffness"}
+    with pytest.raises(SpecError, match="unknown object 'tabel'"):
+        load_text(text, "t.yaml", {"vary.world.tabel.stiffness": "5..9 kN/m"})
+
+
 def test_a_gain_can_be_set_on_a_law_without_gains() -> None:
     law = load_task(WIPE, {"law.bandwidth": "8 Hz"}).task.law
     assert law.kind == "hybrid"
