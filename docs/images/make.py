@@ -38,7 +38,7 @@ OTHERS = (
     *("ring", "linkage", "raster-polish", "fold-out-and-press"),
     *("hand-guiding", "stiffness-identification", "face-alignment"),
     *("peg-in-hole", "groove-following", "contour-unknown", "unplug"),
-    "outline-following",
+    *("slot-insertion", "push-button", "edge-following", "snap-fit", "outline-following"),
     *("deburr", "corner-seating", "pivot-box"),
 )
 LIMITS = ("wipe-friction", "reach-limits")
