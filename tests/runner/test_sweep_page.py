@@ -433,6 +433,22 @@ def test_another_pair_of_parameters_can_be_mapped(browser: Browser, page: Path) 
     assert len(full) ** 2 == len(before)
 
 
+def test_a_few_huge_forces_do_not_hide_the_others(browser: Browser, tmp_path: Path) -> None:
+    """They are counted in the last column, and the others spread over the rest."""
+    result = sweep_of(tmp_path)
+    result.rows[STOPPED]["peak force"] = 7000.0
+    (tmp_path / "sweep.html").write_text(render(result, said()))
+    shown(browser, tmp_path / "sweep.html")
+    figure = """document.querySelector('[data-chart="peak force"]')"""
+    assert browser.run(f"{figure}.querySelector('.note').textContent") == (
+        "1 far above in the last column"
+    )
+    titles = browser.run(f"[...{figure}.querySelectorAll('rect title')].map((t) => t.textContent)")
+    assert len(titles) > 5
+    assert titles[-1].endswith("and more N: 0 succeeded, 1 did not")
+    assert sum(int(n) for text in titles for n in re.findall(r"(\d+) (?:succ|did)", text)) >= 59
+
+
 def test_a_page_on_paper_has_its_charts_and_its_rows(browser: Browser, page: Path) -> None:
     # A4 without its margins.
     shown(browser, page, (703, 1030), kind="print")

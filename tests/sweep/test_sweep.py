@@ -18,6 +18,7 @@ from typer.testing import CliRunner
 from taskspec.compiler import compile_task
 from taskspec.spec import load_task, load_text
 from taskspec_runner.cli.app import app
+from taskspec_runner.cli.sweep import describe
 from taskspec_runner.errors import InputError, OutputError
 from taskspec_runner.record.lock import FolderLock
 from taskspec_runner.record.manifest import seal
@@ -134,6 +135,22 @@ def test_the_same_command_continues(tap, tmp_path):
     result = CLI.invoke(app, ["sweep", str(tap), "--out", str(out), "--seed", "1"])
     assert result.exit_code == 2
     assert "it holds the sweep of other worlds, which is not thrown away" in result.output
+
+
+def test_what_is_broken_off_says_how_far_it_came(tap, tmp_path):
+    program = compile_task(load_task(tap))
+    worlds = Worlds.of(program.context, 0, 4)
+
+    def watch(glimpse):
+        if glimpse.done == 2:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt, match=r"^interrupted: 2 of 4 worlds are in .*/s; the"):
+        sweep(program, worlds, tmp_path / "s", keep="none", watch=watch)
+    glimpses = []
+    sweep(program, worlds, tmp_path / "s", keep="none", watch=glimpses.append)
+    assert [each.done for each in glimpses] == [2, 3, 4]
+    assert "more are on their way" in describe(glimpses[0])
 
 
 def test_a_sweep_has_one_writer(tap, tmp_path):

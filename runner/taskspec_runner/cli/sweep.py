@@ -145,6 +145,8 @@ def describe(glimpse: SweepGlimpse) -> str:
     """A glimpse in one line."""
     share = 100 * glimpse.good / glimpse.done if glimpse.done else 0.0
     text = f"{glimpse.done} of {glimpse.of} worlds, {share:.1f} % well"
+    if not glimpse.rate:
+        return f"{glimpse.done} of {glimpse.of} worlds, more are on their way"
     return f"{text}, {glimpse.rate:.1f} a second, {_span(glimpse.left)} left"
 
 

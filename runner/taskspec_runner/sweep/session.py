@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import math
 import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import ExitStack
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -49,8 +50,8 @@ class SweepGlimpse:
         done: worlds that are there.
         of: how many there are to be.
         good: that succeeded.
-        rate: worlds in a second.
-        left: [s].
+        rate: worlds in a second; 0 before the first.
+        left: [s]; infinite before the first.
     """
 
     done: int
@@ -126,7 +127,7 @@ def sweep(
         folder.begin(task_bytes(loaded))
         continued = len(folder.rows)
         told: Json | None = None
-        with Crew(workers) as crew:
+        with _interrupts_told(folder, len(worlds.shard(*shard))), Crew(workers) as crew:
             _run_missing(folder, bundle, worlds, worlds.shard(*shard), crew, watch)
             if shard == _WHOLE:
                 told = _foretold(crew, bundle, worlds, _ordered(folder))
@@ -229,6 +230,18 @@ def opening(program: Program, bundle: Bundle, worlds: Worlds) -> dict[str, Any]:
         "identity": identity(bundle.key, worlds),
         "versions": versions(),
     }
+
+
+@contextmanager
+def _interrupts_told(folder: SweepFolder, of: int) -> Iterator[None]:
+    """Lets whoever breaks a sweep off know what is left of it."""
+    try:
+        yield
+    except KeyboardInterrupt as error:
+        why = str(error) or "interrupted"
+        there = f"{len(folder.rows)} of {of} worlds are in {folder.path}"
+        error.args = (f"{why}: {there}; the same command goes on from there",)
+        raise
 
 
 class Crew:
@@ -343,14 +356,19 @@ class _Progress:
         indices: Sequence[int],
         jobs: int,
     ) -> None:
+        self._look()
         for row in rows(executor, bundle, worlds, indices, jobs):
             self._folder.add(row)
             self._good += row["success"]
-            if self._watch is not None:
-                done = len(self._folder.rows)
-                rate = (done - self._before) / max(time.monotonic() - self._began, 1e-9)
-                left = (self._of - done) / rate
-                self._watch(SweepGlimpse(done, self._of, self._good, rate, left))
+            self._look()
+
+    def _look(self) -> None:
+        if self._watch is None:
+            return
+        done = len(self._folder.rows)
+        rate = (done - self._before) / max(time.monotonic() - self._began, 1e-9)
+        left = (self._of - done) / rate if rate else math.inf
+        self._watch(SweepGlimpse(done, self._of, self._good, rate, left))
 
 
 def _ordered(folder: SweepFolder) -> tuple[Row, ...]:

@@ -8,6 +8,8 @@ const LETTER = 6.1, NEAR = 16;
 const MANY = 3000;
 /** Values of a column that are so few are places of their own on a map. */
 const PLACES = 12;
+/** The narrowest cell of a map whose number does not touch the next one. */
+const CELL = 32;
 
 class Chart {
   constructor(figure) {
@@ -175,7 +177,7 @@ class SuccessMap extends Chart {
     const [across, up] = ["x", "y"].map((axis) => columnOf(this.axes[axis].value));
     // So many that a cell has some six worlds, if they are spread evenly.
     const most = Math.min(Math.max(Math.round(Math.sqrt(count / 6)), 3), 10);
-    const [a, b] = [pieces(across, most), pieces(up, most)], good = new Uint32Array(a.count * b.count), all = good.slice();
+    const [a, b] = [pieces(across, Math.min(most, Math.max(Math.floor(this.inner.width / CELL), 3))), pieces(up, most)], good = new Uint32Array(a.count * b.count), all = good.slice();
     for (let i = 0; i < count; i++) {
       const [x, y] = [across.values[i], up.values[i]];
       if (!Number.isFinite(x) || !Number.isFinite(y)) continue;
@@ -206,6 +208,12 @@ class SuccessMap extends Chart {
 
 /* ---- how many worlds have which peak ---- */
 
+/** Up to where a histogram shows values: what is far above all worlds that succeed is counted at its end. */
+function edgeOf(values) {
+  const [low, high] = spread(values.filter((v, i) => Number.isFinite(v) && success[i]), 0), most = high + 2 * (high - low || Math.abs(high) || 1);
+  return success.includes(1) && values.some((v) => v > most) ? most : Infinity;
+}
+
 class Histogram extends Chart {
   constructor(figure) {
     super(figure);
@@ -215,14 +223,16 @@ class Histogram extends Chart {
     const list = figure.querySelector(".legend");
     entry(list, `<path class="column-good" d="M4 0H20V10H4Z"/>`, "succeeded");
     entry(list, `<path class="hatch" fill="none" d="M6 9L12 1M12 9L18 1"/><path class="column-bad" fill="none" d="M4 .5H20V9.5H4Z"/>`, "did not");
-    const known = this.data.values.filter(Number.isFinite), [low, high] = spread(known, 0);
+    const known = this.data.values.filter(Number.isFinite), last = edgeOf(this.data.values), [low, high] = spread(known.map((v) => Math.min(v, last)), 0);
+    const beyond = this.beyond = known.filter((v) => v > last).length;
+    if (beyond) figure.querySelector(".note").append(`${beyond} far above in the last column`);
     const marks = ticks(low, high, Math.min(Math.max(2 * Math.sqrt(known.length), 8), 40));
     this.step = marks.length > 1 ? marks[1].at - marks[0].at : high - low || 1;
     this.first = Math.floor(low / this.step + 1e-9);
     this.counts = [];
     this.data.values.forEach((v, i) => {
       if (!Number.isFinite(v)) return;
-      const at = Math.floor(v / this.step + 1e-9) - this.first;
+      const at = Math.floor(Math.min(v, last) / this.step + 1e-9) - this.first;
       while (this.counts.length <= at) this.counts.push([0, 0]);
       this.counts[at][success[i]]++;
     });
@@ -238,7 +248,8 @@ class Histogram extends Chart {
     this.counts.forEach(([bad, good], i) => {
       const x = LEFT + i * width + gap / 2, wide = Math.max(width - gap, 0.5), middle = this.row(good), top = this.row(good + bad);
       const from = shown((this.first + i) * this.step), to = shown((this.first + i + 1) * this.step);
-      const title = `<title>${from} to ${to} ${this.data.unit}: ${good} succeeded, ${bad} did not</title>`;
+      const upTo = this.beyond && i === this.counts.length - 1 ? `${from} and more` : `${from} to ${to}`;
+      const title = `<title>${upTo} ${this.data.unit}: ${good} succeeded, ${bad} did not</title>`;
       if (good) drawn += `<rect class="column-good" x="${px(x)}" y="${px(middle)}" width="${px(wide)}" height="${px(foot - middle)}">${title}</rect>`;
       if (bad) drawn += `<rect class="column-bad" fill="url(#${this.hatch})" x="${px(x)}" y="${px(top)}" width="${px(wide)}" height="${px(middle - top)}">${title}</rect>`;
     });
