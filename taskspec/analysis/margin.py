@@ -115,9 +115,15 @@ class Quality:
         return not self.bad(found).any()
 
 
-def rings(mode: Mode) -> bool:
-    """Whether a mode that dies away takes many swings, and long, to do so."""
-    return abs(mode.s.imag) > _SWINGS and bool(_ring(np.array([mode.s]))[0])
+def rings(mode: Mode, quick: float = QUICK) -> bool:
+    """Whether a mode that dies away takes many swings, and long, to do so.
+
+    Args:
+        mode: the mode.
+        quick: rate from which on it is gone before it matters [1/s].
+    """
+    swings = abs(mode.s.imag) > _SWINGS and -mode.s.real < quick
+    return swings and bool(_ring(np.array([mode.s]))[0])
 
 
 def _ring(s: Poles) -> NDArray[np.bool_]:

@@ -12,7 +12,7 @@ from collections.abc import Callable, Collection, Iterator
 
 import numpy as np
 
-from taskspec.foresight.approach import approach, dwell, rates_of, striking_mass
+from taskspec.foresight.approach import approach, dragged, dwell, rates_of, striking_mass
 from taskspec.foresight.conditions import names, parts
 from taskspec.foresight.force_profile import force_profiles
 from taskspec.foresight.ranges import constant
@@ -25,6 +25,7 @@ from taskspec.program.passage import End
 from taskspec.program.plan import StagePlan, TaskPlan
 from taskspec.program.reference.axis_plan import AxisPlan
 from taskspec.shapes import BoundedSurface
+from taskspec.shapes.plate import CutPlate
 from taskspec.spec import Mechanism
 from taskspec.text.expression import evaluate
 from taskspec.text.expression.tree import Compare, Held, Name, Node, Reduce, walk
@@ -37,8 +38,9 @@ _FAR = 1.3
 _LONG = 3.0
 #: A limit on force below this is little for what a grip bears on the way of a mechanism [N].
 _LITTLE = 40.0
-#: A force loop that is stable has settled after so long [s].
-_SETTLED = 1.2
+#: A force loop that is stable has settled after so long [s], and one with a given integral not
+#: before so many of that one's time constants are over.
+_SETTLED, _TIME_CONSTANTS = 1.2, 3.0
 #: A rate that rises smoothly changes so many times as fast at most as on the average.
 _RISE = 1.5
 #: Of what a spring could give the tool as it is left, so much of its rate is seen at most.
@@ -110,10 +112,16 @@ def _holds(task: TaskPlan, stage: StagePlan) -> bool:
         or _near_stop(task, stage, declared)
         or _late(stage)
         or _leaves_off(task, stage) > _FORCE * _most_force(task, stage)
-        or (declared.knob == "free" and until is not None)
+        or (declared.knob == "free" and (until is not None or _goes_before(task, stage)))
         or (most is not None and most < _LITTLE)
         or _sets_off_with(stage, declared) > _FORCE * _most_force(task, stage)
     )
+
+
+def _goes_before(task: TaskPlan, stage: StagePlan) -> bool:
+    """Whether a stage before moves: where it leaves the arm about a free knob is not known."""
+    before = (task.stages[name] for name in _before(task, stage))
+    return any(plan.motion and plan.mode.moves for each in before for plan in each.plans.values())
 
 
 def _near_stop(task: TaskPlan, stage: StagePlan, held: Mechanism) -> bool:
@@ -205,11 +213,20 @@ def _guard(task: TaskPlan, stage: StagePlan) -> bool:
             gap = stage.context.start_gaps.get(way.contact)
     if way is None or gap is None:
         return within.time is not None or within.travel is not None
-    time = gap / way.closing + BLEND_TIME / 2 + dwell(stage)
+    gap += _opening(stage, way.contact)
+    comes = gap / way.closing
+    time = comes + BLEND_TIME / 2 + dragged(stage, way.axis, comes) + dwell(stage)
     if within.time is not None and time > _TIME * within.time:
         return True
-    goes = gap / way.closing * way.speed
+    goes = comes * way.speed
     return within.travel is not None and goes > _TRAVEL * within.travel
+
+
+def _opening(stage: StagePlan, contact: str) -> float:
+    """How far a tool may slip into what is cut into a contact before it is felt [m]."""
+    shape = stage.context.loaded.task.shapes.get(contact)
+    cut = isinstance(stage.context.surfaces.get(contact), CutPlate)
+    return float(shape.sizes["depth"]) if cut and shape is not None else 0.0
 
 
 def _bounces(task: TaskPlan, stage: StagePlan) -> bool:  # noqa: ARG001
@@ -290,7 +307,24 @@ def _may_fail(task: TaskPlan, stage: StagePlan, guard: Node) -> bool:
 
 def _force(task: TaskPlan, stage: StagePlan) -> bool:
     """A limit on force that set points and the blow before them come near to."""
-    return _settles(stage) + _blows(task, stage) > _FORCE * _most_force(task, stage)
+    blows = _blows(task, stage)
+    comes = _settles(stage) + max(blows, _falls(stage) if blows else 0.0)
+    return comes > _FORCE * _most_force(task, stage)
+
+
+def _falls(stage: StagePlan) -> float:
+    """The blow of a force loop that a blow before has lifted off, and that falls back [N].
+
+    In the air it goes as fast as its damper lets it, f/d.
+    """
+    law, most = stage.law.control_law, 0.0
+    for axis, force in stage.set_points.items():
+        damper = law.loop_damping(on_axis(stage.gains, axis)) if law.force_loop else 0.0
+        contact = None if axis.is_rotation else stage.contact_of(axis)
+        if contact is not None and damper > 0:
+            k = stage.context.compliances[contact].stiffness
+            most = max(most, abs(force) / damper * math.sqrt(striking_mass(stage, axis) * k))
+    return most
 
 
 def _most_force(task: TaskPlan, stage: StagePlan) -> float:
@@ -374,7 +408,9 @@ def _speed(task: TaskPlan, stage: StagePlan) -> bool:
                 return True
             if (np.minimum(here.q - robot.lower, robot.upper - here.q) < _ROOM).any():
                 return True
-    elif any(_lasts(stage, plan) > _LONG for plan in stage.plans.values()):
+    else:
+        speed = max(speed, _along_path(stage))
+    if passage is None and any(_lasts(stage, plan) > _LONG for plan in stage.plans.values()):
         return True
     return most is not None and speed + released > _SPEED * most
 
@@ -383,6 +419,16 @@ def _reached(stage: StagePlan) -> float:
     """How fast moves along axes get [m/s]."""
     modes = [stage.plans[axis].mode for axis in stage.translations if axis in stage.plans]
     return math.hypot(*(mode.reached_rate(stage.known) or 0.0 for mode in modes if mode.moves))
+
+
+def _along_path(stage: StagePlan) -> float:
+    """About how fast a path gets [m/s]; 0 without one, or where its length is not known."""
+    path = stage.path
+    if path is None or path.speed is not None:
+        return 0.0 if path is None or path.speed is None else path.speed
+    if path.time is None or path.form.unknown_length:
+        return 0.0
+    return _RISE * float(path.length(dict.fromkeys(path.axes, 0.0))) / path.time
 
 
 def _released(task: TaskPlan, stage: StagePlan) -> float:
@@ -432,7 +478,7 @@ def _expected(task: TaskPlan, stage: StagePlan) -> bool:
     equations = [model.constraint.residual.tree for model in context.equations.values()]
     sways = any(name.path == ("clock",) for tree in equations for name in names(tree))
     loose = any(shape.free for shape in shapes.values())
-    if law.force_loop and not (bare or estimated or sways or loose):
+    if law.force_loop and not (bare or estimated or sways or loose or _slow(stage)):
         return False
     for expectation in task.context.loaded.task.expect:
         for node in walk(expectation.expression.tree):
@@ -442,6 +488,12 @@ def _expected(task: TaskPlan, stage: StagePlan) -> bool:
                 if name.path[0] in task.context.equations:
                     return True
     return False
+
+
+def _slow(stage: StagePlan) -> bool:
+    """Whether a force loop is not at its set point as its stage ends, by the integral alone."""
+    rates = [on_axis(stage.gains, axis).get("force.integral", 0.0) for axis in stage.set_points]
+    return any(0 < rate * stage.longest < _TIME_CONSTANTS for rate in rates)
 
 
 def _deep(task: TaskPlan, stage: StagePlan) -> bool:

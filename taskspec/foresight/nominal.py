@@ -298,10 +298,19 @@ class NominalWalk:
             self._p, self._R = self._moved(moved, rotation)
 
     def _jumps(self, stage: StagePlan) -> bool:
-        """Whether another stage may follow than the next one of the file."""
+        """Whether another stage may follow than the next one of the file.
+
+        A stage that follows itself, and whose references are places, ends where it did.
+        """
         following = list(self._context.loaded.task.stages)
         after = following[following.index(stage.name) + 1 :][:1]
-        return any([way.to] != after for way in stage.spec.next)
+        again = [[stage.name]] if self._returns(stage) else []
+        return any([way.to] not in (after, *again) for way in stage.spec.next)
+
+    def _returns(self, stage: StagePlan) -> bool:
+        """Whether a stage ends at the same place wherever it begins."""
+        modes = moving_axes(stage.spec).values()
+        return stage.path is None and all(mode.placed for mode in modes)
 
     def _until_contact(self, stage: StagePlan, rotation: Vector) -> dict[Axis, float] | None:
         """Displacement of a stage that moves towards its surface until a guard ends it."""

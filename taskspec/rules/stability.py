@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections import defaultdict
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import field
+from dataclasses import field, replace
 
 import numpy as np
 
@@ -26,6 +27,7 @@ from taskspec.analysis.sampled_stage import SampledStage, control_of, loop_of
 from taskspec.deferred_methods import dataclass
 from taskspec.geometry.axis import Axis
 from taskspec.program.context import Context
+from taskspec.program.flow import followers, reached
 from taskspec.program.passage import End
 from taskspec.program.plan import StagePlan, TaskPlan
 from taskspec.program.world.stiffness import RESOLVED_PHASE
@@ -90,6 +92,7 @@ class Shared:
         gains: that may still be searched.
         worlds: that may still be looked at.
         reported: codes with their places.
+        swings_for: how long the control that is looked at lasts, in all its stages [s].
     """
 
     context: Context
@@ -97,8 +100,14 @@ class Shared:
     gains: Budget = field(default_factory=lambda: Budget(_MOST_SEARCHED))
     worlds: Budget = field(default_factory=lambda: Budget(_MOST_WORLDS))
     reported: set[tuple[str, KeyPath]] = field(default_factory=set)
+    swings_for: float = math.inf
 
 
+#: What swings less often than this while its control lasts does not ring.
+_FEWEST_SWINGS = 2.0
+#: Friction bounds what it holds: across forces a mode that is gone to a hundredth within a second,
+#: and that takes no more than the cone bears, does nothing [1/s].
+_QUICK_STUCK = 4.6
 #: What leaves its place has hardly an imaginary part, and is an error from so many doublings on.
 _STEADY, _DOUBLINGS = 1e-3, 5.0
 
@@ -119,6 +128,7 @@ def unstable_stages(task: TaskPlan) -> Iterator[Finding]:
     """Stages that are predicted to be unstable or to ring, each way of control once."""
     controls: set[str] = set()
     shared = Shared(task.context)
+    lasting = _lasting(task)
     for stage in task.stages.values():
         control = control_of(stage)
         if control in controls or stage.joint_path is not None:
@@ -127,9 +137,19 @@ def unstable_stages(task: TaskPlan) -> Iterator[Finding]:
             continue  # Its axes turn with what it feels: it is run ahead.
         controls.add(control)
         try:
-            yield from _of_stage(task, stage, shared)
+            yield from _of_stage(task, stage, replace(shared, swings_for=lasting[control]))
         except (UnfitError, np.linalg.LinAlgError):
             continue
+
+
+def _lasting(task: TaskPlan) -> dict[str, float]:
+    """How long each way of control lasts at most, in all stages that have it [s]."""
+    spec = task.context.loaded.task
+    found: dict[str, float] = defaultdict(float)
+    for name, stage in task.stages.items():
+        again = stage.spec.repeat > 1 or name in reached(spec, followers(spec, name))
+        found[control_of(stage)] += math.inf if again else stage.longest
+    return found
 
 
 def _of_stage(task: TaskPlan, stage: StagePlan, shared: Shared) -> Iterator[Finding]:
@@ -169,7 +189,9 @@ def _where_it_leads(
         moved = analysed.there(here)
         modes = moved.modes()
         worst = worst_of(modes)
-        if moved.controller.finite and worst is not None and grows(worst):
+        if not moved.controller.finite or worst is None or not grows(worst):
+            continue
+        if worst.s.real * stage.longest > math.log(2):
             where = "where it begins" if here is on_way[0] else here.words
             text = f"stage {stage.name!r} is unstable {where}, as far as the arm has gone by then"
             return _findings(moved, modes, worst, shared, "TS501", Severity.WARNING, text)
@@ -215,15 +237,26 @@ def _in_the_world_of_the_file(
     if stuck is not None and held is not None and grows(held):
         text = f"stage {name!r} is unstable while friction holds the tool"
         return _findings(stuck, sticking, held, shared, "TS506", Severity.WARNING, text)
-    ringing = ringing_of(sliding)
+    ringing = ringing_of(_swinging(sliding, shared))
     if ringing is not None:
         text = f"stage {name!r} rings"
         return _findings(analysed, sliding, ringing, shared, "TS502", Severity.WARNING, text)
-    ringing = ringing_of([mode for mode in sticking if not _flips(mode, analysed)])
-    if stuck is not None and ringing is not None:
+    if stuck is None:
+        return None
+    found = [mode for mode in _swinging(sticking, shared) if not _flips(mode, analysed)]
+    pushed = analysed.stage.plan.set_points
+    ringing = ringing_of(
+        [m for m in found if stuck.axis(m, sticking) in pushed or rings(m, _QUICK_STUCK)]
+    )
+    if ringing is not None:
         text = f"stage {name!r} rings while friction holds the tool"
         return _findings(stuck, sticking, ringing, shared, "TS502", Severity.WARNING, text)
     return None
+
+
+def _swinging(modes: Sequence[Mode], shared: Shared) -> list[Mode]:
+    """The modes that have the time to swing."""
+    return [m for m in modes if m.frequency > _FEWEST_SWINGS / shared.swings_for]
 
 
 def _creeps_away(mode: Mode, analysed: SampledStage) -> bool:

@@ -11,10 +11,10 @@ for disagreements are in `explanations.yaml`.
 from __future__ import annotations
 
 import argparse
+import hashlib
 import json
 import queue
 import shutil
-import subprocess
 import sys
 import tempfile
 import threading
@@ -33,8 +33,12 @@ sys.path.insert(0, str(Path(__file__).parent))
 from truth_file import CRASHED, REFUSED, WELL, row_of
 from workers import Worker, serve
 
+from taskspec import __version__
+
 ROOT = Path(__file__).resolve().parents[2]
 HERE = Path(__file__).resolve().parent
+#: Folders of the packages whose sources are run.
+PACKAGES = ("taskspec", "runner/taskspec_runner")
 #: After which a file is given up as hanging [s].
 LOST = 300.0
 #: What is promised: of bad runs announced, of good runs with a warning, of refusals that are right,
@@ -235,10 +239,15 @@ def copied(folder: Path) -> Path:
     return folder / "tree"
 
 
-def commit() -> str:
-    """The commit that is tested, with a plus where the tree is another one."""
-    command = ["git", "-C", str(ROOT), "describe", "--always", "--abbrev=10", "--dirty=+"]
-    return subprocess.run(command, check=True, capture_output=True, text=True).stdout.strip()
+def sources(tree: Path = ROOT) -> str:
+    """Version and a hash of all sources of both packages: what a table can stand for.
+
+    A commit is rewritten when it is put upon another one; the sources that were run are not.
+    """
+    made = hashlib.sha256()
+    for path in sorted(p for part in PACKAGES for p in (tree / part).rglob("*.py")):
+        made.update(path.relative_to(tree).as_posix().encode() + b"\0" + path.read_bytes())
+    return f"{__version__}, sources {made.hexdigest()[:12]}"
 
 
 def say(text: str) -> None:
@@ -272,10 +281,14 @@ def main() -> int:
     parser.add_argument("--rows", type=Path, default=ROOT / "runs" / "truth")
     parser.add_argument("--page", type=Path, help="where the page is written")
     parser.add_argument("--keep", type=Path, help="where ends and codes are kept, for the tests")
+    parser.add_argument("--sources", action="store_true", help="say which sources these are")
     parser.add_argument("--worker", action="store_true", help=argparse.SUPPRESS)
     arguments = parser.parse_args()
     if arguments.worker:
         serve(answer)
+        return 0
+    if arguments.sources:
+        say(sources())
         return 0
     from truth_page import listed, page
 
@@ -285,13 +298,13 @@ def main() -> int:
     numbers = arguments.only or range(arguments.first, arguments.first + arguments.files)
     known = kept.rows()
     missing = [n for n in numbers if arguments.only or n not in known]
-    announces, version, began = announcements(), commit(), time.monotonic()
+    announces, version, began = announcements(), sources(), time.monotonic()
     with tempfile.TemporaryDirectory(prefix="truth-") as scratch:
         judged: list[Judged] = []
         tree = copied(Path(scratch).resolve()) if missing else ROOT
         try:
             for row in campaign(arguments.seed, missing, arguments.jobs, tree):
-                kept.add({**row, "commit": version})
+                kept.add({**row, "sources": version})
                 judged.append(Judged(row, announces))
                 progress(len(judged), len(missing), began, judged)
         except KeyboardInterrupt:

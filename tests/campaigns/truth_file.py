@@ -32,12 +32,14 @@ class Explanation:
 
     Attributes:
         stage: that it is about; empty for none.
+        measured: what a run that ended well did of it; empty where nothing measures that.
     """
 
     code: str
     severity: str
     stage: str
     text: str
+    measured: str = ""
 
 
 @dataclass
@@ -125,6 +127,8 @@ def _fill(row: Row, text: str, key: tuple[int, int]) -> None:
         run = execute_program(program, folder / "run", report=False)
         row.ran = time.process_time() - began
         _judge(row, run)
+        if row.end == WELL:
+            _measure(row, run)
         if row.forced and row.end == WELL:
             accused = [each["stage"] for each in row.said if each["severity"] == "error"]
             _run_longer(row, key, next(filter(None, accused), ""), folder)
@@ -180,6 +184,16 @@ def _judge(row: Row, run: Any) -> None:
     row.ends = [end for end, _, _ in ends]
     row.end, row.stage, row.text = ends[0] if ends else (WELL, "", "")
     row.text = row.text[:400]
+
+
+def _measure(row: Row, run: Any) -> None:
+    """Notes what a run that ended well did of what was announced."""
+    from truth_measured import Measured
+
+    measured = Measured(run)
+    for each in row.said:
+        if each["severity"] != "info":
+            each["measured"] = measured.of(each)
 
 
 # --- longer, after a push ------------------------------------------------------------------------

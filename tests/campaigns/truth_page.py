@@ -6,8 +6,13 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
+from truth_measured import ELSEWHERE, NOT_SEEN, SEEN
+
 if TYPE_CHECKING:
     from truth import Judged
+
+#: So much of a message is shown at most [characters].
+MOST_OF_A_MESSAGE = 160
 
 PREFACE = """\
 # What is said and what is done
@@ -46,6 +51,16 @@ TRACED = (
     "looked at tells what other files are to expect.",
     "",
 )
+#: What the last column of the table of disagreements is.
+DISAGREEMENTS = (
+    "Of a bad run that was not announced: why, where it was traced, else how it ended. Of a good",
+    "run that was warned of: each warning, and what the run did of it, measured in its log by",
+    "`tests/campaigns/truth_measured.py`. *Seen* is what came to the size that was told, or to",
+    "90 % of the bound that it is near to: the warning is true, and the run ends well all the",
+    "same. *Not seen in the run* is a false alarm about this run. *Of what the run does not show*",
+    "is a warning about another world, or about what a run has no measure of.",
+    "",
+)
 SEVERITIES = ("silent", "warning", "error")
 
 
@@ -72,13 +87,13 @@ def page(seed: int, rows: Sequence[Judged], reasons: Mapping[int, str]) -> str:
     """The text of docs/truth.md."""
     from truth import shares
 
-    commits = Counter(str(row.row.get("commit", "")) for row in rows)
-    made = ", ".join(commits)
+    made = "; ".join(Counter(str(row.row.get("sources", "")) for row in rows))
     ran = [row for row in rows if row.ran]
     cpu = sum(row.row["looked"] for row in rows) / max(len(rows), 1)
     lines = [
         PREFACE,
-        f"Seed {seed}, {len(rows)} files, {len(ran)} of them run, commit {made};",
+        f"Seed {seed}, {len(rows)} files, {len(ran)} of them run; taskspec {made}",
+        "(`python tests/campaigns/truth.py --sources` says that of a tree);",
         f"{cpu:.2f} s of processor time to validate one.",
         "",
         *(TRACED if reasons else ()),
@@ -112,6 +127,7 @@ def page(seed: int, rows: Sequence[Judged], reasons: Mapping[int, str]) -> str:
         "",
         "## Disagreements",
         "",
+        *DISAGREEMENTS,
         *disagreements(rows, reasons),
     ]
     return "\n".join(lines) + "\n"
@@ -149,7 +165,8 @@ def by_law(rows: Sequence[Judged]) -> list[str]:
 
 
 def disagreements(rows: Sequence[Judged], reasons: Mapping[int, str]) -> list[str]:
-    """A table of every file where what was said is not what was done."""
+    """Every file where what was said is not what was done: how many of which kind, and a table."""
+    apart = [row for row in rows if row.disagreement]
     lines = [
         (
             row.number,
@@ -158,9 +175,47 @@ def disagreements(rows: Sequence[Judged], reasons: Mapping[int, str]) -> list[st
             ", ".join(row.codes) or "-",
             f"{row.row['law']}, {row.row['scene']}"
             + (f", {row.row['slip']}" if row.row["slip"] else ""),
-            reasons.get(row.number, "").replace("|", "/"),
+            (reasons.get(row.number) or "<br>".join(told(row))).replace("|", "/"),
         )
-        for row in rows
-        if row.disagreement
+        for row in apart
     ]
-    return table(("file", "kind", "end", "said", "what it is", "reason"), lines)
+    head = ("file", "kind", "end", "said", "what it is", "what was told, and what the run did")
+    return [*_how_many(apart), "", *table(head, lines)]
+
+
+def _how_many(apart: Sequence[Judged]) -> list[str]:
+    """Of good runs that were warned of, by code, what the runs did of it."""
+    words = (SEEN, NOT_SEEN, ELSEWHERE, "")
+    counts: Counter[tuple[str, str]] = Counter()
+    for row in apart:
+        if row.disagreement == "warned":
+            found = {each["code"]: _word(each) for each in _warnings(row)}
+            counts.update(found.items())
+    codes = sorted({code for code, _ in counts})
+    lines = [(code, *(counts[code, word] or "" for word in words)) for code in codes]
+    return table(("warned of, and well", *words[:3], "not measured"), lines)
+
+
+def _warnings(row: Judged) -> list[Mapping[str, str]]:
+    return [each for each in row.row["said"] if each["severity"] != "info"]
+
+
+def _word(said: Mapping[str, str]) -> str:
+    return said.get("measured", "").split(":")[0]
+
+
+def told(row: Judged) -> Iterator[str]:
+    """What was told of a file, and what its run did of it; of a bad run how it ended."""
+    if row.disagreement != "warned":
+        yield str(row.row["text"])
+        return
+    for each in _warnings(row):
+        message = each["text"].partition(": ")[2]
+        yield f"{each['code']}: {_cut(message)} - {each.get('measured') or 'not measured'}"
+
+
+def _cut(message: str) -> str:
+    """The beginning of a message, to the end of a word."""
+    if len(message) <= MOST_OF_A_MESSAGE:
+        return message
+    return message[:MOST_OF_A_MESSAGE].rsplit(" ", 1)[0] + " ..."
