@@ -36,6 +36,12 @@ has a least value the factor divides.
 Growth is the real part of the least stable pole [1/s], negative where it settles. The measured one
 is that of the joint's motion between the two thirds; far past the boundary torque limits and the
 surface bound it, and far inside a quicker mode may still be the larger one, or nothing is left (-).
+
+**Told** is what `validate` says of the file: the gravest of TS501 and TS502. No case past its
+boundary is without an error. For every press errors begin at 0.981 of the critical gain or before,
+and there is one at 1.002 of it
+(`test_an_error_from_two_percent_below_the_critical_gain_on` in
+`tests/stability/test_stability_grid.py`).
 """
 HEAD = (
     "case",
@@ -48,6 +54,7 @@ HEAD = (
     "measured",
     "run",
     "does",
+    "told",
 )
 
 
@@ -81,6 +88,7 @@ def _cells(v: Verdict) -> list[str]:
         "-" if math.isnan(v.growth) else f"{v.growth:.3g}",
         f"{v.seconds:.3g} s",
         f"{'rings' if v.rings else 'settles'}{'' if v.holds else ' (wrong)'}",
+        v.told,
     ]
 
 

@@ -5,11 +5,13 @@ from __future__ import annotations
 import pytest
 
 from stability.cases import FACTORS, Family, families
-from stability.trial import boundary, cases, judge
+from stability.trial import boundary, cases, judge, told
 
 GRID = list(families())
 #: Of every run of the tests: one press of each law, and these factors of its critical gain.
 FEW = (0.9, 1.1)
+#: An error begins 2 % inside the boundary, and no gain beyond it is without one.
+REFUSED = (0.981, 1.002)
 
 
 def one_of_each() -> list[Family]:
@@ -39,6 +41,15 @@ def test_either_side_of_the_boundary(family, request):
 
 
 @pytest.mark.parametrize("family", GRID, ids=label)
+def test_an_error_from_two_percent_below_the_critical_gain_on(family, request):
+    """Every press of the whole grid; one of each law in every run of the tests."""
+    whole = request.config.getoption("stability_table", default=None) is not None
+    if not whole and family not in one_of_each():
+        pytest.skip("--stability-table runs it")
+    assert {told(case) for case in cases(family, REFUSED)} == {"TS501 error"}
+
+
+@pytest.mark.parametrize("family", GRID, ids=label)
 def test_whole_grid(family, request, verdicts):
     if request.config.getoption("stability_table", default=None) is None:
         pytest.skip("--stability-table runs it")
@@ -46,6 +57,7 @@ def test_whole_grid(family, request, verdicts):
         verdict = judge(case)
         verdicts.append(verdict)
         assert verdict.holds, verdict
+        assert case.factor < 1 or verdict.told == "TS501 error", verdict
 
 
 def test_a_boundary_is_where_the_modes_say():

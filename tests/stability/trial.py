@@ -14,6 +14,7 @@ from taskspec.analysis.loop import Mode
 from taskspec.analysis.margin import Search
 from taskspec.analysis.sampled_stage import SampledStage, analyse
 from taskspec.compiler import compile_unchecked
+from taskspec.examination import examine
 from taskspec.program.plan import StagePlan
 from taskspec.program.prepare import prepare
 from taskspec.spec import load_text
@@ -88,6 +89,11 @@ class Verdict:
     rings: bool
 
     @property
+    def told(self) -> str:
+        """What `validate` says of it."""
+        return told(self.case)
+
+    @property
     def holds(self) -> bool:
         """Whether the run did what the case's side of the boundary says."""
         return self.rings == (self.case.factor > 1) == (self.mode.s.real > 0)
@@ -155,6 +161,15 @@ def judge(case: Case, *, brief: bool = False) -> Verdict:
         loop.run(parts.machine, parts.plant, parts.bus, kept, parts.program.context.period)
     growth, rings = kept.growth(joint, round(seconds * 1e3))
     return Verdict(case, mode, seconds, growth, rings)
+
+
+def told(case: Case) -> str:
+    """The gravest of what `validate` says of a case's stability, as `TS501 error`; or `-`."""
+    text = case.family.task(case.boundary.settled, case.gain, 1.0, 1.0)
+    found = examine(load_text(text, "grid.yaml")).findings
+    about = [each for each in found if each.code in ("TS501", "TS502")]
+    about = sorted(about, key=lambda each: each.code)
+    return f"{about[0].code} {about[0].severity}" if about else "-"
 
 
 class LargeMotionError(Exception):
