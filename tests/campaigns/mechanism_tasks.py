@@ -4,16 +4,20 @@ A task is its number, as in `random_tasks.py`. What is moved is what the mechani
 else gives way. `make designs` holds their sampled loops to be stable:
 
     python tests/campaigns/mechanism_tasks.py --tasks 400
+
+With `--page` the counts are kept, by mechanism, arm and rate, and by law.
 """
 
 from __future__ import annotations
 
 import argparse
 import sys
-from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
+import yaml
 from random_tasks import LAWS as ALL_LAWS
 
 from taskspec.analysis.margin import grows
@@ -27,6 +31,7 @@ from taskspec.text.diagnostic import SpecError
 LAWS = tuple(law for law in ALL_LAWS if law != "stiffness")
 MECHANISMS = ("hinge", "knob", "pivot", "slide", "screw", "thread")
 RATES = (250, 500, 1000, 2000)
+ARMS = ("panda", "ur5e")
 #: Starts of the arm, leaning and turned.
 _RPY = ((180, 0, 0), (180, -30, 0), (180, 0, 90), (180, 20, 120), (150, 0, -45))
 
@@ -42,9 +47,9 @@ def mechanism_task(number: int, law: str = "") -> str:
         return float(np.exp(between(np.log(low), np.log(high))))
 
     law = law or LAWS[number % len(LAWS)]
-    kind = MECHANISMS[(number // len(LAWS)) % len(MECHANISMS)]
+    kind = kind_of(number)
     rate = int(rng.choice(RATES))
-    arm = str(rng.choice(("panda", "ur5e")))
+    arm = str(rng.choice(ARMS))
     rpy = _RPY[int(rng.integers(len(_RPY)))]
     x, y, z = between(420, 600), between(-120, 120), between(280, 430)
     frame, lines = "obj", ""
@@ -126,12 +131,69 @@ def worst(number: int, law: str = "") -> float | None:
     return max((mode.s.real for mode in loop.modes() if grows(mode)), default=0.0)
 
 
-def campaign(numbers: range, law: str) -> Iterator[tuple[int, str, float]]:
-    """Number, law and growth [1/s] of all tasks that the arm can hold."""
+@dataclass(frozen=True)
+class Looked:
+    """A task whose loop was looked at.
+
+    Attributes:
+        number: of it. law, kind, arm, rate: what it has; rate in Hz. growth: see `worst`.
+    """
+
+    number: int
+    law: str
+    kind: str
+    arm: str
+    rate: int
+    growth: float
+
+
+def campaign(numbers: range, law: str) -> Iterator[Looked]:
+    """All tasks that the arm can hold."""
     for number in numbers:
         growth = worst(number, law)
         if growth is not None:
-            yield number, law or LAWS[number % len(LAWS)], growth
+            found = yaml.safe_load(mechanism_task(number, law))
+            rate = int(found["control"]["rate"].removesuffix(" Hz"))
+            yield Looked(
+                number, found["law"], kind_of(number), found["robot"]["model"], rate, growth
+            )
+
+
+def kind_of(number: int) -> str:
+    """The mechanism of a task."""
+    return MECHANISMS[(number // len(LAWS)) % len(MECHANISMS)]
+
+
+PAGE = """\
+# Designed gains of held mechanisms
+
+Where an arm holds a mechanism, and the file states no gains, they are designed
+([laws](laws/README.md)). `make designs` closes the sampled loop of random tasks with every
+mechanism, arm, law and rate, and looks for a mode that grows. A *knob* is a hinge that is turned
+about itself, a *pivot* a hinge with a free knob, a *thread* a screw with a lever. Handles, axes,
+masses, friction, the arm's start, late and filtered sensors are drawn anew for each; a task that
+the arm cannot hold where it begins is left out. A cell is how many are unstable, of how many.
+"""
+
+
+def page(looked: Sequence[Looked]) -> str:
+    """The text of docs/designed-gains.md."""
+    unstable = sum(each.growth > 0 for each in looked)
+    lines = [PAGE, f"{len(looked)} tasks, {unstable} of them unstable.", ""]
+    head = ["mechanism", "arm", *(f"{rate} Hz" for rate in RATES)]
+    lines += ["| " + " | ".join(head) + " |", "| " + " | ".join(["---"] * len(head)) + " |"]
+    for kind in MECHANISMS:
+        for arm in ARMS:
+            here = [each for each in looked if (each.kind, each.arm) == (kind, arm)]
+            cells = [_count([each for each in here if each.rate == rate]) for rate in RATES]
+            lines.append(f"| {kind} | {arm} | " + " | ".join(cells) + " |")
+    lines += ["", "| law | tasks |", "| --- | --- |"]
+    lines += [f"| {law} | {_count([e for e in looked if e.law == law])} |" for law in LAWS]
+    return "\n".join(lines) + "\n"
+
+
+def _count(looked: Sequence[Looked]) -> str:
+    return f"{sum(each.growth > 0 for each in looked)} of {len(looked)}" if looked else ""
 
 
 def main() -> int:
@@ -140,18 +202,22 @@ def main() -> int:
     parser.add_argument("--tasks", type=int, default=400)
     parser.add_argument("--first", type=int, default=0, help="number of the first one")
     parser.add_argument("--law", default="", help="in place of each task's own")
+    parser.add_argument("--page", type=Path, help="where the table is written")
     arguments = parser.parse_args()
     numbers = range(arguments.first, arguments.first + arguments.tasks)
-    looked, unstable = Counter[str](), Counter[str]()
-    for number, law, growth in campaign(numbers, arguments.law):
-        looked[law] += 1
-        if growth > 0:
-            unstable[law] += 1
-            sys.stdout.write(f"mechanism-{number} under {law} grows by {growth:.3g} /s\n")
+    looked: list[Looked] = []
+    for each in campaign(numbers, arguments.law):
+        looked.append(each)
+        if each.growth > 0:
+            sys.stdout.write(
+                f"mechanism-{each.number} under {each.law} grows by {each.growth:.3g} /s\n"
+            )
             sys.stdout.flush()
-    for law, count in looked.items():
-        sys.stdout.write(f"{law}: {unstable[law]} of {count} unstable\n")
-    return 1 if unstable else 0
+    for law in LAWS:
+        sys.stdout.write(f"{law}: {_count([e for e in looked if e.law == law])} unstable\n")
+    if arguments.page is not None:
+        arguments.page.write_text(page(looked), "utf-8")
+    return int(any(each.growth > 0 for each in looked))
 
 
 if __name__ == "__main__":
