@@ -22,7 +22,7 @@ from taskspec.signals import CLOCKS
 from taskspec.spec import Expectation
 from taskspec.text.expression import evaluate
 from taskspec.text.expression.tree import Call, Compare, Held, Name, Node, Reduce, WithinNode, walk
-from taskspec.text.units import FORCE, show
+from taskspec.text.units import FORCE, fitting, show
 
 _ALGEBRA = IntervalAlgebra()
 #: Reducers whose value is that of a steady signal although the signal was another before.
@@ -301,12 +301,13 @@ def _beside_a_set_point(task: TaskPlan, expectation: Expectation) -> Iterator[Fi
         if never:
             stage, kind, axis = signal.path
             unit = FORCE.on(rotation=kind == "torque")
+            width = "5 %" if wanted else f"0.5 {next(iter(fitting(unit)))}"
             yield warning(
                 "TS723",
                 f"stage {stage!r} holds {show(wanted, unit)} on {axis!r}, and this does not hold "
                 "there",
                 expression.where(part),
-                "expect the set point, with a tolerance: 'within -press +- 0.5 N'",
+                f"expect the set point, with a tolerance: 'within {show(wanted, unit)} +- {width}'",
             )
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import errno
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import field
 from pathlib import Path
 from typing import BinaryIO
@@ -40,9 +40,13 @@ _EXAMPLES = {
     "robot": "such as robot: {model: panda}",
     "stages": "such as stages: {wait: {time: 1 s}}",
 }
-_INNER_EXAMPLES = {
+_INNER_EXAMPLES: Mapping[str | tuple[str, str], str] = {
     "model": "such as model: panda",
     "pitch": "the way along z in one turn, such as pitch: 2 mm/turn",
+    ("raster", "pitch"): "the distance of its lines, such as pitch: 8 mm",
+    ("raster", "size"): "along the frame's two axes, such as size: [80 mm, 40 mm]",
+    ("spiral", "pitch"): "the distance of its turns, such as pitch: 0.8 mm",
+    ("spiral", "radius"): "out to which it winds, such as radius: 5 mm",
 }
 
 
@@ -240,6 +244,14 @@ def _keys(root: nodes.Mapping) -> dict[int, Span]:
     return places
 
 
+def _example(loc: Sequence[str | int]) -> str:
+    """What a key that is missing at a place is for, and how it is written."""
+    key = str(loc[-1])
+    if len(loc) == 1:
+        return _EXAMPLES.get(key, "")
+    return _INNER_EXAMPLES.get((str(loc[-2]), key)) or _INNER_EXAMPLES.get(key, "")
+
+
 def _translate(detail: ErrorDetails, root: nodes.Mapping, context: ParseContext) -> None:
     """Reports an error of pydantic, unless it is already reported."""
     kind, loc = detail["type"], _in_file(detail["loc"])
@@ -251,7 +263,7 @@ def _translate(detail: ErrorDetails, root: nodes.Mapping, context: ParseContext)
         if quiet or id(owner) in context.quiet:
             return
         where = f"'{loc[-2]}'" if len(loc) > 1 else "the task"
-        hint = (_EXAMPLES if len(loc) == 1 else _INNER_EXAMPLES).get(str(loc[-1]), "")
+        hint = _example(loc)
         span = nodes.place(root, loc[:depth])
         context.error("TS021", f"{where} needs the key '{loc[-1]}'", span, hint)
         return
