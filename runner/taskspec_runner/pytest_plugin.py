@@ -142,4 +142,5 @@ class TaskCase(pytest.Item):
 
     def reportinfo(self) -> tuple[Path, int | None, str]:
         """Where it stands; a line is known once the file was run."""
-        return self.path, None, self.name
+        # Of a heading that ends its node's name, pytest would take the dots for those of modules.
+        return self.path, None, f"{self.path.name}: {self.name}"

@@ -230,6 +230,9 @@ def test_pytest_collects_a_folder(tasks: Path) -> None:
         "tasks/deep/refused.yaml::ends well FAILED",
     ):
         assert line in done.stdout, line
+    # An expectation without a name is named by its text, dots and all.
+    assert "tasks/deep/late.yaml::last(hold.force.x) within press" in done.stdout
+    assert "_ hard.yaml: soft-touch _" in done.stdout
     assert "hard.yaml:19: soft-touch: max(norm(force)) < 2 N" in done.stdout
     assert "there is no robot 'planar9'" in done.stdout
     assert "Traceback" not in done.stdout
