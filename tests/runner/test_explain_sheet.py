@@ -169,6 +169,15 @@ def test_as_data():
     assert data["duration"]["expected"] == pytest.approx(10.147, abs=0.01)
 
 
+def test_what_is_only_otherwise_in_truth_is_no_worst_of_vary():
+    path, changed = str(TASKS / "press-hybrid.yaml"), "truth.world.table.stiffness=5 kN/m"
+    shown = CliRunner().invoke(app, ["explain", path, "--set", changed]).output
+    heads = [line.split() for line in shown.splitlines() if line.split()[:1] == ["foreseen"]]
+    assert ["foreseen", "is", "in", "truth", "from"] in heads
+    assert not any("vary" in head for head in heads)
+    assert "4 mm at table.stiffness = 5 kN/m" in shown
+
+
 def test_a_code_as_data():
     result = CliRunner().invoke(app, ["explain", "TS203", "--format", "json"])
     data = json.loads(result.stdout)

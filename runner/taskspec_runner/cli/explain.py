@@ -78,8 +78,9 @@ def _explain_file(path: Path, sets: Sequence[str], law: str | None, *, as_json: 
     for frame in shown.frames:
         frames.add_row(*_cells(frame.name, frame.described, ", ".join(frame.stages)))
     _section("frames", frames)
+    other = "at worst in vary" if program.context.loaded.task.vary else "in truth"
     for stage, stability in shown.stages:
-        _show_stage(stage)
+        _show_stage(stage, other)
         if stability is not None:
             _show_stability(stability)
     if shown.expected:
@@ -88,7 +89,8 @@ def _explain_file(path: Path, sets: Sequence[str], law: str | None, *, as_json: 
     show("", Text(LEGEND, style="dim"))
 
 
-def _show_stage(stage: StageSheet) -> None:
+def _show_stage(stage: StageSheet, other: str) -> None:
+    """Shows a stage; `other` says which worlds are not as the controller is told."""
     facts = (
         ("law", f"{stage.law}, equations {stage.equations}"),
         ("frame", stage.frame),
@@ -103,7 +105,7 @@ def _show_stage(stage: StageSheet) -> None:
     for axis in stage.axes:
         axes.add_row(*_cells(axis.axis, axis.natural, axis.artificial, axis.by))
     worst = any(row.worst for row in stage.expected)
-    foreseen = table("foreseen", "is", *(["at worst in vary"] if worst else []), "from")
+    foreseen = table("foreseen", "is", *([other] if worst else []), "from")
     for row in stage.expected:
         cells = (row.what, row.value, *([row.worst] if worst else []), row.source)
         foreseen.add_row(*_cells(*cells))
