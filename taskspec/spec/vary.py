@@ -266,6 +266,10 @@ def target_of(path: str, data: Map, context: ParseContext, section: str) -> Vari
         hint = suggestion(of.owner, context.objects, "objects")
         context.error("TS123", f"unknown object '{of.owner}'", span, hint)
         return None
+    if section == "vary" and "faults" in path.split("."):
+        message, hint = "faults cannot vary", "they are the same in every world of a sweep"
+        context.error("TS710", message, span, hint)
+        return None
     options = [f"world.{name}.stiffness" for name in context.objects]
     options += [f"robot.{name}" for name in ROBOT]
     hint = suggestion(path, options, f"values that {can}")
