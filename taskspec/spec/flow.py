@@ -89,6 +89,9 @@ def _good(stage: Map, after: str, own: Span) -> Iterator[Way]:
             yield entry, nodes.pointer(entry.node), ""
             continue
         branch = mapping(entry)
+        if branch and not branch.keys() <= {"when", "to"}:
+            yield None, own, ""  # What an unknown key says may be the condition.
+            return
         when = branch.get("when")
         bound = ""
         for part in _AND.split(when) if isinstance(when, Text) and " or " not in when else ():

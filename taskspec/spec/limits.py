@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 from pydantic import Field
 
@@ -37,6 +37,10 @@ class Bound(float):
         return Bound, (float(self), self.then)
 
 
+#: What other words for the keys of a limit mean.
+_INSTEAD = dict.fromkeys(("to", "goto", "next", "stage"), "the stage stands under 'then'")
+
+
 @dataclass(frozen=True)
 class ConstantLimit(Constant):
     """A quantity, or one with the stage that crossing it leads to: `{max: 40 N, then: lift}`."""
@@ -47,7 +51,7 @@ class ConstantLimit(Constant):
             return Bound(float(super().read(value, context)))
         for key in value:
             if key not in ("max", "then"):
-                hint = suggestion(key, ("max", "then"), "keys")
+                hint = _INSTEAD.get(key) or suggestion(key, ("max", "then"), "keys")
                 message = f"unknown key '{key}' in a limit"
                 context.error("TS020", message, value.node.key_span(key), hint)
         for key, example in (("max", "max: 40 N"), ("then", "then: retreat")):
@@ -85,6 +89,9 @@ class Limits(Model):
 
     noun = "'limits'"
     example = "limits: {force: 60 N}"
+    advice: ClassVar = dict.fromkeys(
+        ("max", "then"), "it stands under a limit: force: {max: 40 N, then: retreat}"
+    )
 
     force: Annotated[float, ConstantLimit(FORCE, above=0)] | None = Field(
         None, title="Contact force"

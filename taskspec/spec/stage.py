@@ -109,6 +109,7 @@ class Branch(Model):
     example = "{when: knock.visits < 5, to: knock}"
     advice: ClassVar = dict.fromkeys(("if", "unless"), "a condition stands under 'when'") | (
         dict.fromkeys(("then", "goto", "next", "stage"), "the stage stands under 'to'")
+        | dict.fromkeys(("else", "otherwise"), "the last way has no condition: {to: end}")
     )
 
     short: ClassVar = {"type": "string"}
@@ -203,6 +204,10 @@ class Stage(Model):
             for name in (*MODES, "force")
         }
         | {name: f"a curve stands under 'path': path: {{{name}: ..}}" for name in FORMS}
+        | {
+            "params": "params of a template stand in it, the values of a stage under 'with', and "
+            "those of the file in its own section 'params'"
+        }
         | {"stages": "a template is one stage: its keys stand beside 'params'"}
     )
     composed: ClassVar = {

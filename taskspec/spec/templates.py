@@ -149,13 +149,14 @@ class _Uses:
     def __init__(self, templates: Mapping[str, _Template | None], found: Diagnostics) -> None:
         self._templates, self._found = templates, found
         self._used: dict[str, set[str]] = {}
-        self._parts, self._unknown = 0, False
+        self._parts, self._unclear = 0, False
 
     def stage(self, name: str, stage: MappingNode) -> MappingNode:
         """The stage as it is without its template; the same one if it uses none."""
         used = stage.get(USE)
         if used is None:
             if WITH in stage.entries:
+                self._unclear = True
                 self._error(
                     "TS026",
                     "'with' without 'use'",
@@ -167,12 +168,9 @@ class _Uses:
         own = {key: entry for key, entry in stage.entries.items() if key not in _OWN}
         plain = MappingNode(stage.span, stage.flow, own, stage.broken)
         template = self._named(used)
-        if template is None:
-            plain.broken = True
-            return plain
-        texts = self._values(template, stage, used.span)
-        if texts is None:
-            plain.broken = True
+        texts = None if template is None else self._values(template, stage, used.span)
+        if template is None or texts is None:
+            self._unclear = plain.broken = True
             return plain
         way = (f"used by the stage '{name}'", used.span)
         copied = _Copy(texts, way, self._used.setdefault(template.name, set()), self._found)
@@ -192,8 +190,8 @@ class _Uses:
 
     def warn_unused(self) -> None:
         """Reports templates and params of them that nothing uses, of the file itself."""
-        if self._unknown:
-            return  # One of them may be meant.
+        if self._unclear:
+            return  # A stage that could not be made may be the one that uses them.
         for template in self._templates.values():
             if template is None or template.key.span.source:
                 continue
@@ -217,7 +215,6 @@ class _Uses:
             hint = suggestion(used.value, self._templates, "templates") or (
                 f"the file has none; write it under '{SECTION}'"
             )
-            self._unknown = True
             self._error("TS131", f"unknown template '{used.value}'", nodes.pointer(used), hint)
             return None
         self._used.setdefault(used.value, set())

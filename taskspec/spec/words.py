@@ -181,10 +181,10 @@ class Count(FieldType):
         """The number."""
         if not isinstance(value, Whole):
             message = f"a whole number is needed here, this is {kind_of(value)}"
-            context.error("TS022", message, span_of(value))
+            context.error("TS022", message, span_of(value), "such as 3, without a unit")
             return 1
         if value < 1:
-            context.error("TS118", "this has to be at least 1", span_of(value))
+            context.error("TS118", "this has to be at least 1", span_of(value), "such as 3")
         return int(value)
 
     def json(self) -> dict[str, Any]:

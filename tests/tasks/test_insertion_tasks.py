@@ -38,6 +38,18 @@ def test_an_insertion_in_a_world(task, socket, number, tmp_path):
     assert end == pytest.approx(top - depth, abs=0.6)
 
 
+def test_a_peg_that_is_stuck_by_friction_gets_in_at_the_second_attempt(tmp_path):
+    """As the page has it: stuck, lifted, and at the bottom from where it was."""
+    rough = {"vary.world.socket.friction": "0.6..0.8"}
+    run = run_world("peg-in-hole", 10, tmp_path / "run", rough)
+    assert run.exit_code == 0
+    attempt = ["approach", "search", "insert"]
+    assert [visit.stage for visit in run.visits] == [*attempt, "lift", *attempt]
+    first = run.during("insert", visit=1)
+    assert np.asarray(first.signals["position.z"])[-1] > 0.29
+    assert run.visits[-1].end < 20.0
+
+
 def test_a_peg_that_may_not_turn_gets_stuck_is_lifted_and_tried_again(tmp_path):
     """A hole that leans under a peg that is held upright: it jams at two points, gently."""
     stiff = {"stages.insert.axes.rx": "hold", "stages.insert.axes.ry": "hold"}
