@@ -1,4 +1,4 @@
-"""A peg on springs over a hole, a slot, a groove or a plate: insertion without an arm."""
+"""A tool on springs over a hole, a slot, a groove, a plate or a solid: contact without an arm."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from taskspec.shapes import overlap
 from taskspec_runner.plant.whole import collision, patches
 
 Vector = NDArray[np.float64]
@@ -40,8 +41,25 @@ class Rig:
         height: float = 0.0,
         mass: float = 0.5,
         rounding: float = 2e-6,
+        at: tuple[float, float, float] = (0.0, 0.0, 0.0),
+        lying: bool = False,
+        damped: bool = True,
     ) -> None:
-        """`kind` and `tool` as `patches` has them; lengths [m], `tilt` about y [rad]."""
+        """A tool over a shape.
+
+        Args:
+            kind, sizes, tool: as `patches` has them.
+            joints: of the tool, slides along x, y, z and a hinge b about y.
+            stiffness, friction: of the contact.
+            springs, dampers: of the joints.
+            tilt: of the tool about y [rad].
+            height: of its tip [m].
+            mass: of it [kg].
+            rounding: of it [m].
+            at: where the shape is [m].
+            lying: whether the shape's z is along y.
+            damped: whether the contact is.
+        """
         lines = "".join(
             f"<joint name='{c}' type='{'hinge' if c == 'b' else 'slide'}' axis='{_AXES[c]}' "
             f"stiffness='{springs.get(c, 0)}' damping='{dampers.get(c, 0)}'/>"
@@ -53,7 +71,7 @@ class Rig:
             <option timestep='0.001' gravity='0 0 0' cone='elliptic' impratio='10000'
               tolerance='1e-14' integrator='Euler'/>
             <worldbody><geom name='shape' type='ellipsoid' size='1 1 1' contype='0'
-              conaffinity='0'/>
+              conaffinity='0' pos='{at[0]} {at[1]} {at[2]}' euler='{lying * math.pi / 2} 0 0'/>
             <body pos='0 0 {height}'>{lines}
             <inertial pos='0 0 0' mass='{mass}' diaginertia='5e-4 5e-4 5e-4'/>
             <geom name='tool' type='ellipsoid' size='1 1 1' contype='0' conaffinity='0'
@@ -61,7 +79,7 @@ class Rig:
               euler='{math.pi} {-tilt} 0'/></body></worldbody>
             <contact><pair geom1='shape' geom2='tool' condim='3'/></contact></mujoco>""")
         mobility = float(self.model.body_invweight0[1, 0])
-        damping = 0.2 * math.sqrt(stiffness * mass)
+        damping = 0.2 * math.sqrt(stiffness * mass) if damped else 0.0
         settling = min(damping * (1 - IMPEDANCE) * mobility / IMPEDANCE, 500.0)
         shape, geom = (self.model.geom(name).id for name in ("shape", "tool"))
         contact = [stiffness, damping, friction, mobility, settling, IMPEDANCE]
@@ -93,18 +111,33 @@ class Rig:
 
 
 R, PEG = 0.010, 0.0099
+#: Solids whose highest point, face or line is at z = 0 where they are `at` its last number.
+SOLIDS = {
+    "box": (overlap.BOX, (0.05, 0.04, 0.02), (0.0, 0.0, -0.02), False),
+    "cylinder": (overlap.CYLINDER, (0.03, 0.03, 0.05), (0.0, 0.0, -0.05), False),
+    "lying": (overlap.CYLINDER, (0.03, 0.03, 0.05), (0.0, 0.0, -0.03), True),
+    "sphere": (overlap.BALL, (0.04, 0.04, 0.04), (0.0, 0.0, -0.04), False),
+}
 PEGS = {
-    "cylinder": (patches.CYLINDER, (0.0099, 0.0099, 0.03)),
-    "box": (patches.BOX, (0.0095, 0.0099, 0.03)),
-    "sphere": (patches.BALL, (0.0099, 0.0099, 0.0099)),
+    "cylinder": (overlap.CYLINDER, (0.0099, 0.0099, 0.03)),
+    "box": (overlap.BOX, (0.0095, 0.0099, 0.03)),
+    "sphere": (overlap.BALL, (0.0099, 0.0099, 0.0099)),
 }
 
 
-def press(kind: int, sizes: Sequence[float], tool: str, stiffness: float, tilt: float) -> float:
+def press(
+    kind: int,
+    sizes: Sequence[float],
+    tool: str,
+    stiffness: float,
+    tilt: float,
+    at: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    lying: bool = False,
+) -> float:
     """Measured over declared stiffness of a press along z, between 20 N and 40 N."""
     rig = Rig(
         kind, sizes, PEGS[tool], joints="z", stiffness=stiffness, tilt=tilt, height=0.03,
-        dampers={"z": 400.0},
+        dampers={"z": 400.0}, at=at, lying=lying,
     )  # fmt: skip
     depths = []
     for force in (20.0, 40.0):
@@ -112,6 +145,55 @@ def press(kind: int, sizes: Sequence[float], tool: str, stiffness: float, tilt: 
         rig.step(6000)
         depths.append(float(rig.data.qpos[0]))
     return 20.0 / (depths[0] - depths[1]) / stiffness
+
+
+def press_on(solid: str, tool: str, stiffness: float, tilt: float, aside: float = 0.0) -> float:
+    """The same on a solid of `SOLIDS`, whose highest point is under the lowest of the tool.
+
+    Args:
+        solid, tool: names.
+        stiffness: of the contact.
+        tilt: of the tool about y [rad].
+        aside: how much farther along x the solid is [m].
+    """
+    kind, sizes, at, lying = SOLIDS[solid]
+    half = PEGS[tool][1]
+    lowest = 0.0 if tilt == 0 or tool == "sphere" else half[0] * math.cos(tilt)
+    if tool == "sphere":
+        lowest = half[2] * math.sin(tilt)
+    elif math.isclose(tilt, math.pi / 2):
+        lowest = half[2]
+    place = (lowest + aside, 0.0, at[2])
+    return press(kind, (*sizes, 5e-6), tool, stiffness, tilt, place, lying)
+
+
+def thrown(solid: str, tool: str, seed: int) -> float:
+    """Kinetic energy of a tool after it has bounced off a solid, over that before.
+
+    Neither friction nor damping; steps of 0.1 ms.
+    """
+    kind, sizes, at, lying = SOLIDS[solid]
+    rng = np.random.default_rng(seed)
+    rig = Rig(
+        kind, (*sizes, 5e-6), PEGS[tool], stiffness=20e3, height=0.008, at=at, lying=lying,
+        damped=False, tilt=rng.uniform(-0.5, 0.5),
+    )  # fmt: skip
+    rig.model.opt.timestep = 1e-4
+    rig.data.qvel[:] = [rng.uniform(-0.1, 0.1), -0.2, rng.uniform(-5.0, 5.0)]
+
+    def energy() -> float:
+        moved = np.zeros(3)
+        mujoco.mj_forward(rig.model, rig.data)
+        mujoco.mj_mulM(rig.model, rig.data, moved, rig.data.qvel)
+        return 0.5 * float(rig.data.qvel @ moved)
+
+    before, touched = energy(), False
+    for _ in range(5000):
+        rig.step(1)
+        touched = touched or rig.data.ncon > 0
+        if touched and rig.data.ncon == 0 and rig.data.qvel[1] > 0:
+            return energy() / before
+    raise AssertionError("it never came off")
 
 
 def two_points(
@@ -128,7 +210,7 @@ def two_points(
     Returns:
         The axial force [N]; the one of statics at its pose; the one of Whitney's diagram.
     """
-    tool = (patches.CYLINDER, (PEG, PEG, 0.06))
+    tool = (overlap.CYLINDER, (PEG, PEG, 0.06))
     rig = Rig(
         patches.HOLE, (R, 0.09, 0.0), tool, friction=friction, springs={"z": 1e6},
         dampers={"x": 20.0, "z": 500.0, "b": 0.05}, height=0.0005 - depth,
@@ -172,7 +254,7 @@ def wedged(friction: float, ratio: float) -> float:
     """
     depth, force = 2 * R * friction * ratio, 20.0
     rig = Rig(
-        patches.HOLE, (R, 0.09, 0.0), (patches.CYLINDER, (PEG, PEG, 0.06)), friction=friction,
+        patches.HOLE, (R, 0.09, 0.0), (overlap.CYLINDER, (PEG, PEG, 0.06)), friction=friction,
         dampers={"x": 20.0, "z": 20.0, "b": 0.02}, height=-depth,
     )  # fmt: skip
     for i in range(1500):
@@ -195,7 +277,7 @@ def chamfer(friction: float, stiffness: float, depth: float) -> tuple[Vector, Ve
     """
     spring, offset, cut = 1000.0, 0.0025, 0.003
     rig = Rig(
-        patches.HOLE, (R, 0.09, cut), (patches.CYLINDER, (PEG, PEG, 0.06)), joints="xz",
+        patches.HOLE, (R, 0.09, cut), (overlap.CYLINDER, (PEG, PEG, 0.06)), joints="xz",
         stiffness=stiffness, friction=friction, springs={"x": spring, "z": 1e6},
         dampers={"x": 2.0, "z": 2000.0},
     )  # fmt: skip

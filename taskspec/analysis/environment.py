@@ -25,6 +25,9 @@ from taskspec.spec import Mechanism, Task
 
 Matrix = NDArray[np.float64]
 
+#: The axes about which a tool that is held gives way: none.
+HELD = np.zeros((3, 0))
+
 
 def linear_plant(
     context: Context,
@@ -33,6 +36,7 @@ def linear_plant(
     *,
     sticking: bool = False,
     sliding: Matrix | None = None,
+    turns: Matrix = HELD,
 ) -> LinearPlant:
     """The plant at the start pose.
 
@@ -44,6 +48,8 @@ def linear_plant(
         sticking: whether friction is below its limit, and holds the tool.
         sliding: (3,) else the velocity with which the tool slides, world axes [m/s]; None where it
             is not known, so that friction is left out.
+        turns: (3, k) unit axes, across each other, about which the tool gives way, world axes: it
+            comes to lie flat.
     """
     n = context.robot.pin.nv
     held = task.mechanisms.get(context.held)
@@ -57,11 +63,11 @@ def linear_plant(
         if name in context.equations:
             rows.append(_equation(context, task, name, force, c))
         elif name in context.surfaces:
-            rows.append(_contact(context, task, name, force, c))
+            rows.append(_contact(context, task, name, force, c, turns))
             if task.shapes[name].friction > 0 and sticking:
-                rows.append(friction_rows(context, task, name, c))
+                rows.append(friction_rows(context, task, name, c, turns))
             elif task.shapes[name].friction > 0 and sliding is not None:
-                rows.append(sliding_rows(context, task, name, force, c, sliding))
+                rows.append(sliding_rows(context, task, name, force, c, sliding, turns))
     if held is not None:
         H[n, n], damping[n] = held.coordinate_inertia, held.damping
         rows.append(_grip(context, task, held))
@@ -79,15 +85,31 @@ def linear_plant(
     )
 
 
-def _contact(context: Context, task: Task, name: str, force: float, c: int) -> Rows:
-    """A shape under every sphere of the tool; each bears its share."""
+def _contact(context: Context, task: Task, name: str, force: float, c: int, turns: Matrix) -> Rows:
+    """A shape under the tool's surface as it lies, or under every sphere with its share."""
     robot, n, shape = context.robot, context.robot.pin.nv, task.shapes[name]
     declared = compliance(shape, robot, context.start, 1.0 / task.control.plant_rate)
     mobility = contact_mobility(robot, shape)
+    touched = Touched(context, task, name)
+    if touched.whole:
+        patch, J = touched.laid(context.start_p, context.start_R, turns), context.start_jacobian
+        G, turning, bending = np.zeros((1, c)), np.zeros((6, c)), np.zeros((c, c))
+        G[0, :n] = -patch.way @ J
+        turning[:, :n] = -force * patch.bending() @ J
+        bending[:n] = J.T @ turning
+        return Rows(
+            name=name,
+            G=G,
+            W=-patch.way[:, None],
+            K=np.array([[declared.stiffness]]),
+            B=np.array([[declared.damping]]),
+            M=np.array([[added_mass(mobility)]]),
+            turning=turning,
+            bending=bending,
+        )
     centers = robot.tool.centers
     r = len(centers)
     G, W, turning = np.zeros((r, c)), np.zeros((6, r)), np.zeros((6, c))
-    touched = Touched(context, task, name)
     for i, (center, radius) in enumerate(zip(centers, robot.tool.radii, strict=True)):
         lever = context.start_R @ center
         normal, bend = touched.normal_at(context.start_p + lever, float(radius))

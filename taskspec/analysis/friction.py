@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.analysis.plant import Rows
-from taskspec.analysis.points import Touched, skew
+from taskspec.analysis.points import Touched
 from taskspec.program.context import Context
 from taskspec.program.world.stiffness import compliance, contact_mobility, creep
 from taskspec.spec import Task
@@ -25,31 +25,45 @@ from taskspec.spec import Task
 Matrix = NDArray[np.float64]
 
 
-def friction_rows(context: Context, task: Task, name: str, c: int) -> Rows:
-    """Two dampers under every sphere of the tool, along directions across the normal.
+def friction_rows(context: Context, task: Task, name: str, c: int, turns: Matrix) -> Rows:
+    """Two dampers under the tool, along directions across the normal; one about a flat tool's.
+
+    Under a tool of spheres there are two under each.
 
     Args:
         context: of the nominal task.
         task: whose world and robot are the true ones.
         name: of a shape that the tool touches.
         c: coordinates of the plant.
+        turns: (3, k) about which the tool gives way.
     """
     robot, shape = context.robot, task.shapes[name]
     period = 1.0 / task.control.plant_rate
-    points = len(robot.tool.centers)
+    touched = Touched(context, task, name)
+    points = 1 if touched.whole else len(robot.tool.centers)
     damping = compliance(shape, robot, context.start, period).damping / points
     # Where friction is stiffer (`friction_ratio`) the tool does the same by less: it all but
     # stands, and would be said to ring, by less than a micrometre.
     force, mass = creep(damping, contact_mobility(robot, shape), period)
-    G, W = _across(context, task, name, c, lambda normal: np.linalg.svd(normal[None, :])[2][1:])
-    each = np.eye(len(G))
+    G, W, levers = _across(
+        context, touched, c, turns, lambda normal: np.linalg.svd(normal[None, :])[2][1:]
+    )
+    each = np.diag(levers**2)
     return _damper(name, G, W, force * each, mass * each)
 
 
 def sliding_rows(
-    context: Context, task: Task, name: str, force: float, c: int, velocity: Matrix
+    context: Context,
+    task: Task,
+    name: str,
+    force: float,
+    c: int,
+    velocity: Matrix,
+    turns: Matrix,
 ) -> Rows:
-    """One damper under every sphere of the tool, across its way.
+    """One damper under the tool, or under each of its spheres, across its way.
+
+    A flat tool has one more, about the normal.
 
     Args:
         context: of the nominal task.
@@ -58,34 +72,58 @@ def sliding_rows(
         force: with which it does [N].
         c: coordinates of the plant.
         velocity: (3,) of the tool, world axes; not zero across the normal [m/s].
+        turns: (3, k) about which the tool gives way.
     """
 
     def across(normal: Matrix) -> Matrix:
         way = np.cross(normal, velocity)
         return np.asarray(way / np.linalg.norm(way))[None, :]
 
-    G, W = _across(context, task, name, c, across)
-    share = task.shapes[name].friction * force / len(G)
-    B = share / float(np.linalg.norm(velocity)) * np.eye(len(G))
+    touched = Touched(context, task, name)
+    G, W, levers = _across(context, touched, c, turns, across)
+    points = 1 if touched.whole else len(G)
+    share = task.shapes[name].friction * force / points
+    B = share / float(np.linalg.norm(velocity)) * np.diag(levers**2)
     # The simulator has friction oppose the velocity at its step's end.
     return replace(_damper(name, G, W, B, B / task.control.plant_rate), rubs=True)
 
 
 def _across(
-    context: Context, task: Task, name: str, c: int, ways: Callable[[Matrix], Matrix]
-) -> tuple[Matrix, Matrix]:
-    """G and W of directions (k, 3) across the normal, as `ways` has them, under every sphere."""
-    robot, n = context.robot, context.robot.pin.nv
-    G, W, touched = [], [], Touched(context, task, name)
-    for center, radius in zip(robot.tool.centers, robot.tool.radii, strict=True):
-        lever = context.start_R @ center
-        normal, _ = touched.normal_at(context.start_p + lever, float(radius))
-        lever = lever - float(radius) * normal
-        at = context.start_jacobian[:3] - skew(lever) @ context.start_jacobian[3:]
+    context: Context,
+    touched: Touched,
+    c: int,
+    turns: Matrix,
+    ways: Callable[[Matrix], Matrix],
+) -> tuple[Matrix, Matrix, Matrix]:
+    """G and W of directions (k, 3) across the normal, as `ways` has them, under every point.
+
+    Third is how much a rate along each counts against a slip: 1, or of turning about the normal
+    the lever with which the patch of a flat tool resists it [m].
+    """
+    robot, n, J = context.robot, context.robot.pin.nv, context.start_jacobian
+    G, W, levers = [], [], []
+    points = zip(robot.tool.centers, robot.tool.radii, strict=True)
+    if touched.whole:
+        patch = touched.laid(context.start_p, context.start_R, turns)
+        places = [(patch.normal, patch.lever)]
+    else:
+        places = []
+        for center, radius in points:
+            lever = context.start_R @ center
+            normal, _ = touched.normal_at(context.start_p + lever, float(radius))
+            places.append((normal, lever - float(radius) * normal))
+    for normal, lever in places:
         across = ways(normal)
-        G.append(np.hstack([across @ at, np.zeros((len(across), c - n))]))
-        W.append(np.vstack([across.T, np.cross(lever, across).T]))
-    return np.vstack(G), np.hstack(W)
+        twists = np.hstack([across, np.cross(lever, across)])
+        G.append(np.hstack([twists @ J, np.zeros((len(across), c - n))]))
+        W.append(twists.T)
+        levers += [1.0] * len(across)
+        if touched.whole:
+            about = np.concatenate([np.zeros(3), normal])[None, :]
+            G.append(np.hstack([about @ J, np.zeros((1, c - n))]))
+            W.append(about.T)
+            levers.append(patch.spin)
+    return np.vstack(G), np.hstack(W), np.array(levers)
 
 
 def _damper(name: str, G: Matrix, W: Matrix, B: Matrix, M: Matrix) -> Rows:

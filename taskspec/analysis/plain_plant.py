@@ -1,10 +1,11 @@
 """A plain plant of a task: the arm, what its tool touches or holds, and nothing else, as one step.
 
 Every contact is the spring and damper that the file declares, with Coulomb's friction, under each
-sphere of the tool and of loose bodies; a grip is a spring and damper in six directions, a mechanism
-one coordinate, a loose body six. The step is semi-implicit Euler, as the simulator's is. It knows
-nothing of the simulator's solver: it is what `LinearPlant` is about an equilibrium, anywhere. Its
-world is the true one, where the file has another than it tells the controller of.
+sphere of the tool and of loose bodies, or under the whole surface of a flat tool; a grip is a
+spring and damper in six directions, a mechanism one coordinate, a loose body six. The step is
+semi-implicit Euler, as the simulator's is. It knows nothing of the simulator's solver: it is what
+`LinearPlant` is about an equilibrium, anywhere. Its world is the true one, where the file has
+another than it tells the controller of.
 
     (H + h D + G^T M G) a = tau - C q' - g - D q' - G^T f,    f = K e + B e',
     q'+ = q' + h a,    q+ = q + h q'+
@@ -24,7 +25,17 @@ from numpy.typing import NDArray
 
 from taskspec.analysis.coordinates import Coordinate, about_itself, coordinates
 from taskspec.analysis.loose_bodies import LooseBody, loose_bodies
-from taskspec.analysis.point_contacts import Ground, Mover, PointContact, Resistance, Spheres
+from taskspec.analysis.point_contacts import (
+    Ground,
+    Mover,
+    Patch,
+    PointContact,
+    Resistance,
+    Spheres,
+    WholeContact,
+    plane_patch,
+)
+from taskspec.analysis.solid_contacts import solid_contacts
 from taskspec.deferred_methods import dataclass
 from taskspec.program.bound import Wiring
 from taskspec.program.context import Context
@@ -46,6 +57,7 @@ from taskspec.program.world.stiffness import (
 from taskspec.robot import RobotModel
 from taskspec.robot.model_terms import ModelTerms, PinocchioTerms
 from taskspec.robot.rebuild import GRAVITY
+from taskspec.shapes import Plane
 from taskspec.spec import Task
 
 Vector = NDArray[np.float64]
@@ -86,7 +98,7 @@ class PlainPlant:
             RobotError: what the robot holds is where it cannot hold it.
         """
         task = context.loaded.true_task
-        n = len(torque)
+        n, self._terms = len(torque), terms
         self.q, self.v = truly_holding(context, task).copy(), np.zeros(n)
         terms.at(self.q, self.v)
         p, R = terms.tip()
@@ -97,15 +109,13 @@ class PlainPlant:
         self.parts = np.split(self.numbers, np.cumsum(sizes))
         self.wrench, self.mechanisms, self.effort, self.reactions, self.bodies = self.parts
         self.wrist = np.zeros(6) if task.robot.sensor.at == "wrist" else None
-        before = np.zeros(len(self.mechanisms)), np.zeros(len(self.bodies))
+        self._before = np.zeros(len(self.mechanisms)), np.zeros(len(self.bodies))
         # A step reads where these were while it writes where they are.
-        moving = zip(before, (self.mechanisms, self.bodies), strict=True)
+        moving = zip(self._before, (self.mechanisms, self.bodies), strict=True)
         self._moving = [each for each in moving if each[0].size]
         wiring = Wiring()
-        step.read(wiring)
-        was = [wiring.reads("before", array) for array in before]
-        state = _State(wiring.reads("q", terms.q), wiring.reads("v", terms.v), *was)
-        clock, tau = wiring.reads("clock", self.clock), wiring.reads("torque", torque)
+        state, clock = self._reads(wiring, step)
+        tau = wiring.reads("torque", torque)
         for i in range(step.substeps):
             state = step.once(state, tau, clock + i * step.period)
         wiring.writes(state.q, self.q)
@@ -123,12 +133,32 @@ class PlainPlant:
         # What comes more than once is not looked for: that takes as long as all its steps.
         self._function = wiring.bound("plant", cse=False)
         self._step = self._function.evaluate
+        # What is solid is looked for as a period begins: where the tool is in its coordinates.
+        self._solids = step.solids
+        self._places = None
+        if self._solids:
+            wiring = Wiring()
+            step.place(wiring, *self._reads(wiring, step))
+            self._places = wiring.bound("places")
+
+    def _reads(self, wiring: Wiring, step: _Step) -> tuple[_State, ca.SX]:
+        """Where the plant is as a period begins, and when that is [s]."""
+        terms = self._terms
+        step.read(wiring)
+        before = [wiring.reads("before", array) for array in self._before]
+        state = _State(wiring.reads("q", terms.q), wiring.reads("v", terms.v), *before)
+        return state, wiring.reads("clock", self.clock)
 
     def step(self, clock: float) -> None:
         """One period of control that begins at run time `clock` [s]."""
         self.clock[0] = clock
         for before, now in self._moving:
             before[:] = now
+        self.tip_rotation[:] = self._terms.rotation.reshape(3, 3, order="F").ravel()
+        if self._places is not None:
+            self._places.evaluate()
+            for solid in self._solids.values():
+                solid.look()
         self._step()
 
 
@@ -172,16 +202,19 @@ class _Step:
         self._begun: ca.SX | None = None
         self._tool = Spheres(robot.tool.centers, robot.tool.radii, len(robot.tool.centers))
         self._inertia = true_inertia(robot, task.robot)
-        J = terms.jacobian[:3]
-        mobility = J @ np.linalg.solve(terms.inertia, J.T)
-        self._mobility = float(np.linalg.eigvalsh(mobility)[-1])
+        mobility = terms.jacobian @ np.linalg.solve(terms.inertia, terms.jacobian.T)
+        self._mobility = float(np.linalg.eigvalsh(mobility[:3, :3])[-1])
+        self._turning = float(np.linalg.eigvalsh(mobility[3:, 3:])[-1])
+        self.solids = solid_contacts(task, robot, self._loose)
         self.wrench, self.effort = ca.SX.zeros(6), ca.SX.zeros(1)
         self.reactions = ca.SX.zeros(len(task.equations))
         self._acceleration, self._twist = ca.SX.zeros(6), ca.SX.zeros(6)
 
     def read(self, wiring: Wiring) -> None:
-        """Takes the arm's terms."""
+        """Takes the arm's terms, and where solids are touched."""
         n = self._n
+        for solid in self.solids.values():
+            solid.read(wiring)
         names = ("H", "bias", "gravity", "J", "p", "R", "drift")
         arrays = self._terms.arrays
         given = {name: wiring.reads(name, a) for name, a in zip(names, arrays, strict=True)}
@@ -207,16 +240,10 @@ class _Step:
         J = ca.SX(6, c)
         J[:, :n] = self._J
         R = self._R + ca.skew(d[3:]) @ self._R
-        tip = Mover(self._p + d[:3], R, self._J @ state.v, J, self._mobility)
-        bodies = {
-            name: body.mover(state.bodies[body.entries], c) for name, body in self._loose.items()
-        }
+        mobility = self._mobility, self._turning
+        tip = Mover(self._p + d[:3], R, self._J @ state.v, J, *mobility)
         states = self._states(state)
-        riding = {
-            name: self.mechanisms[shape.on].mover(states[shape.on], shape, c)
-            for name, shape in self._task.shapes.items()
-            if shape.on is not None
-        }
+        bodies, riding = self._carriers(state)
         H = ca.SX(c, c)
         H[:n, :n] = self._H + h * ca.diag(ca.DM(self._D))
         on = ca.SX.zeros(c)
@@ -261,6 +288,37 @@ class _Step:
         mechanisms, loose = ca.vertcat(empty, *turned), ca.vertcat(empty, *moved)
         return _State(state.q + h * v, v, mechanisms, loose)
 
+    def place(self, wiring: Wiring, state: _State, clock: ca.SX) -> None:
+        """Has a function write where the tool is in the coordinates of each solid."""
+        tip = Mover(self._p, self._R, ca.SX.zeros(6), ca.SX(6, self._c))
+        bodies, riding = self._carriers(state)
+        for name, solid in self.solids.items():
+            ground = self._ground(name, bodies | riding, clock)
+            p = ground.place(tip.p)
+            axes = [ground.place(tip.p + tip.R[:, i]) - p for i in range(3)]
+            wiring.writes(p, solid.p)
+            wiring.writes(ca.vertcat(*axes), solid.axes)
+
+    def _carriers(self, state: _State) -> tuple[dict[str, Mover], dict[str, Mover]]:
+        """Loose bodies, and shapes that ride on mechanisms, by name."""
+        states, c = self._states(state), self._c
+        bodies = {
+            name: body.mover(state.bodies[body.entries], c) for name, body in self._loose.items()
+        }
+        riding = {
+            name: self.mechanisms[shape.on].mover(states[shape.on], shape, c)
+            for name, shape in self._task.shapes.items()
+            if shape.on is not None
+        }
+        return bodies, riding
+
+    def _ground(self, name: str, bodies: dict[str, Mover], clock: ca.SX) -> Ground:
+        """The surface of a shape, and what carries it."""
+        shape = self._task.shapes[name]
+        base = self._bases[name].at(clock) if name in self._bases else None
+        surface = about_itself(shape) if name in bodies else frames.surface(shape)
+        return Ground(surface, base, bodies.get(name))
+
     def _states(self, state: _State) -> dict[str, ca.SX]:
         """(2,) of each mechanism, by name."""
         found = state.mechanisms
@@ -296,16 +354,18 @@ class _Step:
         on_tool: list[Resistance] = []
         others: list[Resistance] = []
         for name, shape in task.shapes.items():
-            base = self._bases[name].at(clock) if name in self._bases else None
             body = self._loose.get(name)
-            surface = about_itself(shape) if name in bodies else frames.surface(shape)
-            ground = grounds[name] = Ground(surface, base, bodies.get(name))
+            ground = grounds[name] = self._ground(name, bodies, clock)
             if body is not None and body is self._held:
                 continue
             declared = compliance(shape, robot, self._start.q, period)
             mobility = contact_mobility(robot, shape)
             numbers = declared, shape.friction, mobility, period
-            made = PointContact(tip, self._tool, ground, *numbers).resistance()
+            patch = self._patch(name, tip, ground)
+            if patch is None:
+                made = PointContact(tip, self._tool, ground, *numbers).resistance()
+            else:
+                made = WholeContact(tip, patch, ground, *numbers).resistance()
             (on_tool if name in bodies else fixed).append(made)
         if fixed:
             # Of all that does not yield the tool's ways are the same ones.
@@ -320,6 +380,15 @@ class _Step:
                 numbers = *self._between(first, second), period
                 others.append(PointContact(bodies[first], spheres, ground, *numbers).resistance())
         return on_tool, others
+
+    def _patch(self, name: str, tip: Mover, ground: Ground) -> Patch | None:
+        """Where a flat tool touches a shape with its whole surface; None where it does not."""
+        tool, surface = self._context.robot.tool, ground.surface
+        if not tool.flat or surface.cut() is not None:
+            return None
+        if isinstance(surface, Plane):
+            return plane_patch(tool, tip, ground)
+        return self.solids[name].patch(tip, ground) if name in self.solids else None
 
     def _between(self, body: str, other: str) -> tuple[Compliance, float, float]:
         """What is declared of a loose body's contact with another shape, friction and mobility."""

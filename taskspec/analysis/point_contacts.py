@@ -1,9 +1,10 @@
-"""Contacts of a plain plant: points of what moves on a surface, with spring, damper and friction.
+"""Contacts of a plain plant: points, or the whole tool, on a surface: spring, damper and friction.
 
     f = n max(-(k d + b d'), 0) - friction,    d the distance of a sphere from the surface,
 
 with Coulomb's friction, viscous below its limit, and with the mass that the simulator's constraints
-add along what acts. Each point bears its share of what a contact has declared.
+add along what acts. Each point bears its share of what a contact has declared. A flat tool touches
+planes, boxes, cylinders and balls with its whole surface: -d is its depth, from support functions.
 """
 
 from __future__ import annotations
@@ -15,7 +16,10 @@ from numpy.typing import NDArray
 from taskspec.deferred_methods import dataclass
 from taskspec.program.world.moving_base import BaseMotion
 from taskspec.program.world.stiffness import Compliance, added_mass, creep
+from taskspec.robot.types import ToolGeometry
 from taskspec.shapes import Surface
+from taskspec.shapes.overlap import CYLINDER, LEAST_FRICTION, LEAST_ROLLING, ROLLING
+from taskspec.shapes.solid import half_sizes, rounding
 
 Vector = NDArray[np.float64]
 
@@ -32,6 +36,7 @@ class Mover:
         twist: (6,) of that point, world axes [m/s, rad/s].
         J: (6, c) that twist of the coordinates' rates.
         mobility: the greatest that a point of it has along any direction [1/kg].
+        turning: the greatest that it has about any direction [1/(kg m^2)].
     """
 
     p: ca.SX
@@ -39,6 +44,7 @@ class Mover:
     twist: ca.SX
     J: ca.SX
     mobility: float = 0.0
+    turning: float = 0.0
 
     def place(self, point: ca.SX) -> ca.SX:
         """A world point (3,) in its own axes [m]."""
@@ -73,6 +79,11 @@ class Ground:
         """The greatest that a point of it has along any direction [1/kg]."""
         return 0.0 if self.body is None else self.body.mobility
 
+    @property
+    def turning(self) -> float:
+        """The greatest that it has about any direction [1/(kg m^2)]."""
+        return 0.0 if self.body is None else self.body.turning
+
     def place(self, point: ca.SX) -> ca.SX:
         """A world point (3,) in the surface's coordinates [m]."""
         if self.body is not None:
@@ -91,6 +102,13 @@ class Ground:
         if self.body is not None:
             return rate - self.body.velocity(point)
         return rate if self.base is None else rate - self.base.twist(point)[:3]
+
+    def spin(self, mover: Mover) -> ca.SX:
+        """(3,) angular velocity of a mover against it [rad/s]."""
+        rate = mover.twist[3:]
+        if self.body is not None:
+            return rate - self.body.twist[3:]
+        return rate if self.base is None else rate - self.base.twist(mover.p)[3:]
 
     def rows(self, mover: Mover) -> ca.SX:
         """(6, c) twist of a mover against it, at the mover's own point, of the rates."""
@@ -191,4 +209,115 @@ class PointContact:
             turned = S @ mass
             inertia += ca.blockcat([[mass, turned.T], [turned, -turned @ S]])
             whole += ca.vertcat(force, ca.cross(touched, force))
+        return Resistance(ground.rows(mover), -whole, inertia)
+
+
+@dataclass(frozen=True, slots=True)
+class Patch:
+    """Where a flat tool touches with its whole surface.
+
+    Attributes:
+        normal: (3,) outward, in the ground's coordinates.
+        point: (3,) from the tool's own point, in its axes [m].
+        depth: [m].
+        spin: lever of the friction that resists being turned about the normal [m].
+    """
+
+    normal: ca.SX
+    point: ca.SX
+    depth: ca.SX
+    spin: ca.SX
+
+
+def plane_patch(geometry: ToolGeometry, mover: Mover, ground: Ground) -> Patch:
+    """Of a tool on a plane, in closed form."""
+    sizes = half_sizes(geometry.solid)
+    assert sizes is not None
+    kind, half = sizes
+    eps = rounding(half)
+    normal = ground.surface.gradient(ground.place(mover.p))
+    u = -mover.R.T @ ground.turned(normal)
+    reach, levers = ca.SX(0), []
+    point = [ca.SX(0)] * 3
+    groups: list[tuple[int, ...]] = [(0, 1), (2,)] if kind == CYLINDER else [(0,), (1,), (2,)]
+    for group in groups:
+        h = half[group[0]]
+        edge = eps / h
+        size = ca.sqrt(sum((u[i] ** 2 for i in group), ca.SX(edge**2)))
+        reach += h * size - eps
+        levers.append(h * edge / size)
+        for i in group:
+            point[i] = h * u[i] / size
+    middle = ca.DM([0.0, 0.0, geometry.middle])
+    depth = reach + eps - ground.surface.distance(ground.place(mover.p + mover.R @ middle))
+    if kind == CYLINDER:
+        spin = 2 / 3 * levers[0] + 0.5 * levers[1]
+    else:
+        spin = 0.5 * ca.sqrt(sum((lever**2 for lever in levers), ca.SX(0)))
+    return Patch(normal, ca.vertcat(*point) + middle, depth, spin)
+
+
+@dataclass(frozen=True, slots=True)
+class WholeContact:
+    """A contact of a whole tool with a surface: one resultant.
+
+    Friction is Coulomb's of all that slips at once: along the surface, turning about its normal
+    and, by a little, rocking: with the coefficients mu_j of each rate v_j
+
+        f_j = -f mu_j^2 v_j / S,    S^2 = sum (mu_j v_j)^2.
+
+    Attributes:
+        mover: the tool.
+        patch: where it touches.
+        ground: that it touches.
+        declared: of the contact.
+        friction: Coulomb's coefficient.
+        mobility: the sum of both bodies' inverse masses as MuJoCo counts them [1/kg].
+        period: of the plant [s].
+    """
+
+    mover: Mover
+    patch: Patch
+    ground: Ground
+    declared: Compliance
+    friction: float
+    mobility: float
+    period: float
+
+    def resistance(self) -> Resistance:
+        """Of the mover's twist (6,) about its own point against the ground."""
+        mover, ground, patch = self.mover, self.ground, self.patch
+        m = added_mass(self.mobility)
+        slip_force, slip_mass = creep(self.declared.damping, self.mobility, self.period)
+        n, lever = ground.turned(patch.normal), mover.R @ patch.point
+        rate, spin = ground.against(mover, mover.p + lever), ground.spin(mover)
+        closing, about = ca.dot(n, rate), ca.dot(n, spin)
+        inside = patch.depth > 0
+        push = self.declared.stiffness * patch.depth - self.declared.damping * closing
+        push = ca.if_else(inside, ca.fmax(push, 0), 0)
+        slip, rock = rate - closing * n, spin - about * n
+        least = max(self.friction, LEAST_FRICTION)
+        slide = self.friction**2
+        twirl = (self.friction * patch.spin) ** 2
+        roll = (ROLLING * max(self.friction, LEAST_ROLLING) * patch.spin) ** 2
+        S = ca.sqrt(
+            slide * ca.sumsqr(slip) + twirl * about**2 + roll * ca.sumsqr(rock) + _NO_SLIP**2
+        )
+        sticks = ca.logic_and(slip_force / least**2 * S < push, inside)
+        share = ca.if_else(sticks, slip_force / least**2, push / S)
+        force = push * n - share * slide * slip
+        moment = -share * (twirl * about * n + roll * rock)
+        # Friction that would turn a slip back within the step is of the step's end.
+        most = slide * (mover.mobility + ground.mobility)
+        most += (twirl + roll) * (mover.turning + ground.turning)
+        late = ca.if_else(self.period * push * most > S, self.period * push / S, 0)
+        across = ca.if_else(sticks, slip_mass / least**2, late)
+        along = ca.if_else(push > 0, m, 0)
+        N = n @ n.T
+        mass = along * N + across * slide * (ca.SX.eye(3) - N)
+        turning = across * (twirl * N + roll * (ca.SX.eye(3) - N))
+        L = ca.skew(lever)
+        turned = L @ mass
+        inertia = ca.blockcat([[mass, turned.T], [turned, turning - turned @ L]])
+        whole = ca.vertcat(force, ca.cross(lever, force) + moment)
         return Resistance(ground.rows(mover), -whole, inertia)

@@ -13,7 +13,7 @@ from taskspec.analysis.rehearsal import Rehearsal
 from taskspec.geometry.axis import AXES, as_axis
 from taskspec.program.bound import RowFunction
 from taskspec.program.context import Context
-from taskspec.program.world import frames
+from taskspec.program.world import frames, kinematics
 from taskspec.program.world.moving_base import moving_bases
 from taskspec.text.expression.series import Series
 from taskspec.text.expression.tree import Name
@@ -121,7 +121,7 @@ class RehearsedSignals:
 
     def _gap(self, name: str) -> Vector:
         """Of the tool from a shape [m]."""
-        context, tool = self._context, self._context.robot.tool
+        context = self._context
         run, task = self._run, context.loaded.true_task
         shape, bodies = task.shapes[name], loose_bodies(task)
         clock, where = ca.SX.sym("clock"), ca.SX.sym("where", run.bodies.shape[1])
@@ -136,11 +136,9 @@ class RehearsedSignals:
             ground = self._coordinates[shape.on].ground(turned[row : row + 2], shape)
         p, R = ca.SX.sym("p", 3), ca.SX.sym("R", 9)
         axes = ca.reshape(R, 3, 3)
-        gaps = [
-            ground.surface.distance(ground.place(p + axes @ ca.DM(center))) - float(radius)
-            for center, radius in zip(tool.centers, tool.radii, strict=True)
-        ]
-        least = ca.densify(ca.mmin(ca.vertcat(*gaps)))
+        place = ground.place(p)
+        there = ca.horzcat(*(ground.place(p + axes[:, i]) - place for i in range(3)))
+        least = ca.densify(kinematics.gap(context.robot, ground.surface, place, there))
         function = ca.Function("gap", [p, R, clock, where, turned], [least])
         clocks: Vector = context.period * np.arange(len(run.times), dtype=np.float64)[:, None]
         tip = run.field("tip"), run.field("tip_rotation")

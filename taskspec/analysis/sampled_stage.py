@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.analysis.controller import LinearController, Operating
-from taskspec.analysis.environment import linear_plant
+from taskspec.analysis.environment import HELD, linear_plant
 from taskspec.analysis.loop import Drive, Mode, modes, poles, response
 from taskspec.analysis.plant import LinearPlant
 from taskspec.analysis.points import touching
@@ -84,6 +84,7 @@ class SampledStage:
         nominal: what it drives in the world of the file.
         sticking: friction holds the tool; else it slides.
         sliding: (3,) as fast as this, world axes [m/s]; None where that is not known.
+        turns: (3, k) world axes about which the tool gives way, and comes to lie flat.
     """
 
     context: Context
@@ -96,6 +97,7 @@ class SampledStage:
     nominal: LinearPlant
     sticking: bool = False
     sliding: Matrix | None = None
+    turns: Matrix = field(default_factory=lambda: HELD)
 
     def plant(self, task: Task | None = None) -> LinearPlant:
         """What it drives; `task` is the one whose world and robot are true."""
@@ -105,7 +107,12 @@ class SampledStage:
 
     def _plant(self, context: Context, task: Task) -> LinearPlant:
         return linear_plant(
-            context, task, self.pressed, sticking=self.sticking, sliding=self.sliding
+            context,
+            task,
+            self.pressed,
+            sticking=self.sticking,
+            sliding=self.sliding,
+            turns=self.turns,
         )
 
     def modes(self, task: Task | None = None, plant: LinearPlant | None = None) -> tuple[Mode, ...]:
@@ -204,7 +211,7 @@ class SampledStage:
         shapes = [task.shapes[name] for name in self.pressed if name in context.surfaces]
         if not any(shape.friction > 0 for shape in shapes):
             return None
-        plant = linear_plant(context, task, self.pressed, sticking=True)
+        plant = linear_plant(context, task, self.pressed, sticking=True, turns=self.turns)
         return replace(self, nominal=plant, sticking=True)
 
     def axis(self, mode: Mode, modes: Sequence[Mode] = ()) -> str:
@@ -337,7 +344,8 @@ def analyse(plan: StagePlan, *, in_contact: bool = True) -> SampledStage | None:
         context, at = there, at.there(there)
     wrench, reactions = np.zeros(6), np.zeros(len(context.equations))
     sliding = None if meets else _slides(reduced, pressed)
-    plant = linear_plant(context, context.loaded.task, pressed, sliding=sliding)
+    turns = rotation[:, [a.column for a, p in plan.plans.items() if a.is_rotation and p.force]]
+    plant = linear_plant(context, context.loaded.task, pressed, sliding=sliding, turns=turns)
     for row in plant.rows:
         if row.equation is not None:
             reactions[row.equation] = pressed[row.name]
@@ -349,7 +357,16 @@ def analyse(plan: StagePlan, *, in_contact: bool = True) -> SampledStage | None:
     if not controller.finite:
         return None
     return SampledStage(
-        context, stage, rotation, pressed, meets, at, controller, plant, sliding=sliding
+        context,
+        stage,
+        rotation,
+        pressed,
+        meets,
+        at,
+        controller,
+        plant,
+        sliding=sliding,
+        turns=turns,
     )
 
 

@@ -93,8 +93,15 @@ def force_loop(law: ControlLaw, axis: AxisDesign, damping: Gain | None = None) -
     if damping is None and plant.damper is not None:
         damping = Gain(plant.damper, "designed: a Lambda_ii, a = 100/s or 1/(3 T)")
     elif damping is None:
-        damping = limited(2 * math.sqrt(plant.h * plant.k), plant, "designed: 2 sqrt(h k)")
-    integral = axis.of_the_law("force.integral") or _integral(plant, damping.value)
+        stiffest = max(plant.k, plant.face)
+        damping = limited(2 * math.sqrt(plant.h * stiffest), plant, "designed: 2 sqrt(h k)")
+    integral = axis.of_the_law("force.integral")
+    if integral is None and plant.face > plant.k and "stiffness" not in law.gain_names:
+        # What it had gathered while the tool lay down on its edge it would take seconds to lose;
+        # nothing pulls against the set point, and what is not fed forward the face holds.
+        integral = Gain(0.0, "designed: 0 about a face")
+    elif integral is None:
+        integral = _integral(plant, damping.value)
     integrates = "force.integral" in law.gain_names
     usual = 0.0 if integrates else _REACTION_GAIN
     proportional = axis.of_the_law("force.proportional") or Gain(usual, f"designed: {usual:g}")

@@ -93,6 +93,7 @@ class AxisPlant:
         grip: damping of the grip on a mechanism along the axis [N s/m, N m s/rad]; None without.
         damper: what a law's form for the mechanism damps the axis with [N s/m, N m s/rad]; None
             where the law damps it by its own rules.
+        face: stiffness about the axis of a face that lies flat [N m/rad]; 0 without.
     """
 
     h: float
@@ -101,6 +102,7 @@ class AxisPlant:
     period: float
     grip: float | None = None
     damper: float | None = None
+    face: float = 0.0
 
     @property
     def most_damping(self) -> float:

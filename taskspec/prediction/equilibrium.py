@@ -151,32 +151,7 @@ def _depths(here: StageAtStart, on: Bearing, forces: Mapping[str, Equilibrium], 
         deepest = max((float(p[i]) for p in pushes), key=abs)
         if deepest <= 0:
             continue
-        rim = face(here, name) if len(on.names) == 1 else None
-        if rim is None:
-            rest.depths[name] = _depth(here, name, deepest)
-            continue
-        most = max(forces.values(), key=lambda f: max(abs(f.low), abs(f.high)))
-        end = "low" if abs(most.low) > abs(most.high) else "high"
-        wanted = {AXES.index(a): float(getattr(f, end)) for a, f in forces.items()}
-        _uneven(here, name, rim, springs_and_loads(here, wanted), rest)
-
-
-def _uneven(
-    here: StageAtStart, name: str, rim: Face, pressed: tuple[Vector, Vector], rest: Rest
-) -> None:
-    """The depth of the deepest point of a tool that does not lie flush."""
-
-    def deep(stiffness: float) -> float:
-        found = rim.bears(*pressed, 0.0, stiffness)
-        return math.nan if found is None else found[1]
-
-    stiffness = here.context.compliances[name].stiffness
-    found = rim.bears(*pressed, 0.0, stiffness)
-    if found is None:
-        return
-    bears = float(np.linalg.norm(found[0][:3]))
-    worst = extreme(here.context, name, lambda world: deep(world.stiffness), abs)
-    rest.depths[name] = Depth(name, bears, found[1], worst=worst, source="its deepest point")
+        rest.depths[name] = _depth(here, name, deepest)
 
 
 def _depth(here: StageAtStart, name: str, bears: float, angular: bool = False) -> Depth:
@@ -280,17 +255,28 @@ def _moving(
 
 
 def _rim(here: StageAtStart, name: str, rim: Face, pressed: tuple[Axis, float], rest: Rest) -> None:
-    """What springs press with through a flat tool that does not lie flush."""
+    """What springs press with through a flat tool that does not lie flush.
+
+    The reference of a set point without a loop goes with the gap: it is a force, whatever leans.
+    """
     context = here.context
     axis, depth = pressed
     springs, loads = springs_and_loads(here, {})
+    row, open_loop = AXES.index(axis), here.stage.plan.plans[axis].open_loop
+    if open_loop:
+        own, springs[row] = 1.0 / float(springs[row]), 0.0
+        normal = here.rotation.T @ here.stage.plan.normal_of(name)
     if context.loaded.task.shapes[name].friction > 0:
         why = f"the tool does not lie flush, and friction of {name!r} holds its edge"
         rest.left_out[applied(axis)] = why
         return
 
     def bears(world: ContactWorld) -> tuple[Vector, float]:
-        found = rim.bears(springs, loads, depth - world.farther, world.stiffness)
+        behind = depth - world.farther
+        if open_loop:
+            loads[row] = -float(normal[row]) * push(depth, own, world)
+            behind = abs(loads[row]) / world.stiffness
+        found = rim.bears(springs, loads, behind, world.stiffness)
         return (np.full(6, math.nan), math.nan) if found is None else found
 
     now = ContactWorld({}, context.compliances[name].stiffness)
@@ -300,13 +286,13 @@ def _rim(here: StageAtStart, name: str, rim: Face, pressed: tuple[Axis, float], 
         return
     source = f"{here.stage.plan.law.control_law.rest}, not flush"
     for a in here.stage.plan.axes:
-        row = AXES.index(a)
-        if a is not axis and abs(forces[row]) < _DIFFERS * float(np.abs(forces).max()):
+        along = AXES.index(a)
+        if a is not axis and abs(forces[along]) < _DIFFERS * float(np.abs(forces).max()):
             continue
-        value = float(forces[row])
+        value = float(forces[along])
 
-        def there(world: ContactWorld, row: int = row) -> float:
-            return float(bears(world)[0][row])
+        def there(world: ContactWorld, along: int = along) -> float:
+            return float(bears(world)[0][along])
 
         def off(force: float, value: float = value) -> float:
             return abs(force - value)
@@ -314,8 +300,8 @@ def _rim(here: StageAtStart, name: str, rim: Face, pressed: tuple[Axis, float], 
         worst = extreme(context, name, there, off)
         rest.forces[applied(a)] = Equilibrium(applied(a), value, value, value, source, worst)
     worst = extreme(context, name, lambda world: bears(world)[1], abs)
-    push = float(np.linalg.norm(forces[:3]))
-    rest.depths[name] = Depth(name, push, deepest, worst=worst, source="its deepest point")
+    bearing = float(np.linalg.norm(forces[:3]))
+    rest.depths[name] = Depth(name, bearing, deepest, worst=worst)
 
 
 def _equations(

@@ -139,7 +139,7 @@ def arrival(here: StageAtStart, met: Impact, own: float) -> float:
         met: the impact.
         own: stiffness behind the axis [N/m].
     """
-    gap = (here.gap or 0.0) - here.nearing * LAG
+    gap = max((here.gap or 0.0) - here.nearing * LAG, 0.0)
     drags = (met.drag or 0.0) / own
     time = gap / met.speed + LAG + drags
     return time if time > BLEND_TIME else math.sqrt(2 * gap * BLEND_TIME / met.speed) + drags

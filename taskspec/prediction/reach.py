@@ -9,6 +9,7 @@ from taskspec.deferred_methods import dataclass
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.prediction.at_start import StageAtStart
 from taskspec.program.axes import MOSTLY
+from taskspec.program.world.touch import WholeTool
 
 Vector = NDArray[np.float64]
 
@@ -43,13 +44,15 @@ def bearing(here: StageAtStart) -> Bearing:
 def moment_arms(here: StageAtStart, normal: Vector) -> Vector:
     """(6,) what a unit force along a normal (3,) is at the control point, in the stage's axes.
 
-    A flat tool is taken to touch with its middle, a ball in the point of its surface that is
-    nearest to the object.
+    A flat tool touches with the middle of the face that lies flat, of the edge, or with the corner
+    that is farthest against the normal, a ball in the point that is nearest to the object.
     """
     context = here.context
     tool = context.robot.tool
     lever = -here.stage.plan.lever
-    if not tool.flat:
+    if tool.flat:
+        lever = lever + WholeTool(tool).lever(context.start_R, here.rotation @ normal)
+    else:
         lever = lever + context.start_R @ tool.centers[0]
         lever = lever - float(tool.radii[0]) * (here.rotation @ normal)
     return np.concatenate([normal, np.cross(here.rotation.T @ lever, normal)])

@@ -10,7 +10,7 @@ lies ahead, the one behind counts: the tool may leave it, or pull at it.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 
 import casadi as ca
 import numpy as np
@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from taskspec.deferred_methods import dataclass
 from taskspec.modes import Known
 from taskspec.program.world.moving_base import MovingBase
+from taskspec.program.world.touch import Touch, WholeTool, whole_tool
 from taskspec.robot import RobotModel
 from taskspec.shapes import Surface
 from taskspec.spec import AxisEntry
@@ -87,6 +88,8 @@ class Obstacles:
 
     def gap(self, name: str, p: Vector, R: Vector) -> float:
         """Distance [m] of the tool whose tip has a pose (3,), (3, 3) from an object."""
+        if self._whole(name) is not None:
+            return -self._touch(name, p, R).depth
         spheres = zip(self._tool.centers, self._tool.radii, strict=True)
         return min(self.distance(name, p + R @ c)[0] - float(r) for c, r in spheres)
 
@@ -100,7 +103,22 @@ class Obstacles:
         met = [m for name in self._surfaces if (m := self._met(name, p, R, direction)) is not None]
         return min(met, key=lambda m: m.way, default=None)
 
+    def _whole(self, name: str) -> WholeTool | None:
+        """The tool where it touches an object with its whole surface."""
+        return whole_tool(self._tool, self._surfaces[name])
+
+    def _touch(self, name: str, p: Vector, R: Vector) -> Touch:
+        """How the whole tool meets an object, at a pose of the tip (3,), (3, 3), world axes."""
+        tool, base = self._whole(name), self._bases.get(name)
+        assert tool is not None
+        A, a = (np.eye(3), np.zeros(3)) if base is None else base.pose(0.0)
+        return tool.touch(self._surfaces[name], A.T @ (p - a), A.T @ R).turned(A)
+
     def _met(self, name: str, p: Vector, R: Vector, direction: Vector) -> Encounter | None:
+        if self._whole(name) is not None:
+            return self._approached(
+                name, direction, lambda way: self._distance_of(name, p + way * direction, R), True
+            )
         found = [
             met
             for center, radius in zip(self._tool.centers, self._tool.radii, strict=True)
@@ -108,20 +126,46 @@ class Obstacles:
         ]
         return min(found, key=lambda m: m.way, default=None)
 
+    def _distance_of(self, name: str, p: Vector, R: Vector) -> tuple[float, Vector]:
+        """Distance [m] of the whole tool from an object, and the object's normal (3,)."""
+        touch = self._touch(name, p, R)
+        return -touch.depth, touch.normal
+
     def _sphere(self, name: str, x: Vector, radius: float, direction: Vector) -> Encounter | None:
+        """The way of a sphere about a point (3,)."""
+
+        def off(way: float) -> tuple[float, Vector]:
+            distance, normal = self.distance(name, x + way * direction)
+            return distance - radius, normal
+
+        return self._approached(name, direction, off, self._surfaces[name].convex)
+
+    def _approached(
+        self,
+        name: str,
+        direction: Vector,
+        off: Callable[[float], tuple[float, Vector]],
+        convex: bool,
+    ) -> Encounter | None:
         """Newton's method from outside: towards a convex shape it never goes beyond the way.
 
         Of what is not convex the distance alone tells how far the way is free.
+
+        Args:
+            name: of the object.
+            direction: (3,) of the way.
+            off: distance [m] and normal (3,) after a way [m].
+            convex: whether the object is.
         """
-        way, convex = 0.0, self._surfaces[name].convex
+        way = 0.0
         for _ in range(_MOST_STEPS if convex else _MOST_FREE_STEPS):
-            distance, normal = self.distance(name, x + way * direction)
+            distance, normal = off(way)
             closing = -float(normal @ direction)
             if (convex and not closing > PASSING) or way > _FARTHEST:
                 return None
-            if distance - radius <= _MET:
+            if distance <= _MET:
                 return Encounter(name, way, normal) if closing > PASSING else None
-            way += (distance - radius) / (closing if convex else 1.0)
+            way += distance / (closing if convex else 1.0)
         return None
 
 

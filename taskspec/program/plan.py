@@ -35,6 +35,7 @@ from taskspec.program.trajectory import Nominal
 from taskspec.program.world.frames import FrameModel
 from taskspec.program.world.moving_base import MovingBase
 from taskspec.program.world.stiffness import GRIP
+from taskspec.shapes.solid import half_sizes, rounding, touched_whole
 from taskspec.spec import JOINT_LAW, AxisEntry, Law, Limits, Stage
 from taskspec.text.expression import Expression
 
@@ -522,9 +523,24 @@ class StagePlan:
                 k=self.environment[a],
                 period=period,
                 grip=self._grip_damping(a) if self.held else None,
+                face=self._face if a.is_rotation else 0.0,
             )
             for i, a in enumerate(self.axes)
         }
+
+    @cached_property
+    def _face(self) -> float:
+        """f r^2 / rounding of a flat tool that presses with a constant force [N m/rad]; else 0."""
+        tool = self.context.robot.tool
+        presses = [
+            abs(self.set_point_of(a) or 0.0)
+            for a in self.forces
+            if (name := self.contact_of(a)) and touched_whole(self.context.surfaces[name])
+        ]
+        sizes = half_sizes(tool.solid)
+        if not (tool.flat and presses and sizes) or self.gripped:
+            return 0.0
+        return max(presses) * tool.reach**2 / rounding(sizes[1])
 
     def _grip_damping(self, axis: Axis) -> float:
         """Damping of the grip along or about an axis at the control point."""

@@ -69,7 +69,8 @@ class Plants:
         """The plant that a stage drives in a world."""
         sliding = None if sampled.sliding is None else tuple(sampled.sliding)
         arm = sampled.context.start.tobytes()
-        key = (arm, tuple(sampled.pressed), sampled.sticking, sliding, corner.plant)
+        turns = sampled.turns.tobytes()
+        key = (arm, tuple(sampled.pressed), sampled.sticking, sliding, turns, corner.plant)
         if key not in self._known:
             ones = dict.fromkeys(sampled.pressed, 1.0)
             self._known[key] = linear_plant(
@@ -78,6 +79,7 @@ class Plants:
                 ones,
                 sticking=sampled.sticking,
                 sliding=sampled.sliding,
+                turns=sampled.turns,
             )
         return pressing(self._known[key], sampled.pressed)
 

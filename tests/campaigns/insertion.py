@@ -12,18 +12,34 @@ ROOT = Path(__file__).resolve().parents[2]
 PAGE = ROOT / "docs" / "insertion.md"
 sys.path.insert(0, str(ROOT / "tests"))
 
-from insertion_rig import PEGS, chamfer, press, two_points, wedged  # noqa: E402
+from insertion_rig import (  # noqa: E402
+    PEGS,
+    SOLIDS,
+    chamfer,
+    press,
+    press_on,
+    two_points,
+    wedged,
+)
 from taskspec_runner.plant.whole import patches  # noqa: E402
+
+_CALLED = {
+    "box": "box",
+    "cylinder": "end of a cylinder",
+    "lying": "side of a cylinder",
+    "sphere": "sphere",
+}
 
 
 def _press() -> Iterable[Sequence[str]]:
-    yield "tool", "0°", "0.01°", "0.3°", "45°", "90°"
+    tilts = (0.0, 0.01, 0.3, 45.0, 90.0)
+    yield "tool", "on", *(f"{tilt:g}°" for tilt in tilts)
     for tool in PEGS:
-        found = [
-            press(patches.PLATE, (), tool, 20e3, math.radians(tilt))
-            for tilt in (0.0, 0.01, 0.3, 45.0, 90.0)
-        ]
-        yield tool, *(f"{x:.6f}" for x in found)
+        found = [press(patches.PLATE, (), tool, 20e3, math.radians(tilt)) for tilt in tilts]
+        yield tool, "plane", *(f"{x:.6f}" for x in found)
+        for solid in SOLIDS:
+            found = [press_on(solid, tool, 20e3, math.radians(tilt)) for tilt in tilts]
+            yield tool, _CALLED[solid], *(f"{x:.6f}" for x in found)
 
 
 def _jamming() -> Iterable[Sequence[str]]:

@@ -10,10 +10,23 @@ import mujoco
 import numpy as np
 import pytest
 
-from insertion_rig import IMPEDANCE, PEG, PEGS, R, Rig, chamfer, press, two_points, wedged
+from insertion_rig import (
+    IMPEDANCE,
+    PEG,
+    PEGS,
+    SOLIDS,
+    R,
+    Rig,
+    chamfer,
+    press,
+    press_on,
+    thrown,
+    two_points,
+    wedged,
+)
 from taskspec.native.engine import Engine
 from taskspec.native.kernel import kernel_ir, vector
-from taskspec.shapes import SHAPES
+from taskspec.shapes import SHAPES, overlap
 from taskspec_runner.errors import InputError
 from taskspec_runner.plant import simulator
 from taskspec_runner.plant.simulator import LayoutError
@@ -48,6 +61,62 @@ def test_faces_edges_sides_and_points_bear_the_declared_stiffness(tool, stiffnes
     )
 
 
+@pytest.mark.parametrize("tilt", [0.0, 0.01, 0.3, 45.0, 90.0])
+@pytest.mark.parametrize("tool", list(PEGS))
+@pytest.mark.parametrize("solid", list(SOLIDS))
+def test_solids_bear_the_declared_stiffness(solid, tool, tilt):
+    """Up to 3e-6: a tool that leans on a line or a point turns the normal as it is pressed."""
+    assert press_on(solid, tool, 20e3, math.radians(tilt)) == pytest.approx(1.0, rel=1e-5)
+
+
+@pytest.mark.parametrize("aside", [0.0, 0.045, 0.055])
+def test_a_face_that_hangs_over_the_edge_of_a_box_bears_the_declared_stiffness(aside):
+    assert press_on("box", "cylinder", 20e3, 0.0, aside) == pytest.approx(1.0, rel=1e-5)
+
+
+@pytest.mark.parametrize("tool", list(PEGS))
+@pytest.mark.parametrize("solid", list(SOLIDS))
+def test_a_contact_without_friction_and_damping_gives_back_what_it_takes(solid, tool):
+    """Up to a part of the simulator's virtual mass of 2 %, whose normal turns in the meantime."""
+    for seed in range(3):
+        assert thrown(solid, tool, seed) == pytest.approx(1.0, abs=0.25 * IMPEDANCE)
+
+
+@pytest.mark.parametrize("tool", [overlap.CYLINDER, overlap.BOX])
+@pytest.mark.parametrize("body", [overlap.BALL, overlap.CYLINDER, overlap.BOX])
+def test_depth_is_the_shortest_way_apart(body, tool):
+    """No direction of a thousand parts both sooner, and the normal's support points are in line."""
+    rng, eps = np.random.default_rng(7), 5e-6
+    ways = rng.normal(size=(1000, 3))
+    ways /= np.linalg.norm(ways, axis=1)[:, None]
+    deep = 0
+    for _ in range(12):
+        solids = []
+        for kind, center in ((tool, rng.normal(size=3) * 0.025), (body, np.zeros(3))):
+            axes = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+            half = rng.uniform(0.01, 0.03, 3)
+            half = half[{overlap.BALL: [0, 0, 0], overlap.CYLINDER: [0, 0, 2]}.get(kind, [0, 1, 2])]
+            solids.append(np.array([*center, *axes.T.ravel(), kind, *half, eps]))
+        t, b = solids
+        work, at, shift = np.zeros(overlap.WORK), np.zeros(4), sum(overlap.bulge(s) for s in solids)
+        # They are brought to where presses are: not through each other.
+        depth = overlap.overlap(vector(t), vector(b), math.inf, vector(work))
+        t[:3] += (depth - rng.uniform(-0.002, 0.003)) * work[:3]
+        depth = overlap.overlap(vector(t), vector(b), math.inf, vector(work))
+        n = work[:3].copy()
+        deep += depth > 0
+
+        def along(u, t=t, b=b, at=at):
+            tools = overlap.support(vector(t), *(-u).tolist(), vector(at))
+            return tools + overlap.support(vector(b), *u.tolist(), vector(at))
+
+        assert np.linalg.norm(n) == pytest.approx(1.0, abs=1e-12)
+        assert depth == pytest.approx(along(n) - shift, abs=1e-12)
+        # Rounded faces may have neighbouring minima, which differ by less than the rounding.
+        assert depth <= min(along(u) for u in ways) - shift + eps
+    assert 3 <= deep <= 11
+
+
 @pytest.mark.parametrize(
     ("kind", "sizes", "tool", "expected"),
     [
@@ -66,10 +135,14 @@ def test_stiffness_of_what_is_cut(kind, sizes, tool, expected):
 
 
 @pytest.mark.parametrize("tilt", [0.0, 10.0, 90.0])
-def test_faces_edges_and_sides_slide_with_the_declared_friction(tilt):
+@pytest.mark.parametrize("on", ["plate", "box"])
+def test_faces_edges_and_sides_slide_with_the_declared_friction(on, tilt):
+    kind, sizes, at = patches.PLATE, (), (0.0, 0.0, 0.0)
+    if on == "box":
+        kind, sizes, at = overlap.BOX, (1.0, 0.1, 0.1, 5e-6), (0.9, 0.0, -0.1)
     rig = Rig(
-        patches.PLATE, (), PEGS["cylinder"], joints="xz", friction=0.3, tilt=math.radians(tilt),
-        height=0.011 if tilt == 90 else 0.002, dampers={"z": 200.0, "x": 100.0},
+        kind, sizes, PEGS["cylinder"], joints="xz", friction=0.3, tilt=math.radians(tilt),
+        height=0.011 if tilt == 90 else 0.002, dampers={"z": 200.0, "x": 100.0}, at=at,
     )  # fmt: skip
     rig.data.qfrc_applied[:] = [12.0, -20.0]
     rig.step(3000)
@@ -143,7 +216,10 @@ def _random(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, np.ndarra
         (patches.HOLE, (R, 0.03, 0.001, 0.03, 0.025, 0.04)),
         (patches.SLOT, (0.02, 0.03, 0.001, 0.022)),
         (patches.GROOVE, (1.2, 0.02, 0.03)),
-    ][rng.integers(8)]
+        (overlap.BOX, (0.03, 0.02, 0.01, 5e-6)),
+        (overlap.CYLINDER, (0.02, 0.02, 0.01, 5e-6)),
+        (overlap.BALL, (0.02, 0.02, 0.02, 5e-6)),
+    ][rng.integers(11)]
     tool = list(PEGS.values())[rng.integers(3)]
     turn = rng.normal(size=3) * 0.1
     angle = float(np.linalg.norm(turn))
@@ -353,7 +429,7 @@ def test_a_small_ball_is_as_deep_as_the_distance_says(kind, sizes, of_plant):
     x = ca.SX.sym("x", 3)
     distance = ca.Function("distance", [x], [surface.distance(x)])
     rng, ball = np.random.default_rng(3), 0.0005
-    tool = (patches.BALL, (ball, ball, ball))
+    tool = (overlap.BALL, (ball, ball, ball))
     touched = 0
     for _ in range(400):
         place = rng.uniform((-0.04, -0.03, -0.025), (0.04, 0.03, 0.002))

@@ -15,6 +15,7 @@ import math
 
 import mujoco
 
+from taskspec.program.world.frames import surface
 from taskspec.program.world.stiffness import (
     IMPEDANCE,
     Compliance,
@@ -26,6 +27,8 @@ from taskspec.program.world.stiffness import (
     virtual_mass_scale,
 )
 from taskspec.robot import RobotModel
+from taskspec.shapes.overlap import LEAST_FRICTION
+from taskspec.shapes.solid import touched_whole
 from taskspec.spec import Task
 from taskspec_runner.plant.arm import SceneArm
 from taskspec_runner.plant.loose import loose, point_name, solid_of
@@ -34,8 +37,6 @@ from taskspec_runner.plant.whole import markers
 from taskspec_runner.plant.whole.markers import WholeContact
 
 _NO_SPRING = 1e-9
-#: A friction of exactly zero would leave MuJoCo's elliptic cone without a size.
-_LEAST_FRICTION = 1e-5
 
 
 def add_tool_pairs(spec: mujoco.MjSpec, arm: SceneArm, task: Task, mobility: float) -> None:
@@ -51,11 +52,12 @@ def add_tool_pairs(spec: mujoco.MjSpec, arm: SceneArm, task: Task, mobility: flo
     for name, shape in task.shapes.items():
         if name == arm.held:
             continue
-        declared = compliance(shape, robot, arm.start, period)
-        cut = markers.cut_of(shape)
-        if cut is not None:
+        declared, solid = compliance(shape, robot, arm.start, period), surface(shape)
+        if solid.cut() is not None or (robot.tool.flat and touched_whole(solid)):
             contact = WholeContact(declared, shape.friction, mobility + mobility_of(shape), period)
-            markers.add_pair(spec, name, cut, (robot.tool_geoms[0], robot.tool), contact)
+            touches = robot.tool_geoms[0], robot.tool
+            drawn = solid.geom() if shape.motion is None else solid.moving_geom()
+            markers.add_pair(spec, name, solid, touches, contact, drawn.center)
             continue
         for geom in robot.tool_geoms:
             pair = spec.add_pair(geomname1=PREFIX + name, geomname2=geom, condim=3)
@@ -84,8 +86,8 @@ def add_loose_pairs(spec: mujoco.MjSpec, task: Task) -> None:
             if shape.free and own.stiffness < declared.stiffness:
                 declared, friction = own, body.friction
             centers, radius = solid.contact_points()
-            cut = markers.cut_of(shape)
-            if cut is not None:
+            ground = surface(shape)
+            if ground.cut() is not None:
                 each = Compliance(
                     declared.stiffness / solid.resting_points,
                     declared.damping / solid.resting_points,
@@ -94,7 +96,7 @@ def add_loose_pairs(spec: mujoco.MjSpec, task: Task) -> None:
                 contact = WholeContact(each, friction, mobility, period)
                 for number in range(len(centers)):
                     touches = point_name(name, number), radius
-                    markers.add_pair(spec, other, cut, touches, contact)
+                    markers.add_pair(spec, other, ground, touches, contact)
                 continue
             for number in range(len(centers)):
                 pair = spec.add_pair(
@@ -135,7 +137,7 @@ def contact_parameters(
     rate = settling_rate(b, mobility, plant_period)
     pair.solreffriction = [-_NO_SPRING, -max(rate, _NO_SPRING)]
     pair.solimp = [IMPEDANCE, IMPEDANCE, 0.001, 0.5, 2.0]
-    sliding = max(friction, _LEAST_FRICTION)
+    sliding = max(friction, LEAST_FRICTION)
     pair.friction = [sliding, sliding, 0.0, 0.0, 0.0]
     if friction == 0:
         pair.condim = 1

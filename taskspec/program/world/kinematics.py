@@ -16,7 +16,9 @@ from taskspec.program.world.frames import FrameModel
 from taskspec.program.world.mechanisms import MechanismModel
 from taskspec.robot import RobotModel
 from taskspec.robot.model_terms import TermSymbols
-from taskspec.shapes import Surface, SurfaceChart
+from taskspec.shapes import BoundedSurface, Plane, Sphere, Surface, SurfaceChart
+from taskspec.shapes.overlap import CYLINDER
+from taskspec.shapes.solid import half_sizes, rounding, touched_whole
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,15 +98,50 @@ def tool_point(robot: RobotModel, terms: TermSymbols) -> ToolPoint:
 
 
 def gap(robot: RobotModel, surface: Surface, p: ca.SX, R: ca.SX) -> ca.SX:
-    """Signed distance [m] between the tool's shape at pose (p, R) and a surface."""
-    gaps = [
-        surface.distance(p + R @ ca.DM(center)) - float(radius)
-        for center, radius in zip(robot.tool.centers, robot.tool.radii, strict=True)
-    ]
+    """Signed distance [m] between the tool's shape at pose (p, R) and a surface.
+
+    Of a flat tool from a plane or a ball it is exact; from boxes and cylinders it is that of the
+    corners, and of points of the rims, of both; from a plate with a cut that of its face.
+    """
+    tool = robot.tool
+    middle = p + R @ ca.DM([0.0, 0.0, tool.middle])
+    if tool.flat and isinstance(surface, Plane):
+        down = -(R.T @ surface.gradient(p))
+        return surface.distance(middle) - _reach(tool.solid, down)
+    if tool.flat and isinstance(surface, Sphere):
+        away = R.T @ (ca.DM(surface.origin) - middle)
+        return tool.solid.height(away) - surface.radius
+    if tool.flat and isinstance(surface, BoundedSurface) and touched_whole(surface):
+        points, own = tool.solid.extremes()[0], surface.extremes()[0]
+        gaps = [surface.distance(middle + R @ ca.DM(point)) for point in points]
+        for point in own:
+            place = surface.origin + surface.rotation @ point
+            gaps.append(tool.solid.height(R.T @ (ca.DM(place) - middle)))
+    else:
+        gaps = [
+            surface.distance(p + R @ ca.DM(center)) - float(radius)
+            for center, radius in zip(tool.centers, tool.radii, strict=True)
+        ]
     nearest = gaps[0]
     for other in gaps[1:]:
         nearest = ca.fmin(nearest, other)
     return nearest
+
+
+def _reach(solid: BoundedSurface, u: ca.SX) -> ca.SX:
+    """The support function of a cylinder or a box about its centre, along u (3,) of its axes.
+
+    Edges are rounded as the plant has them (`overlap`).
+    """
+    sizes = half_sizes(solid)
+    assert sizes is not None
+    kind, half = sizes
+    eps = rounding(half)
+    parts = [(half[i], u[i] ** 2) for i in range(3)]
+    if kind == CYLINDER:
+        parts = [(half[0], u[0] ** 2 + u[1] ** 2), parts[2]]
+    reach = sum((h * ca.sqrt(square + (eps / h) ** 2) for h, square in parts), ca.SX(0))
+    return reach - (len(parts) - 1) * eps
 
 
 @dataclass(frozen=True, slots=True)

@@ -22,6 +22,7 @@ import mujoco
 from taskspec.deferred_methods import dataclass
 from taskspec.native.engine import Engine, available
 from taskspec.native.kernel import kernel_ir, kernel_source
+from taskspec.shapes import overlap
 from taskspec_runner.plant import simulator
 from taskspec_runner.plant.simulator import LayoutError
 from taskspec_runner.plant.whole import patches
@@ -170,7 +171,7 @@ def compiled(found: ContactLayout, add: int, other: int) -> tuple[int, Any]:
     engine = Engine(
         lambda: [kernel_ir(patches.touch), entry],
         level=2,
-        source=kernel_source(patches) + entry.encode(),
+        source=kernel_source(patches, overlap) + entry.encode(),
     )
     engine.function("provide", None, ctypes.c_void_p, ctypes.c_void_p)(add, other)
     return engine.address("collide"), engine
@@ -268,7 +269,7 @@ def _try() -> None:
     model = mujoco.MjModel.from_xml_string(_TRIAL)
     stiffness, mobility, impedance = 20e3, 0.5, 0.02
     tool, plate = model.geom("tool").id, model.geom("plate").id
-    model.geom_user[tool] = _padded([patches.TOOL, patches.BALL, 0.02, 0.02, 0.02, 1e-6, tool])
+    model.geom_user[tool] = _padded([patches.TOOL, overlap.BALL, 0.02, 0.02, 0.02, 1e-6, tool])
     contact = [stiffness, 40.0, 0.2, mobility, 10.0, impedance, plate]
     model.geom_user[plate] = _padded([patches.SHAPE, patches.PLATE, *([0.0] * 6), *contact])
     model.geom_rbound[:] = 0.0

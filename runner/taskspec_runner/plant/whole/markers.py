@@ -1,30 +1,28 @@
-"""Pairs of a tool, or a loose body's point, and a shape with a cut: marker geoms in a scene."""
+"""Pairs of a tool and a shape, or a loose body's point and a cut: marker geoms in a scene."""
 
 from __future__ import annotations
 
 import mujoco
+import numpy as np
 
 from taskspec.deferred_methods import dataclass
-from taskspec.program.world.frames import surface
 from taskspec.program.world.stiffness import IMPEDANCE, Compliance, settling_rate
 from taskspec.robot.types import ToolGeometry
-from taskspec.shapes import BoundedSurface, Box, Cylinder, PlateCut, Sphere
-from taskspec.spec import Shape
+from taskspec.shapes import Surface, overlap
+from taskspec.shapes.solid import half_sizes, rounding
 from taskspec_runner.errors import InputError
 from taskspec_runner.plant.names import INERT, PREFIX
 from taskspec_runner.plant.simulator import LayoutError
 from taskspec_runner.plant.whole import collision, patches
 
 _CUTS = {"hole": patches.HOLE, "slot": patches.SLOT, "groove": patches.GROOVE}
-#: How far flat faces bulge [m].
-ROUNDING = 5e-6
 #: Ahead of a marker's name.
 _MARKER = "whole/"
 
 
 @dataclass(frozen=True, slots=True)
 class WholeContact:
-    """What a contact of a shape with a cut has.
+    """What a contact of whole surfaces has.
 
     Attributes:
         declared: stiffness and damping of each of its patches.
@@ -46,27 +44,24 @@ class WholeContact:
         return [k, b, self.friction, self.mobility, rate / IMPEDANCE, IMPEDANCE]
 
 
-def cut_of(shape: Shape) -> PlateCut | None:
-    """What is cut into a shape."""
-    return surface(shape).cut()
-
-
 def add_pair(
     spec: mujoco.MjSpec,
     name: str,
-    cut: PlateCut,
+    solid: Surface,
     touches: tuple[str, ToolGeometry | float],
     contact: WholeContact,
+    center: tuple[float, float, float] = (0.0, 0.0, 0.0),
 ) -> None:
     """Adds markers and their pair.
 
     Args:
         spec: of the scene.
         name: of the shape.
-        cut: what is cut into it.
+        solid: its surface.
         touches: a geom of what touches it, of which contacts are reported, on the body that does;
             and what that is: a tool, or the radius of a ball at the geom's centre [m].
         contact: stiffness, damping and friction.
+        center: (3,) of the shape's geom in the shape's axes [m].
     """
     try:
         collision.install()
@@ -76,15 +71,20 @@ def add_pair(
     named, (other, tool) = spec.geom(PREFIX + name), touches
     on = spec.geom(other)
     pair = f"{name}|{other}"
-    marker = _marker(named.parent, f"{_MARKER}{pair}|shape", named.pos, named.quat)
-    collision.mark_shape(marker, _CUTS[cut.kind], cut.sizes, contact.numbers)
+    # The geom of an endless shape that moves is a block beside its origin.
+    offset = np.zeros(3)
+    mujoco.mju_rotVecQuat(offset, -np.array(center), np.array(named.quat))
+    place = (np.array(named.pos) + offset).tolist()
+    marker = _marker(named.parent, f"{_MARKER}{pair}|shape", place, named.quat)
+    collision.mark_shape(marker, *_of_shape(solid), contact.numbers)
     if isinstance(tool, ToolGeometry):
-        kind, half = _solid(tool.solid)
-        place = [0.0, 0.0, tool.middle]
+        found = half_sizes(tool.solid)
+        assert found is not None
+        (kind, half), place = found, [0.0, 0.0, tool.middle]
     else:
-        kind, half, place = patches.BALL, [tool] * 3, on.pos
+        kind, half, place = overlap.BALL, (tool, tool, tool), on.pos
     marker = _marker(on.parent, f"{_MARKER}{pair}|tool", place, [1.0, 0.0, 0.0, 0.0])
-    collision.mark_tool(marker, kind, half, ROUNDING)
+    collision.mark_tool(marker, kind, half, rounding(half))
     spec.add_pair(geomname1=f"{_MARKER}{pair}|shape", geomname2=f"{_MARKER}{pair}|tool", condim=3)
 
 
@@ -111,10 +111,12 @@ def _marker(body: mujoco.MjsBody, name: str, pos: list[float], quat: list[float]
     )
 
 
-def _solid(solid: BoundedSurface) -> tuple[int, list[float]]:
-    if isinstance(solid, Sphere):
-        return patches.BALL, [solid.radius] * 3
-    if isinstance(solid, Cylinder):
-        return patches.CYLINDER, [solid.radius, solid.radius, solid.length / 2]
-    assert isinstance(solid, Box)
-    return patches.BOX, [float(edge) for edge in solid.half]
+def _of_shape(solid: Surface) -> tuple[int, tuple[float, ...]]:
+    """Kind and sizes of a shape, as `patches` has them."""
+    cut = solid.cut()
+    if cut is not None:
+        return _CUTS[cut.kind], cut.sizes
+    sizes = half_sizes(solid)
+    if sizes is None:
+        return patches.PLATE, ()
+    return sizes[0], (*sizes[1], overlap.LEAST_ROUNDING)

@@ -10,8 +10,9 @@ bear k alike. |x| in h is rounded to sqrt(x^2 + psi^2): flat faces bulge by a fe
 the centre of pressure moves without a jump.
 
 In the memory `t` a tool has its centre (0..2), its axes x, y, z (3..5, 6..8, 9..11), its kind (12),
-half sizes (13..15) and rounding (16), in the axes of the shape. A patch is ten numbers: point,
-outward normal, depth, share of the declared stiffness, lever of spinning friction, and one spare.
+half sizes (13..15) and rounding (16), in the axes of the shape; so has a solid (`overlap`). A patch
+is ten numbers: point, outward normal, depth, share of the declared stiffness, lever of spinning
+friction, and one spare.
 """
 
 from __future__ import annotations
@@ -19,22 +20,31 @@ from __future__ import annotations
 import math
 
 from taskspec.native.kernel import Counts, Vector
+from taskspec.shapes import overlap
+from taskspec.shapes.overlap import (
+    BALL,
+    BOX,
+    CYLINDER,
+    LEAST_FRICTION,
+    LEAST_ROLLING,
+    ROLLING,
+    across,
+    bulge,
+    support,
+)
 
 #: Marks of the geoms that carry data, as MuJoCo's user data has them.
 TOOL, SHAPE = 271828182.0, 314159265.0
-#: Kinds of tools and of shapes.
-BALL, CYLINDER, BOX = 1, 2, 3
+#: Kinds of shapes besides the solids `BALL`, `CYLINDER` and `BOX`.
 PLATE, HOLE, SLOT, GROOVE = 10, 11, 12, 13
 #: Numbers of a patch, and how many there are at most.
 PATCH, MOST = 10, 8
 #: Doubles of a contact of MuJoCo, and 32 bit words.
 CONTACT, CONTACT_WORDS = 76, 152
-#: Doubles that a call works with: a tool, points on it, patches.
-WORK = 24 + 20 + PATCH * MOST
+#: Doubles that a call works with: a tool, points on it, patches, another solid, `overlap`'s own.
+WORK = 24 + 20 + PATCH * MOST + 24 + overlap.WORK
 #: Numbers of a marker's data.
 DATA = 24
-#: Rolling friction, which lets a rocking face settle, as a share of the spinning one.
-ROLLING = 0.05
 #: From this angle apart on, 1 - cos, what touches on two sides is two patches.
 APART = 0.12
 
@@ -65,16 +75,11 @@ def touch(
         return -1
     d, w = data[width * tool :], data[width * shape :]
     o, R = place[3 * shape :], axes[9 * shape :]
-    c, T = place[3 * tool :], axes[9 * tool :]
-    for i in range(3):
-        work[i] = R[i] * (c[0] - o[0]) + R[3 + i] * (c[1] - o[1]) + R[6 + i] * (c[2] - o[2])
-        for j in range(3):
-            work[3 + 3 * j + i] = R[i] * T[j] + R[3 + i] * T[3 + j] + R[6 + i] * T[6 + j]
-    work[12] = d[1]
-    for i in range(3):
-        work[13 + i] = d[2 + i]
-    work[16] = d[5]
+    _place(o, R, place[3 * tool :], axes[9 * tool :], d, work)
     at, patches = work[24:], work[44:]
+    # What an earlier call has left there does not count.
+    for i in range(20):
+        at[i] = 0.0
     kind = int(w[1])
     if kind == HOLE:
         n = _outside(work, w[2] + w[4], w[5], w[6], w[7], at, patches) if w[5] > 0.0 else -1
@@ -84,14 +89,29 @@ def touch(
         n = _slot(work, w[2], w[3], w[4], w[5], at, patches)
     elif kind == GROOVE:
         n = _groove(work, w[2], w[3], w[4], at, patches)
+    elif kind == PLATE:
+        # Of a plane the face that lies flat is where it is drawn.
+        n = _floor(work, -bulge(work), at, patches, 0)
     else:
-        n = _floor(work, 0.0, at, patches, 0)
+        n = _solid(work, kind, w, at, patches)
     for i in range(n):
         _contact(
             patches[PATCH * i :], w, o, R, int(d[6]), contacts[CONTACT * i :],
             words[CONTACT_WORDS * i :],
         )  # fmt: skip
     return n
+
+
+def _place(o: Vector, R: Vector, c: Vector, T: Vector, d: Vector, t: Vector) -> None:
+    """A tool, of a marker's place, axes and data, in the axes R of a shape at o."""
+    for i in range(3):
+        t[i] = R[i] * (c[0] - o[0]) + R[3 + i] * (c[1] - o[1]) + R[6 + i] * (c[2] - o[2])
+        for j in range(3):
+            t[3 + 3 * j + i] = R[i] * T[j] + R[3 + i] * T[3 + j] + R[6 + i] * T[6 + j]
+    t[12] = d[1]
+    for i in range(3):
+        t[13 + i] = d[2 + i]
+    t[16] = d[5]
 
 
 def _contact(
@@ -112,13 +132,13 @@ def _contact(
     for i in range(3):
         contact[1 + i] = o[i] + R[3 * i] * p[0] + R[3 * i + 1] * p[1] + R[3 * i + 2] * p[2]
         contact[4 + i] = R[3 * i] * p[3] + R[3 * i + 1] * p[4] + R[3 * i + 2] * p[5]
-    _across(contact[4:], contact[7:])
-    rubs = max(mu, 1e-5)
+    across(contact[4:], contact[7:])
+    rubs = max(mu, LEAST_FRICTION)
     lever = p[8]
     contact[14] = rubs
     contact[15] = rubs
     contact[16] = max(mu * lever, 1e-6)
-    contact[17] = max(ROLLING * mu * lever, 1e-6)
+    contact[17] = max(ROLLING * max(mu, LEAST_ROLLING) * lever, 1e-6)
     contact[18] = contact[17]
     contact[19] = -k * share * scale
     contact[20] = -b * share * scale
@@ -129,7 +149,7 @@ def _contact(
     contact[25] = 0.001
     contact[26] = 0.5
     contact[27] = 2.0
-    words[138] = 1 if mu == 0.0 else (6 if lever > 1e-5 else 3)
+    words[138] = 6 if lever > 1e-5 else (1 if mu == 0.0 else 3)
     words[139] = int(w[14])
     words[140] = tool
     words[141] = words[139]
@@ -138,59 +158,6 @@ def _contact(
         words[i] = -1
     words[149] = 0
     words[150] = -1
-
-
-def _across(n: Vector, t: Vector) -> None:
-    """Two unit vectors (6,) across a unit vector (3,)."""
-    x, y, z = n[0], n[1], n[2]
-    if abs(x) < 0.6:
-        t[0], t[1], t[2] = 1.0 - x * x, -x * y, -x * z
-    else:
-        t[0], t[1], t[2] = -y * x, 1.0 - y * y, -y * z
-    size = math.sqrt(t[0] * t[0] + t[1] * t[1] + t[2] * t[2])
-    for i in range(3):
-        t[i] /= size
-    t[3] = y * t[2] - z * t[1]
-    t[4] = z * t[0] - x * t[2]
-    t[5] = x * t[1] - y * t[0]
-
-
-def _support(t: Vector, x: float, y: float, z: float, at: Vector) -> float:
-    """h(u) of a tool; its support point, and the lever of spinning friction there, into `at`."""
-    u = x * t[0] + y * t[1] + z * t[2]
-    eps = t[16]
-    along = x * t[9] + y * t[10] + z * t[11]
-    if t[12] == BALL:
-        size = math.sqrt(x * x + y * y + z * z)
-        r = t[13] / size
-        at[0], at[1], at[2] = t[0] + r * x, t[1] + r * y, t[2] + r * z
-        at[3] = 0.0
-        return u + t[13] * size
-    half = t[15]
-    end = eps / half
-    ends = math.sqrt(along * along + end * end)
-    f = half * along / ends
-    if t[12] == CYLINDER:
-        r = t[13]
-        round_ = eps / r
-        ox, oy, oz = x - along * t[9], y - along * t[10], z - along * t[11]
-        off = math.sqrt(ox * ox + oy * oy + oz * oz + round_ * round_)
-        s = r / off
-        at[0] = t[0] + s * ox + f * t[9]
-        at[1] = t[1] + s * oy + f * t[10]
-        at[2] = t[2] + s * oz + f * t[11]
-        at[3] = 2.0 / 3.0 * r * round_ / off + 0.5 * half * end / ends
-        return u + r * off + half * ends
-    one = x * t[3] + y * t[4] + z * t[5]
-    two = x * t[6] + y * t[7] + z * t[8]
-    e1, e2 = eps / t[13], eps / t[14]
-    w1, w2 = math.sqrt(one * one + e1 * e1), math.sqrt(two * two + e2 * e2)
-    f1, f2 = t[13] * one / w1, t[14] * two / w2
-    for i in range(3):
-        at[i] = t[i] + f1 * t[3 + i] + f2 * t[6 + i] + f * t[9 + i]
-    l1, l2, l3 = t[13] * e1 / w1, t[14] * e2 / w2, half * end / ends
-    at[3] = 0.5 * math.sqrt(l1 * l1 + l2 * l2 + l3 * l3)
-    return u + t[13] * w1 + t[14] * w2 + half * ends
 
 
 def _put(
@@ -207,8 +174,74 @@ def _put(
 
 def _floor(t: Vector, height: float, at: Vector, patches: Vector, n: int) -> int:
     """The half-space below z = height."""
-    depth = _support(t, 0.0, 0.0, -1.0, at) + height
+    depth = support(t, 0.0, 0.0, -1.0, at) + height
     return _put(patches, n, at, 0.0, 0.0, 1.0, depth, 1.0) if depth > 0.0 else n
+
+
+def _solid(t: Vector, kind: int, w: Vector, at: Vector, patches: Vector) -> int:
+    """A ball, a cylinder or a box about the origin: both are convex, and touch in one patch.
+
+    Where both are flat they bear a moment about the normal with the lever of what they share.
+    """
+    b = patches[PATCH * MOST :]
+    for i in range(12):
+        b[i] = 0.0
+    b[3], b[7], b[11] = 1.0, 1.0, 1.0
+    b[12] = float(kind)
+    for i in range(3):
+        b[13 + i] = w[2 + i]
+    b[16] = w[5]
+    found = b[24:]
+    depth = overlap.overlap(t, b, 0.0, found)
+    if depth <= 0.0:
+        return 0
+    nx, ny, nz = found[0], found[1], found[2]
+    # The point is between both surfaces, which bulge.
+    support(b, nx, ny, nz, at)
+    across(found, found[3:])
+    _flatness(t, -nx, -ny, -nz, found[3:], found[12:])
+    _flatness(b, nx, ny, nz, found[3:], found[15:])
+    n = _put(patches, 0, at, nx, ny, nz, -depth, 1.0)
+    patches[6], patches[8] = depth, _shared(found[12:], found[15:])
+    return n
+
+
+def _flatness(t: Vector, x: float, y: float, z: float, ways: Vector, q: Vector) -> None:
+    """Squares of levers of a solid's flat part across u: aa, ab, bb along two ways (6,)."""
+    q[0], q[1], q[2] = 0.0, 0.0, 0.0
+    if t[12] == BALL:
+        return
+    eps = t[16]
+    for k in range(3):
+        ax, ay, az, half = t[3 + 3 * k], t[4 + 3 * k], t[5 + 3 * k], t[13 + k]
+        along = x * ax + y * ay + z * az
+        square = 0.25 * half * half
+        if t[12] == CYLINDER and k < 2:
+            # The disc: 2/3 of its radius in all, where its axis is along u.
+            along = x * t[9] + y * t[10] + z * t[11]
+            along = math.sqrt(max(1.0 - along * along, 0.0))
+            square = half * half * 2.0 / 9.0
+        w = eps * eps / (half * half)
+        square *= w / (along * along + w)
+        a = ways[0] * ax + ways[1] * ay + ways[2] * az
+        b = ways[3] * ax + ways[4] * ay + ways[5] * az
+        q[0] += square * a * a
+        q[1] += square * a * b
+        q[2] += square * b * b
+
+
+def _shared(p: Vector, q: Vector) -> float:
+    """The lever that two flat parts share, P (P + Q)^-1 Q: lines that cross share none."""
+    a, b, c = p[0] + q[0], p[1] + q[1], p[2] + q[2]
+    det = a * c - b * b
+    if det <= 1e-30:
+        return 0.0
+    # trace(P (P + Q)^-1 Q)
+    x = c * q[0] - b * q[1]
+    y = c * q[1] - b * q[2]
+    z = a * q[1] - b * q[0]
+    u = a * q[2] - b * q[1]
+    return math.sqrt(max((p[0] * x + p[1] * y + p[1] * z + p[2] * u) / det, 0.0))
 
 
 # --- the round hole ---------------------------------------------------------------------------
@@ -216,7 +249,7 @@ def _floor(t: Vector, height: float, at: Vector, patches: Vector, n: int) -> int
 
 def _hole(t: Vector, R: float, depth: float, chamfer: float, at: Vector, patches: Vector) -> int:
     """A plate below z = 0 with a bore of radius R along z, its edge cut at 45 degrees."""
-    if _support(t, 0.0, 0.0, -1.0, at) <= 0.0:
+    if support(t, 0.0, 0.0, -1.0, at) <= 0.0:
         return 0
     inside = t[0] * t[0] + t[1] * t[1] < R * R
     if t[12] == BALL:
@@ -454,7 +487,7 @@ def _plate(t: Vector, R: float, off: float, cx: float, cy: float, at: Vector) ->
     if m < 1.0:
         m = max(m, -0.9999)
         s = max(middle - m * math.sqrt(beta / (alpha * (1.0 - m * m))), 0.0)
-    depth = _support(t, s * cx, s * cy, -1.0, at) - s * chord
+    depth = support(t, s * cx, s * cy, -1.0, at) - s * chord
     aside = at[1] * cx - at[0] * cy
     at[4] = depth
     x, y = -s * chord / off, -s * aside / off
@@ -487,7 +520,7 @@ def _slot(
     patches: Vector,
 ) -> int:  # fmt: skip
     """A plate below z = 0 with a slot along x, endless where its length is 0."""
-    if _support(t, 0.0, 0.0, -1.0, at) <= 0.0:
+    if support(t, 0.0, 0.0, -1.0, at) <= 0.0:
         return 0
     n = 0
     for side in range(2):
@@ -504,7 +537,7 @@ def _groove(
     t: Vector, angle: float, depth: float, length: float, at: Vector, patches: Vector
 ) -> int:
     """A plate below z = 0 with a groove of two flanks along x, endless where its length is 0."""
-    if _support(t, 0.0, 0.0, -1.0, at) <= 0.0:
+    if support(t, 0.0, 0.0, -1.0, at) <= 0.0:
         return 0
     half = 0.5 * angle
     edge = depth * math.tan(half)
@@ -536,14 +569,14 @@ def _outside(
     tool is least deep: a way out of one is a way out of the block. A tool whose end is over the
     bore is in there.
     """
-    depth = _support(t, 0.0, 0.0, -1.0, at)
+    depth = support(t, 0.0, 0.0, -1.0, at)
     if depth <= 0.0:
         return 0
     # What is farther from each side than it is deep is on the top: n (corner - p) is at least the
     # depth then, for all normals n of an edge and the deepest point p.
     if 0.5 * a - abs(at[0]) >= depth and 0.5 * b - abs(at[1]) >= depth:
         return -1
-    under = _support(t, 0.0, 0.0, 1.0, at) + c
+    under = support(t, 0.0, 0.0, 1.0, at) + c
     if under <= 0.0:
         return 0
     low = t[15] if t[11] < 0.0 else -t[15]
@@ -554,7 +587,7 @@ def _outside(
         return -1
     n = _least_edge(t, a, b, at, patches)
     if n > 0 and under < patches[6]:
-        under = _support(t, 0.0, 0.0, 1.0, at) + c
+        under = support(t, 0.0, 0.0, 1.0, at) + c
         return _put(patches, 0, at, 0.0, 0.0, -1.0, under, 1.0)
     return -1 if n > 0 and patches[9] == 1.0 else n
 
@@ -652,8 +685,8 @@ def _over(
     """How far a tool and an edge overlap along the normal of an angle a; the tool's point."""
     c, s = math.cos(a), math.sin(a)
     lower, upper = -c * edge - s * chamfer, -c * (edge + chamfer)
-    support = _support(t, c * dx - s * vx, c * dy - s * vy, -s * vz, at)
-    return support + max(lower, upper) + s * top
+    reach = support(t, c * dx - s * vx, c * dy - s * vy, -s * vz, at)
+    return reach + max(lower, upper) + s * top
 
 
 def _share_the_top(patches: Vector, n: int) -> None:
