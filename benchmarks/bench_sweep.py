@@ -6,7 +6,11 @@ steps that all worlds have taken together. Bare steps are timed before and after
 machine that slows down slows both. Where others use the processors, the time on the wall says
 little: processor time of all processes, shared out to so many, is what is left of it.
 
+`--threads` has so many threads of this process run the worlds instead, and nothing else of a sweep:
+no rows, no statistics.
+
     python benchmarks/bench_sweep.py [--worlds N] [--jobs N] [--task NAME] [--loop native|python]
+        [--threads]
 """
 
 from __future__ import annotations
@@ -17,6 +21,7 @@ import resource
 import statistics
 import tempfile
 import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import mujoco
@@ -103,6 +108,26 @@ def processor_time() -> float:
     return sum(each.ru_utime + each.ru_stime for each in both)
 
 
+def by_processes(program: Program, given: argparse.Namespace) -> int:
+    """Ticks of a sweep."""
+    with tempfile.TemporaryDirectory() as folder:
+        worlds = Worlds.of(program.context, 0, given.worlds)
+        workers = Workers(None, given.jobs)
+        result = sweep(program, worlds, Path(folder) / "s", workers=workers, keep="none")
+    return sum(row["ticks"] for row in result.rows)
+
+
+def by_threads(program: Program, given: argparse.Namespace) -> int:
+    """Ticks of the same worlds, run by threads of this process."""
+
+    def ticks(number: int) -> int:
+        world = random_world(program.context, 0, number)
+        return int(run_world(program, number, world, given.loop)["ticks"])
+
+    with ThreadPoolExecutor(given.jobs) as threads:
+        return sum(threads.map(ticks, range(given.worlds)))
+
+
 def main() -> None:
     """Prints the ratios."""
     options = argparse.ArgumentParser()
@@ -110,27 +135,25 @@ def main() -> None:
     options.add_argument("--jobs", type=int, default=len(os.sched_getaffinity(0)))
     options.add_argument("--task", default="wipe-table")
     options.add_argument("--loop", default="native")
+    options.add_argument("--threads", action="store_true")
     given = options.parse_args()
     os.environ[LOOP] = given.loop
     program = compile_task(load_task(TASKS / f"{given.task}.yaml"))
     # Machine code is compiled once for a machine: the cache has it from here on.
     run_world(program, 0, random_world(program.context, 0, 0), given.loop)
     before = bare_step(program)
-    with tempfile.TemporaryDirectory() as folder:
-        worlds = Worlds.of(program.context, 0, given.worlds)
-        began, used = time.perf_counter(), processor_time()
-        result = sweep(
-            program, worlds, Path(folder) / "s", workers=Workers(None, given.jobs), keep="none"
-        )
-        wall, used = time.perf_counter() - began, processor_time() - used
+    began, used = time.perf_counter(), processor_time()
+    ticks = (by_threads if given.threads else by_processes)(program, given)
+    wall, used = time.perf_counter() - began, processor_time() - used
     after = bare_step(program)
-    ticks = sum(row["ticks"] for row in result.rows)
     steps = ticks * round(
         program.context.loaded.task.control.plant_rate / program.context.loaded.task.control.rate
     )
     bare = (before + after) / 2
-    memory = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024
-    print(f"{given.task}, {given.worlds} worlds, {given.jobs} jobs, loop {given.loop}")
+    who = resource.RUSAGE_SELF if given.threads else resource.RUSAGE_CHILDREN
+    memory = resource.getrusage(who).ru_maxrss / 1024
+    by = "threads" if given.threads else "processes"
+    print(f"{given.task}, {given.worlds} worlds, {given.jobs} {by}, loop {given.loop}")
     print(f"bare step         {1e6 * before:.2f} us before, {1e6 * after:.2f} us after")
     print(f"a step of a world {1e6 * wall / steps:.2f} us on the wall, {wall / steps / bare:.2f} x")
     shared = used / given.jobs / steps

@@ -221,23 +221,43 @@ def test_the_environment_names_a_loop(tmp_path: Path, monkeypatch: pytest.Monkey
 
 
 def test_code_is_kept_and_what_is_damaged_is_made_anew(tmp_path: Path) -> None:
-    """In a cache that is empty, full, and spoiled, the bytes of the log are the same."""
+    """In a cache that is empty, another version's, full, and spoiled, the log's bytes are alike."""
     cache, out = tmp_path / "cache", tmp_path / "run"
-    logs = [in_process(cache, out) for _ in range(2)]
-    kept = sorted(path for path in cache.rglob("*") if path.is_file())
-    assert len(kept) > 3
-    for path in kept:
+    logs = [in_process(cache, out, OTHER_VERSION)]
+    others = code_in(cache)
+    logs.append(in_process(cache, out))
+    kept = code_in(cache)
+    assert kept > others
+    assert len(kept) == 2 * len(others) > 3
+    logs.append(in_process(cache, out))
+    assert code_in(cache) == kept
+    for path in filter(Path.is_file, cache.rglob("*")):
         data = path.read_bytes()
         path.write_bytes(data[: len(data) // 2])
     logs.append(in_process(cache, out))
-    assert logs == logs[:1] * 3
+    assert logs == logs[:1] * 4
 
 
-def in_process(cache: Path, out: Path) -> bytes:
-    """What a run in a process of its own logs, with its machine code kept in a folder."""
+#: What makes a process keep machine code as another version does.
+OTHER_VERSION = "from taskspec.native import engine; engine._SCHEMA = -1"
+
+
+def code_in(cache: Path) -> set[Path]:
+    return {path for path in (cache / "native").rglob("*") if path.is_file()}
+
+
+def in_process(cache: Path, out: Path, first: str = "") -> bytes:
+    """What a run in a process of its own logs, with its machine code kept in a folder.
+
+    Args:
+        cache: that folder.
+        out: of the run.
+        first: what the process does before it.
+    """
     environment = {**os.environ, "TASKSPEC_CACHE": str(cache)}
     task = TASKS / "tilted-force.yaml"
-    command = [sys.executable, "-m", "taskspec_runner", "run", task, "--loop", "native"]
+    program = f"{first}\nfrom taskspec_runner.cli import main; main()"
+    command = [sys.executable, "-c", program, "run", task, "--loop", "native"]
     subprocess.run([*command, "--quiet", "--out", out], env=environment, check=True)
     assert Run.load(out).manifest["loop"] == "native"
     return (out / "log.arrow").read_bytes()

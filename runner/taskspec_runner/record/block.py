@@ -81,13 +81,17 @@ class Block:
         room, fields = self.rows.shape
         # A slice of memory is copied in a third of the time that a row of an array takes.
         row_bytes, row = array.data, self.rows.reshape(-1).data
-        words, by, sums = array.view(np.int64), weights(fields), self.sums.view(np.uint64).data
+        by, sums = weights(fields), self.sums.view(np.uint64).data
+        # Nor is an integer made of an array's number, which takes as long.
+        total = np.zeros((), dtype=np.int64)
+        dot, summed = array.view(np.int64).dot, total.data
 
         def take(tick: int) -> None:
             at = tick % room
             row[at * fields : (at + 1) * fields] = row_bytes
             # With its checksum the tick is there, whatever happens to this process.
-            sums[at] = (int(words.dot(by)) + (tick + 1) * TICK_WEIGHT) & _WORD
+            dot(by, total)
+            sums[at] = (summed[()] + (tick + 1) * TICK_WEIGHT) & _WORD
 
         return take
 

@@ -61,6 +61,7 @@ class StageRunner:
         self.memory = np.zeros(max(stage.memory.size, 1))
         self.parameters = np.zeros(max(stage.parameters.size, 1))
         self._next_memory = np.zeros(max(stage.memory.size, 1))
+        self._kept, self._next = self.memory.data, self._next_memory.data
         memory = self.memory[: stage.memory.size]
         parameters = self.parameters[: stage.parameters.size]
         next_memory = self._next_memory[: stage.memory.size]
@@ -162,7 +163,7 @@ class StageRunner:
 
     def commit(self) -> None:
         """Makes the memory of the last evaluation current."""
-        self.memory[:] = self._next_memory
+        self._kept[:] = self._next
 
     def refresh(self, t: float) -> None:
         """Renews the cubics that change at stage time t [s]."""
