@@ -99,7 +99,7 @@ _AXES = _mapping(
 _LIMITS = _mapping(
     {},
     {
-        "force": _number(20, 200, "N"),
+        "force": _number(20, 200, "N") | _one("{max: 60 N, then: end}", "{max: 60 N, then: fail}"),
         "torque": _number(5, 50, "N*m"),
         "speed": _number(50, 500, "mm/s"),
     },
@@ -148,6 +148,14 @@ _JOINTS = _mapping(
 )  # fmt: skip
 _STAGE = st.one_of(
     _mapping({"path": _JOINTS}, {}),
+    _mapping({"use": st.just("push")}, {"with": _mapping({}, {"level": _number(1, 40, "N")})}),
+    _mapping(
+        {"axes": _AXES, "time": _TIME},
+        {
+            "repeat": _one("1", "3"),
+            "next": _one("end", "[{when: s0.visits < 3, to: s0}, end]", "[{to: fail}]"),
+        },
+    ),
     _mapping({"axes": _AXES, "time": _TIME}, {"limits": _LIMITS}),
     _mapping({"path": _PATH}, {"axes": _mapping({"z": _FORCE}, {})}),
     _mapping(
@@ -197,6 +205,7 @@ def tasks(draw: st.DrawFn) -> str:
         f"world: {{table: {draw(_OBJECT)}}}",
         f"frames: {{task: {draw(_FRAME)}}}" if draw(st.booleans()) else "frames: {}",
         f"law: {law}",
+        "templates: {push: {params: {level: 5 N}, axes: {z: {force: -level}}, time: 1 s}}",
     ]
     if lines[4] != "frames: {}":
         lines.append("frame: task")
