@@ -238,8 +238,14 @@ def _witnessed(program: Program, task: Task, history: History, witness: Witness)
                 changed[rows] = own
                 columns[f"force.{axis}"] = changed
         compared += ", forces"
-    # Nothing that the controller measured is left to judge by.
-    true = {name: values for name, values in columns.items() if not name.endswith(".measured")}
+    # Nothing that the controller measured is left to judge by, but where a frame turned by it.
+    frames = [stage.plan.frame for stage in program.stages]
+    turned = any(frame.tracking is not None or frame.estimated_in for frame in frames)
+    true = {
+        name: values
+        for name, values in columns.items()
+        if not name.endswith(".measured") or (turned and name.startswith("force."))
+    }
     judged = judge_run(program, History(true, history.stages, history.units))
     broken = [each.text for each in judged if each.passed is not True]
     return (f"not so: {broken[0]}" if broken else ""), compared

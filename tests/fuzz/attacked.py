@@ -111,7 +111,7 @@ def _answer(path: Path) -> Answer:
 
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     began = time.process_time()
-    found = examine([path])
+    found = examine([path], keeps=False)
     text = "\n".join(reporter.report(found) for reporter in REPORTERS.values())
     took = time.process_time() - began
     after = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
