@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import hashlib
 import os
-import pickle
 import platform
 import sys
 from collections.abc import Iterator, Mapping, Sequence
@@ -27,6 +26,8 @@ from taskspec.text.diagnostic import Diagnostic
 from taskspec.text.source import Source
 
 if TYPE_CHECKING:
+    from pydantic import TypeAdapter
+
     from taskspec.examined import Examination
 
 _LIMIT = 64 * 1024 * 1024
@@ -75,11 +76,9 @@ def known_findings(key: str) -> KeptFindings | None:
     if data is None:
         return None
     try:
-        found = pickle.loads(data)
-    except Exception:
+        found = _form().validate_json(data)
+    except ValueError:
         # What cannot be read is found anew; it is nothing that this version has written.
-        return None
-    if not isinstance(found, KeptFindings):
         return None
     if any(_digest(Path(path)) != digest for path, digest in found.files.items()):
         return None
@@ -101,7 +100,15 @@ def keep_findings(key: str, examined: Examination) -> None:
         return
     files = {os.path.realpath(path): digest for path, digest in input_files(context).items()}
     texts = {name: source.text for name, source in examined.loaded.sources.items()}
-    _store().put(key, pickle.dumps(KeptFindings(examined.findings, texts, files)))
+    _store().put(key, _form().dump_json(KeptFindings(examined.findings, texts, files)))
+
+
+@cache
+def _form() -> TypeAdapter[KeptFindings]:
+    """As text, of which nothing is ever executed."""
+    from pydantic import TypeAdapter
+
+    return TypeAdapter(KeptFindings)
 
 
 def _digest(path: Path) -> str | None:

@@ -26,13 +26,13 @@ from numpy.typing import NDArray
 from taskspec.analysis.coordinates import Coordinate, about_itself, coordinates
 from taskspec.analysis.loose_bodies import LooseBody, loose_bodies
 from taskspec.analysis.point_contacts import (
+    FlatToolContact,
     Ground,
     Mover,
     Patch,
     PointContact,
     Resistance,
     Spheres,
-    WholeContact,
     plane_patch,
 )
 from taskspec.analysis.solid_contacts import solid_contacts
@@ -365,7 +365,7 @@ class _Step:
             if patch is None:
                 made = PointContact(tip, self._tool, ground, *numbers).resistance()
             else:
-                made = WholeContact(tip, patch, ground, *numbers).resistance()
+                made = FlatToolContact(tip, patch, ground, *numbers).resistance()
             (on_tool if name in bodies else fixed).append(made)
         if fixed:
             # Of all that does not yield the tool's ways are the same ones.

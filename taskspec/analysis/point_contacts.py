@@ -258,7 +258,7 @@ def plane_patch(geometry: ToolGeometry, mover: Mover, ground: Ground) -> Patch:
 
 
 @dataclass(frozen=True, slots=True)
-class WholeContact:
+class FlatToolContact:
     """A contact of a whole tool with a surface: one resultant.
 
     Friction is Coulomb's of all that slips at once: along the surface, turning about its normal
