@@ -85,7 +85,9 @@ class _Engines:
         self._made: OrderedDict[Hashable, tuple[Any, Engine]] = OrderedDict()
         # Worlds of a sweep have functions of their own that are alike: nothing is kept of them.
         self._alike: WeakValueDictionary[bytes, Engine] = WeakValueDictionary()
+        # By key and by content: an alike source is found while its first is still being compiled.
         self._under_way: dict[Hashable, tuple[_Source, Future[Engine]]] = {}
+        self._alike_under_way: dict[bytes, Future[Engine]] = {}
 
     def of(self, source: _Source, compiling: Compiling) -> Engine:
         """The engine of a source; see `expression_engine`."""
@@ -96,17 +98,23 @@ class _Engines:
             # With what holds what the key is of for as long as the key is here.
             _, under_way = self._under_way.get(source.key, (None, None))
         if under_way is None:
-            alike = self._alike.get(source.content)
+            with self._lock:
+                alike = self._alike.get(source.content)
+                under_way = self._alike_under_way.get(source.content)
             if alike is not None:
                 return alike
+        if under_way is None:
             try:
                 return self._keep(source, source.engine(compiles=compiling is Compiling.WAIT))
             except NotKeptError:
                 if compiling is Compiling.NOT_YET:
                     raise NotReadyError from None
                 with self._lock:
-                    under_way = _compiler().submit(self._compile, source)
-                    self._under_way[source.key] = source, under_way
+                    under_way = self._alike_under_way.get(source.content)
+                    if under_way is None:
+                        under_way = _compiler().submit(self._compile, source)
+                        self._under_way[source.key] = source, under_way
+                        self._alike_under_way[source.content] = under_way
         if not (compiling is Compiling.WAIT or under_way.done()):
             raise NotReadyError
         return under_way.result()
@@ -115,7 +123,7 @@ class _Engines:
         """What the thread does; one that fails stays, to say so to whoever asks."""
         engine = self._keep(source, source.engine(compiles=True))
         with self._lock:
-            self._under_way.pop(source.key, None)
+            del self._under_way[source.key], self._alike_under_way[source.content]
         return engine
 
     def _keep(self, source: _Source, engine: Engine) -> Engine:

@@ -7,6 +7,7 @@ import ctypes
 import os
 import subprocess
 import sys
+import threading
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
 from pathlib import Path
@@ -169,6 +170,28 @@ def test_code_that_nobody_waited_for_is_not_taken_for_another_function(
         call = ctypes.CFUNCTYPE(ctypes.c_int, *[ctypes.c_void_p] * 4, ctypes.c_int)
         call(made.address(code.CODE))(*pointers, None, None, 0)
         assert result[0] == number + 1.0
+
+
+def test_code_that_is_on_its_way_is_found_by_what_is_alike(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Worlds of a sweep come with functions of their own while that of the first is compiled."""
+    monkeypatch.setenv("TASKSPEC_CACHE", str(tmp_path / "cache"))
+    monkeypatch.setattr(code, "_ENGINES", code._Engines())
+    x = ca.SX.sym("x")
+    functions = [ca.Function("f", [x], [x + 1]) for _ in range(4)]
+    held = threading.Event()
+    code._compiler().submit(held.wait)
+    for function in functions[:3]:
+        with pytest.raises(code.NotReadyError):
+            code.expression_engine(function, code.Compiling.BESIDE)
+    held.set()
+    made = code.expression_engine(functions[3], code.Compiling.WAIT)
+    assert all(
+        code.expression_engine(function, code.Compiling.NOT_YET) is made for function in functions
+    )
+    assert len(code._ENGINES._made) == 1
+    assert not code._ENGINES._alike_under_way
 
 
 def test_code_of_all_stages_is_asked_for_at_once(
