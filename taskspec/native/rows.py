@@ -6,6 +6,7 @@ import ctypes
 import hashlib
 import sys
 from collections import Counter
+from collections.abc import Callable
 
 import casadi as ca
 import numpy as np
@@ -18,7 +19,7 @@ from taskspec.native.code import (
     expression_engine,
     kernel_engine,
 )
-from taskspec.native.engine import EngineError
+from taskspec.native.engine import Engine, EngineError
 from taskspec.native.expressions import UnsupportedOperationError
 from taskspec.native.kernel import Record, Words, call
 
@@ -87,13 +88,15 @@ class RowCode:
         _ASKED[self._content] += rows
         worth = _ASKED[self._content] >= _WORTH
         compiling = Compiling.BESIDE if worth else Compiling.NOT_YET
+        here = sys.modules[__name__]
         try:
-            engine = expression_engine(self._function, compiling)
-            kernel = kernel_engine(evaluate, sys.modules[__name__], compiling=compiling)
-        except NotReadyError:
-            return False
+            # Both are asked for at once, so that one is compiled while the other is.
+            engine = _if_ready(lambda: expression_engine(self._function, compiling))
+            kernel = _if_ready(lambda: kernel_engine(evaluate, here, compiling=compiling))
         except (EngineError, UnsupportedOperationError):
             self._lacks = True
+            return False
+        if engine is None or kernel is None:
             return False
         places = [np.zeros(1, dtype=np.int64) for _ in range(2)]
         self._memory = RowMemory(
@@ -109,3 +112,11 @@ class RowCode:
         self._held = engine, places
         self._run = kernel.function(evaluate.__name__, None, ctypes.c_void_p, ctypes.c_int64)
         return True
+
+
+def _if_ready(ask: Callable[[], Engine]) -> Engine | None:
+    """The engine that is asked for; None as long as it is not ready."""
+    try:
+        return ask()
+    except NotReadyError:
+        return None
