@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from taskspec.deferred_methods import dataclass
-from taskspec.store import Store, cache_folder
+from taskspec.store import Store, cache_folder, digest_of
 from taskspec.text.confines import VARIABLE, project
 from taskspec.text.diagnostic import Diagnostic
 from taskspec.text.source import Source
@@ -62,7 +62,7 @@ def findings_key(path: Path, options: Sequence[str], makers: Sequence[Path] = ()
         options: overrides and whatever else changes what is found, in their order.
         makers: further modules that it follows from.
     """
-    digest = _digest(path)
+    digest = digest_of(path)
     if digest is None:
         return None
     made = [_fact(maker.stat(), str(maker)) for maker in makers]
@@ -80,7 +80,7 @@ def known_findings(key: str) -> KeptFindings | None:
     except ValueError:
         # What cannot be read is found anew; it is nothing that this version has written.
         return None
-    if any(_digest(Path(path)) != digest for path, digest in found.files.items()):
+    if any(digest_of(Path(path)) != digest for path, digest in found.files.items()):
         return None
     return found
 
@@ -109,14 +109,6 @@ def _form() -> TypeAdapter[KeptFindings]:
     from pydantic import TypeAdapter
 
     return TypeAdapter(KeptFindings)
-
-
-def _digest(path: Path) -> str | None:
-    """SHA-256 of a regular file; None where there is none that can be read."""
-    try:
-        return hashlib.sha256(path.read_bytes()).hexdigest() if path.is_file() else None
-    except (OSError, ValueError):
-        return None
 
 
 def _store() -> Store:

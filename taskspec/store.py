@@ -49,6 +49,14 @@ def sources(*folders: Path) -> str:
     return found.hexdigest()
 
 
+def digest_of(path: Path) -> str | None:
+    """The SHA-256 of a regular file as it is now; None where there is none that can be read."""
+    try:
+        return hashlib.sha256(path.read_bytes()).hexdigest() if path.is_file() else None
+    except (OSError, ValueError):
+        return None
+
+
 class Store:
     """Bytes by key. Whatever goes wrong with its files, `get` gives what was put, or nothing.
 

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import hashlib
 from pathlib import Path
 
 from taskspec.program.context import Context
+from taskspec.store import digest_of
 
 
 def input_files(context: Context) -> dict[Path, str | None]:
@@ -24,11 +24,3 @@ def input_files(context: Context) -> dict[Path, str | None]:
             path = base / stage.path.file
             files[path] = digest_of(path)
     return files
-
-
-def digest_of(path: Path) -> str | None:
-    """SHA-256 of a file as it is now; None where none can be read."""
-    try:
-        return hashlib.sha256(path.read_bytes()).hexdigest()
-    except (OSError, ValueError):
-        return None
