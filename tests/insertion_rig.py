@@ -9,8 +9,8 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec.shapes import overlap
-from taskspec_runner.plant.whole import collision, patches
+from taskspec.shapes import overlap, patches
+from taskspec_runner.plant.whole import collision, contacts
 
 Vector = NDArray[np.float64]
 
@@ -67,7 +67,7 @@ class Rig:
         )
         up = tool[1][2]
         self.model = mujoco.MjModel.from_xml_string(f"""
-            <mujoco><compiler angle='radian'/><size nuser_geom='{patches.DATA}'/>
+            <mujoco><compiler angle='radian'/><size nuser_geom='{contacts.DATA}'/>
             <option timestep='0.001' gravity='0 0 0' cone='elliptic' impratio='10000'
               tolerance='1e-14' integrator='Euler'/>
             <worldbody><geom name='shape' type='ellipsoid' size='1 1 1' contype='0'
@@ -84,8 +84,8 @@ class Rig:
         shape, geom = (self.model.geom(name).id for name in ("shape", "tool"))
         contact = [stiffness, damping, friction, mobility, settling, IMPEDANCE]
         padded = [*sizes, *([0.0] * (6 - len(sizes)))]
-        self.model.geom_user[shape, :14] = [patches.SHAPE, kind, *padded, *contact]
-        self.model.geom_user[geom, :6] = [patches.TOOL, tool[0], *tool[1], rounding]
+        self.model.geom_user[shape, :14] = [contacts.SHAPE, kind, *padded, *contact]
+        self.model.geom_user[geom, :6] = [contacts.TOOL, tool[0], *tool[1], rounding]
         for geom_id in (shape, geom):
             collision.connect(self.model, geom_id, geom_id)
         collision.install()

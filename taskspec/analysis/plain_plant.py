@@ -16,6 +16,7 @@ where the period of control begins.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from itertools import combinations
 
 import casadi as ca
@@ -26,16 +27,16 @@ from numpy.typing import NDArray
 from taskspec.analysis.coordinates import Coordinate, about_itself, coordinates
 from taskspec.analysis.loose_bodies import LooseBody, loose_bodies
 from taskspec.analysis.point_contacts import (
-    FlatToolContact,
     Ground,
     Mover,
     Patch,
     PointContact,
     Resistance,
     Spheres,
+    WholeToolContact,
     plane_patch,
 )
-from taskspec.analysis.solid_contacts import solid_contacts
+from taskspec.analysis.whole_contacts import whole_contacts
 from taskspec.deferred_methods import dataclass
 from taskspec.program.bound import Wiring
 from taskspec.program.context import Context
@@ -51,6 +52,7 @@ from taskspec.program.world.stiffness import (
     compliance,
     contact_mobility,
     equation_compliance,
+    friction_ratio,
     mobility_of,
     pair_compliance,
 )
@@ -109,15 +111,14 @@ class PlainPlant:
         self.parts = np.split(self.numbers, np.cumsum(sizes))
         self.wrench, self.mechanisms, self.effort, self.reactions, self.bodies = self.parts
         self.wrist = np.zeros(6) if task.robot.sensor.at == "wrist" else None
-        self._before = np.zeros(len(self.mechanisms)), np.zeros(len(self.bodies))
+        self._before = (np.zeros(n), np.zeros(n), 0 * self.mechanisms, 0 * self.bodies)
         # A step reads where these were while it writes where they are.
-        moving = zip(self._before, (self.mechanisms, self.bodies), strict=True)
-        self._moving = [each for each in moving if each[0].size]
+        now = (self.q, self.v, self.mechanisms, self.bodies)
+        self._moving = [each for each in zip(self._before, now, strict=True) if each[0].size]
+        self._periods = [i * step.period for i in range(step.substeps)]
         wiring = Wiring()
         state, clock = self._reads(wiring, step)
-        tau = wiring.reads("torque", torque)
-        for i in range(step.substeps):
-            state = step.once(state, tau, clock + i * step.period)
+        state = step.once(state, wiring.reads("torque", torque), clock)
         wiring.writes(state.q, self.q)
         wiring.writes(state.v, self.v)
         wiring.writes(state.mechanisms, self.mechanisms)
@@ -133,33 +134,32 @@ class PlainPlant:
         # What comes more than once is not looked for: that takes as long as all its steps.
         self._function = wiring.bound("plant", cse=False)
         self._step = self._function.evaluate
-        # What is solid is looked for as a period begins: where the tool is in its coordinates.
-        self._solids = step.solids
+        # What is touched whole is looked for before a step: where the tool is in its coordinates.
+        self._whole = [*step.whole.values()]
         self._places = None
-        if self._solids:
+        if self._whole:
             wiring = Wiring()
             step.place(wiring, *self._reads(wiring, step))
             self._places = wiring.bound("places")
 
     def _reads(self, wiring: Wiring, step: _Step) -> tuple[_State, ca.SX]:
-        """Where the plant is as a period begins, and when that is [s]."""
-        terms = self._terms
+        """Where the plant is as a step begins, and when that is [s]."""
         step.read(wiring)
-        before = [wiring.reads("before", array) for array in self._before]
-        state = _State(wiring.reads("q", terms.q), wiring.reads("v", terms.v), *before)
+        state = _State(*(wiring.reads("before", array) for array in self._before))
         return state, wiring.reads("clock", self.clock)
 
     def step(self, clock: float) -> None:
         """One period of control that begins at run time `clock` [s]."""
-        self.clock[0] = clock
-        for before, now in self._moving:
-            before[:] = now
         self.tip_rotation[:] = self._terms.rotation.reshape(3, 3, order="F").ravel()
-        if self._places is not None:
-            self._places.evaluate()
-            for solid in self._solids.values():
-                solid.look()
-        self._step()
+        for since in self._periods:
+            self.clock[0] = clock + since
+            for before, now in self._moving:
+                before[:] = now
+            if self._places is not None:
+                self._places.evaluate()
+                for each in self._whole:
+                    each.look()
+            self._step()
 
 
 @dataclass(frozen=True, slots=True)
@@ -199,22 +199,22 @@ class _Step:
         self._loose = loose_bodies(task, at)
         self._held = self._loose.get(name)
         self._c = at + 6 * len(self._loose)
-        self._begun: ca.SX | None = None
         self._tool = Spheres(robot.tool.centers, robot.tool.radii, len(robot.tool.centers))
         self._inertia = true_inertia(robot, task.robot)
         mobility = terms.jacobian @ np.linalg.solve(terms.inertia, terms.jacobian.T)
         self._mobility = float(np.linalg.eigvalsh(mobility[:3, :3])[-1])
         self._turning = float(np.linalg.eigvalsh(mobility[3:, 3:])[-1])
-        self.solids = solid_contacts(task, robot, self._loose)
+        self.whole = whole_contacts(task, robot, self._loose)
+        self._ratio = friction_ratio(task)
         self.wrench, self.effort = ca.SX.zeros(6), ca.SX.zeros(1)
         self.reactions = ca.SX.zeros(len(task.equations))
         self._acceleration, self._twist = ca.SX.zeros(6), ca.SX.zeros(6)
 
     def read(self, wiring: Wiring) -> None:
-        """Takes the arm's terms, and where solids are touched."""
+        """Takes the arm's terms, and where shapes are touched whole."""
         n = self._n
-        for solid in self.solids.values():
-            solid.read(wiring)
+        for each in self.whole.values():
+            each.read(wiring)
         names = ("H", "bias", "gravity", "J", "p", "R", "drift")
         arrays = self._terms.arrays
         given = {name: wiring.reads(name, a) for name, a in zip(names, arrays, strict=True)}
@@ -222,6 +222,8 @@ class _Step:
         self._bias, self._drift = given["bias"], given["drift"]
         self._J = ca.reshape(given["J"], 6, n)
         self._p, self._R = given["p"], ca.reshape(given["R"], 3, 3)
+        # Of the first step in a period, the arm is where its terms are.
+        self._begun = wiring.reads("begun", self._terms.q) if self.substeps > 1 else None
 
     def tip_rows(self) -> ca.SX:
         """(9,) the tip's axes as the period began, row by row."""
@@ -234,14 +236,7 @@ class _Step:
     def once(self, state: _State, tau: ca.SX, clock: ca.SX) -> _State:
         """One step."""
         n, c, h = self._n, self._c, self.period
-        begun = state.q if self._begun is None else self._begun
-        self._begun = begun
-        d = self._J @ (state.q - begun)
-        J = ca.SX(6, c)
-        J[:, :n] = self._J
-        R = self._R + ca.skew(d[3:]) @ self._R
-        mobility = self._mobility, self._turning
-        tip = Mover(self._p + d[:3], R, self._J @ state.v, J, *mobility)
+        tip = self._tip(state)
         states = self._states(state)
         bodies, riding = self._carriers(state)
         H = ca.SX(c, c)
@@ -253,7 +248,6 @@ class _Step:
             body.weigh(H, on, bodies[name])
         on_tip = self._constrain(on, tip, state, clock)
         on_tool, others = self._contacts(tip, bodies | riding, clock)
-        resistances = [*on_tool, *others]
         grip = None
         for name, mechanism in self.mechanisms.items():
             mechanism.weigh(H, on, states[name], h)
@@ -261,11 +255,15 @@ class _Step:
             grip = self._grip(tip, self._held_one, states[self._held_one.model.name])
         elif self._held is not None:
             grip = self._hold(tip, self._held, bodies[self._held.name])
-        resistances += [] if grip is None else [grip]
-        for each in resistances:
-            H += each.rows.T @ each.mass @ each.rows
+        grips = [] if grip is None else [grip]
+        for each in (*on_tool, *others, *grips):
             on -= each.rows.T @ each.force
-        factor = ca.ldl(H, False)
+        if any(each.slips for each in (*on_tool, *others)):
+            sliding = _with(H, (*on_tool, *others, *grips))
+            free = ca.ldl_solve(on, *ca.ldl(sliding, False))
+            on_tool = [each.held_back(free, h) for each in on_tool]
+            others = [each.held_back(free, h) for each in others]
+        factor = ca.ldl(_with(H, (*on_tool, *others, *grips)), False)
         a = self._rub_joints(ca.ldl_solve(on, *factor), state.v, factor)
         for name, mechanism in self.mechanisms.items():
             column = ca.ldl_solve(_unit(c, mechanism.row), *factor)
@@ -288,16 +286,24 @@ class _Step:
         mechanisms, loose = ca.vertcat(empty, *turned), ca.vertcat(empty, *moved)
         return _State(state.q + h * v, v, mechanisms, loose)
 
+    def _tip(self, state: _State) -> Mover:
+        """The tool, of a period that it moves on in by a little."""
+        d = self._J @ (state.q - (state.q if self._begun is None else self._begun))
+        J = ca.SX(6, self._c)
+        J[:, : self._n] = self._J
+        R = self._R + ca.skew(d[3:]) @ self._R
+        return Mover(self._p + d[:3], R, self._J @ state.v, J, self._mobility, self._turning)
+
     def place(self, wiring: Wiring, state: _State, clock: ca.SX) -> None:
-        """Has a function write where the tool is in the coordinates of each solid."""
-        tip = Mover(self._p, self._R, ca.SX.zeros(6), ca.SX(6, self._c))
+        """Has a function write where the tool is in the coordinates of what it touches whole."""
+        tip = self._tip(state)
         bodies, riding = self._carriers(state)
-        for name, solid in self.solids.items():
+        for name, whole in self.whole.items():
             ground = self._ground(name, bodies | riding, clock)
             p = ground.place(tip.p)
             axes = [ground.place(tip.p + tip.R[:, i]) - p for i in range(3)]
-            wiring.writes(p, solid.p)
-            wiring.writes(ca.vertcat(*axes), solid.axes)
+            wiring.writes(p, whole.p)
+            wiring.writes(ca.vertcat(*axes), whole.axes)
 
     def _carriers(self, state: _State) -> tuple[dict[str, Mover], dict[str, Mover]]:
         """Loose bodies, and shapes that ride on mechanisms, by name."""
@@ -360,35 +366,35 @@ class _Step:
                 continue
             declared = compliance(shape, robot, self._start.q, period)
             mobility = contact_mobility(robot, shape)
-            numbers = declared, shape.friction, mobility, period
-            patch = self._patch(name, tip, ground)
-            if patch is None:
-                made = PointContact(tip, self._tool, ground, *numbers).resistance()
-            else:
-                made = FlatToolContact(tip, patch, ground, *numbers).resistance()
-            (on_tool if name in bodies else fixed).append(made)
+            pair = tip, ground, declared, shape.friction, mobility, period, self._ratio
+            patches = self._patches(name, tip, ground)
+            made = [WholeToolContact(*pair, patch).resistance() for patch in patches]
+            if not patches:
+                made = [PointContact(*pair, self._tool).resistance()]
+            (on_tool if name in bodies else fixed).extend(made)
         if fixed:
             # Of all that does not yield the tool's ways are the same ones.
             force = sum((each.force for each in fixed), ca.SX.zeros(6))
             mass = sum((each.mass for each in fixed), ca.SX.zeros(6, 6))
-            on_tool.append(Resistance(tip.J, force, mass))
+            slips = tuple(slip for each in fixed for slip in each.slips)
+            on_tool.append(Resistance(tip.J, force, mass, slips))
         for name, other in combinations(task.shapes, 2):
             # Of two bodies the later one touches with its points.
             first, second = (other, name) if other in self._loose else (name, other)
             if first in self._loose:
-                spheres, ground = self._loose[first].spheres, grounds[second]
-                numbers = *self._between(first, second), period
-                others.append(PointContact(bodies[first], spheres, ground, *numbers).resistance())
+                numbers = *self._between(first, second), period, self._ratio
+                pair = bodies[first], grounds[second], *numbers
+                others.append(PointContact(*pair, self._loose[first].spheres).resistance())
         return on_tool, others
 
-    def _patch(self, name: str, tip: Mover, ground: Ground) -> Patch | None:
-        """Where a flat tool touches a shape with its whole surface; None where it does not."""
-        tool, surface = self._context.robot.tool, ground.surface
-        if not tool.flat or surface.cut() is not None:
-            return None
-        if isinstance(surface, Plane):
-            return plane_patch(tool, tip, ground)
-        return self.solids[name].patch(tip, ground) if name in self.solids else None
+    def _patches(self, name: str, tip: Mover, ground: Ground) -> tuple[Patch, ...]:
+        """Where the tool touches a shape with its whole surface; none where spheres of it do."""
+        tool = self._context.robot.tool
+        if name in self.whole:
+            return self.whole[name].patches()
+        if tool.flat and isinstance(ground.surface, Plane):
+            return (plane_patch(tool, tip, ground),)
+        return ()
 
     def _between(self, body: str, other: str) -> tuple[Compliance, float, float]:
         """What is declared of a loose body's contact with another shape, friction and mobility."""
@@ -494,6 +500,11 @@ class _Step:
         return np.array(
             ca.evalf(-_inertial(self._inertia, ca.SX(self._start.R), rest, rest))
         ).ravel()
+
+
+def _with(H: ca.SX, resistances: Iterable[Resistance]) -> ca.SX:
+    """(c, c) inertia with the masses of what resists."""
+    return sum((each.rows.T @ each.mass @ each.rows for each in resistances), H)
 
 
 def _inertial(inertia: pin.Inertia, R: ca.SX, twist: ca.SX, acceleration: ca.SX) -> ca.SX:

@@ -3,11 +3,14 @@
     f = n max(-(k d + b d'), 0) - friction,    d the distance of a sphere from the surface,
 
 with Coulomb's friction, viscous below its limit, and with the mass that the simulator's constraints
-add along what acts. Each point bears its share of what a contact has declared. A flat tool touches
-planes, boxes, cylinders and balls with its whole surface: -d is its depth, from support functions.
+add along what acts. A slip v adds mu c v to the normal force, c the rate at which friction settles
+times that mass: on the simulator's elliptic cone normal and slip are one constraint. Each point
+bears its share of what a contact has declared. Of a whole tool -d is the depth of a patch of it.
 """
 
 from __future__ import annotations
+
+from dataclasses import field
 
 import casadi as ca
 import numpy as np
@@ -131,6 +134,26 @@ class Spheres:
 
 
 @dataclass(frozen=True, slots=True)
+class Slip:
+    """A slip that its friction may turn back within a step.
+
+    Attributes:
+        way: (r,) rate of its speed of what moves, and of what friction exerts.
+        speed: at the step's beginning, times the coefficients [m/s].
+        mass: with which friction of the step's end resists along it; 0 of one that sticks.
+    """
+
+    way: ca.SX
+    speed: ca.SX
+    mass: ca.SX
+
+    def resists(self, rate: ca.SX) -> ca.SX:
+        """(r, r) what it adds where a rate of what moves (r,), per step, would turn it back."""
+        back = self.speed + ca.dot(self.way, rate) < 0
+        return ca.if_else(back, self.mass, 0) * self.way @ self.way.T
+
+
+@dataclass(frozen=True, slots=True)
 class Resistance:
     """What resists some of the ways in which the plant's coordinates may move.
 
@@ -138,11 +161,19 @@ class Resistance:
         rows: (r, c) these ways of the coordinates' rates.
         force: (r,) with which it resists at the step's beginning [N, N m].
         mass: (r, r) that it adds.
+        slips: in it.
     """
 
     rows: ca.SX
     force: ca.SX
     mass: ca.SX
+    slips: tuple[Slip, ...] = ()
+
+    def held_back(self, a: ca.SX, period: float) -> Resistance:
+        """The same with the slips held back that coordinates' accelerations a (c,) turn back."""
+        rate = period * self.rows @ a
+        mass = sum((slip.resists(rate) for slip in self.slips), self.mass)
+        return Resistance(self.rows, self.force, mass)
 
     def answer(self, a: ca.SX) -> ca.SX:
         """(r,) what it exerts while the coordinates accelerate with a (c,)."""
@@ -150,26 +181,37 @@ class Resistance:
 
 
 @dataclass(frozen=True, slots=True)
-class PointContact:
-    """A contact of spheres with a surface.
+class Contact:
+    """A contact of something that moves with a surface.
 
     Attributes:
-        mover: what touches with `spheres`.
-        spheres: of it.
-        ground: that they touch.
+        mover: what touches.
+        ground: that it touches.
         declared: of the whole contact.
         friction: Coulomb's coefficient.
         mobility: the sum of both bodies' inverse masses as MuJoCo counts them [1/kg].
         period: of the plant [s].
+        ratio: how much stiffer friction is against a slip than the contact is damped.
     """
 
     mover: Mover
-    spheres: Spheres
     ground: Ground
     declared: Compliance
     friction: float
     mobility: float
     period: float
+    ratio: float
+
+
+@dataclass(frozen=True, slots=True)
+class PointContact(Contact):
+    """A contact of spheres.
+
+    Attributes:
+        spheres: with which the mover touches.
+    """
+
+    spheres: Spheres
 
     def resistance(self) -> Resistance:
         """Of the mover's twist (6,) about its own point against the ground."""
@@ -177,12 +219,13 @@ class PointContact:
         declared, friction, mobility = self.declared, self.friction, self.mobility
         k, b = declared.stiffness / spheres.share, declared.damping / spheres.share
         m = added_mass(mobility)
-        slip_force, slip_mass = creep(b, mobility, period)
+        slip_force, slip_mass = creep(b, mobility, period, self.ratio)
+        lift = slip_force / self.ratio
         turns = spheres.share * (mover.mobility + ground.mobility) * period
         point = ca.SX.sym("point", 3)
         surface = ground.surface
         at = ca.Function("at", [point], [surface.distance(point), surface.gradient(point)])
-        whole, inertia = ca.SX.zeros(6), ca.SX.zeros(6, 6)
+        whole, inertia, slips = ca.SX.zeros(6), ca.SX.zeros(6, 6), list[Slip]()
         for center, radius in zip(spheres.centers, spheres.radii, strict=True):
             lever = mover.R @ ca.DM(center)
             distance, normal = at(ground.place(mover.p + lever))
@@ -192,41 +235,51 @@ class PointContact:
             rate = ground.against(mover, mover.p + touched)
             closing = ca.dot(normal, rate)
             inside = gap < 0
-            push = ca.if_else(inside, ca.fmax(-(k * gap + b * closing), 0), 0)
+            push = -(k * gap + b * closing)
+            slip = rate - closing * normal
+            size = ca.norm_2(slip) + _NO_SLIP
+            sticks = ca.logic_and(slip_force * size < friction * push, inside)
+            push += ca.if_else(sticks, 0, lift * friction * size)
+            push = ca.if_else(inside, ca.fmax(push, 0), 0)
             force, along, across = push * normal, ca.if_else(push > 0, m, 0), ca.SX(0)
+            way = slip / size
             if friction > 0:
-                slip = rate - closing * normal
-                size = ca.norm_2(slip) + _NO_SLIP
                 most = friction * push
-                sticks = ca.logic_and(slip_force * size < most, inside)
-                force -= ca.if_else(sticks, slip_force, most / size) * slip
-                # Friction that would turn a slip back within the step is of the step's end.
+                force -= ca.if_else(sticks, slip_force * size, most) * way
+                # Friction that would turn a slip back within the step is of the step's end: at
+                # once across the slip, along it where it does turn it back.
                 late = ca.if_else(size < turns * most, period * most / size, 0)
                 across = ca.if_else(sticks, slip_mass, late)
+                turned_back = ca.vertcat(way, ca.cross(touched, way))
+                slips.append(Slip(turned_back, size, ca.if_else(sticks, 0, late)))
             mass = (along - across) * normal @ normal.T + across * ca.SX.eye(3)
+            if friction > 0:
+                mass -= slips[-1].mass * way @ way.T
             # About the mover's own point, for all of its spheres.
             S = ca.skew(touched)
             turned = S @ mass
             inertia += ca.blockcat([[mass, turned.T], [turned, -turned @ S]])
             whole += ca.vertcat(force, ca.cross(touched, force))
-        return Resistance(ground.rows(mover), -whole, inertia)
+        return Resistance(ground.rows(mover), -whole, inertia, tuple(slips))
 
 
 @dataclass(frozen=True, slots=True)
 class Patch:
-    """Where a flat tool touches with its whole surface.
+    """Where a tool touches with its whole surface.
 
     Attributes:
         normal: (3,) outward, in the ground's coordinates.
         point: (3,) from the tool's own point, in its axes [m].
         depth: [m].
         spin: lever of the friction that resists being turned about the normal [m].
+        share: of what the contact has declared.
     """
 
     normal: ca.SX
     point: ca.SX
     depth: ca.SX
     spin: ca.SX
+    share: ca.SX = field(default_factory=lambda: ca.SX(1))
 
 
 def plane_patch(geometry: ToolGeometry, mover: Mover, ground: Ground) -> Patch:
@@ -258,8 +311,8 @@ def plane_patch(geometry: ToolGeometry, mover: Mover, ground: Ground) -> Patch:
 
 
 @dataclass(frozen=True, slots=True)
-class FlatToolContact:
-    """A contact of a whole tool with a surface: one resultant.
+class WholeToolContact(Contact):
+    """A contact of a whole tool: one resultant of a patch.
 
     Friction is Coulomb's of all that slips at once: along the surface, turning about its normal
     and, by a little, rocking: with the coefficients mu_j of each rate v_j
@@ -267,34 +320,24 @@ class FlatToolContact:
         f_j = -f mu_j^2 v_j / S,    S^2 = sum (mu_j v_j)^2.
 
     Attributes:
-        mover: the tool.
-        patch: where it touches.
-        ground: that it touches.
-        declared: of the contact.
-        friction: Coulomb's coefficient.
-        mobility: the sum of both bodies' inverse masses as MuJoCo counts them [1/kg].
-        period: of the plant [s].
+        patch: where the mover touches.
     """
 
-    mover: Mover
     patch: Patch
-    ground: Ground
-    declared: Compliance
-    friction: float
-    mobility: float
-    period: float
 
     def resistance(self) -> Resistance:
         """Of the mover's twist (6,) about its own point against the ground."""
         mover, ground, patch = self.mover, self.ground, self.patch
-        m = added_mass(self.mobility)
-        slip_force, slip_mass = creep(self.declared.damping, self.mobility, self.period)
+        m = patch.share * added_mass(self.mobility)
+        k, b = patch.share * self.declared.stiffness, patch.share * self.declared.damping
+        slips = creep(self.declared.damping, self.mobility, self.period, self.ratio)
+        slip_force, slip_mass = (patch.share * each for each in slips)
+        lift = slip_force / self.ratio
         n, lever = ground.turned(patch.normal), mover.R @ patch.point
         rate, spin = ground.against(mover, mover.p + lever), ground.spin(mover)
         closing, about = ca.dot(n, rate), ca.dot(n, spin)
         inside = patch.depth > 0
-        push = self.declared.stiffness * patch.depth - self.declared.damping * closing
-        push = ca.if_else(inside, ca.fmax(push, 0), 0)
+        push = k * patch.depth - b * closing
         slip, rock = rate - closing * n, spin - about * n
         least = max(self.friction, LEAST_FRICTION)
         slide = self.friction**2
@@ -304,10 +347,12 @@ class FlatToolContact:
             slide * ca.sumsqr(slip) + twirl * about**2 + roll * ca.sumsqr(rock) + _NO_SLIP**2
         )
         sticks = ca.logic_and(slip_force / least**2 * S < push, inside)
+        push = ca.if_else(inside, ca.fmax(push + ca.if_else(sticks, 0, lift * S), 0), 0)
         share = ca.if_else(sticks, slip_force / least**2, push / S)
         force = push * n - share * slide * slip
         moment = -share * (twirl * about * n + roll * rock)
-        # Friction that would turn a slip back within the step is of the step's end.
+        # Friction that would turn a slip back within the step is of the step's end: at once across
+        # the slip, along it where it does turn it back.
         most = slide * (mover.mobility + ground.mobility)
         most += (twirl + roll) * (mover.turning + ground.turning)
         late = ca.if_else(self.period * push * most > S, self.period * push / S, 0)
@@ -320,4 +365,8 @@ class FlatToolContact:
         turned = L @ mass
         inertia = ca.blockcat([[mass, turned.T], [turned, turning - turned @ L]])
         whole = ca.vertcat(force, ca.cross(lever, force) + moment)
-        return Resistance(ground.rows(mover), -whole, inertia)
+        moves, turns = slide * slip / S, (twirl * about * n + roll * rock) / S
+        way = ca.vertcat(moves, ca.cross(lever, moves) + turns)
+        back = Slip(way, S, ca.if_else(sticks, 0, late))
+        inertia -= back.mass * way @ way.T
+        return Resistance(ground.rows(mover), -whole, inertia, (back,))

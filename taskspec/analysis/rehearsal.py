@@ -25,7 +25,6 @@ from taskspec.program.ports import fields, slices
 from taskspec.program.program import Program, compiled
 from taskspec.program.signals import UnknownSignalError
 from taskspec.program.stages.stage import CompiledStage
-from taskspec.program.world.frames import surface
 from taskspec.robot import RobotError
 from taskspec.text.diagnostic import SpecError
 
@@ -91,16 +90,6 @@ class Rehearsal:
         return np.asarray(self.index == self.names.index(stage))
 
 
-def fits(task: TaskPlan) -> bool:
-    """Whether the plain plant has all that the world of a task has.
-
-    A ball may touch both walls of a cut at once, where the plain plant has one point of it.
-    """
-    shapes = task.context.loaded.true_task.shapes.values()
-    cut = any(surface(shape).cut() is not None for shape in shapes)
-    return task.context.robot.tool.flat or not cut
-
-
 def rehearsal_of(task: TaskPlan, last: str) -> Rehearsal | None:
     """A task run ahead; None where it cannot be.
 
@@ -108,7 +97,7 @@ def rehearsal_of(task: TaskPlan, last: str) -> Rehearsal | None:
         task: the plan.
         last: stage with which it ends; empty for none at all.
     """
-    if not last or not fits(task):
+    if not last:
         return None
     try:
         found = rehearse(Program(task, compiled(task, last)))

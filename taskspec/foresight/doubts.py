@@ -193,6 +193,12 @@ def _waits_for_effort(task: TaskPlan, stage: StagePlan) -> bool:
     return until is not None and any(name.path in efforts for name in names(until.tree))
 
 
+def _enters(task: TaskPlan, stage: StagePlan) -> bool:  # noqa: ARG001
+    """A tool goes into what is cut into a plate: it touches walls that no stage is told of."""
+    touched, surfaces = {stage.contact, *stage.met}, stage.context.surfaces
+    return any(isinstance(each, CutPlate) for name, each in surfaces.items() if name in touched)
+
+
 def _guard(task: TaskPlan, stage: StagePlan) -> bool:
     """A guard that is bounded, and that no approach tells of or that comes late."""
     spec, within = stage.spec, stage.spec.within
@@ -213,20 +219,12 @@ def _guard(task: TaskPlan, stage: StagePlan) -> bool:
             gap = stage.context.start_gaps.get(way.contact)
     if way is None or gap is None:
         return within.time is not None or within.travel is not None
-    gap += _opening(stage, way.contact)
     comes = gap / way.closing
     time = comes + BLEND_TIME / 2 + dragged(stage, way.axis, comes) + dwell(stage)
     if within.time is not None and time > _TIME * within.time:
         return True
     goes = comes * way.speed
     return within.travel is not None and goes > _TRAVEL * within.travel
-
-
-def _opening(stage: StagePlan, contact: str) -> float:
-    """How far a tool may slip into what is cut into a contact before it is felt [m]."""
-    shape = stage.context.loaded.task.shapes.get(contact)
-    cut = isinstance(stage.context.surfaces.get(contact), CutPlate)
-    return float(shape.sizes["depth"]) if cut and shape is not None else 0.0
 
 
 def _bounces(task: TaskPlan, stage: StagePlan) -> bool:  # noqa: ARG001
@@ -536,6 +534,7 @@ _DOUBTS: tuple[Callable[[TaskPlan, StagePlan], bool], ...] = (
     _tracks,
     _pushes,
     _holds,
+    _enters,
     _guard,
     _bounces,
     _again,

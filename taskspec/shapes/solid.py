@@ -1,9 +1,10 @@
-"""Solids as the numbers that `overlap` takes: kinds, half sizes and rounding."""
+"""Shapes as the numbers that `overlap` and `patches` take: kinds, sizes and rounding."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from taskspec.shapes import patches
 from taskspec.shapes.box import Box
 from taskspec.shapes.cylinder import Cylinder
 from taskspec.shapes.overlap import BALL, BOX, CYLINDER, LEAST_ROUNDING, ROUNDED
@@ -12,6 +13,8 @@ from taskspec.shapes.sphere import Sphere
 
 if TYPE_CHECKING:
     from taskspec.shapes.surface import Surface
+
+_CUTS = {"hole": patches.HOLE, "slot": patches.SLOT, "groove": patches.GROOVE}
 
 
 def half_sizes(solid: Surface) -> tuple[int, tuple[float, float, float]] | None:
@@ -24,6 +27,17 @@ def half_sizes(solid: Surface) -> tuple[int, tuple[float, float, float]] | None:
         x, y, z = (edge / 2 for edge in solid.size)
         return BOX, (x, y, z)
     return None
+
+
+def kind_and_sizes(surface: Surface) -> tuple[int, tuple[float, ...]]:
+    """Of a shape that is touched whole, as `patches.find` takes them [m, rad]."""
+    cut = surface.cut()
+    if cut is not None:
+        return _CUTS[cut.kind], cut.sizes
+    sizes = half_sizes(surface)
+    if sizes is None:
+        return patches.PLATE, ()
+    return sizes[0], (*sizes[1], LEAST_ROUNDING)
 
 
 def rounding(half: tuple[float, float, float]) -> float:

@@ -21,7 +21,7 @@ from insertion_rig import (  # noqa: E402
     two_points,
     wedged,
 )
-from taskspec_runner.plant.whole import patches  # noqa: E402
+from taskspec.shapes import patches  # noqa: E402
 
 _CALLED = {
     "box": "box",

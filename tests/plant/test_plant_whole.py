@@ -26,11 +26,11 @@ from insertion_rig import (
 )
 from taskspec.native.engine import Engine
 from taskspec.native.kernel import kernel_ir, vector
-from taskspec.shapes import SHAPES, overlap
+from taskspec.shapes import SHAPES, overlap, patches
 from taskspec_runner.errors import InputError
 from taskspec_runner.plant import simulator
 from taskspec_runner.plant.simulator import LayoutError
-from taskspec_runner.plant.whole import collision, markers, patches
+from taskspec_runner.plant.whole import collision, contacts, markers
 
 INSERT = """
 taskspec: 1
@@ -228,29 +228,29 @@ def _random(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, np.ndarra
     mujoco.mju_quat2Mat(axes, quaternion)
     axes = axes.reshape(3, 3) @ np.diag([1.0, -1.0, -1.0])
     place = np.array([0, 0, 0, *(rng.normal(size=2) * 0.003), rng.uniform(-0.02, 0.03)])
-    data = np.zeros((2, patches.DATA))
+    data = np.zeros((2, contacts.DATA))
     padded = [*sizes, *([0.0] * (6 - len(sizes)))]
-    data[0, :14] = [patches.SHAPE, kind, *padded, 2e4, 40, 0.2, 0.5, 10, IMPEDANCE]
-    data[1, :6] = [patches.TOOL, tool[0], *tool[1], 5e-6]
+    data[0, :14] = [contacts.SHAPE, kind, *padded, 2e4, 40, 0.2, 0.5, 10, IMPEDANCE]
+    data[1, :6] = [contacts.TOOL, tool[0], *tool[1], 5e-6]
     return place, np.concatenate([np.eye(3).ravel(), axes.ravel()]), data
 
 
 def test_machine_code_has_the_bits_of_python():
-    engine = Engine([kernel_ir(patches.touch)], level=2)
+    engine = Engine([kernel_ir(contacts.touch)], level=2)
     p, i = ctypes.c_void_p, ctypes.c_int64
     code = engine.function("touch", i, p, p, p, i, i, i, p, p, p)
     rng = np.random.default_rng(5)
     touched = 0
     for _ in range(1000):
         world = _random(rng)
-        made, work = np.zeros((2, patches.CONTACT * patches.MOST)), np.zeros(patches.WORK)
+        made, work = np.zeros((2, contacts.CONTACT * patches.MOST)), np.zeros(contacts.WORK)
         addresses = [a.ctypes.data for a in world]
         at = made[0].ctypes.data
-        n = code(*addresses, patches.DATA, 1, 0, at, at, work.ctypes.data)
+        n = code(*addresses, contacts.DATA, 1, 0, at, at, work.ctypes.data)
         memory = memoryview(made[1]).cast("B")
         place, axes, data = (vector(a) for a in world)
-        m = patches.touch(
-            place, axes, data, patches.DATA, 1, 0, memory.cast("d"), memory.cast("i"),
+        m = contacts.touch(
+            place, axes, data, contacts.DATA, 1, 0, memory.cast("d"), memory.cast("i"),
             vector(work),
         )  # fmt: skip
         assert n == m

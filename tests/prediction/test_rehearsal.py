@@ -171,7 +171,67 @@ def test_a_task_goes_as_it_was_run_ahead(text, share, tmp_path):
         assert mine.max() == pytest.approx(theirs.max(), abs=2 * share * most), visit.stage
 
 
-BUTTON = (Path(__file__).parents[2] / "tasks" / "push-button.yaml").read_text("utf-8")
+TASKS = Path(__file__).parents[2] / "tasks"
+
+
+@pytest.mark.parametrize(
+    ("name", "share"),
+    [("peg-in-hole", 1e-3), ("slot-insertion", 0.01), ("groove-following", 0.01)],
+)
+def test_a_tool_goes_into_a_cut_as_it_was_run_ahead(name, share, tmp_path):
+    """Each stage's last force and its peak, and 97 % of all ticks."""
+    text = (TASKS / f"{name}.yaml").read_text("utf-8")
+    program = program_of(text)
+    ahead, run = rehearse(program), run_of(text, tmp_path / "run")
+    assert ahead.status == run.summary["status"] == "done"
+    forces = np.linalg.norm(forces_of(ahead, program)[:, :3], axis=1)
+    columns = run.history.columns
+    true = np.linalg.norm([columns[f"force.{a}"] for a in "xyz"], axis=0)
+    most = true.max()
+    for visit in run.history.visits():
+        mine, theirs = forces[ahead.ticks(visit.stage)], true[visit.first : visit.last + 1]
+        assert abs(len(mine) - len(theirs)) <= 5, visit.stage
+        assert mine[-1] == pytest.approx(theirs[-1], abs=share * most), visit.stage
+        assert mine.max() == pytest.approx(theirs.max(), abs=2 * share * most), visit.stage
+        n = min(len(mine), len(theirs))
+        assert np.quantile(np.abs(mine[:n] - theirs[:n]), 0.97) < 4 * share * most, visit.stage
+
+
+LED = """
+taskspec: 1
+robot: {model: panda, tool: {shape: TOOL, length: 110 mm}, start: {xyz: [450 mm, 0.7 mm, 305 mm]}}
+world:
+  socket: {shape: CUT, depth: 8 mm, xyz: [450 mm, 0, 300 mm], stiffness: 100 kN/m, friction: 0.1}
+law: {kind: impedance, stiffness: {linear: 4 kN/m}}
+stages:
+  enter: {axes: {z: {move: -11 mm, speed: 20 mm/s}}}
+expect:
+  - max(abs(enter.force.y)) < MOST N
+"""
+
+
+@pytest.mark.parametrize(
+    ("tool", "cut", "room"),
+    [
+        ("sphere, radius: 5 mm", "hole, radius: 5.1 mm, chamfer: 1 mm", 0.1e-3),
+        ("sphere, radius: 5 mm", "groove, angle: 90 deg", 0.0),
+        ("cylinder, radius: 10 mm, thickness: 40 mm", "hole, radius: 10.1 mm, chamfer: 1 mm",
+         0.1e-3),
+        ("box, size: [10 mm, 20 mm, 30 mm]", "slot, width: 20.2 mm, chamfer: 1 mm", 0.1e-3),
+    ],
+)  # fmt: skip
+def test_walls_that_lead_a_tool_are_announced(tool, cut, room, tmp_path):
+    """They put a tool beside its reference, and bear what its spring does there."""
+    led = (0.7e-3 - room) * 4000
+    for most in (0.7 * led, 2.5 * led):
+        text = LED.replace("TOOL", tool).replace("CUT", cut).replace("MOST", f"{most:.3f}")
+        found = [f for f in examine(load_text(text, "t.yaml")).findings if "run ahead" in f.message]
+        missed = run_of(text, tmp_path / f"{most:.3f}").exit_code == EXIT_MISSED
+        assert missed is (most < led)
+        assert [f.code for f in found] == (["TS726"] if missed else [])
+
+
+BUTTON = (TASKS / "push-button.yaml").read_text("utf-8")
 LEAF = """
 taskspec: 1
 robot:

@@ -1,6 +1,6 @@
 """The contacts of whole surfaces in MuJoCo's table of collision functions.
 
-Geoms that carry data (`patches`) are ellipsoids, which nothing else here is; two unmarked
+Geoms that carry data (`contacts`) are ellipsoids, which nothing else here is; two unmarked
 ellipsoids go to MuJoCo's own function. The function adds its contacts itself, with the stiffness,
 damping and friction of each, for MuJoCo gives all contacts of a pair the same.
 
@@ -22,10 +22,10 @@ import mujoco
 from taskspec.deferred_methods import dataclass
 from taskspec.native.engine import Engine, available
 from taskspec.native.kernel import kernel_ir, kernel_source
-from taskspec.shapes import overlap
+from taskspec.shapes import overlap, patches
 from taskspec_runner.plant import simulator
 from taskspec_runner.plant.simulator import LayoutError
-from taskspec_runner.plant.whole import patches
+from taskspec_runner.plant.whole import contacts
 
 _KIND = int(mujoco.mjtGeom.mjGEOM_ELLIPSOID)
 _KINDS = int(mujoco.mjtGeom.mjNGEOMTYPES)
@@ -166,12 +166,12 @@ def compiled(found: ContactLayout, add: int, other: int) -> tuple[int, Any]:
     """
     entry = _ENTRY.format(
         place=found.place, axes=found.axes, data=found.data, width=found.width,
-        contacts=patches.CONTACT * patches.MOST, contact=patches.CONTACT, work=patches.WORK,
+        contacts=contacts.CONTACT * patches.MOST, contact=contacts.CONTACT, work=contacts.WORK,
     )  # fmt: skip
     engine = Engine(
-        lambda: [kernel_ir(patches.touch), entry],
+        lambda: [kernel_ir(contacts.touch), entry],
         level=2,
-        source=kernel_source(patches, overlap) + entry.encode(),
+        source=kernel_source(contacts, patches, overlap) + entry.encode(),
     )
     engine.function("provide", None, ctypes.c_void_p, ctypes.c_void_p)(add, other)
     return engine.address("collide"), engine
@@ -186,22 +186,22 @@ def interpreted(found: ContactLayout, add: int, other: int) -> tuple[int, Any]:
         model = (ctypes.c_int64 * (max(found.data, found.width) + 1)).from_address(m)
         data = (ctypes.c_int64 * (max(found.place, found.axes) + 1)).from_address(d)
         width, most = model[found.width], max(first, second) + 1
-        contacts = (ctypes.c_double * (patches.CONTACT * patches.MOST))()
-        n = patches.touch(
+        made = (ctypes.c_double * (contacts.CONTACT * patches.MOST))()
+        n = contacts.touch(
             _doubles(data[found.place], 3 * most),
             _doubles(data[found.axes], 9 * most),
             _doubles(model[found.data], width * most),
             width,
             first,
             second,
-            memoryview(contacts).cast("B").cast("d"),
-            memoryview(contacts).cast("B").cast("i"),
-            memoryview(bytearray(8 * patches.WORK)).cast("d"),
+            memoryview(made).cast("B").cast("d"),
+            memoryview(made).cast("B").cast("i"),
+            memoryview(bytearray(8 * contacts.WORK)).cast("d"),
         )
         if n < 0:
             return int(others(m, d, con, first, second, margin))
         for i in range(n):
-            adds(m, d, ctypes.addressof(contacts) + 8 * patches.CONTACT * i)
+            adds(m, d, ctypes.addressof(made) + 8 * contacts.CONTACT * i)
         return 0
 
     function = _FUNCTION(collide)
@@ -219,11 +219,11 @@ def mark_tool(geom: mujoco.MjsGeom, kind: int, half: Sequence[float], rounding: 
 
     Args:
         geom: an ellipsoid with the tool's axes.
-        kind: of `patches`.
+        kind: of `overlap`.
         half: (3,) radius or half edges, the third half its length [m].
         rounding: how far its faces bulge [m].
     """
-    geom.userdata = _padded([patches.TOOL, kind, *half, rounding, 0.0])
+    geom.userdata = _padded([contacts.TOOL, kind, *half, rounding, 0.0])
 
 
 def mark_shape(
@@ -238,23 +238,23 @@ def mark_shape(
         contact: stiffness, damping, friction, mobility A, settling rate, impedance.
     """
     filled = [*sizes, *([0.0] * (6 - len(sizes)))]
-    geom.userdata = _padded([patches.SHAPE, kind, *filled, *contact, 0.0])
+    geom.userdata = _padded([contacts.SHAPE, kind, *filled, *contact, 0.0])
 
 
 def _padded(data: Sequence[float]) -> list[float]:
-    return [float(x) for x in data] + [0.0] * (patches.DATA - len(data))
+    return [float(x) for x in data] + [0.0] * (contacts.DATA - len(data))
 
 
 def connect(model: mujoco.MjModel, marker: int, reported: int) -> None:
     """Has the contacts of a marker be reported as those of another geom."""
-    place = 6 if model.geom_user[marker][0] == patches.TOOL else 14
+    place = 6 if model.geom_user[marker][0] == contacts.TOOL else 14
     model.geom_user[marker][place] = reported
     # Whether they touch is for the function to say, at any distance.
     model.geom_rbound[marker] = 0.0
 
 
 _TRIAL = f"""
-<mujoco><size nuser_geom="{patches.DATA}"/>
+<mujoco><size nuser_geom="{contacts.DATA}"/>
 <option timestep="0.001" cone="elliptic" impratio="100" tolerance="1e-14" integrator="Euler"/>
 <worldbody><geom name="plate" type="ellipsoid" size="1 1 1" contype="0" conaffinity="0"/>
 <body name="tool" pos="0 0 0.02"><joint type="slide" axis="0 0 1" damping="400"/>
@@ -269,9 +269,9 @@ def _try() -> None:
     model = mujoco.MjModel.from_xml_string(_TRIAL)
     stiffness, mobility, impedance = 20e3, 0.5, 0.02
     tool, plate = model.geom("tool").id, model.geom("plate").id
-    model.geom_user[tool] = _padded([patches.TOOL, overlap.BALL, 0.02, 0.02, 0.02, 1e-6, tool])
+    model.geom_user[tool] = _padded([contacts.TOOL, overlap.BALL, 0.02, 0.02, 0.02, 1e-6, tool])
     contact = [stiffness, 40.0, 0.2, mobility, 10.0, impedance, plate]
-    model.geom_user[plate] = _padded([patches.SHAPE, patches.PLATE, *([0.0] * 6), *contact])
+    model.geom_user[plate] = _padded([contacts.SHAPE, patches.PLATE, *([0.0] * 6), *contact])
     model.geom_rbound[:] = 0.0
     data = mujoco.MjData(model)
     mujoco.mj_step(model, data, 1500)
@@ -285,4 +285,4 @@ def _try() -> None:
 
 def wide(spec: mujoco.MjSpec) -> None:
     """Makes room for the data of markers in every geom of a scene."""
-    spec.nuser_geom = max(spec.nuser_geom, patches.DATA)
+    spec.nuser_geom = max(spec.nuser_geom, contacts.DATA)

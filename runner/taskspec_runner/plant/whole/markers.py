@@ -9,13 +9,12 @@ from taskspec.deferred_methods import dataclass
 from taskspec.program.world.stiffness import IMPEDANCE, Compliance, settling_rate
 from taskspec.robot.types import ToolGeometry
 from taskspec.shapes import Surface, overlap
-from taskspec.shapes.solid import half_sizes, rounding
+from taskspec.shapes.solid import half_sizes, kind_and_sizes, rounding
 from taskspec_runner.errors import InputError
 from taskspec_runner.plant.names import INERT, PREFIX
 from taskspec_runner.plant.simulator import LayoutError
-from taskspec_runner.plant.whole import collision, patches
+from taskspec_runner.plant.whole import collision
 
-_CUTS = {"hole": patches.HOLE, "slot": patches.SLOT, "groove": patches.GROOVE}
 #: Ahead of a marker's name.
 _MARKER = "whole/"
 
@@ -76,7 +75,7 @@ def add_pair(
     mujoco.mju_rotVecQuat(offset, -np.array(center), np.array(named.quat))
     place = (np.array(named.pos) + offset).tolist()
     marker = _marker(named.parent, f"{_MARKER}{pair}|shape", place, named.quat)
-    collision.mark_shape(marker, *_of_shape(solid), contact.numbers)
+    collision.mark_shape(marker, *kind_and_sizes(solid), contact.numbers)
     if isinstance(tool, ToolGeometry):
         found = half_sizes(tool.solid)
         assert found is not None
@@ -109,14 +108,3 @@ def _marker(body: mujoco.MjsBody, name: str, pos: list[float], quat: list[float]
         group=4,
         **INERT,
     )
-
-
-def _of_shape(solid: Surface) -> tuple[int, tuple[float, ...]]:
-    """Kind and sizes of a shape, as `patches` has them."""
-    cut = solid.cut()
-    if cut is not None:
-        return _CUTS[cut.kind], cut.sizes
-    sizes = half_sizes(solid)
-    if sizes is None:
-        return patches.PLATE, ()
-    return sizes[0], (*sizes[1], overlap.LEAST_ROUNDING)

@@ -9,155 +9,60 @@ of the stiffness k at the support point has the energy k D^2/2, so that faces, e
 bear k alike. |x| in h is rounded to sqrt(x^2 + psi^2): flat faces bulge by a few micrometres, and
 the centre of pressure moves without a jump.
 
-In the memory `t` a tool has its centre (0..2), its axes x, y, z (3..5, 6..8, 9..11), its kind (12),
-half sizes (13..15) and rounding (16), in the axes of the shape; so has a solid (`overlap`). A patch
-is ten numbers: point, outward normal, depth, share of the declared stiffness, lever of spinning
-friction, and one spare.
+A tool `t` is 17 numbers as a solid of `overlap` has them, in the axes of the shape. A patch is ten
+numbers: point, outward normal, depth, share of the declared stiffness, lever of spinning friction,
+and one spare.
 """
 
 from __future__ import annotations
 
 import math
 
-from taskspec.native.kernel import Counts, Vector
+from taskspec.native.kernel import Vector
 from taskspec.shapes import overlap
-from taskspec.shapes.overlap import (
-    BALL,
-    BOX,
-    CYLINDER,
-    LEAST_FRICTION,
-    LEAST_ROLLING,
-    ROLLING,
-    across,
-    bulge,
-    support,
-)
+from taskspec.shapes.overlap import BALL, BOX, CYLINDER, across, bulge, support
 
-#: Marks of the geoms that carry data, as MuJoCo's user data has them.
-TOOL, SHAPE = 271828182.0, 314159265.0
 #: Kinds of shapes besides the solids `BALL`, `CYLINDER` and `BOX`.
 PLATE, HOLE, SLOT, GROOVE = 10, 11, 12, 13
 #: Numbers of a patch, and how many there are at most.
 PATCH, MOST = 10, 8
-#: Doubles of a contact of MuJoCo, and 32 bit words.
-CONTACT, CONTACT_WORDS = 76, 152
-#: Doubles that a call works with: a tool, points on it, patches, another solid, `overlap`'s own.
-WORK = 24 + 20 + PATCH * MOST + 24 + overlap.WORK
-#: Numbers of a marker's data.
-DATA = 24
+#: Doubles that `find` works with: points on a tool, patches, another solid, `overlap`'s own; where
+#: the patches begin among them.
+POINTS = 20
+WORK = POINTS + PATCH * MOST + 24 + overlap.WORK
 #: From this angle apart on, 1 - cos, what touches on two sides is two patches.
 APART = 0.12
 
 
-def touch(
-    place: Vector, axes: Vector, data: Vector, width: int, first: int, second: int,
-    contacts: Vector, words: Counts, work: Vector,
-) -> int:  # fmt: skip
-    """Writes the contacts of two geoms, and returns their number; -1 if they are not marked.
+def find(t: Vector, shape: Vector, work: Vector) -> int:
+    """How many patches of a tool and a shape there are; they are in `work` from POINTS on.
 
     Args:
-        place: (3 geoms,) positions of geoms, world.
-        axes: (9 geoms,) their rotations, row by row.
-        data: (width geoms,) their user data.
-        width: numbers of user data of a geom.
-        first: a geom.
-        second: the other one.
-        contacts: where contacts of MuJoCo are written.
-        words: the same memory.
+        t: the tool.
+        shape: (7,) kind and sizes: half sizes and rounding of a solid; radius, depth, chamfer
+            and block of a hole; width, depth, chamfer and length of a slot; angle, depth and length
+            of a groove.
         work: (WORK,) memory of this call.
     """
-    if width < DATA:
-        return -1
-    tool, shape = first, second
-    if data[width * tool] != TOOL:
-        tool, shape = second, first
-    if data[width * tool] != TOOL or data[width * shape] != SHAPE:
-        return -1
-    d, w = data[width * tool :], data[width * shape :]
-    o, R = place[3 * shape :], axes[9 * shape :]
-    _place(o, R, place[3 * tool :], axes[9 * tool :], d, work)
-    at, patches = work[24:], work[44:]
+    at, patches = work, work[POINTS:]
     # What an earlier call has left there does not count.
-    for i in range(20):
+    for i in range(POINTS):
         at[i] = 0.0
-    kind = int(w[1])
+    kind = int(shape[0])
+    s = shape[1:]
     if kind == HOLE:
-        n = _outside(work, w[2] + w[4], w[5], w[6], w[7], at, patches) if w[5] > 0.0 else -1
+        n = _outside(t, s[0] + s[2], s[3], s[4], s[5], at, patches) if s[3] > 0.0 else -1
         if n < 0:
-            n = _hole(work, w[2], w[3], w[4], at, patches)
-    elif kind == SLOT:
-        n = _slot(work, w[2], w[3], w[4], w[5], at, patches)
-    elif kind == GROOVE:
-        n = _groove(work, w[2], w[3], w[4], at, patches)
-    elif kind == PLATE:
+            n = _hole(t, s[0], s[1], s[2], at, patches)
+        return n
+    if kind == SLOT:
+        return _slot(t, s[0], s[1], s[2], s[3], at, patches)
+    if kind == GROOVE:
+        return _groove(t, s[0], s[1], s[2], at, patches)
+    if kind == PLATE:
         # Of a plane the face that lies flat is where it is drawn.
-        n = _floor(work, -bulge(work), at, patches, 0)
-    else:
-        n = _solid(work, kind, w, at, patches)
-    for i in range(n):
-        _contact(
-            patches[PATCH * i :], w, o, R, int(d[6]), contacts[CONTACT * i :],
-            words[CONTACT_WORDS * i :],
-        )  # fmt: skip
-    return n
-
-
-def _place(o: Vector, R: Vector, c: Vector, T: Vector, d: Vector, t: Vector) -> None:
-    """A tool, of a marker's place, axes and data, in the axes R of a shape at o."""
-    for i in range(3):
-        t[i] = R[i] * (c[0] - o[0]) + R[3 + i] * (c[1] - o[1]) + R[6 + i] * (c[2] - o[2])
-        for j in range(3):
-            t[3 + 3 * j + i] = R[i] * T[j] + R[3 + i] * T[3 + j] + R[6 + i] * T[6 + j]
-    t[12] = d[1]
-    for i in range(3):
-        t[13 + i] = d[2 + i]
-    t[16] = d[5]
-
-
-def _contact(
-    p: Vector, w: Vector, o: Vector, R: Vector, tool: int, contact: Vector, words: Counts
-) -> None:
-    """A patch as MuJoCo's contact.
-
-    Its share of the stiffness has as much of damping and of the virtual mass d/((1 - d) A).
-    """
-    k, b, mu, A, settling, impedance = w[8], w[9], w[10], w[11], w[12], w[13]
-    share = p[7]
-    g = share * impedance / (1.0 - impedance)
-    d = g / (1.0 + g)
-    scale = (1.0 - d) * A
-    for i in range(CONTACT):
-        contact[i] = 0.0
-    contact[0] = -p[6]
-    for i in range(3):
-        contact[1 + i] = o[i] + R[3 * i] * p[0] + R[3 * i + 1] * p[1] + R[3 * i + 2] * p[2]
-        contact[4 + i] = R[3 * i] * p[3] + R[3 * i + 1] * p[4] + R[3 * i + 2] * p[5]
-    across(contact[4:], contact[7:])
-    rubs = max(mu, LEAST_FRICTION)
-    lever = p[8]
-    contact[14] = rubs
-    contact[15] = rubs
-    contact[16] = max(mu * lever, 1e-6)
-    contact[17] = max(ROLLING * max(mu, LEAST_ROLLING) * lever, 1e-6)
-    contact[18] = contact[17]
-    contact[19] = -k * share * scale
-    contact[20] = -b * share * scale
-    contact[21] = -1e-9
-    contact[22] = -d * settling
-    contact[23] = d
-    contact[24] = d
-    contact[25] = 0.001
-    contact[26] = 0.5
-    contact[27] = 2.0
-    words[138] = 6 if lever > 1e-5 else (1 if mu == 0.0 else 3)
-    words[139] = int(w[14])
-    words[140] = tool
-    words[141] = words[139]
-    words[142] = tool
-    for i in range(143, 149):
-        words[i] = -1
-    words[149] = 0
-    words[150] = -1
+        return _floor(t, -bulge(t), at, patches, 0)
+    return _solid(t, kind, s, at, patches)
 
 
 def _put(
@@ -178,7 +83,7 @@ def _floor(t: Vector, height: float, at: Vector, patches: Vector, n: int) -> int
     return _put(patches, n, at, 0.0, 0.0, 1.0, depth, 1.0) if depth > 0.0 else n
 
 
-def _solid(t: Vector, kind: int, w: Vector, at: Vector, patches: Vector) -> int:
+def _solid(t: Vector, kind: int, s: Vector, at: Vector, patches: Vector) -> int:
     """A ball, a cylinder or a box about the origin: both are convex, and touch in one patch.
 
     Where both are flat they bear a moment about the normal with the lever of what they share.
@@ -189,8 +94,8 @@ def _solid(t: Vector, kind: int, w: Vector, at: Vector, patches: Vector) -> int:
     b[3], b[7], b[11] = 1.0, 1.0, 1.0
     b[12] = float(kind)
     for i in range(3):
-        b[13 + i] = w[2 + i]
-    b[16] = w[5]
+        b[13 + i] = s[i]
+    b[16] = s[3]
     found = b[24:]
     depth = overlap.overlap(t, b, 0.0, found)
     if depth <= 0.0:
