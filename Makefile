@@ -69,7 +69,7 @@ equivalence: $(READY)  ## hold the tree against commit BASE: shipped and 200 ran
 native: $(READY)  ## hold the loop in machine code against Python's: shipped and 200 random tasks
 	$(BIN)/python tests/campaigns/native.py
 
-designs: $(READY)  ## sampled loops of 1080 tasks with mechanisms, whose designed gains are to be stable; docs/designed-gains.md
+designs: $(READY)  ## sampled loops of 1440 tasks with mechanisms, whose designed gains are to be stable; docs/designed-gains.md
 	$(BIN)/python tests/campaigns/mechanism_tasks.py --tasks 1080 --page docs/designed-gains.md
 
 SEED ?= 1

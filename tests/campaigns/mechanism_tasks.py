@@ -5,14 +5,15 @@ else gives way. `make designs` holds their sampled loops to be stable:
 
     python tests/campaigns/mechanism_tasks.py --tasks 400
 
-With `--page` the counts are kept, by mechanism, arm and rate, and by law.
+Numbers from `PLANAR` on are of arms that move in a plane; a campaign has one of them for every
+three others. With `--page` the counts are kept, by mechanism, arm and rate, and by law.
 """
 
 from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -32,12 +33,19 @@ LAWS = tuple(law for law in ALL_LAWS if law != "stiffness")
 MECHANISMS = ("hinge", "knob", "pivot", "slide", "screw", "thread")
 RATES = (250, 500, 1000, 2000)
 ARMS = ("panda", "ur5e")
+PLANE_ARMS = ("planar3", "planar2")
+#: What arms in a plane hold; the two links have no third axis that a fixed knob would need.
+PLANE_MECHANISMS = {"planar3": ("hinge", "pivot", "slide"), "planar2": ("pivot", "slide")}
+#: Number of the first task in a plane.
+PLANAR = 100_000
 #: Starts of the arm, leaning and turned.
 _RPY = ((180, 0, 0), (180, -30, 0), (180, 0, 90), (180, 20, 120), (150, 0, -45))
 
 
 def mechanism_task(number: int, law: str = "") -> str:
     """Returns the text of task `number`; `law` replaces its own."""
+    if number >= PLANAR:
+        return _in_plane(number, law)
     rng = np.random.default_rng((12, number))
 
     def between(low: float, high: float) -> float:
@@ -119,6 +127,62 @@ def mechanism_task(number: int, law: str = "") -> str:
     )
 
 
+def _in_plane(number: int, law: str) -> str:
+    """A task of an arm that moves in the world's xy plane, and holds something there."""
+    rng = np.random.default_rng((13, number))
+
+    def between(low: float, high: float) -> float:
+        return float(rng.uniform(low, high))
+
+    def spread(low: float, high: float) -> float:
+        return float(np.exp(between(np.log(low), np.log(high))))
+
+    law, (arm, kind) = law or LAWS[number % len(LAWS)], _plane_case(number)
+    rate, frame = int(rng.choice(RATES)), str(rng.choice(("obj.handle", "obj")))
+    x, y, fixed = between(300, 480), between(-150, 250), arm == "planar3"
+    if kind == "slide":
+        knob = str(rng.choice(("fixed", "free"))) if fixed else "free"
+        lines = (
+            f"mechanism: slide, xyz: [{x:.0f} mm, {y:.0f} mm, 0], "
+            f"rpy: [0, 90 deg, {between(0, 360):.0f} deg], knob: {knob}, "
+            f"mass: {spread(0.3, 4):.2g} kg, damping: {spread(2, 40):.2g} N*s/m"
+        )
+        # The slide goes along its z, which lies in the plane as its y does.
+        axes = {"z": "{velocity: 30 mm/s}", "y": "{force: 0}"}
+        axes |= {"rx": "{torque: 0}"} if fixed else {}
+    else:
+        radius, about = between(60, 250), np.radians(between(0, 360))
+        knob = "free" if kind == "pivot" else "fixed"
+        hx, hy = radius * np.cos(about), radius * np.sin(about)
+        lines = (
+            f"mechanism: hinge, xyz: [{x - hx:.0f} mm, {y - hy:.0f} mm, 0], "
+            f"handle: [{hx:.0f} mm, {hy:.0f} mm, 0], knob: {knob}, "
+            f"inertia: {spread(0.01, 1):.3g} kg*m^2, damping: {spread(0.05, 1):.2g} N*m*s/rad, "
+            f"friction: {spread(0.02, 0.3):.2g} N*m"
+        )
+        turns = {"hinge": "{follows: obj}", "pivot": "{hold: start}"}[kind]
+        if frame == "obj" and kind == "hinge":
+            axes = {"x": "{force: 0}", "y": "{force: 0}", "rz": "{velocity: 15 deg/s}"}
+        else:
+            frame = "obj.handle"
+            axes = {"x": "{force: 0}", "y": "{velocity: 40 mm/s}"}
+            axes |= {"rz": turns} if fixed else {}
+    sensor = f", sensor: {{delay: {between(0.5, 4):.1f} ms}}" if rng.random() < 0.3 else ""
+    return (
+        f"taskspec: 1\nname: mechanism-{number}\n"
+        f"robot: {{model: {arm}, grasp: obj.handle{sensor}}}\n"
+        f"world: {{obj: {{{lines}}}}}\nframe: {frame}\nlaw: {law}\ncontrol: {{rate: {rate} Hz}}\n"
+        f"stages:\n  go:\n    axes: {{{', '.join(f'{a}: {v}' for a, v in axes.items())}}}\n"
+        "    time: 1 s\n"
+    )
+
+
+def _plane_case(number: int) -> tuple[str, str]:
+    """Arm and mechanism of a task in a plane."""
+    cases = [(arm, kind) for arm in PLANE_ARMS for kind in PLANE_MECHANISMS[arm]]
+    return cases[(number // len(LAWS)) % len(cases)]
+
+
 def worst(number: int, law: str = "") -> float | None:
     """Growth of what grows most in a task's loop, or 0 [1/s]; None where the arm cannot hold it."""
     try:
@@ -147,7 +211,7 @@ class Looked:
     growth: float
 
 
-def campaign(numbers: range, law: str) -> Iterator[Looked]:
+def campaign(numbers: Iterable[int], law: str) -> Iterator[Looked]:
     """All tasks that the arm can hold."""
     for number in numbers:
         growth = worst(number, law)
@@ -161,6 +225,8 @@ def campaign(numbers: range, law: str) -> Iterator[Looked]:
 
 def kind_of(number: int) -> str:
     """The mechanism of a task."""
+    if number >= PLANAR:
+        return _plane_case(number)[1]
     return MECHANISMS[(number // len(LAWS)) % len(MECHANISMS)]
 
 
@@ -170,7 +236,8 @@ PAGE = """\
 Where an arm holds a mechanism, and the file states no gains, they are designed
 ([laws](laws/README.md)). `make designs` closes the sampled loop of random tasks with every
 mechanism, arm, law and rate, and looks for a mode that grows. A *knob* is a hinge that is turned
-about itself, a *pivot* a hinge with a free knob, a *thread* a screw with a lever. Handles, axes,
+about itself, a *pivot* a hinge with a free knob, a *thread* a screw with a lever; arms that move
+in a plane hold what moves there. Handles, axes,
 masses, friction, the arm's start, late and filtered sensors are drawn anew for each; a task that
 the arm cannot hold where it begins is left out. A cell is how many are unstable, of how many.
 """
@@ -183,8 +250,10 @@ def page(looked: Sequence[Looked]) -> str:
     head = ["mechanism", "arm", *(f"{rate} Hz" for rate in RATES)]
     lines += ["| " + " | ".join(head) + " |", "| " + " | ".join(["---"] * len(head)) + " |"]
     for kind in MECHANISMS:
-        for arm in ARMS:
+        for arm in (*ARMS, *PLANE_ARMS):
             here = [each for each in looked if (each.kind, each.arm) == (kind, arm)]
+            if not here:
+                continue
             cells = [_count([each for each in here if each.rate == rate]) for rate in RATES]
             lines.append(f"| {kind} | {arm} | " + " | ".join(cells) + " |")
     lines += ["", "| law | tasks |", "| --- | --- |"]
@@ -204,7 +273,9 @@ def main() -> int:
     parser.add_argument("--law", default="", help="in place of each task's own")
     parser.add_argument("--page", type=Path, help="where the table is written")
     arguments = parser.parse_args()
-    numbers = range(arguments.first, arguments.first + arguments.tasks)
+    first = PLANAR + arguments.first // 3
+    numbers = [*range(arguments.first, arguments.first + arguments.tasks)]
+    numbers += range(first, first + arguments.tasks // 3)
     looked: list[Looked] = []
     for each in campaign(numbers, arguments.law):
         looked.append(each)

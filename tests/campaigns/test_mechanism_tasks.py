@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from mechanism_tasks import LAWS, MECHANISMS, RATES, mechanism_task, worst
+from mechanism_tasks import LAWS, MECHANISMS, PLANAR, RATES, mechanism_task, worst
 
 #: What was hardest: hinges seen from their axis, screws held by a fixed knob, 250 Hz, late sensors.
 HARD = {
@@ -22,9 +22,22 @@ def test_the_tasks_have_every_mechanism_law_and_rate() -> None:
     words = [f"law: {law}\n" for law in LAWS] + [f"rate: {rate} Hz" for rate in RATES]
     words += ["hinge", "slide", "screw", "knob: free", "point: origin", "panda", "ur5e", "delay"]
     assert [word for word in words if word not in tasks] == []
+    plane = "\n".join(mechanism_task(PLANAR + number) for number in range(5 * len(LAWS)))
+    words = [f"law: {law}\n" for law in LAWS] + [
+        "model: planar2",
+        "model: planar3",
+        "mechanism: slide",
+    ]
+    assert [word for word in (*words, "knob: fixed", "knob: free") if word not in plane] == []
     assert mechanism_task(3) == mechanism_task(3) != mechanism_task(3 + len(LAWS))
 
 
 @pytest.mark.parametrize(("law", "number"), [(law, n) for law, ns in HARD.items() for n in ns])
 def test_designed_gains_are_stable_where_rules_alone_were_not(law: str, number: int) -> None:
     assert worst(number, law) == 0
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_designed_gains_in_a_plane_are_stable(law: str) -> None:
+    numbers = range(PLANAR + LAWS.index(law), PLANAR + 5 * len(LAWS), len(LAWS))
+    assert {worst(number) for number in numbers} == {0}
