@@ -33,7 +33,7 @@ Vector = NDArray[np.float64]
 #: Squared joint torques, velocities and positions of a sane run stay far below this.
 _HEALTHY = 1e12
 #: A task that nothing bounds is not rehearsed any longer [ticks].
-_MOST_TICKS = 14000
+_MOST_TICKS = 24000
 #: Rows for which there is room at first.
 _AT_FIRST = 2048
 
@@ -44,7 +44,8 @@ class Rehearsal:
 
     Attributes:
         status: `done`, `failed`, `stopped`, or `open` where it was broken off.
-        reason: the limit or the guard that ended it.
+        reason: the limit or the guard that ended it, or `attempts`.
+        cause: the limit or the guard that asked for one attempt too many, else the same.
         text: the same as a sentence.
         stage: in which it ended.
         names: of the stages.
@@ -60,11 +61,11 @@ class Rehearsal:
         bodies: (k, 7 bodies) of each loose body position [m] and quaternion (w x y z), world.
         effort: (k,) what the robot applies to that [N m, N].
         reactions: (k, equations) what it applies along each equation [N, N m].
-        strays: whether a stage failed, and another than the next one followed.
     """
 
     status: str
     reason: str
+    cause: str
     text: str
     stage: str
     names: tuple[str, ...]
@@ -79,7 +80,6 @@ class Rehearsal:
     bodies: Vector
     effort: Vector
     reactions: Vector
-    strays: bool
 
     def field(self, name: str) -> Vector:
         """(k, length) an output, by its name."""
@@ -90,22 +90,12 @@ class Rehearsal:
         return np.asarray(self.index == self.names.index(stage))
 
 
-def rehearsal_of(task: TaskPlan, last: str) -> Rehearsal | None:
-    """A task run ahead; None where it cannot be.
-
-    Args:
-        task: the plan.
-        last: stage with which it ends; empty for none at all.
-    """
-    if not last:
-        return None
+def rehearsal_of(task: TaskPlan) -> Rehearsal | None:
+    """A task run ahead to its end; None where it cannot be."""
     try:
-        found = rehearse(Program(task, compiled(task, last)))
-        if found.status == "done" and found.strays and last != [*task.stages][-1]:
-            found = rehearse(Program(task, compiled(task)))
+        return rehearse(Program(task, compiled(task)))
     except (UnknownSignalError, SpecError, RobotError):
         return None
-    return found
 
 
 def rehearse(program: Program) -> Rehearsal:
@@ -132,7 +122,7 @@ def rehearse(program: Program) -> Rehearsal:
         measured.append((machine.reactions, plant.reactions))
     if sensor is None:
         measured.append((machine.wrench, plant.wrench))
-    status, reason, text, clock, ticks = "open", "", "", 0.0, 0
+    status, reason, cause, text, clock, ticks = "open", "", "", "", 0.0, 0
     health = slices(fields(equations))["health"].start
 
     def sense() -> None:
@@ -151,10 +141,7 @@ def rehearse(program: Program) -> Rehearsal:
             break
         over = bool(event) and bool(machine.ended)
         if over:
-            last = machine.transitions[-1]
-            status = "done" if machine.ended == END else "failed"
-            status = "stopped" if last.kind == events.LIMIT else status
-            reason, text = last.name, last.text
+            status, reason, cause, text = _ending(machine, program.stages, int(event))
             if status != "stopped":
                 break
         plant.step(clock)
@@ -163,7 +150,21 @@ def rehearse(program: Program) -> Rehearsal:
             break
         ticks += 1
         clock = ticks * machine.period
-    return kept.made(status, reason, text, program.stages)
+    return kept.made(status, reason, cause or reason, text, program.stages)
+
+
+def _ending(
+    machine: Machine, stages: Sequence[CompiledStage], event: int
+) -> tuple[str, str, str, str]:
+    """Status, reason, cause and text of a run that has ended, see `Rehearsal`."""
+    last = machine.transitions[-1]
+    status = "done" if machine.ended == END else "failed"
+    if last.kind == events.LIMIT:
+        status = "stopped"
+    cause = last.name
+    if cause == events.ATTEMPTS:
+        cause = stages[machine.index].events[event - 1].name
+    return status, last.name, cause, last.text
 
 
 class _Kept:
@@ -189,20 +190,20 @@ class _Kept:
         self._count = i + 1
 
     def made(
-        self, status: str, reason: str, text: str, stages: Sequence[CompiledStage]
+        self, status: str, reason: str, cause: str, text: str, stages: Sequence[CompiledStage]
     ) -> Rehearsal:
         """All of them."""
         machine, n = self._machine, self._count
         stage = machine.transitions[-1].stage if machine.ended else machine.stage.name
-        strays = any(not each.good for each in machine.transitions)
         numbers, plant = (rows[:n] for rows in self._rows)
         outputs, v, torque = _split(numbers, (machine.outputs, machine.v, machine.torque))
         wrench, mechanisms, effort, reactions, bodies = _split(plant, self._plant.parts)
         names = tuple(each.name for each in stages)
         resolutions = tuple(each.resolution for each in stages)
         return Rehearsal(
-            status, reason, text, stage, names, resolutions, self._index[:n], self._times[:n],
-            outputs, v, torque, wrench, mechanisms, poses(bodies), effort[:, 0], reactions, strays,
+            status, reason, cause, text, stage, names, resolutions,
+            self._index[:n], self._times[:n], outputs, v, torque,
+            wrench, mechanisms, poses(bodies), effort[:, 0], reactions,
         )  # fmt: skip
 
 

@@ -1,4 +1,4 @@
-"""Which stages are worth being run ahead: where other predictions leave a doubt.
+"""Which tasks are worth being run ahead: where other predictions leave a doubt.
 
 A look at a stage by itself is certain where its guard comes early, its limits are far away and a
 force loop brings its forces to their set points in time. It is not where a mechanism leads the
@@ -8,7 +8,7 @@ arm, where a spring stands for a force loop, or where a bound is near to what is
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
@@ -21,7 +21,7 @@ from taskspec.laws.gains import on_axis
 from taskspec.motion.blend import BLEND_TIME
 from taskspec.program.flow import followers, leading_to
 from taskspec.program.interval import ANY, Interval, IntervalAlgebra, point
-from taskspec.program.passage import End
+from taskspec.program.passage import End, Passage
 from taskspec.program.plan import StagePlan, TaskPlan
 from taskspec.program.reference.axis_plan import AxisPlan
 from taskspec.shapes import BoundedSurface
@@ -53,24 +53,15 @@ _DEEP = 0.6
 _LIGHT = 0.5
 #: A joint is near to its limit [rad, m].
 _ROOM = 0.15
+#: Of the instants of a path of joints, at which places is looked whether the tool is in something.
+_EVERY = 4
 
 
-def last_doubt(task: TaskPlan, others: Collection[str] = ()) -> str:
-    """The last stage whose end is in doubt; empty where none is.
-
-    Stages that come back to one in doubt are run ahead with it: its next visit begins elsewhere.
-
-    Args:
-        task: the plan.
-        others: stages that are in doubt for reasons of the caller's.
-    """
-    spec, doubted, found = task.context.loaded.task, set(others), ""
+def doubted(task: TaskPlan) -> Iterator[str]:
+    """The stages of a task whose end is in doubt, by their names, in the order of the file."""
     for name, stage in task.framed.items():
         if any(doubt(task, stage) for doubt in _DOUBTS):
-            doubted.add(name)
-        if doubted & {name, *followers(spec, name)}:
-            found = name
-    return found
+            yield name
 
 
 def _protected(task: TaskPlan, stage: StagePlan) -> bool:  # noqa: ARG001
@@ -114,6 +105,7 @@ def _holds(task: TaskPlan, stage: StagePlan) -> bool:
         or _leaves_off(task, stage) > _FORCE * _most_force(task, stage)
         or (declared.knob == "free" and (until is not None or _goes_before(task, stage)))
         or (most is not None and most < _LITTLE)
+        or _drags(stage) > _FORCE * _most_force(task, stage)
         or _sets_off_with(stage, declared) > _FORCE * _most_force(task, stage)
     )
 
@@ -149,6 +141,19 @@ def _leaves_off(task: TaskPlan, stage: StagePlan) -> float:
     law = stage.law.control_law
     damps = [law.loop_damping(on_axis(stage.gains, axis)) for axis in stage.translations]
     return max(speeds, default=0.0) * max(damps, default=0.0)
+
+
+def _drags(stage: StagePlan) -> float:
+    """What dampers of force loops bear at the speed of a mechanism that takes the tool along [N].
+
+    Without an integral a loop rests where d v = (1 + K) f.
+    """
+    model, law, most = stage.context.mechanisms[stage.context.held], stage.law.control_law, 0.0
+    for gains in (on_axis(stage.gains, axis) for axis in stage.forces):
+        if not gains.get("force.integral"):
+            share = 1.0 + gains.get("force.proportional", 0.0)
+            most = max(most, law.loop_damping(gains) / share)
+    return most * _handle_speed(stage, model.radius if model.swings else 1.0)
 
 
 def _late(stage: StagePlan) -> bool:
@@ -261,9 +266,8 @@ def _goes(stage: StagePlan) -> float:
 
 def _acts(stage: StagePlan) -> bool:
     """Whether a stage moves or presses; one that does neither waits for what is not its own."""
-    moves = any(plan.motion and plan.mode.moves for plan in stage.plans.values())
     forces = any(entry.has_force for entry in stage.spec.axes.values())
-    return moves or forces or bool(stage.spec.constraints) or stage.spec.path is not None
+    return _moves(stage) or forces or bool(stage.spec.constraints)
 
 
 def _settles_there(stage: StagePlan, guard: Node) -> bool:
@@ -396,7 +400,7 @@ def _blow(stage: StagePlan) -> float:
 
 def _speed(task: TaskPlan, stage: StagePlan) -> bool:
     """A limit on speed, or of a joint, that the way comes near to; a way that is not known."""
-    passage, most, robot = stage.nominal.passage, stage.limits.speed, stage.context.robot
+    passage, most, robot = _passage(stage), stage.limits.speed, stage.context.robot
     speed = max(float(np.linalg.norm(rates_of(stage))), _reached(stage))
     released = _released(task, stage)
     if passage is not None:
@@ -411,6 +415,46 @@ def _speed(task: TaskPlan, stage: StagePlan) -> bool:
     if passage is None and any(_lasts(stage, plan) > _LONG for plan in stage.plans.values()):
         return True
     return most is not None and speed + released > _SPEED * most
+
+
+def _passage(stage: StagePlan) -> Passage | None:
+    """What the arm goes through in a stage; about so where a path of joints starts anywhere."""
+    nominal = stage.nominal
+    return nominal.about if nominal.passage is None else nominal.passage
+
+
+def _leads_in(task: TaskPlan, stage: StagePlan) -> bool:
+    """What gives way to nothing leads the tool into something, or off an equation that holds it.
+
+    A path of joints does; so do the motion axes of a law without multipliers where an equation
+    pulls the tool back.
+    """
+    context, joints = task.context, stage.joint_path is not None
+    if joints or (_moves(stage) and not stage.law.control_law.multipliers):
+        models = (model for model in context.equations.values() if not model.joints)
+        if any(joints or model.constraint.relation == "=" for model in models):
+            return True
+    passage = _passage(stage)
+    return (
+        joints
+        and passage is not None
+        and any(
+            context.obstacles.gap(name, place.p, place.R) < 0
+            for name in context.surfaces
+            for place in passage.instants[::_EVERY]
+        )
+    )
+
+
+def _lags(task: TaskPlan, stage: StagePlan) -> bool:  # noqa: ARG001
+    """A limit on deviation: friction holds back what a law takes along, and blows throw it off."""
+    return stage.limits.deviation is not None and _moves(stage)
+
+
+def _moves(stage: StagePlan) -> bool:
+    """Whether a stage moves the tool along axes, or along a path of them."""
+    moves = any(plan.motion and plan.mode.moves for plan in stage.plans.values())
+    return moves or stage.path is not None
 
 
 def _reached(stage: StagePlan) -> float:
@@ -540,6 +584,8 @@ _DOUBTS: tuple[Callable[[TaskPlan, StagePlan], bool], ...] = (
     _again,
     _force,
     _speed,
+    _lags,
+    _leads_in,
     _expected,
     _deep,
     _light,

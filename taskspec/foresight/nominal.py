@@ -112,6 +112,7 @@ class NominalWalk:
         start = self._p if self._known else None
         q = arm.q if arm.known else self._joints(self._p, self._R)[0]
         passage = None if q is None else joint_passage(stage, q)
+        about = joint_passage(stage, arm.q) if passage is None else None
         path = stage.joint_path
         assert path is not None
         arrives = stage.spec.until is None and (passage is None or passage.end is End.DONE)
@@ -123,7 +124,7 @@ class NominalWalk:
             self._at = (self._p, self._R)
             arm.p, arm.R, arm.q = self._p, self._R, self._q
         begins = Place("where it begins", rotation, None)
-        return Nominal(rotation, gap, start, None, None, (begins,), passage=passage)
+        return Nominal(rotation, gap, start, None, None, (begins,), passage=passage, about=about)
 
     def _passage(self, stage: StagePlan, rotation: Vector) -> Passage | None:
         """What the arm goes through in a stage."""

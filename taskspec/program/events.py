@@ -12,6 +12,8 @@ from taskspec.deferred_methods import dataclass
 #: `until`, `within`.
 LIMIT, REACTION = "limit", "reaction"
 FAIL_IF, UNTIL, WITHIN, DONE = "fail_if", "until", "within", "done"
+#: Name of an event that leads to a stage which has been entered as often as it may be.
+ATTEMPTS = "attempts"
 _ORDER = (LIMIT, REACTION, FAIL_IF, UNTIL, WITHIN, DONE)
 
 

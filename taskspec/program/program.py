@@ -24,24 +24,16 @@ from taskspec.text.diagnostic import Diagnostic, Severity
 _OF_OTHER_WORLDS = ("TS503",)
 
 
-def compiled(task: TaskPlan, last: str = "") -> tuple[CompiledStage, ...]:
+def compiled(task: TaskPlan) -> tuple[CompiledStage, ...]:
     """The stages of a task, each compiled once for all who run it.
-
-    Args:
-        task: the plan.
-        last: the last one that is wanted; empty for all.
 
     Raises:
         UnknownSignalError: a stage cannot evaluate a signal.
     """
-    found = []
     for name in task.stages:
         if name not in task.compiled:
             task.compiled[name] = compile_stage(task.follow(name))
-        found.append(task.compiled[name])
-        if name == last:
-            break
-    return tuple(found)
+    return tuple(task.compiled[name] for name in task.stages)
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +42,7 @@ class Program:
 
     Attributes:
         plan: of the task.
-        stages: compiled, in the order of the file, from the first on; all of them for a run.
+        stages: compiled, in the order of the file.
         findings: all that was found about the task, errors that were lifted by force included.
     """
 
@@ -101,7 +93,6 @@ class Program:
             estimates(context.frames, context.period),
             terms,
             own,
-            tuple(task.stages),
         )
 
 

@@ -116,6 +116,8 @@ class Nominal:
         carried: rates of the reference that is handed over, in its frame's axes [m/s, rad/s].
         passage: what the arm goes through; None where that is unknown.
         unbraked: the course of the same stage from rest, with nothing that is carried to be braked.
+        about: of a path of joints that begins where nobody knows, the passage from where the arm is
+            last known to be; None of others.
     """
 
     rotation: Vector
@@ -127,6 +129,7 @@ class Nominal:
     carried: Mapping[Axis, float] = field(default_factory=dict)
     passage: Passage | None = None
     unbraked: Course | None = None
+    about: Passage | None = None
 
     def way(self) -> list[tuple[float, Vector]]:
         """Times [s] and places of the tip (3,) on the planned way."""

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from taskspec.analysis.force_course import ForceCourse, force_courses
 from taskspec.foresight.approach import approach, rates_of, striking_mass
 from taskspec.foresight.conditions import names, parts
+from taskspec.foresight.force_profile import force_profiles
 from taskspec.foresight.ranges import constant
 from taskspec.geometry.axis import Axis, as_axis
 from taskspec.program.axes import MOSTLY
@@ -44,19 +45,29 @@ _OVERSHOOT = 2.0
 @rule("TS726", "an expectation that a force misses on its way", phase=Phase.STABILITY)
 def slow_forces(task: TaskPlan) -> Iterator[Finding]:
     """Expectations of forces that their loops do not bring there in time, or bring beyond."""
-    for looks in _looks(task):
-        if all(look.misses for look in looks):
-            yield looks[0].finding()
+    for _, _, looks in _looks(task):
+        if all(look is not None and look.misses for look in looks):
+            yield from (look.finding() for look in looks[:1] if look is not None)
 
 
 def close_calls(task: TaskPlan) -> set[str]:
-    """Stages whose forces are foreseen to miss or meet an expectation by too little to be told."""
-    looks = [look for each in _looks(task) for look in each]
-    return {look.stage for look in looks if look.is_close}
+    """Stages whose forces are foreseen to miss or meet an expectation by too little to be told.
+
+    So are those whose set point changes, and of whose force no course can be foreseen.
+    """
+    found = set()
+    for name, axis, looks in _looks(task):
+        changes = any(profile.axis is axis for profile in force_profiles(task.stages[name]))
+        if any(changes if look is None else look.is_close for look in looks):
+            found.add(name)
+    return found
 
 
-def _looks(task: TaskPlan) -> Iterator[list[_Look]]:
-    """Each condition on a force, over all courses of it that can be foreseen."""
+def _looks(task: TaskPlan) -> Iterator[tuple[str, Axis, list[_Look | None]]]:
+    """Each condition on the force of a stage's axis, over the courses of it.
+
+    None stands for a course that cannot be foreseen.
+    """
     ways = force_courses(task)
     for expectation in task.context.loaded.task.expect:
         expression = expectation.expression
@@ -64,10 +75,16 @@ def _looks(task: TaskPlan) -> Iterator[list[_Look]]:
             signal = _force_of(task, condition)
             if signal is None:
                 continue
-            courses = [way.of(signal[0], Axis(signal[2])) for way in ways]
-            looks = [_Look(task, expression, condition, signal, c) for c in courses if c]
-            if len(looks) == len(courses):
-                yield looks
+            name, axis = signal[0], Axis(signal[2])
+            courses = [way.of(name, axis) for way in ways]
+            yield (
+                name,
+                axis,
+                [
+                    _Look(task, expression, condition, signal, course) if course else None
+                    for course in courses
+                ],
+            )
 
 
 @rule({}, also=("TS611",), phase=Phase.STABILITY)

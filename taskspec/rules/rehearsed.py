@@ -23,7 +23,7 @@ from taskspec.analysis.rehearsal import Rehearsal, rehearsal_of
 from taskspec.analysis.rehearsed_signals import RehearsedSignals
 from taskspec.analysis.saturation import LASTS, torque_share, velocity_share
 from taskspec.foresight.conditions import names, parts
-from taskspec.foresight.doubts import last_doubt
+from taskspec.foresight.doubts import doubted
 from taskspec.geometry.axis import ROTATIONS, TRANSLATIONS
 from taskspec.program.plan import StagePlan, TaskPlan
 from taskspec.program.stages.protected import PROTECTION, about_force
@@ -41,46 +41,49 @@ from taskspec.text.units import FORCE, MOMENT, VELOCITY, Dimension, show
 Vector = NDArray[np.float64]
 
 _SERIES = SeriesAlgebra()
+#: The part of a stage that one has which is left out.
+_VISITS = "visits"
 #: The plain plant's forces are those of the simulator to within this share, 0.4 % at their blows:
 #: what comes so close to a bound may come beyond it.
 _CLOSE = 0.01
 #: Noise of a sensor passes so many of its deviations now and then in a stage.
 _NOISE = 3.5
-#: Codes that stand for how a run is stopped or fails, by its reason.
-_STOPS = {
-    "force": "TS616",
-    "torque": "TS616",
-    "speed": "TS420",
-    "joint_velocity": "TS424",
-    "joint_position": "TS424",
-    "frame_left": "TS425",
+#: Codes that stand for what stops a run or fails, and what helps.
+_ENDS = {
+    "force": ("TS616", "move or approach more slowly, or raise the limit"),
+    "torque": ("TS616", "move or approach more slowly, or raise the limit"),
+    "speed": ("TS420", "move or approach more slowly, or raise the limit"),
+    "deviation": ("TS420", "move more slowly, hold its axes more stiffly, or raise the limit"),
+    "joint_velocity": ("TS424", "move more slowly, or start in another posture"),
+    "joint_position": ("TS424", "shorten the way, or start in another posture"),
+    "singularity": ("TS422", "keep the arm bent: shorten the way, or start elsewhere"),
+    "frame_left": ("TS425", "shorten the way, or end the stage before"),
+    "time": ("TS611", "give it more time or way, or let the guard wait for less"),
+    "travel": ("TS617", "give it more time or way, or let the guard wait for less"),
+    "fail_if": ("TS618", "let it begin beyond what the stage comes to, or press less"),
 }
-_FAILS = {"time": "TS611", "travel": "TS617", "fail_if": "TS618"}
+#: What helps where a path of joints presses on something: it does so at any speed.
+_ROUND = "lead the joints clear of what the tool presses on, or raise the limit"
 #: Codes about what a grip bears.
 _OF_GRIPS = {"TS322", "TS328", "TS329", "TS420", "TS610", "TS616"}
-#: Codes that leave open how a run ends: in it only the tool's end touches, and a blow may be less.
-_OPEN = {"TS428", "TS616"}
+#: Codes that leave open how a run ends. Some say what it will be like, or that it misses what is
+#: expected; in it only the tool's end touches (TS428), and a blow may be less than told (TS616).
+_OPEN = {
+    *("TS426", "TS428", "TS430", "TS431", "TS613", "TS614", "TS616", "TS619"),
+    *("TS720", "TS722", "TS723", "TS724", "TS725", "TS726", "TS727"),
+}
 #: Nothing is added where one of these is reported at the same place.
 _UNLESS = (
-    "TS420",
-    "TS424",
-    "TS425",
-    "TS443",
-    "TS444",
-    "TS501",
-    "TS610",
-    "TS611",
-    "TS616",
-    "TS617",
-    "TS618",
-    "TS726",
+    *("TS420", "TS422", "TS424", "TS425", "TS443", "TS444", "TS501"),
+    *("TS610", "TS611", "TS613", "TS614", "TS616", "TS617", "TS618", "TS619"),
+    *("TS720", "TS722", "TS723", "TS724", "TS725", "TS726", "TS727"),
 )
 
 
 @rule(
     {"TS445": "a torque that changes faster than the robot's protection lets it"},
     also=(
-        *("TS420", "TS424", "TS425", "TS426", "TS443", "TS444", "TS502"),
+        *("TS420", "TS422", "TS424", "TS425", "TS426", "TS443", "TS444", "TS502"),
         *("TS611", "TS616", "TS617", "TS618", "TS726"),
     ),
     phase=Phase.REHEARSAL,
@@ -90,51 +93,52 @@ def rehearsed_ends(task: TaskPlan) -> Iterator[Finding]:
     # What is reported already is not looked for again; of a mechanism reports may be amiss.
     if task.reported - _OPEN and (not task.context.held or task.reported & _OF_GRIPS):
         return
-    run = rehearsal_of(task, last_doubt(task, close_calls(task)))
-    if run is None or run.status == "open":
+    doubt = any(doubted(task)) or bool(close_calls(task))
+    run = rehearsal_of(task) if doubt else None
+    if run is None:
         return
-    if run.status != "done":
+    if run.status in ("stopped", "failed"):
         yield from (each for each in _ended(task, run) if each.code not in task.reported)
         return
     yield from fast_torques(task, run)
     close = list(_close_limits(task, run))
     yield from close[:1]
-    for name in run.names:
+    # The stage in which a run is broken off is not over.
+    over = [name for name in run.names if run.status == "done" or name != run.stage]
+    for name in over:
         yield from _unrest(task, run, name)
     for expectation in task.context.loaded.task.expect:
         expression = expectation.expression
         for condition in parts(expression.tree):
             if _misses(task, run, condition):
-                yield _missed(expression, condition)
+                yield _missed(run, expression, condition)
 
 
 def _ended(task: TaskPlan, run: Rehearsal) -> Iterator[Finding]:
     """How a run does not come to its end."""
-    stage, time = task.stages[run.stage], show(float(run.times[-1]), "s", 3)
-    ahead = f"run ahead, stage {run.stage!r}"
-    if run.status == "stopped" and (run.reason in _STOPS or run.reason == PROTECTION):
-        beyond = "TS444" if about_force(run.text) else "TS443"
-        yield warning(
-            _STOPS.get(run.reason, beyond),
-            f"{ahead} stops the run at t = {time}: {run.text}{_peak(run)}",
-            _place(stage),
-            "move or approach more slowly, or raise the limit",
-            unless=_UNLESS,
-        )
-    elif run.status == "failed" and run.reason in _FAILS:
-        bound = run.reason in ("time", "travel")
-        place: KeyPath = FILE.stages[run.stage].fail_if
-        if bound:
-            place = FILE.stages[run.stage].within[run.reason]
-        yield warning(
-            _FAILS[run.reason],
-            f"{ahead} fails at t = {time}: {run.text}{_peak(run)}",
-            place,
-            "give it more time or way, or let the guard wait for less"
-            if bound
-            else "let it begin beyond what the stage comes to, or press less",
-            unless=_UNLESS,
-        )
+    stage, time, cause = task.stages[run.stage], show(float(run.times[-1]), "s", 3), run.cause
+    if cause == PROTECTION:
+        code = "TS444" if about_force(run.text) else "TS443"
+        hint = "move or approach more slowly"
+    elif cause in _ENDS:
+        code, hint = _ENDS[cause]
+    else:
+        return
+    if cause == "force" and stage.joint_path is not None:
+        hint = _ROUND
+    own, place = FILE.stages[run.stage], _place(stage)
+    if cause in ("time", "travel"):
+        place = own.within[cause]
+    elif cause == "fail_if":
+        place = own.fail_if
+    yield warning(
+        code,
+        f"run ahead, stage {run.stage!r} {'stops the run' if run.status == 'stopped' else 'fails'} "
+        f"at t = {time}: {run.text}{_peak(run)}",
+        place,
+        hint,
+        unless=_UNLESS,
+    )
 
 
 def _place(stage: StagePlan) -> KeyPath:
@@ -142,12 +146,14 @@ def _place(stage: StagePlan) -> KeyPath:
 
 
 def _peak(run: Rehearsal) -> str:
-    """The largest force of the last stage, as the end of a sentence."""
+    """The largest speed or force of the last stage, as the end of a sentence."""
     mine = run.ticks(run.stage)
     if not mine.any():
         return ""
+    if run.cause == "speed":
+        return f" (it comes to {show(float(run.field('speed')[mine].max()), 'mm/s', 4)})"
     most = float(np.linalg.norm(run.wrench[mine, :3], axis=1).max())
-    return f" (its force comes to {show(most, 'N', 3)})" if math.isfinite(most) else ""
+    return f" (its force comes to {show(most, 'N', 3)})" if 0 < most < math.inf else ""
 
 
 def _close_limits(task: TaskPlan, run: Rehearsal) -> Iterator[Finding]:
@@ -160,7 +166,7 @@ def _close_limits(task: TaskPlan, run: Rehearsal) -> Iterator[Finding]:
             continue
         force = float(np.linalg.norm(run.wrench[mine, :3], axis=1).max())
         speed = float(run.field("speed")[mine].max())
-        most = stage.limits.force
+        most = _stops_at(stage, "force")
         if most is not None and (1 + _CLOSE) * force + least > most:
             yield warning(
                 "TS616",
@@ -170,7 +176,7 @@ def _close_limits(task: TaskPlan, run: Rehearsal) -> Iterator[Finding]:
                 "move or approach more slowly, or raise the limit",
                 unless=_UNLESS,
             )
-        most = stage.limits.speed
+        most = _stops_at(stage, "speed")
         if most is not None and (1 + _CLOSE) * speed > most:
             yield warning(
                 "TS426",
@@ -180,6 +186,12 @@ def _close_limits(task: TaskPlan, run: Rehearsal) -> Iterator[Finding]:
                 "move more slowly, or raise the limit",
                 unless=_UNLESS,
             )
+
+
+def _stops_at(stage: StagePlan, limit: str) -> float | None:
+    """A limit that stops the run, as one does in the stage to which it leads."""
+    leads = stage.limits.then(limit) not in ("", stage.name)
+    return None if leads else getattr(stage.limits, limit)
 
 
 def _unrest(task: TaskPlan, run: Rehearsal, name: str) -> Iterator[Finding]:
@@ -262,8 +274,11 @@ def _watched(
 
 def _misses(task: TaskPlan, run: Rehearsal, condition: Node) -> bool:
     """Whether a condition is broken, also where forces miss their set points by a little more."""
-    if any(n.path[0] in run.names and not run.ticks(n.path[0]).any() for n in names(condition)):
-        return run.strays
+    about = {n.path[0] for n in names(condition) if n.path[-1] != _VISITS} & {*run.names}
+    if run.status == "open" and (run.stage in about or not about):
+        return False
+    if not all(run.ticks(name).any() for name in about):
+        return run.status == "done"  # What is expected of a stage that is left out is missed.
     for share in (0.0, _CLOSE):
         signals = RehearsedSignals(task.context, run, share)
         worth = evaluate(condition, _SERIES, signals.find)
@@ -272,11 +287,12 @@ def _misses(task: TaskPlan, run: Rehearsal, condition: Node) -> bool:
     return False
 
 
-def _missed(expression: Expression, condition: Node) -> Finding:
+def _missed(run: Rehearsal, expression: Expression, condition: Node) -> Finding:
+    ends = "comes to its end and " if run.status == "done" else ""
     return warning(
         "TS726",
-        "run ahead, the task comes to its end and misses this",
+        f"run ahead, the task {ends}misses this",
         expression.where(condition),
         "give the stage more time, change what moves it, or expect what it comes to",
-        unless=("TS726", "TS720", "TS722", "TS723", "TS501", "TS616"),
+        unless=_UNLESS,
     )

@@ -12,8 +12,8 @@ from taskspec.analysis.rehearsal import Rehearsal, rehearse
 from taskspec.analysis.rehearsed_signals import RehearsedSignals
 from taskspec.compiler import admit
 from taskspec.examination import examine
-from taskspec.foresight.doubts import last_doubt
-from taskspec.program.program import Program, compiled
+from taskspec.foresight.doubts import doubted
+from taskspec.program.program import Program
 from taskspec.rules.foreseen_forces import close_calls
 from taskspec.spec import load_text
 from taskspec.text.expression.tree import Name
@@ -314,14 +314,7 @@ def test_room_that_noise_takes_is_announced():
 
 def test_a_plain_press_leaves_no_doubt():
     plan = examine(load_text(press(), "t.yaml")).plan
-    assert last_doubt(plan) == ""
-
-
-def test_only_stages_up_to_the_last_doubt_are_run_ahead():
-    plan = program_of(press()).plan
-    ahead = rehearse(Program(plan, compiled(plan, "press")))
-    assert (ahead.status, ahead.names) == ("done", ("approach", "press"))
-    assert not ahead.strays
+    assert not any(doubted(plan))
 
 
 def test_a_stage_that_is_left_out_by_a_failure_misses_what_is_expected_of_it(tmp_path):
@@ -548,13 +541,13 @@ stages:
 )
 def test_a_guard_that_forces_may_miss_is_run_ahead(text, stage, code, reason, tmp_path):
     examined = examine(load_text(text, "t.yaml"))
-    assert last_doubt(examined.plan) == stage
+    assert [*doubted(examined.plan)][-1] == stage
     assert code in [d.code for d in examined.findings]
     assert run_of(text, tmp_path / "run").summary["ending"]["reason"] == reason
 
 
 def test_a_mechanism_with_time_and_way_left_leaves_no_doubt(tmp_path):
-    assert last_doubt(program_of(ALONE).plan) == ""
+    assert not any(doubted(program_of(ALONE).plan))
     assert run_of(ALONE, tmp_path / "run").summary["status"] == "done"
 
 
@@ -585,7 +578,7 @@ AT_LAST = press().replace(
 def test_a_loop_with_given_gains_may_settle_too_late(tmp_path):
     """Nothing but the run ahead knows how long it takes; the stage behind it is left out then."""
     quick, slow = SETTLES.replace("GAINS", ""), SETTLES.replace("GAINS", SLOW)
-    assert last_doubt(program_of(quick).plan) == ""
+    assert not any(doubted(program_of(quick).plan))
     found = examine(load_text(slow, "t.yaml"))
     assert [d.code for d in found.findings] == ["TS726"]
     assert run_of(slow, tmp_path / "slow").summary["exit_code"] == EXIT_MISSED
@@ -594,22 +587,16 @@ def test_a_loop_with_given_gains_may_settle_too_late(tmp_path):
 
 def test_an_expectation_that_is_met_by_little_is_run_ahead():
     """The set point ends at 13.7 N, and the loop is foreseen to be at 14.5 N then."""
-    for most, doubted in ((14.6, "press"), (16, "")):
+    for most, close in ((14.6, {"press"}), (16, set())):
         text = f'{AT_LAST}expect: ["last(abs(press.force.z)) < {most} N"]\n'
         plan = program_of(text).plan
-        assert last_doubt(plan, close_calls(plan)) == doubted
+        assert close_calls(plan) == close
 
 
 def test_what_comes_to_its_stop_is_in_doubt():
     """36 mm are asked for, and the slide has 32."""
-    assert last_doubt(program_of(TURNED).plan) == "go"
-    assert last_doubt(program_of(TURNED.replace("time: 1.3 s", "time: 0.5 s")).plan) == ""
-
-
-def test_a_stage_that_leads_back_to_one_in_doubt_is_run_ahead_with_it():
-    plan = program_of(press().split("stages:")[0] + AGAIN).plan
-    assert last_doubt(plan, {"touch"}) == "back"
-    assert last_doubt(program_of(press()).plan, {"press"}) == "press"
+    assert [*doubted(program_of(TURNED).plan)] == ["go"]
+    assert not any(doubted(program_of(TURNED.replace("time: 1.3 s", "time: 0.5 s")).plan))
 
 
 def test_a_stage_that_goes_back_farther_than_the_first_may_go_is_run_ahead(tmp_path):

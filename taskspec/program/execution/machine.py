@@ -104,14 +104,12 @@ class Machine:
         estimates: Estimates | None = None,
         terms: type[ModelTerms] = CompiledTerms,
         own: OwnSolver = no_own_solver,
-        names: tuple[str, ...] = (),
     ) -> None:
         self.period = period
         self.sensor, self.estimation = sensor, Estimation(sensor, estimates)
         self.q, self.v, self.wrench, self.reactions, self.torque, self.outputs = views
         self.terms = terms(robot, self.q, self.v)
-        self._names = [*names] or [s.name for s in stages]
-        self.now = np.zeros(2 + len(self._names))
+        self.now = np.zeros(2 + len(stages))
         self._inputs = (self.now, self.q, self.v, *self.terms.arrays, self.wrench, self.reactions)
         self.handed = np.zeros(hand_over.SIZE)
         self.applied, self.last = np.zeros((2, len(self.torque)))
@@ -124,7 +122,7 @@ class Machine:
             StageRunner(s, self._inputs, self.handed, self.torque, self.last, self.outputs, own)
             for s in stages
         )
-        self._exits = exits(stages, self._names)
+        self._exits = exits(stages)
         self._attempts = [s.plan.spec.attempts or np.inf for s in stages]
         #: How often the stage has been done in a row, and how often each was come to otherwise.
         self._rounds, self._tries = 0, [0] * len(stages)
@@ -149,7 +147,7 @@ class Machine:
     @property
     def visits(self) -> Mapping[str, int]:
         """How often each stage has been entered."""
-        return {name: int(self.now[2 + i]) for i, name in enumerate(self._names)}
+        return {each.stage.name: int(self.now[2 + i]) for i, each in enumerate(self.runners)}
 
     def start(self) -> None:
         """Enters the first stage from rest at the measured pose."""
@@ -311,7 +309,7 @@ class Machine:
         attempts = self._attempts[index]
         if not again and self._tries[index] >= attempts:
             text = f"{event.text}; stage {to!r} has had its {attempts} attempts"
-            self._end(clock, events.Event(event.kind, "attempts", text), value, FAIL)
+            self._end(clock, events.Event(event.kind, events.ATTEMPTS, text), value, FAIL)
             return None
         before, after = self.runner, self.runners[index]
         if not handed:

@@ -62,25 +62,19 @@ class Exit:
     repeat: int = 1
 
 
-def exits(stages: Sequence[CompiledStage], names: Sequence[str]) -> tuple[tuple[Exit, ...], ...]:
-    """Where each event of each stage leads, in the order of their numbers.
-
-    Args:
-        stages: compiled; one that is not ends the task well.
-        names: of all stages, these first.
-    """
+def exits(stages: Sequence[CompiledStage]) -> tuple[tuple[Exit, ...], ...]:
+    """Where each event of each stage leads, in the order of their numbers."""
+    names = [stage.name for stage in stages]
 
     def leads(stage: CompiledStage, event: Event, following: str) -> Exit:
         to = leads_to(stage.plan.spec, event, following)
         index = None if to in (END, FAIL, "") else names.index(to)
         repeat = stage.plan.spec.repeat if is_good(event) else 1
-        if index is not None and index >= len(stages):
-            return Exit(event, END, None, repeat)
         return Exit(event, to, index, repeat)
 
     return tuple(
         tuple(leads(stage, event, following) for event in stage.events)
-        for stage, following in zip(stages, [*names[1:], END], strict=False)
+        for stage, following in zip(stages, [*names[1:], END], strict=True)
     )
 
 
