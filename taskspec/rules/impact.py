@@ -43,6 +43,8 @@ from taskspec.text.units import inside, show
 _LEAST_SHARE = math.exp(-1.0)
 #: By this share less a reference that goes on may press than its spring says.
 _DOUBT = 0.1
+#: Of the half period of a blow, at how many instants its force is looked at.
+_INSTANTS = 2001
 #: A press is not followed any longer.
 _MOST_STEPS = 5000
 
@@ -79,7 +81,7 @@ def hard_impacts(stage: StagePlan) -> Iterator[Finding]:
     most = max(known)
     softest = min([k, *_stiffnesses(context, contact)])
     least = _LEAST_SHARE * closing * math.sqrt(h * softest)
-    certain = least > most and _seen(most / least, h, k) >= context.period
+    certain = least > most and _lasts(most / least, h, k, b) >= context.period
     stops = certain and stage.law.solve == "closed-form"
     slower = show(inside(closing * most / peak, upper=True, digits=2), "mm/s")
     yield Finding(
@@ -92,12 +94,19 @@ def hard_impacts(stage: StagePlan) -> Iterator[Finding]:
     )
 
 
-def _seen(share: float, h: float, k: float) -> float:
-    """How long [s] a blow of a mass h on a spring k is above a share of its peak.
+def _lasts(share: float, h: float, k: float, b: float) -> float:
+    """How long [s] a blow is above a share of the peak v sqrt(h k) of an undamped one.
 
-    One that is shorter than a tick may pass between two samples of the force.
+    Its mass h is on a spring k and a damper b, h x'' = -f with f = k x + b x' from x' = v on. One
+    that lasts for less than a tick may pass between two samples of the force: undamped it is half
+    a sine, critically damped it falls from twice that peak to two thirds of it in 0.68 sqrt(h/k).
     """
-    return (math.pi - 2 * math.asin(share)) * math.sqrt(h / k)
+    zeta, times = b / (2 * math.sqrt(h * k)), np.linspace(0.0, math.pi, _INSTANTS)
+    # Of a critically damped blow the two roots are one: they are set apart by little.
+    omega = np.emath.sqrt(1.0 - zeta**2 + 1e-12)
+    sines, cosines = np.sin(omega * times) / omega, np.cos(omega * times)
+    force = np.exp(-zeta * times) * (sines + 2 * zeta * (cosines - zeta * sines))
+    return float(np.mean(force.real >= share)) * math.pi * math.sqrt(h / k)
 
 
 def _goes_on(stage: StagePlan, way: Approach) -> Iterator[Finding]:

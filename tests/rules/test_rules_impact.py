@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import math
 import re
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 from taskspec.examination import check_task
+from taskspec.rules.impact import _lasts
 from taskspec.spec import load_text
 from taskspec.text.diagnostic import Severity
 
@@ -65,6 +68,29 @@ def test_a_blow_that_is_shorter_than_a_tick_may_pass_between_two_samples():
         assert stiff in task
         task += f"control: {{rate: {rate}, plant_rate: 16 kHz}}\n"
         assert ("TS616", severity) in [(d.code, str(d.severity)) for d in findings(task)]
+
+
+@pytest.mark.parametrize("share", [0.2, 0.5, 0.8])
+def test_how_long_a_blow_lasts(share):
+    """Half a sine of the undamped one, exp(-t) (2 - t) of the critically damped one."""
+    undamped = math.pi - 2 * math.asin(share)
+    critical = brentq(lambda t: math.exp(-t) * (2 - t) - share, 0, 2)
+    for b, expected in ((0.0, undamped), (2 * math.sqrt(6), critical)):
+        found = _lasts(share, 2.0, 3.0, b)
+        assert found == pytest.approx(expected * math.sqrt(2 / 3), abs=2e-3)
+
+
+def test_a_damped_blow_is_shorter_than_half_a_sine():
+    """3.6 kg on 1000 kN/m: above the limit for 3.7 ms, or for 1.5 ms if damped critically."""
+    firm = "stiffness: 1000 kN/m, damping: {} N*s/m}}"
+    found = []
+    for damping in (30, 3800):
+        task = text(SPEED="-150 mm/s").replace(
+            "stiffness: 200 kN/m, damping: 30 N*s/m}", firm.format(damping)
+        )
+        task += "control: {rate: 500 Hz}\n"
+        found += [str(d.severity) for d in findings(task) if d.code == "TS616"]
+    assert found == ["error", "warning"]
 
 
 def test_the_softest_surface_that_may_be_there_decides_what_is_certain():
