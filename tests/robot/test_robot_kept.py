@@ -251,7 +251,7 @@ def test_a_known_robot_is_validated_without_mujoco(tmp_path):
     task = Path(__file__).parents[2] / "tasks" / "wipe-table.yaml"
     program = (
         "import sys; from taskspec_runner.cli.entry import run\n"
-        f"sys.argv = ['taskspec', 'validate', {str(task)!r}]\n"
+        f"sys.argv = ['taskspec', 'validate', '--no-cache', {str(task)!r}]\n"
         "try: run()\n"
         "except SystemExit: pass\n"
         "print('mujoco' in sys.modules)"

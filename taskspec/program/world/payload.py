@@ -12,10 +12,10 @@ from taskspec.spec import Robot
 
 def modelled_inertia(robot: RobotModel) -> pin.Inertia:
     """What the model of an arm has in the body of its tip, tip frame."""
-    body = robot.model.body(robot.tip_body)
-    axes = pin.Quaternion(*(float(x) for x in body.iquat)).matrix()
-    moments = axes @ np.diag(np.array(body.inertia)) @ axes.T
-    return pin.Inertia(float(body.mass[0]), np.array(body.ipos), moments)
+    body = robot.tool_body
+    axes = pin.Quaternion(*(float(x) for x in body.axes)).matrix()
+    moments = axes @ np.diag(body.moments) @ axes.T
+    return pin.Inertia(body.mass, body.lever, moments)
 
 
 def true_inertia(robot: RobotModel, declared: Robot) -> pin.Inertia:
