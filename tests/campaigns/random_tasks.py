@@ -199,9 +199,14 @@ class Draft:
         scenes = self.scenes()
         self.rates()
         self.qp = self.chance(0.12)
-        self.kind = self.one_of(list(scenes), [share for share, _ in scenes.values()])
+        self.kind = self.scene()
         scenes[self.kind][1]()
         self.about = self.about or self.kind
+
+    def scene(self) -> str:
+        """Draws the kind of the scene."""
+        scenes = self.scenes()
+        return self.one_of(list(scenes), [share for share, _ in scenes.values()])
 
     def written(self) -> str:
         """Returns what was drawn as a file; gains are drawn here."""

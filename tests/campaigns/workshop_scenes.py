@@ -1,7 +1,8 @@
 """Scenes of a workshop for random tasks: insertion, what is pushed, frames that track, reuse.
 
 What `random_tasks.py` draws has none of these: plates with a cut and tools that are put into them,
-shapes on a mechanism, frames that track a force or a motion, and the ways of writing a stage again.
+shapes on a mechanism, frames that track a force or a motion, paths that signals slow, and the ways
+of writing a stage again.
 """
 
 from __future__ import annotations
@@ -28,6 +29,13 @@ _HOMES = {
     "ur5e": (0, -90, 90, -90, -90, -90),
     "panda": (0, -45, 0, -135, 0, 90, 45),
 }
+#: How many files have their scene replaced by one with a feed that the force slows.
+_FEEDS = 0.02
+
+
+def _plain(speed: Value) -> bool:
+    """Whether a speed is a number alone."""
+    return isinstance(speed, str) and speed.endswith(" mm/s")
 
 
 class WorkshopDraft(Draft):
@@ -50,7 +58,13 @@ class WorkshopDraft(Draft):
             "button": (0.03, self._button),
             "track": (0.04, self._track),
             "outline": (0.03, self._outline),
+            "feed": (0.0, self._feed),  # see `scene`
         }
+
+    def scene(self) -> str:
+        # What came later replaces a few scenes, so that all other files stay as they are.
+        drawn = super().scene()
+        return "feed" if np.random.default_rng((*self.campaign, 2)).random() < _FEEDS else drawn
 
     # --- scenes ------------------------------------------------------------------------------
 
@@ -239,6 +253,43 @@ class WorkshopDraft(Draft):
         )
         self.about = "Follow an outline."
 
+    def _feed(self) -> None:
+        """Along a surface against something that gives way as a damper does, as a cut would."""
+        self.mount(("panda", "ur5e"))
+        self.sense()
+        self.choose_law(_YIELDING)
+        self.given = False
+        place, force = self.place(), self.force()
+        contact, gap = self.contact(10, 100), round(self.between(3, 10), 1)
+        self.world["edge"] = {"shape": "plane", "xyz": lengths(place), **contact}
+        ahead = self.radius + 8 + round(self.between(3, 30))
+        chip: dict[str, Value] = {"mechanism": "slide", "rpy": ["0", "90 deg", "0"]}
+        chip |= {
+            "xyz": lengths(place + np.array([ahead, 0, 4])),
+            "mass": self.nice(0.05, 0.5, "kg"),
+        }
+        chip |= {"damping": self.nice(50, 1500, "N*s/m"), "friction": self.nice(0.5, 5, "N")}
+        burr: dict[str, Value] = {"shape": "box", "on": "chip", "size": lengths((16, 30, 20))}
+        self.world |= {"chip": chip, "burr": {**burr, **self.contact(5, 60)}}
+        self.robot["start"] = {"xyz": lengths(np.round(place + np.array([0, 0, gap]), 2))}
+        self.approach(gap)
+        self.stages["press"] = {"axes": {"z": {"force": f"-{force:g} N"}}, "time": "0.4 s"}
+        most, least = round(self.between(8, 30)), self.one_of(("0", "0.02", "0.1"), (1, 3, 1))
+        pace, way = round(self.between(20, 80)), round(self.between(40, 90))
+        felt = self.one_of(("force.x", "abs(force.x)", "norm(force)"), (3, 1, 1))
+        spare = f"{felt}/({most} N)" if felt != "norm(force)" else f"{felt}/({most + force:g} N)"
+        line: Value = {"line": {"by": lengths((way, 0))}}
+        assert isinstance(line, dict)
+        self.stages["feed"] = {
+            "axes": {"z": {"force": f"-{force:g} N"}},
+            "path": {**line, "speed": f"{pace} mm/s * clamp(1 - {spare}, {least}, 1)"},
+            "within": {"time": f"{round(self.between(10, 40))} s"},
+        }
+        self.stages["leave"] = {"axes": {"z": {"move": "20 mm", "speed": "80 mm/s"}}}
+        self.bound()
+        self.expect.append(f"max(feed.force.x) < {round(1.3 * most + 0.6 * force + 3)} N")
+        self.about = "Feed against a burr."
+
     # --- ways of writing ------------------------------------------------------------------------
 
     def reuse(self) -> None:
@@ -294,6 +345,24 @@ class WorkshopDraft(Draft):
                     [*point, "0", "0", "0", turn]
                     for point, turn in zip(bends["points"], turned, strict=True)
                 ]
+        for name, share in (("slide", 0.6), ("go", 0.3)):
+            path = self.stages.get(name, {}).get("path", {})
+            if isinstance(path, dict) and _plain(path.get("speed", "")) and self.chance(share):
+                self._slowed(self.stages[name], path)
+
+    def _slowed(self, stage: dict[str, Value], path: dict[str, Value]) -> None:
+        """Makes a signal slow a path."""
+        most = f"{self.between(1, 4) * self.press_force:.2g} N"
+        least = self.one_of(("0", "0.05", "0.2"))
+        ways = [f"clamp(1 - norm(force)/({most}), {least}, 1)"]
+        ways += [f"clamp(1 - abs(force.{self.across[0]})/({most}), {least}, 1)"]
+        ways += [f"smooth(t/({self.between(0.2, 1.5):.2g} s))"]
+        if self.stages.get("press"):
+            kept = f"abs(abs({self.felt}) - {self.press_force:g} N)"
+            ways += [f"clamp(2 - {kept}/({0.3 * self.press_force:.2g} N), {least}, 1)"]
+        path["speed"] = f"{path['speed']} * {self.one_of(ways)}"
+        if "within" not in stage:
+            stage["within"] = {"time": f"{round(self.between(8, 25))} s"}
 
     def written(self) -> str:
         text = self._templated()

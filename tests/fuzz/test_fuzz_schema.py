@@ -12,7 +12,7 @@ from typing import Any
 
 import jsonschema
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, Phase, find, given, settings
 
 sys.path.insert(0, str(Path(__file__).parent))
 
@@ -35,6 +35,15 @@ MODELS = {"Task": SCHEMA, **SCHEMA["$defs"]}
 @given(tasks())
 def test_valid_tasks_are_accepted(text: str) -> None:
     assert_accepted(load_text(text, "t.yaml", base=ROOT / "tasks"))
+
+
+@pytest.mark.parametrize(
+    "word",
+    ["include: [", "use: pause", "on: door", "detent:", "repeat:", "when:", "then:", "track:"],
+)
+def test_valid_tasks_have_all_ways_of_writing(word: str) -> None:
+    quickly = settings(max_examples=300, phases=[Phase.generate], derandomize=True)
+    assert word in find(tasks(), lambda text: word in text, settings=quickly)
 
 
 def keys(form: dict[str, Any]) -> list[tuple[str, dict[str, Any]]]:

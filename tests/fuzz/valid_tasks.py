@@ -7,6 +7,8 @@ from hypothesis import strategies as st
 from taskspec.laws import LAWS
 
 Text = st.SearchStrategy[str]
+#: A file that some of them include, from the folder of the shipped tasks.
+HABITS = "../tests/fuzz/habits.yaml"
 _ROBOTS = ("panda", "ur5e", "iiwa14")
 
 
@@ -63,6 +65,49 @@ _OBJECT = st.one_of(
     _mapping(
         {"shape": st.just("groove"), "angle": _number(20, 160, "deg"), "depth": _SIZE},
         {"length": _SIZE} | _PLACED | _CONTACT,
+    ),
+)
+_STOP = {"stop": _one("-5..40 mm", "0 .. 6 mm")}
+_DETENT = _mapping(
+    {"at": _number(1, 20, "mm"), "force": _number(1, 20, "N"), "width": _number(1, 9, "mm")}, {}
+)
+_MECHANISM = st.one_of(
+    _mapping(
+        {"mechanism": st.just("slide"), "mass": _number(0.02, 5, "kg")},
+        {
+            **_PLACED,
+            **_STOP,
+            "damping": _number(1, 60, "N*s/m"),
+            "friction": _number(0, 20, "N"),
+            "detent": _DETENT,
+        },
+    ),
+    _mapping(
+        {"mechanism": st.just("hinge"), "inertia": _number(0.01, 2, "kg*m^2")},
+        {**_PLACED, "stop": _one("-10..90 deg", "0..45 deg"), "friction": _number(0, 2, "N*m")},
+    ),
+    _mapping(
+        {
+            "mechanism": st.just("screw"),
+            "pitch": _number(1, 8, "mm/turn"),
+            "inertia": _number(0.001, 0.02, "kg*m^2"),
+            "mass": _number(0.1, 1, "kg"),
+        },
+        dict(_PLACED),
+    ),
+)
+_RIDER = st.one_of(
+    _mapping(
+        {"shape": st.just("box"), "on": st.just("door"), "size": _list(_SIZE, _SIZE, _SIZE)},
+        _PLACED | _CONTACT,
+    ),
+    _mapping(
+        {"shape": st.just("sphere"), "on": st.just("door"), "radius": _SIZE},
+        {"xyz": _PLACE} | _CONTACT,
+    ),
+    _mapping(
+        {"shape": st.just("cylinder"), "on": st.just("door"), "radius": _SIZE, "length": _SIZE},
+        _PLACED | _CONTACT,
     ),
 )
 _WAY = _one("[1, 0, 0]", "[0, 1, 0.2]", "[0, 0, -3]")
@@ -183,6 +228,7 @@ _STAGE = st.one_of(
         {},
     ),
 )
+_PAUSE = _mapping({"use": st.just("pause")}, {"with": _mapping({}, {"lasts": _TIME})})
 _CONDITION = _one(
     '"max(norm(force)) < 90 N"',
     '"s0.force.z within -press +- 5 N for 50 %"',
@@ -198,20 +244,26 @@ _EXPECTED = st.one_of(
 def tasks(draw: st.DrawFn) -> str:
     """The text of a task that is read without an error, whatever its checks make of it."""
     law = draw(_one(*LAWS))
+    world = [f"table: {draw(_OBJECT)}"]
+    if draw(st.booleans()):
+        world += [f"door: {draw(_MECHANISM)}", f"leaf: {draw(_RIDER)}"]
+    included = draw(st.booleans())
     lines = [
         "taskspec: 1",
         f"robot: {draw(_ROBOT)}",
         f"params: {{press: {draw(_number(1, 40, 'N'))}, reach: {draw(_number(1, 50, 'mm'))}}}",
-        f"world: {{table: {draw(_OBJECT)}}}",
+        f"world: {{{', '.join(world)}}}",
         f"frames: {{task: {draw(_FRAME)}}}" if draw(st.booleans()) else "frames: {}",
         f"law: {law}",
         "templates: {push: {params: {level: 5 N}, axes: {z: {force: -level}}, time: 1 s}}",
     ]
     if lines[4] != "frames: {}":
         lines.append("frame: task")
+    if included:
+        lines.append(f"include: {draw(_one(HABITS, f'[{HABITS}]'))}")
     if draw(st.booleans()):
         lines.append(f"limits: {draw(_LIMITS)}")
-    stages = draw(st.lists(_STAGE, min_size=1, max_size=3))
+    stages = draw(st.lists(_STAGE | _PAUSE if included else _STAGE, min_size=1, max_size=3))
     lines.append("stages:")
     lines += [f"  s{i}: {stage}" for i, stage in enumerate(stages)]
     lines.append(f"expect: {draw(_EXPECTED)}")
