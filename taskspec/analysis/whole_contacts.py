@@ -31,7 +31,7 @@ _MOST = 5
 _NUMBERS = 9
 
 
-class WholeContact:
+class ToolPatches:
     """The patches of a tool and a shape as a step begins: those that the simulator would make.
 
     Attributes:
@@ -74,7 +74,7 @@ class WholeContact:
         return tuple(Patch(row[:3], row[3:6], row[6], row[7], row[8]) for row in rows)
 
 
-def whole_contacts(task: Task, robot: RobotModel, loose: Iterable[str]) -> dict[str, WholeContact]:
+def whole_contacts(task: Task, robot: RobotModel, loose: Iterable[str]) -> dict[str, ToolPatches]:
     """Of the shapes of a task that a tool touches whole, by name; planes have a closed form.
 
     A tool that is a ball touches cuts alone so, which it may touch on two sides at once.
@@ -85,12 +85,12 @@ def whole_contacts(task: Task, robot: RobotModel, loose: Iterable[str]) -> dict[
         loose: the loose bodies.
     """
     bodies = {*loose, *(name for name, shape in task.shapes.items() if shape.on is not None)}
-    tool, found = WholeTool(robot.tool), dict[str, WholeContact]()
+    tool, found = WholeTool(robot.tool), dict[str, ToolPatches]()
     for name, shape in task.shapes.items():
         surface = about_itself(shape) if name in bodies else frames.surface(shape)
         flat = robot.tool.flat and half_sizes(surface) is not None
         if flat or surface.cut() is not None:
-            found[name] = WholeContact(tool, surface)
+            found[name] = ToolPatches(tool, surface)
     return found
 
 
