@@ -103,9 +103,9 @@ def _lasts(share: float, h: float, k: float, b: float) -> float:
     """
     zeta, times = b / (2 * math.sqrt(h * k)), np.linspace(0.0, math.pi, _INSTANTS)
     # Of a critically damped blow the two roots are one: they are set apart by little.
-    omega = np.emath.sqrt(1.0 - zeta**2 + 1e-12)
-    sines, cosines = np.sin(omega * times) / omega, np.cos(omega * times)
-    force = np.exp(-zeta * times) * (sines + 2 * zeta * (cosines - zeta * sines))
+    apart = np.emath.sqrt(zeta**2 - 1.0 - 1e-12)
+    slow, fast = apart - zeta, -apart - zeta
+    force = (fast**2 * np.exp(fast * times) - slow**2 * np.exp(slow * times)) / (slow - fast)
     return float(np.mean(force.real >= share)) * math.pi * math.sqrt(h / k)
 
 

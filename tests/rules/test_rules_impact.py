@@ -80,6 +80,16 @@ def test_how_long_a_blow_lasts(share):
         assert found == pytest.approx(expected * math.sqrt(2 / 3), abs=2e-3)
 
 
+@pytest.mark.parametrize("damping", [20, 60, 3000])
+def test_a_strongly_damped_blow_decays_as_its_damper_brakes(damping):
+    """The spring hardly counts: m v' = -b v, from b v down to a share of v sqrt(h k)."""
+    h, k = 2.0, 3.0
+    zeta = damping / (2 * math.sqrt(h * k))
+    expected = math.log(2 * zeta / 0.5) * h / damping
+    tick = math.pi * math.sqrt(h / k) / 2000
+    assert _lasts(0.5, h, k, damping) == pytest.approx(expected, rel=0.05, abs=tick)
+
+
 def test_a_damped_blow_is_shorter_than_half_a_sine():
     """3.6 kg on 1000 kN/m: above the limit for 3.7 ms, or for 1.5 ms if damped critically."""
     firm = "stiffness: 1000 kN/m, damping: {} N*s/m}}"
