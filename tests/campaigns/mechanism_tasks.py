@@ -19,6 +19,7 @@ from pathlib import Path
 
 import numpy as np
 import yaml
+from draws import Draws
 from random_tasks import LAWS as ALL_LAWS
 
 from taskspec.analysis.margin import grows
@@ -46,25 +47,20 @@ def mechanism_task(number: int, law: str = "") -> str:
     """Returns the text of task `number`; `law` replaces its own."""
     if number >= PLANAR:
         return _in_plane(number, law)
-    rng = np.random.default_rng((12, number))
-
-    def between(low: float, high: float) -> float:
-        return float(rng.uniform(low, high))
-
-    def spread(low: float, high: float) -> float:
-        return float(np.exp(between(np.log(low), np.log(high))))
+    draw = Draws(12, number)
+    between, spread = draw.between, draw.spread
 
     law = law or LAWS[number % len(LAWS)]
     kind = kind_of(number)
-    rate = int(rng.choice(RATES))
-    arm = str(rng.choice(ARMS))
-    rpy = _RPY[int(rng.integers(len(_RPY)))]
+    rate = int(draw.rng.choice(RATES))
+    arm = draw.one_of(ARMS)
+    rpy = _RPY[int(draw.rng.integers(len(_RPY)))]
     x, y, z = between(420, 600), between(-120, 120), between(280, 430)
     frame, lines = "obj", ""
     if kind in ("hinge", "pivot"):
         radius, about = between(80, 400), between(0, 360)
         hx, hy = radius * np.cos(np.radians(about)), radius * np.sin(np.radians(about))
-        turned = "rpy: [90 deg, 0, 0], " if rng.random() < 0.25 else ""
+        turned = "rpy: [90 deg, 0, 0], " if draw.chance(0.25) else ""
         # The handle stays within reach: the axis is where the handle is not.
         ox, oy, oz = (x - hx, y, z - hy) if turned else (x - hx, y - hy, z)
         knob = "free" if kind == "pivot" else "fixed"
@@ -74,53 +70,59 @@ def mechanism_task(number: int, law: str = "") -> str:
             f"inertia: {spread(0.01, 2):.3g} kg*m^2, damping: {spread(0.05, 3):.2g} N*m*s/rad, "
             f"friction: {spread(0.05, 0.8):.2g} N*m"
         )
-        frame = str(rng.choice(("obj.handle", "hinge", "obj.handle", "obj")))
+        frame = draw.one_of(("obj.handle", "hinge", "obj.handle", "obj"))
     elif kind == "knob":
         lines = (
             f"mechanism: hinge, xyz: [{x:.0f} mm, {y:.0f} mm, {z:.0f} mm], "
             f"inertia: {spread(0.001, 0.05):.3g} kg*m^2, damping: {spread(0.05, 0.5):.2g} N*m*s/rad"
         )
     elif kind == "slide":
-        turned = str(rng.choice(("0, -90 deg, 0", "0, 0, 0", "90 deg, 0, 0", "0, 40 deg, 20 deg")))
-        knob = str(rng.choice(("fixed", "free")))
+        turned = draw.one_of(("0, -90 deg, 0", "0, 0, 0", "90 deg, 0, 0", "0, 40 deg, 20 deg"))
+        knob = draw.one_of(("fixed", "free"))
         lines = (
             f"mechanism: slide, xyz: [{x:.0f} mm, {y:.0f} mm, {z:.0f} mm], rpy: [{turned}], "
             f"knob: {knob}, mass: {spread(0.3, 8):.2g} kg, damping: {spread(2, 40):.2g} N*s/m"
         )
-        frame = str(rng.choice(("obj.handle", "obj")))
+        frame = draw.one_of(("obj.handle", "obj"))
     else:
         lever = f"handle: [{between(40, 120):.0f} mm, 0, 0], " if kind == "thread" else ""
-        knob = str(rng.choice(("fixed", "free"))) if kind == "thread" else "fixed"
-        down = "rpy: [180 deg, 0, 0], " if rng.random() < 0.5 else ""
+        knob = draw.one_of(("fixed", "free")) if kind == "thread" else "fixed"
+        down = "rpy: [180 deg, 0, 0], " if draw.chance(0.5) else ""
         lines = (
             f"mechanism: screw, xyz: [{x:.0f} mm, {y:.0f} mm, {z:.0f} mm], {down}{lever}"
             f"knob: {knob}, pitch: {spread(1, 8):.2g} mm/turn, "
             f"inertia: {spread(0.0005, 0.02):.2g} kg*m^2, "
             f"mass: {spread(0.1, 0.6):.2g} kg, damping: {spread(0.02, 0.2):.2g} N*m*s/rad"
         )
-    frames = "frames: {hinge: {parent: obj, point: origin}}\n" if frame == "hinge" else ""
     driven = {"z": "{velocity: 30 mm/s}"} if kind == "slide" else {"rz": "{velocity: 15 deg/s}"}
     if kind in ("hinge", "pivot") and frame == "obj.handle":
         driven = {"y": "{velocity: 40 mm/s}"}
         driven["rz"] = "{hold: start}" if kind == "pivot" else "{follows: obj}"
-    if kind == "screw" and rng.random() < 0.6:
+    if kind == "screw" and draw.chance(0.6):
         driven["z"] = "{follows: obj}"
     sensor = ""
-    if rng.random() < 0.35:
+    if draw.chance(0.35):
         parts = [
-            f"at: {rng.choice(('wrist', 'contact'))}",
-            f"delay: {between(0.5, 4):.1f} ms" if rng.random() < 0.5 else "",
-            f"filter: {spread(40, 200):.0f} Hz" if rng.random() < 0.5 else "",
-            f"rate: {min(rate, 500)} Hz" if rng.random() < 0.3 else "",
+            f"at: {draw.one_of(('wrist', 'contact'))}",
+            f"delay: {between(0.5, 4):.1f} ms" if draw.chance(0.5) else "",
+            f"filter: {spread(40, 200):.0f} Hz" if draw.chance(0.5) else "",
+            f"rate: {min(rate, 500)} Hz" if draw.chance(0.3) else "",
         ]
         sensor = f", sensor: {{{', '.join(p for p in parts if p)}}}"
     axes = {a: "{force: 0}" for a in "xyz"} | {a: "{torque: 0}" for a in ("rx", "ry", "rz")}
     axes |= driven
+    start = f"start: {{rpy: [{rpy[0]} deg, {rpy[1]} deg, {rpy[2]} deg]}}{sensor}"
+    return _text(number, f"{arm}, grasp: obj.handle, {start}", lines, frame, law, rate, axes)
+
+
+def _text(
+    number: int, robot: str, held: str, frame: str, law: str, rate: int, axes: dict[str, str]
+) -> str:
+    """The text of a task; the robot and what it holds are lists as YAML has them."""
+    hinge = "frames: {hinge: {parent: obj, point: origin}}\n" if frame == "hinge" else ""
     return (
-        f"taskspec: 1\nname: mechanism-{number}\n"
-        f"robot: {{model: {arm}, grasp: obj.handle, "
-        f"start: {{rpy: [{rpy[0]} deg, {rpy[1]} deg, {rpy[2]} deg]}}{sensor}}}\n"
-        f"world: {{obj: {{{lines}}}}}\n{frames}frame: {frame}\nlaw: {law}\n"
+        f"taskspec: 1\nname: mechanism-{number}\nrobot: {{model: {robot}}}\n"
+        f"world: {{obj: {{{held}}}}}\n{hinge}frame: {frame}\nlaw: {law}\n"
         f"control: {{rate: {rate} Hz}}\n"
         f"stages:\n  go:\n    axes: {{{', '.join(f'{a}: {v}' for a, v in axes.items())}}}\n"
         "    time: 1 s\n"
@@ -129,19 +131,14 @@ def mechanism_task(number: int, law: str = "") -> str:
 
 def _in_plane(number: int, law: str) -> str:
     """A task of an arm that moves in the world's xy plane, and holds something there."""
-    rng = np.random.default_rng((13, number))
-
-    def between(low: float, high: float) -> float:
-        return float(rng.uniform(low, high))
-
-    def spread(low: float, high: float) -> float:
-        return float(np.exp(between(np.log(low), np.log(high))))
+    draw = Draws(13, number)
+    between, spread = draw.between, draw.spread
 
     law, (arm, kind) = law or LAWS[number % len(LAWS)], _plane_case(number)
-    rate, frame = int(rng.choice(RATES)), str(rng.choice(("obj.handle", "obj")))
+    rate, frame = int(draw.rng.choice(RATES)), draw.one_of(("obj.handle", "obj"))
     x, y, fixed = between(300, 480), between(-150, 250), arm == "planar3"
     if kind == "slide":
-        knob = str(rng.choice(("fixed", "free"))) if fixed else "free"
+        knob = draw.one_of(("fixed", "free")) if fixed else "free"
         lines = (
             f"mechanism: slide, xyz: [{x:.0f} mm, {y:.0f} mm, 0], "
             f"rpy: [0, 90 deg, {between(0, 360):.0f} deg], knob: {knob}, "
@@ -167,14 +164,8 @@ def _in_plane(number: int, law: str) -> str:
             frame = "obj.handle"
             axes = {"x": "{force: 0}", "y": "{velocity: 40 mm/s}"}
             axes |= {"rz": turns} if fixed else {}
-    sensor = f", sensor: {{delay: {between(0.5, 4):.1f} ms}}" if rng.random() < 0.3 else ""
-    return (
-        f"taskspec: 1\nname: mechanism-{number}\n"
-        f"robot: {{model: {arm}, grasp: obj.handle{sensor}}}\n"
-        f"world: {{obj: {{{lines}}}}}\nframe: {frame}\nlaw: {law}\ncontrol: {{rate: {rate} Hz}}\n"
-        f"stages:\n  go:\n    axes: {{{', '.join(f'{a}: {v}' for a, v in axes.items())}}}\n"
-        "    time: 1 s\n"
-    )
+    sensor = f", sensor: {{delay: {between(0.5, 4):.1f} ms}}" if draw.chance(0.3) else ""
+    return _text(number, f"{arm}, grasp: obj.handle{sensor}", lines, frame, law, rate, axes)
 
 
 def _plane_case(number: int) -> tuple[str, str]:

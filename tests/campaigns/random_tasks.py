@@ -15,6 +15,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
+from draws import Draws
 from numpy.typing import NDArray
 
 Vector = NDArray[np.float64]
@@ -125,7 +126,7 @@ def angles(values: Sequence[float] | Vector) -> list[str]:
 _PANDA_HOME = (0.0, -6.0, 0.0, -130.0, 0.0, 124.0, 45.0)
 
 
-class Draft:
+class Draft(Draws):
     """One random task as it is being written.
 
     Attributes:
@@ -138,7 +139,7 @@ class Draft:
     def __init__(self, number: int, *campaign: int) -> None:
         """The draft of a number; in another campaign the same number has other draws."""
         self.name = "-".join(map(str, ("random", *campaign, number)))
-        self.rng = np.random.default_rng((*(campaign or (11,)), number))
+        super().__init__(*(campaign or (11,)), number)
         self.kind = self.about = ""
         self.robot: dict[str, Value] = {}
         self.world: dict[str, Value] = {}
@@ -154,20 +155,6 @@ class Draft:
         self.turns, self.moves, self.given, self.press_force = False, False, False, 10.0
 
     # --- draws -------------------------------------------------------------------------------
-
-    def between(self, low: float, high: float) -> float:
-        return float(self.rng.uniform(low, high))
-
-    def spread(self, low: float, high: float) -> float:
-        """Uniform in the logarithm."""
-        return math.exp(self.between(math.log(low), math.log(high)))
-
-    def chance(self, p: float) -> bool:
-        return bool(self.rng.random() < p)
-
-    def one_of(self, values: Sequence[str], shares: Sequence[float] | None = None) -> str:
-        p = None if shares is None else np.array(shares) / sum(shares)
-        return str(values[int(self.rng.choice(len(values), p=p))])
 
     def nice(self, low: float, high: float, unit: str, digits: int = 2) -> str:
         """A quantity as one writes it, spread over a range."""
