@@ -22,6 +22,8 @@ from taskspec.native.kernel import Vector
 
 #: Kinds of solids.
 BALL, CYLINDER, BOX = 1, 2, 3
+#: How many numbers are set aside for a solid.
+SOLID = 24
 #: How many numbers `overlap` works with.
 WORK = 44
 #: The face of a tool is rounded by this share of its half width, but by no less than so much [m],

@@ -20,7 +20,7 @@ import math
 
 from taskspec.native.kernel import Vector
 from taskspec.shapes import overlap
-from taskspec.shapes.overlap import BALL, BOX, CYLINDER, across, bulge, support
+from taskspec.shapes.overlap import BALL, BOX, CYLINDER, SOLID, across, bulge, support
 
 #: Kinds of shapes besides the solids `BALL`, `CYLINDER` and `BOX`.
 PLATE, HOLE, SLOT, GROOVE = 10, 11, 12, 13
@@ -29,7 +29,7 @@ PATCH, MOST = 10, 8
 #: Doubles that `find` works with: points on a tool, patches, another solid, `overlap`'s own; where
 #: the patches begin among them.
 POINTS = 20
-WORK = POINTS + PATCH * MOST + 24 + overlap.WORK
+WORK = POINTS + PATCH * MOST + SOLID + overlap.WORK
 #: From this angle apart on, 1 - cos, what touches on two sides is two patches.
 APART = 0.12
 
@@ -96,7 +96,7 @@ def _solid(t: Vector, kind: int, s: Vector, at: Vector, patches: Vector) -> int:
     for i in range(3):
         b[13 + i] = s[i]
     b[16] = s[3]
-    found = b[24:]
+    found = b[SOLID:]
     depth = overlap.overlap(t, b, 0.0, found)
     if depth <= 0.0:
         return 0

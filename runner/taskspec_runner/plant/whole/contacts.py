@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from taskspec.native.kernel import Counts, Vector
 from taskspec.shapes import patches
-from taskspec.shapes.overlap import LEAST_FRICTION, LEAST_ROLLING, ROLLING, across
+from taskspec.shapes.overlap import LEAST_FRICTION, LEAST_ROLLING, ROLLING, SOLID, across
 from taskspec.shapes.patches import PATCH
 
 #: Marks of the geoms that carry data, as MuJoCo's user data has them.
@@ -15,7 +15,7 @@ TOOL, SHAPE = 271828182.0, 314159265.0
 #: Doubles of a contact of MuJoCo, and 32 bit words.
 CONTACT, CONTACT_WORDS = 76, 152
 #: Doubles that a call works with: a tool, and what is found.
-WORK = 24 + patches.WORK
+WORK = SOLID + patches.WORK
 #: Numbers of a marker's data.
 DATA = 24
 
@@ -47,8 +47,8 @@ def touch(
     d, w = data[width * tool :], data[width * shape :]
     o, R = place[3 * shape :], axes[9 * shape :]
     _place(o, R, place[3 * tool :], axes[9 * tool :], d, work)
-    n = patches.find(work, w[1:], work[24:])
-    found = work[24 + patches.POINTS :]
+    n = patches.find(work, w[1:], work[SOLID:])
+    found = work[SOLID + patches.POINTS :]
     for i in range(n):
         _contact(
             found[PATCH * i :], w, o, R, int(d[6]), contacts[CONTACT * i :],
