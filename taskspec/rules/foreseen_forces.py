@@ -45,28 +45,35 @@ _OVERSHOOT = 2.0
 @rule("TS726", "an expectation that a force misses on its way", phase=Phase.STABILITY)
 def slow_forces(task: TaskPlan) -> Iterator[Finding]:
     """Expectations of forces that their loops do not bring there in time, or bring beyond."""
-    for _, _, looks in _looks(task):
-        if all(look is not None and look.misses for look in looks):
-            yield from (look.finding() for look in looks[:1] if look is not None)
+    for _, looks in _looks(task):
+        found = [look for look in looks if look is not None and look.misses]
+        if found and len(found) == len(looks):
+            yield found[0].finding()
 
 
 def close_calls(task: TaskPlan) -> set[str]:
-    """Stages whose forces are foreseen to miss or meet an expectation by too little to be told.
+    """Stages whose forces miss or meet an expectation by too little to report it.
 
-    So are those whose set point changes, and of whose force no course can be foreseen.
+    So are those whose set point changes, and whose force has no course that can be predicted.
     """
-    found = set()
-    for name, axis, looks in _looks(task):
-        changes = any(profile.axis is axis for profile in force_profiles(task.stages[name]))
-        if any(changes if look is None else look.is_close for look in looks):
-            found.add(name)
-    return found
+    return {
+        signal[0]
+        for signal, looks in _looks(task)
+        if any(look.is_close for look in looks if look is not None)
+        or (None in looks and _changes(task, signal))
+    }
 
 
-def _looks(task: TaskPlan) -> Iterator[tuple[str, Axis, list[_Look | None]]]:
-    """Each condition on the force of a stage's axis, over the courses of it.
+def _changes(task: TaskPlan, signal: tuple[str, str, str]) -> bool:
+    """Whether the set point of a force changes with time."""
+    name, _, axis = signal
+    return any(profile.axis is Axis(axis) for profile in force_profiles(task.stages[name]))
 
-    None stands for a course that cannot be foreseen.
+
+def _looks(task: TaskPlan) -> Iterator[tuple[tuple[str, str, str], list[_Look | None]]]:
+    """Stage, kind and axis of the force of each condition, and the condition over its courses.
+
+    None stands for a course that cannot be predicted.
     """
     ways = force_courses(task)
     for expectation in task.context.loaded.task.expect:
@@ -75,15 +82,10 @@ def _looks(task: TaskPlan) -> Iterator[tuple[str, Axis, list[_Look | None]]]:
             signal = _force_of(task, condition)
             if signal is None:
                 continue
-            name, axis = signal[0], Axis(signal[2])
-            courses = [way.of(name, axis) for way in ways]
+            courses = [way.of(signal[0], Axis(signal[2])) for way in ways]
             yield (
-                name,
-                axis,
-                [
-                    _Look(task, expression, condition, signal, course) if course else None
-                    for course in courses
-                ],
+                signal,
+                [_Look(task, expression, condition, signal, c) if c else None for c in courses],
             )
 
 
@@ -202,7 +204,7 @@ def _may_pass(task: TaskPlan, stage: StagePlan, axis: Axis, most: float) -> bool
         return False
     settles = abs(stage.set_point_of(axis) or 0.0)
     if settles > most:
-        return False  # What cannot be had at rest is told by itself.
+        return False  # What cannot be had at rest is a finding of its own.
     passage = stage.nominal.passage
     if not stage.spec.axes[axis].has_force and passage is not None:
         own = stage.spring_of(axis, h)
@@ -317,7 +319,7 @@ def _is_sprung(stage: StagePlan, axis: Axis) -> bool:
 
 
 def _is_foreseen(stage: StagePlan, axis: Axis) -> bool:
-    """Whether an axis has a set point, or a spring whose force its reference tells."""
+    """Whether an axis has a set point, or a spring whose force its reference gives."""
     plan = stage.plans.get(axis)
     loop = stage.law.control_law.force_loop
     if plan is None or (stage.held and not loop):

@@ -48,18 +48,20 @@ _VISITS = "visits"
 _CLOSE = 0.01
 #: Noise of a sensor passes so many of its deviations now and then in a stage.
 _NOISE = 3.5
+_SLOWER = "move or approach more slowly, or raise the limit"
+_FURTHER = "give it more time or way, or let the guard wait for less"
 #: Codes that stand for what stops a run or fails, and what helps.
 _ENDS = {
-    "force": ("TS616", "move or approach more slowly, or raise the limit"),
-    "torque": ("TS616", "move or approach more slowly, or raise the limit"),
-    "speed": ("TS420", "move or approach more slowly, or raise the limit"),
+    "force": ("TS616", _SLOWER),
+    "torque": ("TS616", _SLOWER),
+    "speed": ("TS420", _SLOWER),
     "deviation": ("TS420", "move more slowly, hold its axes more stiffly, or raise the limit"),
     "joint_velocity": ("TS424", "move more slowly, or start in another posture"),
     "joint_position": ("TS424", "shorten the way, or start in another posture"),
     "singularity": ("TS422", "keep the arm bent: shorten the way, or start elsewhere"),
     "frame_left": ("TS425", "shorten the way, or end the stage before"),
-    "time": ("TS611", "give it more time or way, or let the guard wait for less"),
-    "travel": ("TS617", "give it more time or way, or let the guard wait for less"),
+    "time": ("TS611", _FURTHER),
+    "travel": ("TS617", _FURTHER),
     "fail_if": ("TS618", "let it begin beyond what the stage comes to, or press less"),
 }
 #: What helps where a path of joints presses on something: it does so at any speed.
@@ -67,7 +69,7 @@ _ROUND = "lead the joints clear of what the tool presses on, or raise the limit"
 #: Codes about what a grip bears.
 _OF_GRIPS = {"TS322", "TS328", "TS329", "TS420", "TS610", "TS616"}
 #: Codes that leave open how a run ends. Some say what it will be like, or that it misses what is
-#: expected; in it only the tool's end touches (TS428), and a blow may be less than told (TS616).
+#: expected; in it only the tool's end touches (TS428); a blow may be less than predicted (TS616).
 _OPEN = {
     *("TS426", "TS428", "TS430", "TS431", "TS613", "TS614", "TS616", "TS619"),
     *("TS720", "TS722", "TS723", "TS724", "TS725", "TS726", "TS727"),
@@ -173,7 +175,7 @@ def _close_limits(task: TaskPlan, run: Rehearsal) -> Iterator[Finding]:
                 f"run ahead, stage {name!r} comes to {show(force, 'N', 3)}, and the limit on force "
                 f"is {show(most, 'N', 3)}: too little is left between them",
                 _place(stage),
-                "move or approach more slowly, or raise the limit",
+                _SLOWER,
                 unless=_UNLESS,
             )
         most = _stops_at(stage, "speed")
