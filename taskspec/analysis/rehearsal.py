@@ -45,7 +45,7 @@ class Rehearsal:
     Attributes:
         status: `done`, `failed`, `stopped`, or `open` where it was broken off.
         reason: the limit or the guard that ended it, or `attempts`.
-        cause: the limit or the guard that asked for one attempt too many, else the same.
+        cause: the limit or the guard that called for one attempt too many, else the same.
         text: the same as a sentence.
         stage: in which it ended.
         names: of the stages.

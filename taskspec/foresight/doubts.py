@@ -199,7 +199,7 @@ def _waits_for_effort(task: TaskPlan, stage: StagePlan) -> bool:
 
 
 def _enters(task: TaskPlan, stage: StagePlan) -> bool:  # noqa: ARG001
-    """A tool goes into what is cut into a plate: it touches walls that no stage is told of."""
+    """A tool goes into what is cut into a plate: it touches walls that no stage declares."""
     touched, surfaces = {stage.contact, *stage.met}, stage.context.surfaces
     return any(isinstance(each, CutPlate) for name, each in surfaces.items() if name in touched)
 

@@ -276,8 +276,8 @@ class WorkshopDraft(Draft):
         self.stages["press"] = {"axes": {"z": {"force": f"-{force:g} N"}}, "time": "0.4 s"}
         most, least = round(self.between(8, 30)), self.one_of(("0", "0.02", "0.1"), (1, 3, 1))
         pace, way = round(self.between(20, 80)), round(self.between(40, 90))
-        felt = self.one_of(("force.x", "abs(force.x)", "norm(force)"), (3, 1, 1))
-        spare = f"{felt}/({most} N)" if felt != "norm(force)" else f"{felt}/({most + force:g} N)"
+        load = self.one_of(("force.x", "abs(force.x)", "norm(force)"), (3, 1, 1))
+        spare = f"{load}/({most} N)" if load != "norm(force)" else f"{load}/({most + force:g} N)"
         line: Value = {"line": {"by": lengths((way, 0))}}
         assert isinstance(line, dict)
         self.stages["feed"] = {

@@ -1,4 +1,4 @@
-"""What a task run ahead is told to come to, against its run."""
+"""What a task is predicted to come to when it is run ahead, against its run."""
 
 from __future__ import annotations
 
@@ -147,13 +147,13 @@ def test_a_limit_is_passed_where_it_was_run_ahead_to_be(text, limit, stage, code
     ],
     ids=["speed of joints", "joints into a wall", "friction", "a lever", "a set point that swings"],
 )
-def test_a_limit_that_leaves_room_is_not_told(text, limit, tmp_path):
+def test_a_limit_that_leaves_room_is_not_reported(text, limit, tmp_path):
     text = text.replace("MOST", limit)
     assert ahead(text) == []
     assert run_of(text, tmp_path / "run").summary["exit_code"] == 0
 
 
-def test_a_speed_that_leaves_less_than_a_hundredth_is_told_to_be_close():
+def test_a_speed_that_leaves_less_than_a_hundredth_is_reported_as_close():
     (found,) = ahead(HOME.replace("MOST", "386 mm/s"))
     assert (found.code, "384 mm/s" in found.message) == ("TS426", True)
 
@@ -236,5 +236,7 @@ def test_a_rehearsal_that_is_broken_off_speaks_of_what_is_over(monkeypatch):
     assert [each.span.line for each in whole] == [text.count("\n")] * 2
     monkeypatch.setattr(rehearsal, "_MOST_TICKS", int(run.ticks("approach").sum()) + 300)
     (found,) = ahead(text)
-    told = text.splitlines()[found.span.line - 1][found.span.column - 1 : found.span.end_column - 1]
-    assert "last(press.force.x)" in told
+    place = text.splitlines()[found.span.line - 1][
+        found.span.column - 1 : found.span.end_column - 1
+    ]
+    assert "last(press.force.x)" in place
