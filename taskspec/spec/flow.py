@@ -6,12 +6,14 @@ import re
 from collections.abc import Iterator
 
 from taskspec.deferred_methods import dataclass
+from taskspec.spec import values
 from taskspec.spec.model import mapping
 from taskspec.spec.parse_context import ParseContext
 from taskspec.spec.words import ENDS
 from taskspec.text import nodes
 from taskspec.text.codes import register
 from taskspec.text.data import Items, Map, Text
+from taskspec.text.expression import ScopeKind
 from taskspec.text.source import Span
 
 register(
@@ -63,7 +65,7 @@ def _edges(stages: Map, context: ParseContext) -> Edges | None:
         own = stages.node.key_span(name)
         edges[name] = []
         limits = [mapping(owner.get("limits")) for owner in (context.data, stage)]
-        ways = (*_good(stage, after, own), *_failing(stage, own), *_reacting(name, *limits))
+        ways = (*_good(stage, after, own, context), *_failing(stage, own), *_reacting(name, *limits))
         for target, span, bound in ways:
             if target in ENDS:
                 continue
@@ -77,8 +79,11 @@ def _edges(stages: Map, context: ParseContext) -> Edges | None:
 Way = tuple[object, Span, str]
 
 
-def _good(stage: Map, after: str, own: Span) -> Iterator[Way]:
-    """Where a stage leads that ends well: a target, what says so, and what bounds it."""
+def _good(stage: Map, after: str, own: Span, context: ParseContext) -> Iterator[Way]:
+    """Where a stage leads that ends well: a target, what says so, and what bounds it.
+
+    A way that does not read has no target.
+    """
     given = stage.get("next")
     if not isinstance(given, Items):
         yield (given, nodes.pointer(stage.node.entries["next"][1]), "") if given else (
@@ -89,8 +94,8 @@ def _good(stage: Map, after: str, own: Span) -> Iterator[Way]:
             yield entry, nodes.pointer(entry.node), ""
             continue
         branch = mapping(entry)
-        if branch and not branch.keys() <= {"when", "to"}:
-            yield None, own, ""  # What an unknown key says may be the condition.
+        if branch and not _reads(branch, context):
+            yield None, own, ""
             return
         when = branch.get("when")
         bound = ""
@@ -99,6 +104,17 @@ def _good(stage: Map, after: str, own: Span) -> Iterator[Way]:
             bound = found.group(1) if found else bound
         to = branch.node.get("to") if isinstance(entry, Map) else None
         yield branch.get("to"), own if to is None else nodes.pointer(to), bound
+
+
+def _reads(way: Map, context: ParseContext) -> bool:
+    """Whether a way says all that it means to say.
+
+    An unknown key may be its condition, and a condition with a mistake in it may bound a circle.
+    """
+    if way.node.broken or not way.keys() <= {"when", "to"}:
+        return False
+    when = way.get("when")
+    return when is None or values.expression(when, None, ScopeKind.GUARD, context) is not None
 
 
 def _failing(stage: Map, own: Span) -> Iterator[Way]:

@@ -161,7 +161,7 @@ def _check_ways(ways: Items, context: ParseContext) -> None:
         context.error("TS023", "this list is empty", span_of(ways))
     if not ways or ways.node.broken:
         return
-    always = [isinstance(way, Text) or mapping(way).keys() == {"to"} for way in ways]
+    always = [isinstance(way, Text) or _is_unconditional(mapping(way)) for way in ways]
     for number, way in enumerate(ways[:-1]):
         if always[number]:
             message = "nothing comes to the ways behind this one, which has no 'when'"
@@ -170,6 +170,10 @@ def _check_ways(ways: Items, context: ParseContext) -> None:
         message = "nothing says where the stage leads if none of the conditions holds"
         hint = "add a last way without 'when', such as {to: end}"
         context.error("TS608", message, span_of(ways[-1]), hint)
+
+
+def _is_unconditional(way: Map) -> bool:
+    return way.keys() == {"to"} and not way.node.broken
 
 
 class Stage(Model):

@@ -56,6 +56,12 @@ def test_well_ordered(stages: str) -> None:
         ("a: {time: 1 s, next: c}\nb: {time: 1 s}\nc: {time: 1 s}", ["TS605"]),
         # What is unknown here may have been a way to anywhere.
         ("a: {time: 1 s, next: cc}\nb: {time: 1 s, next: end}\nc: {time: 1 s}", ["TS124"]),
+        # A condition that does not read may have bounded the circle.
+        ("a: {time: 1 s, next: [{when: a.visits <, to: a}, {to: end}]}", ["TS101"]),
+        ("a: {time: 1 s, next: [{when: a.visist < 3, to: a}, {to: end}]}", ["TS116"]),
+        ("a: {time: 1 s, next: [{when: a.visits, to: a}, {to: end}]}", ["TS114"]),
+        ("a: {time: 1 s, next: [{when: many < 3, to: a}, {to: end}]}", ["TS120"]),
+        ("a: {time: 1 s, next: [{when: , to: a}, {to: end}]}", ["TS011"]),
         # What is wrong already is not called absent as well.
         ("a: {tim: 1 s}", ["TS020"]),
         ("a: {time: }", ["TS011"]),
