@@ -14,7 +14,7 @@ from taskspec.program.plan import StagePlan, TaskPlan
 from taskspec.program.prepare import chart_at, pose_of_base, tool_center
 from taskspec.program.world.estimated_frames import LEAST_SINE
 from taskspec.program.world.frames import DirectionTracking, FrameModel, normal_at
-from taskspec.program.world.tracked_frames import fastest_turn
+from taskspec.program.world.tracked_frames import fastest_filter, fastest_turn, passes
 from taskspec.rules import Finding, Phase, Place, error, rule, warning
 from taskspec.shapes import SHAPES
 from taskspec.spec import FILE, KeyPath, Stage
@@ -255,6 +255,61 @@ def tracked_floors(task: TaskPlan) -> Iterator[Finding]:
                 FILE.frames[name].floor,
                 f"the frame tracks a {frame.track}",
             )
+
+
+@rule("TS251", "a frame whose filter is none at the control rate", phase=Phase.TASK)
+def unfiltered_frames(task: TaskPlan) -> Iterator[Finding]:
+    """Frames that track what changes from tick to tick as if they had no filter."""
+    period = task.context.period
+    rate, most = (show(f, FREQUENCY, 3) for f in (1 / period, fastest_filter(period)))
+    for name, frame in task.context.frames.items():
+        tracking = frame.tracking
+        if tracking is not None and tracking.filter >= fastest_filter(period):
+            given, left = show(tracking.filter, FREQUENCY), passes(tracking.filter, period)
+            yield warning(
+                "TS251",
+                f"frame {name!r} filters nothing: at {rate} a filter of {given} passes "
+                f"{100 * left:.0f} % of a change from tick to tick; a cutoff is below {most}",
+                FILE.frames[name].filter,
+                "lower it, or the noise of the sensor turns the frame",
+            )
+
+
+@rule({}, also=("TS249",), phase=Phase.RUN)
+def unturned_frames(task: TaskPlan) -> Iterator[Finding]:
+    """Frames that track the force, of whose stages none presses."""
+    stages = task.stages.values()
+    for name, frame in task.context.frames.items():
+        if frame.tracking is None or frame.tracking.of != "force":
+            continue
+        there = [stage for stage in stages if stage.frame.name == name]
+        if there and not any(_presses(stage) for stage in there):
+            yield warning(
+                "TS249",
+                f"frame {name!r} tracks the contact force, and no stage in it presses: only what "
+                "a motion runs into turns it",
+                FILE.frames[name].track,
+                "press along z in it, such as z: {force: -10 N}",
+            )
+
+
+def _presses(stage: StagePlan) -> bool:
+    """Whether a stage has something to press with: a force, a spring, or a grasp that pulls back.
+
+    A force that depends on time or signals counts. A spring is an axis whose law closes no force
+    loop, a soft one, and one whose place is given along the normal of what it meets; a velocity
+    there is an approach.
+    """
+    if stage.gripped or any(stage.known(p.wanted) != 0 for p in stage.spec.constraints.values()):
+        return True
+    if any(stage.set_point_of(axis) != 0 for axis in stage.forces):
+        return True
+    if stage.joint_path is not None:
+        return False
+    plans = [plan for axis, plan in stage.plans.items() if not axis.is_rotation]
+    if any(p.soft or not (stage.law.control_law.force_loop or p.mode.lets_go) for p in plans):
+        return True
+    return any(p.yields and p.mode.moves and not p.mode.settled_rate(stage.known) for p in plans)
 
 
 @rule(

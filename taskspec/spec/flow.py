@@ -65,8 +65,8 @@ def _edges(stages: Map, context: ParseContext) -> Edges | None:
         own = stages.node.key_span(name)
         edges[name] = []
         limits = [mapping(owner.get("limits")) for owner in (context.data, stage)]
-        ways = (*_good(stage, after, own, context), *_failing(stage, own), *_reacting(name, *limits))
-        for target, span, bound in ways:
+        good = _good(stage, after, own, context)
+        for target, span, bound in (*good, *_failing(stage, own), *_reacting(name, *limits)):
             if target in ENDS:
                 continue
             if isinstance(target, str) and target in stages:

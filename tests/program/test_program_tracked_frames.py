@@ -218,6 +218,74 @@ def test_the_log_has_the_force_in_the_axes_that_the_controller_had(simulate):
     np.testing.assert_allclose(felt, angle[-300:], atol=1e-4)
 
 
+def alternating(cutoff, period):
+    """What the filter leaves of a force that changes its sign from tick to tick, of 1 N."""
+    frame = FrameModel(
+        "skin",
+        "tracking",
+        np.eye(3),
+        np.zeros(3),
+        tracking=DirectionTracking("force", cutoff, 0.1, 1e3),
+    )
+    state, force = ca.SX.sym("s", 9), ca.SX.sym("f", 3)
+    step = ca.Function("step", [state, force], [tracked_frames.step(frame, state, force, period)])
+    now = np.concatenate([np.zeros(3), [0, 0, 1.0], np.zeros(3)])
+    # The mean that the first tick leaves is gone after 200 of them: (1 - s)^200 < 1e-9.
+    for tick in range(201):
+        now = np.array(step(now, [0, 0, (-1.0) ** tick])).ravel()
+    return now[2]
+
+
+@pytest.mark.parametrize("rate", [200, 500, 1000])
+def test_from_which_cutoff_on_a_filter_is_none(rate):
+    period, most = 1 / rate, tracked_frames.fastest_filter(1 / rate)
+    assert alternating(most, period) == pytest.approx(math.sqrt(0.5), rel=1e-6)
+    for cutoff in (0.1 * most, 0.5 * most, 3 * most):
+        left = alternating(cutoff, period)
+        assert left == pytest.approx(tracked_frames.passes(cutoff, period), rel=1e-6)
+        assert left == pytest.approx(math.tanh(math.pi * cutoff * period), rel=1e-6)
+
+
+@pytest.mark.parametrize(("rate", "cutoff"), [(1000, 281), (500, 141), (20, 6)])
+def test_a_filter_that_is_none_is_reported(rate, cutoff):
+    text = contour(cutoff=2.0).replace("law:", f"control: {{rate: {rate} Hz}}\nlaw:")
+    for given, expected in ((cutoff, True), (cutoff - 1, False)):
+        found = codes(text.replace("filter: 2.0 Hz", f"filter: {given} Hz"))
+        assert ("TS251" in found) == expected
+
+
+@pytest.mark.parametrize(
+    ("law", "slide", "warned"),
+    [
+        ("parallel", "x: {velocity: 40 mm/s}", True),
+        ("parallel", "x: {velocity: 40 mm/s}, z: {force: 0 N}", True),
+        ("parallel", "x: {velocity: 40 mm/s}, z: {velocity: -1 mm/s}", True),
+        ("parallel", "x: {velocity: 40 mm/s}, z: {move: -2 mm}", False),
+        ("parallel", "x: {velocity: 40 mm/s}, z: {force: -5 N * (1 + t/(1 s))}", False),
+        ("hybrid", "x: {velocity: 40 mm/s}", True),
+        ("hybrid", "x: {velocity: 40 mm/s}, z: {hold: start, stiffness: 2 kN/m}", False),
+        ("impedance", "x: {velocity: 40 mm/s}", False),
+        ("impedance", "x: {velocity: 40 mm/s}, z: free", False),
+    ],
+)
+def test_a_frame_in_which_no_stage_presses_is_reported(law, slide, warned):
+    head = contour().replace("law: parallel", f"law: {law}").split("stages:")[0]
+    text = head + (
+        "stages:\n"
+        "  touch: {axes: {z: {velocity: -20 mm/s}}, until: touching, within: {time: 3 s}}\n"
+        f"  slide: {{axes: {{{slide}}}, time: 0.2 s}}\n"
+        "  press: {frame: world, axes: {z: {force: -5 N}}, time: 0.2 s}\n"
+    )
+    assert ("TS249" in codes(text)) == warned
+
+
+def codes(text):
+    try:
+        return [d.code for d in check_task(load_text(text, "task.yaml"))]
+    except SpecError as error:
+        return [d.code for d in error.diagnostics]
+
+
 @pytest.mark.parametrize(
     ("code", "old", "new"),
     [
@@ -230,9 +298,5 @@ def test_the_log_has_the_force_in_the_axes_that_the_controller_had(simulate):
 )
 def test_what_is_known_before_the_run(code, old, new):
     text = contour()
-    assert [d.code for d in check_task(load_text(text, "task.yaml"))] == []
-    try:
-        found = check_task(load_text(text.replace(old, new), "task.yaml"))
-    except SpecError as error:
-        found = error.diagnostics
-    assert code in [d.code for d in found]
+    assert codes(text) == []
+    assert code in codes(text.replace(old, new))

@@ -80,7 +80,7 @@ def step(frame: FrameModel, state: ca.SX, now: ca.SX, period: float) -> ca.SX:
         period: [s].
     """
     tracking = _tracking(frame)
-    share = -math.expm1(-2 * math.pi * tracking.filter * period)
+    share = _share(tracking.filter, period)
     held, before = state[:3], state[3:6]
     held = held + share * (now - held)
     size = ca.sqrt(ca.dot(held, held) + _NOTHING)
@@ -92,6 +92,29 @@ def step(frame: FrameModel, state: ca.SX, now: ca.SX, period: float) -> ca.SX:
     turned = turned / ca.sqrt(ca.dot(turned, turned))
     following = ca.if_else(size > tracking.floor, turned, before)
     return ca.vertcat(held, following, (following - before) / period)
+
+
+def _share(cutoff: float, period: float) -> float:
+    """What the filter takes of a new value in a tick of `period` [s]: 1 - exp(-2 pi f_c T)."""
+    return -math.expm1(-2 * math.pi * cutoff * period)
+
+
+def passes(cutoff: float, period: float) -> float:
+    """What the filter leaves of the fastest change that samples show, one from tick to tick.
+
+    With z = -1 in s/(z - 1 + s), s = 1 - exp(-2 pi f_c T), that is s/(2 - s) = tanh(pi f_c T). Of a
+    filter that is to have a cutoff it is less than 1/sqrt(2): f_c T < 0.281, see `fastest_filter`.
+    """
+    share = _share(cutoff, period)
+    return share / (2 - share)
+
+
+def fastest_filter(period: float) -> float:
+    """The cutoff from which on no frequency is halved in power, in ticks of `period` [s] [Hz].
+
+    f_c T = artanh(1/sqrt(2))/pi = 0.281: what is faster than half the control rate has no samples.
+    """
+    return math.atanh(math.sqrt(0.5)) / (math.pi * period)
 
 
 def updates(frame: FrameModel, memory: Slots, now: ca.SX, period: float) -> dict[str, ca.SX]:
