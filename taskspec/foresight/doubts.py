@@ -53,6 +53,8 @@ _DEEP = 0.6
 _LIGHT = 0.5
 #: A joint is near to its limit [rad, m].
 _ROOM = 0.15
+#: Of a period of a tool on its contact, at how many instants its force is looked at.
+_INSTANTS = 2001
 #: Of the instants of a path of joints, at which places is looked whether the tool is in something.
 _EVERY = 4
 
@@ -315,18 +317,43 @@ def _force(task: TaskPlan, stage: StagePlan) -> bool:
 
 
 def _falls(stage: StagePlan) -> float:
-    """The blow of a force loop that a blow before has lifted off, and that falls back [N].
+    """By how much a force loop exceeds its set point that a blow has lifted off, falling back [N].
 
-    In the air it goes as fast as its damper lets it, f/d.
+    In the air it goes as fast as its damper lets it, d v = (1 + K) f. On the contact c = k x + b x'
+    it goes on by h x'' = (1 + K) (f - c) - d x', from x = 0 and x' = v on.
     """
     law, most = stage.law.control_law, 0.0
     for axis, force in stage.set_points.items():
-        damper = law.loop_damping(on_axis(stage.gains, axis)) if law.force_loop else 0.0
+        gains = on_axis(stage.gains, axis)
+        damper = law.loop_damping(gains) if law.force_loop else 0.0
         contact = None if axis.is_rotation else stage.contact_of(axis)
-        if contact is not None and damper > 0:
-            k = stage.context.compliances[contact].stiffness
-            most = max(most, abs(force) / damper * math.sqrt(striking_mass(stage, axis) * k))
+        if contact is None or damper <= 0:
+            continue
+        compliance = stage.context.compliances[contact]
+        loop = 1.0 + gains.get("force.proportional", 0.0)
+        h, d = striking_mass(stage, axis) / loop, damper / loop
+        unit = math.sqrt(h * compliance.stiffness)
+        beyond = _rebound(unit / d, compliance.damping / unit, d / unit)
+        most = max(most, abs(force) * beyond)
     return most
+
+
+def _rebound(speed: float, contact_damper: float, loop_damper: float) -> float:
+    """The largest c - 1, c = x + contact_damper x', of x'' = 1 - c - loop_damper x'.
+
+    Args:
+        speed: x' as x is zero.
+        contact_damper: see above.
+        loop_damper: see above.
+    """
+    zeta, times = (contact_damper + loop_damper) / 2, np.linspace(0.0, 2 * math.pi, _INSTANTS)
+    # Of a critically damped motion the two roots are one: they are set apart by little.
+    apart = np.emath.sqrt(zeta**2 - 1.0 - 1e-12)
+    slow, fast = apart - zeta, -apart - zeta
+    share = (speed + fast) / (slow - fast)
+    x = share * np.exp(slow * times) - (1 + share) * np.exp(fast * times)
+    rate = share * slow * np.exp(slow * times) - (1 + share) * fast * np.exp(fast * times)
+    return max(float((x + contact_damper * rate).real.max()), 0.0)
 
 
 def _most_force(task: TaskPlan, stage: StagePlan) -> float:
