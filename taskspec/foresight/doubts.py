@@ -541,7 +541,7 @@ def _expected(task: TaskPlan, stage: StagePlan) -> bool:
     bare = (bare or friction > _ROUGH) and slides
     presses = bool(stage.set_points or stage.spec.constraints)
     if not law.force_loop and presses and not (slides and friction > _ROUGH):
-        # What a spring presses with at rest, and as it comes there, is foreseen by itself; not how
+        # What a spring presses with at rest, and as it comes there, is predicted by itself; not how
         # it comes back from a blow that lifts the tool off.
         return stage.path is not None or _blows(task, stage) > _settles(stage)
     equations = [model.constraint.residual.tree for model in context.equations.values()]

@@ -46,7 +46,7 @@ class HeldDrive:
         times: (n,) since the stage began [s].
         coordinate: (n,) of the mechanism [rad, m].
         knob: (n,) angle of the tool on a free knob [rad]; 0 on a fixed one.
-        force: (n,) size of the force that the grip bears [N]; None where that is not foreseen.
+        force: (n,) size of the force that the grip bears [N]; None where that is not predicted.
     """
 
     times: Vector

@@ -186,7 +186,7 @@ class WithMechanism:
         strain: the greatest so far.
         strained: whether that is the limit on force.
         stopped: the mechanism at its stop.
-        drive: how the law takes it along from rest; None where that is not foreseen.
+        drive: how the law takes it along from rest; None where that is not predicted.
     """
 
     def __init__(self, stage: StagePlan, p: Vector, R: Vector, coordinate: float) -> None:

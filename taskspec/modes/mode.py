@@ -2,7 +2,7 @@
 
 A mode that a file gives is made of the values of its keys. A reference is written on CasADi
 expressions, nominal motion on numbers. A hand-over is written on both: it is part of the function
-that enters a stage, and of what is foreseen.
+that enters a stage, and of what is predicted.
 """
 
 from __future__ import annotations

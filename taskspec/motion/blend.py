@@ -1,7 +1,7 @@
 """How a reference begins: from rest, or from the one that is handed over.
 
 The shapes are of CasADi's expressions and of plain numbers alike, so that what runs and what is
-foreseen are one function.
+predicted are one function.
 """
 
 from __future__ import annotations

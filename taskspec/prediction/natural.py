@@ -32,14 +32,14 @@ _INEXACT, _NONE = float(np.sin(np.deg2rad(1.0))), 1e-6
 _NOTHING = 1e-9
 
 
-def natural(here: StageAtStart, foreseen: StagePrediction) -> tuple[Natural, ...]:
+def natural(here: StageAtStart, predicted: StagePrediction) -> tuple[Natural, ...]:
     """One constraint for each axis of a stage, as it begins.
 
     Args:
         here: the stage.
-        foreseen: what it is expected to do.
+        predicted: what it is expected to do.
     """
-    rows = reactions(here, foreseen)
+    rows = reactions(here, predicted)
     axes = here.stage.plan.axes
     index = [AXES.index(a) for a in axes]
     wanted = [a for a in axes if here.stage.plan.plans[a].set_point]

@@ -47,19 +47,19 @@ class Reactions:
     turning: frozenset[str] = frozenset()
 
 
-def reactions(here: StageAtStart, foreseen: StagePrediction) -> Reactions:
+def reactions(here: StageAtStart, predicted: StagePrediction) -> Reactions:
     """All that the world returns to the control point as a stage begins.
 
     Args:
         here: the stage.
-        foreseen: what it is expected to do.
+        predicted: what it is expected to do.
     """
     columns: list[Vector] = []
     names: list[str] = []
     states: list[State] = []
     sides: list[int] = []
     friction: dict[str, float] = {}
-    for name, state, wrench in _contacts(here, foreseen):
+    for name, state, wrench in _contacts(here, predicted):
         columns.append(wrench)
         names.append(name)
         states.append(state)
@@ -95,11 +95,13 @@ def _turns(here: StageAtStart, name: str) -> bool:
     return mechanism.angular and frame.mechanism is None and bool(np.any(way))
 
 
-def _contacts(here: StageAtStart, foreseen: StagePrediction) -> Iterator[tuple[str, State, Vector]]:
+def _contacts(
+    here: StageAtStart, predicted: StagePrediction
+) -> Iterator[tuple[str, State, Vector]]:
     """Shapes: along the normal, and under the face of a flat tool about two axes across it."""
     on = bearing(here)
     for i, name in enumerate(on.names):
-        state = _state(here, foreseen, name)
+        state = _state(here, predicted, name)
         if state is None:
             continue
         normal = on.normals[:, i]
@@ -110,13 +112,13 @@ def _contacts(here: StageAtStart, foreseen: StagePrediction) -> Iterator[tuple[s
                 yield name, state, np.concatenate([np.zeros(3), across])
 
 
-def _state(here: StageAtStart, foreseen: StagePrediction, name: str) -> State | None:
+def _state(here: StageAtStart, predicted: StagePrediction, name: str) -> State | None:
     """Whether a contact is there; None for one that the stage stays away from."""
-    if name in foreseen.depths or any(
+    if name in predicted.depths or any(
         p.set_point and not a.is_rotation for a, p in here.stage.plan.plans.items()
     ):
         return State.THERE
-    if foreseen.impact is not None and foreseen.impact.contact == name:
+    if predicted.impact is not None and predicted.impact.contact == name:
         return State.MET
     return None if here.gap is not None and here.gap > AT_SURFACE else State.MAYBE
 

@@ -132,7 +132,7 @@ class Passage:
         strain: the greatest of an axis against the held mechanism.
         stopped: the held mechanism at its stop.
         edge: name of the object that the tool leaves.
-        drive: how the law takes the held mechanism along; None where that is not foreseen.
+        drive: how the law takes the held mechanism along; None where that is not predicted.
     """
 
     instants: tuple[Instant, ...]

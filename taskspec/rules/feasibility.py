@@ -156,7 +156,7 @@ def scant_speed_limits(stage: StagePlan) -> Iterator[Finding]:
 
 
 def _fastest(stage: StagePlan) -> float:
-    """How fast the references of a stage take the tip [m/s], as far as that is foreseen."""
+    """How fast the references of a stage take the tip [m/s], as far as that is predicted."""
     passage = stage.nominal.passage
     instants = () if passage is None else passage.instants
     walked = max((float(np.linalg.norm(i.twist[:3])) for i in instants), default=0.0)

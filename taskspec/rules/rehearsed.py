@@ -28,8 +28,8 @@ from taskspec.geometry.axis import ROTATIONS, TRANSLATIONS
 from taskspec.program.plan import StagePlan, TaskPlan
 from taskspec.program.stages.protected import PROTECTION, about_force
 from taskspec.rules import Finding, Phase, rule, warning
-from taskspec.rules.foreseen_forces import close_calls
 from taskspec.rules.places import motion_of
+from taskspec.rules.predicted_forces import close_calls
 from taskspec.rules.protection import fast_torques
 from taskspec.spec import FILE, KeyPath
 from taskspec.spec.stage import OSCILLATION, SATURATION

@@ -281,7 +281,7 @@ class Measured:
         )
 
     def pressed(self, stage: str, text: str) -> str:
-        """What force there was where no object was foreseen."""
+        """What force there was where no object was predicted."""
         along = _text(text, r"along '(\w+)'")
         name = f"force.{along}"
         if name not in self._columns:

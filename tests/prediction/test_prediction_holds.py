@@ -56,12 +56,12 @@ def text(**changes):
     return filled
 
 
-def foreseen(task, stage="go"):
+def predicted(task, stage="go"):
     return predict(compile_unchecked(load_text(task, "t.yaml")))[stage]
 
 
-def foreseen_and_run(simulate, task, stage="go"):
-    """What is foreseen of a stage, and the run: the task is compiled once for both."""
+def predicted_and_run(simulate, task, stage="go"):
+    """What is predicted of a stage, and the run: the task is compiled once for both."""
     run = simulate(task)
     return predict(run.program)[stage], run
 
@@ -71,7 +71,7 @@ def foreseen_and_run(simulate, task, stage="go"):
 def test_a_force_on_a_moving_surface(simulate, law, frame):
     """In a fixed frame the force swings; in the surface's own it stays, of a law that can tell."""
     task = text(LAW=law, FRAME=frame, **HEAVING)
-    said, run = foreseen_and_run(simulate, task)
+    said, run = predicted_and_run(simulate, task)
     # Two periods, 1 s after the force has been reached.
     force = run.during("go", "force.z", 2.0)
     if frame == "task" and law == "parallel-pid":
@@ -103,14 +103,14 @@ def test_the_closed_form_of_a_force_loop_on_a_moving_surface():
 
 def test_a_surface_that_leaves_the_tool_is_not_pressed_steadily():
     deep = ", motion: {z: 20 mm * sin(2*pi*clock/(1 s))}"
-    said = foreseen(text(MOTION=deep))
+    said = predicted(text(MOTION=deep))
     assert said.left_out["force.z"] == "'table' moves, and leaves the tool"
     assert "force.z" not in said.equilibrium
     assert "table" not in said.depths
 
 
 def test_an_open_loop_force_on_a_moving_surface_is_left_out():
-    said = foreseen(text(LAW=f"{{kind: impedance, {SPRINGS}}}", **HEAVING))
+    said = predicted(text(LAW=f"{{kind: impedance, {SPRINGS}}}", **HEAVING))
     assert "moves" in said.left_out["force.z"]
     assert "force.z" not in said.equilibrium
 
@@ -120,7 +120,7 @@ def test_an_open_loop_force_on_a_moving_surface_is_left_out():
 def test_a_flat_tool_that_does_not_lie_flush(simulate, law, tilt):
     """It rests on an edge, whose depth is that of the whole contact."""
     task = text(LAW=f"{{kind: {law}, {SPRINGS}}}", **(FLAT | {"TILT": tilt}))
-    said, run = foreseen_and_run(simulate, task)
+    said, run = predicted_and_run(simulate, task)
     for signal in ("force.z", "force.x", "torque.ry"):
         end = run.during("go", signal)[-1]
         # What springs of 2 Hz have left after 2.5 s is e^-22.
@@ -140,7 +140,7 @@ def test_a_flat_tool_on_a_drum(simulate):
     task = text(LAW=f"{{kind: impedance, {SPRINGS}}}", **flat)
     task = task.replace(plane.replace("TILT", "0"), drum)
     assert "cylinder, radius: 150" in task
-    said, run = foreseen_and_run(simulate, task)
+    said, run = predicted_and_run(simulate, task)
     askew = math.asin((15 + 20) / 150) ** 2
     for signal in ("force.z", "force.x", "torque.ry"):
         end = run.during("go", signal)[-1]
@@ -151,7 +151,7 @@ def test_a_flat_tool_on_a_drum(simulate):
 
 def test_a_force_loop_presses_an_edge_as_deep_as_it_bears(simulate):
     task = text(**FLAT)
-    said, run = foreseen_and_run(simulate, task)
+    said, run = predicted_and_run(simulate, task)
     assert said.equilibrium["force.z"].value == pytest.approx(-15.0)
     deep = -run.during("go", "table.gap")[-1]
     assert deep == pytest.approx(said.depths["table"].depth, rel=2 * _CONTACT)
@@ -159,7 +159,7 @@ def test_a_force_loop_presses_an_edge_as_deep_as_it_bears(simulate):
 
 
 def test_friction_at_an_edge_is_left_out():
-    said = foreseen(text(LAW=f"{{kind: impedance, {SPRINGS}}}", MU="0.3", **FLAT))
+    said = predicted(text(LAW=f"{{kind: impedance, {SPRINGS}}}", MU="0.3", **FLAT))
     assert "does not lie flush" in said.left_out["force.z"]
 
 
@@ -167,7 +167,7 @@ def test_friction_at_an_edge_is_left_out():
 def test_a_law_without_an_integral_says_nothing_under_friction(simulate, friction):
     slides = "axes: {x: {velocity: 10 mm/s}, z: {force: -15 N}}, time: 2 s"
     task = text(LAW="hybrid-reaction", MU=friction, STAGE=slides)
-    said, run = foreseen_and_run(simulate, task)
+    said, run = predicted_and_run(simulate, task)
     force = run.during("go", "force.z")[-1]
     if friction == "0":
         assert force == pytest.approx(said.equilibrium["force.z"].value, rel=0.01)
@@ -178,7 +178,7 @@ def test_a_law_without_an_integral_says_nothing_under_friction(simulate, frictio
 
 
 def test_an_arm_that_falls_rests_on_nothing():
-    said = foreseen(text(LAW=f"{{kind: stiffness, {SPRINGS}}}"))
+    said = predicted(text(LAW=f"{{kind: stiffness, {SPRINGS}}}"))
     assert said.left_out["force.z"] == "nothing bears the weight of the arm, and it falls"
     assert "force.z" not in said.equilibrium
     assert "table" not in said.depths
@@ -191,7 +191,7 @@ def test_a_move_begins_at_the_rate_that_is_handed_over(simulate, way):
     task = text(HEIGHT="350 mm", STAGE=stage).replace(
         "axes: {z: {force: -5 N}}, time: 0.1 s", f"axes: {{x: {{move: {way}}}}}"
     )
-    said, run = foreseen_and_run(simulate, task, "press")
+    said, run = predicted_and_run(simulate, task, "press")
     lasted = len(run.during("press", "t")) * 1e-3
     assert lasted == pytest.approx(said.duration.expected, abs=1.5e-3)
 
@@ -212,7 +212,7 @@ def test_what_of_an_impact_comes_before_the_guard(simulate, law, guard, sensor):
     stage = f"axes: {{z: {{velocity: -30 mm/s}}}}, until: {guard}, within: 3 s"
     task = text(LAW=law, STAGE=stage, FRAME="task", HEIGHT="320 mm", STIFF="20 kN/m",
                 SENSOR=SENSORS[sensor])  # fmt: skip
-    said, run = foreseen_and_run(simulate, task)
+    said, run = predicted_and_run(simulate, task)
     most = float(np.max(-run.during("go", "force.z")))
     assert said.impact.largest / math.e < most < 1.05 * said.impact.largest
     lasted = len(run.during("go", "t")) * 1e-3

@@ -14,12 +14,12 @@ from taskspec.spec import load_task, load_text
 
 
 def shipped(task, stage, tasks):
-    return foreseen(tasks / f"{task}.yaml")[stage]
+    return predicted(tasks / f"{task}.yaml")[stage]
 
 
 @cache
-def foreseen(path):
-    """A shipped task is compiled once, however many tests look at what is foreseen of it."""
+def predicted(path):
+    """A shipped task is compiled once, however many tests look at what is predicted of it."""
     return predict(compile_unchecked(load_task(path)), {})
 
 
@@ -127,7 +127,7 @@ def test_a_face_that_lies_flush_decides_two_turns(lean, axes):
 )
 def test_what_is_selected_does_no_work(tasks, task):
     """S_f^T S_v = 0, and together they are of full rank."""
-    for stage in foreseen(tasks / f"{task}.yaml").stages:
+    for stage in predicted(tasks / f"{task}.yaml").stages:
         both = stage.selection
         assert np.allclose(both.force.T @ both.motion, 0.0, atol=1e-9)
         assert np.linalg.matrix_rank(np.hstack([both.force, both.motion])) == len(both.axes)

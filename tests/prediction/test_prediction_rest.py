@@ -42,12 +42,12 @@ def text(**changes):
     return filled
 
 
-def foreseen(task):
+def predicted(task):
     return predict(compile_unchecked(load_text(task, "t.yaml")))["press"]
 
 
-def foreseen_and_run(simulate, task):
-    """What is foreseen of a task, and its run: it is compiled once for both."""
+def predicted_and_run(simulate, task):
+    """What is predicted of a task, and its run: it is compiled once for both."""
     run = simulate(task)
     return predict(run.program)["press"], run
 
@@ -87,7 +87,7 @@ SPRINGS = "stiffness: 2 kN/m"
 )  # fmt: skip
 def test_forces_and_depth_at_rest(simulate, changes):
     task = text(**changes)
-    stage, run = foreseen_and_run(simulate, task)
+    stage, run = predicted_and_run(simulate, task)
     force, depth = stage.equilibrium["force.z"], stage.depths["table"]
     assert force.steady
     within = (_CONTACT + left_over(stage, 3.0)) * abs(force.value)
@@ -123,7 +123,7 @@ def test_what_nothing_returns_drives_the_tool_along(simulate):
 def test_a_parallel_set_point_that_moves_along_the_normal_is_off():
     """a.(f - f_d) = -(k_m / k_I) a.x'_d: 20 mm/s at 1 kN/m and 4 1/s add 5 N."""
     law = "{kind: parallel, stiffness: 1 kN/m, force: {integral: 4 /s}}"
-    stage = foreseen(text(LAW=law, AXES="z: {velocity: -20 mm/s, force: -10 N}"))
+    stage = predicted(text(LAW=law, AXES="z: {velocity: -20 mm/s, force: -10 N}"))
     assert stage.equilibrium["force.z"].value == pytest.approx(-15.0)
 
 
@@ -151,7 +151,7 @@ def test_mechanisms_and_equations(simulate, task, stage, signal):
 
 
 def test_a_set_point_that_moves_says_between_what():
-    stage = foreseen(text(AXES="z: {force: -(10 N + 3 N * sin(2*pi*t/(1 s)))}"))
+    stage = predicted(text(AXES="z: {force: -(10 N + 3 N * sin(2*pi*t/(1 s)))}"))
     force = stage.equilibrium["force.z"]
     assert not force.steady
     # Looked at 199 times in three periods: 1 - cos(pi 3/199) of the amplitude is missed at most.
@@ -159,7 +159,7 @@ def test_a_set_point_that_moves_says_between_what():
 
 
 def test_a_set_point_by_signals_is_left_open():
-    stage = foreseen(text(AXES="z: {force: -10 N - 100 N/m * position.x}"))
+    stage = predicted(text(AXES="z: {force: -10 N - 100 N/m * position.x}"))
     assert "force.z" not in stage.equilibrium
 
 
@@ -168,7 +168,7 @@ def test_the_worst_surface_is_named(simulate):
     law = f"{{kind: pd, {SPRINGS}, damping: 150 N*s/m}}"
     vary = "vary: {world.table.stiffness: 5..20 kN/m}\n"
     task = text(LAW=law, AXES=DEEP) + vary
-    stage = foreseen(task)
+    stage = predicted(task)
     force, depth = stage.equilibrium["force.z"], stage.depths["table"]
     assert force.worst.values == {("world.table.stiffness", None): 5e3}
     assert depth.worst.values == {("world.table.stiffness", None): 5e3}
@@ -180,7 +180,7 @@ def test_the_worst_surface_is_named(simulate):
 def test_what_makes_no_difference_is_not_named():
     vary = "vary: {world.table.stiffness: 5..20 kN/m, world.table.xyz: [+- 5 mm, 0, +- 2 mm]}\n"
     law = f"{{kind: pd, {SPRINGS}, damping: 150 N*s/m}}"
-    force = foreseen(text(LAW=law, AXES=DEEP) + vary).equilibrium["force.z"]
+    force = predicted(text(LAW=law, AXES=DEEP) + vary).equilibrium["force.z"]
     # 14 mm deep on 20 kN/m: 14 mm / (1/2 + 1/20) mm/N = 25.5 N; 10 mm on 5 kN/m: 14.3 N.
     assert force.worst.value == pytest.approx(-0.010 / (1 / 2e3 + 1 / 5e3))
     assert set(force.worst.values) == {("world.table.stiffness", None), ("world.table.xyz", 2)}
@@ -188,13 +188,13 @@ def test_what_makes_no_difference_is_not_named():
 
 def test_a_loop_reaches_its_set_point_on_every_surface():
     task = text() + "vary: {world.table.stiffness: 5..20 kN/m}\n"
-    stage = foreseen(task)
+    stage = predicted(task)
     assert stage.equilibrium["force.z"].worst is None
     assert stage.depths["table"].worst.value == pytest.approx(20 / 5e3)
 
 
 def test_a_stage_in_the_air_rests_on_nothing():
-    stage = foreseen(text(AXES="z: {move: 10 mm}"))
+    stage = predicted(text(AXES="z: {move: 10 mm}"))
     assert not stage.equilibrium
     assert not stage.depths
     assert np.isfinite([s.time_constant for s in stage.settling.values()]).all()
@@ -212,6 +212,6 @@ def test_a_stage_in_the_air_rests_on_nothing():
 )  # fmt: skip
 def test_what_no_spring_or_integral_decides_is_left_open(changes):
     """(4.39) without K_I, (4.15) without K_m: where the arm stops is not told by the law alone."""
-    stage = foreseen(text(**changes))
+    stage = predicted(text(**changes))
     assert "force.z" not in stage.equilibrium
     assert "table" not in stage.depths

@@ -69,12 +69,12 @@ def text(**changes):
     return filled
 
 
-def foreseen(task, stage="go"):
+def predicted(task, stage="go"):
     return predict(compile_unchecked(load_text(task, "t.yaml")), {})[stage]
 
 
-def foreseen_and_run(simulate, task, stage="go"):
-    """What is foreseen of a stage, and the run: the task is compiled once for both."""
+def predicted_and_run(simulate, task, stage="go"):
+    """What is predicted of a stage, and the run: the task is compiled once for both."""
     run = simulate(task)
     return predict(run.program, {})[stage], run
 
@@ -87,7 +87,7 @@ def test_impact_and_arrival(simulate, law, speed):
     What it goes on for, and how fast its spring is stretched, is at most 5 % in this stage.
     """
     task = text(LAW=law, SPEED=speed)
-    said, run = foreseen_and_run(simulate, task)
+    said, run = predicted_and_run(simulate, task)
     peak = float(np.max(-run.during("go", "force.z")))
     assert said.impact.peak / math.e < peak < 1.05 * said.impact.peak
     late = CLOSE
@@ -100,7 +100,7 @@ def test_impact_and_arrival(simulate, law, speed):
 
 def test_the_stiffest_surface_strikes_hardest():
     vary = "vary: {world.table.stiffness: 5..80 kN/m, world.table.rpy: [+- 3 deg, 0, 0]}\n"
-    said = foreseen(text() + vary).impact
+    said = predicted(text() + vary).impact
     assert said.worst.values == {("world.table.stiffness", None): 80e3}
     assert said.worst.value == pytest.approx(2 * said.peak)
 
@@ -118,7 +118,7 @@ def test_the_stiffest_surface_strikes_hardest():
     ],
 )
 def test_what_nothing_tells_stays_open(changes, expected, most):
-    duration = foreseen(text(**changes)).duration
+    duration = predicted(text(**changes)).duration
     assert duration.most == most
     if expected is None:
         assert duration.expected is None

@@ -14,7 +14,7 @@ from taskspec.compiler import admit
 from taskspec.examination import examine
 from taskspec.foresight.doubts import doubted
 from taskspec.program.program import Program
-from taskspec.rules.foreseen_forces import close_calls
+from taskspec.rules.predicted_forces import close_calls
 from taskspec.spec import load_text
 from taskspec.text.expression.tree import Name
 from taskspec_runner.verdict.summary import EXIT_GOOD, EXIT_MISSED
@@ -586,7 +586,7 @@ def test_a_loop_with_given_gains_may_settle_too_late(tmp_path):
 
 
 def test_an_expectation_that_is_met_by_little_is_run_ahead():
-    """The set point ends at 13.7 N, and the loop is foreseen to be at 14.5 N then."""
+    """The set point ends at 13.7 N, and the loop is predicted to be at 14.5 N then."""
     for most, close in ((14.6, {"press"}), (16, set())):
         text = f'{AT_LAST}expect: ["last(abs(press.force.z)) < {most} N"]\n'
         plan = program_of(text).plan

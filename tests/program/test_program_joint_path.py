@@ -1,4 +1,4 @@
-"""Stages with a path of joints: followed, handed over, guarded, and foreseen."""
+"""Stages with a path of joints: followed, handed over, guarded, and predicted."""
 
 from __future__ import annotations
 
@@ -140,13 +140,13 @@ def test_the_torque_is_that_of_pinocchio():
         assert u[row] == pytest.approx(pin.rnea(model, data, q[row], v[row], wanted), abs=1e-6)
 
 
-def test_what_is_foreseen_is_what_comes():
+def test_what_is_predicted_is_what_comes():
     loaded = load_text(PANDA, "task.yaml")
     program = compile_task(loaded)
-    foreseen = predict(program).stages[0].duration.expected
+    predicted = predict(program).stages[0].duration.expected
     result = run(loaded)
     rows = ticks(result, 0)
-    assert foreseen == pytest.approx((rows.stop - rows.start) * 1e-3, abs=2e-3)
+    assert predicted == pytest.approx((rows.stop - rows.start) * 1e-3, abs=2e-3)
     passage = program.plan.stages["unfold"].nominal.passage
     q = columns(result, "position", 7)
     for here in passage.instants[::10]:

@@ -1,4 +1,4 @@
-"""How references start: from rest, continuing what is handed over, and as it is foreseen."""
+"""How references start: from rest, continuing what is handed over, and as it is predicted."""
 
 from __future__ import annotations
 
@@ -155,7 +155,7 @@ def test_the_fastest_instant_is_held_against_the_limit_on_speed(limit, codes):
         "x: {position: 380 mm - 30 mm*sin(2*pi*t/(1 s))}, y: {velocity: 15 mm/s}",
     ],
 )
-def test_what_is_foreseen_is_what_the_reference_does(simulate, axes):
+def test_what_is_predicted_is_what_the_reference_does(simulate, axes):
     """One function owns the start of a reference: the way of each axis, tick by tick."""
     before = "  go: {axes: {x: {velocity: -40 mm/s}}, time: 0.5 s}\n"
     file = text(f"{before}  on: {{axes: {{{axes}}}, time: 2 s}}\n")
@@ -165,5 +165,5 @@ def test_what_is_foreseen_is_what_the_reference_does(simulate, axes):
     t = run.during("on", "t")
     for axis in course.ways:
         ref = run.during("on", f"position.{axis}.ref")
-        foreseen = np.array([course.ways[axis](s) for s in t])
-        np.testing.assert_allclose(foreseen, ref - ref[0], atol=1e-6)
+        predicted = np.array([course.ways[axis](s) for s in t])
+        np.testing.assert_allclose(predicted, ref - ref[0], atol=1e-6)

@@ -154,13 +154,13 @@ def test_a_part_that_is_held_comes_to_its_table_before_the_tool_does(simulate):
     text = CARRIED.replace("UNTIL", "force.z < -1.1 N")
     short = text.replace("time: 3.9 s", "time: 2.6 s")
     (found,) = check_task(load_text(short, "t"))
-    foreseen = float(re.search(r"after ([\d.]+) s", found.message)[1])
+    predicted = float(re.search(r"after ([\d.]+) s", found.message)[1])
     assert found.code == "TS617"
     assert simulate(short).transitions[0].kind == "within"
     touches = simulate(text)
     arrives = touches["t"][np.argmax(touches["force.z"] < 0.5 * 0.17 * 9.81)]
-    assert foreseen == pytest.approx(arrives, abs=0.15)
-    assert foreseen < touches.transitions[0].clock
+    assert predicted == pytest.approx(arrives, abs=0.15)
+    assert predicted < touches.transitions[0].clock
 
 
 @pytest.mark.parametrize("law", ["pd", "impedance-natural"])

@@ -188,9 +188,9 @@ def test_a_tool_that_is_dragged_comes_there_later(simulate, speed):
     arrives = simulate(task).transitions[0].clock
     short = f"time: {arrives - 0.15:.3f} s"
     (found,) = findings(task.replace("time: 3 s", short))
-    foreseen = float(re.search(r"after ([\d.]+) s", found.message)[1])
+    predicted = float(re.search(r"after ([\d.]+) s", found.message)[1])
     assert found.code == "TS617"
-    assert arrives - 0.1 < foreseen < arrives
+    assert arrives - 0.1 < predicted < arrives
     assert simulate(task.replace("time: 3 s", short)).transitions[0].kind == "within"
     assert not findings(task.replace("time: 3 s", f"time: {arrives + 0.01:.3f} s"))
 
@@ -206,9 +206,9 @@ def test_a_force_takes_its_time_on_a_soft_surface(law, simulate):
     arrives = simulate(task).transitions[0].clock
     short = f"time: {0.6 * arrives:.3f} s"
     (found,) = findings(task.replace("time: 3 s", short))
-    foreseen = float(re.search(r"after ([\d.]+) s", found.message)[1])
+    predicted = float(re.search(r"after ([\d.]+) s", found.message)[1])
     assert found.code == "TS617"
-    assert foreseen == pytest.approx(arrives, rel=0.25)
+    assert predicted == pytest.approx(arrives, rel=0.25)
     assert not findings(task.replace("time: 3 s", f"time: {1.3 * arrives:.3f} s"))
 
 

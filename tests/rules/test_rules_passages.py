@@ -217,9 +217,9 @@ def test_a_mechanism_is_taken_along_as_far_as_its_law_bears(name: str, tmp_path:
     assert passage.drive is not None
     run = taskspec_runner.run(task, tmp_path / "run", force=True)
     assert run.summary["status"] == "failed"
-    foreseen = passage.drive.at(run.clock[-1])[0]
+    predicted = passage.drive.at(run.clock[-1])[0]
     # The start pose's gains and inertia for the whole way: 4 %, and the play of the grip.
-    assert run.columns["gate.travel"][-1] == pytest.approx(foreseen, rel=0.04, abs=0.5e-3)
+    assert run.columns["gate.travel"][-1] == pytest.approx(predicted, rel=0.04, abs=0.5e-3)
 
 
 def test_a_stiffer_law_takes_the_mechanism_there_in_time() -> None:

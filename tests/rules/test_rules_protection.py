@@ -252,6 +252,6 @@ def test_a_table_is_followed_by_its_spline(tmp_path):
     columns = Run.load(tmp_path / "run").columns
     sent = np.array([columns[f"position.{a}.ref"] for a in "xy"])
     assert course is not None
-    for order, foreseen in ((2, course.accelerations), (3, course.jerks)):
+    for order, predicted in ((2, course.accelerations), (3, course.jerks)):
         run_has = np.linalg.norm(np.diff(sent, order, axis=1), axis=0).max() / 1e-3**order
-        assert np.linalg.norm(foreseen[:, :3], axis=1).max() == pytest.approx(run_has, rel=0.02)
+        assert np.linalg.norm(predicted[:, :3], axis=1).max() == pytest.approx(run_has, rel=0.02)

@@ -10,7 +10,7 @@ import taskspec_runner
 from taskspec.analysis import rehearsal
 from taskspec.examination import examine
 from taskspec.foresight.doubts import doubted
-from taskspec.rules.foreseen_forces import close_calls
+from taskspec.rules.predicted_forces import close_calls
 from taskspec.spec import load_text
 from taskspec.text.diagnostic import Diagnostic
 

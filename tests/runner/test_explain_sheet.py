@@ -21,8 +21,8 @@ TASKS = Path(__file__).parents[2] / "tasks"
 def accounts(loaded):
     """Stages by name, without poles, which take most of the time."""
     program = compile_unchecked(loaded)
-    foreseen = predict(program, {})
-    return {s.name: stage_sheet(program, s, foreseen[s.name]) for s in program.stages}
+    predicted = predict(program, {})
+    return {s.name: stage_sheet(program, s, predicted[s.name]) for s in program.stages}
 
 
 @pytest.fixture(scope="module")
@@ -172,8 +172,8 @@ def test_as_data():
 def test_what_is_only_otherwise_in_truth_is_no_worst_of_vary():
     path, changed = str(TASKS / "press-hybrid.yaml"), "truth.world.table.stiffness=5 kN/m"
     shown = CliRunner().invoke(app, ["explain", path, "--set", changed]).output
-    heads = [line.split() for line in shown.splitlines() if line.split()[:1] == ["foreseen"]]
-    assert ["foreseen", "is", "in", "truth", "from"] in heads
+    heads = [line.split() for line in shown.splitlines() if line.split()[:1] == ["predicted"]]
+    assert ["predicted", "is", "in", "truth", "from"] in heads
     assert not any("vary" in head for head in heads)
     assert "4 mm at table.stiffness = 5 kN/m" in shown
 

@@ -13,7 +13,7 @@ from short_tasks import TAP
 from taskspec.compiler import compile_task
 from taskspec.spec import load_text
 from taskspec_runner.session import execute_program
-from taskspec_runner.verdict import predicted as foretelling
+from taskspec_runner.verdict import predicted as prediction
 
 
 def summary(folder: Path, text: str = TAP, **overrides: str) -> dict[str, Any]:
@@ -83,7 +83,7 @@ def test_a_run_that_cannot_be_predicted_is_a_run(
     def fails(_: object) -> None:
         raise ZeroDivisionError
 
-    monkeypatch.setattr(foretelling, "predict", fails)
+    monkeypatch.setattr(prediction, "predict", fails)
     with caplog.at_level(logging.WARNING):
         found = summary(tmp_path / "run")
     assert found["status"] == "done"

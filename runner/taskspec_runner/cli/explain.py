@@ -105,14 +105,14 @@ def _show_stage(stage: StageSheet, other: str) -> None:
     for axis in stage.axes:
         axes.add_row(*_cells(axis.axis, axis.natural, axis.artificial, axis.by))
     worst = any(row.worst for row in stage.expected)
-    foreseen = table("foreseen", "is", *([other] if worst else []), "from")
+    predicted = table("predicted", "is", *([other] if worst else []), "from")
     for row in stage.expected:
         cells = (row.what, row.value, *([row.worst] if worst else []), row.source)
-        foreseen.add_row(*_cells(*cells))
+        predicted.add_row(*_cells(*cells))
     gains = table("gain", "on", "value", "from", right=("value",))
     for gain in stage.gains:
         gains.add_row(*_cells(gain.gain, " ".join(gain.axes), gain.value, gain.origin))
-    _section(f"stage {stage.name}", _pairs(facts), "", axes, "", foreseen, "", gains)
+    _section(f"stage {stage.name}", _pairs(facts), "", axes, "", predicted, "", gains)
 
 
 def _show_stability(stability: StabilitySheet) -> None:
@@ -122,7 +122,7 @@ def _show_stability(stability: StabilitySheet) -> None:
     bounds = table("stable for", "is", "bound", "by", right=("is",))
     for bound in stability.bounds:
         bounds.add_row(*_cells(bound.what, bound.now, bound.bound, bound.source))
-    show("", Text(f"  predicted with {stability.where}"), poles)
+    show("", Text(f"  closed loop with {stability.where}"), poles)
     if stability.bounds:
         show("", bounds)
 

@@ -17,9 +17,9 @@ from taskspec_runner.sweep.session import SweepResult
 from taskspec_runner.sweep.summary import (
     MET,
     UNDECIDED,
-    foretold_text,
-    foretold_wrong,
     interval_text,
+    predicted_text,
+    predicted_wrong,
     rate_text,
 )
 
@@ -86,10 +86,10 @@ def _depends(result: SweepResult) -> Iterator[str]:
         yield f"what matters ({told_of}): {', '.join(parts)}"
     for each in summary["regions"]:
         yield each["text"]
-    if looked_at := summary.get("foretold"):
-        wrong = foretold_wrong(looked_at)
+    if looked_at := summary.get("predicted"):
+        wrong = predicted_wrong(looked_at)
         about = f"; wrong about {_worlds(wrong)}" if wrong else ""
-        yield f"{foretold_text(looked_at)}{about}"
+        yield f"{predicted_text(looked_at)}{about}"
     worst = summary["worst"]
     if worst is not None:
         row = result.rows[worst["world"]]

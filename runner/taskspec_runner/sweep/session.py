@@ -31,7 +31,7 @@ from taskspec_runner.sweep.folder import (
     open_sweep,
     read_written,
 )
-from taskspec_runner.sweep.foretold import foretold
+from taskspec_runner.sweep.predicted import predicted
 from taskspec_runner.sweep.summary import summarise
 from taskspec_runner.sweep.table import table_bytes
 from taskspec_runner.sweep.world_run import Row, broken_row
@@ -130,7 +130,7 @@ def sweep(
         with _interrupts_told(folder, len(worlds.shard(*shard))), Crew(workers) as crew:
             _run_missing(folder, bundle, worlds, worlds.shard(*shard), crew, watch)
             if shard == _WHOLE:
-                told = _foretold(crew, bundle, worlds, _ordered(folder))
+                told = _predicted(crew, bundle, worlds, _ordered(folder))
         if shard != _WHOLE:
             ordered = tuple(folder.rows[index] for index in sorted(folder.rows))
             good = sum(row["success"] for row in ordered)
@@ -198,7 +198,7 @@ def read_result(path: Path) -> tuple[SweepResult, WrittenSweep]:
     task, rows = read.task.task, tuple(read.rows[index] for index in sorted(read.rows))
     summary = {
         **summarise(task, rows, read.said["worlds"]["kind"]),
-        "foretold": read.said.get("foretold"),
+        "predicted": read.said.get("predicted"),
     }
     return SweepResult(task, path, rows, summary), read
 
@@ -330,14 +330,14 @@ def _run_missing(
             folder.add(broken_row(index, "the process that ran it died"))
 
 
-def _foretold(crew: Crew, bundle: Bundle, worlds: Worlds, ordered: Sequence[Row]) -> Json:
-    """What is foretold of worlds, by the processes that ran them as far as they live."""
+def _predicted(crew: Crew, bundle: Bundle, worlds: Worlds, ordered: Sequence[Row]) -> Json:
+    """What is predicted of worlds, by the processes that ran them as far as they live."""
     try:
-        return foretold(crew.there, bundle, worlds, ordered, crew.jobs)
+        return predicted(crew.there, bundle, worlds, ordered, crew.jobs)
     except BrokenProcessPool:
         if not crew.renew():
             raise
-        return foretold(None, bundle, worlds, ordered, 1)
+        return predicted(None, bundle, worlds, ordered, 1)
 
 
 class _Progress:
@@ -378,7 +378,7 @@ def _ordered(folder: SweepFolder) -> tuple[Row, ...]:
 def _ended(task: Task, folder: SweepFolder, told: Json | None) -> SweepResult:
     ordered = _ordered(folder)
     kind = folder.said["worlds"]["kind"]
-    summary = {**summarise(task, ordered, kind), "foretold": told}
+    summary = {**summarise(task, ordered, kind), "predicted": told}
     folder.write(TABLE, table_bytes(folder.rows, {"taskspec": task.name}))
     folder.end(**summary)
     return SweepResult(task, folder.path, ordered, summary)

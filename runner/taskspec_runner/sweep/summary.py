@@ -106,7 +106,7 @@ def interval_text(rate: Mapping[str, Any]) -> str:
     return f"{low:.4g} to {high:.4g} %"
 
 
-def foretold_text(told: Mapping[str, Any]) -> str:
+def predicted_text(told: Mapping[str, Any]) -> str:
     """How validate's findings about single worlds compare with what became of them."""
     parts = []
     for kind in ("failed", "good"):
@@ -117,7 +117,7 @@ def foretold_text(told: Mapping[str, Any]) -> str:
     return f"validate warns of trouble in {' and '.join(parts)} that were looked at"
 
 
-def foretold_wrong(told: Mapping[str, Any]) -> list[int]:
+def predicted_wrong(told: Mapping[str, Any]) -> list[int]:
     """The worlds that were looked at of which validate says something else than came of them."""
     return sorted(world for kind in ("failed", "good") for world in told[kind]["wrong"])
 

@@ -31,11 +31,11 @@ class AxisRow:
 
 
 def axis_row(
-    program: Program, stage: CompiledStage, foreseen: StagePrediction, axis: Axis
+    program: Program, stage: CompiledStage, predicted: StagePrediction, axis: Axis
 ) -> AxisRow:
     """One axis of a stage's frame."""
     plan = stage.plan.plans[axis]
-    world = next(n for n in foreseen.natural if n.axis == axis)
+    world = next(n for n in predicted.natural if n.axis == axis)
     by = ", ".join([_enforcer(stage, plan, world), *_remarks(stage, plan, world)])
     return AxisRow(axis, _natural(program, world), _artificial(stage, axis, plan), by)
 

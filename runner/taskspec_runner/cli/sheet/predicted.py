@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from taskspec.deferred_methods import dataclass
 from taskspec.prediction import Depth, Duration, Equilibrium, Extreme, Impact, Selection
-from taskspec.prediction import StagePrediction as Foreseen
+from taskspec.prediction import StagePrediction as Predicted
 from taskspec.spec import Task
 from taskspec.text.units import FORCE, LENGTH, MASS, STIFFNESS, TIME, VELOCITY, number, scaled, show
 
@@ -32,7 +32,7 @@ class PredictedRow:
     source: str
 
 
-def predicted_rows(task: Task, stage: Foreseen) -> Iterator[PredictedRow]:
+def predicted_rows(task: Task, stage: Predicted) -> Iterator[PredictedRow]:
     """All that is expected of a stage of a task."""
     yield PredictedRow("duration", duration_text(stage.duration), "", stage.duration.why)
     if stage.impact is not None:
@@ -74,7 +74,7 @@ def _impact(task: Task, met: Impact) -> PredictedRow:
     )
 
 
-def _forces(task: Task, stage: Foreseen) -> Iterator[PredictedRow]:
+def _forces(task: Task, stage: Predicted) -> Iterator[PredictedRow]:
     """Forces at rest; those that are nothing together."""
     groups: dict[tuple[str, str, str], list[str]] = {}
     for force in stage.equilibrium.values():
@@ -109,7 +109,7 @@ def _depth(task: Task, depth: Depth) -> PredictedRow:
     )
 
 
-def _settling(stage: Foreseen) -> Iterator[PredictedRow]:
+def _settling(stage: Predicted) -> Iterator[PredictedRow]:
     """Time to 2 % of each axis; equal ones together."""
     groups: dict[tuple[str, str], list[str]] = {}
     for axis, mode in stage.settling.items():

@@ -124,9 +124,9 @@ def frame_rows(program: Program) -> tuple[FrameRow, ...]:
     )
 
 
-def stage_sheet(program: Program, stage: CompiledStage, foreseen: StagePrediction) -> StageSheet:
+def stage_sheet(program: Program, stage: CompiledStage, predicted: StagePrediction) -> StageSheet:
     """One stage, and what it is expected to do."""
-    selected = foreseen.selection
+    selected = predicted.selection
     controlled = stage.plan.axes if stage.plan.joint_path is None else ()
     return StageSheet(
         name=stage.name,
@@ -138,12 +138,12 @@ def stage_sheet(program: Program, stage: CompiledStage, foreseen: StagePredictio
         kept=tuple(limit_rows(program, stage)),
         selection=() if selected is None else selection_rows(selected),
         axes=(
-            *(axis_row(program, stage, foreseen, axis) for axis in controlled),
+            *(axis_row(program, stage, predicted, axis) for axis in controlled),
             *(equation_row(program, stage, name) for name in stage.plan.active),
         ),
         gains=tuple(_gains(program, stage)),
         ends=tuple(_ends(program, stage)),
-        expected=tuple(predicted_rows(program.context.loaded.task, foreseen)),
+        expected=tuple(predicted_rows(program.context.loaded.task, predicted)),
         tare=stage.plan.spec.tare,
     )
 

@@ -18,9 +18,9 @@ from taskspec_runner.sweep.statistics import Influence, parameters
 from taskspec_runner.sweep.summary import (
     MET,
     MISSED,
-    foretold_text,
-    foretold_wrong,
     interval_text,
+    predicted_text,
+    predicted_wrong,
     rate_text,
     worst_world,
 )
@@ -65,7 +65,7 @@ def render(result: SweepResult, said: Json) -> str:
         regions=[_region(each, found) for each in summary["regions"]],
         failed=summary["success"]["of"] - summary["success"]["good"],
         worst=None if worst is None else _worst(worst, task),
-        foretold=_foretold(summary.get("foretold")),
+        predicted=_predicted(summary.get("predicted")),
         scatters=scatters[:_DRAWN],
         more=scatters[_DRAWN:],
         map={"key": "map", "title": "Share of worlds that succeed", "unit": "%", "note": ""},
@@ -177,11 +177,11 @@ def _worst(row: Row, task: Task) -> Json:
     }
 
 
-def _foretold(told: Json | None) -> Json | None:
+def _predicted(told: Json | None) -> Json | None:
     """What `validate` says of some worlds, and those of which it says something else than came."""
     if not told:
         return None
-    return {"text": foretold_text(told), "wrong": foretold_wrong(told)}
+    return {"text": predicted_text(told), "wrong": predicted_wrong(told)}
 
 
 def _data(result: SweepResult, said: Json, found: Sequence[WorldColumn]) -> Json:

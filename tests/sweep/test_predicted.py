@@ -13,7 +13,7 @@ from taskspec.analysis.worlds import random_world
 from taskspec.program.prepare import prepare
 from taskspec.spec import load_task
 from taskspec_runner.cli import app
-from taskspec_runner.sweep.summary import foretold_text, foretold_wrong
+from taskspec_runner.sweep.summary import predicted_text, predicted_wrong
 
 CLI = CliRunner()
 ROOT = Path(__file__).parents[2]
@@ -66,13 +66,13 @@ def test_a_world_that_there_is_not(task, world, said):
     assert said in result.stderr
 
 
-def test_worlds_that_were_foretold_wrongly_are_listed():
+def test_worlds_that_were_predicted_wrongly_are_listed():
     told = {
         "failed": {"of": 2, "announced": 1, "codes": ["TS726"], "wrong": [7]},
         "good": {"of": 3, "announced": 1, "codes": ["TS616"], "wrong": [2]},
     }
-    assert foretold_wrong(told) == [2, 7]
-    assert foretold_text(told) == (
+    assert predicted_wrong(told) == [2, 7]
+    assert predicted_text(told) == (
         "validate warns of trouble in 1 of 2 failed ones (TS726) and "
         "1 of 3 good ones (TS616) that were looked at"
     )

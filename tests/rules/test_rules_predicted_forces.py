@@ -1,4 +1,4 @@
-"""Foreseen courses of forces, and the expectations that they miss, against runs."""
+"""Predicted courses of forces, and the expectations that they miss, against runs."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def forced(text: str, folder: Path) -> taskspec_runner.Run:
         ("hybrid", "panda", "10 kN/m", LATE),
     ],
 )
-def test_a_force_goes_as_foreseen(law, arm, k, sensor, tmp_path):
+def test_a_force_goes_as_predicted(law, arm, k, sensor, tmp_path):
     """The touch falls between two ticks, so the blow is off by what it rises in one: 0.1 s of it.
 
     After that 2 % of the set point (1.6 % measured, with the sensor that holds for four ticks); of
@@ -189,7 +189,7 @@ stages:
         ("impedance-natural", "z: {position: -15 mm}, x: {velocity: 20 mm/s}"),
     ],
 )
-def test_the_force_of_a_spring_goes_as_foreseen(frame, law, axes, simulate):
+def test_the_force_of_a_spring_goes_as_predicted(frame, law, axes, simulate):
     """12 % of the last force, from 0.25 s on.
 
     By how much a damper lets the reference lead as the tool touches, 1.8 of 16 mm under `pd`, is

@@ -1,4 +1,4 @@
-"""Expectations and guards that the foreseen course of a stage misses."""
+"""Expectations and guards that the predicted course of a stage misses."""
 
 from __future__ import annotations
 
@@ -111,7 +111,7 @@ def guards_beyond_forces(task: TaskPlan) -> Iterator[Finding]:
         yield warning(
             "TS611",
             f"this never holds: until {show(stage.longest, 's', 3)} have passed, "
-            f"{axis.effort}.{axis} is foreseen to come to {show(float(most), axis.of(FORCE), 3)}",
+            f"{axis.effort}.{axis} is predicted to come to {show(float(most), axis.of(FORCE), 3)}",
             FILE.stages[name].until,
             "let it wait for less than the set point, or raise that",
             unless=("TS501", "TS612", "TS617"),
@@ -150,10 +150,10 @@ def failures_by_forces(task: TaskPlan) -> Iterator[Finding]:
         force, time = float(course.applied[i]), float(course.times[i])
         yield warning(
             "TS618",
-            f"stage {name!r} fails: {axis.effort}.{axis} is foreseen to be "
+            f"stage {name!r} fails: {axis.effort}.{axis} is predicted to be "
             f"{show(force, axis.of(FORCE), 3)} at t = {show(time, 's', 3)}, and this holds",
             guard.span,
-            "let it begin beyond what is foreseen, or press less",
+            "let it begin beyond the predicted force, or press less",
             unless=("TS501", "TS612", "TS613", "TS618"),
         )
 
@@ -177,7 +177,7 @@ def forces_beyond_limits(task: TaskPlan) -> Iterator[Finding]:
             when = float(course.times[np.argmax(np.abs(course.applied) > most)])
             yield warning(
                 "TS616",
-                f"force.{axis} of stage {name!r} is foreseen to come to {show(peaks[0], 'N', 3)}: "
+                f"force.{axis} of stage {name!r} is predicted to come to {show(peaks[0], 'N', 3)}: "
                 f"at t = {show(when, 's', 2)} it is beyond the limit on force, "
                 f"{show(most, 'N')}, and the run stops",
                 FILE.stages[name].axes[axis],
@@ -220,7 +220,7 @@ def _waits_for(stage: StagePlan) -> Axis | None:
 
 
 def _about(stage: StagePlan, guard: Expression) -> Axis | None:
-    """The one axis whose force alone a guard is about, if that is foreseen."""
+    """The one axis whose force alone a guard is about, if that is predicted."""
     paths = {
         n.path
         for n in names(guard.tree)
@@ -230,7 +230,7 @@ def _about(stage: StagePlan, guard: Expression) -> Axis | None:
         return None
     (path,) = paths
     axis = as_axis(path[-1])
-    if len(path) != 2 or axis is None or path[0] != axis.effort or not _is_foreseen(stage, axis):
+    if len(path) != 2 or axis is None or path[0] != axis.effort or not _is_predicted(stage, axis):
         return None
     return axis
 
@@ -305,7 +305,7 @@ def _force_of(task: TaskPlan, condition: Node) -> tuple[str, str, str] | None:
         return None
     if _is_sprung(stage, axis):
         return path
-    if stage.spec.until is not None or not _is_foreseen(stage, axis):
+    if stage.spec.until is not None or not _is_predicted(stage, axis):
         return None
     if any(n.path[3:] for n in signals) and not stage.plans[axis].set_point:
         return None
@@ -318,7 +318,7 @@ def _is_sprung(stage: StagePlan, axis: Axis) -> bool:
     return bool(stage.held) and plan is not None and plan.open_loop
 
 
-def _is_foreseen(stage: StagePlan, axis: Axis) -> bool:
+def _is_predicted(stage: StagePlan, axis: Axis) -> bool:
     """Whether an axis has a set point, or a spring whose force its reference gives."""
     plan = stage.plans.get(axis)
     loop = stage.law.control_law.force_loop
@@ -333,7 +333,7 @@ def _nearer(course: ForceCourse) -> Vector:
 
 
 class _Look:
-    """A condition on a force, over the course that is foreseen of it."""
+    """A condition on a force, over the course that is predicted of it."""
 
     def __init__(
         self,
@@ -370,7 +370,7 @@ class _Look:
         return not (self._holds(self._course.applied) or self._holds(_nearer(self._course)))
 
     def finding(self) -> Finding:
-        """What is foreseen instead."""
+        """What is predicted instead."""
         name, _, axis = self._signal
         if self._course.sprung:
             held, law = self._task.context.held, self._task.stages[name].law.kind
@@ -390,7 +390,7 @@ class _Look:
             hint = "say in how much of the stage it has to hold, as in 'for 90 %'"
         return warning(
             "TS726",
-            f"{self._foreseen()}: {why}",
+            f"{self._predicted()}: {why}",
             self._expression.where(self._condition),
             hint,
             unless=("TS501", "TS723", "TS308"),
@@ -401,23 +401,23 @@ class _Look:
         """Whether the law has no loop that brings the force to its set point."""
         return not self._task.stages[self._signal[0]].law.control_law.force_loop
 
-    def _foreseen(self) -> str:
+    def _predicted(self) -> str:
         condition, times = self._condition, self._course.times
         unit = FORCE.on(rotation=self._signal[1] == "torque")
         if isinstance(condition, Held):
             held = self._value(condition.x, self._course.applied).inside() == 1
-            share = f"this is foreseen to hold in {100 * float(np.mean(held)):.0f} % of its ticks"
+            share = f"this is predicted to hold in {100 * float(np.mean(held)):.0f} % of its ticks"
             first = int(np.argmax(held))
             return share + (f", first at t = {show(float(times[first]), 's', 3)}" if first else "")
         for node in (getattr(condition, "left", None), getattr(condition, "x", None)):
             if isinstance(node, Reduce):
                 value = self._value(node, self._course.applied).number
                 written = self._expression.text[node.start : node.end]
-                return f"{written} is foreseen to come to {show(value, unit, 3)}"
+                return f"{written} is predicted to come to {show(value, unit, 3)}"
         held = self._value(condition, self._course.applied).inside() == 1
         broken = int(np.argmin(held))
         force = show(float(self._course.applied[broken]), unit, 3)
-        return f"{force} is foreseen at t = {show(float(times[broken]), 's', 3)}"
+        return f"{force} is predicted at t = {show(float(times[broken]), 's', 3)}"
 
     def _holds(self, applied: Vector) -> bool:
         worth = self._value(self._condition, applied)

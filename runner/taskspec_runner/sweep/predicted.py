@@ -1,4 +1,4 @@
-"""What `validate` says of single worlds, beside what became of them."""
+"""What `validate` predicts of single worlds, beside how their runs ended."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from taskspec_runner.sweep.worlds import Worlds
 MOST = 10
 
 
-def foretold(
+def predicted(
     executor: Executor | None, bundle: Bundle, worlds: Worlds, rows: Sequence[Row], jobs: int
 ) -> dict[str, Any]:
     """Examines some worlds as if the file said that they are the true one.
