@@ -19,8 +19,8 @@ LONGER = 10.0
 PUSHED, PUSH = 0.3, 0.005
 #: Less than this of the push counts as nothing; so do velocities of the order of rounding [rad/s].
 NOTHING, ROUNDING = 1e-4, 1e-10
-#: A contact that is this much softer is beyond the boundary where the file's is 2 % from it: errors
-#: begin 2 % inside of it.
+#: A contact that is this much softer, or gains that are as much lower or higher, are beyond the
+#: boundary where the file's are 2 % from it: errors begin 2 % inside of it.
 INSIDE = 0.98**2
 #: Of ends, the gravest first.
 WELL, REFUSED, CRASHED = "well", "refused", "crashed"
@@ -275,7 +275,7 @@ def _growth(calm: np.ndarray, pushed: np.ndarray) -> float:
 
 
 def _is_near(key: tuple[int, int], row: Row, folder: Path) -> bool:
-    """Whether nothing refuses the file any more where contacts are a little softer.
+    """Whether nothing refuses the file where contacts are a little softer, or gains a little else.
 
     What is stable, and refused for a gain that is on the boundary, is near by what it says: where
     nothing is touched no contact would move that boundary.
@@ -289,6 +289,10 @@ def _is_near(key: tuple[int, int], row: Row, folder: Path) -> bool:
         return False
     if all("on the boundary of stability" in each["text"] for each in errors):
         return True
-    made = draft(*key)
-    made.soften(INSIDE)
-    return not refusals(examine(load_text(made.written(), "task.yaml", base=folder)).findings)
+    softer, lower, higher = draft(*key), draft(*key), draft(*key)
+    softer.soften(INSIDE)
+    lower.gain_factor, higher.gain_factor = INSIDE, 1 / INSIDE
+    return any(
+        not refusals(examine(load_text(made.written(), "task.yaml", base=folder)).findings)
+        for made in (softer, lower, higher)
+    )

@@ -34,8 +34,9 @@ compiles. A run is good if it comes to its end, meets its expectations, and neit
 saturates. A refused file whose run is good is run again, the stage that is accused ten times as
 long, with and without a small push (5 mrad/s on each joint): it is bad if it does not end well
 then, or if the difference grows. It is left out if nothing speaks against the file once its
-contacts are 4 % softer: errors begin 2 % inside the boundary, and 2 % beyond it are left out too.
-So is one whose errors all say that the stage is on the boundary of stability.
+contacts are 4 % softer, or the gains that it gives 4 % lower or higher: errors begin 2 % inside
+the boundary, and 2 % beyond it are left out too. So is one whose errors all say that the stage
+is on the boundary of stability.
 
 **Announced** is a bad run if there was an error or warning whose code announces its end; which code
 announces which is in `tests/campaigns/announcements.yaml`.

@@ -59,13 +59,13 @@ class TruthDraft(WorkshopDraft):
     """A task of the campaign.
 
     Attributes:
-        slip: what is wrong with it; empty for nothing.
+        slip: what is wrong with it; empty for nothing. gain_factor: of all gains that it gives.
     """
 
     def __init__(self, number: int, seed: int) -> None:
         super().__init__(number, 13, seed)
         self.name = f"truth-{seed}-{number}"
-        self.slip = ""
+        self.slip, self.gain_factor = "", 1.0
 
     # --- what is drawn -----------------------------------------------------------------------
 
@@ -304,12 +304,13 @@ class TruthDraft(WorkshopDraft):
 
     def gains(self) -> dict[str, Value]:
         made = super().gains()
-        if self.slip != "gain":
-            return made
         leaves = list(_leaves(made))
-        if leaves:
+        if self.slip == "gain" and leaves:
             holder, key = leaves[int(self.rng.integers(len(leaves)))]
             holder[key] = scaled(str(holder[key]), self.spread(1.3, 8))
+        if self.gain_factor != 1.0:
+            for holder, key in leaves:
+                holder[key] = scaled(str(holder[key]), self.gain_factor, digits=9)
         return made
 
     def _axes(self, *keys: str) -> list[tuple[dict[str, Value], str]]:
