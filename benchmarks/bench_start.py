@@ -38,6 +38,13 @@ from taskspec.program.execution.machine import Machine
 Machine.tick = lambda *_: os._exit(0)
 """
 
+#: What the language, the robots and the laws are made of, and nothing else.
+LIBRARIES = """
+import os
+import casadi, numpy, pinocchio, pydantic, typer, yaml
+os._exit(0)
+"""
+
 
 @dataclass(frozen=True)
 class Cost:
@@ -145,6 +152,8 @@ def main() -> None:
         validate = ("validate", TASK)
         run = ("run", TASK, "--quiet", "--out", str(folder / "run"))
         cases = {
+            "the libraries of validate, imported": (validate, LIBRARIES, True, False),
+            "those of run": (run, "import mujoco\n" + LIBRARIES, True, False),
             "validate of one file": (validate, "", True, False),
             "validate of one file, nothing kept": (validate, "", False, False),
             "validate of one file, its findings known": (validate, "", True, True),
