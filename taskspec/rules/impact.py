@@ -203,10 +203,9 @@ def _short(stage: StagePlan, way: Approach) -> Iterator[Finding]:
     begins = f"stage {stage.name!r} begins"
     if part is not None and context.loaded.task.shapes[way.contact].shape == "plane":
         # It comes there before the tool does; of a plane, its farthest points are the nearest.
-        gap, nothing_else = (
-            part.gaps[way.contact] - _sags(stage, way.axis, part),
-            len(part.gaps) == 1,
-        )
+        # One that sags that far is there at once.
+        gap = max(part.gaps[way.contact] - _sags(stage, way.axis, part), 0.0)
+        nothing_else = len(part.gaps) == 1
         begins += f" with {part.name!r}"
     within, base = stage.spec.within, None
     if gap is None and stage.frame.surface_name == way.contact and _first(stage):

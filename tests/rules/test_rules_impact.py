@@ -235,3 +235,19 @@ def test_a_touch_that_has_pressed_on_fails_what_comes_next(simulate):
     sooner = task.replace("for 0.3 s", "for 10 ms")
     assert [d.code for d in findings(sooner)] == ["TS618"]
     assert simulate(sooner).transitions[-1].kind == "fail_if"
+
+
+def test_a_part_whose_spring_gives_way_to_its_weight_is_at_the_table_at_once():
+    """0.53 kg on 380 N/m sags by 13.7 mm, and begins 12 mm above it."""
+    text = (
+        "taskspec: 1\nrobot: {model: panda, grasp: part}\nworld:\n"
+        "  part: {shape: sphere, radius: 30.5 mm, free: true, mass: 0.53 kg, "
+        "xyz: [518 mm, 66 mm, 345 mm]}\n"
+        "  table: {shape: plane, xyz: [0, 0, 302.5 mm], stiffness: 1.4 kN/m}\n"
+        "law: {kind: pd-joint, stiffness: {linear: 380 N/m}}\nstages:\n"
+        "  go: {axes: {z: {velocity: -20 mm/s}}, until: force.z < -2.5 N for 13 ms, "
+        "within: LATEST}\n"
+    )
+    assert "TS617" not in [d.code for d in findings(text.replace("LATEST", "{time: 3 s}"))]
+    found = next(d for d in findings(text.replace("LATEST", "{time: 20 ms}")) if d.code == "TS617")
+    assert "begins with 'part' 0 mm away" in found.message
