@@ -6,6 +6,7 @@ Pushes out of their bounds are clamped along the normals alone, before anything 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import casadi as ca
 
@@ -23,19 +24,27 @@ FORCE_SHARE = 0.97
 _ROUNDING = 1e-6
 #: Square of the share of a contact's normal that the task's axes have to have.
 _INFEASIBLE = 1e-9
+#: Square of the sine between a contact and those before it from which on it is one of its own.
+_OWN_WAY = 1e-3
 
 
 class Contacts:
-    """Inertia and multipliers of the contacts that are there now; those that are not count as 0."""
+    """Inertia and multipliers of the contacts that are there now; those that are not count as 0.
+
+    Nor does one count that is along others before it, as a sheet on a table is: together they bear
+    what the first one would, and nothing tells how they share it.
+    """
 
     def __init__(self, contacts: Sequence[ContactRow], L: ca.SX) -> None:
         n, c = L.shape[0], len(contacts)
-        self.contacts = contacts
         self.drift = ca.vertcat(ca.SX(0, 1), *(row.drift for row in contacts))
         self.measured = ca.vertcat(ca.SX(0, 1), *(row.measured for row in contacts))
-        self.active = ca.vertcat(ca.SX(0, 1), *(row.active for row in contacts))
         self.J = ca.vertcat(ca.SX(0, n), *(row.J for row in contacts))
-        self.C = linear.forward(L, self.J.T) @ ca.diag(self.active) if c else ca.SX(n, 0)
+        apart = linear.forward(L, self.J.T) if c else ca.SX(n, 0)
+        active = _apart(apart, [row.active for row in contacts])
+        self.contacts = [replace(row, active=on) for row, on in zip(contacts, active, strict=True)]
+        self.active = ca.vertcat(ca.SX(0, 1), *active)
+        self.C = apart @ ca.diag(self.active) if c else ca.SX(n, 0)
         mobility = self.C.T @ self.C + ca.diag(1 - self.active)
         self.inertia = linear.solve(linear.cholesky(mobility), ca.SX.eye(c)) if c else mobility
 
@@ -61,6 +70,22 @@ class Contacts:
     def multipliers(self, acceleration: ca.SX) -> ca.SX:
         """What a rigid contact would return (c,), (4.77), as the robot applies it."""
         return self.measured + self.inertia @ (self.J @ acceleration + self.drift)
+
+
+def _apart(ways: ca.SX, active: Sequence[ca.SX]) -> list[ca.SX]:
+    """Which of the active contacts have ways, columns (n, c), of their own."""
+    own: list[ca.SX] = []
+    found: list[ca.SX] = []
+    for i in range(ways.shape[1]):
+        way = left = ways[:, i]
+        for each in own:
+            left -= each * ca.dot(each, way)
+        size, rest = ca.sumsqr(way), ca.sumsqr(left)
+        # The first one has nothing before it.
+        counts = ca.logic_and(active[i], rest > _OWN_WAY * size) if own else active[i]
+        found.append(counts)
+        own.append(ca.if_else(counts, left / ca.sqrt(ca.fmax(rest, 1e-300)), 0))
+    return found
 
 
 @dataclass(frozen=True, slots=True)
