@@ -47,6 +47,9 @@ _CONDITION = 1e12
 _NO_WEIGHT = 1e-3
 #: Cosine from which on two normals are taken as one: 1 deg.
 _SAME = float(np.cos(np.deg2rad(1.0)))
+#: How long a set point that depends on time is followed where its stage has no bound [s], and at
+#: how many instants.
+_FOLLOWED, _INSTANTS = 10.0, 201
 
 
 @dataclass(frozen=True, slots=True)
@@ -530,10 +533,10 @@ class StagePlan:
 
     @cached_property
     def _face(self) -> float:
-        """f r^2 / rounding of a flat tool that presses with a constant force [N m/rad]; else 0."""
+        """f r^2 / rounding of a flat tool, f the most that it presses with [N m/rad]; else 0."""
         tool = self.context.robot.tool
         presses = [
-            abs(self.set_point_of(a) or 0.0)
+            self._most_of(a)
             for a in self.forces
             if (name := self.contact_of(a)) and touched_whole(self.context.surfaces[name])
         ]
@@ -541,6 +544,17 @@ class StagePlan:
         if not (tool.flat and presses and sizes) or self.gripped:
             return 0.0
         return max(presses) * tool.reach**2 / rounding(sizes[1])
+
+    def _most_of(self, axis: Axis) -> float:
+        """The largest size of a set point that is constant or depends on time alone, else 0 [N]."""
+        entry = self.spec.axes[axis].set_point
+        if entry is None:
+            return 0.0
+        lasts = min(self.longest, _FOLLOWED)
+        values = [
+            self.known(entry.wanted, {"t": float(t)}) for t in np.linspace(0.0, lasts, _INSTANTS)
+        ]
+        return max((abs(v) for v in values if v is not None and math.isfinite(v)), default=0.0)
 
     def _grip_damping(self, axis: Axis) -> float:
         """Damping of the grip along or about an axis at the control point."""
