@@ -37,7 +37,9 @@ DIFFERENT = (
     "conveyor",  # an object that moves by itself
     "door-handle",  # a grip, a mechanism with a detent
     "linkage",  # equations on the tip and on joints
+    "peg-in-hole",  # a tool with sides, a cut, retries by condition
     "press-qp",  # a program of limits
+    "slot-insertion",  # a box as the tool
     "unknown-normal",  # a frame that is estimated
     "wrist-sensor",  # a sensor with noise at the wrist, its zero measured
 )
@@ -87,6 +89,42 @@ stages:
 def test_the_loops_go_along_a_slowed_path_alike(tmp_path: Path) -> None:
     (tmp_path / "slowed.yaml").write_text(SLOWED)
     program = compile_unchecked(load_task(tmp_path / "slowed.yaml"))
+    native, loop = logged(program, tmp_path / "native", "native")
+    python, _ = logged(program, tmp_path / "python", "python")
+    assert loop == "native"
+    assert native == python
+
+
+FLAT = """
+taskspec: 1
+robot:
+  model: panda
+  tool: {{{tool}, length: 120 mm, mass: 300 g}}
+  start: {{xyz: [500 mm, 0, 332 mm], rpy: [181 deg, 2 deg, 0]}}
+world: {{plate: {{{plate}, stiffness: 40 kN/m, damping: 60 N*s/m, friction: 0.3}}}}
+stages:
+  press: {{axes: {{z: {{force: -15 N}}, rx: {{torque: 0}}, ry: {{torque: 0}}}}, time: 0.5 s}}
+  slide:
+    axes: {{x: {{velocity: 60 mm/s}}, z: {{force: -15 N}}, rx: {{torque: 0}}, ry: {{torque: 0}}}}
+    time: 1 s
+"""
+
+
+@pytest.mark.parametrize(
+    "tool", ["cylinder, radius: 15 mm, thickness: 20 mm", "box, size: [30 mm, 20 mm, 20 mm]"]
+)
+@pytest.mark.parametrize(
+    "plate",
+    [
+        "box, size: [100 mm, 200 mm, 20 mm], xyz: [500 mm, 0, 320 mm]",
+        "hole, radius: 25 mm, depth: 10 mm, xyz: [540 mm, 0, 330 mm]",
+    ],
+)
+def test_the_loops_press_and_slide_a_flat_tool_alike(tool: str, plate: str, tmp_path: Path) -> None:
+    """It seats itself, slides, and comes over the edge of the plate or into its hole."""
+    text = FLAT.format(tool=f"shape: {tool}", plate=f"shape: {plate}")
+    (tmp_path / "flat.yaml").write_text(text)
+    program = compile_unchecked(load_task(tmp_path / "flat.yaml"))
     native, loop = logged(program, tmp_path / "native", "native")
     python, _ = logged(program, tmp_path / "python", "python")
     assert loop == "native"
