@@ -1,4 +1,4 @@
-"""Deburring, seating in a corner, pivoting: the closed form, and what each strategy is for."""
+"""The closed form of deburring, what each strategy is for, and what breaks each expectation."""
 
 from __future__ import annotations
 
@@ -49,3 +49,58 @@ def test_a_moment_of_zero_about_the_edge_leaves_the_box_on_it(tmp_path):
     assert run.exit_code == 1
     met = {each["name"]: each["passed"] for each in run.summary["expectations"]}
     assert met == {"flat": False, "edge-stays": True, "gentle": True}
+
+
+_ROUND_THE_PIPE = {
+    "truth.world.pipe.xyz": "[503 mm, 0, 110 mm]",
+    "truth.world.pipe.stiffness": "40 kN/m",
+}
+
+
+@pytest.mark.parametrize(
+    ("task", "overrides", "broken"),
+    [
+        # Beside the groove the tool slides over the plate.
+        ("groove-following", {"truth.world.guide.xyz": "[450 mm, 9 mm, 300 mm]"}, {"in-groove"}),
+        # A groove that sinks away, followed three times as fast: the force loop is behind.
+        (
+            "groove-following",
+            {
+                "truth.world.guide.rpy": "[0, 3 deg, 0]",
+                "stages.follow.axes.x.speed": "120 mm/s",
+            },
+            {"pressed"},
+        ),
+        ("groove-following", {"stages.approach.axes.z.velocity": "-60 mm/s"}, {"gentle"}),
+        # A feed that does not wait, on another pipe than the file says.
+        ("raster-polish", {"stages.polish.path.speed": "pace"} | _ROUND_THE_PIPE, {"polished"}),
+        ("raster-polish", {"stages.spot.path.speed": "pace"} | _ROUND_THE_PIPE, {"spot"}),
+        # The place is held, and the force is let go.
+        ("raster-polish", {"stages.rest.axes.z": "hold"}, {"rested"}),
+        ("raster-polish", {"law.bandwidth": "1 Hz"}, {"along"}),
+        (
+            "raster-polish",
+            {"law.bandwidth": "1 Hz", "truth.world.pipe.friction": "0.3"},
+            {"along", "across"},
+        ),
+        ("raster-polish", {"params.pace": "50 mm/s"}, {"soon"}),
+        ("corner-seating", {"stages.seat.axes.ry": "hold"}, {"flat"}),
+        ("corner-seating", {"robot.start.rpy": "[178.5 deg, 1 deg, 3.5 deg]"}, {"square"}),
+        ("corner-seating", {"stages.seat.axes.x.force": "8 N"}, {"touching"}),
+        ("corner-seating", {"stages.down.axes.z.velocity": "-80 mm/s"}, {"gentle"}),
+        ("edge-following", {"truth.world.plate.size": "[190 mm, 80 mm, 20 mm]"}, {"end"}),
+        # The controller presses with what the sensor shows.
+        ("edge-following", {"truth.robot.sensor.bias": "[0, 2.5 N, 0, 0, 0, 0]"}, {"pressed"}),
+        ("edge-following", {"stages.approach.axes.y.velocity": "-150 mm/s"}, {"gentle"}),
+        ("pivot-box", {"law.bandwidth": "1 Hz"}, {"edge-stays"}),
+        ("pivot-box", {"stages.down.axes.z.velocity": "-150 mm/s"}, {"gentle"}),
+        ("stiffness-identification", {"truth.world.sample.stiffness": "15 kN/m"}, {"stiffness"}),
+        ("stiffness-identification", {"stages.approach.axes.z.velocity": "-120 mm/s"}, {"gentle"}),
+    ],
+)
+def test_each_expectation_is_broken_by_what_it_is_about(task, overrides, broken, tmp_path):
+    """A faster feed, a wrong gain, another world: that expectation is missed, and no other."""
+    run = run_task(task, tmp_path / "run", overrides)
+    assert run.summary["status"] == "done"
+    missed = {each["name"] for each in run.summary["expectations"] if not each["passed"]}
+    assert missed == broken
