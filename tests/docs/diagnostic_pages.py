@@ -1,6 +1,6 @@
-"""The pages of the diagnostic codes: their parts, and what is told about their files.
+"""The pages of the diagnostic codes: their parts, and the findings about their files.
 
-Run this file to write anew what the bad files are told, and the index, after a change of wording;
+Run this file to write the findings of the bad files anew, and the index, after a change of wording;
 then read the difference.
 """
 
@@ -43,11 +43,11 @@ _SET = "# --set "
 
 @dataclass(frozen=True)
 class Example:
-    """A task, the files beside it, and what is told about it."""
+    """A task, the files beside it, and the findings about it."""
 
     task: str
     files: dict[str, str]
-    told: str
+    findings: str
 
 
 @dataclass(frozen=True)
@@ -76,8 +76,8 @@ def page(path: Path) -> Page:
 def _example(body: str) -> Example:
     found = [(m["file"], m["kind"], m["text"]) for m in _BLOCK.finditer(body)]
     (task,) = (text for file, kind, text in found if kind == "yaml" and file is None)
-    told = "".join(text for file, kind, text in found if kind == "text")
-    return Example(task, {file: text for file, _, text in found if file}, told)
+    findings = "".join(text for file, kind, text in found if kind == "text")
+    return Example(task, {file: text for file, _, text in found if file}, findings)
 
 
 def diagnostics_of(

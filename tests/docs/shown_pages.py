@@ -3,11 +3,11 @@
 A page that leads a reader along has comments above its blocks, worked off from top to bottom in one
 folder:
 
-    <!-- task: tutorial/press-1.yaml as press.yaml -->       the whole file, laid into the folder
-    <!-- part: tutorial/press-1.yaml as press.yaml -->       lines of it; it is laid there too
-    <!-- told: taskspec validate press.yaml -->              what the command says
-    <!-- told: taskspec explain press.yaml | stage press --> only what stands below this heading;
-                                                             several lead to one within another
+    <!-- task: tutorial/press-1.yaml as press.yaml -->         the whole file, laid into the folder
+    <!-- part: tutorial/press-1.yaml as press.yaml -->         lines of it; it is laid there too
+    <!-- output: taskspec validate press.yaml -->              the output of the command
+    <!-- output: taskspec explain press.yaml | stage press --> only what stands below this heading;
+                                                               several lead to one within another
 Run this file to write the blocks anew after a change of wording; then read the difference.
 """
 
@@ -29,7 +29,8 @@ ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"
 
 _SHOWN = re.compile(
-    r"^<!-- (?P<kind>task|part|told): (?P<what>.+?) -->\n```(?P<language>\w+)\n(?P<text>.*?)^```$",
+    r"^<!-- (?P<kind>task|part|output): (?P<what>.+?) -->\n"
+    r"```(?P<language>\w+)\n(?P<text>.*?)^```$",
     re.M | re.S,
 )
 #: How fast a run goes is the machine's affair, and differs from run to run.
@@ -65,7 +66,7 @@ def shown(path: Path, folder: Path) -> Iterator[Shown]:
     text = path.read_text(encoding="utf-8")
     for match in _SHOWN.finditer(text):
         kind, what, block = match["kind"], match["what"], match["text"]
-        if kind == "told":
+        if kind == "output":
             fresh = said(what, folder)
         else:
             file, name = task_file(what)
@@ -95,7 +96,7 @@ def _section(text: str, heading: str) -> str:
     """The lines from one that begins so, to the next after an empty one that is no further in."""
     found = re.search(rf"^( *){re.escape(heading)}.*\n", text, re.M)
     if found is None:
-        raise LookupError(f"nothing is told below {heading!r}:\n{text}")
+        raise LookupError(f"no output below {heading!r}:\n{text}")
     end = re.compile(rf"^\n {{0,{len(found[1])}}}\S", re.M).search(text, found.end())
     return text[found.start() : end.start() if end else None]
 

@@ -34,7 +34,7 @@ def test_a_page_has_code_title_and_examples(path):
     assert (this.code, this.title) == (path.stem, CODES[path.stem])
     wanted = [] if this.code in WITHOUT_A_FILE else ["bad", "good"]
     assert list(this.examples) == wanted
-    assert "**To mend:** " in path.read_text(encoding="utf-8")
+    assert "**Fix:** " in path.read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize("of", WITH_A_FILE, ids=name)
@@ -42,7 +42,7 @@ def test_the_bad_file_gets_this_code_where_the_page_says(of, tmp_path):
     found, sources = diagnostics_of(of.examples["bad"], "bad.yaml", tmp_path)
     assert [d.code for d in found] == [of.code]
     assert str(found[0].severity) in of.severities
-    assert shown_of(found, sources, tmp_path) == of.examples["bad"].told
+    assert shown_of(found, sources, tmp_path) == of.examples["bad"].findings
 
 
 @pytest.mark.parametrize("of", WITH_A_FILE, ids=name)

@@ -27,7 +27,7 @@ def test_every_task_beside_the_pages_is_shown_on_one():
 def test_the_tutorial_ends_with_a_task_that_passes():
     """Its last run meets what its last file expects."""
     text = (DOCS / "tutorial" / "tune.md").read_text(encoding="utf-8")
-    *_, last = text.split("<!-- told: taskspec run wipe.yaml -->")
+    *_, last = text.split("<!-- output: taskspec run wipe.yaml -->")
     file, _ = task_file("tutorial/wipe-5.yaml as wipe.yaml")
     assert "3 of 3 expectations met" in last
     assert file.read_text(encoding="utf-8").count("\n  - ") == 3

@@ -71,7 +71,7 @@ def test_nothing_is_fetched_by_a_reader():
     pages = "".join(map(text_of, DOCS.rglob("*.md")))
     # What stands in a block of code, such as a robot's file, is shown, not fetched.
     prose = re.sub(r"^```.*?^```", "", pages, flags=re.DOTALL | re.MULTILINE)
-    assert "is told:" in prose
+    assert "gives:" in prose
     assert not re.search(r"<(img|script|link|iframe)\b", prose)
 
 
