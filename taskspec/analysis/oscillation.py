@@ -116,7 +116,11 @@ class References:
     def last(self) -> list[Vector]:
         """Amplitude in each bin of the last ticks, of each reference that moves."""
         most = min(judged(len(self._values[0])), MOST_TICKS) if self._values else 0
-        return _amplitudes(each[-most:] for each in self._values)
+        return self.since(most)
+
+    def since(self, ticks: int) -> list[Vector]:
+        """The same of so many ticks at the end."""
+        return _amplitudes(each[-ticks:] for each in self._values)
 
     @cached_property
     def means(self) -> list[Vector]:
@@ -166,12 +170,27 @@ def oscillation(
         return None
     references = References(()) if references is None else references
     last = values[-min(half, MOST_TICKS) :]
-    found = [_of_half(last, period, least, lambda: references.last, noisy=noisy)]
+    begun = _begun(last)
+    if len(begun) < len(last):
+        found = [_of_half(begun, period, least, lambda: references.since(len(begun)), noisy=noisy)]
+    else:
+        found = [_of_half(last, period, least, lambda: references.last, noisy=noisy)]
     if half > MOST_TICKS:
         k = -(-half // MOST_TICKS)
         slow = _means(values[-half:], k)
         found.append(_of_half(slow, k * period, least, lambda: references.means, noisy=noisy))
     return max(filter(None, found), key=lambda each: each.amplitude, default=None)
+
+
+def _begun(x: Vector) -> Vector:
+    """The signal from where it begins to change; itself where that is within its first part.
+
+    The bounces of a tool that meets its contact late in a stage would grow beside the air before.
+    """
+    changes = np.flatnonzero(x != x[0])
+    begins = int(changes[0]) if len(changes) else 0
+    rest = x[begins:] if begins > _ENDS * len(x) else x
+    return rest if len(rest) >= LEAST_TICKS else x[:0]
 
 
 def _means(values: Vector, k: int) -> Vector:
@@ -188,6 +207,8 @@ def _of_half(
     `intended` works out the amplitudes of references in the same bins.
     """
     n = len(x)
+    if not n:
+        return None
     # A sine of amplitude A spans 2 A, and on the last frequency counts as sqrt(2) A.
     if not np.isfinite(x).all() or float(np.ptp(x)) < np.sqrt(2.0) * least:
         return None

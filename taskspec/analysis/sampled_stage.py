@@ -12,7 +12,7 @@ from taskspec.analysis.controller import LinearController, Operating
 from taskspec.analysis.environment import HELD, linear_plant
 from taskspec.analysis.loop import Drive, Mode, modes, poles, response
 from taskspec.analysis.plant import LinearPlant
-from taskspec.analysis.points import touching
+from taskspec.analysis.points import Touched, touching
 from taskspec.deferred_methods import dataclass
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.program.axes import MOSTLY
@@ -67,6 +67,27 @@ class ReferenceDrive:
     def column(self, at: Operating) -> Matrix | None:
         """(n + s, 2) what 1 more adds to torque and whole memory; None where that is nothing."""
         return at.reference_drive(self.axis)
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """Where a stage's way leads the arm.
+
+    Attributes:
+        q: (n,) its joints.
+        normals: (3,) of what it presses on, world axes, by name.
+    """
+
+    q: Matrix
+    normals: Mapping[str, Matrix]
+
+    def like(self, other: Place, far: float) -> bool:
+        """Whether no joint, and no line of a normal, differs by so much [rad, m]."""
+        turned = [
+            float(np.linalg.norm(np.cross(normal, other.normals[name])))
+            for name, normal in self.normals.items()
+        ]
+        return max([float(np.abs(self.q - other.q).max()), *turned]) < far
 
 
 @dataclass(frozen=True, slots=True)
@@ -204,6 +225,22 @@ class SampledStage:
         at = self.at.there(context)
         plant = self._plant(context, context.loaded.task)
         return replace(self, context=context, at=at, controller=at.linear(), nominal=plant)
+
+    def place(self, q: Matrix, p: Matrix) -> Place:
+        """Where the arm is on a stage's way, and how what it presses on lies there.
+
+        Args:
+            q: (n,) its joints.
+            p: (3,) its tip, world axes.
+        """
+        task, context = self.context.loaded.task, self.context
+        normals = {}
+        for name in self.pressed:
+            if name in context.surfaces:
+                normals[name] = Touched(context, task, name).off(p, 0.0)[0]
+            elif not context.equations[name].joints:
+                normals[name] = context.equations[name].unit_normal(p)
+        return Place(q, normals)
 
     def stuck(self) -> SampledStage | None:
         """The same stage while friction holds the tool; None where there is none."""

@@ -32,8 +32,15 @@ _FUNCTIONS: dict[str, Callable[..., ca.SX]] = {
     "max": lambda *x: _fold(ca.fmax, x),
     "clamp": lambda x, low, high: ca.fmin(ca.fmax(x, low), high),
     "smooth": lambda x: _smooth(ca.fmin(ca.fmax(x, 0), 1)),
-    "norm": lambda *x: ca.norm_2(ca.vertcat(*x)),
+    "norm": lambda *x: length(ca.vertcat(*x)),
 }
+
+
+def length(x: ca.SX) -> ca.SX:
+    """|x|, whose rate is 0 where x is 0: the root alone would have none there."""
+    squares = ca.sumsqr(x)
+    nothing = squares == 0
+    return ca.sqrt(squares + nothing) - nothing
 
 
 def _smooth(x: ca.SX) -> ca.SX:

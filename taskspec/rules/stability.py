@@ -28,10 +28,10 @@ from taskspec.deferred_methods import dataclass
 from taskspec.geometry.axis import Axis
 from taskspec.program.context import Context
 from taskspec.program.flow import followers, reached
-from taskspec.program.passage import End
+from taskspec.program.passage import End, Instant
 from taskspec.program.plan import StagePlan, TaskPlan
-from taskspec.program.world.stiffness import RESOLVED_PHASE
-from taskspec.rules import Finding, Phase, rule
+from taskspec.program.world.stiffness import RESOLVED_PHASE, mass_along
+from taskspec.rules import Finding, Phase, rule, warning
 from taskspec.rules.remedies import place_of, remedies, text_of
 from taskspec.rules.set_points import in_the_air
 from taskspec.spec import FILE, KeyPath, Task
@@ -45,8 +45,11 @@ _MOST_SEARCHED = 12
 _MOST_WORLDS = 400
 #: A varied value is left out of a message if without it a mode grows, or is damped, as much.
 _AS_MUCH = 0.95
-#: An arm of which no joint has moved by more than this acts as at its start [rad, m].
+#: An arm of which no joint has moved, and at which no contact has turned, by more than this acts
+#: as at its start [rad, m].
 _FAR = 0.3
+#: The way of a stage is looked at where it begins and after each of so many equal parts.
+_PLACES = 4
 #: Ends of a way on which a stage comes to where it leads.
 _GOES_THERE = (End.DONE, End.BOUND, End.STOP)
 #: How much more a force across the normal counts than one along it.
@@ -124,6 +127,7 @@ _STEADY, _DOUBLINGS = 1e-3, 5.0
         "TS506": "a stage that is unstable while friction holds the tool",
         "TS507": "a stage that only friction keeps stable",
     },
+    also=("TS307",),
     phase=Phase.STABILITY,
 )
 def unstable_stages(task: TaskPlan) -> Iterator[Finding]:
@@ -133,13 +137,17 @@ def unstable_stages(task: TaskPlan) -> Iterator[Finding]:
     lasting = _lasting(task)
     for stage in task.stages.values():
         control = control_of(stage)
-        if control in controls or stage.joint_path is not None:
+        if stage.joint_path is not None:
             continue  # Of a path of joints it is that of its law, whatever is near.
         if stage.frame.tracking is not None:
             continue  # Its axes turn with what it feels: it is run ahead.
-        controls.add(control)
+        of_this = replace(shared, swings_for=lasting[control])
         try:
-            yield from _of_stage(task, stage, replace(shared, swings_for=lasting[control]))
+            if control in controls:
+                yield from _elsewhere(task, stage, of_this)
+            else:
+                controls.add(control)
+                yield from _of_stage(task, stage, of_this)
         except (UnfitError, np.linalg.LinAlgError):
             continue
 
@@ -174,6 +182,15 @@ def _of_stage(task: TaskPlan, stage: StagePlan, shared: Shared) -> Iterator[Find
     yield from _in_other_worlds(analysed, shared) if there is None else there
 
 
+def _elsewhere(task: TaskPlan, stage: StagePlan, shared: Shared) -> Iterator[Finding]:
+    """What is unstable far on the way of a stage whose control an earlier one has."""
+    analysed = loop_of(task, stage.name)
+    if analysed is None or analysed.meets or not resolved(analysed, stage.context.loaded.task):
+        return
+    if not _stays_off(stage, analysed):
+        yield from _where_it_leads(stage, analysed, shared) or ()
+
+
 def _where_it_leads(
     stage: StagePlan, analysed: SampledStage, shared: Shared
 ) -> Iterator[Finding] | None:
@@ -183,21 +200,58 @@ def _where_it_leads(
         return None
     if passage.end not in _GOES_THERE:
         return None  # What stops the run on its way is told by itself.
-    on_way, looked = passage.instants, [stage.context.start]
-    for here in (on_way[0], on_way[-1], on_way[len(on_way) // 2]):
-        if min(float(np.abs(here.q - q).max()) for q in looked) < _FAR:
-            continue
-        looked.append(here.q)
-        moved = analysed.there(here)
-        modes = moved.modes()
-        worst = worst_of(modes)
-        if not moved.controller.finite or worst is None or not grows(worst):
-            continue
-        if worst.s.real * stage.longest > math.log(2):
-            where = "where it begins" if here is on_way[0] else here.words
-            text = f"stage {stage.name!r} is unstable {where}, as far as the arm has gone by then"
-            return _findings(moved, modes, worst, shared, "TS501", Severity.WARNING, text)
-    return None
+    found = [
+        (worst.s.real, here, moved, modes, worst)
+        for here in _apart(analysed, passage.instants)
+        for moved in [analysed.there(here)]
+        for modes in [moved.modes()]
+        for worst in modes[:1]
+        if moved.controller.finite and grows(worst)
+    ]
+    if not found:
+        return None
+    rate, here, moved, modes, worst = max(found, key=lambda each: each[0])
+    if rate * stage.longest <= math.log(2):
+        return None
+    unresolved = [*_unresolved(analysed, here)]
+    if unresolved:
+        return iter(unresolved)
+    where = "where it begins" if here is passage.instants[0] else here.words
+    text = f"stage {stage.name!r} is unstable {where}, as far as the arm has gone by then"
+    return _findings(moved, modes, worst, shared, "TS501", Severity.WARNING, text)
+
+
+def _apart(analysed: SampledStage, on_way: Sequence[Instant]) -> Iterator[Instant]:
+    """Instants of a stage's way at which arm or contacts are far from where they were looked at."""
+    looked = [analysed.place(analysed.context.start, analysed.context.start_p)]
+    for i in range(_PLACES + 1):
+        here = on_way[i * (len(on_way) - 1) // _PLACES]
+        place = analysed.place(here.q, here.p)
+        if not any(place.like(other, _FAR) for other in looked):
+            looked.append(place)
+            yield here
+
+
+def _unresolved(analysed: SampledStage, here: Instant) -> Iterator[Finding]:
+    """Contacts that the plant's steps resolve where the stage begins, but not on its way."""
+    context, robot = analysed.context, analysed.context.robot
+    begins = analysed.place(context.start, context.start_p)
+    for name, normal in analysed.place(here.q, here.p).normals.items():
+        contact = context.compliances[name]
+        change = mass_along(robot, here.q, normal) / mass_along(
+            robot, context.start, begins.normals[name]
+        )
+        phase = contact.phase / math.sqrt(change)
+        if phase > RESOLVED_PHASE:
+            most = contact.stiffness * (RESOLVED_PHASE / phase) ** 2
+            yield warning(
+                "TS307",
+                f"{name!r} is stiffer than the plant's steps resolve {here.words} of stage "
+                f"{analysed.stage.name!r}: up to {show(most, 'kN/m', 3)} there, where the arm is "
+                "lighter along its normal",
+                FILE.world[name].stiffness,
+                "raise control.plant_rate, or write `rigid`",
+            )
 
 
 def _stays_off(stage: StagePlan, analysed: SampledStage) -> bool:

@@ -103,3 +103,12 @@ def test_a_least_speed_bounds_the_stage(simulate):
     lasts = len(run["force.z"]) * 1e-3
     # It begins at its greatest speed, the force has a ramp of 0.2 s, the rate a lag.
     assert 0.8 * shortest / 0.2 < lasts <= shortest / 0.2
+
+
+def test_a_path_that_slows_with_a_force_of_none(simulate):
+    """The rate of norm(force) is a number also in the air, where the force is nothing."""
+    text = PRESS.format(force="-10 N", speed="40 mm/s * clamp(2 - norm(force)/(45 N), 0.1, 1)")
+    run = simulate(text.replace("axes: {z: {force: -10 N}}", "axes: {z: {move: 10 mm}}"))
+    assert run["touching"].sum() == 0
+    assert run.outcome.status == "done"
+    np.testing.assert_allclose(gone(run)[-1], 0.06, atol=1e-6)

@@ -119,6 +119,19 @@ def test_what_decays_by_a_tenth_in_a_quarter_is_let_pass(frequency):
             assert found.growth == pytest.approx(math.exp(-rate), abs=0.01)
 
 
+def test_what_begins_late_is_looked_at_from_there():
+    """Bounces that decay would grow beside the rest before them; what stays is found all the same.
+
+    The last half begins at 2 s, the signal at 3.2 s."""
+    bounces = np.where(t < 3.2, 0.0, -5.0 * np.exp(-4 * (t - 3.2)) * (1 - np.cos(90 * (t - 3.2))))
+    assert oscillation(bounces, T, 1.0) is None
+    found = oscillation(np.where(t < 3.2, 0.0, sine(25.0, 2.0)), T, 1.0)
+    assert found is not None
+    assert found.amplitude == pytest.approx(2.0, rel=0.02)
+    few = np.where(t < 3.96, 0.0, sine(250.0, 2.0))  # 40 ticks of it
+    assert oscillation(few, T, 1.0) is None
+
+
 def test_what_grows_is_found_with_its_growth():
     found = oscillation(np.exp(0.5 * t) * sine(25.0, 1.0), T, 1.0)
     assert found is not None

@@ -25,6 +25,9 @@ from taskspec.program.world.equations import EquationModel, EquationTerms
 from taskspec.robot.model_terms import TermSymbols
 from taskspec.spec import Law, Stage
 
+#: How far a stage may go along a curved equation for which gains are designed [m].
+_WAY = 0.5
+
 
 @dataclass(frozen=True, slots=True)
 class EquationRow:
@@ -107,13 +110,25 @@ def equation_gains(
     gains: Gains = {}
     for name in names:
         model = models[name]
-        normal = context.start_equations[name].normal
-        inverse = float(normal @ np.linalg.solve(context.start_inertia, normal))
+        normals = _normals(context, name)
+        inverse = float((normals * np.linalg.solve(context.start_inertia, normals)).sum(0).max())
         h = 1.0 / inverse if inverse > 0 else 1.0
         plant = AxisPlant(h=h, held=h, k=context.compliances[name].stiffness, period=context.period)
         for gain, value in law.design_equation(model.joints, plant).items():
             gains.setdefault(gain, {})[name] = value
     return gains
+
+
+def _normals(context: Context, equation: str) -> NDArray[np.float64]:
+    """(n, k) unit normals on the joints' rates that an equation may come to have on a stage's way.
+
+    Along a curved one the arm is lighter in some directions than in others: its gains are those of
+    the lightest, so that the loop is as stable on the whole way as where it begins.
+    """
+    at = context.start_equations[equation]
+    if at.gradient is None:
+        return at.normal[:, None]
+    return context.start_jacobian[:3].T @ at.gradients_within(_WAY)
 
 
 @dataclass(frozen=True, slots=True)

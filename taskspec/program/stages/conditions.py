@@ -10,6 +10,7 @@ import casadi as ca
 from taskspec.control import linear
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.program import events
+from taskspec.program.algebra import length
 from taskspec.program.events import Condition, Event
 from taskspec.program.plan import StagePlan
 from taskspec.program.reference.measurement import Measurement
@@ -162,4 +163,4 @@ def _by_way(stage: Stage, end: Condition, measurement: Measurement) -> Iterator[
 
 
 def _norm(table: SignalTable, kind: str, axes: tuple[Axis, ...]) -> ca.SX:
-    return ca.norm_2(ca.vertcat(0, *(table[f"{kind}.{a}"] for a in axes if a in table.axes)))
+    return length(ca.vertcat(0, *(table[f"{kind}.{a}"] for a in axes if a in table.axes)))

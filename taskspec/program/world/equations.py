@@ -21,6 +21,10 @@ Vector = NDArray[np.float64]
 
 #: Keeps the unit gradient finite where the gradient vanishes.
 _TINY = 1e-30
+#: A gradient that turns by less than this is one of a flat surface [rad].
+_FLAT = 1e-3
+#: Directions across a gradient, and turns into each of them, in which it is looked at.
+_TANGENTS, _ANGLES = 12, 9
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,6 +84,11 @@ class EquationModel:
             drift=bend / scale,
             scale=scale,
         )
+
+    def unit_normal(self, place: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(3,) or (n,) gradient at a place when the task begins, divided by its length."""
+        terms = self.terms(ca.SX(ca.DM(place)), ca.SX.zeros(len(place)), ca.SX(0))
+        return np.array(ca.evalf(terms.normal)).ravel()
 
 
 @dataclass(frozen=True, slots=True)
@@ -152,22 +161,52 @@ class StartEquation:
         normal: (n,) unit normal on the joints' rates.
         scale: |r_x|.
         gradient: (3,) unit gradient at the tip, world axes; None of an equation on joints.
+        bend: (3, 3) its change with the tip's place [1/m].
     """
 
     distance: float
     normal: NDArray[np.float64]
     scale: float
     gradient: NDArray[np.float64] | None
+    bend: NDArray[np.float64] | None = None
+
+    def gradients_within(self, way: float) -> NDArray[np.float64]:
+        """(3, k) unit gradients at the tip that a curved equation has within a way [m] of here.
+
+        Those of a surface of the same curvature: along each tangent t the gradient turns by
+        |bend t| per metre, to a right angle at most, beyond which its lines come again.
+        """
+        assert self.gradient is not None
+        assert self.bend is not None
+        found = [self.gradient]
+        tangents = np.linalg.svd(self.gradient[None, :])[2][1:]
+        for phi in np.linspace(0.0, np.pi, _TANGENTS, endpoint=False):
+            turns = self.bend @ (np.cos(phi) * tangents[0] + np.sin(phi) * tangents[1])
+            rate = float(np.linalg.norm(turns))
+            if rate * way < _FLAT:
+                continue
+            most = min(np.pi / 2, rate * way)
+            angles = np.linspace(-most, most, _ANGLES)[:, None]
+            found.extend(np.cos(angles) * self.gradient + np.sin(angles) * turns / rate)
+        return np.array(found).T
 
 
 def at_start(model: EquationModel, start: Vector, p: Vector, J: Vector) -> StartEquation:
     """An equation at the start pose: joints `start` (n,), tip at p (3,) with Jacobian J (6, n)."""
-    place = ca.SX(ca.DM(start if model.joints else p))
-    terms = model.terms(place, ca.SX.zeros(place.shape[0]), ca.SX(0))
-    normal = np.array(ca.evalf(terms.normal)).ravel()
+    at = start if model.joints else p
+    place = ca.SX.sym("place", len(at))
+    terms = model.terms(place, ca.SX.zeros(len(at)), ca.SX(0))
+    found = ca.Function(
+        "at_start",
+        [place],
+        [terms.distance, terms.normal, terms.scale, ca.jacobian(terms.normal, place)],
+    )
+    distance, unit, scale, bend = found(at)
+    normal = np.array(unit).ravel()
     return StartEquation(
-        distance=float(ca.evalf(terms.distance)),
+        distance=float(distance),
         normal=normal if model.joints else normal @ J[:3],
-        scale=float(ca.evalf(terms.scale)),
+        scale=float(scale),
         gradient=None if model.joints else normal,
+        bend=None if model.joints else np.array(bend),
     )

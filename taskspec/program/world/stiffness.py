@@ -144,6 +144,11 @@ def normal_mass(robot: RobotModel, q: Vector, shape: Shape) -> float:
     return _along(frames.normal_at(shape, tip)[0], mobility)
 
 
+def mass_along(robot: RobotModel, q: Vector, normal: Vector) -> float:
+    """The mass [kg] that the tip has at q (n,) along a unit direction (3,), world axes."""
+    return _along(normal, _tip(robot, q)[1])
+
+
 def equation_mass(model: EquationModel, robot: RobotModel, q: Vector) -> float:
     """The mass [kg], on joints the inertia [kg m^2], at q (n,) along an equation's unit gradient.
 
