@@ -48,8 +48,8 @@ _AS_MUCH = 0.95
 #: An arm of which no joint has moved, and at which no contact has turned, by more than this acts
 #: as at its start [rad, m].
 _FAR = 0.3
-#: The way of a stage is looked at where it begins and after each of so many equal parts.
-_PLACES = 4
+#: Parts of a stage's way after which it is looked at: what is farthest from its middle first.
+_PLACES = (0.0, 1.0, 0.5, 0.25, 0.75)
 #: Ends of a way on which a stage comes to where it leads.
 _GOES_THERE = (End.DONE, End.BOUND, End.STOP)
 #: How much more a force across the normal counts than one along it.
@@ -224,8 +224,8 @@ def _where_it_leads(
 def _apart(analysed: SampledStage, on_way: Sequence[Instant]) -> Iterator[Instant]:
     """Instants of a stage's way at which arm or contacts are far from where they were looked at."""
     looked = [analysed.place(analysed.context.start, analysed.context.start_p)]
-    for i in range(_PLACES + 1):
-        here = on_way[i * (len(on_way) - 1) // _PLACES]
+    for part in _PLACES:
+        here = on_way[int(part * (len(on_way) - 1))]
         place = analysed.place(here.q, here.p)
         if not any(place.like(other, _FAR) for other in looked):
             looked.append(place)

@@ -515,7 +515,7 @@ def test_explain_says_where_a_gain_came_from(tap: Path) -> None:
     ("task", "row"),
     [
         ("press-pd-joint", "joint_damping joint.1"),
-        ("ring", "force.damping rim 269.2 N*s/m"),
+        ("ring", "force.damping rim 265.7 N*s/m"),
         ("linkage", "force.integral bars"),
     ],
 )
