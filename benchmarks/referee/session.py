@@ -61,7 +61,7 @@ class Sample:
 
     @property
     def feed(self) -> Vector:
-        """(6,) the force that is asked for, 0 where none is."""
+        """(6,) the force that is commanded, 0 where none is."""
         return np.nan_to_num(self.extras["force_ref"])
 
     @property

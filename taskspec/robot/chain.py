@@ -20,7 +20,7 @@ from taskspec.text.codes import register
 register(
     {
         "TS405": "a robot file that does not describe an arm",
-        "TS406": "a flange that is unknown or cannot be told",
+        "TS406": "a flange that is unknown or ambiguous",
     }
 )
 

@@ -28,7 +28,7 @@ def nothing_ahead(stage: StagePlan) -> Iterator[Finding]:
         yield warning(
             "TS327",
             f"no object lies along {axis!r} from where the tool is as stage {stage.name!r} starts, "
-            f"and {show(wanted, 'N')} are asked for there",
+            f"and {show(wanted, 'N')} are commanded there",
             FILE.stages[stage.name].axes[axis].force,
             "start where one is ahead, or name it by 'contact'",
             unless=("TS303", "TS320", "TS420"),

@@ -94,7 +94,7 @@ def dependent_constraints(stage: StagePlan) -> Iterator[Finding]:
             yield error(
                 "TS313",
                 f"the constraint of {row} follows from those before it ({before}), so their forces "
-                "cannot be told apart",
+                "cannot be distinguished",
                 key_of(place),
                 "leave one of them out",
             )

@@ -332,7 +332,7 @@ def tracking_frames(stage: StagePlan) -> Iterator[Finding]:
     if astray and not pressed.get(Axis.Z):
         yield warning(
             "TS249",
-            f"frame {frame.name!r} tracks the force that is felt, and stage {stage.name!r} "
+            f"frame {frame.name!r} tracks the measured force, and stage {stage.name!r} "
             f"presses along {astray[0]} alone: z turns to where {astray[0]} was",
             FILE.stages[stage.name].axes[astray[0]],
             "press along z",

@@ -56,7 +56,7 @@ def motions_into_a_surface(stage: StagePlan) -> Iterator[Finding]:
             f"stage {stage.name!r} moves {show(depth, 'mm', 3)} into {contact!r}: the motion does "
             f"not give way there, and presses with about {show(force, 'N', 2)}",
             motion_of(stage),
-            f"shorten the way, give {axis!r} a force, or move until one is felt",
+            f"shorten the way, give {axis!r} a force, or move until one is measured",
         )
 
 

@@ -149,7 +149,7 @@ def standing_paths(stage: StagePlan) -> Iterator[Finding]:
         return
     yield warning(
         "TS237",
-        "this speed is 0 where the stage's set points are felt and every other signal is 0",
+        "this speed is 0 where the stage's set points are measured and every other signal is 0",
         FILE.stages[stage.name].path.speed,
         "a force is what the robot applies: force.z < 0 presses down; abs(force.z) has no sign",
     )

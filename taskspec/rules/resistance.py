@@ -70,7 +70,7 @@ def undetermined_axes(stage: StagePlan) -> Iterator[Finding]:
     first = next(iter(places.values()))
     yield info(
         "TS325",
-        f"nothing determines {named}: no {efforts} is asked for, "
+        f"nothing determines {named}: no {efforts} is commanded, "
         f"and {', and '.join(reasons)}; only damping keeps the tool there",
         key_of(FILE.stages[stage.name].axes) if several else first,
         f"hold {them} or move {them}, "

@@ -147,7 +147,7 @@ def presses_in_the_air(stage: StagePlan) -> Iterator[Finding]:
             f"stage {stage.name!r} presses {show(gap, 'mm', 3)} off {stage.contact!r}: nothing "
             f"returns the force, and the tool goes there{at}",
             FILE.stages[stage.name].axes[axis].force,
-            "let a stage before it touch: a velocity until a force is felt",
+            "let a stage before it touch: a velocity until a force is measured",
         )
 
 

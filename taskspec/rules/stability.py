@@ -477,11 +477,11 @@ def _findings(
         )
     hint = "; or ".join(text_of(shared.context, analysed, limit) for limit in limits)
     if not hint:
-        none = "no single gain of this stage mends that"
+        none = "no single gain of this stage makes it stable"
         hint = (
             none
             if shared.gains.left > 0
-            else "what mends that is told once other stages are mended"
+            else "fix the other stages first: what makes this one stable is searched for then"
         )
     message = f"{text}: {on_axis(axis)} {describe(mode, period)}"
     yield Finding(code, message, place, hint, unless=(code,), severity=severity)

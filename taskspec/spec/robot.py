@@ -287,7 +287,9 @@ class Robot(Model):
         (0.0,), title="Coulomb friction of the plant's joints"
     )
     payload: Payload | None = Field(
-        None, title="Payload", description="Under 'truth' and 'vary': the controller is not told"
+        None,
+        title="Payload",
+        description="Under 'truth' and 'vary': the controller does not know it",
     )
     grasp: Held | None = Field(
         None, title="What it holds", description="OBJECT.handle, or a loose body"
@@ -306,7 +308,7 @@ class Robot(Model):
         if "payload" in data and not context.truth:
             context.error(
                 "TS026",
-                "the controller is not told of a payload, so 'robot' does not have one",
+                "the controller does not know of a payload, so 'robot' does not have one",
                 data.node.key_span("payload"),
                 "under 'truth' it is what the tool really carries, such as "
                 f"truth: {{{Payload.example}}}; what it is known to carry belongs to tool.mass",

@@ -39,7 +39,7 @@ class Asked(States):
     """A stage whose force set points are anything, depending on the clock."""
 
     def ask(self) -> tuple[np.ndarray, np.ndarray]:
-        """(r,) what is asked for, and what cannot be returned of it."""
+        """(r,) what is commanded, and what cannot be returned of it."""
         self.machine.now[:2] = 5.0, self.rng.uniform(0, 100)
         self.machine.update_terms()
         nearest = self.solver.nearest

@@ -93,7 +93,7 @@ def test_free_axes_of_a_stage_are_one_finding():
     first, second = check_task(load_text(text, "t"))
     assert {first.code, second.code} == {"TS325"}
     assert first.message.startswith(
-        "nothing determines 'x', 'y', 'z', 'rx', 'ry' and 'rz': no force or moment is asked for, "
+        "nothing determines 'x', 'y', 'z', 'rx', 'ry' and 'rz': no force or moment is commanded, "
         "and there is nothing in the world to push on;"
     )
     assert second.message.startswith("nothing determines 'x', 'y' and 'z': no force is asked for")

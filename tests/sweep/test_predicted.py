@@ -49,7 +49,7 @@ def test_what_is_otherwise_is_told(tmp_path):
         named = ["--world", "29", "--seed", str(seed)]
         result = CLI.invoke(app, ["validate", str(file), *named])
         drawn = random_world(context, seed, 29).values["world.table.stiffness", None]
-        assert f"world.table.stiffness {drawn / 1e3:.5g} kN/m (told 20 kN/m)" in result.stdout
+        assert f"world.table.stiffness {drawn / 1e3:.5g} kN/m (nominal 20 kN/m)" in result.stdout
 
 
 @pytest.mark.parametrize(

@@ -61,7 +61,7 @@ def show_outcome(run: Run, *, quiet: bool) -> None:
 def _truth(summary: Mapping[str, Any]) -> Iterator[str]:
     """Where the world or the robot is not as the controller is told, and what failed when."""
     world = summary.get("world") or {}
-    parts = [f"{e['path']} {e['written'][1]} (told {e['written'][0]})" for e in world["differs"]]
+    parts = [f"{e['path']} {e['written'][1]} (nominal {e['written'][0]})" for e in world["differs"]]
     if parts:
         label = f"{world['label']}: " if world["label"] else ""
         yield f"{label}in truth {', '.join(parts)}"

@@ -298,7 +298,9 @@ def _in_world(path: Path, loaded: LoadedTask, named: str, seed: int) -> tuple[Lo
         world = chosen_world(context, seed, named)
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
-    parts = [f"{e.name} {e.written[1]} (told {e.written[0]})" for e in deviations(context, world)]
+    parts = [
+        f"{e.name} {e.written[1]} (nominal {e.written[0]})" for e in deviations(context, world)
+    ]
     differs = f"in truth {', '.join(parts)}" if parts else "as the file says"
     return as_file(loaded, world), f"{world.label}: {differs}" if world.label else differs
 

@@ -1,6 +1,6 @@
 """The task's plant as a server: whoever answers its samples with torques drives the arm.
 
-The file's own machine runs beside: it says which stage it is and what is asked for, ends stages by
+The file's own machine runs beside: it says which stage it is and what is commanded, ends stages by
 the file's guards, and stops at its limits. Its torques are not applied; those of the answers are.
 """
 

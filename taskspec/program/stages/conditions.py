@@ -92,7 +92,7 @@ def limit_conditions(
         found.append(Condition(Event(events.LIMIT, "frame_left", text), margin < 0, margin))
     if frame.kind == "tracking":
         text = (
-            f"the force felt is along the heading of frame {frame.name!r}, which has no x then"
+            f"the measured force is along the heading of frame {frame.name!r}, which has no x then"
             if frame.tracking is not None and frame.tracking.of == "force"
             else f"the motion is along the normal of frame {frame.name!r}, which has no z then"
         )

@@ -239,7 +239,7 @@ def _declared(task: Task, name: str, frames: dict[str, FrameModel]) -> FrameMode
             heading=heading,
             estimate=frame.estimate,
             estimated_in=name,
-            described=f"measured at the end of {frame.estimate}, z against the force felt, "
+            described=f"measured at the end of {frame.estimate}, z against the measured force, "
             f"x along {along}",
         )
     parent = frames[frame.parent or "world"]
@@ -268,7 +268,7 @@ def _tracking(name: str, frame: Frame) -> FrameModel:
         floor = 1.0 if frame.floor is None else float(frame.floor)
         tracking = DirectionTracking("force", frame.filter, floor, frame.turn, across=heading)
         described = (
-            f"z against the force felt, filtered at {frame.filter:g} Hz, from {floor:g} N on, "
+            f"z against the measured force, filtered at {frame.filter:g} Hz, from {floor:g} N on, "
             f"x along {along}"
         )
     else:

@@ -110,7 +110,7 @@ def check_parents(loaded: LoadedTask) -> None:
                 loaded,
                 FILE.frames[name].parent,
                 "TS226",
-                f"frame {name!r} is placed in {frame.parent!r}, which turns with the force felt",
+                f"frame {name!r} is placed in {frame.parent!r}, turning with the measured force",
                 "track the force itself, and turn x with 'heading'",
             )
         _check_turning(loaded, name)
