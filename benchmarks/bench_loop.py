@@ -58,6 +58,15 @@ def lasts(stage: str, **others: str) -> dict[str, str]:
     return {f"stages.{stage}.{key}": value for key, value in {"time": "60 s", **others}.items()}
 
 
+def flat(shape: str) -> dict[str, str]:
+    """Overrides with which the tool wipes by a face that gives way to moments."""
+    tool = f"{{shape: {shape}, length: 120 mm}}"
+    return {
+        "robot.tool": tool,
+        **{f"stages.wipe.axes.{axis}": "{torque: 0}" for axis in ("rx", "ry")},
+    }
+
+
 WIPE, PRESS, SLIDE = lasts("wipe"), lasts("press"), lasts("slide")
 SWAY = {"axes.x": "{position: 50 mm * (1 - cos(1 rad/s * t))}"}
 CASES = (
@@ -70,6 +79,8 @@ CASES = (
     Case("mechanism (crank)", "crank", "rotate", {"stages.rotate.until": "crank.angle > 9 turn"}),
     Case("sensor at the wrist", "wrist-sensor", "press", PRESS),
     Case("plant at 4 kHz", "wipe-table", "wipe", WIPE | {"control.plant_rate": "4 kHz"}),
+    Case("a cylinder's flat end", "wipe-table", "wipe", WIPE | flat("cylinder, radius: 12 mm, thickness: 20 mm")),
+    Case("a box's face", "wipe-table", "wipe", WIPE | flat("box, size: [24 mm, 24 mm, 20 mm]")),
 )
 
 
