@@ -38,11 +38,19 @@ def _missing(stage: StagePlan, expression: Expression, *, reference: bool) -> It
             reason = entry.signal.reference or None
         if reason is None and node.path[0] in context.mechanisms and node.path[0] != context.held:
             reason = f"the robot does not hold {node.path[0]!r}, so it cannot know"
-            hint = f"let it: robot: {{grasp: {node.path[0]}.handle}}"
+            hint = _instead(context, node)
         if reason is None and entry is not None:
             reason = entry.signal.unmeasured or None
         if reason is not None:
             yield error("TS224", f"{node}: {reason}", expression.where(node), hint)
+
+
+def _instead(context: Context, node: Name) -> str:
+    """What to write where a mechanism that the robot does not hold is asked where it is."""
+    name = node.path[0]
+    if any(shape.on == name for shape in context.loaded.task.shapes.values()):
+        return f"go by what is measured, a force, a position or a time; 'expect' may use {node}"
+    return f"let it: robot: {{grasp: {name}.handle}}"
 
 
 @rule({}, also=("TS224",), phase=Phase.RUN)
