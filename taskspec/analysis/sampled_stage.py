@@ -70,7 +70,7 @@ class ReferenceDrive:
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class Attitude:
     """Where a stage's way leads the arm.
 
     Attributes:
@@ -81,7 +81,7 @@ class Place:
     q: Matrix
     normals: Mapping[str, Matrix]
 
-    def like(self, other: Place, far: float) -> bool:
+    def like(self, other: Attitude, far: float) -> bool:
         """Whether no joint, and no line of a normal, differs by so much [rad, m]."""
         turned = [
             float(np.linalg.norm(np.cross(normal, other.normals[name])))
@@ -226,7 +226,7 @@ class SampledStage:
         plant = self._plant(context, context.loaded.task)
         return replace(self, context=context, at=at, controller=at.linear(), nominal=plant)
 
-    def place(self, q: Matrix, p: Matrix) -> Place:
+    def place(self, q: Matrix, p: Matrix) -> Attitude:
         """Where the arm is on a stage's way, and how what it presses on lies there.
 
         Args:
@@ -240,7 +240,7 @@ class SampledStage:
                 normals[name] = Touched(context, task, name).off(p, 0.0)[0]
             elif not context.equations[name].joints:
                 normals[name] = context.equations[name].unit_normal(p)
-        return Place(q, normals)
+        return Attitude(q, normals)
 
     def stuck(self) -> SampledStage | None:
         """The same stage while friction holds the tool; None where there is none."""

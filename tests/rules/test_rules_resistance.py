@@ -96,6 +96,6 @@ def test_free_axes_of_a_stage_are_one_finding():
         "nothing determines 'x', 'y', 'z', 'rx', 'ry' and 'rz': no force or moment is commanded, "
         "and there is nothing in the world to push on;"
     )
-    assert second.message.startswith("nothing determines 'x', 'y' and 'z': no force is asked for")
+    assert second.message.startswith("nothing determines 'x', 'y' and 'z': no force is commanded")
     assert first.hint == "hold them or move them, unless the tool is to go and turn freely"
     assert text.splitlines()[first.span.line - 1][first.span.column - 1 :].startswith("axes: {x")
