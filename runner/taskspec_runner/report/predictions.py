@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
+from taskspec_runner.pages.chart import Chart, Level, Trace
+from taskspec_runner.pages.numbers import figure
 from taskspec_runner.record.file_array import full
 from taskspec_runner.record.folder import Json, mapping, number
 from taskspec_runner.record.history import Mask, Vector
-from taskspec_runner.report.chart import Level, Trace
-from taskspec_runner.report.quantities import figure
 from taskspec_runner.runs import Run, StageVisit
 from taskspec_runner.verdict.predicted import axis_of
 from taskspec_runner.verdict.response import stays
@@ -26,6 +27,14 @@ _OWN = 0.5
 def stage_prediction(run: Run, stage: str) -> Json:
     """What was predicted of a stage; empty where nothing was."""
     return mapping(mapping(run.summary.get("predicted")).get(stage))
+
+
+def of_forces(run: Run, chart: Chart, signals: Sequence[str]) -> Chart:
+    """A chart of forces or moments with what was predicted of some of them."""
+    factor = chart.factor
+    decays = (t for name in signals if (t := decay(run, name, factor)) is not None)
+    levels = (*rest_levels(run, signals, factor), *impact_levels(run, signals, factor))
+    return replace(chart, traces=(*chart.traces, *decays), levels=(*chart.levels, *levels))
 
 
 def rest_levels(run: Run, signals: Iterable[str], factor: float) -> Iterator[Level]:
