@@ -20,9 +20,9 @@ from typer.testing import CliRunner
 from taskspec.signals import SCALARS, VECTORS
 from taskspec.spec import load_task, load_text
 from taskspec_runner.cli import app
+from taskspec_runner.pages import decimate, samples
 from taskspec_runner.record import file_array, mapped
 from taskspec_runner.record.history import HistoryBuilder, column_field
-from taskspec_runner.pages import decimate, samples
 from taskspec_runner.report.page import render
 from taskspec_runner.runs import Run
 from taskspec_runner.session import execute

@@ -19,13 +19,13 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from sealed import seal_folder
 
-from taskspec_runner.record.log import Log
-from taskspec_runner.report import Picture, overview_svg, write_report
 from taskspec_runner.pages.decimate import broken, decimate, encode, simplify
-from taskspec_runner.pages.samples import POINTS_BYTES
-from taskspec_runner.report.figures import differs
 from taskspec_runner.pages.html import highlighted
 from taskspec_runner.pages.numbers import figure, quantity
+from taskspec_runner.pages.samples import POINTS_BYTES
+from taskspec_runner.record.log import Log
+from taskspec_runner.report import Picture, overview_svg, write_report
+from taskspec_runner.report.figures import differs
 from taskspec_runner.runs import Run
 from taskspec_runner.verdict.outcome import verdict
 

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 
 import numpy as np
+from markupsafe import Markup
 from scipy.ndimage import maximum_filter1d
 
 from taskspec.geometry.axis import Axis
 from taskspec.text.units import FORCE, LENGTH
-from taskspec_runner.compare.overlay import Overlay, role
+from taskspec_runner.compare.overlay import Overlay, overlay_data, role
 from taskspec_runner.pages.chart import Chart, Trace, bands, size
+from taskspec_runner.pages.document import bar, figure, note, patience, section
+from taskspec_runner.pages.html import joined
 from taskspec_runner.pages.numbers import plain_scale, scale
+from taskspec_runner.record.folder import Json
 from taskspec_runner.record.history import Vector
 from taskspec_runner.report.figures import ANGULAR, LINEAR, wrench_name
 from taskspec_runner.runs import Run
@@ -30,6 +34,36 @@ def charts(laid: Overlay) -> list[Chart]:
     """Every chart that has something to show, force first."""
     found = [*_contact(laid), *_motion(laid)]
     return [chart for chart in found if chart.traces]
+
+
+def charted(
+    laid: Overlay | None,
+    ends: Iterable[tuple[str, str, str]],
+    heading: str,
+    about: str,
+    picture: Callable[[], str] | None = None,
+) -> tuple[Json | None, tuple[Markup, ...]]:
+    """What the script of a page draws of runs, and where; nothing where there is no chart.
+
+    Args:
+        laid: the runs, if there are any.
+        ends: run, outcome and reason of each that was cut short.
+        heading: of the charts.
+        about: whose runs, for the sentence below them.
+        picture: stands for the charts where no script runs.
+    """
+    shown = charts(laid) if laid is not None else []
+    if laid is None or not shown:
+        return None, ()
+    text = (
+        f"Stages are those {laid.under}. {about} shows it alone in all charts; with Shift it takes "
+        "one away."
+    )
+    places = section(heading, joined(*map(figure, shown)), note(text), look="charts")
+    still = Markup(picture()) if picture else None
+    return overlay_data(laid, shown, ends), (
+        bar(laid.stages(), "Whole runs"), patience(still), places,
+    )  # fmt: skip
 
 
 def main_charts(laid: Overlay) -> list[Chart]:

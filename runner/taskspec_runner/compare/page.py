@@ -10,10 +10,10 @@ from markupsafe import Markup
 
 from taskspec.text.units import FORCE
 from taskspec_runner.compare.attempt import AS_WRITTEN
-from taskspec_runner.compare.charts import charts
+from taskspec_runner.compare.charts import charted
 from taskspec_runner.compare.comparison import Comparison
 from taskspec_runner.compare.folder import PAGE, PICTURE
-from taskspec_runner.compare.overlay import CUT_SHORT, overlay, overlay_data, role
+from taskspec_runner.compare.overlay import CUT_SHORT, overlay, role
 from taskspec_runner.compare.picture import comparison_svg, counted, time_of
 from taskspec_runner.compare.tracking import KINDS, best
 from taskspec_runner.pages.document import (
@@ -21,16 +21,13 @@ from taskspec_runner.pages.document import (
     Cell,
     Column,
     Row,
-    bar,
     document,
-    figure,
     head,
     in_unit,
     mark,
     named,
     note,
     pairs,
-    patience,
     right,
     seconds,
     section,
@@ -72,25 +69,15 @@ def write_comparison(comparison: Comparison, folder: Path) -> Path:
 def render(comparison: Comparison) -> str:
     """The page of a comparison."""
     laid = overlay(comparison)
-    shown = charts(laid) if laid else []
     summary, stages = comparison.summary, comparison.stages
-    drawn: tuple[Markup, ...] = ()
-    data = None
-    if laid is not None and shown:
-        ends = ((law["law"], law["outcome"], law["reason"]) for law in comparison.laws)
-        data = overlay_data(laid, shown, ends)
-        dashed = " Dashed laws have no force loop." if laid.dashed else ""
-        drawn = (
-            bar(laid.stages(), "Whole runs"),
-            patience(Markup(comparison_svg(comparison))),
-            section(
-                f"Force and motion, {time_of(laid)}",
-                joined(*map(figure, shown)),
-                note(f"Stages are those {laid.under}.{dashed} A click on a law shows it alone in "
-                     "all charts; with Shift it takes one away."),
-                look="charts",
-            ),
-        )  # fmt: skip
+    dashed = "Dashed laws have no force loop. " if laid and laid.dashed else ""
+    data, drawn = charted(
+        laid,
+        ((law["law"], law["outcome"], law["reason"]) for law in comparison.laws),
+        f"Force and motion, {time_of(laid)}" if laid else "",
+        f"{dashed}A click on a law",
+        lambda: comparison_svg(comparison),
+    )
     return document(
         f"{summary['task']}: laws compared",
         head("taskspec compare", summary["task"], summary.get("about") or "", _ranking(comparison)),
@@ -148,7 +135,7 @@ def _laws(comparison: Comparison) -> Markup:
             prose(law["reason"]),
             report,
         ]
-        rows.append(Row(cells))
+        rows.append(cells)
     numbers = map(right, ("Met", "Lasted", "Peak force"))
     others = len(rows) - 1
     outcomes = counted([law["outcome"] for law in comparison.laws])
@@ -214,7 +201,7 @@ def _gains(comparison: Comparison, stage: str) -> Markup:
                         prose(gain["text"]), origin, class_=f"gain{' other' if other else ''}")
             )  # fmt: skip
         result = _error(rows.get(law), (kind, "rms_error"))
-        shown.append(Row([_name(comparison, law), result, element("span", *texts)]))
+        shown.append([_name(comparison, law), result, element("span", *texts)])
     title = f"Gains in stage {stage}, and what came of them"
     return section(title, table([_LAW, right(f"{kind} RMS"), "Gains"], shown, "laws gains"))
 
@@ -230,7 +217,7 @@ def _expectations(comparison: Comparison) -> Markup:
             met = "so-far" if law["outcome"] in CUT_SHORT else "passed"
             sign = mark(bool(told["passed"]), ("met", "missed"))
             cells.append(Cell(sign, met if told["passed"] else "missed", told["explanation"]))
-        rows.append(Row([named(each.get("name") or "", each["text"]), *cells]))
+        rows.append([named(each.get("name") or "", each["text"]), *cells])
     return section("Expectations", table(["Expected", *(x["law"] for x in ran)], rows, "matrix"))
 
 

@@ -9,8 +9,8 @@ from typing import Any
 
 from markupsafe import Markup
 
-from taskspec_runner.compare.charts import charts
-from taskspec_runner.compare.overlay import Overlay, overlay_data, role
+from taskspec_runner.compare.charts import charted
+from taskspec_runner.compare.overlay import Overlay, role
 from taskspec_runner.compare.tracking import force_axes
 from taskspec_runner.diff.difference import NAMES, Difference
 from taskspec_runner.diff.sentences import largest_text, parting
@@ -18,9 +18,7 @@ from taskspec_runner.pages.document import (
     DASH,
     Column,
     Row,
-    bar,
     document,
-    figure,
     fold,
     head,
     in_unit,
@@ -29,7 +27,6 @@ from taskspec_runner.pages.document import (
     note,
     outcome,
     pairs,
-    patience,
     right,
     seconds,
     section,
@@ -60,25 +57,14 @@ def write_difference(difference: Difference, path: Path) -> Path:
 def render(difference: Difference) -> str:
     """The page as text."""
     data, laid = difference.data, overlaid(difference)
-    shown = charts(laid) if laid else []
     runs = data["runs"]
     title = " and ".join(dict.fromkeys(run["task"] or "run" for run in runs.values()))
-    drawn: tuple[Markup, ...] = ()
-    script = None
-    if laid is not None and shown:
-        ends = ((name, run["verdict"], run["sentence"]) for name, run in runs.items())
-        script = overlay_data(laid, shown, ends)
-        drawn = (
-            bar(laid.stages(), "Whole runs"),
-            patience(),
-            section(
-                "Force and motion, time since the runs began",
-                joined(*map(figure, shown)),
-                note(f"Stages are those {laid.under}. A click on a run shows it alone in all "
-                     "charts; with Shift it takes one away."),
-                look="charts",
-            ),
-        )  # fmt: skip
+    script, drawn = charted(
+        laid,
+        ((name, run["verdict"], run["sentence"]) for name, run in runs.items()),
+        "Force and motion, time since the runs began",
+        "A click on a run",
+    )
     kind, word = ("equal", "Equal") if difference.equal else ("differs", "Different")
     about = (
         (_name(name), joined(code(run["folder"]), " ", _outcome(run["verdict"]), ": ",
@@ -167,14 +153,12 @@ def _logs(difference: Difference) -> Markup:
     """The columns that come apart first."""
     apart, only = difference.logs.apart, difference.data["log"]["only"]
     rows = [
-        Row(
-            [
-                code(x.name),
-                seconds(x.clock),
-                largest_text(x),
-                seconds(x.at if x.at == x.at else None),
-            ]
-        )
+        [
+            code(x.name),
+            seconds(x.clock),
+            largest_text(x),
+            seconds(x.at if x.at == x.at else None),
+        ]
         for x in apart[:LISTED]
     ]
     columns = map(right, ("First differs at", "Largest difference", "at"))
@@ -212,15 +196,13 @@ def _table_of(rows: Sequence[Json]) -> Markup:
         Column("Share", "n"),
     ]
     shown = (
-        Row(
-            [
-                row["stage"],
-                code(row["signal"]),
-                row["statistic"].replace("_", " "),
-                *(in_unit(quantity(row[key], row["unit"])) for key in ("a", "b", "change")),
-                share(row),
-            ]
-        )
+        [
+            row["stage"],
+            code(row["signal"]),
+            row["statistic"].replace("_", " "),
+            *(in_unit(quantity(row[key], row["unit"])) for key in ("a", "b", "change")),
+            share(row),
+        ]
         for row in rows
     )
     return table(columns, shown, "long")

@@ -62,7 +62,9 @@ def right(title: str) -> Column:
     return Column(title, "n")
 
 
-def table(columns: Sequence[Column | str], rows: Iterable[Row], look: str = "") -> Markup:
+def table(
+    columns: Sequence[Column | str], rows: Iterable[Row | Sequence[object]], look: str = ""
+) -> Markup:
     """A table that scrolls where it is wide, and is a list of cards on a phone.
 
     Args:
@@ -71,7 +73,7 @@ def table(columns: Sequence[Column | str], rows: Iterable[Row], look: str = "") 
         look: `judged` where the first column is a mark, and other classes of the style sheet.
     """
     heads = [c if isinstance(c, Column) else Column(c) for c in columns]
-    body = [_row(heads, row) for row in rows]
+    body = [_row(heads, row if isinstance(row, Row) else Row(row)) for row in rows]
     if not body:
         return Markup("")
     shown = [element("th", c.title, class_="n" if c.look == "n" else "") for c in heads]
@@ -183,12 +185,12 @@ def head(kind: str, title: str, about: str, *content: object) -> Markup:
     )  # fmt: skip
 
 
-def outcome(kind: str, word: object, *content: object, beside: Markup | None = None) -> Markup:
-    """A verdict: a word, and why."""
-    return element(
-        "div", element("strong", word), element("div", *content), beside,
-        class_=f"verdict {kind}", id="verdict",
-    )  # fmt: skip
+def outcome(
+    kind: str, word: object, *content: object, beside: Markup | None = None, **more: Any
+) -> Markup:
+    """A verdict: a word, and why; `more` attributes are as of an element."""
+    parts = (element("strong", word), element("div", *content), beside)
+    return element("div", *parts, class_=f"verdict {kind}", **more)
 
 
 def figure(chart: Chart) -> Markup:

@@ -260,7 +260,7 @@ def _upright(chart: Chart, values: Any) -> Any:
 
 
 def _panel(plane: Plane, chart: Chart, time: Timeline, cut: Collection[str]) -> Markup:
-    marks = decades(*plane.up) if chart.log else ticks(*plane.up, 5)
+    marks = decades(*plane.up) if chart.log else ticks(*plane.up, 6)
     content: list[Markup] = []
     for band in chart.bands:
         left, right = plane.x(band.start), plane.x(band.end)
@@ -317,7 +317,8 @@ def _caption(chart: Chart, known: Collection[str], faults: Sequence[object]) -> 
     if chart.bands:
         passed = chart.bands[0].passed
         kind = "plain" if passed is None else "passed" if passed else "missed"
-        words.append(word("expected", "mark", class_=kind))
+        text = "expected within the grey band" if passed is None else "expected"
+        words.append(word(text, "mark", class_=kind))
     return joined(*words)
 
 

@@ -114,19 +114,20 @@ def render(run: Run, still: tuple[str, float] | None = None) -> str:
 
 def _outcome(run: Run, said: Verdict, drawn: bool) -> Markup:
     """The verdict, with a button that shows where to look for what went wrong."""
-    around, first = _around(run), said.first
+    around = _around(run)
     look = None
     if around and drawn:
         look = button("Look there", "look", data_start=around[0], data_end=around[1])
-    word = sign(said.kind) + said.kind
-    if first is None or first.broken is None:
-        return outcome(said.kind, word, element("p", prose(said.sentence)), beside=look)
-    stage = joined(" in stage ", element("b", said.stage)) if said.stage else None
-    broken = element(
-        "p", "At ", element("b", seconds(first.broken.clock)), stage, ", ", expression(first.text),
-        " was broken: ", prose(first.broken.text), ".", id="first-broken",
-    )  # fmt: skip
-    return outcome(said.kind, word, broken, element("p", said.rest, class_="rest"), beside=look)
+    word, first = sign(said.kind) + said.kind, said.first
+    why = [element("p", prose(said.sentence))]
+    if first is not None and first.broken is not None:
+        stage = joined(" in stage ", element("b", said.stage)) if said.stage else None
+        at, text = element("b", seconds(first.broken.clock)), expression(first.text)
+        broken = joined(
+            "At ", at, stage, ", ", text, " was broken: ", prose(first.broken.text), "."
+        )
+        why = [element("p", broken, id="first-broken"), element("p", said.rest, class_="rest")]
+    return outcome(said.kind, word, *why, beside=look, id="verdict")
 
 
 def _first(run: Run, time: Timeline, main: Chart | None) -> tuple[Markup, ...]:
@@ -338,7 +339,7 @@ def _columns(run: Run) -> Markup:
         column = mapping(each)
         unit = _text(column.get("unit")).replace("*", "·") or DASH
         signs = "−" if column.get("sign") == -1 else "+"
-        rows.append(Row([code(signal), code(_text(column.get("column"))), unit, signs]))
+        rows.append([code(signal), code(_text(column.get("column"))), unit, signs])
     shown = table(["Signal", "Column", "Unit", right("Sign")], rows)
     title = "Columns of the log"
     return section("", fold(title, len(rows), shown, look="more") if rows else Markup(""))
@@ -384,8 +385,8 @@ def _truth(run: Run) -> Markup:
     for each in mappings(mapping(run.summary.get("world")).get("differs")):
         written = each.get("written")
         if isinstance(written, list) and len(written) == 2:
-            differs.append(Row([code(_text(each.get("path"))), *map(_text, written)]))
-    faults = (Row([each.text, each.when]) for each in fault_times(run.summary))
+            differs.append([code(_text(each.get("path"))), *map(_text, written)])
+    faults = ([each.text, each.when] for each in fault_times(run.summary))
     return _of_tables(
         "What the controller is not told",
         table(["Of the world and the robot", right("Told"), right("True")], differs, "metrics"),

@@ -31,39 +31,26 @@ def stage_prediction(run: Run, stage: str) -> Json:
 
 def of_forces(run: Run, chart: Chart, signals: Sequence[str]) -> Chart:
     """A chart of forces or moments with what was predicted of some of them."""
-    factor = chart.factor
-    decays = (t for name in signals if (t := decay(run, name, factor)) is not None)
-    levels = (*rest_levels(run, signals, factor), *impact_levels(run, signals, factor))
+    levels = [level for name in signals for level in _force_levels(run, name, chart.factor)]
+    decays = (t for name in signals if (t := decay(run, name, chart.factor)) is not None)
     return replace(chart, traces=(*chart.traces, *decays), levels=(*chart.levels, *levels))
 
 
-def rest_levels(run: Run, signals: Iterable[str], factor: float) -> Iterator[Level]:
-    """Where forces and moments were predicted to come to rest; `factor` makes the chart's unit."""
-    for name in signals:
-        for visit in run.visits:
-            at = mapping(mapping(stage_prediction(run, visit.stage).get("equilibrium")).get(name))
-            value, low, high = (number(at.get(key)) for key in ("value", "low", "high"))
-            if value is not None and low == high:
-                yield Level(
-                    visit.start, visit.end, factor * value, ROLE, "predicted at rest", "rest"
-                )
-
-
-def impact_levels(run: Run, signals: Iterable[str], factor: float) -> Iterator[Level]:
-    """The largest force that was predicted for meeting a surface."""
-    for name in signals:
-        for visit in run.visits:
-            met = mapping(stage_prediction(run, visit.stage).get("impact"))
-            peak, values = number(met.get("peak")), run.columns.get(name)
-            if peak is None or values is None or met.get("axis") != axis_of(name):
-                continue
-            inside = values[run.rows(visit)]
-            if len(inside) and np.isfinite(inside).any():
-                side = np.sign(inside[np.nanargmax(np.abs(inside))])
-                if side == 0:
-                    continue
-                text = "predicted peak of the impact"
-                yield Level(visit.start, visit.end, factor * side * peak, ROLE, text, "peak")
+def _force_levels(run: Run, name: str, factor: float) -> Iterator[Level]:
+    """Where a force was predicted to come to rest, and the largest for meeting a surface."""
+    for visit in run.visits:
+        said = stage_prediction(run, visit.stage)
+        at, met = mapping(mapping(said.get("equilibrium")).get(name)), mapping(said.get("impact"))
+        value, peak = number(at.get("value")), number(met.get("peak"))
+        if value is not None and at.get("low") == at.get("high"):
+            yield _level(visit, factor * value, "predicted at rest", "rest")
+        values = run.column(name)
+        if peak is None or values is None or met.get("axis") != axis_of(name):
+            continue
+        inside = values[run.rows(visit)]
+        side = np.sign(inside[np.nanargmax(np.abs(inside))]) if np.isfinite(inside).any() else 0
+        if side:
+            yield _level(visit, factor * side * peak, "predicted peak of the impact", "peak")
 
 
 def depth_levels(run: Run, objects: Iterable[str], factor: float) -> Iterator[Level]:
@@ -73,9 +60,11 @@ def depth_levels(run: Run, objects: Iterable[str], factor: float) -> Iterator[Le
             at = mapping(mapping(stage_prediction(run, visit.stage).get("depths")).get(name))
             depth = number(at.get("depth"))
             if depth is not None:
-                value = -factor * depth
-                text = "predicted depth at rest"
-                yield Level(visit.start, visit.end, value, ROLE, text, "rest")
+                yield _level(visit, -factor * depth, "predicted depth at rest", "rest")
+
+
+def _level(visit: StageVisit, value: float, text: str, look: str) -> Level:
+    return Level(visit.start, visit.end, value, ROLE, text, look)
 
 
 def decay(run: Run, name: str, factor: float) -> Trace | None:

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from markupsafe import Markup
 
-from taskspec_runner.pages.document import Column, Row, dot, in_unit, note, right, table
+from taskspec_runner.pages.document import Column, dot, in_unit, note, right, table
 from taskspec_runner.pages.html import code, joined
 from taskspec_runner.pages.numbers import figure, quantity
 from taskspec_runner.pages.timeline import tints
@@ -71,7 +71,7 @@ def _of_stage(
 ) -> Markup:
     """A table with a row for each signal of a stage."""
     title = Column(joined(dot(tints(run).get(stage, 0)), stage))
-    cells = (Row([code(name), *map(in_unit, values)]) for name, values in rows.items())
+    cells = ([code(name), *map(in_unit, values)] for name, values in rows.items())
     return table([title, *map(right, columns)], cells, f"metrics{look}")
 
 

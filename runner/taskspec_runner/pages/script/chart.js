@@ -47,7 +47,7 @@ class Chart {
 
   marksUp() { return (this.log ? decades : ticks)(...this.y, Math.max(3, Math.round(this.inner.height / 32))); }
 
-  marksAcross() { return ticks(...this.x, Math.max(3, Math.round(this.inner.width / 85))); }
+  marksAcross() { return ticks(...this.x, Math.max(3, Math.round(this.inner.width / 75))); }
 
   column(x) { return LEFT + ((x - this.x[0]) / (this.x[1] - this.x[0])) * this.inner.width; }
 

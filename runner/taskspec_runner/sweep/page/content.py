@@ -178,7 +178,7 @@ def _expectations(result: SweepResult) -> Markup:
             *([interval_text(each)] if sampled else []),
             DASH if worst is None else _margin(worst[key], worst["world"]),
         ]
-        rows.append(Row(cells))
+        rows.append(cells)
     return section(
         "Expectations",
         table([*columns_, right("Least margin")], rows),
