@@ -7,8 +7,8 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from taskspec.analysis.worlds import World, deviations
 from taskspec.program.program import Program
+from taskspec.program.worlds import World, deviations
 from taskspec.spec import Task
 from taskspec_runner.errors import InputError
 from taskspec_runner.loop.fixed_step import DONE, Outcome

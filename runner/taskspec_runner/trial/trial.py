@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from functools import cached_property
 
-from taskspec.analysis.worlds import World, true_world
 from taskspec.program import events
 from taskspec.program.execution.machine import Machine
 from taskspec.program.execution.transition import Transition
 from taskspec.program.program import Program
+from taskspec.program.worlds import World, true_world
 from taskspec.robot.description import listening
 from taskspec_runner.loop.assembly import assemble
 from taskspec_runner.loop.fixed_step import DONE, PYTHON, Outcome
