@@ -88,11 +88,13 @@ def compile_unchecked(loaded: LoadedTask) -> Program:
 
 
 def _stages(task: TaskPlan) -> tuple[CompiledStage, ...]:
-    loaded, stages = task.context.loaded, []
+    """The stages of a task, each compiled once for all who run it."""
     for name in task.stages:
+        if name in task.compiled:
+            continue
         try:
-            stages.append(compile_stage(task.follow(name)))
+            task.compiled[name] = compile_stage(task.follow(name))
         except UnknownSignalError as error:
             message = f"stage {name!r} cannot evaluate {error}"
-            raise spec_error(loaded, FILE.stages[name], "TS224", message) from error
-    return tuple(stages)
+            raise spec_error(task.context.loaded, FILE.stages[name], "TS224", message) from error
+    return tuple(task.compiled[name] for name in task.stages)

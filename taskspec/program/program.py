@@ -25,18 +25,6 @@ from taskspec.text.diagnostic import Diagnostic, Severity
 _OF_OTHER_WORLDS = ("TS503",)
 
 
-def compiled(task: TaskPlan) -> tuple[CompiledStage, ...]:
-    """The stages of a task, each compiled once for all who run it.
-
-    Raises:
-        UnknownSignalError: a stage cannot evaluate a signal.
-    """
-    for name in task.stages:
-        if name not in task.compiled:
-            task.compiled[name] = compile_stage(task.follow(name))
-    return tuple(task.compiled[name] for name in task.stages)
-
-
 @dataclass(frozen=True, slots=True)
 class Program:
     """A compiled task.

@@ -18,8 +18,6 @@ from taskspec_runner.sweep.summary import (
     MET,
     UNDECIDED,
     interval_text,
-    predicted_text,
-    predicted_wrong,
     rate_text,
 )
 
@@ -86,10 +84,6 @@ def _depends(result: SweepResult) -> Iterator[str]:
         yield f"what matters ({told_of}): {', '.join(parts)}"
     for each in summary["regions"]:
         yield each["text"]
-    if looked_at := summary.get("predicted"):
-        wrong = predicted_wrong(looked_at)
-        about = f"; wrong about {_worlds(wrong)}" if wrong else ""
-        yield f"{predicted_text(looked_at)}{about}"
     worst = summary["worst"]
     if worst is not None:
         row = result.rows[worst["world"]]

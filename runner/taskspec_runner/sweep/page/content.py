@@ -19,8 +19,6 @@ from taskspec_runner.sweep.summary import (
     MET,
     MISSED,
     interval_text,
-    predicted_text,
-    predicted_wrong,
     rate_text,
     worst_world,
 )
@@ -65,7 +63,6 @@ def render(result: SweepResult, said: Json) -> str:
         regions=[_region(each, found) for each in summary["regions"]],
         failed=summary["success"]["of"] - summary["success"]["good"],
         worst=None if worst is None else _worst(worst, task),
-        predicted=_predicted(summary.get("predicted")),
         scatters=scatters[:_DRAWN],
         more=scatters[_DRAWN:],
         map={"key": "map", "title": "Share of worlds that succeed", "unit": "%", "note": ""},
@@ -175,13 +172,6 @@ def _worst(row: Row, task: Task) -> Json:
         "margin": number(100 * row["margin"], 3),
         "text": ", ".join(values),
     }
-
-
-def _predicted(told: Json | None) -> Json | None:
-    """What `validate` says of some worlds, and those of which it says something else than came."""
-    if not told:
-        return None
-    return {"text": predicted_text(told), "wrong": predicted_wrong(told)}
 
 
 def _data(result: SweepResult, said: Json, found: Sequence[WorldColumn]) -> Json:
