@@ -27,10 +27,10 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from taskspec.analysis.worlds import random_world
 from taskspec.compiler import compile_task
 from taskspec.native.code import Compiling
 from taskspec.program.program import Program
+from taskspec.program.worlds import random_world
 from taskspec.spec import load_task
 from taskspec_runner.loop.assembly import assemble
 from taskspec_runner.loop.fixed_step import LOOP, ClosedLoop

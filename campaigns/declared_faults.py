@@ -29,10 +29,10 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import mujoco
 import numpy as np
 
-from taskspec.analysis.worlds import true_world
 from taskspec.compiler import compile_task
 from taskspec.faults import ENCODER, SENSOR
 from taskspec.program.program import Program
+from taskspec.program.worlds import true_world
 from taskspec.robot.description import listening
 from taskspec.spec import LoadedTask, Task, load_task
 from taskspec_runner.loop import fixed_step

@@ -22,11 +22,11 @@ import yaml
 from draws import Draws
 from random_tasks import LAWS as ALL_LAWS
 
-from taskspec.analysis.margin import grows
-from taskspec.analysis.sampled_stage import loop_of
-from taskspec.foresight.nominal import plan_task
+from taskspec.planning import plan_task
 from taskspec.robot import RobotError
 from taskspec.spec import load_text
+from taskspec.stability.margin import grows
+from taskspec.stability.sampled_stage import loop_of
 from taskspec.text.diagnostic import SpecError
 
 #: `stiffness` damps nothing, so that nothing of it is designed to come to rest.

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.examined import Examination
-from taskspec.foresight.nominal import plan_task
+from taskspec.planning import plan_task
 from taskspec.program.errors import spec_error
 from taskspec.program.plan import TaskPlan
 from taskspec.program.program import Program, refusals

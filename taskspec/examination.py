@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import taskspec.rules.all  # noqa: F401  (it registers the rules)
 from taskspec.examined import Examination
-from taskspec.foresight.nominal import plan_task
+from taskspec.planning import plan_task
 from taskspec.program.plan import TaskPlan
 from taskspec.rules import Phase, apply_rules
 from taskspec.spec import LoadedTask

@@ -46,8 +46,8 @@ from taskspec_runner.verdict.outcome import verdict
 from taskspec_runner.verdict.run_finding import RunFinding, read_finding
 
 if TYPE_CHECKING:
-    from taskspec.analysis.worlds import World
     from taskspec.program.program import Program
+    from taskspec.program.worlds import World
     from taskspec_runner.report.overview import Picture
 
 #: Rows of a log that are in memory at a time where it goes by: 8 MB at 100 columns.
@@ -309,7 +309,7 @@ class Run(Window):
         Raises:
             RebuildError: the task cannot be read any more, or the manifest has no world of it.
         """
-        from taskspec.analysis.worlds import World, true_world, world_from
+        from taskspec.program.worlds import World, true_world, world_from
 
         if self.link.get("measured") is True:
             return World(self.program.context.loaded.task)

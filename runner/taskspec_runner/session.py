@@ -7,13 +7,13 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from taskspec.analysis.worlds import World, draws_of, random_world, true_world
 from taskspec.compiler import compile_task
 from taskspec.deferred_methods import dataclass
 from taskspec.geometry.axis import AXES
 from taskspec.program.context import Context
 from taskspec.program.execution.machine import Machine
 from taskspec.program.program import Program
+from taskspec.program.worlds import World, draws_of, random_world, true_world
 from taskspec.robot.description import listening
 from taskspec.spec import LoadedTask
 from taskspec_runner.errors import InputError, OutputError, RunCrashedError

@@ -1,1 +1,1 @@
-"""Compiled stages as sampled linear systems: poles, margins and the textbook's own conditions."""
+"""A task run ahead on a plain plant, and what its signals tell of how it ends."""

@@ -7,12 +7,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec.analysis.loop import UnfitError
-from taskspec.analysis.sampled_stage import ReferenceDrive, SampledStage, SetPointDrive, loop_like
 from taskspec.deferred_methods import dataclass
 from taskspec.foresight.approach import approach, deepened, dwell, force_at_end
 from taskspec.foresight.force_profile import set_points_at
-from taskspec.foresight.reference_motion import reference_motion
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.modes import Way
 from taskspec.motion import blend
@@ -20,7 +17,10 @@ from taskspec.program.axes import MOSTLY
 from taskspec.program.flow import leading_to
 from taskspec.program.passage import End
 from taskspec.program.plan import StagePlan, TaskPlan
+from taskspec.program.walk.reference_motion import reference_motion
 from taskspec.signals.entries import TOUCHING
+from taskspec.stability.loop import UnfitError
+from taskspec.stability.sampled_stage import ReferenceDrive, SampledStage, SetPointDrive, loop_like
 
 Vector = NDArray[np.float64]
 

@@ -1,1 +1,1 @@
-"""What is known of a run before it: nominal course, ranges of signals, intervals."""
+"""What is known of a run before it: ranges of signals, approaches, forces at rest."""

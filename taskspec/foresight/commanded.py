@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.deferred_methods import dataclass
-from taskspec.foresight.reference_motion import reference_motion, start_coordinates
 from taskspec.geometry.axis import AXES
 from taskspec.program.passage import Instant
 from taskspec.program.plan import StagePlan
+from taskspec.program.walk.reference_motion import reference_motion, start_coordinates
 from taskspec.robot.model_terms import PinocchioTerms
 
 Vector = NDArray[np.float64]

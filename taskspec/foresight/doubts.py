@@ -15,7 +15,6 @@ import numpy as np
 from taskspec.foresight.approach import approach, dragged, dwell, rates_of, striking_mass
 from taskspec.foresight.conditions import names, parts
 from taskspec.foresight.force_profile import force_profiles
-from taskspec.foresight.ranges import constant
 from taskspec.geometry.axis import ROTATIONS
 from taskspec.laws.gains import on_axis
 from taskspec.motion.blend import BLEND_TIME
@@ -24,6 +23,7 @@ from taskspec.program.interval import ANY, Interval, IntervalAlgebra, point
 from taskspec.program.passage import End, Passage
 from taskspec.program.plan import StagePlan, TaskPlan
 from taskspec.program.reference.axis_plan import AxisPlan
+from taskspec.program.signals import constant
 from taskspec.shapes import BoundedSurface
 from taskspec.shapes.plate import CutPlate
 from taskspec.spec import Mechanism

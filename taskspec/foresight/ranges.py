@@ -11,11 +11,10 @@ from collections.abc import Callable, Mapping
 
 from taskspec.deferred_methods import dataclass
 from taskspec.geometry.axis import Axis
-from taskspec.program.context import Context
-from taskspec.program.interval import ANY, Interval, point
+from taskspec.program.interval import ANY, Interval
 from taskspec.program.passage import End, Instant, Passage
 from taskspec.program.plan import StagePlan
-from taskspec.program.signals import entry_of
+from taskspec.program.signals import constant, entry_of, natural
 from taskspec.signals import Entry, Index
 from taskspec.text.expression.tree import Call, Name, Node, walk
 from taskspec.text.units import LENGTH, TIME, show
@@ -244,19 +243,6 @@ def _gone(passage: Passage, at: Callable[[Instant], float], slack: float) -> Gon
     beyond = (_DRIVEN - 1.0) * (max(values) - min(values)) + slack
     reached = Interval(min(values) - beyond, max(values) + beyond)
     return Gone(values[-1] - values[0], passage.last.time, reached)
-
-
-def natural(found: Entry) -> Interval:
-    """What a signal can be by its nature."""
-    return Interval(found.signal.low, found.signal.high)
-
-
-def constant(context: Context, name: Name) -> Interval | None:
-    """The value of a param or a constant, None of another name."""
-    text, params = str(name), context.loaded.task.params
-    if text == "pi":
-        return point(math.pi)
-    return point(params[text].value) if text in params else None
 
 
 def _within(most: float | None) -> Interval:

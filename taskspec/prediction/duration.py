@@ -6,7 +6,6 @@ import math
 from collections.abc import Mapping, Sequence
 
 from taskspec.deferred_methods import dataclass
-from taskspec.foresight.held_motion import coordinate_rate
 from taskspec.geometry.axis import AXES, TRANSLATIONS, Axis
 from taskspec.prediction.at_start import StageAtStart
 from taskspec.prediction.forecast import Forecast, Signal, coming, moved, touching
@@ -14,6 +13,7 @@ from taskspec.prediction.types import Duration, Equilibrium, Impact, StagePredic
 from taskspec.program.flow import good_end
 from taskspec.program.interval import ANY, Interval, point
 from taskspec.program.sensor import SensorModel
+from taskspec.program.walk.held_motion import coordinate_rate
 from taskspec.spec import Stage
 from taskspec.text.expression import Expression
 from taskspec.text.expression.tree import Name, walk

@@ -9,9 +9,7 @@ from dataclasses import field
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec.analysis.sampled_stage import SampledStage
 from taskspec.deferred_methods import dataclass
-from taskspec.foresight.held_motion import coordinate_rate
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.prediction.at_start import StageAtStart
 from taskspec.prediction.face import Face, face, springs_and_loads
@@ -23,6 +21,8 @@ from taskspec.prediction.types import Depth, Equilibrium
 from taskspec.prediction.worlds import ContactWorld, extreme
 from taskspec.program.execution.stage_solver import ReturnedForces
 from taskspec.program.signals import applied
+from taskspec.program.walk.held_motion import coordinate_rate
+from taskspec.stability.sampled_stage import SampledStage
 
 Vector = NDArray[np.float64]
 

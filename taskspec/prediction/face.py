@@ -14,11 +14,11 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from taskspec.analysis.points import Touched, skew
 from taskspec.deferred_methods import dataclass
 from taskspec.geometry.axis import AXES
 from taskspec.laws.gains import BANDWIDTH
 from taskspec.prediction.at_start import StageAtStart
+from taskspec.stability.points import Touched, skew
 
 Vector = NDArray[np.float64]
 

@@ -12,9 +12,9 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec.analysis.loop import UnfitError
-from taskspec.analysis.sampled_stage import SampledStage
 from taskspec.prediction.at_start import StageAtStart
+from taskspec.stability.loop import UnfitError
+from taskspec.stability.sampled_stage import SampledStage
 
 Vector = NDArray[np.float64]
 

@@ -7,8 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from taskspec.analysis.loop import Mode, UnfitError
-from taskspec.analysis.sampled_stage import SampledStage, loop_of
 from taskspec.deferred_methods import dataclass
 from taskspec.prediction.at_start import StageAtStart, stages_at_start
 from taskspec.prediction.duration import Known, guarded, mechanism_rate, planned, whole
@@ -21,6 +19,8 @@ from taskspec.prediction.selection import selection
 from taskspec.prediction.settling import settling
 from taskspec.prediction.types import StagePrediction, TaskPrediction
 from taskspec.program.program import Program
+from taskspec.stability.loop import Mode, UnfitError
+from taskspec.stability.sampled_stage import SampledStage, loop_of
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,12 +13,12 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec.analysis.loop import Mode, one_step
-from taskspec.analysis.margin import grows
-from taskspec.analysis.sampled_stage import SampledStage
 from taskspec.geometry.axis import AXES
 from taskspec.prediction.types import Settling
 from taskspec.program.sensor import SensorModel
+from taskspec.stability.loop import Mode, one_step
+from taskspec.stability.margin import grows
+from taskspec.stability.sampled_stage import SampledStage
 
 Vector = NDArray[np.float64]
 

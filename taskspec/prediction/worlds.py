@@ -7,13 +7,14 @@ from collections.abc import Callable, Iterator
 
 import casadi as ca
 
-from taskspec.analysis.corners import MOST_AT_ONCE, changed, ends, otherwise
 from taskspec.deferred_methods import dataclass
 from taskspec.prediction.types import Extreme, Values
+from taskspec.program.components import changed, ends, otherwise
 from taskspec.program.context import Context
 from taskspec.program.prepare import tool_center
 from taskspec.program.world import frames
 from taskspec.spec import Task
+from taskspec.stability.corners import MOST_AT_ONCE
 
 _KEYS = ("stiffness", "xyz", "rpy")
 #: A share of a quantity by which a varied value has to change it to be named.

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import field
 from enum import Enum
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,9 +12,6 @@ from numpy.typing import NDArray
 from taskspec.deferred_methods import dataclass
 from taskspec.geometry.axis import Axis
 from taskspec.text.units import show
-
-if TYPE_CHECKING:
-    from taskspec.foresight.held_drive import HeldDrive
 
 Vector = NDArray[np.float64]
 
@@ -118,6 +114,32 @@ class Stopped:
     beyond: float
     axis: Axis
     speed: float
+
+
+@dataclass(frozen=True, slots=True)
+class HeldDrive:
+    """The course of a held mechanism that a stage drives from rest, at coordinate 0.
+
+    Attributes:
+        times: (n,) since the stage began [s].
+        coordinate: (n,) of the mechanism [rad, m].
+        knob: (n,) angle of the tool on a free knob [rad]; 0 on a fixed one.
+        force: (n,) size of the force that the grip bears [N]; None where that is not predicted.
+    """
+
+    times: Vector
+    coordinate: Vector
+    knob: Vector
+    force: Vector | None
+
+    @property
+    def farthest(self) -> float:
+        """Coordinate that is farthest from where it begins [rad, m]."""
+        return float(self.coordinate[np.argmax(np.abs(self.coordinate))])
+
+    def at(self, time: float) -> Vector:
+        """(2,) coordinate and knob at a time [s]."""
+        return np.array([np.interp(time, self.times, x) for x in (self.coordinate, self.knob)])
 
 
 @dataclass(frozen=True, slots=True)

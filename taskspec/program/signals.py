@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 
 import casadi as ca
@@ -9,6 +10,8 @@ import casadi as ca
 from taskspec.control.reference import opposite
 from taskspec.deferred_methods import dataclass
 from taskspec.geometry.axis import AXES, Axis
+from taskspec.program.context import Context
+from taskspec.program.interval import Interval, point
 from taskspec.program.slots import Slots
 from taskspec.program.world import estimated_frames, kinematics
 from taskspec.program.world.frames import FrameModel
@@ -71,6 +74,19 @@ class SignalTable:
 def entry_of(task: Task, path: tuple[str, ...]) -> Entry | None:
     """The entry of the table that a name means in the task, None for params and constants."""
     return find(path, {name: thing.kind for name, thing in task.world.items()}, task.stages)
+
+
+def natural(found: Entry) -> Interval:
+    """What a signal can be by its nature."""
+    return Interval(found.signal.low, found.signal.high)
+
+
+def constant(context: Context, name: Name) -> Interval | None:
+    """The value of a param or a constant, None of another name."""
+    text, params = str(name), context.loaded.task.params
+    if text == "pi":
+        return point(math.pi)
+    return point(params[text].value) if text in params else None
 
 
 def applied(axis: Axis) -> str:

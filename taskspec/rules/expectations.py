@@ -7,7 +7,6 @@ from collections.abc import Iterator, Sequence
 
 from taskspec.foresight.approach import ends_by_touch
 from taskspec.foresight.conditions import bounds_of, names, parts, value_of
-from taskspec.foresight.ranges import constant, natural
 from taskspec.geometry.axis import as_axis
 from taskspec.program.axes import MOSTLY
 from taskspec.program.context import Context
@@ -15,7 +14,7 @@ from taskspec.program.flow import good_end, reached
 from taskspec.program.interval import ANY, Interval, IntervalAlgebra, point
 from taskspec.program.known_value import known_value
 from taskspec.program.plan import TaskPlan
-from taskspec.program.signals import entry_of
+from taskspec.program.signals import constant, entry_of, natural
 from taskspec.rules import Finding, Phase, error, rule, warning
 from taskspec.rules.signals import no_such_signal
 from taskspec.signals import CLOCKS

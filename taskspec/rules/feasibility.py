@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from taskspec.control.qp.certificate import Certificate, contradiction, feasible
 from taskspec.foresight.approach import approach, rates_of
-from taskspec.foresight.course import course_of, moving_axes
 from taskspec.foresight.force_profile import at, force_profiles
 from taskspec.foresight.rates import VELOCITY, motion
 from taskspec.foresight.rows import Cause, RowSystem
@@ -20,6 +19,7 @@ from taskspec.motion.blend import BLEND_TIME
 from taskspec.program.passage import End
 from taskspec.program.plan import StagePlan
 from taskspec.program.trajectory import Place
+from taskspec.program.walk.course import course_of, moving_axes
 from taskspec.robot.inverse_kinematics import turns_at
 from taskspec.rules import Finding, rule, warning
 from taskspec.rules.places import motion_of

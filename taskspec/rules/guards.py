@@ -9,7 +9,6 @@ from collections.abc import Iterator
 import numpy as np
 
 from taskspec.foresight.conditions import names, parts, value_of
-from taskspec.foresight.nominal import AT_SURFACE
 from taskspec.foresight.ranges import Ranges
 from taskspec.geometry.axis import Axis
 from taskspec.program.axes import MOSTLY
@@ -18,6 +17,7 @@ from taskspec.program.held_part import HeldPart
 from taskspec.program.interval import Interval, IntervalAlgebra, point
 from taskspec.program.plan import StagePlan
 from taskspec.program.signals import entry_of
+from taskspec.program.walk.nominal import AT_SURFACE
 from taskspec.rules import Finding, rule, warning
 from taskspec.signals.entries import TOUCHING
 from taskspec.signals.table import WRENCH

@@ -9,11 +9,11 @@ import numpy as np
 
 from taskspec.foresight.approach import striking_mass
 from taskspec.foresight.conditions import names, parts, value_of
-from taskspec.foresight.held_motion import held_motion
 from taskspec.foresight.ranges import Ranges
 from taskspec.program.interval import ANY, Interval, IntervalAlgebra
 from taskspec.program.passage import End
 from taskspec.program.plan import StagePlan
+from taskspec.program.walk.held_motion import held_motion
 from taskspec.program.world.stiffness import GRIP
 from taskspec.rules import Finding, rule, warning
 from taskspec.rules.impact import largest_force

@@ -7,7 +7,6 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from taskspec.analysis.corners import ends, nominal
 from taskspec.foresight.approach import (
     Approach,
     approach,
@@ -23,15 +22,16 @@ from taskspec.foresight.approach import (
     waits_for_contact,
 )
 from taskspec.foresight.conditions import names, parts, value_of
-from taskspec.foresight.nominal import AT_SURFACE
 from taskspec.geometry.axis import Axis
 from taskspec.motion.blend import BLEND_TIME
 from taskspec.program.axes import MOSTLY
+from taskspec.program.components import ends, nominal
 from taskspec.program.context import Context
 from taskspec.program.flow import good_end
 from taskspec.program.held_part import HeldPart
 from taskspec.program.interval import ANY, Interval, IntervalAlgebra, point
 from taskspec.program.plan import StagePlan
+from taskspec.program.walk.nominal import AT_SURFACE
 from taskspec.rules import Finding, rule, warning
 from taskspec.spec import FILE, Within
 from taskspec.text.diagnostic import Severity

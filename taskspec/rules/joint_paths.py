@@ -6,8 +6,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from taskspec.foresight.joint_walk import joint_states, torques
 from taskspec.program.plan import StagePlan
+from taskspec.program.walk.joint_walk import joint_states, torques
 from taskspec.robot.inverse_kinematics import turns_at
 from taskspec.rules import Finding, rule, warning
 from taskspec.rules.places import motion_of

@@ -8,13 +8,13 @@ from collections.abc import Iterator
 import numpy as np
 
 from taskspec.foresight.conditions import bounds_of, names
-from taskspec.foresight.nominal import AT_SURFACE
 from taskspec.foresight.ranges import Ranges
 from taskspec.geometry.axis import Axis
 from taskspec.program.context import Context
 from taskspec.program.interval import Interval, IntervalAlgebra
 from taskspec.program.plan import StagePlan
 from taskspec.program.sensor import SensorModel
+from taskspec.program.walk.nominal import AT_SURFACE
 from taskspec.rules import Finding, rule, warning
 from taskspec.text.expression import Expression
 from taskspec.text.expression.tree import Binary, Call, Held, Name, Node, Number

@@ -7,9 +7,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from taskspec.analysis.corners import ends, nominal
 from taskspec.geometry.axis import Axis
 from taskspec.laws.gains import value_of
+from taskspec.program.components import ends, nominal
 from taskspec.program.context import Context
 from taskspec.program.plan import StagePlan
 from taskspec.rules import Finding, Phase, error, rule, warning

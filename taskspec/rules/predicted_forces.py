@@ -12,12 +12,12 @@ from taskspec.analysis.force_course import ForceCourse, force_courses
 from taskspec.foresight.approach import approach, rates_of, striking_mass
 from taskspec.foresight.conditions import names, parts
 from taskspec.foresight.force_profile import force_profiles
-from taskspec.foresight.ranges import constant
 from taskspec.geometry.axis import Axis, as_axis
 from taskspec.program.axes import MOSTLY
 from taskspec.program.flow import leading_to
 from taskspec.program.interval import ANY, IntervalAlgebra
 from taskspec.program.plan import StagePlan, TaskPlan
+from taskspec.program.signals import constant
 from taskspec.rules import Finding, Phase, rule, warning
 from taskspec.spec import FILE
 from taskspec.text.expression import Expression, evaluate

@@ -9,23 +9,9 @@ from dataclasses import field, replace
 
 import numpy as np
 
-from taskspec.analysis.budget import Budget
-from taskspec.analysis.corners import Corner, at, corners, ends
-from taskspec.analysis.environment import linear_plant
-from taskspec.analysis.loop import FARTHEST, Mode, Poles, UnfitError
-from taskspec.analysis.margin import (
-    LEAST_DAMPING_RATIO,
-    LEAST_GROWTH,
-    QUICK,
-    Search,
-    grows,
-    near_boundary,
-    rings,
-)
-from taskspec.analysis.plant import LinearPlant, pressing
-from taskspec.analysis.sampled_stage import SampledStage, control_of, loop_of
 from taskspec.deferred_methods import dataclass
 from taskspec.geometry.axis import Axis
+from taskspec.program.components import ends
 from taskspec.program.context import Context
 from taskspec.program.flow import followers, reached
 from taskspec.program.passage import End, Instant
@@ -35,6 +21,21 @@ from taskspec.rules import Finding, Phase, rule, warning
 from taskspec.rules.remedies import place_of, remedies, text_of
 from taskspec.rules.set_points import in_the_air
 from taskspec.spec import FILE, KeyPath, Task
+from taskspec.stability.budget import Budget
+from taskspec.stability.corners import Corner, at, corners
+from taskspec.stability.environment import linear_plant
+from taskspec.stability.loop import FARTHEST, Mode, Poles, UnfitError
+from taskspec.stability.margin import (
+    LEAST_DAMPING_RATIO,
+    LEAST_GROWTH,
+    QUICK,
+    Search,
+    grows,
+    near_boundary,
+    rings,
+)
+from taskspec.stability.plant import LinearPlant, pressing
+from taskspec.stability.sampled_stage import SampledStage, control_of, loop_of
 from taskspec.text.diagnostic import Severity
 from taskspec.text.units import FREQUENCY, TIME, number, scaled, show
 

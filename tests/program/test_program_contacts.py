@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from taskspec.examination import check_task
-from taskspec.foresight.nominal import plan_task
 from taskspec.geometry.axis import Axis
+from taskspec.planning import plan_task
 from taskspec.program.plan import TaskPlan
 from taskspec.program.stages.stage import compile_stage
 from taskspec.spec import load_text

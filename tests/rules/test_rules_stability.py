@@ -10,16 +10,16 @@ import numpy as np
 import pytest
 
 import taskspec_runner
-from taskspec.analysis.family import scaled
-from taskspec.analysis.sampled_stage import analyse
 from taskspec.examination import check_task
-from taskspec.foresight.nominal import plan_task
 from taskspec.geometry.axis import AXES
 from taskspec.laws import LAWS
+from taskspec.planning import plan_task
 from taskspec.program.passage import Instant
 from taskspec.program.plan import StagePlan
 from taskspec.program.prepare import prepare
 from taskspec.spec import load_task, load_text
+from taskspec.stability.family import scaled
+from taskspec.stability.sampled_stage import analyse
 from taskspec.text.diagnostic import Severity
 
 TASKS = Path(__file__).resolve().parents[2] / "tasks"

@@ -6,16 +6,16 @@ import itertools
 
 import pytest
 
-from taskspec.analysis.budget import Budget
-from taskspec.analysis.corners import corners
-from taskspec.analysis.family import Family
-from taskspec.analysis.margin import rings
-from taskspec.analysis.sampled_stage import analyse
 from taskspec.examination import check_task
 from taskspec.program.plan import StagePlan
 from taskspec.program.prepare import prepare
 from taskspec.rules.stability import Plants
 from taskspec.spec import load_text
+from taskspec.stability.budget import Budget
+from taskspec.stability.corners import corners
+from taskspec.stability.family import Family
+from taskspec.stability.margin import rings
+from taskspec.stability.sampled_stage import analyse
 
 TASK = """
 taskspec: 1

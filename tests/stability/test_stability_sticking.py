@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from taskspec.analysis.margin import Search
-from taskspec.analysis.sampled_stage import analyse
 from taskspec.examination import check_task
 from taskspec.program.plan import StagePlan
 from taskspec.program.prepare import prepare
 from taskspec.spec import load_text
+from taskspec.stability.margin import Search
+from taskspec.stability.sampled_stage import analyse
 
 PRESS = """
 taskspec: 1

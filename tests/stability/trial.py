@@ -10,14 +10,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from stability.cases import FACTORS, Family
-from taskspec.analysis.loop import Mode
-from taskspec.analysis.margin import Search
-from taskspec.analysis.sampled_stage import SampledStage, analyse
 from taskspec.compiler import compile_unchecked
 from taskspec.examination import examine
 from taskspec.program.plan import StagePlan
 from taskspec.program.prepare import prepare
 from taskspec.spec import load_text
+from taskspec.stability.loop import Mode
+from taskspec.stability.margin import Search
+from taskspec.stability.sampled_stage import SampledStage, analyse
 from taskspec_runner.loop import fixed_step as loop
 from taskspec_runner.loop.assembly import Assembly, assemble
 

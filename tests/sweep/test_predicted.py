@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from taskspec.analysis.worlds import random_world
 from taskspec.program.prepare import prepare
+from taskspec.program.worlds import random_world
 from taskspec.spec import load_task
 from taskspec_runner.cli import app
 from taskspec_runner.sweep.summary import predicted_text, predicted_wrong

@@ -15,14 +15,14 @@ import sampled
 from presses import ARMS, PANDA, SQUARE
 
 from sensors import RunningSensor
-from taskspec.analysis.controller import Operating
-from taskspec.analysis.loop import one_step
-from taskspec.analysis.sampled_stage import analyse, bare
 from taskspec.program.plan import StagePlan
 from taskspec.program.prepare import prepare
 from taskspec.program.sensor import SensorModel
 from taskspec.program.stages.stage import compile_stage
 from taskspec.spec import load_text
+from taskspec.stability.controller import Operating
+from taskspec.stability.loop import one_step
+from taskspec.stability.sampled_stage import analyse, bare
 
 T = 1e-3
 #: Bisected to 1e-6; the poles move with eps^(1/2) at worst.

@@ -237,7 +237,7 @@ def admitted(
 def _examined(file: Path, sets: Sequence[str], law: str | None, *, keeps: bool) -> Examination:
     """The file with what is found about it: now, or the last time that it was the same."""
     from taskspec.examined import Examination
-    from taskspec.foresight.nominal import plan_task
+    from taskspec.planning import plan_task
 
     before = Before(file, sets, law, keeps=keeps)
     loaded = load(file, sets, law)

@@ -8,7 +8,7 @@ from typing import Any
 import typer
 from rich.text import Text
 
-from taskspec.analysis.worlds import component_dimension
+from taskspec.program.worlds import component_dimension
 from taskspec.text.units import number, scaled
 from taskspec_runner.cli.console import show, table
 from taskspec_runner.record.names import TABLE

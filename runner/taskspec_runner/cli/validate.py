@@ -289,8 +289,8 @@ def _in_world(path: Path, loaded: LoadedTask, named: str, seed: int) -> tuple[Lo
         InputError: there is no such world.
         SpecError: the robot cannot be loaded, or its start cannot be reached.
     """
-    from taskspec.analysis.worlds import as_file, deviations
     from taskspec.program.prepare import prepare
+    from taskspec.program.worlds import as_file, deviations
     from taskspec_runner.sweep.chosen import chosen_world
 
     context = prepare(loaded)

@@ -7,8 +7,8 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from taskspec.analysis.worlds import World
 from taskspec.program.program import Program
+from taskspec.program.worlds import World
 from taskspec_runner.loop.assembly import Assembly
 from taskspec_runner.loop.fixed_step import Driven
 from taskspec_runner.record.history import History

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec.analysis.worlds import World
 from taskspec.control.qp.dual import dual_solver
 from taskspec.deferred_methods import dataclass
 from taskspec.program.execution.machine import Machine
 from taskspec.program.program import Program
+from taskspec.program.worlds import World
 from taskspec_runner.errors import InputError
 from taskspec_runner.link.robot import LinkError, RobotFacts, Sample, TorqueRobot
 from taskspec_runner.loop.assembly import Assembly

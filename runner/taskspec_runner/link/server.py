@@ -19,10 +19,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec import __version__
-from taskspec.analysis.worlds import World
 from taskspec.deferred_methods import dataclass
 from taskspec.program.ports import fields
 from taskspec.program.program import Program
+from taskspec.program.worlds import World
 from taskspec.text.units import FORCE, LENGTH, VELOCITY, si_unit
 from taskspec_runner.errors import InputError
 from taskspec_runner.link import packets

@@ -8,10 +8,10 @@ from contextlib import closing
 from pathlib import Path
 from typing import Any
 
-from taskspec.analysis.worlds import true_world
 from taskspec.compiler import compile_unchecked
 from taskspec.program.execution.transition import END, FAIL, Transition
 from taskspec.program.program import Program
+from taskspec.program.worlds import true_world
 from taskspec.spec import LoadedTask
 from taskspec_runner.errors import OutputError
 from taskspec_runner.loop.fixed_step import DONE, FAILED, Outcome

@@ -6,9 +6,9 @@ from collections.abc import Iterable, Sequence
 from concurrent.futures import Executor
 from typing import Any
 
-from taskspec.analysis.worlds import World, as_file
 from taskspec.examination import examine
 from taskspec.program.program import Program
+from taskspec.program.worlds import World, as_file
 from taskspec.text.diagnostic import Diagnostic, Severity
 from taskspec_runner.sweep.bundle import Bundle, program_of
 from taskspec_runner.sweep.engine import Work, results

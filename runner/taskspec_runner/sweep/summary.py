@@ -6,8 +6,8 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from taskspec.analysis.worlds import component_dimension
 from taskspec.deferred_methods import dataclass
+from taskspec.program.worlds import component_dimension
 from taskspec.spec import Task
 from taskspec.spec.sweep import SUCCESS, RateExpectation
 from taskspec.text.units import scaled

@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 
-from taskspec.analysis.worlds import World, deviations
 from taskspec.deferred_methods import dataclass
 from taskspec.program import events
 from taskspec.program.execution.stage_solver import SolverCounts
@@ -18,6 +17,7 @@ from taskspec.program.execution.transition import FAIL, Transition
 from taskspec.program.program import Program
 from taskspec.program.stages.protected import PROTECTION, dimension_watched
 from taskspec.program.stages.stage import CompiledStage
+from taskspec.program.worlds import World, deviations
 from taskspec.robot import RobotModel
 from taskspec.robot.inverse_kinematics import turns_at
 from taskspec.spec import Limits

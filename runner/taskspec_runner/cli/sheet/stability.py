@@ -7,16 +7,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from taskspec.analysis.gain_paths import turns
-from taskspec.analysis.loop import Mode, UnfitError
-from taskspec.analysis.margin import MOTION, Limit, Search, grows, rings
-from taskspec.analysis.sampled_stage import SampledStage
-from taskspec.analysis.textbook import conditions
 from taskspec.deferred_methods import dataclass
 from taskspec.laws.conditions import StabilityCondition
 from taskspec.laws.law import gain_named
 from taskspec.prediction import Looked
 from taskspec.program.program import Program
+from taskspec.stability.gain_paths import turns
+from taskspec.stability.loop import Mode, UnfitError
+from taskspec.stability.margin import MOTION, Limit, Search, grows, rings
+from taskspec.stability.sampled_stage import SampledStage
+from taskspec.stability.textbook import conditions
 from taskspec.text.units import FORCE, STIFFNESS, TIME, number, scaled, show
 
 #: Poles that are shown, the least stable ones.

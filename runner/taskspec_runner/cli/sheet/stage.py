@@ -6,7 +6,6 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from taskspec.analysis.gain_paths import turns
 from taskspec.deferred_methods import dataclass
 from taskspec.laws.law import gain_named
 from taskspec.prediction import StagePrediction
@@ -16,6 +15,7 @@ from taskspec.program.stages.null_space import goals
 from taskspec.program.stages.stage import CompiledStage
 from taskspec.program.world.stiffness import GRIP
 from taskspec.robot.types import RobotModel
+from taskspec.stability.gain_paths import turns
 from taskspec.text.units import MASS, STIFFNESS, in_unit, number, scaled, show
 from taskspec_runner.cli.sheet.axes import AxisRow, axis_row, equation_row
 from taskspec_runner.cli.sheet.limits import limit_rows

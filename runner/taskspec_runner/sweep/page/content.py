@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from taskspec.analysis.worlds import component_dimension
+from taskspec.program.worlds import component_dimension
 from taskspec.spec import Task
 from taskspec.text.units import in_unit, number, scaled
 from taskspec_runner.record.names import TASK

@@ -16,11 +16,11 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec.analysis.plant import Rows
-from taskspec.analysis.points import Touched
 from taskspec.program.context import Context
 from taskspec.program.world.stiffness import compliance, contact_mobility, creep
 from taskspec.spec import Task
+from taskspec.stability.plant import Rows
+from taskspec.stability.points import Touched
 
 Matrix = NDArray[np.float64]
 

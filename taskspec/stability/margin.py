@@ -8,17 +8,17 @@ from collections.abc import Callable, Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec.analysis.budget import Budget
-from taskspec.analysis.controller import LinearController
-from taskspec.analysis.family import Family
-from taskspec.analysis.gain_paths import together
-from taskspec.analysis.loop import FARTHEST, Mode, Poles, modes, poles, states
-from taskspec.analysis.plant import LinearPlant
-from taskspec.analysis.sampled_stage import SampledStage
 from taskspec.deferred_methods import dataclass
 from taskspec.program.context import Context
 from taskspec.program.sensor import SensorModel
 from taskspec.spec import Task
+from taskspec.stability.budget import Budget
+from taskspec.stability.controller import LinearController
+from taskspec.stability.family import Family
+from taskspec.stability.gain_paths import together
+from taskspec.stability.loop import FARTHEST, Mode, Poles, modes, poles, states
+from taskspec.stability.plant import LinearPlant
+from taskspec.stability.sampled_stage import SampledStage
 
 #: A swing that grows more slowly than this [1/s] is on the boundary: in a hundred seconds it gets
 #: a tenth larger. One that grows by no more than rounding may have moved its pole is there too.

@@ -11,10 +11,10 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec.analysis.controller import LinearController
-from taskspec.analysis.plant import LinearPlant
 from taskspec.deferred_methods import dataclass
 from taskspec.program.sensor import SensorModel
+from taskspec.stability.controller import LinearController
+from taskspec.stability.plant import LinearPlant
 
 Matrix = NDArray[np.float64]
 Poles = NDArray[np.complex128]

@@ -9,9 +9,6 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from taskspec.analysis.friction import friction_rows, sliding_rows
-from taskspec.analysis.plant import LinearPlant, Rows
-from taskspec.analysis.points import Touched, skew
 from taskspec.geometry.rotation import cross
 from taskspec.program.context import Context
 from taskspec.program.world.stiffness import (
@@ -22,6 +19,9 @@ from taskspec.program.world.stiffness import (
     equation_compliance,
 )
 from taskspec.spec import Mechanism, Task
+from taskspec.stability.friction import friction_rows, sliding_rows
+from taskspec.stability.plant import LinearPlant, Rows
+from taskspec.stability.points import Touched, skew
 
 Matrix = NDArray[np.float64]
 

@@ -10,17 +10,17 @@ from typing import Any
 
 import numpy as np
 
-from taskspec.analysis.corners import (
+from taskspec.deferred_methods import dataclass
+from taskspec.geometry.axis import AXES
+from taskspec.program.components import (
     Component,
-    at,
     bounded,
     components,
     nominal,
     otherwise,
+    true_task_with,
     value_of,
 )
-from taskspec.deferred_methods import dataclass
-from taskspec.geometry.axis import AXES
 from taskspec.program.context import Context
 from taskspec.spec import LoadedTask, Task, Variation
 from taskspec.spec.truth import DeclaredTruth
@@ -83,7 +83,7 @@ def world_of(
             target = context.loaded.task.target_of(part[0])
             value = variation.value(nominal(context, *part), draws)
             values[part] = bounded(target, value)
-    return World(at(context, values).task, dict(draws), values, seed, number, label)
+    return World(true_task_with(context, values), dict(draws), values, seed, number, label)
 
 
 def world_from(context: Context, data: Mapping[str, Any], seed: int) -> World:

@@ -17,21 +17,20 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from taskspec.control.state import ARM_LENGTH
-from taskspec.foresight.pose_follower import PoseFollower, Taken
-from taskspec.foresight.ranges import constant, natural
-from taskspec.foresight.reference_motion import (
-    ReferenceMotion,
-    reference_motion,
-    start_coordinates,
-)
-from taskspec.foresight.tool_motion import OnSurface, Straight, ToolMotion, WithMechanism
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.motion.blend import BLEND_TIME
 from taskspec.program.context import Context
 from taskspec.program.interval import ANY, Interval, IntervalAlgebra, point
 from taskspec.program.passage import End, Instant, Passage
 from taskspec.program.plan import StagePlan
-from taskspec.program.signals import entry_of
+from taskspec.program.signals import constant, entry_of, natural
+from taskspec.program.walk.pose_follower import PoseFollower, Taken
+from taskspec.program.walk.reference_motion import (
+    ReferenceMotion,
+    reference_motion,
+    start_coordinates,
+)
+from taskspec.program.walk.tool_motion import OnSurface, Straight, ToolMotion, WithMechanism
 from taskspec.program.world.mechanisms import MechanismModel
 from taskspec.program.world.stiffness import GRIP
 from taskspec.robot import RobotModel

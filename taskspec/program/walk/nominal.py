@@ -9,23 +9,19 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from taskspec.analysis.held_design import best_design
-from taskspec.foresight.arm_walk import ArmWalk
-from taskspec.foresight.course import course_of, moving_axes
-from taskspec.foresight.handed_rates import rates_at_end, rates_of, twist_of
-from taskspec.foresight.joint_walk import joint_passage, tip_at
-from taskspec.foresight.starts import roomiest
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.motion.blend import BLEND_TIME
 from taskspec.program.contacts import PASSING
 from taskspec.program.context import Context
 from taskspec.program.passage import End, Passage
-from taskspec.program.plan import StagePlan, TaskPlan
-from taskspec.program.prepare import prepare
+from taskspec.program.plan import StagePlan
 from taskspec.program.stages.conditions import NEAR_SINGULAR
 from taskspec.program.trajectory import Course, Nominal, Place
+from taskspec.program.walk.arm_walk import ArmWalk
+from taskspec.program.walk.course import course_of, moving_axes
+from taskspec.program.walk.handed_rates import rates_at_end, rates_of, twist_of
+from taskspec.program.walk.joint_walk import joint_passage, tip_at
 from taskspec.robot.inverse_kinematics import SOLVED, InverseKinematics, Target
-from taskspec.spec import LoadedTask
 from taskspec.text.units import show
 
 Vector = NDArray[np.float64]
@@ -330,17 +326,3 @@ class NominalWalk:
             return None
         lasts = max(self._gap(stage, contact), 0.0) / closing
         return {axis: rate * lasts for axis, rate in rates.items()}
-
-
-def plan_task(loaded: LoadedTask) -> TaskPlan:
-    """The plan of a task, from a start with room for its motions where the file leaves one.
-
-    Raises:
-        SpecError: the robot cannot be loaded or its start cannot be reached.
-    """
-    context = prepare(loaded)
-
-    def start_at(q: Vector) -> TaskPlan:
-        return TaskPlan(prepare(loaded, context.robot, q), NominalWalk, best_design)
-
-    return roomiest(lambda: TaskPlan(context, NominalWalk, best_design), start_at)

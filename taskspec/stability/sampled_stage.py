@@ -8,11 +8,6 @@ from dataclasses import field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec.analysis.controller import LinearController, Operating
-from taskspec.analysis.environment import HELD, linear_plant
-from taskspec.analysis.loop import Drive, Mode, modes, poles, response
-from taskspec.analysis.plant import LinearPlant
-from taskspec.analysis.points import Touched, touching
 from taskspec.deferred_methods import dataclass
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.program.axes import MOSTLY
@@ -23,6 +18,11 @@ from taskspec.program.prepare import arm_at
 from taskspec.program.sensor import SensorModel
 from taskspec.program.stages.stage import CompiledStage, compile_stage
 from taskspec.spec import AxisEntry, Task
+from taskspec.stability.controller import LinearController, Operating
+from taskspec.stability.environment import HELD, linear_plant
+from taskspec.stability.loop import Drive, Mode, modes, poles, response
+from taskspec.stability.plant import LinearPlant
+from taskspec.stability.points import Touched, touching
 
 Matrix = NDArray[np.float64]
 

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from taskspec.analysis.sampled_stage import SampledStage
 from taskspec.geometry.axis import as_axis
 from taskspec.program.context import Context
 from taskspec.spec import FILE, KeyPath, below
+from taskspec.stability.sampled_stage import SampledStage
 
 
 def law_path(context: Context, stage: str) -> KeyPath:

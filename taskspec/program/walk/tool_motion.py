@@ -17,14 +17,14 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from taskspec.deferred_methods import dataclass
-from taskspec.foresight.held_drive import held_drive
-from taskspec.foresight.held_motion import resolved_twists
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.program.axes import MOSTLY
 from taskspec.program.bound import BoundFunction
 from taskspec.program.passage import Stopped, Strain
 from taskspec.program.plan import StagePlan
 from taskspec.program.prepare import chart_at
+from taskspec.program.walk.held_drive import held_drive
+from taskspec.program.walk.held_motion import resolved_twists
 from taskspec.program.world.stiffness import GRIP
 
 Vector = NDArray[np.float64]

@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from taskspec.analysis.sampled_stage import SampledStage, along
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.laws.conditions import AxisContact, StabilityCondition
 from taskspec.laws.gains import on_axis
 from taskspec.program.sensor import SensorModel
+from taskspec.stability.sampled_stage import SampledStage, along
 
 #: A contact on which more than this share of a step's acceleration comes back is called rigid.
 _RIGID_PHASE = 0.3

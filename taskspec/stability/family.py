@@ -6,11 +6,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from taskspec.analysis.controller import LinearController
-from taskspec.analysis.sampled_stage import SampledStage
 from taskspec.deferred_methods import dataclass
 from taskspec.laws.gains import Gain, Gains
 from taskspec.laws.law import gain_named
+from taskspec.stability.controller import LinearController
+from taskspec.stability.sampled_stage import SampledStage
 
 
 @dataclass(frozen=True, slots=True)

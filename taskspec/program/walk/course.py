@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from taskspec.foresight.reference_motion import reference_motion
 from taskspec.geometry.axis import Axis
 from taskspec.modes import AxisMode
 from taskspec.program.plan import StagePlan
 from taskspec.program.trajectory import Course
+from taskspec.program.walk.reference_motion import reference_motion
 from taskspec.spec import Stage
 
 

@@ -20,11 +20,12 @@ from numpy.typing import NDArray
 
 from taskspec.control.state import ARM_LENGTH
 from taskspec.deferred_methods import dataclass
-from taskspec.foresight.held_motion import resolved_twists
-from taskspec.foresight.reference_motion import reference_motion, start_coordinates
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.laws.gains import on_axis
+from taskspec.program.passage import HeldDrive
 from taskspec.program.plan import StagePlan
+from taskspec.program.walk.held_motion import resolved_twists
+from taskspec.program.walk.reference_motion import reference_motion, start_coordinates
 
 Vector = NDArray[np.float64]
 
@@ -36,32 +37,6 @@ _HORIZON = 60.0
 _ALONE = 0.9
 #: From here on a moment at the joints does not tell what an axis is damped with.
 _SINGULAR = 1e8
-
-
-@dataclass(frozen=True, slots=True)
-class HeldDrive:
-    """The course of a held mechanism that a stage drives from rest, at coordinate 0.
-
-    Attributes:
-        times: (n,) since the stage began [s].
-        coordinate: (n,) of the mechanism [rad, m].
-        knob: (n,) angle of the tool on a free knob [rad]; 0 on a fixed one.
-        force: (n,) size of the force that the grip bears [N]; None where that is not predicted.
-    """
-
-    times: Vector
-    coordinate: Vector
-    knob: Vector
-    force: Vector | None
-
-    @property
-    def farthest(self) -> float:
-        """Coordinate that is farthest from where it begins [rad, m]."""
-        return float(self.coordinate[np.argmax(np.abs(self.coordinate))])
-
-    def at(self, time: float) -> Vector:
-        """(2,) coordinate and knob at a time [s]."""
-        return np.array([np.interp(time, self.times, x) for x in (self.coordinate, self.knob)])
 
 
 @dataclass(frozen=True, slots=True)

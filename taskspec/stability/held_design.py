@@ -6,12 +6,12 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from taskspec.analysis.loop import Mode, UnfitError
-from taskspec.analysis.margin import grows, near_boundary, rings
-from taskspec.analysis.sampled_stage import analyse
 from taskspec.laws.gains import BANDWIDTH, Gain, Gains
 from taskspec.laws.law import gain_named
 from taskspec.program.plan import Design, StagePlan
+from taskspec.stability.loop import Mode, UnfitError
+from taskspec.stability.margin import grows, near_boundary, rings
+from taskspec.stability.sampled_stage import analyse
 from taskspec.text.diagnostic import SpecError
 
 #: Where every form is unstable as the rules have it, designed gains are made softer by these
